@@ -1,5 +1,5 @@
-"""Registry of the checks of `omnisim validate`, in the order of the report; each imported when it
-runs."""
+"""Registry of the checks of `omnisim validate`, in the order of the report; each is imported when
+it runs."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:  # slow to import
 
 @dataclass(frozen=True)
 class Check:
-    """A comparison of images with equations or an independent oracle.
+    """Comparison of images with equations or an independent oracle.
 
     Attributes:
         key: short name, in `report.json` and on the command line.
         title: heading.
-        entry_point: module in `omnisim.validation.checks` and function in it; imported when it
-            runs.
+        entry_point: module in `omnisim.validation.checks` and function in it; imported when the
+            check runs.
         oracles: required modules of the extra `oracles`, as "module" or "module.attribute".
         is_quick: part of the quick report.
     """
@@ -33,7 +33,7 @@ class Check:
     is_quick: bool = True
 
     def skip_reason(self) -> str:
-        """Oracles that cannot be used, why, and what to do; empty: all can."""
+        """Unusable oracles, with reason and remedy; empty: all are usable."""
         from omnisim.validation.oracles import import_failure
 
         return "; ".join(filter(None, map(import_failure, self.oracles)))

@@ -1,4 +1,4 @@
-"""Chessboards around the camera, one in each image, as for a calibration."""
+"""Chessboards around the camera, one per image, as for a calibration."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def board_corners_m() -> NDArray[np.float64]:
 
 
 def board_poses(count: int, seed: int = 11) -> list[NDArray[np.float64]]:
-    """Poses (4, 4) rig_from_board all around: below the horizon and a little above, tilted."""
+    """Poses (4, 4) rig_from_board on all sides: below and slightly above the horizon, tilted."""
     random = np.random.default_rng(seed)
     poses = []
     for index in range(count):
@@ -72,7 +72,7 @@ def board_poses_in_front(
 
 
 def board_scene() -> Scene:
-    """One board with a white border in its own frame, unlit, on black."""
+    """Board with a white border in its own frame, unlit, on black."""
     columns, rows = PATTERN[0] + 1, PATTERN[1] + 1
     white: list[NDArray[np.float64]] = []
     black: list[NDArray[np.float64]] = []

@@ -1,7 +1,7 @@
-"""Rays and caustics of optical systems in closed form: a pinhole at the origin, on their axis.
+"""Rays and caustics of optical systems in closed form: a pinhole at the origin, on the axis.
 
-All by β, the angle between a pixel's ray and the axis, in the plane of both: r from the axis, z
-along it, away from the pinhole.
+All are functions of β, the angle between a pixel's ray and the axis, in their plane: r is the
+distance from the axis, z along it, away from the pinhole.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ Floats = NDArray[np.float64]
 class AxialRays(NamedTuple):
     """Rays in the plane of the axis."""
 
-    radii_m: Floats  # (n,) of their origins
+    radii_m: Floats  # (n,) of the origins
     heights_m: Floats  # (n,)
-    angles_rad: Floats  # (n,) between them and +z, outwards
+    angles_rad: Floats  # (n,) from +z, outward
 
 
 class AxialPoints(NamedTuple):
@@ -35,16 +35,16 @@ class AxialPoints(NamedTuple):
 
 
 class TracedAxialRays(NamedTuple):
-    """Rays of a system's pixels, by their plane."""
+    """Rays of a system's pixels, with their planes."""
 
     pixels_px: Floats  # (n, 2)
-    outward: Floats  # (n, 2): unit, from the axis
+    outward: Floats  # (n, 2): unit, away from the axis
     beta_rad: Floats  # (n,)
     origins_m: Floats  # (n, 3)
     directions: Floats  # (n, 3)
 
     def misses(self, expected: AxialRays) -> tuple[float, float]:
-        """Largest angle in rad, and largest distance of an origin in meters."""
+        """Maximum angle in rad, and maximum distance of an origin in meters."""
         sines, cosines = np.sin(expected.angles_rad), np.cos(expected.angles_rad)
         directions = np.column_stack((self.outward * sines[:, None], cosines))
         origins_m = self.place(AxialPoints(*expected[:2]))
@@ -57,10 +57,10 @@ class TracedAxialRays(NamedTuple):
 
 
 def traced_rays(system: OpticalSystem, count: int = 97) -> TracedAxialRays:
-    """Valid rays of count × count pixels, none of them on the axis.
+    """Valid rays of count × count pixels off the axis.
 
     Raises:
-        OpticsError: none.
+        OpticsError: there is no valid ray.
     """
     sides = [np.linspace(0.0, n - 1.0, count) for n in (system.width_px, system.height_px)]
     pixels = np.stack(np.meshgrid(*sides), axis=-1).reshape(-1, 2)
@@ -80,7 +80,7 @@ def traced_rays(system: OpticalSystem, count: int = 97) -> TracedAxialRays:
 
 
 def sphere(beta: Floats, vertex_m: float, radius_m: float) -> AxialRays:
-    """Rays off a ball: the law of sines."""
+    """Rays reflected by a ball: the law of sines."""
     center_m = vertex_m + radius_m
     incidence = np.arcsin(center_m * np.sin(beta) / radius_m)
     polar = incidence - beta
@@ -92,21 +92,21 @@ def sphere(beta: Floats, vertex_m: float, radius_m: float) -> AxialRays:
 
 
 def cone(beta: Floats, tip_m: float, half_angle_rad: float) -> AxialRays:
-    """Rays off a cone: its section is a line."""
+    """Rays reflected by a cone, whose section is a line."""
     slope = math.tan(half_angle_rad)
     z = tip_m * slope / (slope - np.tan(beta))
     return AxialRays(z * np.tan(beta), z, 2.0 * half_angle_rad - beta)
 
 
 def hyperboloid(beta: Floats, focus_m: float, semi_axis_m: float) -> AxialRays:
-    """Rays off a hyperboloid, the pinhole in one focus: they come from the other, at 2 focus_m."""
+    """Rays reflected by a hyperboloid, from the pinhole in one focus to the other at 2 focus_m."""
     length = (focus_m**2 - semi_axis_m**2) / (focus_m * np.cos(beta) - semi_axis_m)
     r, z = length * np.sin(beta), length * np.cos(beta)
     return AxialRays(r, z, np.arctan2(r, z - 2.0 * focus_m))
 
 
 def paraboloid(beta: Floats, vertex_m: float, radius_m: float) -> AxialRays:
-    """Rays off a paraboloid z = r²/2R, the pinhole at any place on its axis."""
+    """Rays reflected by a paraboloid z = r²/2R, with the pinhole anywhere on its axis."""
     tangent = np.tan(beta)
     root = np.sqrt(1.0 - 2.0 * vertex_m * tangent**2 / radius_m)
     r = 2.0 * vertex_m * tangent / (1.0 + root)
@@ -120,9 +120,9 @@ def flat_port(
 
     Args:
         beta: (n,).
-        distance_m: from the pinhole to the first boundary.
-        thicknesses_m: of what is between boundaries.
-        indices: refractive indices before, between and behind them.
+        distance_m: distance from the pinhole to the first boundary.
+        thicknesses_m: thicknesses of the layers between boundaries.
+        indices: refractive indices in front of, between and behind the boundaries.
     """
     sines = indices[0] * np.sin(beta)
     r = distance_m * np.tan(beta)
@@ -139,10 +139,11 @@ def mirror_caustic(
 
     Args:
         beta: (n,).
-        rays: off the mirror.
-        curvature, curvature_across: (n,) of the mirror there, in the plane of the axis and across.
-    Source: Coddington's equations, to which the closed forms of Swaminathan, Grossberg & Nayar
-        (2001) for conics of revolution come down.
+        rays: rays reflected by the mirror.
+        curvature, curvature_across: (n,) curvatures of the mirror, in the plane of the axis and
+            across.
+    Source: Coddington's equations, which include the closed forms of Swaminathan, Grossberg & Nayar
+        (2001) for conics of revolution.
     """
     length_m = np.hypot(rays.radii_m, rays.heights_m)
     cosine = np.cos(0.5 * (math.pi + beta - rays.angles_rad))  # of the incidence
@@ -154,7 +155,7 @@ def mirror_caustic(
 def flat_port_caustic(
     beta: Floats, distance_m: float, index: float
 ) -> tuple[AxialPoints, AxialPoints]:
-    """Caustic of a pinhole before one flat boundary, and the axis, where rays meet it.
+    """Caustic of a pinhole in front of one flat boundary, and the axis, where rays meet it.
 
     Source: Treibitz, Schechner, Kunz & Singh, Flat refractive geometry (2012).
     """
@@ -168,13 +169,13 @@ def flat_port_caustic(
 def flat_port_radius(
     radius_m: float, depth_m: float, distance_m: float, index: float
 ) -> tuple[float, ...]:
-    """Radii at which rays from a pinhole to a point pass a flat boundary: roots of a quartic.
+    """Radii at which rays from a pinhole to a point cross a flat boundary: roots of a quartic.
 
     Args:
-        radius_m: of the point from the axis.
-        depth_m: of the point behind the boundary.
-        distance_m: of the pinhole before it.
-        index: behind it, relative to that before.
+        radius_m: distance of the point from the axis.
+        depth_m: depth of the point behind the boundary.
+        distance_m: distance of the pinhole from the boundary.
+        index: refractive index behind the boundary, relative to that in front of it.
     Source: Agrawal, Ramalingam, Taguchi & Chari, A theory of multi-layer flat refractive geometry
         (2012): the analytical forward projection.
     """
@@ -193,7 +194,7 @@ def flat_port_radius(
 
 
 def _behind(rays: AxialRays, lengths_m: Floats) -> AxialPoints:
-    """Points at lengths behind the rays' origins."""
+    """Points at distances behind the rays' origins."""
     return AxialPoints(
         rays.radii_m - lengths_m * np.sin(rays.angles_rad),
         rays.heights_m - lengths_m * np.cos(rays.angles_rad),

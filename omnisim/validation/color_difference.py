@@ -1,4 +1,4 @@
-"""Differences of colors as people see them.
+"""Perceived differences of colors.
 
 Source: Sharma, Wu and Dalal, "The CIEDE2000 color-difference formula", 2005; CIE 15 (L*a*b*).
 """
@@ -20,7 +20,7 @@ _FAR = 25.0**7
 
 
 def lab_from_linear(rgb: NDArray[np.floating]) -> NDArray[np.float64]:
-    """L*a*b* (..., 3) of linear sRGB (..., 3), of which more than white is white."""
+    """L*a*b* (..., 3) of linear sRGB (..., 3); values above 1 are white."""
     shares = np.clip(rgb, 0.0, 1.0) @ _XYZ_FROM_RGB.T / _WHITE
     roots = np.where(
         shares > 216.0 / 24389.0, np.cbrt(shares), (24389.0 / 27.0 * shares + 16) / 116

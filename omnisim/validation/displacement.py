@@ -1,4 +1,4 @@
-"""Displacement of one image's content against another's."""
+"""Displacement between the contents of two images."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ class Displacements(NamedTuple):
 def displacements(
     one: NDArray[np.float64], other: NDArray[np.float64], where: NDArray[np.bool_]
 ) -> Displacements:
-    """Shift of `other` against `one` in every patch that lies in `where` and has edges both ways.
+    """Shift of `other` relative to `one` in each patch inside `where` with edges both ways.
 
-    The least-squares solution of the brightness constancy of both images' mean gradient, which
-    suits shifts far below a pixel.
+    Least-squares solution of brightness constancy with the mean gradient of both images, for shifts
+    far below a pixel.
 
     Args:
         one, other: gray images (height, width), values to 255.
@@ -49,7 +49,7 @@ def displacements(
     xx, xy, yy, xt, yt = patches(products).sum(axis=-1)
     inside = patches(where).all(axis=-1)
     weaker = 0.5 * (xx + yy - np.hypot(xx - yy, 2.0 * xy))  # smaller eigenvalue
-    # edges in both directions: 8 levels a pixel on average, far above a traced image's noise
+    # edges in both directions: 8 levels per pixel on average, far above a traced image's noise
     inside &= weaker > PATCH_PX**2 * 8.0**2
     determinant = np.where(inside, xx * yy - xy * xy, 1.0)
     shifts = np.stack((yy * xt - xy * yt, xx * yt - xy * xt), axis=-1) / determinant[..., None]
@@ -64,7 +64,7 @@ def displacement_figure(
     positions_px: NDArray[np.float64],
     shifts_px: NDArray[np.float64],
 ) -> Figure:
-    """Arrows at positions (n, 2) of a camera's image, 300 times as long as the shifts (n, 2)."""
+    """Figure of arrows at positions (n, 2) in an image, 300 times as long as shifts (n, 2)."""
     figure, axes = plot(title, "u in pixels", "v in pixels", 6.2, 6.2)
     axes.quiver(
         *positions_px.T, *shifts_px.T, color=BLUE,

@@ -1,4 +1,4 @@
-"""Scene, viewpoint and settings that the checks share."""
+"""Scene, viewpoint and settings of the checks."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class Fixture:
     """Settings and test scene of a run.
 
     Attributes:
-        device: EGL's number of the GPU, or None.
-        is_quick: use the smaller of two sizes where there is a choice.
+        device: EGL index of the GPU; None: the first.
+        is_quick: use the smaller of two sizes.
     """
 
     device: int | None = None
@@ -33,12 +33,12 @@ class Fixture:
 
     @cached_property
     def scene(self) -> Scene:
-        """Textured scene that images are compared in, in even light."""
+        """Textured scene for comparing images, in even light."""
         return load_scene(TEXTURED_SCENE, sky="none")
 
     @property
     def viewpoint_m(self) -> tuple[float, float, float]:
-        """Viewpoint in it, world."""
+        """Viewpoint in the scene, world."""
         return self.scene.start.position_m
 
     def render(
@@ -57,7 +57,7 @@ def mirror_camera(sensor: OmniCamera) -> HyperbolicCamera:
     """Camera model of a sensor with a hyperbolic mirror.
 
     Raises:
-        OpticsError: it has another model.
+        OpticsError: the sensor has another model.
     """
     if not isinstance(sensor.model, HyperbolicCamera):
         raise OpticsError(f"expected a hyperbolic mirror, got model {sensor.model.model_name!r}")
@@ -65,16 +65,16 @@ def mirror_camera(sensor: OmniCamera) -> HyperbolicCamera:
 
 
 def linear_image(frame: Frame) -> NDArray[np.float32]:
-    """Linear RGB (height, width, 3) of a frame that was rendered with it."""
+    """Linear RGB (height, width, 3) of a frame rendered with linear values."""
     assert frame.linear is not None
     return frame.linear
 
 
 def max_abs(values: NDArray[np.float64]) -> float:
-    """Largest absolute value; NaN for none, which no bound lets pass."""
+    """Maximum absolute value; NaN without values, which fails every bound."""
     return float(np.abs(values).max()) if values.size else math.nan
 
 
 def mean_abs(values: NDArray[np.float64]) -> float:
-    """Mean absolute value; NaN for none, which no bound lets pass."""
+    """Mean absolute value; NaN without values, which fails every bound."""
     return float(np.abs(values).mean()) if values.size else math.nan

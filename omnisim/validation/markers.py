@@ -1,4 +1,4 @@
-"""Markers: small discs all around the viewpoint, and their centroids in images."""
+"""Markers: small discs around the viewpoint, and their centroids in images."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from omnisim.cameras import CentralCamera
 from omnisim.scene import Scene
 from omnisim.validation.plain_scenes import WHITE, discs, plain_scene
 
-# A dozen pixels across in an image of 1024: the samples of the edge average out.
+# About 12 pixels wide in an image of 1024: sampling errors at the edge average out.
 MARKER_RADIUS_RAD = math.radians(0.8)
 WINDOW_PX = 12
 
@@ -19,9 +19,9 @@ WINDOW_PX = 12
 def marker_positions(
     viewpoint_m: ArrayLike, axis: ArrayLike, largest_rad: float, count: int
 ) -> NDArray[np.float64]:
-    """Points (count, 3) evenly around an axis (3,) up to an angle from it, 0.6 to 12 m away.
+    """Points (count, 3) evenly around an axis (3,), up to an angle from it, 0.6 to 12 m away.
 
-    Source: the golden angle's spiral, so no two are near each other.
+    Source: a spiral by the golden angle, so that no two are close together.
     """
     index = np.arange(count) + 0.5
     cosines = 1.0 - index / count * (1.0 - math.cos(largest_rad))
@@ -54,7 +54,7 @@ def marker_rims(positions_m: NDArray[np.float64], viewpoint_m: ArrayLike) -> NDA
 def rim_centroids_px(rims_px: NDArray[np.float64]) -> NDArray[np.float64]:
     """Centroids (n, 2) of the areas inside closed polygons (n, corners, 2) in the image.
 
-    A disc's center is not shown at the centroid of the disc's image: the difference is
+    The centroid of a disc's image is not the image of the disc's center: for markers they differ by
     0.03 px for markers.
     """
     start = rims_px.mean(axis=1, keepdims=True)
@@ -69,7 +69,7 @@ def rim_centroids_px(rims_px: NDArray[np.float64]) -> NDArray[np.float64]:
 def inside_valid_area(
     camera: CentralCamera, positions_px: NDArray[np.float64], margin_px: float = WINDOW_PX + 2.0
 ) -> NDArray[np.bool_]:
-    """Mask (n,) of positions (n, 2) with nothing but valid pixels around them."""
+    """Mask (n,) of positions (n, 2) surrounded by valid pixels only."""
     angles = 2.0 * np.pi * np.arange(16) / 16
     around = positions_px[:, None] + margin_px * np.stack((np.cos(angles), np.sin(angles)), axis=1)
     inside = (around >= 0.0) & (around <= (camera.width_px - 1, camera.height_px - 1))
@@ -83,7 +83,7 @@ def centroids(brightness: NDArray[np.float64], near_px: NDArray[np.float64]) -> 
 
     Args:
         brightness: image (height, width).
-        near_px: middles of the windows.
+        near_px: centers of the windows.
     """
     found = np.full(near_px.shape, np.nan)
     for index, (u, v) in enumerate(np.rint(near_px).astype(int)):
@@ -91,7 +91,7 @@ def centroids(brightness: NDArray[np.float64], near_px: NDArray[np.float64]) -> 
         columns = slice(u - WINDOW_PX, u + WINDOW_PX + 1)
         window = brightness[rows, columns]
         total = float(window.sum())
-        if total > 1.0:  # a pixel: a marker has dozens
+        if total > 1.0:  # in pixels: a marker has dozens
             down, right = np.mgrid[rows, columns]
             found[index] = (window * right).sum() / total, (window * down).sum() / total
     return found

@@ -1,4 +1,4 @@
-"""Chart of materials: spheres of some roughness by metalness, seen by a pinhole camera."""
+"""Chart of materials: spheres by roughness and metalness, seen by a pinhole camera."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ ROUGHNESS = 0.1, 0.25, 0.4, 0.6, 0.8, 1.0  # from top to bottom
 METALLIC = 0.0, 0.5, 1.0  # from left to right
 BASE_COLOR = 0.8, 0.3, 0.1
 RADIUS_M, DISTANCE_M = 0.4, 6.0
-SPHERE_PX = 66  # wide, in the image
-CLEAR = 0.93  # of a sphere's radius: pixels there show nothing else
+SPHERE_PX = 66  # diameter in the image
+CLEAR = 0.93  # of a sphere's radius: pixels inside show only the sphere
 
 
 def sphere(radius_m: float, rows: int = 64) -> Mesh:
-    """Sphere of triangles, with normals and texture coordinates; its poles are up and down."""
+    """Sphere of triangles, with normals and texture coordinates; its poles point up and down."""
     polar = np.pi * np.arange(rows + 1) / rows
     azimuth = np.pi * np.arange(2 * rows + 1) / rows
     normals = np.stack(
@@ -63,10 +63,10 @@ def centers_m() -> NDArray[np.float64]:
 
 
 def sphere_of_pixels(model: CentralCamera) -> NDArray[np.int64]:
-    """Number of the sphere (height, width) that each pixel shows, clear of outlines; −1: none.
+    """Index of the sphere (height, width) visible in each pixel, away from outlines; −1: none.
 
     Args:
-        model: of a camera like `camera()`, at the origin, its axis along the world's x.
+        model: model of a camera like `camera()`, at the origin, with its axis along the world's x.
     """
     rays = model.ray_from_pixel(pixel_grid(model.width_px, model.height_px)).directions
     # right, down and forward of the camera are the world's −y, −z and x
@@ -81,7 +81,7 @@ def sphere_of_pixels(model: CentralCamera) -> NDArray[np.int64]:
 
 
 def chart(lighting: Lighting) -> Scene:
-    """Chart under some lighting."""
+    """Chart in a lighting."""
     pairs = list(itertools.product(ROUGHNESS, METALLIC))
     materials = tuple(
         Material(

@@ -1,4 +1,4 @@
-"""Markers along the rays of an optical system, which have no common viewpoint to face."""
+"""Markers along the rays of an optical system, which lack a common viewpoint."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from omnisim.scene.model import Mesh
 from omnisim.validation.markers import WINDOW_PX
 from omnisim.validation.plain_scenes import WHITE, plain_scene
 
-RADIUS_PX = 6.0  # of a marker's longer half axis in the image
-STRETCH = 3.0  # of a marker in the image
+RADIUS_PX = 6.0  # longer half axis of a marker in the image
+STRETCH = 3.0  # maximum ratio of a marker's axes in the image
 _NEAREST_M, _FARTHEST_M = 0.4, 8.0
 _CORNERS = 96
 
 
 def marker_pixels(system: OpticalSystem, spacing_px: int) -> NDArray[np.float64]:
-    """Pixels (n, 2), evenly, with nothing but valid rays, of moderate stretch, around them."""
+    """Evenly spaced pixels (n, 2), surrounded by valid rays of moderate stretch."""
     half = 0.5 * spacing_px
     u, v = (np.arange(half, size, spacing_px) for size in (system.width_px, system.height_px))
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
@@ -60,7 +60,7 @@ def markers_on_rays(
 def _sizes(
     system: OpticalSystem, pixels_px: NDArray[np.float64], ranges_m: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Largest and smallest meters a pixel (n, 2), across rays at a range."""
+    """Maximum and minimum meters per pixel (n, 2), across rays at a range."""
     by_pixel = ray_jacobians(system, pixels_px)
     moved = by_pixel.origins_m + ranges_m[:, None, None] * by_pixel.directions
     frames = _frames(system.rays(pixels_px).directions)
@@ -71,7 +71,7 @@ def _sizes(
 
 
 def _frames(directions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Orthonormal bases (n, 3, 2) of the planes across directions (n, 3)."""
+    """Orthonormal bases (n, 3, 2) of the planes perpendicular to directions (n, 3)."""
     smallest = np.eye(3)[np.abs(directions).argmin(axis=1)]
     first = np.cross(directions, smallest)
     first /= np.linalg.norm(first, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Optical systems that the checks trace: mirrors and windows in front of a pinhole."""
+"""Optical systems of the checks: mirrors and windows in front of a pinhole."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ SYSTEMS: Mapping[str, tuple[float, tuple[Mapping[str, Any], ...]]] = {
 
 
 def validation_systems() -> dict[str, OpticalSystem]:
-    """Systems of `examples/optics`, all behind a pinhole, by name."""
+    """Systems of `examples/optics`, all with a pinhole, by name."""
     found = {}
     for name, (focal_length_px, surfaces) in SYSTEMS.items():
         camera = {

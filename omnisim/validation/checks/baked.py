@@ -32,7 +32,7 @@ from omnisim.validation.traced_light import (
 )
 
 SIZE_PX, QUICK_SIZE_PX = 128, 96
-# Squares, as its sampler wants, by camera: a texel of the fisheye's is a sixteenth of a pixel.
+# Squares, as Mitsuba's sampler requires, by camera: a texel of the fisheye is 1/16 of a pixel.
 SAMPLES = {"mirror": 400, "fisheye": 16}
 QUICK_SAMPLES = {"mirror": 256, "fisheye": 16}
 SETTINGS = BakeSettings(samples=32, texels=FINE_TEXELS)
@@ -88,7 +88,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def in_baked_light(scene: Scene, settings: BakeSettings) -> Scene:
-    """Scene in its light, baked in a folder that is left behind nowhere."""
+    """Scene in its light, baked in a temporary folder."""
     with tempfile.TemporaryDirectory(prefix="omnisim-baked-") as folder:
         baked = Path(folder) / "scene.baked"
         bake_scene(scene, baked, settings)

@@ -1,4 +1,4 @@
-"""Chessboards in images by every model of OpenCV, projected by the saved calibration file."""
+"""Chessboards in images by every camera model of OpenCV, projected with the calibration file."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ from omnisim.validation.report.measure import Measure
 from omnisim.validation.report.report import CaptionedFigure, Section
 
 RMS_BOUND_PX = 0.1
-MAX_FISHEYE_RAD = math.radians(80.0)  # near 90° cv2.fisheye divides by a depth of nothing
+MAX_FISHEYE_RAD = math.radians(80.0)  # near 90° cv2.fisheye divides by a vanishing depth
 MIN_BOARDS = 3
-# With one sample a texel the boards' edges are jagged, which alone costs a corner 0.1 px.
+# With one sample per texel the boards' edges are jagged, which alone shifts a corner by 0.1 px.
 SAMPLES, TEXELS = 4, 1.5
 
 
@@ -46,10 +46,10 @@ class BoardCamera:
     """Camera and format of its calibration file.
 
     Attributes:
-        name: in the report.
+        name: name in the report.
         camera: model and parameters.
-        format: of its calibration file.
-        boards_up_to_rad: largest angle of the boards' centers from the axis.
+        format: format of its calibration file.
+        boards_up_to_rad: maximum angle of the boards' centers from the axis.
     """
 
     name: str
@@ -59,7 +59,7 @@ class BoardCamera:
 
 
 def board_cameras() -> tuple[BoardCamera, ...]:
-    """One camera of each model that OpenCV has; published numbers where there are any."""
+    """One camera for each of OpenCV's models, with published parameters if there are any."""
     mirror = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), 640, 640)
     narrow = math.radians(14.0)
     return (
@@ -100,7 +100,7 @@ def board_cameras() -> tuple[BoardCamera, ...]:
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Find the corners in rendered images; project them by OpenCV with the saved calibration."""
+    """Find the corners in rendered images; project them by OpenCV with the calibration file."""
     count = MIN_BOARDS if fixture.is_quick else 10
     measures, counts, shown = [], [], {}
     for board_camera in board_cameras():
@@ -127,7 +127,7 @@ def check(fixture: Fixture, title: str) -> Section:
 def _off_px(
     fixture: Fixture, board_camera: BoardCamera, count: int
 ) -> tuple[NDArray[np.float64], int, NDArray[np.uint8] | None]:
-    """Distances (n,) between detected and projected corners, boards detected, and one image."""
+    """Distances (n,) of detected and projected corners, number of detected boards, and an image."""
     camera = board_camera.camera
     is_mirror = isinstance(camera, HyperbolicCamera)
     rig_from_optical = camera.rig_from_optical
@@ -170,7 +170,7 @@ def _can_be_projected(board_camera: BoardCamera, points: NDArray[np.float64]) ->
 def _distances_px(
     projected: NDArray[np.float64], found: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Distances (n,), for any order in which OpenCV lists the corners."""
+    """Distances (n,), independent of OpenCV's order of the corners."""
     columns, rows = PATTERN
     grid = found.reshape(rows, columns, 2)
     orders = (grid, grid[::-1], grid[:, ::-1], grid[::-1, ::-1])

@@ -1,4 +1,4 @@
-"""A calibration library: OpenCV's omnidir, given our K and ξ, lands on what we rendered."""
+"""A calibration library: OpenCV's omnidir, with our K and ξ, projects to our rendered positions."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from omnisim.validation.report.report import CaptionedFigure, Section
 MARKERS = 250
 SIZE_PX = 1024
 MEAN_BOUND_PX, MAX_BOUND_PX = 0.05, 0.15
-# Corners of a dozen and a half boards are found to some hundredths of a pixel. ξ and the focal
-# length lean on each other, so a calibration knows each less well than the pixels they predict.
+# Corners of about 18 boards are found to some hundredths of a pixel. ξ and the focal length are
+# correlated, so a calibration determines each less well than the pixels they predict.
 XI_BOUND, FOCAL_BOUND_PERCENT, RMS_BOUND_PX = 0.002, 0.2, 0.1
 
 
 def check_markers(fixture: Fixture, title: str) -> Section:
-    """Render markers through the whole pipeline; compare their centroids with our model's."""
+    """Render markers through the whole pipeline; compare their centroids with our model."""
     camera, measured, rims = marker_image(fixture)
     predicted = rim_centroids_px(camera.pixel_from_ray(rims).positions_px)
     off = np.linalg.norm(measured - predicted, axis=1)
@@ -99,22 +99,22 @@ def check_omnidir(fixture: Fixture, title: str) -> Section:
 
 
 class MarkerImage(NamedTuple):
-    """Markers as they were measured in an image."""
+    """Markers measured in an image."""
 
     camera: HyperbolicCamera
-    measured_px: NDArray[np.float64]  # (n, 2) middles
+    measured_px: NDArray[np.float64]  # (n, 2) centers
     rims: NDArray[np.float64]  # (n, corners, 3), optical frame
 
 
 def marker_image(fixture: Fixture) -> MarkerImage:
-    """Render and measure markers all around."""
+    """Render and measure markers in all directions."""
     sensor = OmniCamera().with_polygons(None).resized(SIZE_PX)
     camera = mirror_camera(sensor)
     world_from_base = poses.pose((3.0, -2.0, 1.1), 4.0, -7.0, 33.0)
     world_from_rig = world_from_base @ sensor.base_from_rig
     world_from_optical = world_from_rig[:3, :3] @ frames.RIG_FROM_OPTICAL_LOOKING_UP
     viewpoint_m = world_from_rig[:3, 3]
-    axis = -world_from_optical[:, 2]  # from the mirror towards the pinhole
+    axis = -world_from_optical[:, 2]  # from the mirror toward the pinhole
     positions = marker_positions(viewpoint_m, axis, camera.mirror.theta_max_rad, MARKERS)
     near_px = camera.pixel_from_ray((positions - viewpoint_m) @ world_from_optical).positions_px
     clear = inside_valid_area(camera, near_px)
@@ -127,7 +127,7 @@ def marker_image(fixture: Fixture) -> MarkerImage:
 def chessboard_images(
     fixture: Fixture, count: int
 ) -> tuple[list[NDArray[np.uint8]], list[NDArray[np.float64]]]:
-    """Images that OpenCV found the board in, and its corners (n, 2) there."""
+    """Images with a board detected by OpenCV, and its corners (n, 2)."""
     sensor = OmniCamera().with_polygons(None).resized(SIZE_PX)
     images, corners = [], []
     with open_sensor(board_scene(), sensor, unlit=True, device=fixture.device) as renderer:

@@ -1,4 +1,4 @@
-"""Quality of the image: against 256 samples a pixel, and shimmer over a slow pan."""
+"""Image quality: comparison with 256 samples per pixel, and shimmer in a slow pan."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from omnisim.validation.report.report import CaptionedFigure, Section
 SIZE_PX = 360
 # Plain bilinear, as other simulators sample a cube: faces of this size, one lookup per pixel.
 PLAIN_FACE_PX = 512
-FINEST = 8  # captures to a side of a pixel; four of those, shifted: 256 samples
-SHIFTS = ((-0.25, -0.25), (0.25, 0.25), (0.25, -0.25), (-0.25, 0.25))  # of a capture
+FINEST = 8  # captures per pixel side; four shifted ones make 256 samples
+SHIFTS = ((-0.25, -0.25), (0.25, 0.25), (0.25, -0.25), (-0.25, 0.25))  # in captures
 QUICK_SHIFTS = SHIFTS[:2]
 PAN_STEPS, QUICK_PAN_STEPS = 3, 2
-PAN_STEP_DEG = 0.1  # a slow pan: a third of a pixel at the rim
+PAN_STEP_DEG = 0.1  # slow pan: a third of a pixel at the rim
 DETAIL = (slice(40, 160), slice(200, 350))
 BOUND_DB, SHIMMER_BOUND = 38.0, 1.0 / 3.0
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Compare default quality and plain bilinear with 256 samples a pixel, at rest and panning."""
+    """Compare default quality and plain bilinear with 256 samples per pixel, also panning."""
     return measure_quality(fixture, fixture.scene, fixture.viewpoint_m, title)
 
 
@@ -43,7 +43,7 @@ def measure_quality(
     viewpoint_m: tuple[float, float, float],
     title: str,
 ) -> Section:
-    """Compare them in any scene, from a viewpoint (3,), world."""
+    """Compare both in any scene, from a viewpoint (3,), world."""
     sensor = OmniCamera(polygons=None).resized(SIZE_PX)
     steps = QUICK_PAN_STEPS if fixture.is_quick else PAN_STEPS
     shifts = QUICK_SHIFTS if fixture.is_quick else SHIFTS
@@ -96,9 +96,9 @@ def _truth(
     poses: list[NDArray[np.float64]],
     shifts: tuple[tuple[float, float], ...],
 ) -> list[NDArray[np.float64]]:
-    """Linear images of many samples per pixel, NaN where one of the captures sees nothing.
+    """Linear images with many samples per pixel, NaN where a capture sees nothing.
 
-    The texels are as fine as the samples, and drawn anew for each shift.
+    The texels are as fine as the samples, and are drawn again for each shift.
     """
     finest = dataclasses.replace(sensor, supersampling=FINEST, texels_per_pixel=float(FINEST))
     model = mirror_camera(sensor)
@@ -150,7 +150,7 @@ def _plain(
 def _shimmer(
     images: list[NDArray[np.float64]], truth: list[NDArray[np.float64]], seen: NDArray[np.bool_]
 ) -> float:
-    """RMS, in levels of 255, of how much an image's error changes from one to the next."""
+    """RMS, in levels of 255, of the change of an image's error from one image to the next."""
     levels = [
         255.0 * (srgb_from_linear(one[seen]) - srgb_from_linear(other[seen]))
         for one, other in zip(images, truth, strict=True)

@@ -1,4 +1,4 @@
-"""A path tracer's materials: spheres of roughness by metalness, by Mitsuba and by omnisim."""
+"""Materials in a path tracer: spheres by roughness and metalness, by Mitsuba and omnisim."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from omnisim.validation.plots.style import gallery
 from omnisim.validation.report.measure import Measure
 from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 
-BOUND = 2.0  # the mean of CIEDE2000; one is just seen, side by side
+BOUND = 2.0  # mean of CIEDE2000; 1 is just noticeable side by side
 WIDTH_PX = 165
 _SAMPLES, _QUICK_SAMPLES = 100, 36
-_SHOWN_FACTOR = 25  # levels of gray a unit of CIEDE2000
+_SHOWN_FACTOR = 25  # gray levels per unit of CIEDE2000
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Render the chart by both, under each light, and compare colors."""
+    """Render the chart with both renderers in each light, and compare colors."""
     images: dict[str, NDArray[np.uint8]] = {}
     measures, rows = [], []
     samples = _QUICK_SAMPLES if fixture.is_quick else _SAMPLES
@@ -71,8 +71,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def lightings() -> dict[str, Lighting]:
-    """Lights of the charts: one lamp, the same light from everywhere, and a map with a bright
-    disc."""  # fmt: skip
+    """Lights of the charts: one lamp, uniform ambient light, and a map with a bright disc."""
     towards = np.array([0.6, -0.5, -0.62]) / np.linalg.norm([0.6, -0.5, -0.62])
     lamp = Light(LightKind.DIRECTIONAL, (1.0, 1.0, 1.0), 0.8, direction=towards)
     dark = (0.0, 0.0, 0.0)
@@ -94,8 +93,8 @@ def _environment() -> Environment:
 def both(
     lighting: Lighting, samples: int, device: int | None
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]:
-    """Charts (height, width, 3) by omnisim and by Mitsuba, linear, and the spheres' numbers."""
-    from omnisim.validation.oracles.mitsuba_materials import trace_sphere  # may be missing
+    """Charts (height, width, 3) by omnisim and by Mitsuba, linear, and the spheres' indices."""
+    from omnisim.validation.oracles.mitsuba_materials import trace_sphere  # of an extra
 
     camera = material_chart.camera().resized(WIDTH_PX)
     model = camera.model

@@ -1,4 +1,4 @@
-"""Chessboards seen through the paper's mirror, misaligned: OpenCV's calibration and our own."""
+"""Chessboards through the paper's mirror, misaligned: OpenCV's calibration and our own."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from omnisim.validation.report.report import CaptionedFigure, ResultTable, Secti
 SIZE_PX = 720
 BOARDS, QUICK_BOARDS = 20, 10
 TILT_DEG, SHIFT_M = 2.0, 0.002
-BOARD_M = 0.7  # from the mirror, about
-# Corners come to a tenth of a pixel: their edges are bent by the mirror.
+BOARD_M = 0.7  # approximate distance from the mirror
+# Corners are detected to a tenth of a pixel: the mirror bends their edges.
 RMS_BOUND_PX = 0.15
-# Four standard deviations of ten boards; the position along the axis leans with boards' distances.
+# Four standard deviations for ten boards; the position along the axis correlates with distances.
 TILT_BOUND_DEG, SHIFT_BOUND_MM, ALONG_BOUND_MM = 0.05, 0.03, 0.2
-CENTER_BOUND_PX = 2.0  # with focal length, ξ and distortion a principal point leans
+CENTER_BOUND_PX = 2.0  # the principal point correlates with focal length, ξ and distortion
 _ASIDE = ("surfaces.0.decenter_m.0", "surfaces.0.decenter_m.1")
 _ALONG = "surfaces.0.decenter_m.2"
 _TILTS = ("surfaces.0.tilt_deg.0", "surfaces.0.tilt_deg.1")
@@ -35,14 +35,14 @@ _PARAMETERS = (*_ASIDE, _ALONG, *_TILTS)
 
 
 class _Seen(NamedTuple):
-    """Boards that OpenCV found through one mirror."""
+    """Boards detected by OpenCV through one mirror."""
 
     images: list[NDArray[np.uint8]]
     corners: list[NDArray[np.float64]]  # (n, 2) each
 
     @property
     def boards(self) -> list[BoardCorners]:
-        """With their corners on the board."""
+        """Boards with their corners."""
         points_m = board_corners_m()[:, :2]
         return [BoardCorners(points_m, corners) for corners in self.corners]
 
@@ -110,7 +110,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def _table(tilt_deg: float, shift_m: float) -> dict[str, Any]:
-    """The paper's mirror, misaligned, as an optics file has it."""
+    """Optics file's table of the paper's mirror, misaligned."""
     return {
         "origin_m": [0.0, 0.0, 0.09284],
         "camera": {
@@ -131,7 +131,7 @@ def _table(tilt_deg: float, shift_m: float) -> dict[str, Any]:
 
 
 def _seen(fixture: Fixture, table: dict[str, Any]) -> _Seen:
-    """Render the boards through a mirror, and find their corners."""
+    """Render the boards through a mirror, and detect their corners."""
     seen = _Seen([], [])
     sensor = OmniCamera(parse_optics(table))
     count = QUICK_BOARDS if fixture.is_quick else BOARDS
@@ -146,5 +146,5 @@ def _seen(fixture: Fixture, table: dict[str, Any]) -> _Seen:
 
 
 def _rms(fit: SystemCalibration) -> float:
-    """Root mean square of the distances of corners."""
+    """Root mean square of the corners' distances."""
     return float(np.sqrt(np.square(fit.errors_px).sum(axis=1).mean()))

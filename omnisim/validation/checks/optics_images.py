@@ -27,21 +27,21 @@ from omnisim.validation.report.measure import Measure
 from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 
 SCENE = "soccer"
-# A pixel, of Mitsuba: squares, as its sampler wants. Images in mirrors have more: windows need
-# them twice, see `PhysicalOptics`, and markers are averages over many pixels.
+# Mitsuba's samples per pixel: squares, as its sampler requires. Images in mirrors have more,
+# windows need twice as many, see `PhysicalOptics`, and markers are averages over many pixels.
 MIRROR_SAMPLES, SAMPLES = 36, 16
-SPACING_PX = 40  # of markers
+SPACING_PX = 40  # between markers
 SINGLE_RAYS = 250
-FINE = 6  # supersampling of the image that shows what of the difference is antialiasing
+FINE = 6  # supersampling of the image that shows the share of antialiasing in the difference
 SQUEEZED = "cone"
 QUICK = ("sphere", "flat port")
 BOUND_DB, SQUEEZED_BOUND_DB, FINE_BOUND_DB = 38.0, 35.0, 41.0
 MEAN_BOUND_PX, MAX_BOUND_PX, RAY_BOUND_PX = 0.05, 0.15, 0.005
-_RIM_PX = 3  # left out around what is seen, where pixels blend
+_RIM_PX = 3  # excluded at the edge of the visible area, where pixels blend
 
 
 class Comparison(NamedTuple):
-    """A system's image by both, and their differences."""
+    """Images of a system by both renderers, and their difference."""
 
     traced: NDArray[np.float32]
     ours: NDArray[np.float32]
@@ -49,13 +49,13 @@ class Comparison(NamedTuple):
 
     @property
     def decibels(self) -> float:
-        """PSNR inside."""
+        """PSNR inside the visible area."""
         return psnr_db(self.traced, self.ours, self.inside)
 
 
 @dataclasses.dataclass(frozen=True)
 class TracedSystem:
-    """A system at a place, by Mitsuba and by us."""
+    """Optical system at a place, traced by Mitsuba and rendered by omnisim."""
 
     fixture: Fixture
     system: OpticalSystem
@@ -79,11 +79,11 @@ class TracedSystem:
 
     @cached_property
     def optics(self) -> PhysicalOptics:
-        """The real mirrors and windows."""
+        """Physical mirrors and windows."""
         return PhysicalOptics(self.system, self.world_from_optical)
 
     def ours(self, scene: Scene, supersampling: int | None = None) -> NDArray[np.float32]:
-        """Our linear image; by default at default quality."""
+        """Linear image by omnisim; by default at default quality."""
         sensor = self.sensor
         if supersampling is not None:
             sensor = dataclasses.replace(
@@ -100,7 +100,7 @@ class TracedSystem:
         return Comparison(traced, self.ours(scene), inside)
 
     def marker_distances_px(self) -> NDArray[np.float64]:
-        """Distances (n,) between the middles of markers in both images; NaN where one is lost."""
+        """Distances (n,) between the centers of markers in both images; NaN: a marker is lost."""
         pixels = marker_pixels(self.system, SPACING_PX)
         scene = markers_on_rays(self.system, pixels, self.world_from_optical)
         images = self.optics.image(scene, SAMPLES), self.ours(scene)
@@ -109,7 +109,7 @@ class TracedSystem:
         return found
 
     def ray_errors_px(self) -> NDArray[np.float64]:
-        """Distances (n,) between pixels, and where we see points at 1 m on Mitsuba's rays."""
+        """Distances (n,) between pixels and our projections of points at 1 m on Mitsuba's rays."""
         generator = np.random.default_rng(0)
         low, high = (10.0, 10.0), (self.system.width_px - 11.0, self.system.height_px - 11.0)
         pixels = generator.uniform(low, high, (SINGLE_RAYS, 2))
@@ -126,11 +126,11 @@ class Result(NamedTuple):
     markers_px: NDArray[np.float64]
     rays_px: NDArray[np.float64]
     images: Comparison
-    fine_db: float | None  # by many samples a pixel, where the default's are not enough
+    fine_db: float | None  # with many samples per pixel, if the default's are not enough
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Trace images and markers through the systems' real surfaces, and compare."""
+    """Trace images and markers through the systems' physical surfaces, and compare."""
     found = dict(_results(fixture))
     markers = [result.markers_px for result in found.values()]
     most = [result.images.decibels for name, result in found.items() if name != SQUEEZED]

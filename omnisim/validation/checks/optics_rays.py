@@ -1,4 +1,4 @@
-"""Rays of optical systems against closed forms and published results, and back to their pixels."""
+"""Rays of optical systems against closed forms and published results, and their inverse."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ from omnisim.validation.report.measure import Measure
 from omnisim.validation.report.report import ResultTable, Section
 
 DISTANCES_M = (0.3, 1.0, 5.0)
-STEP_PX, QUICK_STEP_PX = 3, 9  # between pixels that are sought again
+STEP_PX, QUICK_STEP_PX = 3, 9  # between pixels of the round trips
 ANGLE_BOUND_RAD, SHARE_BOUND = 1e-10, 1e-9
 PIXEL_BOUND_PX, LOST_PERCENT = 1e-8, 0.01
-CAUSTIC_BOUND = 1e-8  # of a distance: from differences over thousandths of a pixel
+CAUSTIC_BOUND = 1e-8  # share of a distance: from differences over thousandths of a pixel
 _VERTEX_M, _RADIUS_M = 0.15, 0.03
 _PORT_M, _PANES_M, _MEDIA = 0.05, (0.01,), (1.0, 1.49, 1.333)
 _WATER = 4.0 / 3.0
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Compare rays, caustics and projections, and seek pixels again."""
+    """Compare rays, caustics and projections, and check round trips."""
     forms = _closed_forms()
     rays = {name: traced.misses(form) for name, (traced, form) in forms.items()}
     sizes = {name: float(np.abs(traced.origins_m).max()) for name, (traced, _) in forms.items()}
@@ -83,7 +83,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def _system(shape: Shape, at_m: float, rim_m: float, focal_px: float = 800.0) -> OpticalSystem:
-    """A mirror in front of a pinhole, on its axis."""
+    """Mirror in front of a pinhole, on its axis."""
     return OpticalSystem(_pinhole(focal_px), (Surface(shape, pose((0.0, 0.0, at_m)), rim_m),))
 
 
@@ -93,7 +93,7 @@ def _pinhole(focal_px: float) -> PerspectiveCamera:
 
 
 def _boundary(index: float) -> OpticalSystem:
-    """A pinhole before one flat boundary."""
+    """Pinhole in front of one flat boundary."""
     water = Surface(Plane(), pose((0.0, 0.0, _PORT_M)), medium=index)
     return OpticalSystem(_pinhole(180.0), (water,), medium=1.0)
 
@@ -138,7 +138,7 @@ def _closed_forms() -> dict[str, tuple[TracedAxialRays, AxialRays]]:
 
 
 def _caustics() -> Iterator[tuple[str, float]]:
-    """Largest distances from caustics in closed form, by system."""
+    """Maximum distances from caustics in closed form, by system."""
     for name, conic in (("sphere", 0.0), ("paraboloid", -1.0)):
         system = _system(Conic(_RADIUS_M, conic), _VERTEX_M, 0.028)
         traced = closed_forms.traced_rays(system, 41)
@@ -157,9 +157,9 @@ def _caustics() -> Iterator[tuple[str, float]]:
 def _caustic_error(
     system: OpticalSystem, traced: TracedAxialRays, sheets: tuple[AxialPoints, AxialPoints]
 ) -> float:
-    """Largest distance between caustics, either sheet by either root, as a share of the size."""
+    """Maximum distance between caustics, either sheet by either root, as a share of the size."""
     found = caustic_points(system, traced.pixels_px)
-    known = np.isfinite(found).all(axis=(1, 2))  # not beside the rim
+    known = np.isfinite(found).all(axis=(1, 2))  # not next to the rim
     expected = np.stack([traced.place(sheet) for sheet in sheets], axis=1)
     orders = [np.linalg.norm(found - expected[:, order], axis=2) for order in ((0, 1), (1, 0))]
     away = np.minimum(orders[0].max(axis=1), orders[1].max(axis=1))[known]
@@ -167,7 +167,7 @@ def _caustic_error(
 
 
 def _quartic_error_px() -> float:
-    """Largest distance between pixels of points by Newton's method and by a quartic's roots."""
+    """Maximum distance between pixels of points by Newton's method and by a quartic's roots."""
     system, focal_px = _boundary(_WATER), 180.0
     generator = np.random.default_rng(5)
     radii_m, depths_m = generator.uniform(0.01, 0.4, 200), generator.uniform(0.3, 5.0, 200)
@@ -188,7 +188,7 @@ def _quartic_error_px() -> float:
 
 
 def _round_trips(step_px: int) -> Iterator[tuple[str, float, int, int]]:
-    """System, distance, points tried, and those that do not come back to their pixel."""
+    """System, distance, number of points, and number of those that miss their pixel."""
     for (name, system), distance_m in itertools.product(_round_systems().items(), DISTANCES_M):
         pixels = pixel_grid(system.width_px, system.height_px)[::step_px, ::step_px].reshape(-1, 2)
         rays = system.rays(pixels)
@@ -200,7 +200,7 @@ def _round_trips(step_px: int) -> Iterator[tuple[str, float, int, int]]:
 
 
 def _round_systems() -> Mapping[str, OpticalSystem]:
-    """Systems of all shapes, and a fisheye in the water."""
+    """Systems of all shapes, and a fisheye under water."""
     found = validation_systems()
     middle = 0.5 * (SIZE_PX - 1)
     fisheye = EquidistantCamera(SIZE_PX, SIZE_PX, 120.0, (middle, middle), math.radians(80.0))

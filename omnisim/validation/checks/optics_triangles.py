@@ -1,4 +1,4 @@
-"""Triangles of optical systems' pixels beside furniture, against rays that Embree casts."""
+"""Triangles at the pixels of optical systems near furniture, against rays cast by Embree."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CAST_BOUND, ALONE_BOUND, UNDECIDED_BOUND = 99.9, 99.4, 100.0
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Compare the triangles that pixels show beside the nearest thing in scenes."""
+    """Compare the triangles at the pixels, near the nearest object in scenes."""
     found = {
         (name, system): shares
         for name in (SCENES[:1] if fixture.is_quick else SCENES)
@@ -36,7 +36,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def measure_triangles(fixture: Fixture, scene: Scene) -> dict[str, SameTriangles]:
-    """Shares of pixels by system, beside the nearest thing in any scene."""
+    """Shares of pixels by system, near the nearest object in any scene."""
     found = {}
     with Stage(scene, device=fixture.device) as stage:
         rays = RayScene(scene)
@@ -80,5 +80,5 @@ def triangle_section(title: str, found: Mapping[tuple[str, str], SameTriangles])
 
 
 def _percent(shares: Iterable[float]) -> float:
-    """Smallest share, in percent; NaN for none."""
+    """Minimum share in percent; NaN: there is none."""
     return 100.0 * min(shares, default=math.nan)

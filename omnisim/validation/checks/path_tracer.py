@@ -33,7 +33,7 @@ MARKER_BOUND_PX, SHIFT_BOUND_PX = 0.1, 0.1
 
 
 class Pair(NamedTuple):
-    """Two traced images of different seeds, and where they can be compared."""
+    """Two traced images with different seeds, and a mask of comparable pixels."""
 
     traced: NDArray[np.float32]
     again: NDArray[np.float32]
@@ -101,7 +101,7 @@ def _trace(scene: Scene, sensor: OmniCamera, pose: NDArray[np.float64], samples:
         trace_mirror(scene, camera, world_from_optical, samples, seed=seed) for seed in (0, 1)
     )
     off_axis = pixel_grid(camera.width_px, camera.height_px) - camera.principal_point_px
-    # its pixels at the rim blend with what is behind the mirror
+    # pixels at the rim blend with the background of the mirror
     inside = np.linalg.norm(off_axis, axis=-1) < camera.rim_radius_px - 2.0
     return Pair(traced, again, inside)
 
@@ -109,7 +109,7 @@ def _trace(scene: Scene, sensor: OmniCamera, pose: NDArray[np.float64], samples:
 def _marker_distances(
     fixture: Fixture, sensor: OmniCamera, pose: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Distance between the middles of markers in the traced image and in ours (n,)."""
+    """Distances (n,) between the centers of markers in the traced image and in ours."""
     camera, world_from_optical = mirror_camera(sensor), _world_from_optical(sensor, pose)
     viewpoint_m = world_from_optical[:3, 3]
     positions = marker_positions(

@@ -26,7 +26,7 @@ DETAIL_PX = (140, 4, 84, 60)  # left, top, width, height in the 360 px image
 
 
 class MeshResult(NamedTuple):
-    """Error of one mesh's image."""
+    """Errors of one mesh's image."""
 
     error_px: NDArray[np.float64]  # (pixels,) between mesh and mirror
     psnr_db: float  # against the exact capture, where both show the scene
@@ -87,7 +87,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def shown_error_px(fixture: Fixture, sensor: OmniCamera) -> NDArray[np.float64]:
-    """Distance (pixels,) of every pixel from where the mirror shows the direction it has."""
+    """Distances (pixels,) of all pixels from the mirror's positions of their directions."""
     camera = mirror_camera(sensor)
     context = open_context(fixture.device)
     try:

@@ -1,7 +1,7 @@
-"""A ray caster: the virtual cameras' images and ground truth against Embree's rays.
+"""A ray caster: images and ground truth of the virtual cameras against Embree's rays.
 
-Geometry is Embree's, and appearance is computed anew in NumPy: the two back ends share no more than
-the camera models, the mip levels of textures, and the degradation, which is left out here.
+The geometry is Embree's, and appearance is recomputed in NumPy: the back ends share only the camera
+models, the mip levels of textures, and the degradation, which is left out here.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from omnisim.validation.report.report import CaptionedFigure, ResultTable, Secti
 
 SCENES = (TEXTURED_SCENE, "soccer", "mapping")
 BOUND_DB = 36.0
-# Of pixels, in the courtyard: a ray meets a leaf where its texture is solid at that very point, the
-# cube where its texel shows the leaf.
+# Shares of pixels, in the courtyard: a ray hits a leaf if its texture is opaque at that exact
+# point, the cube if its texel shows the leaf.
 BOUND_SAME_PERCENT = 97.5
-SAME_RANGE = 1e-3  # share of the range within which hits are the same
+SAME_RANGE = 1e-3  # share of the range within which hits are equal
 _SHOWN_FACTOR = 4  # of differences in the figure
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Render images by both, and compare their colors and what they show."""
+    """Render images with both back ends, and compare colors and visible surfaces."""
     images: dict[str, NDArray[np.uint8]] = {}
     rows, worst_db, worst_percent = [], math.inf, math.inf
     for name in SCENES[:1] if fixture.is_quick else SCENES:
@@ -83,9 +83,9 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def _evenly_lit(name: str) -> Scene:
-    """Scene in even light, with lamps that are white.
+    """Scene in even light, with lamps of white.
 
-    A pixel at the edge of a brighter lamp is white from its first sample on.
+    A pixel at the edge of a brighter lamp is white from its first sample.
     """
     scene = load_scene(name, baked="none", sky="none")
     materials = [
@@ -107,7 +107,7 @@ def _frame(scene: Scene, sensor: OmniCamera, backend: BackendName, device: int |
 
 
 def _same_share(one: Frame, other: Frame) -> float:
-    """Share of the pixels with a ray that show the same surface."""
+    """Share of pixels with a ray that show the same surface."""
     assert one.has_ray is not None
     near_m, far_m = one.channels["range"], other.channels["range"]
     same = one.channels["instance"] == other.channels["instance"]

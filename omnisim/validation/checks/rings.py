@@ -1,4 +1,4 @@
-"""Fig. 7 and Eq. 2: a line at every 5° of incidence, and where the image shows it."""
+"""Fig. 7 and Eq. 2: a line at every 5° of incidence, and its radius in the image."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from omnisim.validation.ring_radii import ring_radii
 
 STEP_DEG = 5
 WIDE_RIM_DEG = 130.0
-# What is left of an exact image is its sampling: below the 0.05 px that one may rely on.
+# The remaining error of an exact image is its sampling, below the stated 0.05 px.
 EXACT_BOUND_PX = 0.05
 MESH_BOUND_PX = 0.3
 
@@ -37,18 +37,18 @@ class Rings(NamedTuple):
 
     @property
     def mean_error_px(self) -> NDArray[np.float64]:
-        """Mean over azimuths of measured minus exact (n,)."""
+        """Means (n,) over azimuths of measured minus exact radii."""
         errors: NDArray[np.float64] = self.radii_px.mean(axis=1) - self.exact_px
         return errors
 
     def sector_error_px(self, sectors: int = 24) -> float:
-        """Largest error of a ring's mean radius in a sector."""
+        """Maximum error of a ring's mean radius in a sector."""
         in_sectors = self.radii_px.reshape(len(self.radii_px), sectors, -1).mean(axis=2)
         return max_abs(in_sectors - self.exact_px[:, None])
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Render the rings exactly and by 1024 polygons and measure every radius."""
+    """Render the rings exactly and with 1024 polygons, and measure all radii."""
     scene = load_scene("rings")
     paper = OmniCamera(polygons=PAPER_POLYGONS)
     exact = render(fixture, scene, paper.with_polygons(None))
@@ -94,13 +94,13 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def render(fixture: Fixture, scene: Scene, sensor: OmniCamera) -> Frame:
-    """An image of the rings from their center."""
+    """Image of the rings from their center."""
     return fixture.render(scene, sensor, sensor.base_pose(scene.start.position_m))
 
 
 def measure(frame: Frame, camera: HyperbolicCamera) -> Rings:
-    """Measure all rings that the image shows with room to either side."""
-    # white is 1, the lines are dark in green, the red one too
+    """Measure all rings in the image that are away from its edges."""
+    # white is 1; the lines are dark in green, also the red one
     green = linear_image(frame)[..., 1].astype(np.float64)
     darkness = np.where(frame.valid, 1.0 - green, 0.0)
     angles_deg = np.arange(STEP_DEG, math.degrees(camera.mirror.theta_max_rad) - 1.0, STEP_DEG)
@@ -120,7 +120,7 @@ def exact_radius_px(
 ) -> NDArray[np.float64]:
     """Image radii (n,) by the unified model's relation, r = f ψ sin θ/(ξ + cos θ).
 
-    From k and the focal length alone: the camera's own code is under test.
+    From k and the focal length only, as the camera's own code is under test.
     """
     k, theta = camera.mirror.k, np.radians(angles_deg)
     xi, psi = math.sqrt(k * (k - 2.0)) / (k - 1.0), 1.0 / (k - 1.0)

@@ -19,13 +19,13 @@ from omnisim.validation.report.measure import Measure
 from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 
 SIZE_PX = 1024
-# Averaged in linear light over blocks, edges count less and shapes and colors are left.
+# Averages over blocks, in linear light, reduce edges and leave shapes and colors.
 AVERAGED = 4
 BOUND_DB, AVERAGED_BOUND_DB = 35.0, 40.0
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Render five faces with both and compare them, as they are and averaged."""
+    """Render five faces with both rasterizers and compare them, directly and averaged."""
     size = SIZE_PX
     scene = opaque_only(fixture.scene)
     sensor = OmniCamera(face_size_px=size, samples=4)
@@ -36,7 +36,7 @@ def check(fixture: Fixture, title: str) -> Section:
     camera = PerspectiveCamera.with_field_of_view(size, size, 0.5 * np.pi)
     rows, plain, averaged, theirs = [], [], [], {}
     everywhere = np.ones((size, size), dtype=bool)
-    # in the quick report the three that differ most in what they see
+    # the quick report has the three with the largest differences in content
     chosen = ("front", "left", "down") if fixture.is_quick else tuple(faces)
     for name in chosen:
         ours = faces[name]

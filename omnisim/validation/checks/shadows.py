@@ -37,11 +37,11 @@ from omnisim.validation.traced_light import (
 FOLDER = Path(__file__).parents[1] / "lit"
 SCENES, QUICK_SCENES = ("soccer", "courtyard"), ("soccer",)
 SIZE_PX, QUICK_SIZE_PX = 160, 128
-# Squares, as its sampler wants, by camera: a texel of the fisheye's is a sixteenth of a pixel.
+# Squares, as Mitsuba's sampler requires, by camera: a texel of the fisheye is 1/16 of a pixel.
 SAMPLES = {"mirror": 144, "fisheye": 9}
 QUICK_SAMPLES = {"mirror": 36, "fisheye": 4}
 BOUND_DB = 34.0
-# Lamps whose shadows' edges lie on floors: a low sun, and a lamp beside the field.
+# Lamps whose shadow edges lie on floors: a low sun, and a lamp beside the field.
 LOW_LAMPS = {
     "soccer": Light(
         LightKind.POINT, (1.0, 1.0, 1.0), 1500.0, position_m=np.array([-4.0, -2.5, 1.6])
@@ -55,7 +55,7 @@ EDGES_BOUND_PX = 1.0
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Trace scenes lit by lamps inside them in a real mirror and a fisheye, and compare."""
+    """Trace scenes with lamps inside them in a physical mirror and a fisheye, and compare."""
     measures: list[Measure] = []
     images: dict[str, NDArray[np.generic]] = {}
     size_px = QUICK_SIZE_PX if fixture.is_quick else SIZE_PX
@@ -97,7 +97,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def _edges(fixture: Fixture, name: str) -> Measure:
-    """Distance of the edges of shadows from a path tracer's."""
+    """Distance of shadow edges from those of a path tracer."""
     lit = matte_on_both_sides(load_scene(FOLDER / f"{name}.toml"))
     scene = gray_in_one_light(lit, LOW_LAMPS[name])
     bare = dataclasses.replace(scene, lighting=scene.lighting.without_shadows())

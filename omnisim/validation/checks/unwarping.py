@@ -1,5 +1,5 @@
-"""Unwarping: a perspective view out of the mirror's image against a pinhole camera's, and lines
-that are straight in the world."""
+"""Unwarping: a perspective view from the mirror's image against a pinhole camera's image, and
+straight lines."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def _pinhole(fixture: Fixture) -> NDArray[np.float32]:
-    """Pinhole camera's image: the front face of another rig, turned to that heading."""
+    """Image of a pinhole camera: the front face of another rig with that heading."""
     fine = 4  # its pixels are averages, too
     sensor = OmniCamera(face_size_px=fine * VIEW_PX)
     pose = poses.pose(fixture.viewpoint_m, pitch_deg=PITCH_DEG, yaw_deg=YAW_DEG)
@@ -86,7 +86,7 @@ def _pinhole(fixture: Fixture) -> NDArray[np.float32]:
 
 
 def _image_pixels_per_pixel(sensor: OmniCamera, view: View) -> NDArray[np.float64]:
-    """Pixels of the mirror's image to a pixel of the view, along the coarser direction."""
+    """Pixels of the mirror's image per pixel of the view, along the coarser direction."""
     grid = pixel_grid(view.camera.width_px, view.camera.height_px)
     rotation = frames.RIG_FROM_OPTICAL_LOOKING_UP.T @ view.base_from_view
 
@@ -98,12 +98,12 @@ def _image_pixels_per_pixel(sensor: OmniCamera, view: View) -> NDArray[np.float6
         (project((0.5, 0.0)) - project((-0.5, 0.0)), project((0.0, 0.5)) - project((0.0, -0.5))),
         axis=-1,
     )
-    # in NumPy's stubs singular values have any precision
+    # NumPy's stubs give singular values any precision
     return np.asarray(np.linalg.svd(jacobian, compute_uv=False)[..., 1], dtype=np.float64)
 
 
 def _bars(fixture: Fixture, sensor: OmniCamera) -> NDArray[np.float32]:
-    """The mirror's image of white bars on black: long, level, one above the other."""
+    """The mirror's image of white bars on black: long, level, above each other."""
     forward = np.array([math.cos(math.radians(YAW_DEG)), math.sin(math.radians(YAW_DEG)), 0.0])
     side = np.array([-forward[1], forward[0], 0.0])
     corners = []
@@ -121,7 +121,7 @@ def _bars(fixture: Fixture, sensor: OmniCamera) -> NDArray[np.float32]:
 
 
 def _line(bars: NDArray[np.float32], camera: CentralCamera, index: int) -> NDArray[np.float64]:
-    """Positions (n, 2) of a bar in the columns of the view where it is seen whole."""
+    """Positions (n, 2) of a bar in the columns of the view that show it completely."""
     directions = math.radians(PITCH_DEG - 30.0 + 10.0 * index)
     gray = bars[..., 1].astype(np.float64)
     focal, middle = 0.5 * camera.width_px, 0.5 * (camera.height_px - 1)

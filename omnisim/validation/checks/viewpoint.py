@@ -1,7 +1,7 @@
 """Single viewpoint: rays of the pinhole, reflected by the mirror's normals, meet in one point.
 
-Nothing of the camera's shortcut is used: the ray is intersected with Eq. 1 as a quadric, and
-reflected there by the gradient of Eq. 1.
+Independent of the camera's shortcut: the ray is intersected with Eq. 1 as a quadric, and reflected
+by the gradient of Eq. 1.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from omnisim.validation.plots.style import BLUE, GRAY, ORANGE, plot
 from omnisim.validation.report.measure import Measure
 from omnisim.validation.report.report import CaptionedFigure, Section
 
-# The focus property is exact: what is left is float64's rounding, which grows with the path.
+# The focus property is exact: the error is float64 rounding, which grows with the path.
 BOUND_C = 1e-9
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Reflect rays over the whole mirror and measure by how much they miss the viewpoint."""
+    """Reflect rays over the whole mirror, and measure their distances from the viewpoint."""
     camera = mirror_camera(OmniCamera())
     mirror, tangents = camera.mirror, _tangents(camera.mirror, 301)
     points, reflected = reflect(mirror, tangents)
     misses = np.linalg.norm(np.cross(points, reflected), axis=-1)
-    # the same rays by the camera model, whose optical frame has y and z the other way round
+    # the same rays by the camera model, whose optical frame has y and z reversed
     pixels = camera.focal_length_px * tangents * (1.0, -1.0) + camera.principal_point_px
     rays = camera.ray_from_pixel(pixels).directions @ MIRROR_FROM_OPTICAL.T
     angles = 2.0 * np.arcsin(0.5 * np.linalg.norm(rays - reflected, axis=-1))
@@ -56,7 +56,7 @@ def reflect(mirror: HyperbolicMirror, tangents: np.ndarray) -> tuple[np.ndarray,
     """Points on the mirror (..., 3), in units of c, and unit directions after the reflection.
 
     Args:
-        mirror: k gives the shape.
+        mirror: mirror; k gives the shape.
         tangents: (..., 2) of the pinhole's rays, across its axis.
     """
     shape = 0.5 * mirror.k - 1.0
@@ -66,7 +66,7 @@ def reflect(mirror: HyperbolicMirror, tangents: np.ndarray) -> tuple[np.ndarray,
     a = rays[..., 2] ** 2 - shape * np.sum(tangents**2, axis=-1)
     b = 2.0 * rays[..., 2] * (pinhole[2] - 0.5)
     d = (pinhole[2] - 0.5) ** 2 - 0.25 * (mirror.k - 2.0) / mirror.k
-    # of the two sheets the farther one, around the other focus; in the form without cancellation
+    # the farther of the two sheets, around the other focus, in the form without cancellation
     root = np.sqrt(b * b - 4.0 * a * d)
     t = (-b + root) / (2.0 * a)
     points = pinhole + t[..., None] * rays
@@ -109,6 +109,6 @@ def _figure(mirror: HyperbolicMirror) -> Figure:
     axes.plot(0.0, 0.0, "o", color=ORANGE, label="effective viewpoint")
     axes.plot(0.0, 1.0, "o", color=BLUE, label="pinhole")
     axes.set_aspect("equal")
-    axes.invert_yaxis()  # as it is mounted: the mirror above, the camera looks up
+    axes.invert_yaxis()  # as mounted: the mirror above, the camera looks up
     axes.legend(loc="lower right", frameon=False)
     return figure

@@ -13,21 +13,21 @@ from omnisim.core.poses import wrap_angle
 from omnisim.perception.landmarks.landmark_detector import Detection
 from omnisim.perception.localization.observations import LandmarkMap, predict_measurement
 
-# Largest errors of a true positive.
+# Maximum errors of a true positive.
 FOUND_WITHIN_RAD = math.radians(3.0)
 FOUND_WITHIN_SHARE = 0.25
 
 
 @dataclass(frozen=True)
 class DetectionMatch:
-    """Landmark in one image, and its detection.
+    """Landmark in one image, with its detection.
 
     Attributes:
-        step: of the image.
-        landmark: its name.
+        step: step of the image.
+        landmark: name of the landmark.
         range_m: true range.
-        detection: of it, or None.
-        range_error_m, bearing_error_rad: NaN without a detection.
+        detection: detection of the landmark; None: not detected.
+        range_error_m, bearing_error_rad: errors; NaN without a detection.
     """
 
     step: int
@@ -39,7 +39,7 @@ class DetectionMatch:
 
     @property
     def is_right(self) -> bool:
-        """True if the detection is near enough to the landmark."""
+        """True if the detection is close enough to the landmark."""
         if self.detection is None:
             return False
         slack_m = max(FOUND_WITHIN_SHARE * self.range_m, 3.0 * self.detection.range_sigma_m)
@@ -74,14 +74,14 @@ def compare(
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Accuracy of a detector in an interval of range.
+    """Accuracy of a detector in a range interval.
 
     Attributes:
-        recall: true positives among landmarks.
-        precision: true positives among detections; by the landmark's true range.
+        recall: true positives as a share of landmarks.
+        precision: true positives as a share of detections; by the landmark's true range.
         bearing_rms_rad, range_rms_share, range_eq2_rms_share: errors of true positives.
-        eq2_mean_m: range by Eq. 2 less that by the exact relation, mean.
-        count: of true positives.
+        eq2_mean_m: mean difference of the range by Eq. 2 minus that by the exact relation.
+        count: number of true positives.
     """
 
     recall: float

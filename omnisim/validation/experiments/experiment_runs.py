@@ -29,9 +29,9 @@ class Experiment:
     """Detections and pixel rates of a run.
 
     Args:
-        run: with labels and ground truth.
-        trained: color model.
-        robot: of the run.
+        run: run with labels and ground truth.
+        trained: trained color model.
+        robot: robot of the run.
         progress: reports the steps.
     """
 
@@ -45,7 +45,7 @@ class Experiment:
 
 
 class Simulated(Experiment):
-    """Experiment 1: tracks of all seeds."""
+    """Experiment 1, with the tracks of all seeds."""
 
     def __init__(
         self, run: RunData, trained: Training, parameters: FilterParameters, progress: Progress
@@ -58,7 +58,7 @@ class Simulated(Experiment):
 
 
 class Real(Experiment):
-    """Experiment 2: tracks of all seeds, with three kinds of observations and parameters."""
+    """Experiment 2, with the tracks of all seeds, three kinds of observations, and parameters."""
 
     def __init__(
         self, run: RunData, trained: Training, parameters: FilterParameters, progress: Progress
@@ -76,9 +76,9 @@ class Real(Experiment):
 def _timed(
     run: RunData, detector: LandmarkDetector, progress: Progress
 ) -> tuple[list[list[Detection]], float]:
-    """Detections of all steps, and the median time of one image in milliseconds.
+    """Detections of all steps, and the median time per image in milliseconds.
 
-    Time of this thread alone.
+    The time is that of this thread only.
     """
     found, times = [], []
     for step in progress(f"landmarks: {run.folder.path.name}", run.steps)(range(run.steps)):
@@ -113,7 +113,7 @@ def observations_from_detections(
 
 
 def _picked(run: RunData, seed: int) -> list[list[Observation]]:
-    """Observations from landmarks picked by hand in the images of a run."""
+    """Observations of landmarks picked by hand in the images of a run."""
     generator = np.random.default_rng([3, seed])
     landmarks = LandmarkMap.of_scene(run.landmarks)
     poses = run.true_poses

@@ -1,8 +1,8 @@
-"""Landmarks picked by hand in an image, with a hand's noise.
+"""Landmarks picked by hand in an image, with noise of the hand.
 
-The paper's authors did so in the images of the real robot, where their classifier had too many
-false positives. Only here are observations made from the true pose; the filter gets the picked
-pixels' range and bearing and nothing else.
+The paper's authors picked landmarks in the images of the real robot, since their classifier had too
+many false positives. Only here do observations come from the true pose; the filter gets the range
+and bearing of the picked pixels and nothing else.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ class Hand:
     """Noise and limits of picking by hand.
 
     Attributes:
-        sigma_px: of a picked point, along both of the image's axes.
-        farthest_m: landmarks beyond are too small to pick.
-        steepest_rad: below the horizon; nearer things are hidden by the vehicle.
+        sigma_px: standard deviation of a picked point, along both image axes.
+        farthest_m: maximum distance of a pickable landmark.
+        steepest_rad: maximum angle below the horizon; the vehicle hides nearer landmarks.
     """
 
     sigma_px: float = 1.5
@@ -40,16 +40,16 @@ def pick_landmarks(
     hand: Hand,
     generator: np.random.Generator,
 ) -> list[Observation]:
-    """Pick the feet of the landmarks that can be seen from a true pose.
+    """Pick the feet of the landmarks that are visible from a true pose.
 
-    Of a wide landmark the nearest foot gives the range, and the two outermost feet the bearing.
+    The nearest foot of a wide landmark gives its range, the two outermost feet its bearing.
 
     Args:
         pose: (3,) x, y, yaw of the base.
-        mount: the camera.
-        landmarks: at their true positions.
+        mount: camera on the vehicle.
+        landmarks: landmarks at their true positions.
         hand: noise and limits.
-        generator: of the noise.
+        generator: random numbers of the noise.
     """
     found = []
     for name, corners in landmarks.corners_m.items():
@@ -90,7 +90,7 @@ def _offsets(
 
 
 def _relative_directions(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Directions (n,) of offsets relative to that of their sum."""
+    """Directions (n,) of offsets relative to the direction of their sum."""
     x, y = offsets.sum(axis=0)
     angles: NDArray[np.float64] = np.arctan2(
         x * offsets[:, 1] - y * offsets[:, 0], offsets @ (x, y)
@@ -101,7 +101,7 @@ def _relative_directions(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
 def _pick(
     mount: CameraMount, offsets: NDArray[np.float64], hand: Hand, generator: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Ranges and bearings of picked points on the ground; None if one is not in the image."""
+    """Ranges and bearings of picked points on the ground; None: one is outside the image."""
     rotation = mount.base_from_optical[:3, :3]
     rays = np.column_stack((offsets, np.full(len(offsets), -mount.height_m)))
     pixels = mount.camera.pixel_from_ray(rays @ rotation)
@@ -116,7 +116,7 @@ def _pick(
 
 
 def _sigmas(mount: CameraMount, range_m: float, sigma_px: float) -> tuple[float, float]:
-    """Sigmas of range and bearing of a picked pixel, by the image's scale at the picked range."""
+    """Standard deviations of a picked pixel's range and bearing, from the scale at its range."""
     step = 1e-4
     rotation = mount.base_from_optical[:3, :3]
     theta = math.atan2(range_m, mount.height_m)

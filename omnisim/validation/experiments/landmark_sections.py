@@ -33,7 +33,7 @@ EDGES_M = np.arange(0.0, 6.01, 0.5)
 
 
 def images(runs: Recordings, trained: Training, simulated: Simulated, real: Real) -> Section:
-    """Fig. 11: both settings side by side, and their detections."""
+    """Fig. 11: both settings side by side, with detections."""
     steps = (4, 20, 47)
     shown = {f"real setting, step {step}": runs.real.image(step) for step in steps}
     shown |= {f"simulation, step {step}": runs.simulated.image(step) for step in steps}
@@ -62,7 +62,7 @@ def images(runs: Recordings, trained: Training, simulated: Simulated, real: Real
 
 
 def _steps_with_most(detections: Sequence[Sequence[Detection]]) -> list[int]:
-    """Steps with most detections, one in each half of a run."""
+    """Steps with the most detections, one in each half of a run."""
     counts = np.array([len(found) for found in detections])
     half = len(counts) // 2
     return [int(counts[:half].argmax()), half + int(counts[half:].argmax())]
@@ -170,7 +170,7 @@ def _rates(found: Sequence[DetectionMatch]) -> Rates:
 def degradations(
     simulated: Simulated, trained: Training, parameters: FilterParameters, progress: Progress
 ) -> Section:
-    """One degradation at a time, ever stronger."""
+    """One degradation at a time, with increasing strength."""
     clean, found = sweep(
         simulated.run,
         RunLabels(simulated.run, trained.model.colors),

@@ -24,7 +24,7 @@ from omnisim.validation.report.report import CaptionedFigure, ResultTable, Secti
 
 LATE_STEP = 5
 PAPER_BOUND_M, SIMULATED_BOUND_M = 0.6, 0.5
-DIAGONAL_STEPS = 12  # the last ones of the lap
+DIAGONAL_STEPS = 12  # at the end of the lap
 FORWARD_RAD = math.radians(90.0)
 
 
@@ -34,7 +34,7 @@ def first_experiment(simulated: Simulated) -> Section:
     late = seeds.errors_m[:, LATE_STEP:]
     by_step = seeds.nees_by_step
     band = seeds.nees_interval
-    mean = float(np.nanmean(by_step[1:]))  # at the start nothing is estimated: it is the truth
+    mean = float(np.nanmean(by_step[1:]))  # the start is not estimated: it is the truth
     inside = np.mean((by_step[1:] > band.low) & (by_step[1:] < band.high))
     numbers = [
         Measure(f"largest error after step {LATE_STEP}, median of {SEEDS} seeds",
@@ -208,7 +208,7 @@ def gains(simulated: Simulated) -> Section:
 
 
 def _step_microseconds(simulated: Simulated) -> float:
-    """Median time of a step of the filter with all that it sees."""
+    """Median time of a filter step with all its observations, in microseconds."""
     run = simulated.run
     robot = LocalizationFilter(
         LandmarkMap.of_scene(run.landmarks), simulated.parameters, run.mount.position_m,

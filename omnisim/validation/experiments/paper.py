@@ -1,4 +1,4 @@
-"""The paper's two experiments of section 3.2 and their extensions: one report."""
+"""The paper's two experiments of section 3.2 with extensions: one report."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def run_experiments(folder: Path, device: int | None, progress: Progress) -> Rep
     Raises:
         OmnisimError: no OpenGL, or files that cannot be written.
     """
-    machine = machine_of_device(device)  # without OpenGL better now than after the work
+    machine = machine_of_device(device)  # fails early without OpenGL
     make_folder(folder)
     runs = record_all(folder, device, progress)
     trained = train_on_run(runs.learning, Costs(), progress("colors", runs.learning.steps))

@@ -1,7 +1,7 @@
-"""The paper's real setting, as far as a simulator can go: clutter, uneven light, a real camera.
+"""The paper's real setting, simulated: clutter, uneven light, a real camera.
 
 As in the paper: the robot, the clockwise path, landmarks picked by hand, a wrong start pose that
-the filter takes for certain, and biased odometry. All numbers are ours; the paper gives none.
+the filter takes as certain, and biased odometry. All numbers are ours; the paper gives none.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from omnisim.core.trajectories.odometry import Odometry
 from omnisim.scene import Scene
 from omnisim.scene.model import Instance, Light, Lighting, LightKind, Material, Mesh
 
-# Boxes left around the field: x, y, edge in meters, and colors like the landmarks'
-# but of cardboard and plastic. All stand outside of the carpet.
+# Boxes around the field: x, y, edge in meters, and colors similar to the landmarks', as of
+# cardboard and plastic. All are outside the carpet.
 YELLOWISH, BLUISH, PINKISH = (0.80, 0.56, 0.04), (0.03, 0.36, 0.72), (0.72, 0.07, 0.30)
 CLUTTER = (
     (-0.35, 2.55, 0.22, YELLOWISH),
@@ -32,7 +32,7 @@ CLUTTER = (
     (-0.60, -2.80, 0.34, YELLOWISH),
     (2.40, -2.70, 0.22, BLUISH),
 )
-# A lamp over one corner, a third of the even light that the scene has without it.
+# A lamp over one corner, with a third of the scene's even light.
 LAMP_M, LAMP_CD, EVEN_SHARE = (-2.6, -1.9, 2.2), 3.2, 0.45
 # Start pose given to the filter, minus the true one.
 START_ERROR = (0.10, -0.10, math.radians(12.0))

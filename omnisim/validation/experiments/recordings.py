@@ -1,4 +1,4 @@
-"""Drives of the experiments; each is recorded once, and resumed when stopped."""
+"""Drives of the experiments; each is recorded once, and resumes after an interruption."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from omnisim.validation.experiments.real_setting import cluttered
 from omnisim.validation.experiments.seeds import Progress
 
 SCENE = "soccer"
-# A path across the field that no other drive takes, for training: landmarks from near and far, and
+# A path across the field for training, unlike all other drives: landmarks from near and far, and
 # from all sides.
 TRAINING_WAYPOINTS = (
     (-1.9, -0.9), (-0.6, 0.8), (0.7, -1.0), (1.9, 0.4), (0.4, 1.2), (-1.9, 0.5), (0.0, -0.3),
 )  # fmt: skip
-# The paper's own camera, out of focus, and slow enough for a robot that turns at 90°/s to blur.
+# The paper's camera, out of focus, and slow enough to blur at a turn rate of 90°/s.
 REAL_PRESET = "dragonfly2"
 REAL_DEFOCUS_PX = (1.0, 2.2)
 REAL_EXPOSURE_S = 0.012
@@ -36,7 +36,7 @@ class Recordings:
     """Runs of the experiments.
 
     Attributes:
-        learning: for training, P2AT.
+        learning: training run, P2AT.
         simulated: the paper's simulation, P2AT, counter-clockwise.
         real: the paper's real setting, Super Scout, clockwise, degraded.
     """
@@ -62,10 +62,10 @@ def real_camera() -> Degradation:
 
 
 def record_all(folder: Path, device: int | None, progress: Progress) -> Recordings:
-    """Record missing drives in an existing folder, and again those of another version.
+    """Record missing drives in an existing folder, and drives of other versions again.
 
     Raises:
-        OmnisimError: no OpenGL, or another run is in a folder.
+        OmnisimError: no OpenGL, or a folder has another run.
     """
     scene = load_scene(SCENE)
     with_path = dataclasses.replace(
@@ -81,7 +81,7 @@ def record_all(folder: Path, device: int | None, progress: Progress) -> Recordin
 
 
 def _paper_vehicle(robot: str) -> Vehicle:
-    """Vehicle with the paper's mesh of the mirror, and without its other sensors."""
+    """Vehicle with the paper's mesh of the mirror, without its other sensors."""
     vehicle = Vehicle.load(robot).with_cameras(polygons=PAPER_POLYGONS)
     return dataclasses.replace(vehicle, sensors=vehicle.cameras)
 
@@ -94,7 +94,7 @@ def _record(
     steps = plan.record(folder)
     try:
         done = next(steps)
-    except RunError:  # of another scene, robot or version: the experiments' own folder is renewed
+    except RunError:  # another scene, robot or version: the experiments' own folder is renewed
         steps = plan.record(folder, force=True)
         done = next(steps)
     total = len(plan.truth)

@@ -1,7 +1,7 @@
-"""Monte Carlo runs: odometry and pixel noise drawn anew for each seed.
+"""Monte Carlo runs: odometry and pixel noise, drawn for each seed.
 
 Images do not depend on odometry, so a run is recorded once. Each seed draws the noise of the
-odometry and of the pixels, in which landmarks are then detected again.
+odometry and of the pixels, and landmarks are detected again.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class SeedRuns:
     """Tracks of all seeds, and their errors.
 
     Attributes:
-        tracks: one a seed.
+        tracks: one per seed.
         errors_m, reckoned_m: (seeds, steps).
         nees: (seeds, steps); NaN without uncertainty.
         nis, nis_degrees: (seeds, steps); NaN and 0 without accepted observations.
@@ -65,28 +65,28 @@ class SeedRuns:
 
     @property
     def nees_interval(self) -> Interval:
-        """Confidence interval of the seeds' mean NEES at one step."""
+        """Confidence interval of the seeds' mean NEES at a step."""
         return mean_interval(3, len(self.tracks))
 
     @property
     def nees_by_step(self) -> NDArray[np.float64]:
-        """Mean NEES of the seeds (steps,); NaN where none has any uncertainty."""
+        """Mean NEES of the seeds (steps,); NaN: no seed has uncertainty."""
         return _mean(self.nees)
 
     @property
     def nis_by_step(self) -> NDArray[np.float64]:
-        """NIS over its degrees of freedom, all seeds together (steps,)."""
+        """NIS per degree of freedom of all seeds together (steps,)."""
         degrees = self.nis_degrees.sum(axis=0)
         return np.where(degrees > 0, np.nansum(self.nis, axis=0) / np.maximum(degrees, 1), np.nan)
 
     @property
     def nis_intervals(self) -> list[Interval]:
-        """Confidence interval of each step's mean NIS."""
+        """Confidence intervals of the mean NIS by step."""
         return [mean_interval(1, max(int(total), 1)) for total in self.nis_degrees.sum(axis=0)]
 
     @property
     def gate_opening_steps(self) -> NDArray[np.float64]:
-        """Step (seeds,) at which the gate opens; infinite where it does not."""
+        """Step (seeds,) at which the gate opens; infinite: it never opens."""
         steps = [track.gate_opening_step for track in self.tracks]
         return np.array([math.inf if step is None else step for step in steps])
 
@@ -99,15 +99,15 @@ def run_seeds(
     covariance: ArrayLike | None = None,
     prepare: Callable[[Odometry], Odometry] = lambda odometry: odometry,
 ) -> SeedRuns:
-    """Localize a run once for each seed.
+    """Localize a run once per seed.
 
     Args:
-        run: with its truth, against which errors are counted.
+        run: run with its truth, for the errors.
         wheels: errors of the odometry; each seed has its own noise.
-        observations: of each seed and step.
-        parameters: of the filter.
-        covariance: (3, 3) of the start, or None: by the parameters.
-        prepare: changes the odometry before.
+        observations: observations by seed and step.
+        parameters: parameters of the filter.
+        covariance: (3, 3) of the start; None: from the parameters.
+        prepare: changes the odometry in advance.
     """
     assert run.truth is not None
     truth = run.true_poses

@@ -1,9 +1,10 @@
 """Effect of each degradation alone on pixels, landmarks and self-localization.
 
-The recorded clean images are degraded in NumPy, one kind at a time and ever stronger; nothing is
-rendered again. Defocus and noise are quick versions with the parameters of `sensors.degradations`.
-Motion blur is that of a turn on the spot, which rotates the image about its middle: driving
-straight adds less.
+The recorded clean images are degraded in NumPy, one kind at a time with increasing strength;
+nothing is rendered again. Defocus and noise are fast versions with the parameters of
+`sensors.degradations`.
+Motion blur is that of a turn on the spot, which rotates the image about its middle: straight motion
+blurs less.
 """
 
 from __future__ import annotations
@@ -35,18 +36,18 @@ NEAR_M = 4.0
 SEEDS = 5  # of the odometry noise, at each level
 READ_NOISE_E = 5.0
 _SRGB = srgb8_from_linear(np.linspace(0.0, 1.0, 4096))
-Light = NDArray[np.float32]  # (height, width, 4) linear, the fourth 1 where the scene is shown
+Light = NDArray[np.float32]  # (height, width, 4) linear; the fourth is 1 where the scene is visible
 
 
 @dataclass(frozen=True)
 class Cause:
-    """Kind of degradation.
+    """Kind of degradation in the sweep.
 
     Attributes:
-        name: in the report.
-        unit: of its levels.
-        levels: ever stronger.
-        apply: to light, at a level and step.
+        name: name in the report.
+        unit: unit of the levels.
+        levels: levels in increasing strength.
+        apply: degrades light at a level and step.
     """
 
     name: str
@@ -60,9 +61,9 @@ class Outcome:
     """Results at one level of a degradation.
 
     Attributes:
-        recall, precision: of landmarks within `NEAR_M`.
-        bearing_rms_rad, range_rms_share: of true positives.
-        false_alarms: share of false positives among all other pixels.
+        recall, precision: for landmarks within `NEAR_M`.
+        bearing_rms_rad, range_rms_share: errors of true positives.
+        false_alarms: false positives as a share of all other pixels.
         error_m: median over seeds of the mean position error.
     """
 
@@ -75,7 +76,7 @@ class Outcome:
 
 
 def _defocus(light: Light, geometry: ImageGeometry, level: float, step: int) -> Light:
-    """Mean over a disc of the covered pixels: as `Defocus` does, in the frequency domain."""
+    """Mean of valid pixels over a disc, as `Defocus`, in the frequency domain."""
     reach = math.ceil(level)
     span = range(-reach, reach + 1)
     radius = np.array(level, dtype=np.float32)
@@ -90,7 +91,7 @@ def _defocus(light: Light, geometry: ImageGeometry, level: float, step: int) -> 
 
 
 def _motion_blur(light: Light, geometry: ImageGeometry, level: float, step: int) -> Light:
-    """Mean over a rotation of so many degrees about the middle of the image."""
+    """Mean over a rotation by `level` degrees about the middle of the image."""
     count = 2 + math.ceil(level)
     total = np.zeros_like(light)
     u0, v0 = geometry.center_px
@@ -106,7 +107,7 @@ def _motion_blur(light: Light, geometry: ImageGeometry, level: float, step: int)
 
 
 def _noise(light: Light, geometry: ImageGeometry, level: float, step: int) -> Light:
-    """Shot and read noise with the variances of `Noise`: many photons are normal."""
+    """Shot and read noise with the variances of `Noise`, normal for many photons."""
     generator = np.random.default_rng([2, step])
     colors = np.maximum(light[..., :3], np.float32(0.0))
     sigma = np.sqrt(colors * np.float32(level) + np.float32(READ_NOISE_E**2)) / np.float32(level)
@@ -120,7 +121,7 @@ def _vignetting(light: Light, geometry: ImageGeometry, level: float, step: int) 
 
 
 def _darkness(light: Light, geometry: ImageGeometry, level: float, step: int) -> Light:
-    """Changing light: a wave of so many stops over 24 steps."""
+    """Changing light: a wave of `level` stops over 24 steps."""
     ev = -0.5 * level * (1.0 - math.cos(2.0 * math.pi * step / 24.0))
     dimmed = light.copy()
     dimmed[..., :3] *= np.float32(2.0**ev)

@@ -1,4 +1,4 @@
-"""Independent renderers and libraries, each behind one small function; all are optional."""
+"""Independent renderers and libraries, each behind a small function; all are optional."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from importlib import import_module
 
 from omnisim.core.extras import install_hint
 
-# Before pyrender is imported: no display, and none of X11's libraries either.
+# Before pyrender is imported: no display, and no X11 libraries.
 os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
 os.environ.setdefault("PYGLET_HEADLESS", "1")
 
 
-# System libraries that pip does not bring.
+# System libraries that pip does not install.
 SYSTEM_LIBRARIES = {"mitsuba": "libatomic1"}
 
 
 def import_failure(name: str) -> str:
-    """Reason why a "module" or "module.attribute" cannot be used, and what to do; empty: it can."""
+    """Reason why a "module" or "module.attribute" is unusable, with a remedy; empty: usable."""
     module, _, attribute = name.partition(".")
     try:
         found = import_module(module)
     except ModuleNotFoundError:
         hint = " (on Python 3.11 only)" if name == "pyrender" else ""
         return f"{name} is not installed: {install_hint('oracles')}{hint}"
-    except Exception as broken:  # whatever a broken installation comes up with
+    except Exception as broken:  # any error of a broken installation
         words = " ".join(f"{type(broken).__name__}: {broken}".split())
         library = SYSTEM_LIBRARIES.get(module)
         hint = f"; sudo apt-get install {library} may help" if library else ""

@@ -1,8 +1,8 @@
-"""Light of lamps through a fisheye lens, traced by Mitsuba 3, which has no such lens.
+"""Light of lamps through a fisheye lens, by Mitsuba 3, which does not have such a lens.
 
-It traces the faces of a cube around the viewpoint, finer than the image, and each pixel is the
-average of the texels that rays from all over its square meet. Of omnisim's lens only its
-parameters go in; the rays are those of r = f θ, as Kannala and Brandt (2006, Eq. 3) have it.
+Mitsuba traces the faces of a cube around the viewpoint, finer than the image; each pixel is the
+average of the texels at rays over its square. Only the parameters of omnisim's lens are used; the
+rays are those of r = f θ, Kannala and Brandt (2006, Eq. 3).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from omnisim.validation.oracles.mitsuba_light import DIRECT_DEPTH, lit_world
 from omnisim.validation.oracles.mitsuba_scene import film, scalar_variant
 
 UNITS_PER_M = 100.0
-TEXELS = 4  # along a pixel's side, where it has the fewest
+TEXELS = 4  # minimum number along a pixel's side
 # Rows: right, down and forward of the faces, optical frame.
 _FACES = np.array(
     [
@@ -50,16 +50,16 @@ def trace_lit_fisheye(
         scene: see `lit_world`.
         camera: the lens.
         world_from_optical: (4, 4) pose of the optical frame.
-        samples: rays a texel, of which a pixel has 16 or more; a square.
-        seed: same seed, same image.
-        depth: most parts of a path from a lamp to the lens.
+        samples: rays per texel, with 16 texels or more per pixel; a square number.
+        seed: equal seeds give equal images.
+        depth: maximum number of segments of a path from a lamp to the lens.
 
     Raises:
         OmnisimError: a matrix that is not a pose.
         SceneError: see `lit_world`.
     """
     pose = check_pose(world_from_optical)
-    size_px = 2 * math.ceil(TEXELS * camera.focal_length_px)  # of a face, which is 2 wide at 1
+    size_px = 2 * math.ceil(TEXELS * camera.focal_length_px)  # of a face, 2 wide at distance 1
     faces, texels = _texels(_rays(camera), size_px)
     found = np.zeros((*faces.shape, 3), dtype=np.float32)
     with scalar_variant():
@@ -79,7 +79,7 @@ def trace_lit_fisheye(
 
 
 def _rays(camera: EquidistantCamera) -> NDArray[np.float64]:
-    """Rays (rows, columns, 3) all over the pixels, 2 × `TEXELS` along a side."""
+    """Rays (rows, columns, 3) over the pixels, 2 × `TEXELS` per side."""
     side = 2 * TEXELS
     u, v = (
         (np.arange(count * side) + 0.5) / side - 0.5
@@ -93,7 +93,7 @@ def _rays(camera: EquidistantCamera) -> NDArray[np.float64]:
 
 
 def _texels(rays: NDArray[np.float64], size_px: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Faces (...,) that rays (..., 3) meet, and column and row (..., 2) there."""
+    """Faces (...,) hit by rays (..., 3), and columns and rows (..., 2) of the hits."""
     faces = np.argmax(rays @ _FACES[:, 2].T, axis=-1)
     local = np.einsum("...ij,...j->...i", _FACES[faces], rays)
     tangents = local[..., :2] / local[..., 2:]
@@ -108,7 +108,7 @@ def _face(
     crop_px: NDArray[np.intp],
     samples: int,
 ) -> dict[str, Any]:
-    """Perspective camera of a part of a face, whose axes are rows: right, down and forward."""
+    """Perspective camera of a part of a face; `axes` has rows right, down and forward."""
     (left, top), (width, height) = corner_px.tolist(), crop_px.tolist()
     crop = {
         "crop_offset_x": left, "crop_offset_y": top, "crop_width": width, "crop_height": height

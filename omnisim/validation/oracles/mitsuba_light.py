@@ -1,7 +1,7 @@
-"""Light of lamps in a scene and in a mirror, traced by Mitsuba 3.
+"""Light of lamps in a scene and in a mirror, by Mitsuba 3.
 
-Surfaces are diffuse on both sides, or of glTF's materials without maps, and may shine to the front;
-lamps are Mitsuba's own.
+Surfaces are diffuse on both sides, or have glTF materials without maps, and may emit light to the
+front; lamps are Mitsuba's own.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from omnisim.validation.oracles.mitsuba_scene import (
 from omnisim.validation.oracles.mitsuba_tracer import RIM_UNITS, mirror_of_metal, pinhole
 from omnisim.validation.oracles.surfaces import opaque_only
 
-# Parts of a path from a lamp to the camera: by one surface, and by so many that more add nothing.
+# Segments of a path from a lamp to the camera: via one surface, and until more add nothing.
 DIRECT_DEPTH, ALL_DEPTH = 2, 23
 _DARK = (0.0, 0.0, 0.0)
 
 
 def matte_on_both_sides(scene: Scene) -> Scene:
-    """Opaque surfaces of a scene, seen and lit on both sides, as both renderers show them alike.
+    """Opaque surfaces of a scene, seen and lit on both sides, equal in both renderers.
 
-    Vertex colors beside a texture, which Mitsuba cannot show, are left out.
+    Vertex colors in addition to a texture, which Mitsuba does not support, are left out.
     """
     scene = opaque_only(scene)
     materials = [
@@ -69,7 +69,7 @@ def trace_lit_mirror(
     Args:
         scene: see `lit_world`.
         camera, world_from_optical, samples, seed: see `trace_mirror`.
-        depth: most parts of a path from a lamp to the mirror.
+        depth: maximum number of segments of a path from a lamp to the mirror.
 
     Raises:
         OmnisimError: a matrix that is not a pose.
@@ -91,14 +91,14 @@ def lit_world(
     """Surfaces and lamps around a viewpoint, and their path tracer, for `mitsuba.load_dict`.
 
     Args:
-        scene: of `matte_on_both_sides`, perhaps with surfaces that shine, or of materials of
-            `principled`, without ambient light, on black or under an environment map.
+        scene: scene from `matte_on_both_sides`, optionally with emissive surfaces, or with
+            materials for `principled`; without ambient light, on black or under an environment map.
         viewpoint_m: (3,) origin of the coordinates, world.
         units_per_m: scale of the coordinates.
-        depth: most parts of a path.
+        depth: maximum number of segments of a path.
 
     Raises:
-        SceneError: a spot light, whose edge falls off in another way; or a map of light.
+        SceneError: a spot light, whose edge falls off differently, or a map of light.
     """
     content: dict[str, Any] = {
         "type": "scene",

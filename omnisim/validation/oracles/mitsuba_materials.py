@@ -1,11 +1,12 @@
 """Material chart by Mitsuba 3: spheres of its principled BSDF under a lamp or an environment.
 
 Its metals and gloss are glTF's: GGX with alpha = roughness², Schlick's Fresnel for metals. It
-differs in three things, of which none can be chosen: facets are shadowed each way on its own; a
-dielectric's Fresnel is exact, and takes no light from the body below; and that body is Disney's,
-which is brighter than Lambert's at grazing angles where it is rough, and darker where it is smooth.
+differs
+in three fixed ways: facets are shadowed separately in each direction; a dielectric's Fresnel term
+is exact, and takes no light from the diffuse body; and that body is Disney's, which is brighter
+than Lambert's at grazing angles if it is rough, and darker if it is smooth.
 
-Each sphere is alone: none is seen in another.
+Each sphere is traced alone: none is reflected in another.
 """
 
 from __future__ import annotations
@@ -35,13 +36,13 @@ def trace_sphere(
     """Part (height, width, 3), linear RGB, of an image from the origin along the world's x.
 
     Args:
-        material: a metal or a dielectric of the default index, without maps.
-        center_m: (3,) of the sphere, world.
-        radius_m: of the sphere.
-        lighting: directional lamps and light from everywhere, or a map.
-        camera: at the origin.
+        material: metal or dielectric with the default index, without maps.
+        center_m: (3,) center of the sphere, world.
+        radius_m: radius of the sphere.
+        lighting: directional lamps and ambient light, or a map.
+        camera: camera at the origin.
         crop_px: left, top, width and height of the part.
-        samples: rays a pixel.
+        samples: rays per pixel.
     """
     with scalar_variant():
         content = _content(material, center_m, radius_m, lighting)
@@ -72,7 +73,7 @@ def _content(
 
 
 def _lamp(light: Light, exposure: float) -> dict[str, Any]:
-    """Lamp of which a white surface is as bright as in omnisim, where radiance is times pi."""
+    """Lamp that makes a white surface as bright as in omnisim, whose radiance is times π."""
     level = np.array(light.color) * (light.intensity * exposure * math.pi)
     return {
         "type": "directional",
@@ -82,7 +83,7 @@ def _lamp(light: Light, exposure: float) -> dict[str, Any]:
 
 
 def principled(material: Material) -> dict[str, Any]:
-    """Mitsuba's BSDF of a metal or a dielectric without maps."""
+    """Mitsuba's BSDF of a metal or dielectric without maps."""
     return {
         "type": "principled",
         "base_color": rgb(material.base_color[:3]),
@@ -93,7 +94,7 @@ def principled(material: Material) -> dict[str, Any]:
 
 
 def sky(environment: Environment) -> dict[str, Any]:
-    """The map; Mitsuba's has its up along y, and its middle along +z."""
+    """Environment map; Mitsuba's has its up axis along y, and its middle along +z."""
     pixels = np.ascontiguousarray(environment.radiance)
     world_from_sky = np.array([[0.0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
     return {
