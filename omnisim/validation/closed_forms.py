@@ -180,7 +180,7 @@ def flat_port_radius(
         (2012): the analytical forward projection.
     """
     square, more = index * index, index * index - 1.0
-    found = np.roots(
+    roots = np.roots(
         (
             more,
             -2.0 * more * radius_m,
@@ -189,7 +189,7 @@ def flat_port_radius(
             square * (distance_m * radius_m) ** 2,
         )
     )
-    real = found.real[np.abs(found.imag) < 1e-9 * abs(radius_m)]
+    real = roots.real[np.abs(roots.imag) < 1e-9 * abs(radius_m)]
     return tuple(real[(real >= 0.0) & (real <= radius_m)].tolist())
 
 

@@ -85,7 +85,7 @@ def centroids(brightness: NDArray[np.float64], near_px: NDArray[np.float64]) -> 
         brightness: image (height, width).
         near_px: centers of the windows.
     """
-    found = np.full(near_px.shape, np.nan)
+    positions_px = np.full(near_px.shape, np.nan)
     for index, (u, v) in enumerate(np.rint(near_px).astype(int)):
         rows = slice(v - WINDOW_PX, v + WINDOW_PX + 1)
         columns = slice(u - WINDOW_PX, u + WINDOW_PX + 1)
@@ -93,5 +93,5 @@ def centroids(brightness: NDArray[np.float64], near_px: NDArray[np.float64]) -> 
         total = float(window.sum())
         if total > 1.0:  # in pixels: a marker has dozens
             down, right = np.mgrid[rows, columns]
-            found[index] = (window * right).sum() / total, (window * down).sum() / total
-    return found
+            positions_px[index] = (window * right).sum() / total, (window * down).sum() / total
+    return positions_px

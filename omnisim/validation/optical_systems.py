@@ -37,7 +37,7 @@ SYSTEMS: Mapping[str, tuple[float, tuple[Mapping[str, Any], ...]]] = {
 
 def validation_systems() -> dict[str, OpticalSystem]:
     """Systems of `examples/optics`, all with a pinhole, by name."""
-    found = {}
+    systems = {}
     for name, (focal_length_px, surfaces) in SYSTEMS.items():
         camera = {
             "model": "perspective",
@@ -45,5 +45,5 @@ def validation_systems() -> dict[str, OpticalSystem]:
             "height_px": SIZE_PX,
             "focal_length_px": focal_length_px,
         }
-        found[name] = parse_optics({"camera": camera, "surfaces": list(surfaces)}, name)
-    return found
+        systems[name] = parse_optics({"camera": camera, "surfaces": list(surfaces)}, name)
+    return systems

@@ -1,4 +1,4 @@
-"""Scenes of a few plain shapes at exactly known positions on black."""
+"""Scenes of a few plain shapes at exactly known positions, on black."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ BLACK = (0.0, 0.0, 0.0, 1.0)
 
 
 def plain_scene(name: str, *colored: tuple[Mesh, tuple[float, float, float, float]]) -> Scene:
-    """A scene of meshes in the world frame, each in one linear RGBA color, on black."""
+    """Scene of meshes in the world frame, each in one linear RGBA color, on black."""
     return Scene(
         name=name,
         meshes=tuple(mesh for mesh, _ in colored),
@@ -36,7 +36,7 @@ def discs(
     material: int = 0,
     corners: int = 24,
 ) -> Mesh:
-    """Discs around points (n, 3), world, of equal angular size that face the viewpoint."""
+    """Discs around points (n, 3), world, with equal angular size, facing the viewpoint."""
     toward = middles_m - np.asarray(viewpoint_m, dtype=np.float64)
     ranges = np.linalg.norm(toward, axis=1, keepdims=True)
     toward = toward / ranges
@@ -58,7 +58,7 @@ def discs(
 
 
 def quads(name: str, corners_m: ArrayLike, material: int = 0) -> Mesh:
-    """Quadrilaterals with corners (n, 4, 3), world, in order around each."""
+    """Quadrilaterals with corners (n, 4, 3), world, in order."""
     corners = np.asarray(corners_m, dtype=np.float64)
     first = 4 * np.arange(len(corners))[:, None]
     triangles = np.concatenate((first + [0, 1, 2], first + [0, 2, 3]))

@@ -17,17 +17,17 @@ def ring_radii(
     reach_px: float,
     azimuths: int = 720,
 ) -> NDArray[np.float64]:
-    """Radius of one dark ring at evenly spaced azimuths (azimuths,).
+    """Radii (azimuths,) of one dark ring at evenly spaced azimuths.
 
-    At each azimuth it is the middle of darkness along the radius, within `reach_px` of where the
-    ring is expected. Blurring a ring makes its profile fall off as one over the root of the
-    radius, so darkness is weighted by the root.
+    The radius at an azimuth is the center of darkness along it, within `reach_px` of the expected
+    radius. A blurred ring's profile falls off with one over the square root of the radius, so
+    darkness is weighted with the root.
 
     Args:
-        darkness: image (height, width), 0 where there is no ring.
-        center_px: (u, v) of the rings' middle.
-        expected_px, reach_px: radius and half width of the search; no other ring may be there.
-        azimuths: their number.
+        darkness: image (height, width), 0 without a ring.
+        center_px: (u, v) center of the rings.
+        expected_px, reach_px: radius and half width of the search, without other rings.
+        azimuths: number of azimuths.
     """
     angles = 2.0 * np.pi * (np.arange(azimuths) + 0.5) / azimuths
     radii = expected_px + np.arange(-reach_px, reach_px + 0.5 * STEP_PX, STEP_PX)

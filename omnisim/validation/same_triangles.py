@@ -1,4 +1,4 @@
-"""Triangles that pixels of an optical system show by the virtual cameras, against exact rays."""
+"""Triangles at an optical system's pixels by the virtual cameras, against exact rays."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.stage import Stage
 
 BESIDE_M = 0.2
-_DIRECTIONS = 720  # that the nearest thing is looked for in
+_DIRECTIONS = 720  # searched for the nearest object
 _MIN_M = 0.05
 
 
@@ -30,19 +30,19 @@ class SameTriangles(NamedTuple):
     """Shares of pixels with the triangle of their exact ray."""
 
     cast: float  # undecided pixels cast as rays
-    alone: float  # by the virtual cameras alone
-    decided: float  # of the pixels that those decide
-    undecided_cast: float  # of the others, cast; NaN: there are none
-    undecided: float  # share of the others in all
+    alone: float  # by the virtual cameras only
+    decided: float  # of the pixels that the virtual cameras decide
+    undecided_cast: float  # of the other pixels, cast; NaN: there are none
+    undecided: float  # share of the other pixels
 
 
 def same_triangles(
     stage: Stage, rays: RayScene, sensor: OmniCamera, world_from_base: NDArray[np.float64]
 ) -> SameTriangles:
-    """Compare the triangles of all pixels that see something.
+    """Compare the triangles at all valid pixels.
 
     Raises:
-        OpticsError: a sensor with one viewpoint.
+        OpticsError: the sensor is central.
     """
     poses = ScenePoses(world_from_base @ sensor.base_from_rig, ())
     with stage.current():
@@ -70,7 +70,7 @@ def same_triangles(
 def pose_beside_nearest(
     sensor: OmniCamera, rays: RayScene, start: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Pose (4, 4) of the base, moved towards the nearest thing around its sensor until `BESIDE_M`
+    """Pose (4, 4) of the base, moved toward the nearest object around its sensor, up to `BESIDE_M`
     before it."""  # fmt: skip
     sensor_m = (start @ sensor.base_from_rig)[:3, 3]
     angles = np.linspace(0.0, 2.0 * np.pi, _DIRECTIONS, endpoint=False)
@@ -80,14 +80,14 @@ def pose_beside_nearest(
     ranges_m = rays.first_hits(Rays(origins_m, directions, near_m, far_m)).ranges_m
     nearest = int(np.argmin(np.where(ranges_m > 2.0 * BESIDE_M, ranges_m, np.inf)))
     away_m = (ranges_m[nearest] - BESIDE_M) * directions[nearest]
-    found: NDArray[np.float64] = pose(tuple(away_m.tolist())) @ start
-    return found
+    moved: NDArray[np.float64] = pose(tuple(away_m.tolist())) @ start
+    return moved
 
 
 class _Triangles(NamedTuple):
-    """Triangles of pixels."""
+    """Triangles at pixels."""
 
-    names: NDArray[np.str_]  # of their instances
+    names: NDArray[np.str_]  # of the instances
     numbers: NDArray[np.uint32]
 
     @staticmethod
@@ -98,7 +98,7 @@ class _Triangles(NamedTuple):
         return _Triangles(names[hits.draw_ids], hits.triangles)
 
     def equal(self, other: _Triangles) -> NDArray[np.bool_]:
-        """Mask of the pixels where they are the same; nothing is the same as nothing."""
+        """Mask of pixels with equal triangles, or with none in both."""
         same = (self.numbers == other.numbers) | (self.names == "")
-        found: NDArray[np.bool_] = same & (self.names == other.names)
-        return found
+        equal: NDArray[np.bool_] = same & (self.names == other.names)
+        return equal

@@ -1,4 +1,4 @@
-"""Edges of shadows in two images, and how far they are apart."""
+"""Edges of shadows in two images, and their distance."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from scipy import ndimage
 from omnisim.scene.model import Light, Material, Scene
 
 _HALF, _FINER = 0.5, 8
-_MARGIN_PX = 2  # around the edges of objects, which are none of shadows
+_MARGIN_PX = 2  # around the edges of objects, which are not edges of shadows
 _GRAY = (0.5, 0.5, 0.5, 1.0)
-_DARKEST = 0.02  # of white, in full light: below it noise hides the shadow
+_DARKEST = 0.02  # of white, in full light: noise hides darker shadows
 
 
 def lit_share(image: NDArray[np.float32], unshadowed: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Share (height, width) of a lamp's light that arrives.
+    """Share (height, width) of a lamp's light that reaches surfaces.
 
     Args:
         image, unshadowed: (height, width, 3), linear, with and without shadows.
@@ -49,13 +49,13 @@ def inside_surfaces(
 def edge_distance_px(
     one: NDArray[np.float32], other: NDArray[np.float32], where: NDArray[np.bool_]
 ) -> float:
-    """Mean distance of edges to the nearest edge of the other image, both ways, in pixels.
+    """Mean distance of edges to the nearest edge of the other image, in both directions, in pixels.
 
-    An edge is where half of the light arrives, between pixels along straight lines.
+    An edge is where half of the light arrives, linearly interpolated between pixels.
 
     Args:
         one, other: (height, width) shares of light.
-        where: (height, width) pixels whose edges count; NaN where they have none.
+        where: (height, width) pixels with relevant edges; the result is NaN without edges.
     """
     finer = [_edges(values) for values in (one, other)]
     counted = ndimage.zoom(where, _FINER, order=0, grid_mode=True, mode="nearest")
@@ -63,8 +63,8 @@ def edge_distance_px(
     for mine, theirs in (finer, finer[::-1]):
         away = ndimage.distance_transform_edt(~theirs)
         distances.append(away[mine & counted] / _FINER)
-    found = np.concatenate(distances)
-    return float(found.mean()) if len(found) else float("nan")
+    nearest_px = np.concatenate(distances)
+    return float(nearest_px.mean()) if len(nearest_px) else float("nan")
 
 
 def _edges(values: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -77,7 +77,7 @@ def _edges(values: NDArray[np.float32]) -> NDArray[np.bool_]:
 
 
 def gray_in_one_light(scene: Scene, light: Light) -> Scene:
-    """Scene of plain gray surfaces in the light of one lamp."""
+    """Scene of plain gray surfaces, lit by one lamp."""
     return dataclasses.replace(
         scene,
         meshes=tuple(dataclasses.replace(one, colors=None) for one in scene.meshes),

@@ -14,10 +14,10 @@ from omnisim.validation.report.report import Report, Section
 
 
 def run_checks(fixture: Fixture, checks: Sequence[Check]) -> Iterator[Section]:
-    """Run checks one after the other; a broken oracle fails its check alone.
+    """Run checks in sequence; a broken oracle fails only its own check.
 
     Raises:
-        OmnisimError: OpenGL is not there, or anything else that a user can put right.
+        OmnisimError: no OpenGL, or another error that a user can fix.
     """
     for check in checks:
         section = Section(check.title, key=check.key, skipped=check.skip_reason())
@@ -31,14 +31,14 @@ def run_checks(fixture: Fixture, checks: Sequence[Check]) -> Iterator[Section]:
             raise
         except Exception as broken:
             if not check.oracles:
-                raise  # a defect of ours
+                raise  # a defect of omnisim
             words = " ".join(f"{type(broken).__name__}: {broken}".split())
             section = dataclasses.replace(section, failure=words[:300])
         yield dataclasses.replace(section, seconds=time.perf_counter() - start)
 
 
 def make_report(sections: Sequence[Section], is_quick: bool, machine: dict[str, Any]) -> Report:
-    """Report of the checks that were run; the others are named."""
+    """Report of the finished checks, which names the others."""
     run = {section.key for section in sections}
     left_out = [check.title for check in CHECKS if check.key not in run]
     notices = ["Quick report: smaller images and fewer samples."] if is_quick else []

@@ -1,4 +1,4 @@
-"""Scenes with light through a real mirror and a fisheye, traced by Mitsuba beside our images."""
+"""Lit scenes through a physical mirror and a fisheye, traced by Mitsuba next to our images."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ from omnisim.scene import Scene
 from omnisim.validation.fixture import mirror_camera
 from omnisim.validation.report.measure import Measure
 
-# Of the paper's mirror, so that its own shadow, which our camera has none of, is a few pixels wide.
+# Of the paper's mirror, so that its own shadow, which our camera lacks, is a few pixels wide.
 _MIRROR_SCALE = 0.25
 _FISHEYE_THETA_RAD = math.radians(95.0)
-_RIM_PX = 2.0  # left out, where pixels blend
+_RIM_PX = 2.0  # excluded, as pixels blend there
 
 
 CAMERAS = ("mirror", "fisheye")
 
 
 def sensor_of(camera: str, size_px: int) -> OmniCamera:
-    """Sensor of one of `CAMERAS`."""
+    """Sensor by its name in `CAMERAS`."""
     return small_mirror(size_px) if camera == "mirror" else fisheye(size_px)
 
 
 def samples_of(samples: Mapping[str, int]) -> list[Measure]:
-    """Rays a pixel of each camera, at least, of those that are given for `traced_light`."""
-    found = [Measure("rays a pixel of the mirror", samples["mirror"])]
-    return [*found, Measure("rays a pixel of the fisheye", 16 * samples["fisheye"])]
+    """Measure of each camera's minimum number of rays per pixel, from those for `traced_light`."""
+    measures = [Measure("rays per pixel of the mirror", samples["mirror"])]
+    return [*measures, Measure("rays per pixel of the fisheye", 16 * samples["fisheye"])]
 
 
 def small_mirror(size_px: int) -> OmniCamera:
-    """Camera of the paper with a smaller mirror, which sees the same."""
+    """The paper's camera with a smaller mirror and the same view."""
     sensor = OmniCamera().with_polygons(None).resized(size_px)
     camera = mirror_camera(sensor)
     scale = _MIRROR_SCALE * camera.mirror.meters_per_unit
@@ -66,15 +66,15 @@ def traced_light(
 
     Args:
         scene: see `lit_world`.
-        sensor: with a hyperbolic mirror or an equidistant fisheye.
+        sensor: sensor with a hyperbolic mirror or an equidistant fisheye.
         world_from_base: (4, 4) pose of the vehicle.
         samples: see `trace_lit_mirror` and `trace_lit_fisheye`.
-        bounces: all light; False: that which comes from a lamp to the surface seen.
+        bounces: True: all light; False: only light from a lamp directly to the visible surface.
 
     Raises:
         OpticsError: another camera.
     """
-    from omnisim.validation.oracles.mitsuba_fisheye import trace_lit_fisheye  # may be missing
+    from omnisim.validation.oracles.mitsuba_fisheye import trace_lit_fisheye  # of an extra
     from omnisim.validation.oracles.mitsuba_light import ALL_DEPTH, DIRECT_DEPTH, trace_lit_mirror
 
     depth = ALL_DEPTH if bounces else DIRECT_DEPTH
@@ -90,7 +90,7 @@ def traced_light(
 
 
 def inside_rim(sensor: OmniCamera) -> NDArray[np.bool_]:
-    """Mask (height, width) of the pixels that see nothing but the mirror, or the fisheye's disc.
+    """Mask (height, width) of the pixels that see only the mirror, or the fisheye's disc.
 
     Raises:
         OpticsError: another camera.

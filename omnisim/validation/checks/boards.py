@@ -151,13 +151,13 @@ def _off_px(
             rig_from_board = np.eye(4)
             rig_from_board[:3] = rig_from_optical @ optical_from_board[:3]
             image = renderer.render(np.linalg.inv(rig_from_board)).rgba
-            found = omnidir.find_corners(np.ascontiguousarray(image[..., 1]), PATTERN)
+            detected = omnidir.find_corners(np.ascontiguousarray(image[..., 1]), PATTERN)
             points = board_corners_m() @ optical_from_board[:3, :3].T + optical_from_board[:3, 3]
             in_file = points @ omnidir.OMNIDIR_FROM_OPTICAL if is_mirror else points
-            if found is None or not _can_be_projected(board_camera, in_file):
+            if detected is None or not _can_be_projected(board_camera, in_file):
                 continue
             projected = opencv_projection.project(path, board_camera.format, in_file)
-            offs.append(_distances_px(projected, found))
+            offs.append(_distances_px(projected, detected))
             shown = image[..., :3]
     return np.concatenate(offs), len(offs) - 1, shown
 
@@ -168,11 +168,11 @@ def _can_be_projected(board_camera: BoardCamera, points: NDArray[np.float64]) ->
 
 
 def _distances_px(
-    projected: NDArray[np.float64], found: NDArray[np.float64]
+    projected: NDArray[np.float64], detected: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Distances (n,), independent of OpenCV's order of the corners."""
     columns, rows = PATTERN
-    grid = found.reshape(rows, columns, 2)
+    grid = detected.reshape(rows, columns, 2)
     orders = (grid, grid[::-1], grid[:, ::-1], grid[::-1, ::-1])
     off = [np.linalg.norm(projected - order.reshape(-1, 2), axis=1) for order in orders]
     return min(off, key=lambda one: float(one.sum()))

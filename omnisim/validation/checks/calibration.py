@@ -68,26 +68,26 @@ def check_omnidir(fixture: Fixture, title: str) -> Section:
     off = np.linalg.norm(measured - rim_centroids_px(projected), axis=1)
     boards, corners = chessboard_images(fixture, 10 if fixture.is_quick else 20)
     size = (camera.width_px, camera.height_px)
-    found = omnidir.calibrate(board_corners_m(), corners, size)
-    focal = 100.0 * (found.focal_length_px / camera.unified_focal_length_px - 1.0)
-    center = np.linalg.norm(found.principal_point_px - camera.principal_point_px)
+    calibrated = omnidir.calibrate(board_corners_m(), corners, size)
+    focal = 100.0 * (calibrated.focal_length_px / camera.unified_focal_length_px - 1.0)
+    center = np.linalg.norm(calibrated.principal_point_px - camera.principal_point_px)
     return Section(
         title,
         "cv2.omnidir.projectPoints, given the K and ξ that the camera states, against the middles "
         "of the rendered markers; and cv2.omnidir.calibrate, given nothing but chessboards that "
         "OpenCV found in rendered images, against the camera's ξ and focal length "
         f"(stated {camera.mirror.xi:.5f} and {camera.unified_focal_length_px:.3f} px, found "
-        f"{found.xi:.5f} and {found.focal_length_px:.3f} px).",
+        f"{calibrated.xi:.5f} and {calibrated.focal_length_px:.3f} px).",
         (
             Measure("markers against omnidir, mean distance", mean_abs(off), "px", MEAN_BOUND_PX),
             Measure("markers against omnidir, largest distance", max_abs(off),
                     "px", MAX_BOUND_PX),
             Measure("calibration: ξ, distance from the stated one",
-                    abs(found.xi - camera.mirror.xi), bound=XI_BOUND),
+                    abs(calibrated.xi - camera.mirror.xi), bound=XI_BOUND),
             Measure("calibration: focal length, distance from the stated one", abs(focal),
                     "%", FOCAL_BOUND_PERCENT),
-            Measure("calibration: reprojection, RMS", found.rms_px, "px", RMS_BOUND_PX),
-            Measure("boards", found.boards),
+            Measure("calibration: reprojection, RMS", calibrated.rms_px, "px", RMS_BOUND_PX),
+            Measure("boards", calibrated.boards),
             Measure("calibration: distance of the principal point", float(center), "px"),
         ),
         figures=(
@@ -133,8 +133,8 @@ def chessboard_images(
     with open_sensor(board_scene(), sensor, unlit=True, device=fixture.device) as renderer:
         for rig_from_board in board_poses(count):
             image = renderer.render(np.linalg.inv(rig_from_board)).rgb
-            found = omnidir.find_corners(np.ascontiguousarray(image[..., 1]), PATTERN)
-            if found is not None:
+            detected = omnidir.find_corners(np.ascontiguousarray(image[..., 1]), PATTERN)
+            if detected is not None:
                 images.append(image)
-                corners.append(found)
+                corners.append(detected)
     return images, corners

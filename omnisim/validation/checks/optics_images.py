@@ -74,8 +74,8 @@ class TracedSystem:
     @property
     def world_from_optical(self) -> NDArray[np.float64]:
         """Pose (4, 4) of the optical frame."""
-        found: NDArray[np.float64] = self.pose @ self.sensor.base_from_optical
-        return found
+        world_from_optical: NDArray[np.float64] = self.pose @ self.sensor.base_from_optical
+        return world_from_optical
 
     @cached_property
     def optics(self) -> PhysicalOptics:
@@ -105,8 +105,8 @@ class TracedSystem:
         scene = markers_on_rays(self.system, pixels, self.world_from_optical)
         images = self.optics.image(scene, SAMPLES), self.ours(scene)
         one, other = (centroids(image[..., 1].astype(np.float64), pixels) for image in images)
-        found: NDArray[np.float64] = np.linalg.norm(one - other, axis=1)
-        return found
+        distances_px: NDArray[np.float64] = np.linalg.norm(one - other, axis=1)
+        return distances_px
 
     def ray_errors_px(self) -> NDArray[np.float64]:
         """Distances (n,) between pixels and our projections of points at 1 m on Mitsuba's rays."""
@@ -116,8 +116,8 @@ class TracedSystem:
         pixels = pixels[self.system.rays(pixels).valid]
         origins_m, directions = self.optics.rays(pixels)
         seen = self.system.pixel_from_point(origins_m + directions).positions_px
-        found: NDArray[np.float64] = np.linalg.norm(seen - pixels, axis=1)
-        return found
+        distances_px: NDArray[np.float64] = np.linalg.norm(seen - pixels, axis=1)
+        return distances_px
 
 
 class Result(NamedTuple):
@@ -131,9 +131,9 @@ class Result(NamedTuple):
 
 def check(fixture: Fixture, title: str) -> Section:
     """Trace images and markers through the systems' physical surfaces, and compare."""
-    found = dict(_results(fixture))
-    markers = [result.markers_px for result in found.values()]
-    most = [result.images.decibels for name, result in found.items() if name != SQUEEZED]
+    results = dict(_results(fixture))
+    markers = [result.markers_px for result in results.values()]
+    most = [result.images.decibels for name, result in results.items() if name != SQUEEZED]
     measures = [
         Measure("markers, mean distance in any system", max(map(mean_abs, markers)), "px",
                 MEAN_BOUND_PX),
@@ -141,9 +141,9 @@ def check(fixture: Fixture, title: str) -> Section:
         Measure("worst image at default quality, but for the cone's", min(most), "dB", BOUND_DB,
                 at_least=True),
         Measure("Mitsuba's single rays against ours, largest distance at 1 m",
-                max(max_abs(result.rays_px) for result in found.values()), "px", RAY_BOUND_PX),
+                max(max_abs(result.rays_px) for result in results.values()), "px", RAY_BOUND_PX),
     ]  # fmt: skip
-    for name, result in found.items():
+    for name, result in results.items():
         if result.fine_db is not None:
             measures += [
                 Measure(f"{name}: image at default quality", result.images.decibels, "dB",
@@ -164,11 +164,11 @@ def check(fixture: Fixture, title: str) -> Section:
         f"{OmniCamera().supersampling} samples are few; with {FINE} × {FINE} it is as near as the "
         "others.",
         tuple(measures),
-        tables=(_table(found),),
+        tables=(_table(results),),
         figures=(
             CaptionedFigure(
                 "traced-optics",
-                gallery(_images(found), 6, 2.0),
+                gallery(_images(results), 6, 2.0),
                 "By Mitsuba, by omnisim, and their difference, eight times enhanced.",
             ),
         ),
@@ -188,7 +188,7 @@ def _results(fixture: Fixture) -> Iterator[tuple[str, Result]]:
         yield name, Result(traced.marker_distances_px(), traced.ray_errors_px(), images, fine_db)
 
 
-def _table(found: Mapping[str, Result]) -> ResultTable:
+def _table(results: Mapping[str, Result]) -> ResultTable:
     rows = tuple(
         (
             name,
@@ -197,15 +197,15 @@ def _table(found: Mapping[str, Result]) -> ResultTable:
             f"{max_abs(result.rays_px):.4f}",
             f"{result.images.decibels:.1f}",
         )
-        for name, result in found.items()
+        for name, result in results.items()
     )
     columns = ("system", "markers", "mean, largest px", "single rays, largest px", "image, dB")
     return ResultTable("Distances between Mitsuba's images and ours", columns, rows)
 
 
-def _images(found: Mapping[str, Result]) -> dict[str, NDArray[np.uint8]]:
+def _images(results: Mapping[str, Result]) -> dict[str, NDArray[np.uint8]]:
     images: dict[str, NDArray[np.uint8]] = {}
-    for name, result in found.items():
+    for name, result in results.items():
         inside = result.images.inside[..., None]
         one, other = (np.where(inside, x, 0.0) for x in result.images[:2])
         off = 8.0 * np.abs(srgb_from_linear(one) - srgb_from_linear(other))

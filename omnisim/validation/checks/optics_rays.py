@@ -158,10 +158,10 @@ def _caustic_error(
     system: OpticalSystem, traced: TracedAxialRays, sheets: tuple[AxialPoints, AxialPoints]
 ) -> float:
     """Maximum distance between caustics, either sheet by either root, as a share of the size."""
-    found = caustic_points(system, traced.pixels_px)
-    known = np.isfinite(found).all(axis=(1, 2))  # not next to the rim
+    caustic = caustic_points(system, traced.pixels_px)
+    known = np.isfinite(caustic).all(axis=(1, 2))  # not next to the rim
     expected = np.stack([traced.place(sheet) for sheet in sheets], axis=1)
-    orders = [np.linalg.norm(found - expected[:, order], axis=2) for order in ((0, 1), (1, 0))]
+    orders = [np.linalg.norm(caustic - expected[:, order], axis=2) for order in ((0, 1), (1, 0))]
     away = np.minimum(orders[0].max(axis=1), orders[1].max(axis=1))[known]
     return float((away / np.abs(expected[known]).max(axis=(1, 2))).max())
 
@@ -201,15 +201,15 @@ def _round_trips(step_px: int) -> Iterator[tuple[str, float, int, int]]:
 
 def _round_systems() -> Mapping[str, OpticalSystem]:
     """Systems of all shapes, and a fisheye under water."""
-    found = validation_systems()
+    systems = validation_systems()
     middle = 0.5 * (SIZE_PX - 1)
     fisheye = EquidistantCamera(SIZE_PX, SIZE_PX, 120.0, (middle, middle), math.radians(80.0))
     for name in ("flat port", "dome port"):
-        port = found[name]
-        found[f"fisheye, {name}"] = OpticalSystem(fisheye, port.surfaces)
-    found["asphere"] = _system(Asphere(_RADIUS_M, 0.0, (1e3,)), _VERTEX_M, 0.028)
-    found["polynomial"] = _system(Polynomial((0.1, 16.0, 0.0, 4e3)), _VERTEX_M, 0.028)
+        port = systems[name]
+        systems[f"fisheye, {name}"] = OpticalSystem(fisheye, port.surfaces)
+    systems["asphere"] = _system(Asphere(_RADIUS_M, 0.0, (1e3,)), _VERTEX_M, 0.028)
+    systems["polynomial"] = _system(Polynomial((0.1, 16.0, 0.0, 4e3)), _VERTEX_M, 0.028)
     profile = Design(0.1, 20.0).equi_angular(105.0)
     table = TabulatedProfile(profile.radii_m, profile.heights_m)
-    found["table, equi-angular"] = _system(table, 0.1, table.domain_m, 494.5)
-    return found
+    systems["table, equi-angular"] = _system(table, 0.1, table.domain_m, 494.5)
+    return systems

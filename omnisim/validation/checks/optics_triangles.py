@@ -27,30 +27,30 @@ CAST_BOUND, ALONE_BOUND, UNDECIDED_BOUND = 99.9, 99.4, 100.0
 
 def check(fixture: Fixture, title: str) -> Section:
     """Compare the triangles at the pixels, near the nearest object in scenes."""
-    found = {
+    compared = {
         (name, system): shares
         for name in (SCENES[:1] if fixture.is_quick else SCENES)
         for system, shares in measure_triangles(fixture, load_scene(name)).items()
     }
-    return triangle_section(title, found)
+    return triangle_section(title, compared)
 
 
 def measure_triangles(fixture: Fixture, scene: Scene) -> dict[str, SameTriangles]:
     """Shares of pixels by system, near the nearest object in any scene."""
-    found = {}
+    shares = {}
     with Stage(scene, device=fixture.device) as stage:
         rays = RayScene(scene)
         for name in SYSTEMS:
             sensor = OmniCamera(validation_systems()[name])
             start = sensor.base_pose(scene.start.position_m, scene.start.yaw_deg)
             place = pose_beside_nearest(sensor, rays, start)
-            found[name] = same_triangles(stage, rays, sensor, place)
-    return found
+            shares[name] = same_triangles(stage, rays, sensor, place)
+    return shares
 
 
-def triangle_section(title: str, found: Mapping[tuple[str, str], SameTriangles]) -> Section:
+def triangle_section(title: str, compared: Mapping[tuple[str, str], SameTriangles]) -> Section:
     """Section of shares by scene and system."""
-    shares = list(found.values())
+    shares = list(compared.values())
     cast = [one.undecided_cast for one in shares if not math.isnan(one.undecided_cast)]
     return Section(
         title,
@@ -72,7 +72,7 @@ def triangle_section(title: str, found: Mapping[tuple[str, str], SameTriangles])
                 tuple(
                     (scene, system, f"{100.0 * one.cast:.3f}", f"{100.0 * one.alone:.3f}",
                      f"{100.0 * one.undecided:.2f}")
-                    for (scene, system), one in found.items()
+                    for (scene, system), one in compared.items()
                 ),
             ),
         ),

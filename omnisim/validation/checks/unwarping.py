@@ -126,18 +126,18 @@ def _line(bars: NDArray[np.float32], camera: CentralCamera, index: int) -> NDArr
     gray = bars[..., 1].astype(np.float64)
     focal, middle = 0.5 * camera.width_px, 0.5 * (camera.height_px - 1)
     expected = middle + focal * math.tan(directions - math.radians(PITCH_DEG))
-    found: dict[int, float] = {}
+    rows_by_column: dict[int, float] = {}
     start = camera.width_px // 2
     for columns in (range(start, camera.width_px - 8), range(start - 1, 7, -1)):
-        near = expected if not found else found[start]
+        near = expected if not rows_by_column else rows_by_column[start]
         for u in columns:
             rows = np.arange(round(near) - 7, round(near) + 8)
             if rows[0] < 0 or rows[-1] >= camera.height_px:
                 break
             column = gray[rows, u]
             if column.sum() > 0.5 and max(column[0], column[-1]) < 0.01:
-                near = found[u] = float((column * rows).sum() / column.sum())
-    return np.array(sorted(found.items()))
+                near = rows_by_column[u] = float((column * rows).sum() / column.sum())
+    return np.array(sorted(rows_by_column.items()))
 
 
 def _bend(line: NDArray[np.float64]) -> float:

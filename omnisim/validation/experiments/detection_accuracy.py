@@ -56,8 +56,8 @@ def compare(
 ) -> list[DetectionMatch]:
     """Match detections of each step with the landmarks at the true pose."""
     matches = []
-    for step, (pose, found) in enumerate(zip(true_poses.tolist(), detections, strict=True)):
-        by_name = {detection.landmark: detection for detection in found}
+    for step, (pose, of_step) in enumerate(zip(true_poses.tolist(), detections, strict=True)):
+        by_name = {detection.landmark: detection for detection in of_step}
         for name, corners in landmarks.corners_m.items():
             expected = predict_measurement(tuple(pose), camera_m, corners)
             range_m, bearing_rad = expected[0], expected[4]
@@ -93,9 +93,9 @@ class Accuracy:
     count: int
 
 
-def accuracy(found: Sequence[DetectionMatch], nearest_m: float, farthest_m: float) -> Accuracy:
+def accuracy(matches: Sequence[DetectionMatch], nearest_m: float, farthest_m: float) -> Accuracy:
     """Accuracy for landmarks between two ranges; NaN without landmarks."""
-    present = [each for each in found if nearest_m <= each.range_m < farthest_m]
+    present = [each for each in matches if nearest_m <= each.range_m < farthest_m]
     seen = [each for each in present if each.detection is not None]
     right = [each for each in seen if each.is_right]
 

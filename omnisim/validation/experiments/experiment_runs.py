@@ -80,13 +80,13 @@ def _timed(
 
     The time is that of this thread only.
     """
-    found, times = [], []
+    detections, times = [], []
     for step in progress(f"landmarks: {run.folder.path.name}", run.steps)(range(run.steps)):
         image = run.image(step)
         start = time.thread_time()
-        found.append(detector(image))
+        detections.append(detector(image))
         times.append(time.thread_time() - start)
-    return found, 1e3 * float(np.median(times))
+    return detections, 1e3 * float(np.median(times))
 
 
 def _compared(run: RunData, detections: Sequence[Sequence[Detection]]) -> list[DetectionMatch]:

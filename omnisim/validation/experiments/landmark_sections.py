@@ -63,7 +63,7 @@ def images(runs: Recordings, trained: Training, simulated: Simulated, real: Real
 
 def _steps_with_most(detections: Sequence[Sequence[Detection]]) -> list[int]:
     """Steps with the most detections, one in each half of a run."""
-    counts = np.array([len(found) for found in detections])
+    counts = np.array([len(of_step) for of_step in detections])
     half = len(counts) // 2
     return [int(counts[:half].argmax()), half + int(counts[half:].argmax())]
 
@@ -158,8 +158,8 @@ def detection(simulated: Simulated, real: Real) -> Section:
     )  # fmt: skip
 
 
-def _rates(found: Sequence[DetectionMatch]) -> Rates:
-    by_distance = [accuracy(found, low, high) for low, high in pairwise(EDGES_M)]
+def _rates(matches: Sequence[DetectionMatch]) -> Rates:
+    by_distance = [accuracy(matches, low, high) for low, high in pairwise(EDGES_M)]
     return Rates(
         EDGES_M,
         np.array([each.recall for each in by_distance]),
@@ -171,7 +171,7 @@ def degradations(
     simulated: Simulated, trained: Training, parameters: FilterParameters, progress: Progress
 ) -> Section:
     """One degradation at a time, with increasing strength."""
-    clean, found = sweep(
+    clean, outcomes = sweep(
         simulated.run,
         RunLabels(simulated.run, trained.model.colors),
         trained.model,
@@ -181,13 +181,13 @@ def degradations(
     )
     rows = [("none", "", *_cells(clean))]
     for cause in CAUSES:
-        for level, outcome in zip(cause.levels, found[cause.name], strict=True):
+        for level, outcome in zip(cause.levels, outcomes[cause.name], strict=True):
             rows.append((cause.name, f"{level:g} {cause.unit}", *_cells(outcome)))
     levels = ("none", "1", "2", "3")
 
     def lines(value: Callable[[Outcome], float]) -> list[tuple[str, NDArray[np.float64]]]:
         return [
-            (cause.name, np.array([value(each) for each in (clean, *found[cause.name])]))
+            (cause.name, np.array([value(each) for each in (clean, *outcomes[cause.name])]))
             for cause in CAUSES
         ]
 

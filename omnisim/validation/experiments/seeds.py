@@ -32,11 +32,11 @@ def detect_with_noise(
 ) -> list[list[list[Detection]]]:
     """Detections of each seed and step, in images with each seed's pixel noise."""
     images = list(run.images())
-    found = []
+    detections = []
     for seed in progress(f"images with noise of {seeds} seeds", seeds)(range(seeds)):
         generator = np.random.default_rng([1, seed])
-        found.append([detector(noisy(image, generator)) for image in images])
-    return found
+        detections.append([detector(noisy(image, generator)) for image in images])
+    return detections
 
 
 def noisy(image: NDArray[np.uint8], generator: np.random.Generator) -> NDArray[np.uint8]:

@@ -189,7 +189,7 @@ def sweep(
         )
 
     tasks = [(cause, level) for cause in CAUSES for level in cause.levels]
-    found: dict[str, list[Outcome]] = {cause.name: [] for cause in CAUSES}
+    outcomes: dict[str, list[Outcome]] = {cause.name: [] for cause in CAUSES}
     for index in progress("degradations, one by one", len(tasks))(range(len(tasks))):
         cause, level = tasks[index]
 
@@ -198,8 +198,8 @@ def sweep(
         ) -> NDArray[np.uint8]:
             return degraded(image, shown, geometry, cause, level, step)
 
-        found[cause.name].append(evaluate(change))
-    return evaluate(lambda image, _: image), found
+        outcomes[cause.name].append(evaluate(change))
+    return evaluate(lambda image, _: image), outcomes
 
 
 def degraded(

@@ -20,7 +20,7 @@ def import_failure(name: str) -> str:
     """Reason why a "module" or "module.attribute" is unusable, with a remedy; empty: usable."""
     module, _, attribute = name.partition(".")
     try:
-        found = import_module(module)
+        imported = import_module(module)
     except ModuleNotFoundError:
         hint = " (on Python 3.11 only)" if name == "pyrender" else ""
         return f"{name} is not installed: {install_hint('oracles')}{hint}"
@@ -29,6 +29,6 @@ def import_failure(name: str) -> str:
         library = SYSTEM_LIBRARIES.get(module)
         hint = f"; sudo apt-get install {library} may help" if library else ""
         return f"{name} is installed and cannot be imported{hint}: {words[:200]}"
-    if attribute and not hasattr(found, attribute):
+    if attribute and not hasattr(imported, attribute):
         return f"{name} is not in this {module}: {install_hint('oracles')}"
     return ""

@@ -61,7 +61,7 @@ def trace_lit_fisheye(
     pose = check_pose(world_from_optical)
     size_px = 2 * math.ceil(TEXELS * camera.focal_length_px)  # of a face, 2 wide at distance 1
     faces, texels = _texels(_rays(camera), size_px)
-    found = np.zeros((*faces.shape, 3), dtype=np.float32)
+    samples_rgb = np.zeros((*faces.shape, 3), dtype=np.float32)
     with scalar_variant():
         loaded = mi.load_dict(lit_world(scene, pose[:3, 3], UNITS_PER_M, depth))
         for number in np.unique(faces).tolist():
@@ -72,9 +72,9 @@ def trace_lit_fisheye(
             )
             image = mi.render(loaded, sensor=sensor, spp=samples, seed=mi.UInt32(seed + number))
             column, row = (texels[mine] - low).T
-            found[mine] = np.array(image, dtype=np.float32)[row, column, :3]
+            samples_rgb[mine] = np.array(image, dtype=np.float32)[row, column, :3]
     height, width, side = camera.height_px, camera.width_px, 2 * TEXELS
-    means: NDArray[np.float32] = found.reshape(height, side, width, side, 3).mean(axis=(1, 3))
+    means: NDArray[np.float32] = samples_rgb.reshape(height, side, width, side, 3).mean(axis=(1, 3))
     return means
 
 

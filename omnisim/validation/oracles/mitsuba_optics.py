@@ -1,14 +1,15 @@
-"""Optical systems of real mirrors and real windows, traced by Mitsuba 3.
+"""Optical systems with physical mirrors and windows, traced by Mitsuba 3.
 
-Of omnisim's optics only the shapes' heights and normals, poses and refractive indices go in.
+Only the shapes' heights and normals, poses and refractive indices of omnisim's optics are used.
 Mirrors are meshes of metal; a window's boundaries are spheres or discs of a smooth dielectric.
-Which way a pixel looks is for Mitsuba to find out.
+Mitsuba itself determines the direction of a pixel.
 
-A boundary reflects a part of the light, which is lost here. An image is divided by that of a white
-world by the same random numbers: what is left are averages over the rays that came through.
+A boundary reflects part of the light, which is lost here. An image is divided by the image of a
+white world with the same random numbers, which leaves averages over the rays that pass.
 
-Coordinates run along the world's axes from the middle of the system's last surface, in hundredths
-of its size: Mitsuba begins a reflected ray 9e-5 (1 + coordinate) off the surface.
+Coordinates are along the world's axes from the middle of the system's last surface, in hundredths
+of
+its size: Mitsuba starts a reflected ray 9e-5 (1 + coordinate) off the surface.
 """
 
 from __future__ import annotations
@@ -47,10 +48,10 @@ _WINDOW_SIZES = 50.0  # radius of a window without a rim
 
 @dataclass(frozen=True, eq=False)
 class PhysicalOptics:
-    """A system's surfaces and its pinhole in Mitsuba's units.
+    """Surfaces and pinhole of a system in Mitsuba's units.
 
     Attributes:
-        system: behind a perspective camera.
+        system: system with a perspective camera.
         world_from_optical: (4, 4) pose of the sensor's optical frame.
 
     Raises:
@@ -81,7 +82,7 @@ class PhysicalOptics:
 
     @cached_property
     def size_m(self) -> float:
-        """Largest distance of a ray's origin from the middle."""
+        """Maximum distance of a ray's origin from the middle."""
         away_m = np.linalg.norm(self._origins_m - self._origins_m.mean(axis=0), axis=1)
         return float(away_m.max())
 
@@ -91,24 +92,24 @@ class PhysicalOptics:
         return SIZE_UNITS / self.size_m
 
     def units_from(self, system_from_part: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Affine map (4, 4) from meters in the frame of a part to Mitsuba's units."""
+        """Affine map (4, 4) from meters in a part's frame to Mitsuba's units."""
         optical_from_system = np.eye(4)
         optical_from_system[:3, 3] = np.negative(self.system.origin_m)
-        found = self.world_from_optical @ optical_from_system @ system_from_part
-        found[:3, 3] -= self.middle_m
-        found[:3] *= self.units_per_m
-        return found
+        units_from_part = self.world_from_optical @ optical_from_system @ system_from_part
+        units_from_part[:3, 3] -= self.middle_m
+        units_from_part[:3] *= self.units_per_m
+        return units_from_part
 
     def objects(self) -> dict[str, Any]:
         """Surfaces and obstacles, for `mitsuba.load_dict`."""
-        found: dict[str, Any] = {}
+        objects: dict[str, Any] = {}
         for number, surface in enumerate(self.system.surfaces):
-            found[f"optics {number}"] = (
+            objects[f"optics {number}"] = (
                 self._mirror(surface) if surface.is_mirror else self._boundary(number, surface)
             )
         for number, rod in enumerate(self.system.obstacles):
-            found |= self._rod(number, rod)
-        return found
+            objects |= self._rod(number, rod)
+        return objects
 
     def camera(self, samples: int) -> dict[str, Any]:
         """Perspective camera, for `mitsuba.load_dict`."""
@@ -135,10 +136,10 @@ class PhysicalOptics:
         }
 
     def _mirror(self, surface: Surface) -> mi.Mesh:
-        """Rings equally wide along the radius, from the hole to the rim.
+        """Mesh of rings with equal width along the radius, from the hole to the rim.
 
         Raises:
-            OpticsError: a rim beside the axis.
+            OpticsError: the rim is next to the axis.
         """
         if surface.rim_center_m != (0.0, 0.0):
             raise OpticsError(f"{surface.name}: expected a rim about the axis")
@@ -159,7 +160,7 @@ class PhysicalOptics:
         )
 
     def _boundary(self, number: int, surface: Surface) -> dict[str, Any]:
-        """Sphere or disc; the camera's side is the inner one.
+        """Sphere or disc; the camera is on its inner side.
 
         Raises:
             OpticsError: another shape, or a part of a sphere.
@@ -192,7 +193,7 @@ class PhysicalOptics:
         ends = [to_units[:3, :3] @ end + to_units[:3, 3] for end in (rod.begin_m, rod.end_m)]
         radius = rod.radius_m * self.units_per_m
         black = {"type": "twosided", "bsdf": metal(0.0)}
-        found: dict[str, Any] = {
+        objects: dict[str, Any] = {
             f"rod {number}": {
                 "type": "cylinder",
                 "p0": ends[0].tolist(),
@@ -206,27 +207,27 @@ class PhysicalOptics:
             turned = mi.ScalarTransform4f().look_at(
                 origin=at.tolist(), target=(2.0 * at - other).tolist(), up=up.tolist()
             )
-            found[f"rod {number} end {side}"] = {
+            objects[f"rod {number} end {side}"] = {
                 "type": "disk",
                 "to_world": turned @ mi.ScalarTransform4f().scale(radius),
                 "bsdf": black,
             }
-        return found
+        return objects
 
     @cached_property
     def _objects(self) -> dict[str, Any]:
         return self.objects()
 
     def image(self, scene: Scene, samples: int, seed: int = 0) -> NDArray[np.float32]:
-        """Image (height, width, 3), linear RGB, through real mirrors and windows.
+        """Image (height, width, 3), linear RGB, through physical mirrors and windows.
 
         Args:
             scene: opaque surfaces, see `opaque_only`.
-            samples: rays a pixel, a square.
-            seed: same seed, same image.
+            samples: rays per pixel, a square number.
+            seed: equal seeds give equal images.
 
         Raises:
-            OmnisimError: a surface or material that Mitsuba cannot show.
+            OmnisimError: a surface or material that Mitsuba does not support.
         """
         surfaces = visible_surfaces(scene, self.middle_m, self.size_m)
         with scalar_variant():
@@ -257,11 +258,12 @@ class PhysicalOptics:
         return np.array(image, dtype=np.float32)[..., :3]
 
     def rays(self, pixels_px: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """Origins and directions (n, 3) of single rays of pixels (n, 2), optical frame; NaN where
-        one meets no surface.
+        """Origins and directions (n, 3) of single rays of pixels (n, 2), optical frame.
+
+        NaN where a ray hits no surface.
         """  # fmt: skip
         camera = self.system.camera
-        found = np.full((2, len(pixels_px), 3), np.nan)
+        rays = np.full((2, len(pixels_px), 3), np.nan)
         with scalar_variant():
             sensor = mi.load_dict(self.camera(1))
             scene = mi.load_dict({"type": "scene", **self._objects})
@@ -277,7 +279,7 @@ class PhysicalOptics:
                     )
                     ray = hit.spawn_ray(hit.to_world(sampled.wo))
                 else:
-                    found[:, row] = np.array(ray.o), np.array(ray.d)
+                    rays[:, row] = np.array(ray.o), np.array(ray.d)
         turn = self.world_from_optical[:3, :3]
-        origins_m = found[0] / self.units_per_m + self.middle_m - self.world_from_optical[:3, 3]
-        return origins_m @ turn, found[1] @ turn
+        origins_m = rays[0] / self.units_per_m + self.middle_m - self.world_from_optical[:3, 3]
+        return origins_m @ turn, rays[1] @ turn

@@ -1,7 +1,7 @@
-"""Surfaces and images for Mitsuba 3, in whatever units.
+"""Surfaces and images for Mitsuba 3, in any unit.
 
-Surfaces shine in their base color and reflect nothing: a color tells where a ray has gone, and
-no shading hides it. They are float32, not filtered and not clamped.
+Surfaces emit their base color and reflect nothing: a color shows where a ray has gone, without
+shading. Images are float32, not filtered and not clamped.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene.model import Texture, Wrap
 from omnisim.validation.oracles.surfaces import Surface
 
-# Needs no LLVM: Dr.Jit 1.5 on Debian 12's LLVM 15 aborts the whole process.
+# Works without LLVM: Dr.Jit 1.5 with Debian 12's LLVM 15 aborts the process.
 VARIANT = "scalar_rgb"
 RINGS, SECTORS = 256, 1024  # of a mirror's mesh
 VERTEX_COLOR = "vertex_color"
 
 
 def film(width_px: int, height_px: int) -> dict[str, Any]:
-    """Film whose pixels are averages over their squares."""
+    """Film with averages over the squares of pixels."""
     return {
         "type": "hdrfilm",
         "width": width_px,
@@ -49,10 +49,10 @@ def triangles_of_rings(rings: int, sectors: int, has_hole: bool = False) -> NDAr
 
 
 def shining(surface: Surface, units_per_m: float) -> mi.Mesh:
-    """Emitter of a surface's base color.
+    """Emitter with a surface's base color.
 
     Raises:
-        SceneError: a material that Mitsuba cannot show.
+        SceneError: a material that Mitsuba does not support.
     """
     material, texture = surface.material, surface.material.texture
     coordinates = colors = None
@@ -88,20 +88,22 @@ def shining(surface: Surface, units_per_m: float) -> mi.Mesh:
 
 
 def bitmap(texture: Texture, factor: tuple[float, ...]) -> dict[str, Any]:
-    """Texture times a linear color, of which RGB count."""
+    """Texture times a linear color, without alpha."""
     pixels = linear_from_srgb(texture.pixels[..., :3] / 255.0) * factor[:3]
     return {
         "type": "bitmap",
         "data": mi.TensorXf(pixels.astype(np.float32)),
-        "raw": True,  # linear already
+        "raw": True,  # already linear
         "format": "variant",  # float32, not half floats
         "wrap_mode": "clamp" if texture.wrap_u is Wrap.CLAMP_TO_EDGE else "repeat",
     }
 
 
 def metal(reflectance: float) -> dict[str, Any]:
-    """Smooth metal. With 0 it is the black of all surfaces: on anything rough Mitsuba 3.9 looks for
-    light, and crashes on emitters with vertex colors (`scalar_rgb`).
+    """Smooth metal; with reflectance 0, the black of all surfaces.
+
+    On rough surfaces Mitsuba 3.9 samples light, and crashes on emitters with vertex colors
+    (`scalar_rgb`).
     """
     return {
         "type": "conductor",
@@ -123,7 +125,7 @@ def mesh_of(
     coordinates: NDArray[np.float32] | None = None,
     colors: NDArray[np.float32] | None = None,
 ) -> mi.Mesh:
-    """Triangle mesh of vertices (n, 3), in units, and what Mitsuba calls properties."""
+    """Triangle mesh of vertices (n, 3), in units, with Mitsuba's properties."""
     held = mi.Properties()
     for key, value in properties.items():
         held[key] = value
@@ -145,7 +147,7 @@ def mesh_of(
 
 @contextmanager
 def scalar_variant() -> Iterator[None]:
-    """Choose Mitsuba's variant, which is global, and put back what was chosen before."""
+    """Set Mitsuba's global variant, and restore the previous one."""
     before = mi.variant()
     mi.set_variant(VARIANT)
     try:

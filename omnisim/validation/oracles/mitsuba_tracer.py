@@ -1,15 +1,17 @@
 """Physical mirror in front of a pinhole camera, traced by Mitsuba 3.
 
-Of omnisim's optics only Eq. 1 goes in: the mirror's surface with its normals, and the pinhole in
-its other focus. Which way a pixel looks is for Mitsuba to find out, by reflecting its own camera's
-rays off a mesh of metal.
+Only Eq. 1 of omnisim's optics is used: the mirror's surface with its normals, and the pinhole in
+its other focus. Mitsuba itself determines the direction of a pixel, by reflecting its camera's rays
+off a mesh of metal.
 
-A pixel is the average over its square. Nothing is too near to be seen. Around the rim the camera
-looks past the mirror at the scene: compare inside the rim.
+A pixel is the average over its square. There is no minimum distance. Around the rim the camera sees
+the
+scene directly: compare inside the rim.
 
-Coordinates run along the world's axes from the effective viewpoint, in hundredths of the rim's
-radius. Mitsuba begins a reflected ray 9e-5 (1 + coordinate) off the surface: in meters that is
-0.1 mm and 0.012 px on a scene 1 m away, in these units 1 µm.
+Coordinates are along the world's axes from the effective viewpoint, in hundredths of the rim's
+radius. Mitsuba starts a reflected ray 9e-5 (1 + coordinate) off the surface: in meters that is 0.1
+mm, and
+0.012 px on a scene 1 m away, in these units 1 µm.
 """
 
 from __future__ import annotations
@@ -49,27 +51,27 @@ def trace_mirror(
     samples: int,
     seed: int = 0,
 ) -> NDArray[np.float32]:
-    """Trace the image (height, width, 3), linear RGB, that a camera takes of a mirror.
+    """Trace the image (height, width, 3), linear RGB, of a camera that looks at a mirror.
 
-    The mirror has flat facets with interpolated normals. For the paper's at 512 × 512 they move a
-    ray by 0.0005 px on average and 0.0012 px at most; Mitsuba's rays as traced, in float32, to a
-    scene 1 m away, are off by 0.0006 and 0.0014 px (`tests/validation/oracles`). A few in 100 000
-    slip through between two facets.
+    The mirror has flat facets with interpolated normals. For the paper's mirror at 512 × 512 they
+    move a ray by 0.0005 px on average and 0.0012 px at most; Mitsuba's float32 rays to a scene 1 m
+    away are off by
+    0.0006 and 0.0014 px (`tests/validation/oracles`). A few in 100 000 pass between two facets.
 
     Args:
         scene: opaque surfaces, see `opaque_only`.
         camera: mirror and pinhole camera.
         world_from_optical: (4, 4) pose of the optical frame.
-        samples: rays a pixel; a square, or Mitsuba warns that it rounds up to what it can stratify.
-        seed: same seed, same image.
+        samples: rays per pixel; a square number, or Mitsuba warns that it rounds up.
+        seed: equal seeds give equal images.
 
     Raises:
         OmnisimError: a matrix that is not a pose.
-        SceneError: a material that is not opaque, or that Mitsuba cannot show.
+        SceneError: a material that is not opaque, or that Mitsuba does not support.
     """
     pose = check_pose(world_from_optical)
     mirror = camera.mirror
-    reach_m = float(mirror.rho_m(mirror.theta_max_rad))  # its farthest points are the rim's
+    reach_m = float(mirror.rho_m(mirror.theta_max_rad))  # the rim is farthest
     surfaces = visible_surfaces(scene, pose[:3, 3], reach_m)
     units_per_m = RIM_UNITS / mirror.rim_radius_m
     with scalar_variant():
@@ -94,9 +96,8 @@ def pinhole(
 ) -> dict[str, Any]:
     """Mitsuba's perspective camera in the mirror's other focus, for `mitsuba.load_dict`.
 
-    It is placed with `look_at`, which can turn a camera but not mirror it: its up is the top of
-    our image, −y of the optical frame, and right and left are as anybody who looks along it has
-    them.
+    It is placed with `look_at`, which can rotate a camera but not mirror it: its up is the top of
+    our image, −y of the optical frame, with right and left as seen along the viewing direction.
 
     Args:
         world_from_optical: (3, 3) rotation.
@@ -116,7 +117,7 @@ def pinhole(
         "principal_point_offset_x": 0.5 - (u + 0.5) / camera.width_px,
         "principal_point_offset_y": 0.5 - (v + 0.5) / camera.height_px,
         "near_clip": 0.1 * camera.mirror.c_m * units_per_m,
-        "far_clip": 1e3 * camera.mirror.c_m * units_per_m,  # of what is seen past the mirror
+        "far_clip": 1e3 * camera.mirror.c_m * units_per_m,  # of the scene seen past the mirror
         "film": film(camera.width_px, camera.height_px),
         "sampler": {"type": "multijitter", "sample_count": samples},
     }
@@ -125,7 +126,7 @@ def pinhole(
 def mirror_of_metal(
     mirror: HyperbolicMirror, world_from_optical: NDArray[np.float64], units_per_m: float
 ) -> mi.Mesh:
-    """The mirror as a mesh that reflects all light.
+    """Mesh of the mirror that reflects all light.
 
     Args:
         world_from_optical: (3, 3) rotation.
@@ -145,7 +146,7 @@ def mirror_mesh(
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Vertices (n, 3) on Eq. 1 up to the rim, mirror frame, meters, and triangles (m, 3).
 
-    Rings are equally wide seen along the axis.
+    Rings have equal width seen along the axis.
     """
     radius_m = np.linspace(0.0, mirror.rim_radius_m, rings + 1)[:, None]
     azimuth = np.arange(sectors) * (2.0 * math.pi / sectors)

@@ -1,8 +1,8 @@
-"""OpenCV's omnidirectional module: Mei's unified model, written and tested by others.
+"""OpenCV's omnidirectional module: Mei's unified model in an independent implementation.
 
-Its z axis runs along the mirror's axis, towards the scene: the frame is (x, y, −z) of our optical
-frame. That is a mirrored frame, so points are mirrored before they are handed over and no
-rotation vector could do it.
+Its z axis points along the mirror's axis, toward the scene: its frame is (x, y, −z) of our optical
+frame. It is a mirrored frame, so points are mirrored before the call, which no rotation vector
+could do.
 
 Source: Mei & Rives, "Single view point omnidirectional camera calibration from planar grids",
 2007; OpenCV's module ccalib.
@@ -21,17 +21,17 @@ OMNIDIR_FROM_OPTICAL: NDArray[np.float64] = np.diag([1.0, 1.0, -1.0])
 
 
 class OmnidirCalibration(NamedTuple):
-    """Parameters that OpenCV estimated."""
+    """Parameters estimated by OpenCV."""
 
     xi: float
     focal_length_px: float  # mean of both, Mei's γ
     principal_point_px: NDArray[np.float64]  # (2,)
     rms_px: float
-    boards: int  # used
+    boards: int  # number of used boards
 
 
 def project(camera: HyperbolicCamera, points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Pixels (n, 2) of points (n, 3), optical frame, with the K and ξ that the camera states."""
+    """Pixels (n, 2) of points (n, 3), optical frame, with the camera's K and ξ."""
     import cv2
 
     mirrored = np.ascontiguousarray(points @ OMNIDIR_FROM_OPTICAL)[:, None]
@@ -54,7 +54,7 @@ def calibrate(
         board_points: (n, 3) corners in the board's frame.
         images_px: (n, 2) the same corners in each image.
         size_px: width and height of the images.
-        distorted: estimate radial and tangential distortion, too; else they are zero.
+        distorted: also estimate radial and tangential distortion; otherwise they are zero.
     """
     import cv2
 
@@ -64,7 +64,7 @@ def calibrate(
     for name in () if distorted else ("K1", "K2", "P1", "P2"):
         flags |= getattr(cv2.omnidir, f"CALIB_FIX_{name}")
     stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 500, 1e-9)
-    # its stub knows no calibration without a first guess of K, ξ and D
+    # its stub requires initial K, ξ and D
     rms, matrix, xi, _, _, _, used = cv2.omnidir.calibrate(  # type: ignore[call-overload]
         objects, images, size_px, None, None, None, flags, stop
     )
@@ -78,7 +78,7 @@ def calibrate(
 
 
 def find_corners(image: NDArray[np.uint8], pattern: tuple[int, int]) -> NDArray[np.float64] | None:
-    """Inner corners (n, 2) of a chessboard in a gray image, or None where it is not found.
+    """Inner corners (n, 2) of a chessboard in a gray image; None: not found.
 
     Args:
         image: (height, width) uint8.
@@ -86,12 +86,12 @@ def find_corners(image: NDArray[np.uint8], pattern: tuple[int, int]) -> NDArray[
     """
     import cv2
 
-    found, corners = cv2.findChessboardCornersSB(image, pattern)
-    if not found:
+    is_found, corners = cv2.findChessboardCornersSB(image, pattern)
+    if not is_found:
         return None
     rough = np.ascontiguousarray(corners.reshape(-1, 2), dtype=np.float32)
-    # That finds the corners of a bent board; to a tenth of a pixel they come from the edges that
-    # meet in them, as far as the next corner leaves room.
+    # Finds the corners of a bent board; the edges that meet in them then locate them to a tenth of
+    # a pixel, as far as the next corner leaves room.
     spacing_px = min(
         np.linalg.norm(np.delete(rough, index, axis=0) - corner, axis=1).min()
         for index, corner in enumerate(rough)

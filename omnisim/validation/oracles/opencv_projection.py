@@ -1,7 +1,7 @@
-"""Projections by OpenCV, given nothing but a calibration file in its own format.
+"""Projections by OpenCV from a calibration file in its own format.
 
-The file is read by `cv2.FileStorage`, as by any program that uses OpenCV. A mirror's file is
-in a mirrored frame, see `omnidir`.
+`cv2.FileStorage` reads the file, as in any program with OpenCV. A mirror's file is in a mirrored
+frame, see `omnidir`.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ def project(path: Path, format: str, points: NDArray[np.float64]) -> NDArray[np.
     """Pixels (n, 2) of points (n, 3) in the frame of the file.
 
     Args:
-        path: the file.
+        path: calibration file.
         format: opencv_omnidir, opencv_fisheye or opencv_pinhole.
-        points: in meters, z forward.
+        points: (n, 3) in meters, z forward.
     """
     import cv2
 

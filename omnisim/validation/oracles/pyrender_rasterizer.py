@@ -1,7 +1,7 @@
-"""pyrender: another rasterizer, on OpenGL too, that shares no code with ours.
+"""pyrender: another OpenGL rasterizer, without common code.
 
-It filters textures and edges in sRGB values, ours in linear light: pixels that an edge crosses
-differ by design.
+It filters textures and edges in sRGB values, omnisim in linear light: pixels on edges differ by
+design.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def rasterize(
     stage = pyrender_scene(scene)
     u, v = camera.principal_point_px
     focal = camera.focal_length_px
-    # its pixels count from the corner of the first one
+    # its pixels count from the corner of the first pixel
     pinhole = pyrender.IntrinsicsCamera(focal, focal, u + 0.5, v + 0.5, znear=NEAR_M, zfar=FAR_M)
     stage.add(pinhole, pose=world_from_optical @ OPTICAL_FROM_PYRENDER)
     renderer = pyrender.OffscreenRenderer(camera.width_px, camera.height_px)
@@ -51,11 +51,11 @@ def rasterize(
 
 
 def pyrender_scene(scene: Scene, lit: bool = False) -> pyrender.Scene:
-    """Scene for pyrender, without a camera: to be drawn flat, or lit.
+    """Scene for pyrender, without a camera: unlit, or lit.
 
-    Drawn flat it takes colors for sRGB values, so what is linear is encoded; lit it decodes
-    textures itself. Its diffuse light is our Lambert's: lights are π times as strong, surfaces
-    rough and no metal. It knows no unlit surfaces, and of many lights only four of a kind.
+    Unlit, it takes colors as sRGB values, so linear colors are encoded; lit, it decodes textures
+    itself. Its diffuse light is Lambert's as ours: lights are π times as strong, surfaces rough and
+    not metallic. It has no unlit surfaces, and at most four lights of a kind.
     """
     import pyrender
 
@@ -76,7 +76,7 @@ def _add_light(stage: pyrender.Scene, light: Light, intensity: float) -> None:
 
     world_from_light = np.eye(4)
     world_from_light[:3, 3] = light.position_m
-    # it shines along −z; any axes across will do
+    # its light is along −z, with any axes across
     across = np.eye(3)[np.argmin(np.abs(light.direction))]
     right = np.cross(across, light.direction)
     right /= np.linalg.norm(right)
@@ -102,7 +102,7 @@ def _mesh(
     import pyrender
 
     coordinates = mesh.texture_coordinates
-    if coordinates is not None:  # v runs up there
+    if coordinates is not None:  # v points up there
         coordinates = coordinates * _FLIP_V + _V_OFFSET
     colors = mesh.colors
     if colors is not None and not lit:

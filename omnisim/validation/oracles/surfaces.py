@@ -19,12 +19,13 @@ class Surface:
     """All triangles of one material.
 
     Attributes:
-        material: of all triangles.
+        material: material of all triangles.
         triangles_m: (n, 3, 3) float64 corners, meters from the effective viewpoint along the
             world's axes, counter-clockwise seen from the front.
-        texture_coordinates: (n, 3, 2) float32, (0, 0) at the texture's top left; None where the
-            material has no texture or the mesh no coordinates.
-        colors: (n, 3, 3) float32 linear RGB of the corners, without the material's; or None.
+        texture_coordinates: (n, 3, 2) float32, (0, 0) at the texture's top left; None: no texture,
+            or no coordinates in the mesh.
+        colors: (n, 3, 3) float32 linear RGB of the corners, without the material's color; None: no
+            vertex colors.
     """
 
     material: Material
@@ -34,10 +35,10 @@ class Surface:
 
 
 def opaque_only(scene: Scene) -> Scene:
-    """The scene without its masked and blended surfaces, which no two renderers draw alike.
+    """The scene without masked and blended surfaces, which renderers draw differently.
 
     Raises:
-        SceneError: nothing is left.
+        SceneError: no surface is left.
     """
     kept = [
         instance
@@ -59,13 +60,13 @@ def opaque_only(scene: Scene) -> Scene:
 def visible_surfaces(
     scene: Scene, viewpoint_m: NDArray[np.float64], reach_m: float
 ) -> list[Surface]:
-    """Surfaces that show their front to some point within `reach_m` of the viewpoint (3,), world.
+    """Surfaces with their front toward a point within `reach_m` of the viewpoint (3,), world.
 
-    Single-sided triangles that do not are left out: seen from behind they are not there, while
-    other renderers draw them black. Double-sided ones are turned to face the viewpoint.
+    Other single-sided triangles are left out: they are invisible from behind, while other renderers
+    draw them black. Double-sided ones are turned to face the viewpoint.
 
     Raises:
-        SceneError: a surface that is not opaque.
+        SceneError: a surface is not opaque.
     """
     batches: dict[tuple[int, bool, bool], list[Surface]] = defaultdict(list)
     for instance in scene.instances:
@@ -88,7 +89,7 @@ def _surface(
     offset_m = instance.world_from_mesh[:3, 3] - viewpoint_m
     positions_m = mesh.positions.astype(np.float64) @ linear.T + offset_m
     triangles = mesh.triangles
-    if np.linalg.det(linear) < 0.0:  # mirrored: they turn the other way round in the world
+    if np.linalg.det(linear) < 0.0:  # mirrored: the winding is reversed in the world
         triangles = triangles[:, ::-1]
     triangles = _facing(positions_m, triangles, material.double_sided, reach_m)
     coordinates = None if material.texture is None else mesh.texture_coordinates
@@ -121,8 +122,8 @@ def _facing(
 
 def _joined(parts: list[Surface]) -> Surface:
     def join(arrays: Iterable[NDArray[np.float32] | None]) -> NDArray[np.float32] | None:
-        found = [array for array in arrays if array is not None]
-        return np.concatenate(found) if found else None
+        present = [array for array in arrays if array is not None]
+        return np.concatenate(present) if present else None
 
     return Surface(
         parts[0].material,

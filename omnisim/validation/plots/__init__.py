@@ -1,1 +1,1 @@
-"""Figures and videos of results (the home of matplotlib)."""
+"""Figures and videos of results."""

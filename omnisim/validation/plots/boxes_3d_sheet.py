@@ -1,9 +1,9 @@
-"""A sheet of 3-D boxes over an image.
+"""Sheet of 3-D boxes over images.
 
 `python -m omnisim.validation.plots.boxes_3d_sheet FILE`, with FILE a .png or .jpg.
 
-A robot in the soccer field's hall through a fisheye lens and a mirror: boxes of whole instances,
-and of their visible points. Edges are straight in the world, and so curved in the image.
+A robot in the soccer hall through a fisheye lens and a mirror: boxes of whole instances, and of
+their visible points. Edges that are straight in the world are curved in the image.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from omnisim.validation.plots.contact_sheet import run_sheet
 SIDE_PX, COLUMNS = 480, 2
 BASE = poses.pose((-0.9, 0.6, 0.0), yaw_deg=35.0)
 LENS_THETA_MAX_DEG = 95.0
-MIN_PIXELS, MAX_SIZE_M = 40, 3.0  # a hall's walls and floor would have boxes all around
+MIN_PIXELS, MAX_SIZE_M = 40, 3.0  # boxes of a hall's walls and floor would surround everything
 POINTS_PER_EDGE = 400
 EDGES = [(i, i | bit) for i in range(8) for bit in (1, 2, 4) if not i & bit]
 Tile = tuple[str, NDArray[np.uint8]]
@@ -67,7 +67,7 @@ def draw_boxes(
     world_from_optical: NDArray[np.float64],
     boxes: Iterable[tuple[OrientedBox, int]],
 ) -> NDArray[np.uint8]:
-    """Draw the edges of boxes, world frame, in colors of numbers over a darker image."""
+    """Draw the edges of boxes, world frame, in colors by number, over a darkened image."""
     drawn = (0.7 * image).astype(np.uint8)
     share = np.linspace(0.0, 1.0, POINTS_PER_EDGE)[:, None]
     for box, number in boxes:

@@ -1,4 +1,4 @@
-"""Many images with their titles on one sheet, pixel for pixel."""
+"""Sheets of many images with titles, pixel for pixel."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from omnisim.validation.plots.style import DPI
 
 Tiles = Sequence[tuple[str, NDArray[np.uint8]]]  # titles and images
 TITLE_PX, GAP_PX, POINTS = 26, 8, 9.5
-SHEET_JPEG_QUALITY = 82  # to look at, and light enough for a page
+SHEET_JPEG_QUALITY = 82  # good enough to look at, and small enough for a page
 
 
 def contact_sheet(tiles: Tiles, columns: int) -> NDArray[np.uint8]:
     """Sheet (height, width, 3) of images, row by row, each below its title.
 
-    Images are neither scaled nor smoothed: `magnified` enlarges them. Smaller
-    ones stand in the middle of their cell.
+    Images are neither scaled nor smoothed; `magnified` enlarges them. Smaller ones are centered in
+    their cell.
 
     Args:
-        tiles: titles, and images (height, width, 3) uint8 sRGB or (height, width) gray.
-        columns: images side by side.
+        tiles: titles with images (height, width, 3) uint8 sRGB or (height, width) gray.
+        columns: number of images side by side.
 
     Raises:
-        OutputError: no image.
+        OutputError: there is no image.
     """
     if not tiles:
         raise OutputError("contact sheet: expected at least one image, got none")
@@ -46,7 +46,7 @@ def contact_sheet(tiles: Tiles, columns: int) -> NDArray[np.uint8]:
         x = (GAP_PX + (column + 0.5) * cell_width - 0.5 * GAP_PX) / width
         y = 1.0 - (GAP_PX + row * cell_height + 0.5 * TITLE_PX) / height
         figure.text(x, y, title, ha="center", va="center", fontsize=POINTS)
-    for text in figure.texts:  # smaller where it would run into the next
+    for text in figure.texts:  # smaller if it would overlap the next
         width_px = text.get_window_extent().width
         text.set_fontsize(POINTS * min(1.0, (cell_width - GAP_PX) / max(width_px, 1.0)))
     data = io.BytesIO()
@@ -65,7 +65,7 @@ def contact_sheet(tiles: Tiles, columns: int) -> NDArray[np.uint8]:
 
 
 def magnified(image: NDArray[np.uint8], times: int) -> NDArray[np.uint8]:
-    """Image with each pixel repeated so many times along both axes."""
+    """Image with each pixel repeated `times` times along both axes."""
     return np.repeat(np.repeat(image, times, axis=0), times, axis=1)
 
 
@@ -73,7 +73,7 @@ def save_contact_sheet(path: Path, tiles: Tiles, columns: int) -> None:
     """Write a contact sheet: .png or .jpg.
 
     Raises:
-        OutputError: no image, or a file that cannot be written.
+        OutputError: there is no image, or a file cannot be written.
     """
     sheet = np.ascontiguousarray(contact_sheet(tiles, columns))
     write_image(path, sheet, jpeg_quality=SHEET_JPEG_QUALITY)
@@ -82,7 +82,7 @@ def save_contact_sheet(path: Path, tiles: Tiles, columns: int) -> None:
 def run_sheet(
     module: str, arguments: Sequence[str], make_tiles: Callable[[], Tiles], columns: int
 ) -> int:
-    """Run a command that writes a contact sheet to the one file that its arguments name.
+    """Run a command that writes a contact sheet to the file in its arguments.
 
     Returns:
         The exit status.

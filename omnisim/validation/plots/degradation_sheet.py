@@ -1,10 +1,10 @@
-"""Every degradation and preset on one sheet.
+"""Sheet of all degradations and presets.
 
 `python -m omnisim.validation.plots.degradation_sheet FILE` draws it.
 
-The first rows show each degradation alone, stronger than cameras usually have it, as a whole
-image or as a part of a finer one with its pixels four times as large; what turns, turns left at
-120°/s. The last row shows the presets on a robot that drives and turns.
+The first rows show each degradation alone, stronger than in most cameras, as a whole image or as a
+part of a finer image, magnified four times; turning images turn left at 120°/s. The last row shows
+the presets on a robot that drives and turns.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def degradation_tiles(scene_name: str = "soccer") -> list[tuple[str, NDArray[np.
     """Titles and images of every degradation and preset.
 
     Raises:
-        OmnisimError: there is no such scene, or no OpenGL.
+        OmnisimError: an unknown scene, or no OpenGL.
     """
     scene = load_scene(scene_name)
     mirror, fine = OmniCamera().resized(SIDE_PX), OmniCamera().resized(FINE_PX)

@@ -1,4 +1,4 @@
-"""Detections: boxes in panoramas, rates against distance, ROC curves."""
+"""Detections: boxes in panoramas, rates by distance, ROC curves."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _BOX = "#111111"
 def detections_figure(
     rows: Sequence[tuple[str, NDArray[np.uint8], Sequence[Detection]]], width_in: float = 13.0
 ) -> Figure:
-    """Panoramas one above the other, each with a title and its detections."""
+    """Panoramas above each other, each with a title and its detections."""
     ratio = rows[0][1].shape[0] / rows[0][1].shape[1]
     figure = Figure(
         figsize=(width_in, len(rows) * (width_in * ratio + 0.35)), dpi=DPI, layout="constrained"
@@ -38,25 +38,25 @@ def detections_figure(
 
 
 def draw_detections(axes: Axes, width_px: int, detections: Sequence[Detection]) -> None:
-    """Boxes with name, range and bearing; one across the edge is drawn at both sides."""
-    for found in detections:
-        for shift in (0, -width_px) if found.right > width_px else (0,):
-            left, right = found.left + shift, found.right + shift
+    """Draw boxes with name, range and bearing; a box across the edge is drawn at both sides."""
+    for box in detections:
+        for shift in (0, -width_px) if box.right > width_px else (0,):
+            left, right = box.left + shift, box.right + shift
             axes.add_patch(
                 Rectangle(
-                    (left - 1.5, found.top - 1.5), right - left + 2, found.bottom - found.top + 2,
+                    (left - 1.5, box.top - 1.5), right - left + 2, box.bottom - box.top + 2,
                     fill=False, edgecolor="white", lw=1.6,
                 )
             )  # fmt: skip
             axes.add_patch(
                 Rectangle(
-                    (left - 1.5, found.top - 1.5), right - left + 2, found.bottom - found.top + 2,
+                    (left - 1.5, box.top - 1.5), right - left + 2, box.bottom - box.top + 2,
                     fill=False, edgecolor=_BOX, lw=0.7,
                 )
             )  # fmt: skip
-            label = f"{found.landmark}\n{found.range_m:.2f} m, {np.degrees(found.bearing_rad):.1f}°"
+            label = f"{box.landmark}\n{box.range_m:.2f} m, {np.degrees(box.bearing_rad):.1f}°"
             axes.annotate(
-                label, (0.5 * (left + right), found.bottom + 1.0), ha="center", va="top",
+                label, (0.5 * (left + right), box.bottom + 1.0), ha="center", va="top",
                 fontsize=6.5, color=_BOX, annotation_clip=True,
                 bbox={"boxstyle": "round,pad=0.15", "fc": "white", "ec": "none", "alpha": 0.75},
             )  # fmt: skip
@@ -71,7 +71,7 @@ class Rates(NamedTuple):
 
 
 def rates_figure(rates: Mapping[str, Rates]) -> Figure:
-    """Recall and precision against distance, a color for each kind of image."""
+    """Recall and precision by distance, with a color for each kind of image."""
     figure = Figure(figsize=(12.8, 3.8), dpi=DPI, layout="constrained")
     for column, name in enumerate(("recall", "precision")):
         axes = figure.add_subplot(1, 2, column + 1)
@@ -87,7 +87,7 @@ def rates_figure(rates: Mapping[str, Rates]) -> Figure:
 
 
 def roc_figure(curves: Mapping[str, Sequence[tuple[str, Roc, float]]]) -> Figure:
-    """ROC curves, a panel for each kind of image: color, curve, and the Θ that was chosen."""
+    """ROC curves with a panel for each kind of image: color, curve, and chosen Θ."""
     figure = Figure(figsize=(6.4 * len(curves), 4.2), dpi=DPI, layout="constrained")
     for column, (title, panel) in enumerate(curves.items()):
         axes = figure.add_subplot(1, len(curves), column + 1)
@@ -110,7 +110,7 @@ def curves_figure(
     panels: Mapping[str, Sequence[tuple[str, NDArray[np.float64]]]],
     levels: Sequence[str],
 ) -> Figure:
-    """Quantities against levels of degradation: a panel for each quantity, a line for each kind."""
+    """Quantities by level of degradation: a panel per quantity, a line per kind."""
     figure = Figure(figsize=(4.6 * len(panels), 4.0), dpi=DPI, layout="constrained")
     colors = (BLUE, ORANGE, GREEN, RED, GRAY, "#8054a0", "#b59a2e", "#3aa6a6")
     for column, (title, lines) in enumerate(panels.items()):

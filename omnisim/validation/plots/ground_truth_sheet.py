@@ -1,10 +1,9 @@
-"""A contact sheet of every channel of ground truth.
+"""Contact sheet of all channels of ground truth.
 
 `python -m omnisim.validation.plots.ground_truth_sheet FILE`, with FILE a .png or .jpg.
 
 The robot on the soccer field, through its mirror, and some of the channels through a fisheye lens
-that looks ahead. Flow leads to the poses before and after a step to the left and
-ahead.
+that looks ahead. Flow leads to the poses before and after a step to the left and ahead.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ BASE = poses.pose((-0.9, 0.6, 0.0), yaw_deg=35.0)
 PREVIOUS_BASE = poses.pose((-1.0, 0.5, 0.0), yaw_deg=29.0)
 NEXT_BASE = poses.pose((-0.8, 0.7, 0.0), yaw_deg=41.0)
 LENS_THETA_MAX_DEG = 95.0
-# That the tiles of materials show something: soccer has neither metal nor what glows.
+# For the tiles of materials: soccer has neither metal nor emissive surfaces.
 GLOWING, METALLIC = ("lamp_glow", "screens", "outside"), 0.8
 LENS_CHANNELS = ("range", "normals", "semantic")
 Tile = tuple[str, NDArray[np.uint8]]
@@ -58,7 +57,7 @@ def ground_truth_tiles() -> list[Tile]:
 
 
 def _glowing(material: Material) -> Material:
-    """Material that emits its own color, if it is one of what glows."""
+    """Material that emits its own color, if its name is one of the chosen ones."""
     if material.name not in GLOWING:
         return material
     red, green, blue, _ = material.base_color
@@ -68,7 +67,7 @@ def _glowing(material: Material) -> Material:
 
 
 def _with_materials(scene: Scene, change: Callable[[Material], Material]) -> Scene:
-    """Scene with changed materials, drawn in full."""
+    """Scene with changed materials."""
     return dataclasses.replace(
         scene,
         materials=tuple(change(one) for one in scene.materials),

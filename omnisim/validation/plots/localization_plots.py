@@ -1,6 +1,6 @@
 """Self-localization: paths with covariance ellipses, errors, and statistics over seeds.
 
-After the paper's Fig. 12 and 13.
+After the paper's figures 12 and 13.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from omnisim.scene.model import Landmark
 from omnisim.validation.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, RED, label_axes
 
 SIGMAS = 3.0
-MIN_M = 1e-3  # lower end of the errors' scale: a known start has none at all
+MIN_M = 1e-3  # lower end of the errors' scale: a known start has no error
 _GRASS, _INK = "#e9f2e6", "#222222"
 
 
 @dataclass(frozen=True, eq=False)
 class PathPanel:
-    """Panel of one run.
+    """Panel with one run.
 
     Attributes:
         title: heading.
         track: estimates.
-        true_poses: (n, 3), or None where they are unknown.
-        landmarks: at their true positions.
-        bound_m: of the error, drawn as a line, or None.
+        true_poses: (n, 3); None: unknown.
+        landmarks: landmarks at their true positions.
+        bound_m: bound of the error, drawn as a line; None: no line.
     """
 
     title: str
@@ -74,7 +74,7 @@ def paths_figure(panels: Sequence[PathPanel]) -> Figure:
 
 
 def errors_figure(panels: Sequence[PathPanel]) -> Figure:
-    """Distance from the true position against the step, and accepted landmarks: Fig. 13."""
+    """Distance from the true position by step, and accepted landmarks: Fig. 13."""
     figure = Figure(figsize=(6.4 * len(panels), 5.0), dpi=DPI, layout="constrained")
     grid = figure.add_gridspec(2, len(panels), height_ratios=(3, 1))
     for column, panel in enumerate(panels):
@@ -109,7 +109,7 @@ def errors_figure(panels: Sequence[PathPanel]) -> Figure:
 def seeds_figure(
     errors_m: NDArray[np.float64], reckoned_m: NDArray[np.float64], title: str
 ) -> Figure:
-    """Errors (seeds, steps) of the estimate and of the wheels alone: median and 95 % band."""
+    """Errors (seeds, steps) of the estimate and of odometry alone: median and 95 % band."""
     figure = Figure(figsize=(8.0, 4.2), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
     label_axes(axes, title, "step", "distance from the truth (m), logarithmic")
@@ -133,13 +133,13 @@ def consistency_figure(
     nis: NDArray[np.float64],
     nis_intervals: Sequence[Interval],
 ) -> Figure:
-    """Mean NEES and mean NIS of all seeds against the step, with their 95 % bands.
+    """Mean NEES and mean NIS of all seeds by step, with 95 % bands.
 
     Args:
         nees: (steps,) means.
-        nees_interval: of such a mean.
-        nis: (steps,) means of NIS over its degrees of freedom.
-        nis_intervals: of each step's mean.
+        nees_interval: confidence interval of such a mean.
+        nis: (steps,) means of NIS per degree of freedom.
+        nis_intervals: confidence intervals of the means.
     """
     figure = Figure(figsize=(12.8, 3.8), dpi=DPI, layout="constrained")
     for column, (title, values, low, high) in enumerate(
@@ -154,7 +154,7 @@ def consistency_figure(
     ):
         axes = figure.add_subplot(1, 2, column + 1)
         label_axes(axes, title, "step", "")
-        steps = np.arange(1, len(values))  # at the start nothing was estimated yet
+        steps = np.arange(1, len(values))  # the start is not estimated
         axes.fill_between(steps, low[1:], high[1:], color=GREEN, alpha=0.2, lw=0, label="95 % band")
         axes.plot(steps, values[1:], color=BLUE, lw=1.3, label="measured")
         axes.axhline(float(np.nanmean(values[1:])), color=GRAY, lw=0.9, ls="--", label="its mean")
@@ -164,7 +164,7 @@ def consistency_figure(
 
 
 def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark]) -> None:
-    """Footprints, in the colors from the lowest outside to the highest inside."""
+    """Draw footprints, in the colors from the lowest outside to the highest inside."""
     for landmark in landmarks:
         bands = landmark.bands[-2:]
         for size, band in zip((1.0, 0.55), bands, strict=False):
@@ -176,7 +176,7 @@ def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark]) -> None:
                     facecolor=srgb_from_linear(band.linear_rgb), zorder=2,
                 )
             )  # fmt: skip
-        axes.plot(*landmark.position_m[:2], ".", ms=0.1)  # so that the axes make room
+        axes.plot(*landmark.position_m[:2], ".", ms=0.1)  # extends the axes
 
 
 def _draw_ellipses(axes: Axes, track: Track) -> None:

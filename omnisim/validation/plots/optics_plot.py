@@ -1,4 +1,4 @@
-"""An optical system: its profile with rays, its caustic, and its resolution."""
+"""Plot of an optical system: its profile with rays, its caustic, and its resolution."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from omnisim.cameras.optics import OpticalSystem, Rod, Surface, caustic_points, 
 from omnisim.cameras.optics.tracing import Fate
 from omnisim.validation.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, label_axes
 
-_RAYS = 25  # drawn
+_RAYS = 25  # number of drawn rays
 _COLUMNS = 400  # of the image, for caustic and resolution
-_MARGIN = 0.15  # of the drawn part's size, around it
-_SHOWN_PERCENT = (4.0, 96.0)  # of the caustic, which may reach to infinity
-_MIN_M = 2e-4  # drawn part of the caustic
+_MARGIN = 0.15  # share of the drawn part's size
+_SHOWN_PERCENT = (4.0, 96.0)  # percentiles of the caustic, which may extend to infinity
+_MIN_M = 2e-4  # minimum size of the drawn part of the caustic
 Floats = NDArray[np.float64]
 
 
@@ -46,7 +46,7 @@ def optics_figure(name: str, system: OpticalSystem) -> Figure:
 
 
 def _frame(axes: Axes, low_m: Floats, high_m: Floats) -> None:
-    """Show a part of a section between two corners (2,), and somewhat more."""
+    """Show a part of a section between two corners (2,), with a margin."""
     margin_m = _MARGIN * float((high_m - low_m).max())
     axes.set_aspect("equal")
     axes.set_xlim(1e3 * (low_m[0] - margin_m), 1e3 * (high_m[0] + margin_m))
@@ -60,7 +60,7 @@ def _row(system: OpticalSystem, count: int) -> Floats:
 
 
 def _draw_section(axes: Axes, system: OpticalSystem, caustic_m: Floats) -> tuple[Floats, Floats]:
-    """Draw the section; return the corners (2,) of what rays reach of it."""
+    """Draw the section; return the corners (2,) of the part that rays reach."""
     paths = system.paths(_row(system, _RAYS))
     seen = paths.fates == Fate.SEEN
     hits = paths.points_m[:, seen].reshape(-1, 3)
@@ -68,7 +68,7 @@ def _draw_section(axes: Axes, system: OpticalSystem, caustic_m: Floats) -> tuple
     drawn = np.concatenate([hits, *curves])[:, [0, 2]]
     low, high = np.nanmin(drawn, axis=0), np.nanmax(drawn, axis=0)
     length_m = 30.0 * float((high - low).max())
-    # on behind the last surface, and back to where they seem to come from
+    # beyond the last surface, and back to their apparent origins
     ends, begins = (paths.points_m[-1] + sign * length_m * paths.directions for sign in (1.0, -1.0))
     for ray in np.flatnonzero(seen):
         way = 1e3 * np.concatenate((paths.points_m[:, ray], ends[ray : ray + 1]))
@@ -91,13 +91,13 @@ def _draw_section(axes: Axes, system: OpticalSystem, caustic_m: Floats) -> tuple
 
 
 def _is_in_section(rod: Rod, y_m: float) -> bool:
-    """Tell whether a rod meets the plane of a section."""
+    """True if a rod intersects the plane of the section."""
     begin, end = rod.begin_m[1] - y_m, rod.end_m[1] - y_m
     return min(begin, end) <= rod.radius_m and max(begin, end) >= -rod.radius_m
 
 
 def _curve(surface: Surface, hits_m: Floats) -> Floats:
-    """Section (n, 3) of a surface with its own plane y = 0, as far as rays need it."""
+    """Section (n, 3) of a surface with its own plane y = 0, within the reach of rays."""
     reach_m = surface.visible_radius_m
     if np.isinf(reach_m):
         local = surface.points_from_system(hits_m)

@@ -1,4 +1,4 @@
-"""Maps of a plan: each scene's free floor, and where its first samples stand."""
+"""Maps of a plan: each scene's free floor, with the places of its first samples."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.validation.plots.scene_map import draw_scene_map
 from omnisim.validation.plots.style import BLUE, DPI, GREEN, ORANGE, label_axes
 
-MAX_SAMPLES = 400  # whose places are shown
+MAX_SAMPLES = 400  # number of places shown
 AROUND_M = 1.5
 SIDE_IN = 7.0
 
@@ -24,7 +24,7 @@ def plan_figure(prepared: PreparedPlan) -> Figure:
     """Free floors and places of a plan, from above: x to the right, y up.
 
     Raises:
-        OmnisimError: a fault of a file of the plan, or no place.
+        OmnisimError: a faulty file of the plan, or no place was found.
     """
     plan = prepared.plan
     drawn: list[list[Draw]] = [[] for _ in plan.scenes]
@@ -82,5 +82,5 @@ def _ends(free: FreeSpace) -> NDArray[np.float64]:
     """Corners (2, 2) of the free cells' bounds."""
     places = free.places()[:, ::-1]
     ends = np.stack((places.min(axis=0), places.max(axis=0) + 1))
-    found: NDArray[np.float64] = free.low_m + free.cell_m * ends
-    return found
+    corners_m: NDArray[np.float64] = free.low_m + free.cell_m * ends
+    return corners_m

@@ -1,4 +1,4 @@
-"""Figures into files."""
+"""Files of figures."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ def check_plot_target(path: Path) -> None:
 
 
 def write_plot(path: Path, figure: Figure) -> None:
-    """Write a figure; the file appears only when it is whole.
+    """Write a figure; atomically.
 
     Raises:
         OutputError: an unknown format, or the file cannot be written.
     """
-    data = io.BytesIO()  # matplotlib's writers never see a disk that is full
+    data = io.BytesIO()  # matplotlib's writers do not report a full disk
     figure.savefig(data, format=_format(path))
     with atomic_write(path) as partial:
         partial.write_bytes(data.getvalue())
 
 
 def figure_png(figure: Figure) -> bytes:
-    """A figure as the bytes of a PNG file."""
+    """Bytes of a PNG file with a figure."""
     data = io.BytesIO()
     figure.savefig(data, format="png", metadata={"Software": f"omnisim {__version__}"})
     return data.getvalue()

@@ -1,4 +1,4 @@
-"""A run from above: the map, the path, dead reckoning, landmarks, and a strip of its images."""
+"""Plot of a run from above: map, path, dead reckoning, landmarks, and a strip of its images."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from omnisim.validation.plots.scene_map import draw_scene_map
 
 TRUE, RECKONED, INK = "#1f5fa8", "#d9622b", "#222222"
 RUNS = (TRUE, "#b03060", "#2b8a57", "#7a3fa0")
-STRIP = 6  # images
-STRIP_IN = 3.0  # height, at most
+STRIP = 6  # number of images
+STRIP_IN = 3.0  # maximum height
 OTHERS = ("#7a3fa0", "#2b8a57", "#b03060", "#8a6d1f")
-TITLE_LETTERS = 110  # in a line
+TITLE_LETTERS = 110  # per line
 
 
 @dataclass(frozen=True, eq=False)
 class RunDrawing:
-    """One robot's run, as it is drawn.
+    """Drawn run of one robot.
 
     Attributes:
         truth: poses of the base.
-        reckoned: (n, 2) positions by dead reckoning, or None: no odometry.
-        images: (height, width, 3) by step, at most a handful.
-        name: of the robot, where there are several.
+        reckoned: (n, 2) positions by dead reckoning; None: no odometry.
+        images: (height, width, 3) by step, a few.
+        name: name of the robot, if there are several.
     """
 
     truth: Trajectory
@@ -51,18 +51,18 @@ def run_figure(
     runs: Sequence[RunDrawing],
     others: Mapping[str, Trajectory] | None = None,
 ) -> Figure:
-    """The plot of a run, or of the runs of robots that drove together.
+    """Plot of a run, or of the runs of robots that drove together.
 
     Args:
-        title: lines, which are broken where they are long.
-        scene: its map and landmarks, or None: no map.
-        runs: one or more.
+        title: lines; long ones are broken.
+        scene: scene for map and landmarks; None: no map.
+        runs: one run or more.
         others: poses of other robots and of dynamic objects, by name.
     """
     low, high = _extent(runs, scene)
     size = high - low
     width_in = 9.0
-    # what the labels leave of the width, for axes of equal scale
+    # width without labels, for axes of equal scale
     map_in = float(np.clip((width_in - 0.8) * size[1] / size[0], 3.5, 12.0))
     strips = [run for run in runs if run.images]
     strips_in = [min(width_in / len(run.images), STRIP_IN) for run in strips]
@@ -130,17 +130,17 @@ def _draw_strip(figure: Figure, place: SubplotSpec, run: RunDrawing) -> None:
 
 
 def steps_to_show(steps: int) -> list[int]:
-    """Steps evenly spread over a run, its first and last among them."""
+    """Steps evenly spread over a run, including its first and last."""
     return sorted({round(k) for k in np.linspace(0, steps - 1, min(STRIP, steps))})
 
 
 def _steps_by_position(truth: Trajectory, steps: list[int]) -> dict[tuple[float, float], list[int]]:
-    """Steps by position to a centimeter."""
-    found: dict[tuple[float, float], list[int]] = {}
+    """Steps by position, to a centimeter."""
+    by_position: dict[tuple[float, float], list[int]] = {}
     for step in steps:
         x, y = truth.positions_m[step, :2].round(2).tolist()
-        found.setdefault((x, y), []).append(step)
-    return found
+        by_position.setdefault((x, y), []).append(step)
+    return by_position
 
 
 def _extent(
@@ -156,14 +156,14 @@ def _extent(
     for landmark in scene.landmarks if scene is not None else ():
         position = np.array(landmark.position_m[:2])
         if np.all(position > low - room) and np.all(position < high + room):
-            # half of a name's width, and of the marker's
+            # half of the width of a name and of the marker
             margin = max(0.5, 0.08 * float(high[0] - low[0]))
             low, high = np.minimum(low, position - margin), np.maximum(high, position + margin)
     return low, high
 
 
 def draw_landmark(axes: Axes, landmark: Landmark) -> None:
-    """Draw its bands from the lowest, outside, to the highest, inside; its name below."""
+    """Draw its bands from the lowest, outside, to the highest, inside, with its name below."""
     for index, band in enumerate(landmark.bands):
         axes.plot(
             *landmark.position_m[:2], "s", markersize=11 - 3 * index, zorder=4,

@@ -1,4 +1,4 @@
-"""Samples of a data set on one sheet: images and channels with their names and scales."""
+"""Sheets of a data set's samples: images and channels with names and scales."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ INK = (30, 30, 30)
 
 @dataclass(frozen=True, eq=False)
 class SampleTiles:
-    """Images of a sample, from above to below.
+    """Images of a sample, from top to bottom.
 
     Attributes:
-        title: of the sample.
-        tiles: caption and image (height, width, 3) uint8 of each.
+        title: title of the sample.
+        tiles: captions and images (height, width, 3) uint8.
     """
 
     title: str
@@ -35,7 +35,7 @@ class SampleTiles:
 def channel_tile(
     name: str, values: NDArray[Any], labels: Labels | None = None
 ) -> tuple[str, NDArray[np.uint8]]:
-    """Caption and false colors of a channel; with the limits of its scale, if it has one."""
+    """Caption and false colors of a channel, with the limits of its scale, if it has one."""
     key = legend(name, values, labels)
     caption = name
     if key["kind"] == "ramp":
@@ -44,7 +44,7 @@ def channel_tile(
 
 
 def sample_sheet(samples: Sequence[SampleTiles]) -> NDArray[np.uint8]:
-    """Sheet (height, width, 3) of samples, about as many side by side as below each other."""
+    """Sheet (height, width, 3) of samples, approximately as many columns as rows."""
     font = ImageFont.load_default(FONT_PX)
     texts = [text for one in samples for text in (one.title, *(tile[0] for tile in one.tiles))]
     widths = [math.ceil(font.getlength(text)) for text in texts]

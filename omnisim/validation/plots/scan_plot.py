@@ -1,4 +1,4 @@
-"""A laser scan from above."""
+"""Plot of a laser scan from above."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from matplotlib.patches import Polygon
 from omnisim.sensors.laser_scanner.laser_scanner import Scan
 
 _POINT, _BEAM, _SCANNER, _GRID = "#c23b3b", "#9db8d6", "#333333", "#e4e4e4"
-_MARGIN = 0.06  # of the larger side, around everything
-_SCANNER_SIZE = 0.016  # of the larger side
+_MARGIN = 0.06  # share of the larger side
+_SCANNER_SIZE = 0.016  # share of the larger side
 
 
 def scan_figure(scan: Scan) -> Figure:
-    """Scan in its scanner's frame, meters: x, straight ahead, is up and y, left, is left.
+    """Scan in its scanner's frame, meters: x, straight ahead, points up, and y, left, points left.
 
-    Beams that hit something are faint lines that end in a point; the others are not drawn.
+    Beams with a hit are faint lines that end in a point; others are not drawn.
     """
     points_m = scan.points_m[:, :2]
     low = np.min(points_m, axis=0, initial=0.0)
@@ -26,7 +26,7 @@ def scan_figure(scan: Scan) -> Figure:
     size_m = np.maximum(high - low, 0.3 * side_m) + 2.0 * _MARGIN * side_m
     middle = 0.5 * (low + high)
 
-    # what is left of the width for the axes, and what title and labels add to the height
+    # remaining width for the axes, and the height of title and labels
     height_in = float(np.clip(6.4 * size_m[0] / size_m[1], 2.0, 9.0)) + 1.1
     figure = Figure(figsize=(7.0, height_in), dpi=120, layout="constrained")
     axes = figure.add_subplot()

@@ -1,4 +1,4 @@
-"""Floor plan of a scene: cut at some height, everything below in color."""
+"""Floor plan of a scene: a section at some height, with everything below in color."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from omnisim.scene.model import AlphaMode, Material, Mesh
 
 CUT_M = 0.9
 _WALL = "#333333"
-_PALE = 0.45  # share of white: lines and points stand on top of it
+_PALE = 0.45  # share of white, for lines and points on top
 
 
 def draw_scene_map(
@@ -26,13 +26,13 @@ def draw_scene_map(
     """Draw the scene between two corners (2,) of the ground, x to the right and y up.
 
     Args:
-        axes: to draw on.
-        scene: to draw.
-        low_m, high_m: corners.
-        ground_m: height of the ground; the cut is `CUT_M` above it.
+        axes: axes to draw on.
+        scene: scene to draw.
+        low_m, high_m: corners of the drawn part.
+        ground_m: height of the ground; the section is `CUT_M` above it.
     """
     cut_m = ground_m + CUT_M
-    if not scene.instances:  # all of it moves
+    if not scene.instances:  # everything moves
         scene = scene.at_start()
     shown, heights, colors, walls = [], [], [], []
     for instance in scene.instances:
@@ -56,7 +56,7 @@ def draw_scene_map(
             )
     order = np.argsort(np.concatenate(heights), kind="stable")
     faces = np.concatenate(colors)[order]
-    # edges in the same color, or hairlines of background show between triangles
+    # edges in the same color hide hairlines of background between triangles
     axes.add_collection(
         PolyCollection(
             list(np.concatenate(shown)[order]), facecolors=faces, edgecolors=faces, linewidths=0.3
@@ -72,7 +72,7 @@ def _areas(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _mean_color(material: Material, mesh: Mesh) -> NDArray[np.float64]:
-    """Mean color of a surface, made pale: sRGB (3,)."""
+    """Mean color of a surface, lightened: sRGB (3,)."""
     color = np.array(material.base_color[:3])
     if material.texture is not None:
         sample = material.texture.pixels[::4, ::4, :3] / 255.0
@@ -85,7 +85,7 @@ def _mean_color(material: Material, mesh: Mesh) -> NDArray[np.float64]:
 def _cross_sections(triangles: NDArray[np.float64], cut_m: float) -> NDArray[np.float64]:
     """Intersections (n, 2, 2) of triangles (n, 3, 3) with a horizontal plane: segments."""
     z = triangles[..., 2] - cut_m
-    # the corner that is alone on its side, and the two others
+    # the corner alone on its side, and the two others
     above = z > 0.0
     alone = np.where(above.sum(axis=1) == 1, above.argmax(axis=1), (~above).argmax(axis=1))
     rows = np.arange(len(triangles))

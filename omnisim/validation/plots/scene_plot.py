@@ -1,4 +1,4 @@
-"""A scene from above: its map, paths, start poses and landmarks."""
+"""Plot of a scene from above: its map, paths, start poses and landmarks."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from omnisim.validation.plots.run_plot import draw_landmark
 from omnisim.validation.plots.scene_map import draw_scene_map
 from omnisim.validation.plots.style import BLUE, GREEN, ORANGE, plot
 
-# Larger scenes are shown around their starts, paths and landmarks, with this much beside them.
+# Larger scenes are shown around their starts, paths and landmarks, with this margin.
 MAX_SIDE_M, AROUND_M = 30.0, 12.0
-MARGIN = 0.03  # of the larger side
+MARGIN = 0.03  # share of the larger side
 
 
 def scene_figure(scene: Scene) -> Figure:
@@ -50,7 +50,7 @@ def scene_figure(scene: Scene) -> Figure:
 
 
 def _extent(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Corners (2,) of what is shown."""
+    """Corners (2,) of the shown part."""
     low, high = scene.bounds_m()[:, :2]
     if (high - low).max() <= MAX_SIDE_M:
         return low, high

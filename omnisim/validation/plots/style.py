@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from omnisim.core.srgb import srgb_from_linear
 
 DPI = 110
-TITLE_PT = 12.0  # of a plot alone
+TITLE_PT = 12.0  # of a single plot
 BLUE, ORANGE, GREEN, GRAY, RED = "#2c6fbb", "#e07b39", "#3a8f4d", "#777777", "#c23b3b"
 
 
 def plot(
     title: str, x_label: str, y_label: str, width_in: float = 8.0, height_in: float = 4.5
 ) -> tuple[Figure, Axes]:
-    """A figure with one pair of labeled axes and a light grid."""
+    """Figure with one pair of labeled axes and a light grid."""
     figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
     label_axes(axes, title, x_label, y_label)
@@ -29,7 +29,7 @@ def plot(
 
 
 def label_axes(axes: Axes, title: str, x_label: str, y_label: str) -> None:
-    """Title and labels, a light grid behind what is drawn, and no box around it."""
+    """Add title and labels, with a light grid behind the content and without a box."""
     axes.set_title(title, fontsize=10)
     axes.set_xlabel(x_label)
     axes.set_ylabel(y_label)
@@ -50,5 +50,5 @@ def gallery(images: Mapping[str, NDArray[Any]], columns: int, side_in: float = 3
         axes.set_title(title, fontsize=10)
         axes.set_axis_off()
         shown = image if image.dtype == np.uint8 else srgb_from_linear(image)
-        axes.imshow(shown)  # averaged where it is made smaller, pixels where it is magnified
+        axes.imshow(shown)  # averaged if reduced, pixels if magnified
     return figure

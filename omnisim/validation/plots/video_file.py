@@ -1,4 +1,4 @@
-"""Images into a video file (the home of PyAV)."""
+"""Video files from images."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import atomic_write, check_target
 
 FORMATS = {".mp4": "mp4", ".mkv": "matroska"}
-# Constant quality, lower is better: at 18 few can tell it from the original.
+# Constant quality, lower is better: 18 is hard to tell from the original.
 QUALITY = 18
 
 
@@ -33,9 +33,9 @@ def check_video_target(path: Path) -> None:
 
 
 def write_video(path: Path, images: Iterable[NDArray[np.uint8]], rate_hz: float) -> int:
-    """Write images (height, width, 3), all of one size, as H.264; returns how many.
+    """Write images (height, width, 3) of one size as H.264; return their number.
 
-    Odd sizes lose their last row or column, which the format cannot hold.
+    Odd sizes lose their last row or column, which the format does not support.
 
     Raises:
         OutputError: an unknown format, no images or too small ones, or the file cannot be

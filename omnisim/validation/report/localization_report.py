@@ -1,4 +1,4 @@
-"""Files and report of a localized run, as `omnisim localize` writes them."""
+"""Files and report of a localized run, from `omnisim localize`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from omnisim.validation.plots.localization_plots import PathPanel, errors_figure
 from omnisim.validation.report.measure import Measure
 from omnisim.validation.report.report import CaptionedFigure, Report, Section, make_folder
 
-LATE_STEP = 5  # first step whose errors count: the paper's start is worse than its odometry
+LATE_STEP = 5  # first step of the reported errors: the paper's start is worse than its odometry
 
 
 def write_localized(
@@ -36,16 +36,16 @@ def write_localized(
     """Write tracks, detections and the report of a localized run.
 
     Args:
-        folder: to write to, made where it is missing.
-        run: with ground truth, if any: only the errors use it.
+        folder: folder to write to, created if missing.
+        run: run; ground truth, if there is any, is used for the errors only.
         track: estimates of its steps.
-        parameters: of the filter.
-        detections: of each step.
+        parameters: parameters of the filter.
+        detections: detections by step.
         shown: panoramas: title, (height, width, 3) sRGB, detections.
-        warnings: for the reader.
+        warnings: warnings for the reader.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: a file cannot be written.
     """
     make_folder(folder)
     write_track(folder, track)
@@ -121,14 +121,14 @@ def track_measures(track: Track, truth: NDArray[np.float64] | None) -> list[Meas
         Measure("NEES, mean of the run (3 expected)",
                float(known.mean()) if len(known) else math.nan),
     ]  # fmt: skip
-    found = [estimate for estimate in track.estimates if estimate.nis_degrees]
-    degrees = sum(estimate.nis_degrees for estimate in found)
+    updated = [estimate for estimate in track.estimates if estimate.nis_degrees]
+    degrees = sum(estimate.nis_degrees for estimate in updated)
     if degrees:
         low, high = mean_interval(1, degrees)
         measures.append(
             Measure(
                 f"NIS over its degrees of freedom (95 % band {low:.2f} to {high:.2f})",
-                sum(estimate.nis for estimate in found) / degrees,
+                sum(estimate.nis for estimate in updated) / degrees,
             )
         )
     return measures

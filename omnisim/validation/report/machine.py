@@ -1,4 +1,4 @@
-"""Machine, driver, versions and commit that a report was measured on."""
+"""Machine, driver, versions and commit of a report."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from omnisim.core.extras import require_opengl
 from omnisim.core.version import __version__
 
-if TYPE_CHECKING:  # there may be no OpenGL
+if TYPE_CHECKING:  # OpenGL may be missing
     from omnisim.rendering.opengl.context import GraphicsInfo
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -26,7 +26,7 @@ SOFTWARE = ("llvmpipe", "softpipe", "swrast", "lavapipe")  # in the names of sof
 
 
 def machine_of_device(device: int | None = None) -> dict[str, Any]:
-    """Machine with a GPU that is not in use yet.
+    """Machine with a GPU that is not open yet.
 
     Raises:
         GraphicsError: no OpenGL.
@@ -42,11 +42,11 @@ def machine_of_device(device: int | None = None) -> dict[str, Any]:
 
 
 def describe_machine(graphics: GraphicsInfo, device: int | None = None) -> dict[str, Any]:
-    """Machine, driver, versions, commit and time, as JSON can hold them.
+    """Machine, driver, versions, commit and time, of JSON types.
 
     Args:
-        graphics: the renderer.
-        device: its number, if it was chosen by one.
+        graphics: renderer.
+        device: EGL index of the GPU; None: not chosen.
     """
     is_software = any(name in graphics.renderer.lower() for name in SOFTWARE)
     return {
@@ -78,13 +78,13 @@ def machine_line(machine: dict[str, Any]) -> str:
 
 
 def _name(renderer: str, is_software: bool) -> str:
-    """Folder name for results: the renderer, and the cores of a software renderer."""
+    """Folder name for results: the renderer, with the cores of a software renderer."""
     plain = re.sub(r"[^a-z0-9]+", "-", re.split(r"[/(]", renderer.lower())[0]).strip("-")
     return f"{plain}-{_cores()}-cores" if is_software else plain
 
 
 def _cores() -> int:
-    """Number of cores that this process may use."""
+    """Number of cores available to this process."""
     return len(os.sched_getaffinity(0))
 
 
@@ -92,7 +92,7 @@ def _version(package: str) -> str | None:
     try:
         return version(package)
     except PackageNotFoundError:
-        return None  # an optional one
+        return None  # an optional package
 
 
 def _processor() -> str:
@@ -105,7 +105,7 @@ def _processor() -> str:
 
 
 def _commit() -> str | None:
-    """Commit, with + where files were changed since; None outside a checkout."""
+    """Commit, with + if files have changed since; None outside a checkout."""
     if not (ROOT / ".git").exists():
         return None
     try:

@@ -1,4 +1,4 @@
-"""A measured number and the bound that it must satisfy."""
+"""Measured number with its bound."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ Sense = Literal["at least", "at most"]
 
 @dataclass(frozen=True)
 class Measure:
-    """A measured number.
+    """Measured number with its bound.
 
     Attributes:
-        name: of the quantity.
-        value: NaN where it could not be measured.
-        unit: of value and bound; empty for none.
-        bound: the largest that is accepted, or None.
-        at_least: the bound is the smallest that is accepted.
-        paper: the paper's value, as text; empty for none.
+        name: name of the quantity.
+        value: value; NaN: not measurable.
+        unit: unit of value and bound; empty: none.
+        bound: maximum accepted value; None: no bound.
+        at_least: the bound is the minimum accepted value.
+        paper: the paper's value, as text; empty: none.
     """
 
     name: str
@@ -31,7 +31,7 @@ class Measure:
 
     @property
     def passed(self) -> bool | None:
-        """True if the bound holds, never for NaN; None without a bound."""
+        """True if the bound holds, never for NaN; None: no bound."""
         if self.bound is None:
             return None
         return self.value >= self.bound if self.at_least else self.value <= self.bound
@@ -43,7 +43,7 @@ class Measure:
 
     @property
     def bound_text(self) -> str:
-        """Bound with sign and unit; empty for none."""
+        """Bound with sign and unit; empty: no bound."""
         if self.bound is None:
             return ""
         return f"{'≥' if self.at_least else '≤'} {self._text(self.bound)}"

@@ -1,4 +1,4 @@
-"""A report: sections of measures, tables and figures, as `report.json` and one HTML page."""
+"""Reports: sections of measures, tables and figures, as `report.json` and one HTML page."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Status = Literal["passed", "failed", "skipped"]
 
 @dataclass(frozen=True)
 class CaptionedFigure:
-    """A figure, the stem of its file, and a caption: one sentence of what must be seen."""
+    """Figure with the stem of its file, and a caption that says what must be visible."""
 
     name: str
     figure: Figure
@@ -34,7 +34,7 @@ class CaptionedFigure:
 
 @dataclass(frozen=True)
 class ResultTable:
-    """A caption, column headings, and rows of as many cells, as text."""
+    """Caption, column headings, and rows of as many cells, as text."""
 
     caption: str
     columns: tuple[str, ...]
@@ -43,16 +43,16 @@ class ResultTable:
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a report.
+    """Section of a report.
 
     Attributes:
         text: method and result.
-        measures, tables, figures: in this order.
+        measures, tables, figures: contents, in this order.
         notices: warnings for the reader.
-        key: short name in the JSON file; empty for none.
-        seconds: time that it took, or None.
-        skipped: reason why nothing was measured; empty: something was.
-        failure: error that stopped the measurement; empty for none.
+        key: short name in the JSON file; empty: none.
+        seconds: duration; None: not measured.
+        skipped: reason why nothing was measured; empty: not skipped.
+        failure: error that stopped the measurement; empty: none.
     """
 
     title: str
@@ -73,7 +73,7 @@ class Section:
 
     @property
     def status(self) -> Status:
-        """Passed, if it was measured and no bound is missed."""
+        """Passed if it was measured and no bound is missed."""
         if self.skipped:
             return "skipped"
         return "failed" if self.failure or self.missed else "passed"
@@ -101,15 +101,15 @@ class Section:
 
 @dataclass(frozen=True)
 class Report:
-    """Sections of one run.
+    """Report of one run.
 
     Attributes:
         title: heading.
         text: introduction.
         sections: in order.
-        facts: parameters of the run, as JSON can hold them.
+        facts: parameters of the run, of JSON types.
         notices: warnings for the reader.
-        machine: machine and versions, see `describe_machine`; empty where they do not matter.
+        machine: machine and versions, see `describe_machine`; empty if they do not matter.
     """
 
     title: str
@@ -126,9 +126,9 @@ class Report:
 
     @property
     def status(self) -> Status:
-        """Failed, if a section is; skipped, if all are."""
-        found = {section.status for section in self.sections}
-        return "failed" if "failed" in found else "passed" if "passed" in found else "skipped"
+        """Failed if a section failed; skipped if all sections are."""
+        statuses = {section.status for section in self.sections}
+        return "failed" if "failed" in statuses else "passed" if "passed" in statuses else "skipped"
 
     @property
     def passed(self) -> bool:
@@ -137,7 +137,7 @@ class Report:
 
     @property
     def verdict(self) -> str:
-        """One sentence on the bounds; empty where there are none."""
+        """One sentence on the bounds; empty if there are none."""
         if not self.passed:
             names = "; ".join(measure.name for measure in self.missed)
             return f"Not every bound holds: {names}." if names else "Not every bound holds."
@@ -161,10 +161,10 @@ class Report:
         }
 
     def write(self, folder: Path) -> None:
-        """Write `report.json`, `report.html` and the figures into a folder, made where missing.
+        """Write `report.json`, `report.html` and the figures to a folder, created if missing.
 
         Raises:
-            OutputError: they cannot be written.
+            OutputError: a file cannot be written.
         """
         figures = {
             figure.name: figure_png(figure.figure)
@@ -186,16 +186,16 @@ def check_report_target(folder: Path) -> None:
     """Refuse a folder that cannot be written to, before the work is done.
 
     Raises:
-        OutputError: it cannot be made or written to.
+        OutputError: it cannot be created or written to.
     """
     check_target(folder / JSON, may_make_folder=True)
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder where it is missing.
+    """Create a folder if it is missing.
 
     Raises:
-        OutputError: it cannot be made.
+        OutputError: it cannot be created.
     """
     try:
         folder.mkdir(exist_ok=True)
@@ -204,10 +204,10 @@ def make_folder(folder: Path) -> None:
 
 
 def write_json(path: Path, content: object) -> None:
-    """Write a JSON file; it appears only when it is whole.
+    """Write a JSON file; atomically.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: the file cannot be written.
     """
     _write(path, (json.dumps(content, indent=2) + "\n").encode("utf-8"))
 
