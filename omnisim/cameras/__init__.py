@@ -1,6 +1,7 @@
 """Camera models: map pixels to viewing rays, and rays to pixels.
 
-Each model has two files of the same stem: `cameras/<model>.py` (NumPy, float64, the reference) and
+Each model has two files of the same stem: `cameras/models/<model>.py` or
+`cameras/mirrors/<model>.py` (NumPy, float64, the reference) and
 `shaders/camera/<model>.glsl` (the same function on the GPU). It also has its class in this file and
 an entry in `tests/camera_examples.py`, on which one contract test runs.
 All models share these conventions:

@@ -39,7 +39,7 @@ class CentralCamera(Protocol):
     Attributes:
         width_px, height_px: image size.
         principal_point_px: (u, v) of the optical frame's z axis, inside or outside the image.
-        model_name: stem of the model's files, `cameras/<model>.py` and
+        model_name: stem of the model's files, `<model>.py` and
             `shaders/camera/<model>.glsl`.
         rig_from_optical: (3, 3) orientation in a level rig: looking ahead, or up into its mirror.
         domain_limit_rad: angle from the axis at which a parameter ends the domain, or None.
@@ -136,8 +136,8 @@ def check_central(camera: CentralCamera, use: str) -> None:
     """
     if isinstance(camera, NonCentralCamera):
         raise OpticsError(
-            f"{use}: expected a camera with one viewpoint, got model {camera.model_name!r}, whose "
-            "rays have origins of their own"
+            f"{use}: expected a central camera, got model {camera.model_name!r}, which is "
+            "non-central"
         )
 
 

@@ -96,7 +96,7 @@ class Labels:
         if self.source == "names":
             return (
                 "the scene has no labels: classes are the instances' names without numbers; "
-                "a [[labels]] table in its TOML, or --labels FILE, says better",
+                "a [[labels]] table in its TOML, or --labels FILE, is more accurate",
             )
         if self.unlabeled:
             count, first = len(self.unlabeled), self.unlabeled[0]

@@ -1,4 +1,4 @@
-"""Cameras measured from their own images."""
+"""Cameras measured from their own images: noise by EMVA 1288."""
 
 from omnisim.measurement.quantity import Quantity, Unseen
 

@@ -1,1 +1,1 @@
-"""Perception: views unwarped from omnidirectional images, color models and landmarks."""
+"""Perception: unwarped views, color models, landmarks, and self-localization."""

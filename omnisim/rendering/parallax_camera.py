@@ -116,7 +116,7 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
         Raises:
             GraphicsError: always.
         """
-        raise GraphicsError("faces: expected a camera with one viewpoint, got an optical system")
+        raise GraphicsError("faces: expected a central camera, got an optical system")
 
     def _ray_scene(self) -> RayScene:
         from omnisim.rendering.rays.ray_scene import RayScene  # needs an extra

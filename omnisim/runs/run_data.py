@@ -125,7 +125,7 @@ def read_run(folder: Path, scene: str | None = None, camera: str | None = None) 
         )
     steps = run.steps_done()
     if steps == 0:
-        raise RunError(f"{folder}: has no images yet: run its command again to go on")
+        raise RunError(f"{folder}: has no images yet: run its command again to resume it")
     if run.manifest.is_rig:
         raise RunError(f"{folder}: expected the run of a robot with wheels, got that of a rig")
     odometry = read_odometry(folder / ODOMETRY)

@@ -89,7 +89,7 @@ def rgba8(image: Image) -> NDArray[np.uint8]:
         ValueError: the image is larger than any GPU's textures, so damaged or malicious.
     """
     if max(image.size) > MAX_SIDE_PX:
-        raise ValueError(f"expected at most {MAX_SIDE_PX} px to a side, got {max(image.size)}")
+        raise ValueError(f"expected at most {MAX_SIDE_PX} px per side, got {max(image.size)}")
     if image.mode.startswith(("I", "F")):  # 16-bit gray, which Pillow would clip
         gray = np.asarray(image, dtype=np.float64)
         gray = gray / 257.0 if image.mode.startswith("I") else gray * 255.0

@@ -1,6 +1,7 @@
 """Sensors on vehicles: one folder per sensor, with its model, renderer, mount and files.
 
-A new sensor needs a folder here and an entry in `sensor_registry.py`.
+`omnisim.rendering.camera` reads the sensor files of cameras. A new sensor needs a folder here and
+an entry in `sensor_registry.py`.
 """
 
 from typing import TYPE_CHECKING

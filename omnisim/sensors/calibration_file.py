@@ -51,7 +51,7 @@ def parse_mount(content: Any, place: str | Path) -> CameraMount:
     try:
         camera = camera_of_parameters(content["camera"])
         if max(camera.width_px, camera.height_px) > MAX_IMAGE_PX:
-            raise OmnisimError(f"camera: size: expected at most {MAX_IMAGE_PX} px to a side")
+            raise OmnisimError(f"camera: size: expected at most {MAX_IMAGE_PX} px per side")
         base_from_optical = check_pose(content["base_from_optical"])
         polygons = content["polygons"] if isinstance(content["polygons"], int) else None
         return CameraMount(camera, base_from_optical, valid_mask(camera, polygons))

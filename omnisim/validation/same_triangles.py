@@ -48,7 +48,7 @@ def same_triangles(
     with stage.current():
         camera = stage.backend.camera(CameraSetup(sensor, False, frozenset(), 0, ()))
         if not isinstance(camera, ParallaxCamera):
-            raise OpticsError("camera: expected an optical system, got a camera with one viewpoint")
+            raise OpticsError("camera: expected an optical system, got a central camera")
         limits = DepthLimits(sensor.near_m, sensor.far_m)
         judge = RayHitSource(rays, camera.setup, limits)
         expected = _Triangles.of(judge, poses)

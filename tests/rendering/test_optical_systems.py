@@ -377,7 +377,7 @@ def test_rays_between_pixels(name):
 
 def test_what_needs_one_viewpoint_says_so():
     system = _small("sphere")
-    one = "expected a camera with one viewpoint, got model 'optics'"
+    one = "expected a central camera, got model 'optics'"
     with pytest.raises(OmnisimError, match=f"unwarping: {one}"):
         Unwarping(system, cylinder_view(90, -math.radians(30.0), 0.0).camera, np.eye(3))
     with pytest.raises(OmnisimError, match=f"calibration: {one}"):

@@ -175,7 +175,7 @@ def test_weights_of_another_sum_are_divided(tmp_path):
     weights[1] = 0.0
     scene = load_scene(_write(tmp_path, weights=weights))
     assert scene.notices == (
-        "a.glb: weights of joints do not add up to 1: they are divided (2 vertices)",
+        "a.glb: weights of joints do not add up to 1: they are normalized (2 vertices)",
     )
     deformation = scene.meshes[scene.instances[0].mesh].deformation
     np.testing.assert_allclose(deformation.shares.sum(axis=1), 1.0, rtol=1e-6)

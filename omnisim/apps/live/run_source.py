@@ -47,7 +47,7 @@ class RunSource:
         self.scene = recorded.load(scene)
         self.steps = self._run.measurements_done(self._camera_name)
         if self.steps == 0:
-            raise RunError(f"{folder}: has no images yet: run its command again to go on")
+            raise RunError(f"{folder}: has no images yet: run its command again to resume it")
         first = read_captured_image(self._image(0))
         self.camera = OmniCamera(first.camera, polygons=None)
         self.channel_names = self._run.channels_at(0, self._camera_name)

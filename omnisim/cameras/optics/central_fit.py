@@ -88,7 +88,7 @@ def fit_central(
 def _note(residuals: Residuals) -> str:
     """Residuals of a fit in one line."""
     errors = ", ".join(map(str, residuals.at_distances))
-    return f"fitted to optics without one viewpoint: off by up to {errors} (99 % of the image)"
+    return f"fitted to non-central optics: off by up to {errors} (99 % of the image)"
 
 
 def _is_mirrored(system: OpticalSystem) -> bool:

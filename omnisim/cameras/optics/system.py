@@ -82,7 +82,7 @@ class OpticalSystem:
         if not isinstance(self.camera, CentralCamera):
             raise OpticsError(f"camera: expected a camera model, got {type(self.camera).__name__}")
         if isinstance(self.camera, NonCentralCamera):
-            raise OpticsError("camera: expected a camera with one viewpoint, got an optical system")
+            raise OpticsError("camera: expected a central camera, got an optical system")
         check_pose(self.system_from_camera)
         if self.orientation is not None:
             check_pose(pose_from_rotation(self.orientation, (0.0, 0.0, 0.0)))

@@ -154,7 +154,7 @@ def _check_target(path: Path, may_make_folder: bool) -> None:
     if path.is_dir():
         raise OutputError(f"{path}: is a folder: expected the name of a file")
     if path.exists() and not path.is_file():  # a device or a pipe would be replaced by a file
-        raise OutputError(f"{path}: is no regular file: expected the name of a file")
+        raise OutputError(f"{path}: is not a regular file: expected the name of a file")
     folder = path.parent
     if folder.exists() and not folder.is_dir():
         raise OutputError(f"{folder}: is a file: expected a folder")

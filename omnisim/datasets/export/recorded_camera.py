@@ -68,7 +68,7 @@ class RecordedCamera:
         """
         if not self.has_one_viewpoint:
             raise RunError(
-                f"{self.run.path / self.name}: expected a camera with one viewpoint, got optics: "
+                f"{self.run.path / self.name}: expected a central camera, got optics: "
                 "`omnisim calibration convert` fits one to it"
             )
         return self.mount.camera

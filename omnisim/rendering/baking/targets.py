@@ -34,7 +34,7 @@ def is_finished(
             check_new_folder(output)
         return False
     if not set(names) <= set(FILES):
-        raise OutputError(f"{output}: is no bake: expected a new or empty folder")
+        raise OutputError(f"{output}: is not a bake: expected a new or empty folder")
     document = _document(output)
     if document.get("fingerprint") != fingerprint:
         what = "of another scene, or of this one before it changed"

@@ -59,7 +59,7 @@ class CapturedImage:
         if not isinstance(self.camera, NonCentralCamera):
             if math.isfinite(distance_m):
                 words = f"expected an optical system, got {summary(self.camera)}"
-                raise OpticsError(f"--right-at: {words}, whose rays meet in one point")
+                raise OpticsError(f"--right-at: {words}, which is central")
             return self, None
         from omnisim.cameras.optics.central_view import CentralView  # few cameras need it
 

@@ -94,7 +94,7 @@ def light_summary(lighting: Lighting) -> str:
     if kinds and not is_even(lighting):
         return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
     if lighting.baked is not None:
-        return "none: baked light of what shines"
+        return "none: baked light of emissive surfaces"
     if lighting.environment is not None:
         return "none: lit by its sky"
     return "none: even light, without shadows" if kinds else "none: light from everywhere"

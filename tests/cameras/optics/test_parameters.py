@@ -136,7 +136,7 @@ def test_faults_of_surfaces(changes, message):
 
 def test_faults_of_systems():
     mirror = Surface(Conic(0.03), poses.pose((0.0, 0.0, 0.15)))
-    with pytest.raises(OpticsError, match="camera: expected a camera with one viewpoint"):
+    with pytest.raises(OpticsError, match="camera: expected a central camera"):
         OpticalSystem(SYSTEMS["sphere"], (mirror,))
     with pytest.raises(OmnisimError, match="expected a rotation"):
         OpticalSystem(pinhole(800.0), (mirror,), orientation=2.0 * np.eye(3))

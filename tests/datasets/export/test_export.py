@@ -275,9 +275,7 @@ class TestOptics:
 
     @pytest.mark.parametrize("format", [name for name in FORMATS if not name.startswith("ros2")])
     def test_formats_of_lenses_refuse_them(self, optics, tmp_path, format):
-        expected = (
-            "with one viewpoint, got optics|that is a pinhole, or a lidar, for kitti, got ball"
-        )
+        expected = "central camera, got optics|that is a pinhole, or a lidar, for kitti, got ball"
         with pytest.raises(OmnisimError, match=expected):
             list(export_run(optics, format, tmp_path / "out"))
         assert not any(tmp_path.iterdir())

@@ -117,7 +117,7 @@ def test_output_that_is_there_stays(tmp_path):
     (tmp_path / "x").mkdir()
     (tmp_path / "x" / "mine").touch()
     for force in (False, True):
-        with pytest.raises(OmnisimError, match="is no bake: expected a new or empty folder"):
+        with pytest.raises(OmnisimError, match="is not a bake: expected a new or empty folder"):
             bake_scene(room(), tmp_path / "x", SETTINGS, force=force)
     assert (tmp_path / "x" / "mine").is_file()
 

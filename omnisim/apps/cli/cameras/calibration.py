@@ -187,9 +187,7 @@ def read_calibration(
             )
         if isinstance(camera, NonCentralCamera):
             hint = "`omnisim calibration convert` fits one to it"
-            raise CalibrationError(
-                f"{path}: expected a camera with one viewpoint, got optics: {hint}"
-            )
+            raise CalibrationError(f"{path}: expected a central camera, got optics: {hint}")
         return Calibration(calibration_of(camera, "camera").cameras, "omnisim", str(path))
     read = load_calibration(path, format, camera_name, mirrored)
     for note in read.notes:

@@ -65,7 +65,7 @@ def run(request: UnwarpRequest) -> None:
     width, height = view.camera.width_px, view.camera.height_px
     if max(width, height) > MAX_SIDE_PX or width * height > MAX_PIXELS:
         raise OpticsError(
-            f"--size: expected at most {MAX_SIDE_PX} to a side and {MAX_PIXELS} pixels, got a "
+            f"--size: expected at most {MAX_SIDE_PX} per side and {MAX_PIXELS} pixels, got a "
             f"{request.kind} of {width} × {height} px"
         )
     camera_from_view = taken.base_from_optical.T @ view.base_from_view
@@ -139,7 +139,7 @@ def _view(request: UnwarpRequest, taken: CapturedImage) -> View:
     width, height = request.size_px or (side, side)
     if not 1 <= min(width, height) <= max(width, height) <= MAX_SIDE_PX:
         raise OpticsError(
-            f"--size: expected 1 to {MAX_SIDE_PX} pixels to a side, got {width} × {height}"
+            f"--size: expected 1 to {MAX_SIDE_PX} pixels per side, got {width} × {height}"
         )
     yaw = math.radians(request.yaw_deg)
     if request.kind is ViewKind.PERSPECTIVE:

@@ -25,7 +25,9 @@ def run(request: VideoRequest) -> None:
     check_video_target(output)
     for recorded in runs:
         if recorded.measurements_done(recorded.camera(request.camera_name)) == 0:
-            raise RunError(f"{recorded.path}: has no images yet: run its command again to go on")
+            raise RunError(
+                f"{recorded.path}: has no images yet: run its command again to resume it"
+            )
         if notice := recorded.unfinished():
             print_note(notice)
     views = [_View.of(recorded, request.camera_name) for recorded in runs]

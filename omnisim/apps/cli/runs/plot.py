@@ -98,5 +98,5 @@ def _scene(run: RunFolder, scene: str | None) -> Scene | None:
         print_note(f"drawn without a map: {reason}; pass --scene FILE")
         return None
     if scene_contents(loaded) != recorded.contents:
-        print_note(f"{loaded.name}: is not as it was in the run")
+        print_note(f"{loaded.name}: has changed since the run")
     return loaded

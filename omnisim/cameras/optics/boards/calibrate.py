@@ -239,5 +239,5 @@ class _Problem:
         """
         if untold.any():
             names = [self._parameters.names[index] for index in np.flatnonzero(untold).tolist()]
-            message = "the corners do not tell, or not apart: expected fewer free parameters"
+            message = "not determined by the corners: expected fewer free parameters"
             raise OpticsError(f"{', '.join(names)}: {message}")

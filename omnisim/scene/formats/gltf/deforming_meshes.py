@@ -86,7 +86,9 @@ class DeformingMeshes:
         notices = []
         if self._mended:
             vertices = counted(self._mended, "vertex", "vertices")
-            notices.append(f"weights of joints do not add up to 1: they are divided ({vertices})")
+            notices.append(
+                f"weights of joints do not add up to 1: they are normalized ({vertices})"
+            )
         if self._singular:
             joints = counted(self._singular, "joint")
             notices.append(f"inverse bind matrices are singular: meshes are flattened ({joints})")

@@ -27,7 +27,7 @@ LEFT_OUT = {
     "KHR_gaussian_splatting": "splats are points, which are not drawn",
     "KHR_materials_volume_scatter": "light in volumes is not drawn",
     "KHR_techniques_webgl": "shaders of files are not run",
-    "EXT_lights_ies": "lamps shine alike in all directions, or by their cone",
+    "EXT_lights_ies": "lamps emit equally in all directions, or by their cone",
     "EXT_lights_image_based": "`[sky]` of a scene's TOML is an environment map",
     "EXT_mesh_primitive_edge_visibility, CESIUM_primitive_outline": "edges are not drawn",
     "EXT_mesh_primitive_restart": "strips and fans are one each",

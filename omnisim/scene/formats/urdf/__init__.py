@@ -1,4 +1,4 @@
 """URDF robots: their visuals, posed with all joints at rest.
 
-Modules import in one direction: `kinematics`, `reader`. No extra is required.
+`omnisim.robots.importers.urdf_robot` reads wheels, masses and sensors. No extra is required.
 """

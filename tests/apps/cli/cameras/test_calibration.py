@@ -125,7 +125,7 @@ def test_the_formats_are_listed(omnisim):
         (["show", TUM_VI, "--format", "colmap"], "looks like a kalibr file"),
         (["show", "image.png"], "image.png"),
         (["show", "foreign.png"], "foreign.png: expected an image of omnisim's"),
-        (["convert", TUM_VI, "--to", "colmap", "-o", "pipe"], "pipe: is no regular file"),
+        (["convert", TUM_VI, "--to", "colmap", "-o", "pipe"], "pipe: is not a regular file"),
     ],
 )
 def test_wrong_arguments_are_one_line(omnisim, tmp_path, arguments, message):
@@ -257,7 +257,5 @@ def test_optics_are_fitted_and_the_rest_is_told(omnisim, tmp_path, by):
     shown = omnisim("calibration", "show", "a.yaml")[1]
     assert "optics_from_camera" in shown
     assert "points at 0.5 m" in shown
-    words = (
-        "expected a camera with one viewpoint, got optics: `omnisim calibration convert` fits one"
-    )
+    words = "expected a central camera, got optics: `omnisim calibration convert` fits one"
     assert f"sensor.toml: {words}" in omnisim("calibration", "show", "sensor.toml")[2]

@@ -200,7 +200,7 @@ def test_a_scene_is_the_same_from_any_folder(omnisim, needs_opengl, tmp_path, mo
     assert (status, error) == (0, "")
     shutil.copy(SCENES / "rings" / "rings.glb", tmp_path / "room.glb")
     status, _, error = omnisim("plot", ".")
-    assert (status, error) == (0, f"note: {tmp_path}/room.glb: is not as it was in the run\n")
+    assert (status, error) == (0, f"note: {tmp_path}/room.glb: has changed since the run\n")
 
 
 @pytest.mark.parametrize(

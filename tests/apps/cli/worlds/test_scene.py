@@ -43,7 +43,7 @@ def test_the_table_names_what_is_there(omnisim):
 
 def test_a_scene_without_lamps_has_none(omnisim):
     document = json.loads(omnisim("scene", "soccer", "--json")[1])
-    assert document["light"] == "none: baked light of what shines"
+    assert document["light"] == "none: baked light of emissive surfaces"
     assert document["lights"] == []
     assert "even light" in repr(load_scene("soccer", baked="none"))
 

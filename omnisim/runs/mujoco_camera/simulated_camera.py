@@ -73,7 +73,7 @@ class Camera(Closing):
         seed: int | str = 0,
         backend: BackendName = "cube",
     ):
-        require_extra("mujoco", "omnisim.runs.mujoco_loop.Camera")
+        require_extra("mujoco", "omnisim.runs.mujoco_camera.Camera")
         from omnisim.scene.formats.mjcf.camera_lens import lens_of
         from omnisim.scene.formats.mjcf.camera_mount import find_mount
         from omnisim.scene.formats.mjcf.moving_model import split_model

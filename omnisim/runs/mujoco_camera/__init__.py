@@ -1,6 +1,6 @@
-"""Cameras of omnisim in MuJoCo simulations; needs the extra `mujoco`.
+"""Cameras of omnisim in your own MuJoCo simulation loop; needs the extra `mujoco`.
 
-with omnisim.runs.mujoco_loop.Camera(model, data, "fisheye.toml", body="head") as camera:
+with omnisim.runs.mujoco_camera.Camera(model, data, "fisheye.toml", body="head") as camera:
     while data.time < 1.0:
         mujoco.mj_step(model, data)
         frame = camera.render(also=("range", "instance"))
@@ -8,7 +8,7 @@ with omnisim.runs.mujoco_loop.Camera(model, data, "fisheye.toml", body="head") a
 
 from typing import TYPE_CHECKING
 
-from omnisim.runs.mujoco_loop.simulated_camera import NO_GEOM, VISIBLE_GROUPS, Camera
+from omnisim.runs.mujoco_camera.simulated_camera import NO_GEOM, VISIBLE_GROUPS, Camera
 
 if TYPE_CHECKING:
     from omnisim.scene.formats.mjcf.camera_lens import lens_of
@@ -21,4 +21,4 @@ def __getattr__(name: str) -> object:
         from omnisim.scene.formats.mjcf.camera_lens import lens_of  # needs the extra
 
         return lens_of
-    raise AttributeError(f"module 'omnisim.runs.mujoco_loop' has no attribute {name!r}")
+    raise AttributeError(f"module 'omnisim.runs.mujoco_camera' has no attribute {name!r}")
