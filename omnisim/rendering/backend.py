@@ -78,7 +78,7 @@ class CameraBackend(ABC):
 
     @abstractmethod
     def refresh(self) -> None:
-        """Update after the scene's side has changed."""
+        """Adapt to the scene after its objects or buffers have changed."""
 
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
         """Render an image; also return the metadata of its degradation."""
@@ -147,7 +147,7 @@ class RangeFinder(Protocol):
     """Casts a scanner's beams."""
 
     def refresh(self) -> None:
-        """Update after the scene's side has changed."""
+        """Adapt to the scene after its objects or buffers have changed."""
 
     def cast(
         self,
@@ -165,7 +165,7 @@ class BeamCaster(Protocol):
         """Dynamic object and name of each instance, indexed by `BeamHits.draw_ids` − 1."""
 
     def refresh(self) -> None:
-        """Update after the scene's side has changed."""
+        """Adapt to the scene after its objects or buffers have changed."""
 
     def cast(self, revolution: Revolution) -> BeamHits:
         """Hits of all beams of a revolution."""

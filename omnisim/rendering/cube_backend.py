@@ -196,7 +196,7 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
         self._use(Pipeline(self.cube, samples, sensor.supersampling, linear_type))
 
     def refresh(self) -> None:
-        """Update after the buffers changed."""
+        """Adapt to the scene after its buffers have changed."""
         super().refresh()
         if "whole_cube" in self.__dict__:
             self.whole_cube.refresh()
@@ -253,7 +253,7 @@ class CubeHits(DrawnHits):
         self.has_ray = self._pixels.valid
 
     def refresh(self) -> None:
-        """Update after the buffers changed."""
+        """Adapt to the scene after its buffers have changed."""
         super().refresh()
         self._passes.refresh()
         if "_batches" in self.__dict__:

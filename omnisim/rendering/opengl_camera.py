@@ -102,7 +102,7 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
         self._refresh_ground_truth()
 
     def hit_source(self, details: HitDetails) -> HitsT:
-        """Hits behind its ground truth, with these details."""
+        """Source of the hits for ground truth, with at least these details."""
         held = self._hit_source
         wanted = details.of_texels.joined(NO_DETAILS if held is None else held.details)
         if held is None or wanted != held.details:

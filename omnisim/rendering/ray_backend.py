@@ -126,7 +126,7 @@ class RayCamera(CameraBackend):
             self._degrade(self._develop)
 
     def refresh(self) -> None:
-        """Update after the scene changed."""
+        """Adapt to the scene after it has changed."""
         self._images, self._hit_source = self._ray_images(), None
 
     def _ray_images(self) -> list[RayImage]:

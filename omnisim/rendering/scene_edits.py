@@ -1,4 +1,4 @@
-"""In-place edits of a scene, visible in the next frame without re-uploading."""
+"""In-place edits of a scene, visible in the next frame; other parts are not uploaded again."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Rays and caustics of optical systems in closed form: a pinhole at the origin, on the axis.
 
-All are functions of β, the angle between a pixel's ray and the axis, in their plane: r is the
-distance from the axis, z along it, away from the pinhole.
+All are functions of β, the angle between a pixel's ray and the axis. Points lie in the plane of ray
+and axis: r is the distance from the axis, z along it, away from the pinhole.
 """
 
 from __future__ import annotations

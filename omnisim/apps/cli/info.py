@@ -1,4 +1,4 @@
-"""`omnisim info`."""
+"""`omnisim info`: versions, built-in scenes, and the GPUs that can render."""
 
 from __future__ import annotations
 

@@ -308,7 +308,7 @@ def _channel(name: str, draw: Draw, taken: Taken) -> Part:
 
 
 def _bundle(files: dict[str, bytes]) -> tuple[str, str, bytes]:
-    """Name, media type and contents of a single file, or of an archive of several files."""
+    """Name, media type and bytes of a download: a single file itself, else a ZIP archive."""
     if len(files) == 1:
         ((name, data),) = files.items()
         return name, "application/octet-stream", data

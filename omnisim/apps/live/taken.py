@@ -48,7 +48,7 @@ class Taken:
 
     @property
     def viewpoint(self) -> Place:
-        """Effective viewpoint with the vehicle's attitude, as the options of `omnisim render`."""
+        """Effective viewpoint and the vehicle's angles, for `omnisim render --at --yaw …`."""
         x, y, z = self.world_from_optical[:3, 3].tolist()
         angles = np.degrees(roll_pitch_yaw_from_rotation(self.world_from_base[:3, :3]))
         roll, pitch, yaw = (float(angle) + 0.0 for angle in angles)

@@ -157,7 +157,7 @@ class Inverse:
         return squared_chords
 
     def _misses(self, targets: Targets) -> Floats:
-        """Squared chords (n, rays) between all rays and each target."""
+        """Squared chords (n, rays) between rays and the directions from them to each target."""
         return np.stack(
             [
                 self._miss(

@@ -133,7 +133,7 @@ class _Worker:
 
 
 def _work(connection: Connection, job: Job) -> None:
-    """Generate shards until there are no more."""
+    """Generate the shards whose numbers arrive on the connection, until the parent closes it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends this process
     signal.signal(signal.SIGTERM, _end)
     maker: ShardMaker | None = None

@@ -76,7 +76,7 @@ class PhotonTransfer:
     """Photon transfer curve.
 
     Attributes:
-        means_dn, variances_dn2: (levels,) above those of the dark frames.
+        means_dn, variances_dn2: (levels,) means and variances, minus those of the dark frames.
         used: (levels,) True: the level is part of the fit.
         gain_dn_per_e, gain_sigma_dn_per_e: slope, and its standard deviation.
         saturation_dn: mean of the brightest saturated level; None: no level saturates.

@@ -47,7 +47,7 @@ class BatchPipeline:
         self.refresh()
 
     def refresh(self) -> None:
-        """Update the slice length to the memory that the virtual cameras need now."""
+        """Recompute the slice length, after the virtual cameras' memory per image has changed."""
         width, height = self.size_px
         limits = self.context.info
         layer_bytes = self._cube.bytes_of_layer + _PIXEL_BYTES * width * height

@@ -150,7 +150,7 @@ class Camera(Closing):
 
     @property
     def geoms(self) -> dict[str, int]:
-        """Geoms of the model by the names of their instances, body/geom."""
+        """Geom ID of each instance, by the instance's name (`body/geom`)."""
         return dict(self._moving.geom_of_instance)
 
     def geom_ids(self, frame: Frame) -> NDArray[np.int32]:

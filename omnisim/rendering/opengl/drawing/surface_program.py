@@ -263,7 +263,7 @@ class SurfaceProgram:
             self._light_rectangles.write(np.array(sides, dtype=np.float32))
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
-        """Draw `count` indices of a vertex array; colors need no IDs."""
+        """Draw `count` indices of a vertex array from `first`; `first_id` is unused."""
         array.render(moderngl.TRIANGLES, vertices=count, first=first)
 
 

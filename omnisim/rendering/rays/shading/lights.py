@@ -68,12 +68,12 @@ def ambient_light(lighting: Lighting, normals: NDArray[np.float32]) -> NDArray[n
 def light_on_surfaces(
     lighting: Lighting, lamps: Sequence[LampLight], normals: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Light of lamps and environment (n, 3), linear RGB, on white surfaces, normals (n, 3)."""
+    """Linear RGB light (n, 3) of lamps and environment on white surfaces, by normals (n, 3)."""
     return _with_lamps(ambient_light(lighting, normals), lamps, normals)
 
 
 def light_of_lamps(lamps: Sequence[LampLight], normals: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Light of lamps alone (n, 3) on white surfaces with unit normals (n, 3)."""
+    """Linear RGB light (n, 3) of lamps alone on white surfaces with unit normals (n, 3)."""
     return _with_lamps(np.zeros((len(normals), 3), dtype=np.float32), lamps, normals)
 
 

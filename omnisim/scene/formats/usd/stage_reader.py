@@ -147,7 +147,10 @@ class _Reader:
         ]
 
     def _object(self, site: Site, owners: dict[str, str]) -> tuple[str, NDArray[np.float64], str]:
-        """Name, frame and class of the object that contains a prim."""
+        """Name, frame and class of the object that contains a prim.
+
+        Without such an object: name and frame of the prim itself, and no class.
+        """
         owner = site.owner
         if owner is None:
             return self._distinct(self._walk.path_name(site.prim)), site.stage_from_prim, ""
