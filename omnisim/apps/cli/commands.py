@@ -151,7 +151,7 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
             {
                 "noise": Entry(
                     "Measure gain, noise and fixed pattern from dark frames and flat fields.",
-                    "cameras.measure.noise", "cameras.requests.MeasureNoiseRequest",
+                    "cameras.measure_noise.noise", "cameras.measure_requests.MeasureNoiseRequest",
                 ),
             },
         ),

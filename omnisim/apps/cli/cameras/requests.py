@@ -175,21 +175,3 @@ class OpticsCalibrateRequest:
     """Comma-separated keys of SYSTEM to fit, such as surfaces.0.decenter_m."""
     output: Path
     """Optics file to write: .toml."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class MeasureNoiseRequest:
-    """Parameters of `omnisim measure noise`."""
-
-    dark: Annotated[Path, Argument(metavar="DARK")]
-    """Folder of dark frames, with one folder per exposure, such as 2.5ms."""
-    flat: Annotated[Path, Argument(metavar="FLAT")]
-    """Folder of evenly lit frames, likewise, of three exposures or more."""
-    output: Path
-    """Sensor file to write: .toml; a report and the fixed pattern are written beside it."""
-    sensor: Annotated[Path | None, Option(default="none")] = None
-    """Sensor file to add the noise to."""
-    bit_depth: Annotated[int | None, Option(metavar="BITS", default="those that values use")] = None
-    """Bits of the converter."""
-    bayer: bool = False
-    """The frames are a Bayer mosaic."""
