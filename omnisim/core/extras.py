@@ -32,6 +32,7 @@ EXTRAS = {
     "rays": {"embreex": "embreex"},
     "bake": {"embreex": "embreex", "xatlas": "xatlas"},
     "video": {"av": "av"},
+    "measure": {"opencv-contrib-python-headless": "cv2"},
     "mujoco": {"mujoco-core": "mujoco"},
     "usd": {"usd-core": "pxr"},
     "ray": {"ray": "ray"},

@@ -149,6 +149,11 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
         "measure": GroupEntry(
             "Measure a camera from its own images.",
             {
+                "geometry": Entry(
+                    "Measure a camera's model from images of a calibration board.",
+                    "cameras.measure_geometry.geometry",
+                    "cameras.measure_requests.MeasureGeometryRequest",
+                ),
                 "noise": Entry(
                     "Measure gain, noise and fixed pattern from dark frames and flat fields.",
                     "cameras.measure_noise.noise", "cameras.measure_requests.MeasureNoiseRequest",

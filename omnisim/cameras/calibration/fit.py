@@ -30,7 +30,6 @@ from omnisim.cameras import (
 from omnisim.cameras.calibration.calibrated_camera import Residuals
 from omnisim.cameras.calibration.linear_fit import (
     FITTED,
-    FREE,
     MIN_SAMPLES,
     STEEPEST_RAD,
     Bounds,
@@ -38,6 +37,7 @@ from omnisim.cameras.calibration.linear_fit import (
     linear_fit,
     radial_profile,
 )
+from omnisim.cameras.calibration.parameter_vector import ParameterVector
 from omnisim.cameras.models.field_of_view import corner_pixels, edge_pixels, optical_axis
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.errors import CalibrationError, OpticsError
@@ -247,36 +247,24 @@ def _refined(
     rotated: bool,
 ) -> tuple[ParametricCamera, NDArray[np.float64]]:
     """Local minimum of the sum of squared reprojection errors near `start`, and its rotation."""
-    names = [name for name in free if name not in fixed]
-    values = [np.atleast_1d(getattr(start, name)).astype(np.float64) for name in names]
-    lengths = [len(value) for value in values]
-    units = np.concatenate(
-        [_units(name, value, start) for name, value in zip(names, values, strict=True)]
+    parameters = ParameterVector(
+        start, {name: bounds for name, bounds in free.items() if name not in fixed}
     )
+    count = len(parameters.start)
     turns = [np.zeros(3)] if rotated else []
-    first = np.concatenate([np.concatenate(values) / units, *turns])
-    limits = [free[name] for name in names] + [FREE] * len(turns)
-    low, high = np.repeat(limits, lengths + [3] * len(turns), axis=0).T
+    first = np.concatenate([parameters.start, *turns])
+    low = np.concatenate([parameters.low, *[one - math.inf for one in turns]])
+    high = np.concatenate([parameters.high, *[one + math.inf for one in turns]])
     penalty = np.full(2 * len(samples.pixels_px), float(start.width_px + start.height_px))
 
-    def camera_of(vector: NDArray[np.float64]) -> ParametricCamera:
-        parts = np.split(vector[: len(units)] * units, np.cumsum(lengths)[:-1])
-        changes: dict[str, Any] = {
-            name: tuple(part.tolist())
-            if isinstance(getattr(start, name), tuple)
-            else float(part[0])
-            for name, part in zip(names, parts, strict=True)
-        }
-        return dataclasses.replace(start, **changes)
-
     def turn_of(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-        turn = vector[len(units) :]
+        turn = vector[count:]
         return Rotation.from_rotvec(turn).as_matrix() if rotated else np.eye(3)
 
     def errors_px(vector: NDArray[np.float64]) -> NDArray[np.float64]:
         directions = samples.directions @ turn_of(vector).T if rotated else samples.directions
         try:
-            seen = camera_of(vector).pixel_from_ray(directions)
+            seen = parameters.camera(vector[:count]).pixel_from_ray(directions)
         except OpticsError:
             return penalty  # not a valid camera
         errors: NDArray[np.float64] = seen.positions_px - samples.pixels_px
@@ -293,19 +281,7 @@ def _refined(
     before = errors_px(first)
     if not 2.0 * solution.cost < float(before @ before):
         return start, np.eye(3)
-    return camera_of(solution.x), turn_of(solution.x)
-
-
-def _units(name: str, values: NDArray[np.float64], camera: ParametricCamera) -> NDArray[np.float64]:
-    """Step units (n,) of a parameter's values that move the image by similar distances.
-
-    The units of a polynomial of the image radius are powers of the radius.
-    """
-    if name != "polynomial":
-        return np.ones(len(values))
-    radius_px = 0.5 * max(camera.width_px, camera.height_px)
-    units: NDArray[np.float64] = radius_px ** -np.arange(len(values), dtype=np.float64)
-    return units
+    return parameters.camera(solution.x[:count]), turn_of(solution.x)
 
 
 def _evaluate(

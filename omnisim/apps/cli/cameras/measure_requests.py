@@ -23,3 +23,26 @@ class MeasureNoiseRequest:
     """Bits of the converter."""
     bayer: bool = False
     """The frames are a Bayer mosaic."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasureGeometryRequest:
+    """Parameters of `omnisim measure geometry`."""
+
+    images: Annotated[Path, Argument(metavar="IMAGES")]
+    """Folder of images of a board, or its corners: .csv with image,x_m,y_m,u_px,v_px."""
+    output: Path
+    """Sensor file to write: .toml; report, corners and a plot are written beside it."""
+    board: Annotated[str | None, Option(metavar="BOARD", default="none, for corners")] = None
+    """Board: 8x6:30mm (inner corners and square), charuco:9x7:30mm:22mm:5X5_100 (squares, square,
+    marker, dictionary), aprilgrid:6x6:88mm:0.3 (tags, tag, spacing), or a Kalibr file (.yaml)."""
+    size: Annotated[tuple[int, int] | None, Option(metavar="WIDTH HEIGHT", default="none")] = None
+    """Size of the images, for corners from a file."""
+    model: Annotated[list[str] | None, Option(metavar="MODEL", default="all that fit")] = None
+    """Camera model to fit; repeatable: the best on held-out images is chosen."""
+    mirrored: bool = False
+    """The camera looks into a mirror."""
+    flat_board: bool = False
+    """Take the board as exactly flat, and do not measure its shape."""
+    sensor: Annotated[Path | None, Option(default="none")] = None
+    """Sensor file whose camera is replaced."""

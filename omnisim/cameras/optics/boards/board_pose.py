@@ -14,9 +14,6 @@ from omnisim.core.errors import OpticsError
 def first_pose(system: OpticalSystem, viewpoint_m: Floats, board: BoardCorners) -> Floats:
     """Pose (4, 4) of a board in the sensor's optical frame, as if all rays met in one point.
 
-    Source: the homography of a plane by direct linear transformation, Hartley and Zisserman 2004,
-    with unit directions instead of image coordinates.
-
     Raises:
         OpticsError: the system sees too few of the corners.
     """
@@ -24,7 +21,21 @@ def first_pose(system: OpticalSystem, viewpoint_m: Floats, board: BoardCorners) 
     if rays.valid.sum() < MIN_CORNERS:
         message = f"expected at least {MIN_CORNERS} corners where the optics see anything"
         raise OpticsError(f"corners: {message}, got {rays.valid.sum()}")
-    directions, points_m = rays.directions[rays.valid], board.points_m[rays.valid]
+    pose = pose_from_directions(rays.directions[rays.valid], board.points_m[rays.valid])
+    pose[:3, 3] += viewpoint_m
+    return pose
+
+
+def pose_from_directions(directions: Floats, points_m: Floats) -> Floats:
+    """Pose (4, 4) of a flat board, from the directions of its corners in the camera's frame.
+
+    Source: the homography of a plane by direct linear transformation, Hartley and Zisserman 2004,
+    with unit directions instead of image coordinates.
+
+    Args:
+        directions: (n, 3) unit directions from the viewpoint, n at least 4.
+        points_m: (n, 2) corners on the board.
+    """
     plane = np.column_stack((points_m, np.ones(len(points_m))))
     # d × (H p) = 0
     crosses = np.cross(np.eye(3), directions[:, None, :]).transpose(0, 2, 1)
@@ -37,7 +48,7 @@ def first_pose(system: OpticalSystem, viewpoint_m: Floats, board: BoardCorners) 
     u, _, v = np.linalg.svd(np.stack((first, second, np.cross(first, second)), axis=1))
     pose = np.eye(4)
     pose[:3, :3] = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
-    pose[:3, 3] = middle_m + viewpoint_m
+    pose[:3, 3] = middle_m
     return pose
 
 

@@ -1,0 +1,198 @@
+"""`omnisim measure geometry`."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from omnisim.apps.cli.cameras.measure_requests import MeasureGeometryRequest
+from omnisim.apps.cli.cameras.measured_files import (
+    check_outputs,
+    print_measured,
+    sensor_tables,
+    write_measured,
+)
+from omnisim.apps.cli.console import out, pluralize, print_note, track
+from omnisim.cameras.optics.boards.board_corners import BoardCorners, read_corners, write_corners
+from omnisim.core.errors import MeasurementError, OpticsError
+from omnisim.core.extras import is_installed, require_extra
+from omnisim.measurement.geometry import (
+    BoardView,
+    MeasuredGeometry,
+    RejectedImage,
+    find_boards,
+    measure_geometry,
+    read_board,
+)
+from omnisim.measurement.geometry.board_images import image_files
+from omnisim.measurement.geometry.candidate_models import CANDIDATES
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.camera.sensor_toml import sensor_toml
+
+_SHOWN_MODELS = 5
+
+
+def geometry(request: MeasureGeometryRequest) -> None:
+    """Measure a camera's model, write a sensor file with it, and print model and residuals.
+
+    Raises:
+        MeasurementError: images or boards that cannot be measured.
+        SensorFileError: a sensor file with a fault.
+        OutputError: a file that cannot be written.
+    """
+    stem = request.output.stem
+    corners = request.output.with_name(f"{stem}-corners.csv")
+    plot = request.output.with_name(f"{stem}-residuals.png")
+    check_outputs(request.output, request.sensor, corners=corners, plot=plot)
+    models = _models(request.model)
+    tables = sensor_tables(request.sensor)
+    views, rejected, size_px = _views(request)
+    measured = measure_geometry(
+        views, size_px, mirrored=request.mirrored, models=models, is_flat=request.flat_board
+    )
+    rejected = [*rejected, *measured.rejected]
+    write_corners(corners, [BoardCorners(one.points_m, one.pixels_px) for one in measured.views])
+    tables = _with_camera(tables, measured)
+    details = _details(measured, rejected)
+    write_measured(request.output, tables, measured.quantities, measured.unseen, details)
+    _write_plot(plot, measured)
+    print_measured(request.output, measured.quantities, measured.unseen)
+    _print(measured, rejected)
+
+
+def _models(names: Sequence[str] | None) -> Sequence[str]:
+    """Models to fit.
+
+    Raises:
+        MeasurementError: an unknown one.
+    """
+    for name in names or ():
+        if name not in CANDIDATES:
+            raise MeasurementError(
+                f"--model: expected one of {', '.join(CANDIDATES)}, got {name!r}"
+            )
+    return names or CANDIDATES
+
+
+def _views(
+    request: MeasureGeometryRequest,
+) -> tuple[list[BoardView], list[RejectedImage], tuple[int, int]]:
+    """The board in each image, images without it, and the size of the images."""
+    if request.images.suffix.lower() == ".csv":
+        if request.size is None:
+            raise MeasurementError(f"{request.images}: corners need --size WIDTH HEIGHT")
+        return _read_views(request.images), [], request.size
+    if request.board is None:
+        raise MeasurementError(f"{request.images}: images need --board, such as 8x6:30mm")
+    require_extra("measure", "omnisim measure geometry", MeasurementError)
+    board = read_board(request.board)
+    files = image_files(request.images)
+    searches = find_boards(files, board, request.mirrored)
+    results = [next(searches) for _ in track(range(len(files)), "Boards", len(files))]
+    views = [one.found for one in results if isinstance(one.found, BoardView)]
+    rejected = [one.found for one in results if isinstance(one.found, RejectedImage)]
+    if not views:
+        reason = rejected[0].reason
+        raise MeasurementError(f"{request.images}: no image has the board; the first: {reason}")
+    return views, rejected, results[0].size_px
+
+
+def _read_views(path: Path) -> list[BoardView]:
+    try:
+        boards = read_corners(path)
+    except OpticsError as reason:
+        raise MeasurementError(str(reason)) from None
+    return [
+        BoardView(f"image {number}", board.points_m, board.pixels_px)
+        for number, board in enumerate(boards)
+    ]
+
+
+def _with_camera(tables: dict[str, Any], measured: MeasuredGeometry) -> dict[str, Any]:
+    """Tables of a sensor file with the measured camera in place of another one."""
+    written = tomllib.loads(sensor_toml(OmniCamera(measured.camera)))
+    old: dict[str, Any] = next(
+        (tables[key] for key in ("lens", "mirror", "optics") if key in tables), {}
+    )
+    lens = {**written["lens"], "mounting": old.get("mounting", written["lens"]["mounting"])}
+    others = {key: value for key, value in tables.items() if key not in ("mirror", "optics")}
+    camera = {"supersampling": tables["camera"]["supersampling"]} if "camera" in tables else {}
+    others.setdefault("virtual_cameras", written["virtual_cameras"])
+    return {"lens": lens} | {**others, "lens": lens, "camera": camera or written["camera"]}
+
+
+def _details(measured: MeasuredGeometry, rejected: Sequence[RejectedImage]) -> dict[str, Any]:
+    """Models, images and board for the report."""
+    starts = np.cumsum([0, *(len(view.points_m) for view in measured.views)])
+    squared = np.square(measured.errors_px).sum(axis=1)
+    images = [
+        {
+            "name": view.name,
+            "corners": len(view.points_m),
+            "rms_px": math.sqrt(float(squared[first:last].mean())),
+            "optical_from_board": pose.tolist(),
+        }
+        for view, first, last, pose in zip(
+            measured.views, starts[:-1], starts[1:], measured.poses, strict=True
+        )
+    ]
+    return {
+        "model": measured.model,
+        "rms_px": measured.rms_px,
+        "held_out_rms_px": measured.held_out_rms_px,
+        "models": [
+            {
+                "name": one.name,
+                "parameters": one.parameters,
+                "rms_px": one.rms_px if math.isfinite(one.rms_px) else None,
+                "held_out_rms_px": one.held_out_rms_px
+                if math.isfinite(one.held_out_rms_px)
+                else None,
+                "reason": one.reason,
+            }
+            for one in measured.models
+        ],
+        "images": images,
+        "rejected_images": [{"name": one.name, "reason": one.reason} for one in rejected],
+        "board_m": measured.board_m.tolist(),
+    }
+
+
+def _write_plot(path: Path, measured: MeasuredGeometry) -> None:
+    if not is_installed("matplotlib"):
+        return
+    from omnisim.validation.plots.plot_file import write_plot
+    from omnisim.validation.plots.residual_plot import residual_figure
+
+    pixels = np.concatenate([view.pixels_px for view in measured.views])
+    size_px = measured.camera.width_px, measured.camera.height_px
+    title = f"{measured.model}: {measured.rms_px:.3f} px RMS"
+    write_plot(path, residual_figure(title, size_px, pixels, measured.errors_px))
+
+
+def _print(measured: MeasuredGeometry, rejected: Sequence[RejectedImage]) -> None:
+    corners = sum(len(view.points_m) for view in measured.views)
+    out.print(
+        f"{measured.model}: {measured.rms_px:.3f} px RMS, {measured.held_out_rms_px:.3f} px in "
+        f"held-out images ({pluralize(len(measured.views), 'image')}, "
+        f"{pluralize(corners, 'corner')})",
+        markup=False,
+    )
+    table = Table(box=None, pad_edge=False)
+    for heading in ("model", "numbers", "RMS px", "held out px"):
+        table.add_column(heading, justify="left" if heading == "model" else "right")
+    for one in measured.models[:_SHOWN_MODELS]:
+        held_out = f"{one.held_out_rms_px:.3f}" if math.isfinite(one.held_out_rms_px) else "–"
+        table.add_row(one.name, str(one.parameters), f"{one.rms_px:.3f}", held_out)
+    out.print(table)
+    bow_m = float(np.abs(measured.board_m[:, 2]).max())
+    if bow_m > 0.0:
+        print_note(f"the board is bent by up to {1e3 * bow_m:.2g} mm, which was measured too")
+    for image in rejected:
+        print_note(f"{image.name} not used: {image.reason}")

@@ -1,0 +1,24 @@
+"""Geometry of a camera, from images of a calibration board."""
+
+from omnisim.measurement.geometry.board_images import find_boards, read_gray
+from omnisim.measurement.geometry.board_view import BoardView, RejectedImage
+from omnisim.measurement.geometry.boards import AprilGrid, CharucoBoard, Chessboard, read_board
+from omnisim.measurement.geometry.measured_geometry import (
+    MeasuredGeometry,
+    ModelResult,
+    measure_geometry,
+)
+
+__all__ = [
+    "AprilGrid",
+    "BoardView",
+    "CharucoBoard",
+    "Chessboard",
+    "MeasuredGeometry",
+    "ModelResult",
+    "RejectedImage",
+    "find_boards",
+    "measure_geometry",
+    "read_board",
+    "read_gray",
+]

@@ -1,0 +1,110 @@
+"""Boards in the image files of a folder, read in parallel and one image at a time per core."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import MeasurementError, OutputError
+from omnisim.core.files.image_files import read_image
+from omnisim.measurement.geometry.board_detection import find_board
+from omnisim.measurement.geometry.board_view import BoardView, RejectedImage
+from omnisim.measurement.geometry.boards import Board
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".pgm", ".ppm", ".bmp", ".webp")
+_LUMA = np.array([0.299, 0.587, 0.114])
+_LOW, _HIGH = 0.5, 99.8  # percentiles of 16-bit images that become black and white
+
+
+class BoardSearch(NamedTuple):
+    """Result of the search for a board in one image.
+
+    Attributes:
+        found: the board, or why the image was rejected.
+        size_px: width and height of the image.
+    """
+
+    found: BoardView | RejectedImage
+    size_px: tuple[int, int]
+
+
+def image_files(folder: Path) -> list[Path]:
+    """Image files of a folder, sorted by name.
+
+    Raises:
+        MeasurementError: no folder, or no images in it.
+    """
+    if not folder.is_dir():
+        raise MeasurementError(f"{folder}: expected a folder of images")
+    files = [path for path in sorted(folder.iterdir()) if path.suffix.lower() in SUFFIXES]
+    if not files:
+        raise MeasurementError(f"{folder}: expected images ({' '.join(SUFFIXES)}), got none")
+    return files
+
+
+def find_boards(
+    files: Sequence[Path], board: Board, mirrored: bool = False
+) -> Iterator[BoardSearch]:
+    """Search a board in images, in their order.
+
+    Args:
+        files: image files.
+        board: the board.
+        mirrored: the camera looks into a mirror.
+
+    Raises:
+        MeasurementError: a file that cannot be read, or images of several sizes.
+    """
+    first: tuple[int, int] | None = None
+
+    def search(path: Path) -> BoardSearch:
+        image = read_gray(path)
+        try:
+            found: BoardView | RejectedImage = find_board(image, board, path.name, mirrored)
+        except MeasurementError as reason:
+            found = RejectedImage(path.name, str(reason))
+        return BoardSearch(found, (image.shape[1], image.shape[0]))
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for path, result in zip(files, pool.map(search, files), strict=True):
+            first = result.size_px if first is None else first
+            if result.size_px != first:
+                pool.shutdown(wait=False, cancel_futures=True)
+                seen, wanted = (
+                    f"{width} × {height} px" for width, height in (result.size_px, first)
+                )
+                raise MeasurementError(
+                    f"{path}: {seen}, but {files[0].name} has {wanted}: "
+                    "expected images of one camera"
+                )
+            yield result
+
+
+def read_gray(path: Path) -> NDArray[np.uint8]:
+    """Gray image (height, width), with 16 bits stretched to 8.
+
+    Raises:
+        MeasurementError: the file is missing, damaged or no image of 8 or 16 bits.
+    """
+    try:
+        pixels, _ = read_image(path)
+    except OutputError as reason:
+        raise MeasurementError(str(reason)) from None
+    return _as_gray(pixels, path)
+
+
+def _as_gray(pixels: NDArray[Any], path: Path) -> NDArray[np.uint8]:
+    if pixels.dtype not in (np.uint8, np.uint16):
+        raise MeasurementError(f"{path}: expected 8 or 16 bits, got {pixels.dtype}")
+    gray = pixels[..., 0] if pixels.shape[2] < 3 else pixels[..., :3] @ _LUMA
+    if pixels.dtype == np.uint16:
+        low, high = np.percentile(gray, (_LOW, _HIGH))
+        gray = (gray - low) * (255.0 / max(high - low, 1.0))
+    levels: NDArray[np.uint8] = np.clip(np.rint(gray), 0, 255).astype(np.uint8)
+    return levels

@@ -1,0 +1,342 @@
+"""Least-squares fit of a camera together with the poses of its boards.
+
+The Levenberg-Marquardt method on the normal equations; the poses are eliminated board by board
+(Schur complement), so that time grows with the number of boards and not with its cube.
+
+Sources: Triggs et al., "Bundle adjustment: a modern synthesis" (2000); Marquardt 1963.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras.calibration.parameter_vector import ParameterVector
+from omnisim.cameras.optics.boards.board_pose import move_jacobians, moved_pose
+from omnisim.cameras.parametric_camera import ParametricCamera
+from omnisim.core.errors import OpticsError
+from omnisim.measurement.geometry.board_view import BoardView
+
+Floats = NDArray[np.float64]
+_STEP = 1e-6  # of numerical derivatives, rad and relative
+_MAX_STEPS = 60
+_CONVERGED = 1e-9  # relative decrease of the cost
+_MAX_DAMPING = 1e12
+
+
+class Adjustment(NamedTuple):
+    """Camera, poses and board shape with the smallest reprojection errors.
+
+    Attributes:
+        camera: fitted camera.
+        poses: (boards, 4, 4) poses of the boards in the camera's optical frame.
+        shape_m: (corners, 3) offsets of the board's corners from their nominal places.
+        errors_px: (n, 2) measured minus predicted corners of all images, one after the other.
+        covariance: (p, p) of the camera's free numbers, for independent errors of 1 px.
+    """
+
+    camera: ParametricCamera
+    poses: Floats
+    shape_m: Floats
+    errors_px: Floats
+    covariance: Floats
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square of the corners' distances from their predictions."""
+        return rms_px(self.errors_px)
+
+    @property
+    def unit_sigmas(self) -> Floats:
+        """Standard deviations (p,) for errors of 1 px; infinite where rounding hides them."""
+        variances = np.diagonal(self.covariance)
+        sigmas: Floats = np.sqrt(np.where(variances < 0.0, np.inf, variances))
+        return sigmas
+
+
+def rms_px(errors_px: Floats) -> float:
+    """Root mean square length of errors (n, 2)."""
+    return float(np.sqrt(np.mean(np.square(errors_px).sum(axis=-1))))
+
+
+@dataclass(frozen=True, eq=False)
+class Corners:
+    """Corners of one board in several images, in a row.
+
+    Attributes:
+        nominal_m: (corners, 3) places of the board's corners in its frame.
+        label: (n,) index into `nominal_m`.
+        pixels_px: (n, 2) positions in the image.
+        image: (n,) index of the image, ascending.
+        starts: (images + 1,) first corner of each image, and n.
+    """
+
+    nominal_m: Floats
+    label: NDArray[np.int64]
+    pixels_px: Floats
+    image: NDArray[np.int64]
+    starts: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, views: Sequence[BoardView], nominal_m: Floats | None = None) -> Corners:
+        """Corners of several views.
+
+        Args:
+            views: the board in each image.
+            nominal_m: (corners, 3) places of all corners; None: those that the views show.
+        """
+        points = np.concatenate([view.points_3d_m for view in views])
+        if nominal_m is None:
+            nominal_m = np.unique(points, axis=0)
+        places = {tuple(point): number for number, point in enumerate(nominal_m.tolist())}
+        label = np.array([places[tuple(point)] for point in points.tolist()])
+        counts = [len(view.points_m) for view in views]
+        return cls(
+            nominal_m,
+            label,
+            np.concatenate([view.pixels_px for view in views]),
+            np.repeat(np.arange(len(views)), counts),
+            np.cumsum([0, *counts]),
+        )
+
+    def arms_m(self, poses: Floats, shape_m: Floats) -> Floats:
+        """Corners (n, 3) relative to the board's origin, in the camera's axes."""
+        points = (self.nominal_m + shape_m)[self.label]
+        arms: Floats = np.einsum("nij,nj->ni", poses[self.image, :3, :3], points)
+        return arms
+
+
+class _State(NamedTuple):
+    """Unknowns of the problem, and what follows from them."""
+
+    vector: Floats  # (p,) of the camera
+    shape_m: Floats  # (corners, 3)
+    poses: Floats  # (images, 4, 4)
+    camera: ParametricCamera
+    errors_px: Floats  # (n, 2)
+    cost: float
+
+
+class _Blocks(NamedTuple):
+    """Normal equations in the numbers common to all images (c,), and in each image's pose."""
+
+    common: Floats  # (c, c)
+    mixed: Floats  # (images, c, 6)
+    poses: Floats  # (images, 6, 6)
+    common_side: Floats  # (c,)
+    pose_side: Floats  # (images, 6)
+
+
+class _Problem:
+    """Reprojection errors, with a prior on the board's shape."""
+
+    def __init__(
+        self,
+        parameters: ParameterVector[ParametricCamera],
+        corners: Corners,
+        stiffness_px_per_m: float | None,
+    ) -> None:
+        self.parameters, self.corners = parameters, corners
+        self._stiffness = stiffness_px_per_m
+
+    def state(self, vector: Floats, shape_m: Floats, poses: Floats) -> _State | None:
+        """State of the unknowns, or None if the camera is invalid or hides a corner."""
+        try:
+            camera = self.parameters.camera(vector)
+        except OpticsError:
+            return None
+        arms = self.corners.arms_m(poses, shape_m)
+        seen = camera.pixel_from_ray(arms + poses[self.corners.image, :3, 3])
+        if not (seen.valid.all() and np.isfinite(seen.positions_px).all()):
+            return None
+        errors = self.corners.pixels_px - seen.positions_px
+        prior = 0.0 if self._stiffness is None else np.square(self._stiffness * shape_m).sum()
+        return _State(
+            vector, shape_m, poses, camera, errors, float(np.square(errors).sum() + prior)
+        )
+
+    def blocks(self, state: _State) -> _Blocks:
+        """Normal equations at a state."""
+        corners = self.corners
+        arms = corners.arms_m(state.poses, state.shape_m)
+        points = arms + state.poses[corners.image, :3, 3]
+        by_point = _point_jacobian(state.camera, points)
+        by_pose = by_point @ move_jacobians(np.eye(4), np.zeros(6), arms)
+        by_camera = _camera_jacobian(self.parameters, state.vector, points)
+        by_shape = by_point @ state.poses[corners.image, :3, :3]
+        count, images = self._common_count, len(state.poses)
+        common, common_side = np.zeros((count, count)), np.zeros(count)
+        mixed, poses = np.zeros((images, count, 6)), np.zeros((images, 6, 6))
+        pose_side = np.zeros((images, 6))
+        for image in range(images):
+            rows = slice(*corners.starts[image : image + 2])
+            jacobian = self._common_jacobian(by_camera[rows], by_shape[rows], corners.label[rows])
+            turned = by_pose[rows].reshape(-1, 6)
+            errors = state.errors_px[rows].ravel()
+            common += jacobian.T @ jacobian
+            common_side += jacobian.T @ errors
+            mixed[image], poses[image] = jacobian.T @ turned, turned.T @ turned
+            pose_side[image] = turned.T @ errors
+        if self._stiffness is not None:
+            offset = len(state.vector)
+            common[range(offset, count), range(offset, count)] += self._stiffness**2
+            common_side[offset:] -= self._stiffness**2 * state.shape_m.ravel()
+        return _Blocks(common, mixed, poses, common_side, pose_side)
+
+    def moved(self, state: _State, step: Floats, moves: Floats) -> _State | None:
+        """State after a step, inside the bounds; None if it is invalid."""
+        parameters, count = self.parameters, len(state.vector)
+        vector = np.clip(state.vector + step[:count], parameters.low, parameters.high)
+        shape = state.shape_m
+        if self._stiffness is not None:
+            shape = shape + step[count:].reshape(-1, 3)
+        poses = np.stack([moved_pose(*pair) for pair in zip(state.poses, moves, strict=True)])
+        return self.state(vector, shape, poses)
+
+    @property
+    def _common_count(self) -> int:
+        shape = 0 if self._stiffness is None else self.corners.nominal_m.size
+        return len(self.parameters.start) + shape
+
+    def _common_jacobian(
+        self, by_camera: Floats, by_shape: Floats, label: NDArray[np.int64]
+    ) -> Floats:
+        """Derivatives (2 n, c) of an image's pixels by the common numbers."""
+        if self._stiffness is None:
+            return by_camera.reshape(2 * len(label), by_camera.shape[2])
+        shape = np.zeros((*by_shape.shape[:2], len(self.corners.nominal_m), 3))
+        shape[np.arange(len(label)), :, label] = by_shape
+        whole = np.concatenate((by_camera, shape.reshape(*by_shape.shape[:2], -1)), axis=2)
+        return whole.reshape(-1, whole.shape[2])
+
+
+def adjust(
+    parameters: ParameterVector[ParametricCamera],
+    corners: Corners,
+    poses: Floats,
+    shape_m: Floats | None = None,
+    stiffness_px_per_m: float | None = None,
+) -> Adjustment:
+    """Fit a camera's free numbers, the poses of the board and, if asked, the board's shape.
+
+    Args:
+        parameters: camera and its free numbers; none: only poses are fitted.
+        corners: corners in the images.
+        poses: (images, 4, 4) initial poses.
+        shape_m: (corners, 3) initial offsets of the board's corners; None: 0.
+        stiffness_px_per_m: weight of a corner's offset against an error in the image; None: the
+            offsets are held constant.
+
+    Raises:
+        OpticsError: the initial camera does not show all corners.
+    """
+    problem = _Problem(parameters, corners, stiffness_px_per_m)
+    shape = np.zeros_like(corners.nominal_m) if shape_m is None else shape_m
+    state = problem.state(parameters.start, shape, poses)
+    if state is None:
+        raise OpticsError("it does not show all corners")
+    damping, blocks = 1e-4, problem.blocks(state)
+    for _ in range(_MAX_STEPS):
+        trial = problem.moved(state, *_solve(blocks, damping))
+        if trial is None or not trial.cost < state.cost:
+            damping *= 8.0
+            if damping > _MAX_DAMPING:
+                break
+            continue
+        is_done = state.cost - trial.cost <= _CONVERGED * state.cost
+        state, damping = trial, max(damping / 8.0, 1e-12)
+        blocks = problem.blocks(state)
+        if is_done:
+            break
+    covariance = _covariance(blocks, parameters, state.vector)
+    return Adjustment(state.camera, state.poses, state.shape_m, state.errors_px, covariance)
+
+
+def _camera_jacobian(
+    parameters: ParameterVector[ParametricCamera], vector: Floats, points: Floats
+) -> Floats:
+    """Derivatives (n, 2, p) of the corners' pixels by the camera's free numbers."""
+    jacobian = np.zeros((len(points), 2, len(vector)))
+    middle = parameters.camera(vector).pixel_from_ray(points).positions_px
+    for index, value in enumerate(vector):
+        step = _STEP * max(1.0, abs(float(value)))
+        ends = [middle, middle]
+        offsets = [0.0, 0.0]
+        for side, sign in enumerate((-1.0, 1.0)):
+            moved = vector.copy()
+            moved[index] += sign * step
+            if not parameters.low[index] <= moved[index] <= parameters.high[index]:
+                continue
+            seen = parameters.camera(moved).pixel_from_ray(points)
+            if seen.valid.all():
+                ends[side], offsets[side] = seen.positions_px, sign * step
+        if offsets[1] > offsets[0]:
+            jacobian[:, :, index] = (ends[1] - ends[0]) / (offsets[1] - offsets[0])
+    return jacobian
+
+
+def _point_jacobian(camera: ParametricCamera, points: Floats) -> Floats:
+    """Derivatives (n, 2, 3) of the pixels of points (n, 3) by the points."""
+    distances = np.linalg.norm(points, axis=1, keepdims=True)
+    directions = points / distances
+    helper = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
+    first = np.cross(directions, helper)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    jacobian = np.zeros((len(points), 2, 3))
+    for tangent in (first, np.cross(directions, first)):
+        plus, minus = (
+            camera.pixel_from_ray(directions + sign * _STEP * tangent) for sign in (1.0, -1.0)
+        )
+        ends = np.where(minus.valid[:, None], minus.positions_px, np.nan)
+        rate = (plus.positions_px - ends) / (2.0 * _STEP)
+        rate[~plus.valid] = np.nan
+        jacobian += np.nan_to_num(rate)[:, :, None] * (tangent / distances)[:, None, :]
+    return jacobian
+
+
+def _solve(blocks: _Blocks, damping: float) -> tuple[Floats, Floats]:
+    """Step (c,) of the common numbers and moves (images, 6) of the poses."""
+    poses = blocks.poses + damping * _diagonal(blocks.poses)
+    common = blocks.common + damping * _diagonal(blocks.common)
+    weights = np.linalg.solve(poses, blocks.mixed.swapaxes(1, 2))  # (images, 6, c)
+    reduced = common - np.tensordot(blocks.mixed, weights, axes=((0, 2), (0, 1)))
+    side = blocks.common_side - np.einsum("bic,bi->c", weights, blocks.pose_side)
+    scale = _scale(reduced)
+    scaled = reduced / np.outer(scale, scale)
+    step = np.linalg.lstsq(scaled, side / scale, rcond=1e-14)[0] / scale if len(side) else side
+    rest = blocks.pose_side - np.einsum("bci,c->bi", blocks.mixed, step)
+    return step, np.linalg.solve(poses, rest[..., None])[..., 0]
+
+
+def _covariance(
+    blocks: _Blocks, parameters: ParameterVector[ParametricCamera], vector: Floats
+) -> Floats:
+    """Covariance (p, p) of the camera's numbers; 0 for those at a bound."""
+    inside = (vector > parameters.low) & (vector < parameters.high)
+    count = len(vector)
+    used = np.concatenate((inside, np.ones(len(blocks.common) - count, dtype=bool)))
+    weights = np.linalg.solve(blocks.poses, blocks.mixed[:, used].swapaxes(1, 2))
+    reduced = blocks.common[np.ix_(used, used)]
+    reduced = reduced - np.tensordot(blocks.mixed[:, used], weights, axes=((0, 2), (0, 1)))
+    scale = _scale(reduced)
+    inverse = np.linalg.pinv(reduced / np.outer(scale, scale), rcond=1e-14, hermitian=True)
+    inverse /= np.outer(scale, scale)
+    covariance = np.zeros((count, count))
+    covariance[np.ix_(inside, inside)] = inverse[: inside.sum(), : inside.sum()]
+    return covariance
+
+
+def _scale(matrix: Floats) -> Floats:
+    """Scales (n,) that make a matrix's diagonal 1."""
+    diagonal = np.diagonal(matrix)
+    return np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+
+
+def _diagonal(matrices: Floats) -> Floats:
+    """Matrices (..., n, n) with nothing but the diagonals of others."""
+    diagonal: Floats = np.eye(matrices.shape[-1]) * matrices
+    return diagonal

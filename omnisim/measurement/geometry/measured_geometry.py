@@ -1,0 +1,436 @@
+"""Camera model measured from a board in images: rejections, choice of the model, report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import FThetaInverseCamera, MirroredCamera
+from omnisim.cameras.camera import CentralCamera
+from omnisim.core.errors import CalibrationError, MeasurementError, OpticsError
+from omnisim.measurement.geometry.board_detection import MIN_CORNERS
+from omnisim.measurement.geometry.board_view import BoardView, RejectedImage
+from omnisim.measurement.geometry.bundle_adjustment import Adjustment, Corners, rms_px
+from omnisim.measurement.geometry.candidate_models import (
+    CANDIDATES,
+    Candidate,
+    fit_candidate,
+    held_out_errors,
+    widest_angle_rad,
+)
+from omnisim.measurement.geometry.initial_camera import initial_adjustment
+from omnisim.measurement.quantity import Quantity, Unseen
+
+MIN_IMAGES = 5
+MIN_SHAPE_IMAGES = 8  # to tell a board's shape from the lens
+SHAPE_SIGMA = 0.02  # of a board's corner, as a share of the distance to the next: an assumption
+MAX_SHAPE_ERROR = 0.06  # beyond it, the board is not the described one
+MAX_REJECTED = 0.34  # share of the images
+MAX_FOCAL_SIGMA = 0.03
+MAX_MODEL_SIGMA = 0.2  # of a focal length that depends on another number, such as ξ
+_FAR_OFF = 2.0  # times the smallest error of the models: worse ones are not tried further
+_OUTLYING = 4.0  # times the median error of the images
+_OUTLYING_CORNER = 8.0  # times the median error of the corners: 9.4 standard deviations
+_CHECK_BOARD = "check the board's size, and that its squares are square and of one size"
+_EDGE_RAD = math.radians(5.0)
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ModelResult:
+    """Errors of a model that was fitted to the corners.
+
+    Attributes:
+        name: model.
+        parameters: number of free numbers.
+        rms_px: root mean square distance of the corners from their predictions.
+        held_out_rms_px: likewise, in images that the fit did not see; NaN: the fit is far off.
+        reason: why the model cannot describe the lens; "": it can.
+    """
+
+    name: str
+    parameters: int
+    rms_px: float
+    held_out_rms_px: float
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredGeometry:
+    """Camera model measured from a board in images.
+
+    Attributes:
+        camera: camera with the chosen model.
+        model: name of the chosen model.
+        models: all models, the best on held-out images first.
+        views: the board in the images that were used.
+        poses: (images, 4, 4) poses optical_from_board of the lens, whose rays a mirror reflects.
+        board_m: (corners, 3) the board's corners as measured; z = 0 for a board taken as flat.
+        errors_px: (n, 2) measured minus predicted corners of all views, one after the other.
+        held_out_rms_px: root mean square error in images that the fit did not see; NaN: no fit to
+            the others reaches all their corners.
+        rejected: images that were not used.
+        quantities: parameters of the camera.
+        unseen: what the images do not determine.
+    """
+
+    camera: CentralCamera
+    model: str
+    models: tuple[ModelResult, ...]
+    views: tuple[BoardView, ...]
+    poses: Floats
+    board_m: Floats
+    errors_px: Floats
+    held_out_rms_px: float
+    rejected: tuple[RejectedImage, ...]
+    quantities: tuple[Quantity, ...]
+    unseen: tuple[Unseen, ...]
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square distance of the corners from their predictions."""
+        return rms_px(self.errors_px)
+
+
+def measure_geometry(
+    views: Sequence[BoardView],
+    size_px: tuple[int, int],
+    *,
+    mirrored: bool = False,
+    models: Sequence[str] = CANDIDATES,
+    is_flat: bool = False,
+) -> MeasuredGeometry:
+    """Measure a camera's model from a board in several images.
+
+    All models are fitted with the poses of the board and, if that predicts left-out images better,
+    with the shape of the board, which is never quite flat. The model with the fewest numbers is
+    chosen among those that predict left-out images as well as the best one.
+
+    Args:
+        views: the board in each image.
+        size_px: width and height of the images.
+        mirrored: the camera looks into a mirror.
+        models: names of the models to try, of `CANDIDATES`.
+        is_flat: take the board as exactly flat and exactly printed.
+
+    Raises:
+        MeasurementError: too few images, boards that do not determine the lens, a board that is not
+            the described one, or no model that describes the lens.
+
+    Source: Strobl & Hirzinger, "More accurate pinhole camera calibration with imperfect planar
+        target" (ICCV Workshops 2011), for the shape of the board.
+    """
+    used, rejected = _without_copies(views)
+    used, outlying, first = _without_outliers(used, size_px)
+    rejected += outlying
+    corners = Corners.of(used)
+    _check_focal(first)
+    spacing_m = _spacing_m(corners.nominal_m)
+    stiffness = None
+    if not is_flat and len(used) >= MIN_SHAPE_IMAGES:
+        used, first, stiffness = _with_shape(used, first, spacing_m)
+        corners = Corners.of(used, corners.nominal_m)
+    candidates, results = _candidates(models, corners, first, stiffness)
+    limit = _FAR_OFF * min(one.fit.rms_px for one in candidates)
+    errors = {
+        one.name: _held_out(one, corners, stiffness) if one.fit.rms_px <= limit else None
+        for one in candidates
+    }
+    known = {name: one for name, one in errors.items() if one is not None}
+    if known:
+        chosen = _chosen([one for one in candidates if one.name in known], known, corners)
+    else:
+        chosen = min(candidates, key=lambda one: one.fit.rms_px)
+    fit = chosen.fit
+    _check_shape(fit.shape_m, spacing_m, corners)
+    for one in candidates:
+        rms = rms_px(known[one.name]) if one.name in known else math.nan
+        results.append(ModelResult(one.name, len(one.parameters.start), one.fit.rms_px, rms))
+    results.sort(key=lambda one: (math.isnan(one.held_out_rms_px), one.held_out_rms_px, one.rms_px))
+    return MeasuredGeometry(
+        MirroredCamera(fit.camera) if mirrored else fit.camera,
+        chosen.name,
+        tuple(results),
+        tuple(used),
+        fit.poses,
+        corners.nominal_m + fit.shape_m,
+        fit.errors_px,
+        rms_px(known[chosen.name]) if known else math.nan,
+        tuple(rejected),
+        _quantities(chosen, corners),
+        _unseen(fit, corners, is_held_out=bool(known)),
+    )
+
+
+def _without_copies(views: Sequence[BoardView]) -> tuple[list[BoardView], list[RejectedImage]]:
+    """Views, without those whose corners are another one's to the last bit."""
+    known: dict[bytes, str] = {}
+    used, rejected = [], []
+    for view in views:
+        first = known.setdefault(view.pixels_px.tobytes(), view.name)
+        if first == view.name:
+            used.append(view)
+        else:
+            rejected.append(RejectedImage(view.name, f"the same image as {first}"))
+    return used, rejected
+
+
+def _without_outliers(
+    views: list[BoardView], size_px: tuple[int, int]
+) -> tuple[list[BoardView], list[RejectedImage], Adjustment]:
+    """Views that one lens fits, those that it does not fit, and the lens.
+
+    Raises:
+        MeasurementError: too few views are left.
+    """
+    rejected: list[RejectedImage] = []
+    count = len(views)
+    while True:
+        if len(views) < MIN_IMAGES:
+            found = f"{len(views)} images with a usable board"
+            raise MeasurementError(f"{found}: expected at least {MIN_IMAGES}")
+        first = initial_adjustment(views, size_px)
+        corners = Corners.of(views)
+        lengths = np.linalg.norm(first.errors_px, axis=1)
+        ends = zip(corners.starts[:-1], corners.starts[1:], strict=True)
+        medians = np.array([np.median(lengths[slice(*pair)]) for pair in ends])
+        worst, usual = int(np.argmax(medians)), float(np.median(medians))
+        if medians[worst] > max(_OUTLYING * usual, 0.1):
+            reason = f"{medians[worst]:.2g} px off a lens that fits the others to {usual:.2g} px"
+            rejected.append(RejectedImage(views[worst].name, reason))
+            views = [view for index, view in enumerate(views) if index != worst]
+            if len(rejected) > MAX_REJECTED * count:
+                raise MeasurementError(
+                    f"{len(rejected)} of {count} images contradict the others: expected one "
+                    "camera, one lens setting and one rigid board"
+                )
+            continue
+        is_outlier = lengths > max(_OUTLYING_CORNER * float(np.median(lengths)), 0.3)
+        if not is_outlier.any():
+            return views, rejected, first
+        _check_board(is_outlier, corners)
+        views = _without_corners(views, is_outlier, corners, rejected)
+
+
+def _check_board(is_outlier: NDArray[np.bool_], corners: Corners) -> None:
+    """Reject a board whose corner is an outlier (n,) in most images.
+
+    Raises:
+        MeasurementError: naming the corner.
+    """
+    seen = np.bincount(corners.label, minlength=len(corners.nominal_m))
+    off = np.bincount(corners.label[is_outlier], minlength=len(corners.nominal_m))
+    worst = int(np.argmax(off / np.maximum(seen, 1)))
+    if 2 * off[worst] > seen[worst]:
+        x, y = 1e3 * corners.nominal_m[worst, :2]
+        raise MeasurementError(
+            f"the board's corner at ({x:.4g}, {y:.4g}) mm is off its place in {off[worst]} of "
+            f"{seen[worst]} images: {_CHECK_BOARD}"
+        )
+
+
+def _without_corners(
+    views: list[BoardView],
+    is_outlier: NDArray[np.bool_],
+    corners: Corners,
+    rejected: list[RejectedImage],
+) -> list[BoardView]:
+    """Views without some corners (n,); those with too few left are rejected."""
+    kept = []
+    for index, view in enumerate(views):
+        is_used = ~is_outlier[slice(*corners.starts[index : index + 2])]
+        if is_used.sum() < MIN_CORNERS:
+            reason = f"{(~is_used).sum()} of {len(is_used)} corners are outliers"
+            rejected.append(RejectedImage(view.name, reason))
+        else:
+            kept.append(BoardView(view.name, view.points_m[is_used], view.pixels_px[is_used]))
+    return kept
+
+
+def _check_focal(first: Adjustment) -> None:
+    """Reject boards that do not determine the focal length.
+
+    Raises:
+        MeasurementError: its standard deviation is too large.
+    """
+    sigma = float(first.unit_sigmas[0]) * first.rms_px
+    focal = float(first.camera.parameters()["focal_lengths_px"][0])  # type: ignore[arg-type, index]
+    normals = first.poses[:, :3, 2]
+    spread = float(np.degrees(np.arccos(np.clip((normals @ normals.T).min(), -1.0, 1.0))))
+    if not sigma <= MAX_FOCAL_SIGMA * focal:
+        raise MeasurementError(
+            f"the boards do not determine the focal length: {focal:.4g} ± {sigma:.2g} px; they "
+            f"face within {spread:.0f}° of each other: tilt the board, and show it near the edges"
+        )
+
+
+def _with_shape(
+    views: list[BoardView], first: Adjustment, spacing_m: float
+) -> tuple[list[BoardView], Adjustment, float | None]:
+    """Views, lens and stiffness of the board, if its shape predicts left-out images better.
+
+    A chessboard that looks the same after half a turn is turned where its shape fits better so.
+    """
+    corners = Corners.of(views)
+    parameters = fit_candidate("kannala_brandt", corners, first, None).parameters
+    flat = Candidate("kannala_brandt", parameters, first)
+    stiffness = first.rms_px / (SHAPE_SIGMA * spacing_m)
+    try:
+        bent = fit_candidate("kannala_brandt", corners, first, stiffness)
+        errors = [held_out_errors(flat, corners, None), held_out_errors(bent, corners, stiffness)]
+    except (CalibrationError, OpticsError):
+        return views, first, None
+    if rms_px(errors[1]) < rms_px(errors[0]):
+        return views, bent.fit, stiffness
+    return views, first, None
+
+
+def _candidates(
+    models: Sequence[str], corners: Corners, first: Adjustment, stiffness: float | None
+) -> tuple[list[Candidate], list[ModelResult]]:
+    """Fitted models, and results of those that cannot be fitted.
+
+    Raises:
+        MeasurementError: none can.
+    """
+    fitted, failed = [], []
+    for name in models:
+        try:
+            candidate = fit_candidate(name, corners, first, stiffness)
+            _check_determined(candidate)
+            fitted.append(candidate)
+        except (CalibrationError, OpticsError) as reason:
+            failed.append(ModelResult(name, 0, math.nan, math.nan, str(reason)))
+    if not fitted:
+        reasons = "; ".join(f"{one.name}: {one.reason}" for one in failed)
+        raise MeasurementError(f"no model describes the lens: {reasons}")
+    return fitted, failed
+
+
+def _check_determined(candidate: Candidate) -> None:
+    """Reject a model whose numbers are not determined by the corners one by one.
+
+    Raises:
+        CalibrationError: naming the number.
+    """
+    parameters, fit = candidate.parameters, candidate.fit
+    sigmas = fit.unit_sigmas * fit.rms_px
+    for label, value, sigma in zip(parameters.labels, parameters.start, sigmas, strict=True):
+        if label.startswith("focal_length") and sigma > MAX_MODEL_SIGMA * value:
+            numbers = f"{label} = {value:.4g} ± {sigma:.2g} px"
+            raise CalibrationError(f"camera: {candidate.name}: not determined: {numbers}")
+
+
+def _held_out(candidate: Candidate, corners: Corners, stiffness: float | None) -> Floats | None:
+    """Errors in left-out images, or None if the model shows them not all."""
+    try:
+        return held_out_errors(candidate, corners, stiffness)
+    except OpticsError:
+        return None
+
+
+def _chosen(
+    candidates: Sequence[Candidate], errors: Mapping[str, Floats], corners: Corners
+) -> Candidate:
+    """Model with the fewest numbers among those as good as the best one on left-out images.
+
+    As good: the images' mean squared errors are larger by less than the standard deviation of the
+    mean difference.
+
+    Source: the one-standard-error rule, Hastie, Tibshirani & Friedman, The Elements of Statistical
+        Learning (2009), 7.10.
+    """
+    counts = np.diff(corners.starts)
+    sums = {name: np.square(errors[name]).sum(axis=1) for name in (one.name for one in candidates)}
+    squared = {
+        name: np.add.reduceat(values, corners.starts[:-1]) / counts for name, values in sums.items()
+    }
+    best = min(squared, key=lambda name: float(squared[name].mean()))
+
+    def is_as_good(name: str) -> bool:
+        excess = squared[name] - squared[best]
+        error = float(excess.std(ddof=1)) / math.sqrt(len(excess))
+        return float(excess.mean()) <= error
+
+    good = [one for one in candidates if is_as_good(one.name)]
+    return min(good, key=lambda one: (len(one.parameters.start), float(squared[one.name].mean())))
+
+
+def _check_shape(shape_m: Floats, spacing_m: float, corners: Corners) -> None:
+    """Reject a board whose corners are far from their places in all images.
+
+    Raises:
+        MeasurementError: naming the worst corner.
+    """
+    offsets = np.linalg.norm(shape_m[:, :2], axis=1)
+    worst = int(np.argmax(offsets))
+    if offsets[worst] > MAX_SHAPE_ERROR * spacing_m:
+        x, y = 1e3 * corners.nominal_m[worst, :2]
+        raise MeasurementError(
+            f"the board's corner at ({x:.4g}, {y:.4g}) mm is {1e3 * offsets[worst]:.2g} mm off its "
+            f"place in all images ({100.0 * offsets[worst] / spacing_m:.0f} % of a square): "
+            f"{_CHECK_BOARD}"
+        )
+
+
+def _quantities(chosen: Candidate, corners: Corners) -> tuple[Quantity, ...]:
+    """Parameters of the camera with their standard deviations."""
+    fit, parameters = chosen.fit, chosen.parameters
+    images = len(corners.starts) - 1
+    freedom = 2 * len(corners.label) - len(parameters.start) - 6 * images
+    if fit.shape_m.any():
+        freedom -= fit.shape_m.size
+    variance = float(np.square(fit.errors_px).sum()) / max(freedom, 1)
+    sigmas = fit.unit_sigmas * math.sqrt(variance) * parameters.units
+    values = parameters.start * parameters.units
+    basis = f"{len(corners.label)} corners in {images} images"
+    return tuple(
+        Quantity(label, float(value), float(sigma) or math.nan, _unit(label, chosen), basis)
+        for label, value, sigma in zip(parameters.labels, values, sigmas, strict=True)
+    )
+
+
+def _unit(label: str, chosen: Candidate) -> str:
+    name, _, index = label.partition(".")
+    if name == "polynomial":
+        return "px" if index == "0" else f"px^{1 - int(index)}"
+    if name == "coefficients" and isinstance(chosen.fit.camera, FThetaInverseCamera):
+        return f"rad/px^{int(index) + 1}"
+    return "px" if name.endswith("_px") else ""
+
+
+def _unseen(fit: Adjustment, corners: Corners, is_held_out: bool) -> tuple[Unseen, ...]:
+    """Field outside the corners, and the error in other images if no fit reaches them."""
+    unseen = []
+    if not is_held_out:
+        reason = (
+            "without a fifth of the images, no fit reaches the corners in them: show the board in "
+            "more images near the edge"
+        )
+        unseen.append(Unseen("held_out_rms_px", reason))
+    reach = widest_angle_rad(fit, corners)
+    camera = fit.camera
+    v, u = np.mgrid[0 : camera.height_px : 8, 0 : camera.width_px : 8]
+    rays = camera.ray_from_pixel(np.stack((u.ravel(), v.ravel()), axis=1).astype(np.float64))
+    across = np.linalg.norm(rays.directions[rays.valid][:, :2], axis=1)
+    shown = float(np.arctan2(across, rays.directions[rays.valid][:, 2]).max())
+    if shown < reach + _EDGE_RAD:
+        return tuple(unseen)
+    reason = (
+        f"corners reach {math.degrees(reach):.1f}° from the axis, the image may reach "
+        f"{math.degrees(shown):.1f}°: beyond the corners the model is extrapolated; show the board "
+        "at the edge of the image"
+    )
+    return (*unseen, Unseen("field_of_view", reason))
+
+
+def _spacing_m(nominal_m: Floats) -> float:
+    """Smallest distance between corners of a board."""
+    distances = np.linalg.norm(nominal_m[:, None] - nominal_m, axis=2)
+    np.fill_diagonal(distances, np.inf)
+    return float(distances.min())

@@ -1,0 +1,51 @@
+"""`omnisim measure geometry`: sensor file, report, corners and plot of a simulated lens."""
+
+import json
+
+import pytest
+
+from omnisim.cameras import KannalaBrandtCamera
+from omnisim.cameras.optics.boards.board_corners import BoardCorners, write_corners
+from omnisim.core.files.image_files import write_numbers
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from tests.measurement.geometry.board_pictures import (
+    LENS,
+    board_image,
+    chessboard_texture,
+    corner_grid,
+    noisy_views,
+    varied_poses,
+)
+
+
+def test_corners_become_a_sensor_file(omnisim, tmp_path):
+    views = noisy_views(LENS, varied_poses(10), corner_grid(), 0.05)
+    corners = tmp_path / "corners.csv"
+    write_corners(corners, [BoardCorners(one.points_m, one.pixels_px) for one in views])
+    output = tmp_path / "camera.toml"
+    arguments = [str(corners), "--size", "400", "300", "--model", "kannala_brandt"]
+    status, out, err = omnisim("measure", "geometry", *arguments, "-o", output)
+    assert status == 0, err
+    assert "kannala_brandt: 0.06" in out  # 0.05 px along each axis, less what the poses take
+    camera = OmniCamera.from_file(output).model
+    assert isinstance(camera, KannalaBrandtCamera)
+    assert camera.focal_lengths_px == pytest.approx(LENS.focal_lengths_px, rel=0.01)
+    report = json.loads(output.with_suffix(".json").read_text())
+    assert len(report["images"]) == 10
+    assert {one["name"] for one in report["quantities"]} > {"focal_lengths_px.0", "coefficients.3"}
+    assert (tmp_path / "camera-corners.csv").exists()
+    assert (tmp_path / "camera-residuals.png").exists()
+
+
+@pytest.mark.slow
+def test_images_become_a_sensor_file(omnisim, tmp_path):
+    pytest.importorskip("cv2")
+    for index, pose in enumerate(varied_poses(9, widest_deg=40.0)):
+        pose[:3, 3] += pose[:3, :3] @ (-0.105, -0.075, 0.0)
+        image = board_image(LENS, pose, chessboard_texture())
+        write_numbers(tmp_path / f"{index}.png", image)
+    output = tmp_path / "camera.toml"
+    status, _, err = omnisim("measure", "geometry", tmp_path, "--board", "8x6:30mm", "-o", output)
+    assert status == 0, err
+    report = json.loads(output.with_suffix(".json").read_text())
+    assert report["held_out_rms_px"] < 0.15

@@ -1,0 +1,130 @@
+"""Images of boards through a lens, sampled by the rays of its pixels."""
+
+import numpy as np
+
+from omnisim.cameras import KannalaBrandtCamera
+from omnisim.measurement.geometry import BoardView
+
+LENS = KannalaBrandtCamera(400, 300, (130.0, 131.0), (203.0, 148.5), (0.02, -0.012, 0.004, -0.001))
+
+
+def board_pose(azimuth_deg=0.0, angle_deg=30.0, distance_m=0.4, tilt=(0.3, -0.2, 0.4)):
+    """Pose (4, 4) optical_from_board of a board that faces the camera, tilted."""
+    from scipy.spatial.transform import Rotation
+
+    azimuth, angle = np.radians((azimuth_deg, angle_deg))
+    outward = np.array(
+        [np.sin(angle) * np.cos(azimuth), np.sin(angle) * np.sin(azimuth), np.cos(angle)]
+    )
+    side = np.cross([0.0, 1.0, 0.0], outward)
+    side /= np.linalg.norm(side)
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack((side, np.cross(outward, side), outward), axis=1)
+    pose[:3, :3] = pose[:3, :3] @ Rotation.from_rotvec(tilt).as_matrix()
+    pose[:3, 3] = distance_m * outward
+    return pose
+
+
+def varied_poses(count, seed=3, distance_m=0.4, widest_deg=60.0):
+    """Poses all over the field, tilted."""
+    random = np.random.default_rng(seed)
+    return [
+        board_pose(
+            137.5 * index,
+            widest_deg * np.sqrt((index + 0.5) / count),
+            distance_m * random.uniform(0.8, 1.3),
+            random.uniform(-0.5, 0.5, 3),
+        )
+        for index in range(count)
+    ]
+
+
+def corner_grid(columns=8, rows=6, square_m=0.03):
+    """Inner corners (n, 2) of a chessboard, along its rows."""
+    y, x = np.mgrid[:rows, :columns]
+    return np.stack((x.ravel(), y.ravel()), axis=1) * square_m
+
+
+def seen_view(camera, pose, points_m, name="image", offsets_m=0.0):
+    """Exact corners of a board in an image."""
+    points = np.column_stack((points_m, np.zeros(len(points_m)))) + offsets_m
+    seen = camera.pixel_from_ray(points @ pose[:3, :3].T + pose[:3, 3])
+    assert seen.valid.all()
+    return BoardView(name, points_m, seen.positions_px)
+
+
+def noisy_views(camera, poses, points_m, sigma_px, seed=0, offsets_m=0.0):
+    """Corners with Gaussian errors."""
+    random = np.random.default_rng(seed)
+    views = [
+        seen_view(camera, pose, points_m, f"{index}.png", offsets_m)
+        for index, pose in enumerate(poses)
+    ]
+    return [
+        BoardView(
+            one.name,
+            one.points_m,
+            one.pixels_px + sigma_px * random.normal(size=(len(points_m), 2)),
+        )
+        for one in views
+    ]
+
+
+def board_image(camera, pose, brightness, samples=4):
+    """Gray image uint8 of a board.
+
+    Args:
+        camera: lens.
+        pose: (4, 4) optical_from_board.
+        brightness: function of positions x, y on the board, m; NaN beside it.
+        samples: samples per side of a pixel.
+    """
+    levels = np.zeros((camera.height_px, camera.width_px))
+    v, u = np.mgrid[: camera.height_px, : camera.width_px].astype(np.float64)
+    steps = (np.arange(samples) + 0.5) / samples - 0.5
+    origin, normal = pose[:3, 3], pose[:3, 2]
+    for dv in steps:
+        for du in steps:
+            rays = camera.ray_from_pixel(np.stack((u + du, v + dv), axis=-1))
+            slopes = rays.directions @ normal
+            with np.errstate(all="ignore"):
+                distance = (origin @ normal) / slopes
+                points = (rays.directions * distance[..., None] - origin) @ pose[:3, :3]
+            seen = brightness(points[..., 0], points[..., 1])
+            hit = rays.valid & (distance > 0.0) & np.isfinite(seen)
+            levels += np.where(hit, np.nan_to_num(seen), 0.35)
+    levels /= samples**2
+    return np.rint(20.0 + 215.0 * levels).astype(np.uint8)
+
+
+def chessboard_texture(columns=8, rows=6, square_m=0.03):
+    """Brightness of a chessboard by its inner corners, with a white border."""
+
+    def brightness(x, y):
+        column, row = np.floor(x / square_m) + 1, np.floor(y / square_m) + 1
+        inside = (column >= 0) & (column <= columns) & (row >= 0) & (row <= rows)
+        on_paper = (column >= -1) & (column <= columns + 1) & (row >= -1) & (row <= rows + 1)
+        black = inside & ((column + row) % 2 == 0)
+        return np.where(on_paper, 1.0 - black, np.nan)
+
+    return brightness
+
+
+def printed_texture(print_, width_m, height_m, origin_m=(0.0, 0.0), border_m=0.02):
+    """Brightness of a printed image, whose upper left corner lies at `origin_m` on the board."""
+    height, width = print_.shape
+
+    def brightness(x, y):
+        column = np.floor((x - origin_m[0]) / width_m * width).astype(np.int64, copy=False)
+        row = np.floor((y - origin_m[1]) / height_m * height).astype(np.int64, copy=False)
+        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        shown = print_[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)] / 255.0
+        on_paper = (
+            (x > origin_m[0] - border_m)
+            & (x < origin_m[0] + width_m + border_m)
+            & (y > origin_m[1] - border_m)
+            & (y < origin_m[1] + height_m + border_m)
+        )
+        return np.where(inside, shown, np.where(on_paper, 1.0, np.nan))
+
+    return brightness

@@ -1,0 +1,190 @@
+"""Lenses measured from corners: truth within the standard deviations, and what is refused."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from omnisim.cameras import (
+    DoubleSphereCamera,
+    EquisolidCamera,
+    KannalaBrandtCamera,
+    MirroredCamera,
+    OcamcalibCamera,
+    UnifiedCamera,
+)
+from omnisim.core.errors import MeasurementError
+from omnisim.measurement.geometry import BoardView, measure_geometry
+from tests.measurement.geometry.board_pictures import (
+    LENS,
+    board_pose,
+    corner_grid,
+    noisy_views,
+    varied_poses,
+)
+
+SIZE = LENS.width_px, LENS.height_px
+GRID = corner_grid()
+SIGMA_PX = 0.1
+KB = ["kannala_brandt"]
+
+
+@pytest.fixture(scope="module")
+def views():
+    return noisy_views(LENS, varied_poses(14), GRID, SIGMA_PX)
+
+
+@pytest.fixture(scope="module")
+def measured(views):
+    return measure_geometry(views, SIZE)
+
+
+def test_the_true_model_is_found_and_its_numbers_are_within_their_deviations(measured):
+    assert measured.held_out_rms_px < 1.1 * SIGMA_PX * np.sqrt(2.0)
+    assert measured.rms_px == pytest.approx(SIGMA_PX * np.sqrt(2.0), rel=0.08)
+    names = [one.name for one in measured.models]
+    # three fixed functions of the angle cannot be this lens
+    assert names.index("kannala_brandt") < names.index("equidistant")
+    if measured.model != "kannala_brandt":  # a smaller model that is as good, over this field
+        sizes = {one.name: one.parameters for one in measured.models}
+        assert sizes[measured.model] < sizes["kannala_brandt"]
+
+
+def test_rays_of_the_measured_lens_are_those_of_the_lens():
+    sigma_px = 0.01
+    views = noisy_views(LENS, varied_poses(14), GRID, sigma_px)
+    measured = measure_geometry(views, SIZE, models=KB, is_flat=True)
+    v, u = np.mgrid[10:300:20, 10:400:20].astype(np.float64)
+    pixels = np.stack((u.ravel(), v.ravel()), axis=1)
+    offsets = np.concatenate([view.pixels_px for view in views]) - LENS.principal_point_px
+    reach = np.linalg.norm(offsets, axis=1).max()
+    pixels = pixels[np.linalg.norm(pixels - LENS.principal_point_px, axis=1) < reach]
+    rays = [camera.ray_from_pixel(pixels).directions for camera in (LENS, measured.camera)]
+    left, _, right = np.linalg.svd(rays[0].T @ rays[1])  # boards do not tell the camera's rotation
+    turned = rays[1] @ (left @ right).T
+    errors_px = LENS.focal_lengths_px[0] * np.linalg.norm(turned - rays[0], axis=1)
+    # a focal length known to 0.25 % at 0.1 px: 60° from the axis 0.034 px at 0.01 px; 3 of them
+    assert errors_px.max() < 0.1
+
+
+@pytest.mark.slow
+def test_standard_deviations_are_honest_in_100_sets():
+    within = []
+    truth = {
+        "focal_lengths_px.0": LENS.focal_lengths_px[0],
+        "focal_lengths_px.1": LENS.focal_lengths_px[1],
+        "principal_point_px.0": LENS.principal_point_px[0],
+        "principal_point_px.1": LENS.principal_point_px[1],
+        **{f"coefficients.{index}": LENS.coefficients[index] for index in range(4)},
+    }
+    poses = varied_poses(12)
+    for seed in range(100):
+        views = noisy_views(LENS, poses, GRID, SIGMA_PX, seed)
+        measured = measure_geometry(views, SIZE, models=KB, is_flat=True)
+        for quantity in measured.quantities:
+            within.append(abs(quantity.value - truth[quantity.name]) < 2.0 * quantity.sigma)
+    assert 0.90 <= np.mean(within) <= 0.99
+
+
+@pytest.mark.parametrize(
+    "lens",
+    [
+        UnifiedCamera(640, 480, (420.0, 421.0), (322.0, 236.0), 1.1, (-0.05, 0.01, 0.001, -0.001)),
+        DoubleSphereCamera(640, 480, (220.0, 221.0), (322.0, 236.0), -0.2, 0.59),
+        EquisolidCamera(640, 480, 210.0, (322.0, 236.0)),
+        OcamcalibCamera(
+            640, 480, (322.0, 236.0), (-210.0, 0.0, 1.1e-3, -1e-6, 3e-9), (0.999, 2e-4, 0.0)
+        ),
+        UnifiedCamera(640, 480, (520.0, 521.0), (322.0, 236.0), 0.0, (-0.1, 0.02, 0.001, 0.0)),
+    ],
+    ids=lambda lens: lens.model_name,
+)
+def test_other_lenses_are_measured_too(lens):
+    widest = 20.0 if getattr(lens, "xi", 1.0) == 0.0 else 55.0
+    views = noisy_views(lens, varied_poses(12, widest_deg=widest, distance_m=0.6), GRID, 0.05)
+    own = "pinhole" if getattr(lens, "xi", 1.0) == 0.0 else lens.model_name
+    models = [own, "kannala_brandt"]
+    measured = measure_geometry(views, (640, 480), is_flat=True, models=models)
+    assert measured.held_out_rms_px < 1.15 * 0.05 * np.sqrt(2.0)
+    assert next(one for one in measured.models if one.name == own).rms_px < 0.08
+
+
+def test_a_bent_board_is_measured_with_the_lens():
+    x, y = GRID.T
+    bow = 0.002 * (1.0 - ((x - 0.105) ** 2 + (y - 0.075) ** 2) / 0.13**2)
+    offsets = np.column_stack((np.zeros_like(bow), np.zeros_like(bow), bow))
+    views = noisy_views(LENS, varied_poses(20), GRID, 0.05, offsets_m=offsets)
+    flat = measure_geometry(views, SIZE, models=KB, is_flat=True)
+    bent = measure_geometry(views, SIZE, models=KB)
+    assert bent.held_out_rms_px < 0.75 * flat.held_out_rms_px
+    assert bent.rms_px == pytest.approx(0.05 * np.sqrt(2.0), rel=0.1)
+    # up to a plane and a motion of the board's frame, the bow is the true one
+    plane = np.column_stack((np.ones(len(x)), x, y))
+    order = np.lexsort((GRID[:, 1], GRID[:, 0]))
+    height = bent.board_m[:, 2]
+    truth = bow[order]
+    residual = height - truth
+    residual -= plane[order] @ np.linalg.lstsq(plane[order], residual, rcond=None)[0]
+    # the prior of 0.6 mm pulls on the bow of 2 mm
+    assert np.abs(residual).max() < 0.15 * 0.002
+
+
+def test_a_mirrored_camera_has_the_same_lens_behind_the_mirror(views):
+    mirrored = [
+        BoardView(one.name, one.points_m, one.pixels_px * (-1.0, 1.0) + (399.0, 0.0))
+        for one in views
+    ]
+    measured = measure_geometry(mirrored, SIZE, mirrored=True, models=KB)
+    assert isinstance(measured.camera, MirroredCamera)
+    lens = measured.camera.lens
+    assert isinstance(lens, KannalaBrandtCamera)
+    assert lens.principal_point_px[0] == pytest.approx(399.0 - LENS.principal_point_px[0], abs=0.3)
+
+
+def test_an_image_of_another_lens_is_named(views):
+    other = dataclasses.replace(LENS, focal_lengths_px=(170.0, 171.0))
+    strange = noisy_views(other, [board_pose(0.0, 15.0, 0.2)], GRID, 0.1)[0]
+    strange = BoardView("zoomed.png", strange.points_m, strange.pixels_px)
+    measured = measure_geometry([*views, strange], SIZE, models=KB)
+    assert [one.name for one in measured.rejected] == ["zoomed.png"]
+    assert "off a lens that fits the others" in measured.rejected[0].reason
+
+
+def test_a_corner_elsewhere_is_left_out(views):
+    pixels = views[2].pixels_px.copy()
+    pixels[10] += (4.0, -3.0)
+    changed = [*views[:2], BoardView("2.png", views[2].points_m, pixels), *views[3:]]
+    measured = measure_geometry(changed, SIZE, models=KB)
+    assert len(measured.errors_px) == len(views) * len(GRID) - 1
+
+
+def test_an_image_given_twice_counts_once(views):
+    copy = BoardView("copy.png", views[0].points_m, views[0].pixels_px)
+    measured = measure_geometry([*views, copy], SIZE, models=KB)
+    assert measured.rejected[0].reason == f"the same image as {views[0].name}"
+
+
+def test_too_few_boards_are_refused(views):
+    with pytest.raises(MeasurementError, match="4 images with a usable board: expected at least 5"):
+        measure_geometry(views[:4], SIZE)
+
+
+def test_boards_of_one_orientation_do_not_determine_a_lens():
+    lens = UnifiedCamera(640, 480, (900.0, 900.0), (320.0, 240.0), 0.0, (0.0,) * 4)
+    poses = []
+    for index in range(8):
+        pose = np.eye(4)
+        pose[:3, 3] = -0.1 - 0.01 * index, -0.08 + 0.005 * index, 1.0 + 0.01 * index
+        poses.append(pose)
+    with pytest.raises(MeasurementError, match="do not determine the focal length"):
+        measure_geometry(noisy_views(lens, poses, GRID, 0.2), (640, 480))
+
+
+def test_a_wrong_square_is_named():
+    offsets = np.zeros((len(GRID), 3))
+    offsets[20, 0] = 0.006  # a fifth of a square
+    views = noisy_views(LENS, varied_poses(14), GRID, 0.05, offsets_m=offsets)
+    with pytest.raises(
+        MeasurementError, match=r"corner at \(120, 60\) mm is off its place in 14 of 14"
+    ):
+        measure_geometry(views, SIZE, models=KB)
