@@ -154,6 +154,11 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
                     "cameras.measure_geometry.geometry",
                     "cameras.measure_requests.MeasureGeometryRequest",
                 ),
+                "compare": Entry(
+                    "Compare a camera's images of a chessboard with those of its sensor file.",
+                    "cameras.measure_compare.compare",
+                    "cameras.measure_requests.MeasureCompareRequest",
+                ),
                 "noise": Entry(
                     "Measure gain, noise and fixed pattern from dark frames and flat fields.",
                     "cameras.measure_noise.noise", "cameras.measure_requests.MeasureNoiseRequest",

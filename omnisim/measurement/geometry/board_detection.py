@@ -19,6 +19,7 @@ from omnisim.measurement.geometry.grid_checks import (
     cell_areas_px2,
     grid_fault,
     is_first_square_white,
+    size_fault,
     squares_fault,
 )
 
@@ -62,33 +63,47 @@ Corners = tuple[NDArray[np.float64], NDArray[np.float64]]  # points (n, 2) in m,
 def _chessboard(image: NDArray[np.uint8], board: Chessboard) -> Corners:
     import cv2
 
-    flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_LARGER
     size = board.columns, board.rows
-    is_found, corners, meta = cv2.findChessboardCornersSBWithMeta(image, size, flags)
-    rows, columns = meta.shape if is_found else (board.rows, board.columns)
-    if not is_found:  # a detector that needs no white border
+    grid = _larger_grid(image, size)
+    if grid is None or grid.shape[:2] != (board.rows, board.columns):
+        # the outer edges of the outermost squares may pass for corners: the size as it should be
+        flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
         is_found, corners = cv2.findChessboardCorners(image, size)
-    if not is_found:
-        raise MeasurementError(f"no chessboard of {board.columns} x {board.rows} inner corners")
-    grid = corners.reshape(rows, columns, 2).astype(np.float64)
-    if (columns, rows) == (board.rows, board.columns) and rows != columns:
-        grid = grid.swapaxes(0, 1)
-    elif (columns, rows) != size:
-        wanted = f"expected {board.columns} x {board.rows}"
-        raise MeasurementError(f"a chessboard of {columns} x {rows} inner corners: {wanted}")
+        if not is_found:
+            is_found, corners = cv2.findChessboardCornersSB(image, size, flags=flags)
+        if not is_found:
+            seen = "" if grid is None else f", but of {grid.shape[1]} x {grid.shape[0]}"
+            wanted = f"{board.columns} x {board.rows} inner corners"
+            raise MeasurementError(f"no chessboard of {wanted}{seen}")
+        grid = corners.reshape(board.rows, board.columns, 2).astype(np.float64)
     if np.median(cell_areas_px2(grid)) < 0.0:
         grid = grid[:, ::-1]  # OpenCV's order does not say from which side
     fault = grid_fault(grid)
     if fault is None:
         grid = _refined(image, grid)
-        fault = grid_fault(grid) or squares_fault(image, grid)
+        fault = grid_fault(grid) or squares_fault(image, grid) or size_fault(image, grid)
     if fault is not None:
         raise MeasurementError(fault)
-    if (rows + columns) % 2 == 1 and is_first_square_white(image, grid):
+    if (board.rows + board.columns) % 2 == 1 and is_first_square_white(image, grid):
         grid = grid[::-1, ::-1]  # one way round, in all images
     y, x = np.mgrid[: board.rows, : board.columns]
     points = np.stack((x.ravel(), y.ravel()), axis=1) * board.square_m
     return points, grid.reshape(-1, 2)
+
+
+def _larger_grid(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.float64] | None:
+    """Corners (rows, columns, 2) of a chessboard of at least `size` inner corners, or None."""
+    import cv2
+
+    flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_LARGER
+    is_found, corners, meta = cv2.findChessboardCornersSBWithMeta(image, size, flags)
+    if not is_found:
+        return None
+    grid: NDArray[np.float64] = corners.reshape(*meta.shape, 2).astype(np.float64)
+    is_turned = (
+        meta.shape[0] > meta.shape[1] if size[0] >= size[1] else meta.shape[0] < meta.shape[1]
+    )
+    return grid.swapaxes(0, 1) if is_turned else grid
 
 
 def _refined(image: NDArray[np.uint8], grid: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -48,7 +48,7 @@ def squares_fault(image: NDArray[np.uint8], grid: Grid) -> str | None:
         grid: corners of a chessboard.
     """
     levels = _square_levels(image, grid)
-    signs = 1.0 - 2.0 * (np.indices(levels.shape).sum(axis=0) % 2)
+    signs = _signs(levels.shape)
     contrasts = []
     for axis in (0, 1):  # differences between neighbors: light may change across the board
         contrasts.append((np.diff(levels, axis=axis) * np.delete(signs, 0, axis=axis)).ravel())
@@ -60,10 +60,35 @@ def squares_fault(image: NDArray[np.uint8], grid: Grid) -> str | None:
     return None
 
 
+def size_fault(image: NDArray[np.uint8], grid: Grid) -> str | None:
+    """Fault if squares continue beyond a grid's outermost ones, or None.
+
+    Args:
+        image: (height, width) gray image.
+        grid: corners of a chessboard.
+    """
+    inner = _square_levels(image, grid)
+    contrast = abs(float((inner * _signs(inner.shape)).mean()))
+    wider = grid
+    for axis in (0, 1, 0, 1):
+        first = 2.0 * np.take(wider, [0], axis) - np.take(wider, [1], axis)
+        last = 2.0 * np.take(wider, [-1], axis) - np.take(wider, [-2], axis)
+        wider = np.concatenate((first, wider, last), axis)
+    levels = _square_levels(image, wider)
+    height, width = image.shape
+    is_in: NDArray[np.bool_] = np.all((wider >= 0.0) & (wider < (width, height)), axis=2)
+    inside = is_in[1:, 1:] & is_in[:-1, :-1] & is_in[1:, :-1] & is_in[:-1, 1:]
+    for side in (np.s_[0, 2:-2], np.s_[-1, 2:-2], np.s_[2:-2, 0], np.s_[2:-2, -1]):
+        steps = np.diff(levels[side]) * _signs((levels[side].size - 1,))
+        if inside[side].all() and abs(float(steps.mean())) > contrast:  # half of a step's size
+            return "its squares continue beyond the board: expected more corners"
+    return None
+
+
 def is_first_square_white(image: NDArray[np.uint8], grid: Grid) -> bool:
     """True if the square between a grid's first corners is white."""
     levels = _square_levels(image, grid)
-    signs = 1.0 - 2.0 * (np.indices(levels.shape).sum(axis=0) % 2)
+    signs = _signs(levels.shape)
     return bool((levels * signs).sum() / signs.size > np.mean(levels) * signs.mean())
 
 
@@ -75,3 +100,9 @@ def _square_levels(image: NDArray[np.uint8], grid: Grid) -> NDArray[np.float32]:
         image.astype(np.float32), positions, order=1, mode="nearest"
     )
     return levels
+
+
+def _signs(shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """1 and -1 in turn, as the squares of a chessboard of a shape (rows, columns)."""
+    signs: NDArray[np.float64] = 1.0 - 2.0 * (np.indices(shape).sum(axis=0) % 2)
+    return signs

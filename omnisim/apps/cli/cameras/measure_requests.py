@@ -46,3 +46,19 @@ class MeasureGeometryRequest:
     """Take the board as exactly flat, and do not measure its shape."""
     sensor: Annotated[Path | None, Option(default="none")] = None
     """Sensor file whose camera is replaced."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasureCompareRequest:
+    """Parameters of `omnisim measure compare`."""
+
+    images: Annotated[Path, Argument(metavar="IMAGES")]
+    """Folder of images of a chessboard."""
+    sensor: Path
+    """Sensor file of the camera; the board's measured shape is read from the report beside it."""
+    board: Annotated[str, Option(metavar="BOARD")]
+    """Chessboard: 8x6:30mm (inner corners and square), or a Kalibr file (.yaml)."""
+    output: Path
+    """Folder to write: report.html, report.json and its figures."""
+    mirrored: bool = False
+    """The camera looks into a mirror."""

@@ -1,0 +1,167 @@
+"""`omnisim measure compare`: a camera's images beside its twin's, as a report."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.apps.cli.cameras.measure_requests import MeasureCompareRequest
+from omnisim.apps.cli.cameras.measured_files import report_path
+from omnisim.apps.cli.console import out, pluralize, print_note, track
+from omnisim.core.errors import MeasurementError
+from omnisim.core.extras import require_extra
+from omnisim.measurement.comparison import ImageComparison, compare_images
+from omnisim.measurement.comparison.comparison import MAX_OFFSET_PX, Comparison, compare_image
+from omnisim.measurement.geometry import BoardView, Chessboard, find_boards, read_board, read_gray
+from omnisim.measurement.geometry.board_images import image_files
+from omnisim.rendering.camera.omnicamera import OmniCamera
+
+_SHOWN = 6  # images in the report
+_BIAS_PX, _LEVELS, _RISE = 0.05, 4.0, 0.15
+
+
+def compare(request: MeasureCompareRequest) -> None:
+    """Render each image's board by the twin, compare both, and write a report.
+
+    Raises:
+        MeasurementError: images without the board, or of another camera.
+        SensorFileError: a sensor file with a fault.
+        OutputError: the report cannot be written.
+    """
+    require_extra("measure", "omnisim measure compare", MeasurementError)
+    require_extra("reports", "omnisim measure compare", MeasurementError)
+    from omnisim.validation.report.report import check_report_target
+
+    check_report_target(request.output)
+    sensor = OmniCamera.from_file(request.sensor)
+    board = read_board(request.board)
+    if not isinstance(board, Chessboard):
+        raise MeasurementError(f"--board: expected a chessboard, got {request.board!r}")
+    board_m = _board_shape(request.sensor)
+    files = image_files(request.images)
+    searches = find_boards(files, board, request.mirrored)
+    compared: list[ImageComparison] = []
+    for number in track(range(len(files)), "Images", len(files)):
+        found = next(searches).found
+        if not isinstance(found, BoardView):
+            print_note(f"{found.name} not used: {found.reason}")
+            continue
+        image = read_gray(files[number])
+        try:
+            compared.append(compare_image(sensor, board, found, image, board_m, request.mirrored))
+        except MeasurementError as reason:
+            print_note(f"{reason}: not compared")
+    if not compared:
+        raise MeasurementError(f"{request.images}: no image could be compared")
+    comparison = compare_images(sensor, compared)
+    _write(request, comparison)
+    _print(request.output, comparison)
+
+
+def _board_shape(sensor: Path) -> NDArray[np.float64] | None:
+    """Shape of the board in the report beside a sensor file, if there is one.
+
+    Raises:
+        MeasurementError: the report is damaged.
+    """
+    path = report_path(sensor)
+    if not path.exists():
+        return None
+    try:
+        shape = np.array(json.loads(path.read_text(encoding="utf-8"))["board_m"], dtype=np.float64)
+    except KeyError:  # a report of another part
+        return None
+    except (ValueError, TypeError, OSError) as reason:
+        raise MeasurementError(f"{path}: not a report of omnisim measure: {reason}") from None
+    if shape.ndim != 2 or shape.shape[1] != 3 or not np.isfinite(shape).all():
+        raise MeasurementError(f"{path}: board_m: expected positions x, y, z of corners")
+    return shape
+
+
+def _level_error(comparison: Comparison) -> float:
+    """Gray levels within which nine squares of ten agree."""
+    return float(np.percentile(np.abs(comparison.level_errors), 90.0))
+
+
+def _rise_error(comparison: Comparison) -> float:
+    """Largest relative difference of a ring's edges; NaN: no edge was long enough."""
+    ratios = [ring.twin_rise_px / ring.rise_px - 1.0 for ring in comparison.rings]
+    finite = [abs(ratio) for ratio in ratios if math.isfinite(ratio)]
+    return max(finite, default=math.nan)
+
+
+def _print(output: Path, comparison: Comparison) -> None:
+    rise = _rise_error(comparison)
+    out.print(f"{output}: written", markup=False)
+    out.print(
+        f"{pluralize(len(comparison.images), 'image')}: corners found again with a bias of "
+        f"{comparison.bias_px:.3f} px at most by ring, {comparison.lost} lost; gray levels within "
+        f"{_level_error(comparison):.1f} of 255 for 90 % of the squares; "
+        + (f"edges within {100.0 * rise:.0f} %" if math.isfinite(rise) else "no edge long enough"),
+        markup=False,
+    )
+
+
+def _write(request: MeasureCompareRequest, comparison: Comparison) -> None:
+    from omnisim.validation.plots.twin_plots import edge_figure, sheet_figure
+    from omnisim.validation.report.measure import Measure
+    from omnisim.validation.report.report import CaptionedFigure, Report, ResultTable, Section
+
+    rows = tuple(
+        (
+            f"{ring.radius_px:.0f}",
+            str(ring.corners),
+            str(ring.lost),
+            f"{ring.bias_px[0]:+.3f}",
+            f"{ring.bias_px[1]:+.3f}",
+            f"{ring.rms_px:.3f}",
+            f"{ring.rise_px:.2f}",
+            f"{ring.twin_rise_px:.2f}",
+        )
+        for ring in comparison.rings
+    )
+    columns = (
+        "up to px",
+        "corners",
+        "lost",
+        "bias along the radius",
+        "bias across it",
+        "RMS",
+        "edge rise",
+        "twin's",
+    )
+    step = max(1, len(comparison.images) // _SHOWN)
+    shown = comparison.images[::step][:_SHOWN]
+    section = Section(
+        "The camera beside its twin",
+        "Each image's board is rendered in its solved pose by the sensor file, under smooth light "
+        "that was fitted to its squares. The same detector finds the corners in both.",
+        measures=(
+            Measure("largest bias of corners, by ring", comparison.bias_px, "px", _BIAS_PX),
+            Measure(
+                "gray levels of 90 % of the squares", _level_error(comparison), "of 255", _LEVELS
+            ),
+            Measure("10–90 % rise of edges, by ring", _rise_error(comparison), "", _RISE),
+        ),
+        tables=(
+            ResultTable(
+                f"Rings of the image, px. Lost corners are more than {MAX_OFFSET_PX:g} px off.",
+                columns,
+                rows,
+            ),
+        ),
+        figures=(
+            CaptionedFigure(
+                "images", sheet_figure(shown), "Images, the twin's, and twin minus image"
+            ),
+            CaptionedFigure("edges", edge_figure(comparison), "Corners and edges over the field"),
+        ),
+    )
+    facts = {"sensor": request.sensor.name, "images": [one.name for one in comparison.images]}
+    Report("Camera twin", f"{len(comparison.images)} images.", (section,), facts).write(
+        request.output
+    )
