@@ -163,6 +163,11 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
                     "Measure gain, noise and fixed pattern from dark frames and flat fields.",
                     "cameras.measure_noise.noise", "cameras.measure_requests.MeasureNoiseRequest",
                 ),
+                "response": Entry(
+                    "Measure response and vignetting from exposure series and flat fields.",
+                    "cameras.measure_response.response",
+                    "cameras.measure_requests.MeasureResponseRequest",
+                ),
             },
         ),
         "optics": GroupEntry(

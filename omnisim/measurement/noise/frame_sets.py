@@ -41,8 +41,12 @@ class FrameSet:
     files: tuple[Path, ...]
 
 
-def find_frame_sets(folder: Path) -> list[FrameSet]:
+def find_frame_sets(folder: Path, is_lossy_allowed: bool = False) -> list[FrameSet]:
     """Find the frames of a folder with one folder per exposure, such as `2.5ms` or `1ms-bright`.
+
+    Args:
+        folder: folder of folders.
+        is_lossy_allowed: True for means, which JPEG keeps; it does not keep noise.
 
     Raises:
         MeasurementError: the folder is missing or empty, a folder is not named by an exposure
@@ -50,21 +54,24 @@ def find_frame_sets(folder: Path) -> list[FrameSet]:
     """
     if not folder.is_dir():
         raise MeasurementError(f"{folder}: expected a folder with one folder per exposure")
-    sets = [_frame_set(path) for path in sorted(folder.iterdir()) if path.is_dir()]
+    sets = [
+        _frame_set(path, is_lossy_allowed) for path in sorted(folder.iterdir()) if path.is_dir()
+    ]
     if not sets:
         raise MeasurementError(f"{folder}: expected folders such as 1ms and 2.5ms, got none")
     return sorted(sets, key=lambda one: one.exposure_s)
 
 
-def _frame_set(folder: Path) -> FrameSet:
+def _frame_set(folder: Path, is_lossy_allowed: bool) -> FrameSet:
     match = _EXPOSURE.fullmatch(folder.name)
     if match is None:
         raise MeasurementError(f"{folder}: expected an exposure time as name, such as 2.5ms")
     files = tuple(path for path in sorted(folder.iterdir()) if not path.name.startswith("."))
     for path in files:
-        if path.suffix.lower() in _LOSSY:
+        is_lossy = path.suffix.lower() in _LOSSY
+        if is_lossy and not is_lossy_allowed:
             raise MeasurementError(f"{path}: lossy compression changes the noise: save PNG or TIFF")
-        if path.suffix.lower() not in SUFFIXES:
+        if not is_lossy and path.suffix.lower() not in SUFFIXES:
             expected = " ".join(SUFFIXES)
             raise MeasurementError(f"{path}: expected images ({expected}) only")
     return FrameSet(folder, float(match[1]) * _UNITS_S[match[2]], files)

@@ -62,3 +62,19 @@ class MeasureCompareRequest:
     """Folder to write: report.html, report.json and its figures."""
     mirrored: bool = False
     """The camera looks into a mirror."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasureResponseRequest:
+    """Parameters of `omnisim measure response`."""
+
+    images: Annotated[Path, Argument(metavar="IMAGES")]
+    """Folder of images of a still scene, with one folder per exposure, such as 2.5ms."""
+    output: Path
+    """Sensor file to write: .toml; a report is written beside it."""
+    flat: Annotated[Path | None, Option(default="none: no vignetting")] = None
+    """Folder of images of an evenly lit surface, for the vignetting."""
+    black: Annotated[float, Option(metavar="LEVEL", min=0.0, max=65535.0)] = 0.0
+    """Level without light."""
+    sensor: Annotated[Path | None, Option(default="none")] = None
+    """Sensor file to add response and vignetting to."""

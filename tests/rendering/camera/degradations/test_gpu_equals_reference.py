@@ -32,7 +32,7 @@ ULP = 2.0**-23
 EXAMPLES = {
     "reflectance": (Reflectance(0.87, (1.0, 0.95, 0.8)), 1 * ULP),
     "dirt": (Dirt(dust_count=40, scratch_count=5, scratch_length_px=40.0), 2 * ULP),
-    "vignetting": (Vignetting((-0.5, 0.2, -0.1)), 4 * ULP),
+    "vignetting": (Vignetting((-0.5, 0.2, -0.1, 0.02, -0.01, 0.001)), 4 * ULP),
     "vignetting that goes dark": (Vignetting((-1.5, 0.0, 0.0)), 4 * ULP),
     # a place of 100 px has 2⁻¹⁷ px of rounding, and neighbors differ by up to 1
     "chromatic_aberration": (ChromaticAberration(1.01, 0.985), 4 * 2.0**-17),

@@ -1,0 +1,143 @@
+"""`omnisim measure response`: transfer function and vignetting."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.apps.cli.cameras.measure_requests import MeasureResponseRequest
+from omnisim.apps.cli.cameras.measured_files import (
+    check_outputs,
+    print_measured,
+    round_to_sigma,
+    sensor_tables,
+    write_measured,
+)
+from omnisim.apps.cli.console import out, track
+from omnisim.core.errors import MeasurementError
+from omnisim.core.srgb import linear_from_srgb
+from omnisim.measurement.geometry.board_images import image_files
+from omnisim.measurement.noise import find_frame_sets
+from omnisim.measurement.quantity import Unseen
+from omnisim.measurement.response import (
+    MeasuredResponse,
+    MeasuredVignetting,
+    measure_response,
+    measure_vignetting,
+)
+from omnisim.measurement.response.mean_images import check_unclipped, mean_image
+from omnisim.measurement.response.response_curve import MAX_ERROR
+from omnisim.rendering.camera.omnicamera import OmniCamera
+
+_GREEN = 1
+_NAMES = ("red", "green", "blue")
+
+
+def response(request: MeasureResponseRequest) -> None:
+    """Measure the response and, from flat fields, the vignetting, and write a sensor file.
+
+    Raises:
+        MeasurementError: images that cannot be measured.
+        SensorFileError: a sensor file with a fault.
+        OutputError: a file that cannot be written.
+    """
+    check_outputs(request.output, request.sensor)
+    tables = sensor_tables(request.sensor)
+    measured = _response(request)
+    quantities, unseen = list(measured.quantities), list[Unseen]()
+    degradation: dict[str, Any] = dict(tables.get("degradation", {}))
+    error = measured.errors[min(measured.errors, key=lambda name: measured.errors[name])]
+    if error > MAX_ERROR:
+        unseen.append(
+            Unseen(
+                "encoding.gamma",
+                f"no transfer function of a sensor file is the camera's: {100.0 * error:.1f} % of "
+                "full scale off; the measured curve is in the report",
+            )
+        )
+    else:
+        gamma = measured.gamma
+        if not isinstance(gamma, str) and gamma != 1.0:
+            gamma = round_to_sigma(gamma, measured.quantities[0].sigma)
+        degradation["encoding"] = {**degradation.get("encoding", {}), "gamma": gamma}
+    details: dict[str, Any] = {
+        "response": {
+            "light": measured.light.tolist(),
+            "levels": measured.levels.tolist(),
+            "errors": measured.errors,
+        }
+    }
+    if request.flat is None:
+        reason = "no flat fields: photograph an evenly lit surface, and give --flat"
+        unseen.append(Unseen("vignetting.coefficients", reason))
+    else:
+        channels = _vignetting(request.flat, request, measured)
+        green = channels.get("green", next(iter(channels.values())))
+        degradation["vignetting"] = green.vignetting.values()
+        for name, one in channels.items():
+            quantities += [replace(part, name=f"{name}.{part.name}") for part in one.quantities]
+        details["vignetting"] = {
+            name: {
+                "radius": one.radii.tolist(),
+                "light": one.light.tolist(),
+                "fitted": one.fitted.tolist(),
+                "gradient": one.gradient.tolist(),
+                "residual": one.residual,
+            }
+            for name, one in channels.items()
+        }
+    tables = {**tables, "degradation": degradation}
+    write_measured(request.output, tables, quantities, unseen, details)
+    print_measured(request.output, quantities, unseen)
+    _print(measured)
+
+
+def _response(request: MeasureResponseRequest) -> MeasuredResponse:
+    sets = find_frame_sets(request.images, is_lossy_allowed=True)
+    images, times, largest = [], [], 0.0
+    for number in track(range(len(sets)), "Exposures", len(sets)):
+        if not sets[number].files:
+            raise MeasurementError(f"{sets[number].folder}: expected images, got none")
+        mean, largest = mean_image(sets[number].files, _GREEN)
+        images.append(mean)
+        times.append(sets[number].exposure_s)
+    return measure_response(images, times, request.black, largest, str(request.images))
+
+
+def _vignetting(
+    folder: Path, request: MeasureResponseRequest, measured: MeasuredResponse
+) -> dict[str, MeasuredVignetting]:
+    """Vignetting of each channel; of gray images, of one."""
+    files = image_files(folder)
+    center = None
+    if request.sensor is not None:
+        u, v = OmniCamera.from_file(request.sensor).model.principal_point_px
+        center = float(u), float(v)
+    channels: dict[str, MeasuredVignetting] = {}
+    planes: list[NDArray[np.float64]] = []
+    for number in track(range(3), "Channels", 3):
+        mean, largest = mean_image(files, number)
+        if planes and np.array_equal(mean, planes[0]):
+            continue  # gray images
+        planes.append(mean)
+        check_unclipped(mean, largest, str(folder))
+        levels = np.clip((mean - request.black) / (largest - request.black), 0.0, 1.0)
+        name = _NAMES[number] if number else "red"
+        channels[name] = measure_vignetting(_linear(levels, measured.gamma), center, str(folder))
+    return {"gray": channels["red"]} if len(channels) == 1 else channels
+
+
+def _linear(levels: NDArray[np.float64], gamma: float | str) -> NDArray[np.float64]:
+    if isinstance(gamma, str):
+        light: NDArray[np.float64] = linear_from_srgb(levels)
+        return light
+    return levels**gamma
+
+
+def _print(measured: MeasuredResponse) -> None:
+    errors = ", ".join(f"{name} {100.0 * one:.2f} %" for name, one in measured.errors.items())
+    out.print(f"errors of full scale: {errors}", markup=False)

@@ -1,0 +1,198 @@
+"""Vignetting from flat fields: an even polynomial of the image radius, and the light's gradient.
+
+Source: Goldman, "Vignette and exposure calibration and compensation", PAMI 2010.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import MeasurementError
+from omnisim.measurement.quantity import Quantity
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
+from omnisim.rendering.camera.degradations.vignetting import MAX_TERMS, Vignetting
+
+Floats = NDArray[np.float64]
+BLOCK_PX = 8
+MAX_RESIDUAL = 0.02  # share of the light: more is no evenly lit surface
+MAX_GRADIENT = 0.25  # of the light across the image
+MIN_LIGHT = 0.05  # of the brightest block: darker ones are outside of the image circle
+MIN_TERMS = 3
+_AS_GOOD = 1.005  # times the error of all terms
+_ROUNDS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredVignetting:
+    """Vignetting measured from a flat field.
+
+    Attributes:
+        vignetting: the effect of the sensor file.
+        quantities: its coefficients, and the relative light at the edge of the fit.
+        gradient: (2,) change of the light itself across the image's width and height.
+        residual: root mean square share of the light that is left.
+        radii, light, fitted: (blocks,) radius in units of half the shorter side, relative light
+            without the gradient, and the fitted polynomial.
+    """
+
+    vignetting: Vignetting
+    quantities: tuple[Quantity, ...]
+    gradient: Floats
+    residual: float
+    radii: Floats
+    light: Floats
+    fitted: Floats
+
+
+def measure_vignetting(
+    flat: Floats, center_px: tuple[float, float] | None = None, name: str = "flat field"
+) -> MeasuredVignetting:
+    """Measure vignetting from the mean of flat fields.
+
+    Blocks of 8 x 8 px count once; those that differ from the fit by more than four standard
+    deviations, such as dust, do not count.
+
+    Args:
+        flat: (height, width) linear light, without black level; NaN: invalid.
+        center_px: principal point; None: the middle of the image.
+        name: name of the images, for messages.
+
+    Raises:
+        MeasurementError: no light, or light that no vignetting explains.
+    """
+    height, width = flat.shape
+    center = center_px or (0.5 * (width - 1.0), 0.5 * (height - 1.0))
+    geometry = ImageGeometry(width, height, center)
+    light, u, v = _blocks(flat)
+    brightest = float(np.percentile(light, 99.0)) if len(light) else 0.0
+    if not brightest > 0.0:
+        raise MeasurementError(f"{name}: no light: expected an evenly lit surface")
+    used = light > MIN_LIGHT * brightest
+    light, u, v = light[used], u[used], v[used]
+    spread_px2 = (BLOCK_PX**2 - 1.0) / 6.0  # mean square radius of a block's pixels in it
+    squared = (u - center[0]) ** 2 + (v - center[1]) ** 2 + spread_px2
+    squared /= geometry.radius_unit_px**2
+    x, y = (u - center[0]) / width, (v - center[1]) / height
+    fits = [
+        _fit(light, squared, np.stack((x, y), axis=1), count, brightest)
+        for count in range(MIN_TERMS, MAX_TERMS + 1)
+    ]
+    fit = next(one for one in fits if one.rms <= _AS_GOOD * fits[-1].rms)
+    solution, gradient, is_kept, residuals = fit.solution, fit.gradient, fit.is_kept, fit.residuals
+    terms = squared[:, None] ** np.arange(len(solution))
+    even = terms @ solution
+    slope = 1.0 + x * gradient[0] + y * gradient[1]
+    residual = fit.rms / float(solution[0])
+    _check(name, residual, gradient, float(is_kept.mean()))
+    design = np.column_stack((terms * slope[:, None], even * x, even * y))
+    sigmas = _sigmas(design[is_kept], residuals[is_kept])
+    coefficients = solution[1:] / solution[0]
+    edge = float(np.sqrt(squared[is_kept].max()))
+    vignetting = Vignetting(tuple(coefficients.tolist()))
+    basis = f"{is_kept.sum()} blocks of {BLOCK_PX} × {BLOCK_PX} px, to a radius of {edge:.2f}"
+    quantities = [
+        Quantity(f"coefficients.{index}", float(value), float(sigma / solution[0]), "", basis)
+        for index, (value, sigma) in enumerate(
+            zip(coefficients, sigmas[1 : len(solution)], strict=True)
+        )
+    ]
+    at_edge = float(edge ** (2.0 * np.arange(len(solution))) @ solution / solution[0])
+    quantities.append(Quantity("light_at_edge", at_edge, residual, "", basis))
+    relative = light / slope / solution[0]
+    return MeasuredVignetting(
+        vignetting,
+        tuple(quantities),
+        gradient,
+        residual,
+        np.sqrt(squared),
+        relative,
+        even / solution[0],
+    )
+
+
+class _Fit(NamedTuple):
+    """Polynomial of the squared radius, and the light's gradient.
+
+    Attributes:
+        solution: (terms,) coefficients, from r⁰.
+        gradient: (2,) of the light.
+        is_kept: (blocks,) blocks that count.
+        residuals: (blocks,).
+        rms: root mean square of the residuals that count.
+    """
+
+    solution: Floats
+    gradient: Floats
+    is_kept: NDArray[np.bool_]
+    residuals: Floats
+    rms: float
+
+
+def _fit(light: Floats, squared: Floats, offsets: Floats, count: int, brightest: float) -> _Fit:
+    """Fit (a + b r² + c r⁴ + …) (1 + g · (x, y)) in turn, without outliers.
+
+    Args:
+        light: (blocks,) light.
+        squared: (blocks,) squared radius.
+        offsets: (blocks, 2) x and y.
+        count: number of coefficients of the radius.
+        brightest: light that counts as full.
+    """
+    terms = squared[:, None] ** np.arange(count + 1)
+    is_kept: NDArray[np.bool_] = np.ones(len(light), dtype=bool)
+    gradient: Floats = np.zeros(2)
+    solution: Floats = np.zeros(count + 1)
+    for _ in range(_ROUNDS):
+        design = terms * (1.0 + offsets @ gradient)[:, None]
+        solution[:] = np.linalg.lstsq(design[is_kept], light[is_kept], rcond=None)[0]
+        even = terms @ solution
+        tilt = even[:, None] * offsets
+        gradient[:] = np.linalg.lstsq(tilt[is_kept], (light - even)[is_kept], rcond=None)[0]
+        residuals = light - even * (1.0 + offsets @ gradient)
+        spread = 1.4826 * float(np.median(np.abs(residuals[is_kept])))
+        is_kept = np.abs(residuals) <= 4.0 * max(spread, 1e-6 * brightest)
+    rms = float(np.sqrt(np.mean(np.square(residuals[is_kept]))))
+    return _Fit(solution, gradient, is_kept, residuals, rms)
+
+
+def _blocks(flat: Floats) -> tuple[Floats, Floats, Floats]:
+    """Mean light of blocks without invalid pixels, and their centers u and v, px."""
+    rows, columns = (side // BLOCK_PX for side in flat.shape)
+    whole = flat[: rows * BLOCK_PX, : columns * BLOCK_PX]
+    means = whole.reshape(rows, BLOCK_PX, columns, BLOCK_PX).mean(axis=(1, 3))
+    v, u = np.mgrid[:rows, :columns] * BLOCK_PX + 0.5 * (BLOCK_PX - 1.0)
+    valid = np.isfinite(means)
+    return means[valid], u[valid], v[valid]
+
+
+def _check(name: str, residual: float, gradient: Floats, kept: float) -> None:
+    """Reject a surface that is not evenly lit.
+
+    Raises:
+        MeasurementError: saying by how much.
+    """
+    change = float(np.abs(gradient).max())
+    if change > MAX_GRADIENT:
+        raise MeasurementError(
+            f"{name}: the light changes by {100.0 * change:.0f} % across the image: expected an "
+            f"evenly lit surface, to {100.0 * MAX_GRADIENT:.0f} %"
+        )
+    if residual > MAX_RESIDUAL or kept < 0.8:
+        raise MeasurementError(
+            f"{name}: vignetting leaves {100.0 * residual:.1f} % of the light unexplained in "
+            f"{100.0 * kept:.0f} % of the image: expected an evenly lit surface without structure"
+        )
+
+
+def _sigmas(design: Floats, residuals: Floats) -> Floats:
+    """Standard deviations of a linear fit's numbers."""
+    freedom = max(len(residuals) - design.shape[1], 1)
+    scale = np.linalg.norm(design, axis=0)
+    inverse = np.linalg.pinv((design / scale).T @ (design / scale))
+    variance = float(residuals @ residuals) / freedom
+    sigmas: Floats = np.sqrt(np.diagonal(inverse) * variance) / scale
+    return sigmas

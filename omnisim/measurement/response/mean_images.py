@@ -1,0 +1,62 @@
+"""Means of images of an unmoved scene."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import MeasurementError, OutputError
+from omnisim.core.files.image_files import read_image
+
+MAX_CLIPPED = 0.01  # share of a flat field's values
+
+
+def mean_image(files: Sequence[Path], channel: int) -> tuple[NDArray[np.float64], float]:
+    """Mean (height, width) of a channel of images, and the largest possible value.
+
+    Args:
+        files: image files of one size.
+        channel: index of the channel; gray images have only one.
+
+    Raises:
+        MeasurementError: a file that cannot be read, images of several sizes or bit depths, or no
+            file.
+    """
+    if not files:
+        raise MeasurementError("expected images, got none")
+    total: NDArray[np.float64] | None = None
+    largest = 0.0
+    for path in files:
+        try:
+            pixels, _ = read_image(path)
+        except OutputError as reason:
+            raise MeasurementError(str(reason)) from None
+        if pixels.dtype not in (np.uint8, np.uint16):
+            raise MeasurementError(f"{path}: expected 8 or 16 bits, got {pixels.dtype}")
+        plane = pixels[..., min(channel, pixels.shape[2] - 1)].astype(np.float64)
+        highest = 255.0 if pixels.dtype == np.uint8 else 65535.0
+        if total is not None and (total.shape != plane.shape or highest != largest):
+            raise MeasurementError(
+                f"{path}: {plane.shape[1]} × {plane.shape[0]} px, white is {highest:g}, but "
+                f"{files[0].name} has {total.shape[1]} × {total.shape[0]} px, white is "
+                f"{largest:g}: expected the images of one camera"
+            )
+        total, largest = plane if total is None else total + plane, highest
+    assert total is not None
+    return total / len(files), largest
+
+
+def check_unclipped(flat: NDArray[np.float64], largest: float, name: str) -> None:
+    """Reject flat fields that are white in places.
+
+    Raises:
+        MeasurementError: saying how much of them.
+    """
+    clipped = float(np.mean(flat >= 0.995 * largest))
+    if clipped > MAX_CLIPPED:
+        raise MeasurementError(
+            f"{name}: {100.0 * clipped:.0f} % of the pixels are white: expected a shorter exposure"
+        )

@@ -1,0 +1,191 @@
+"""Response of a camera: from light to levels, from images of one scene by exposure time.
+
+A pixel's light is the same in all images, so that its levels at two exposure times tell the ratio
+of the response at lights of a known ratio. The response is compared with the transfer functions
+that a sensor file can name.
+
+Source: Debevec & Malik, "Recovering high dynamic range radiance maps from photographs" (1997).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from omnisim.core.errors import MeasurementError
+from omnisim.core.srgb import linear_from_srgb
+from omnisim.measurement.quantity import Quantity
+
+Floats = NDArray[np.float64]
+MIN_EXPOSURES = 3
+LOW, HIGH = 0.03, 0.97  # levels that count, as shares of the largest one
+MAX_PIXELS = 20_000
+MAX_ERROR = 0.02  # of full scale, beyond which no named curve is the camera's
+_KNOTS = 33  # of the measured curve
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredResponse:
+    """Response of a camera.
+
+    Attributes:
+        gamma: transfer function as in `[degradation.encoding]`: "srgb", or the exponent's inverse.
+        quantities: the exponent, and the errors.
+        errors: root mean square error of each curve, as a share of full scale, by name.
+        light, levels: (n,) measured curve, normalized to 1 at the largest level: each light, and
+            the level that the camera gives it.
+    """
+
+    gamma: float | str
+    quantities: tuple[Quantity, ...]
+    errors: dict[str, float]
+    light: Floats
+    levels: Floats
+
+
+def measure_response(
+    images: Sequence[NDArray[Any]],
+    exposures_s: Sequence[float],
+    black_dn: float = 0.0,
+    white_dn: float = 255.0,
+    name: str = "images",
+) -> MeasuredResponse:
+    """Measure the response of a camera.
+
+    Args:
+        images: (height, width) levels of an unmoved scene, an image or a mean per exposure time.
+        exposures_s: exposure times.
+        black_dn: level without light.
+        white_dn: largest level.
+        name: name of the images, for messages.
+
+    Raises:
+        MeasurementError: too few exposure times, images of several sizes, brightness that does not
+            follow the exposure time, or too few levels between black and white.
+    """
+    order = np.argsort(exposures_s)
+    times = np.asarray(exposures_s, dtype=np.float64)[order]
+    if len(np.unique(times)) < MIN_EXPOSURES:
+        raise MeasurementError(
+            f"{name}: {len(np.unique(times))} exposure times: expected at least {MIN_EXPOSURES}"
+        )
+    if len({image.shape for image in images}) > 1:
+        raise MeasurementError(f"{name}: images of several sizes: expected one camera")
+    stack = np.stack([_sample(images[index]) for index in order])
+    levels = (stack - black_dn) / (white_dn - black_dn)
+    _check_order(levels, times, name)
+    used = (levels > LOW) & (levels < HIGH)
+    used &= used.sum(axis=0) >= 2
+    if used.sum() < 200:
+        raise MeasurementError(
+            f"{name}: {int(used.sum())} levels between black and white: expected exposure times at "
+            "which the scene is neither"
+        )
+    gamma = _best_gamma(levels, times, used)
+    curves: dict[str, Callable[[Floats], Floats]] = {
+        "linear": lambda values: values,
+        "srgb": lambda values: linear_from_srgb(np.clip(values, 0.0, 1.0)),
+        "gamma": lambda values: np.clip(values, 0.0, 1.0) ** gamma,
+    }
+    errors = {name: _error(curve, levels, times, used) for name, curve in curves.items()}
+    best = _simplest(errors)
+    named: dict[str, float | str] = {"linear": 1.0, "srgb": "srgb", "gamma": gamma}
+    inverse = curves[best]
+    light, measured = _measured_curve(inverse, levels, times, used)
+    basis = f"{int(used.any(axis=0).sum())} pixels at {len(times)} exposure times"
+    sigma = _gamma_sigma(levels, times, used, gamma)
+    quantities = (
+        Quantity("gamma", gamma, sigma, "", f"{basis}, as a power"),
+        Quantity("response_error", errors[best], math.nan, "of full scale", f"{basis}, as {best}"),
+    )
+    return MeasuredResponse(named[best], quantities, errors, light, measured)
+
+
+def _sample(image: NDArray[Any]) -> Floats:
+    """Pixels of an image, evenly spread."""
+    step = max(1, math.ceil(image.size / MAX_PIXELS))
+    return image.reshape(-1)[::step].astype(np.float64)
+
+
+def _check_order(levels: Floats, times: Floats, name: str) -> None:
+    """Reject images that become darker with the exposure time.
+
+    Raises:
+        MeasurementError: naming both exposure times.
+    """
+    means = np.median(levels, axis=1)
+    for index in range(1, len(times)):
+        if means[index] < means[index - 1] - 0.01:
+            raise MeasurementError(
+                f"{name}: {1e3 * times[index]:g} ms is darker than {1e3 * times[index - 1]:g} ms: "
+                "expected a still scene, constant light, and no automatic exposure"
+            )
+
+
+def _predicted(
+    inverse: Callable[[Floats], Floats], levels: Floats, times: Floats, used: NDArray[np.bool_]
+) -> Floats:
+    """Light (images, pixels) at each exposure, from a pixel's mean light in all images."""
+    weights = used * times[:, None]
+    seen = inverse(levels) * used
+    per_second = seen.sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-30)
+    light: Floats = per_second * times[:, None]
+    return light
+
+
+def _error(
+    inverse: Callable[[Floats], Floats], levels: Floats, times: Floats, used: NDArray[np.bool_]
+) -> float:
+    """Root mean square error of the levels by an inverse response, as a share of full scale."""
+    light = _predicted(inverse, levels, times, used)
+    # back to levels along the inverse's slope
+    grid = np.linspace(0.0, 1.0, 2049)
+    expected = np.interp(light, inverse(grid), grid)
+    return float(np.sqrt(np.mean(np.square((expected - levels)[used]))))
+
+
+def _best_gamma(levels: Floats, times: Floats, used: NDArray[np.bool_]) -> float:
+    """Exponent of the power that explains the levels best."""
+
+    def error(gamma: float) -> float:
+        return _error(lambda values: np.clip(values, 0.0, 1.0) ** gamma, levels, times, used)
+
+    return float(minimize_scalar(error, bounds=(0.3, 4.0), method="bounded").x)
+
+
+def _gamma_sigma(levels: Floats, times: Floats, used: NDArray[np.bool_], gamma: float) -> float:
+    """Standard deviation of the exponent, from halves of the pixels."""
+    parts = [
+        _best_gamma(levels[:, start::8], times, used[:, start::8])
+        for start in range(8)
+        if used[:, start::8].sum() >= 20
+    ]
+    return float(np.std(parts, ddof=1) / math.sqrt(len(parts))) if len(parts) > 2 else math.nan
+
+
+def _simplest(errors: dict[str, float]) -> str:
+    """Curve with the smallest error; a named one where it is nearly as good as a free exponent."""
+    for name in ("linear", "srgb"):
+        if errors[name] <= 1.05 * min(errors.values()) + 2e-4:
+            return name
+    return "gamma"
+
+
+def _measured_curve(
+    inverse: Callable[[Floats], Floats], levels: Floats, times: Floats, used: NDArray[np.bool_]
+) -> tuple[Floats, Floats]:
+    """Curve of the camera: mean levels by light, whatever function it is nearest to."""
+    light = _predicted(inverse, levels, times, used)[used]
+    values = levels[used]
+    edges = np.quantile(light, np.linspace(0.0, 1.0, _KNOTS + 1))
+    number = np.clip(np.searchsorted(edges, light, side="right") - 1, 0, _KNOTS - 1)
+    count = np.maximum(np.bincount(number, minlength=_KNOTS), 1)
+    lights: Floats = np.bincount(number, light, _KNOTS) / count
+    means: Floats = np.bincount(number, values, _KNOTS) / count
+    return lights, means

@@ -1,0 +1,63 @@
+"""`omnisim measure response`: encoding and vignetting of a simulated camera."""
+
+import json
+
+import numpy as np
+import pytest
+
+from omnisim.core.files.image_files import write_numbers
+from omnisim.rendering.camera.degradations import Vignetting
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from tests.measurement.response.test_response import TIMES_S, series
+
+GEOMETRY = ImageGeometry(160, 120, (79.5, 59.5))
+VIGNETTING = Vignetting((-0.35, 0.1, -0.02))
+
+
+@pytest.fixture
+def folders(tmp_path):
+    for time_s, image in zip(TIMES_S, series(lambda light: light ** (1.0 / 2.0)), strict=True):
+        folder = tmp_path / "series" / f"{1e3 * time_s:g}ms"
+        folder.mkdir(parents=True)
+        write_numbers(folder / "a.png", image)
+    (tmp_path / "flat").mkdir()
+    light = VIGNETTING.apply(np.full((120, 160, 4), 0.8, dtype=np.float32), GEOMETRY)[..., 1]
+    random = np.random.default_rng(4)
+    for index in range(16):
+        noisy = light**0.5 + 0.003 * random.normal(size=light.shape)
+        image = np.rint(255.0 * np.clip(noisy, 0.0, 1.0)).astype(np.uint8)
+        write_numbers(tmp_path / "flat" / f"{index}.png", image)
+    return tmp_path
+
+
+def test_encoding_and_vignetting_are_written(omnisim, folders):
+    status, out, err = omnisim(
+        "measure", "response", folders / "series", "--flat", folders / "flat", "-o", "camera.toml"
+    )
+    assert status == 0, err
+    degradation = OmniCamera.from_file(folders / "camera.toml").degradation
+    assert degradation.encoding.gamma == pytest.approx(2.0, rel=0.01)
+    measured = degradation.vignetting.apply(np.ones((120, 160, 4), dtype=np.float32), GEOMETRY)
+    truth = VIGNETTING.apply(np.ones((120, 160, 4), dtype=np.float32), GEOMETRY)
+    assert np.abs(measured - truth).max() < 0.005
+    report = json.loads((folders / "camera.json").read_text())
+    assert report["vignetting"]["gray"]["residual"] < 0.01
+    assert "errors of full scale: linear" in out
+
+
+def test_without_flat_fields_vignetting_is_not_measured(omnisim, folders):
+    status, _, err = omnisim("measure", "response", folders / "series", "-o", "camera.toml")
+    assert status == 0
+    assert "vignetting.coefficients not measured: no flat fields" in err
+
+
+def test_white_flat_fields_are_refused(omnisim, folders):
+    for path in (folders / "flat").iterdir():
+        write_numbers(path, np.full((120, 160), 255, np.uint8))
+    status, _, err = omnisim(
+        "measure", "response", folders / "series", "--flat", folders / "flat", "-o", "camera.toml"
+    )
+    assert status == 1
+    assert "100 % of the pixels are white: expected a shorter exposure" in err
+    assert not (folders / "camera.toml").exists()

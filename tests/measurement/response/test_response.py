@@ -1,0 +1,84 @@
+"""Response from exposure series: sRGB, powers and a straight line, told apart."""
+
+import numpy as np
+import pytest
+
+from omnisim.core.errors import MeasurementError
+from omnisim.core.srgb import srgb_from_linear
+from omnisim.measurement.response import measure_response
+from omnisim.rendering.camera.degradations import Encoding
+
+TIMES_S = (1e-3, 2e-3, 4e-3, 8e-3, 16e-3, 32e-3)
+
+
+def series(encode, seed=0, noise=0.005, times_s=TIMES_S):
+    """8-bit images (60, 80) of a scene of many brightnesses."""
+    random = np.random.default_rng(seed)
+    scene = np.exp(random.uniform(np.log(0.5), np.log(300.0), (60, 80)))  # light per second
+    images = []
+    for time_s in times_s:
+        light = np.clip(scene * time_s, 0.0, 1.0)
+        levels = encode(light) + noise * random.normal(size=light.shape)
+        images.append(np.rint(np.clip(levels, 0.0, 1.0) * 255.0).astype(np.uint8))
+    return images
+
+
+def test_srgb_is_named():
+    measured = measure_response(series(srgb_from_linear), TIMES_S)
+    assert measured.gamma == "srgb"
+    assert measured.errors["srgb"] < 0.01
+
+
+@pytest.mark.parametrize("gamma", [1.6, 2.2])
+def test_a_power_is_found_within_one_percent(gamma):
+    measured = measure_response(series(lambda light: light ** (1.0 / gamma)), TIMES_S)
+    assert measured.gamma == pytest.approx(gamma, rel=0.01)
+    assert abs(measured.quantities[0].value - gamma) < 4.0 * measured.quantities[0].sigma
+
+
+def test_a_straight_line_is_linear():
+    measured = measure_response(series(lambda light: light), TIMES_S)
+    assert measured.gamma == 1.0
+
+
+def test_the_measured_curve_is_the_camera_s():
+    measured = measure_response(series(srgb_from_linear), TIMES_S)
+    # one number, the light of white, is free: a response has no scale
+    scale = np.median(srgb_from_linear(np.clip(measured.light, 0, 1)) / measured.levels)
+    errors = srgb_from_linear(np.clip(measured.light, 0.0, 1.0)) / scale - measured.levels
+    assert np.abs(errors).max() < 0.01
+
+
+def test_our_own_encoding_is_found_again():
+    def encode(light):
+        image = np.repeat(light[..., None], 4, axis=-1).astype(np.float32)
+        return Encoding(gamma=1.8).apply(image)[..., 1]
+
+    measured = measure_response(series(encode, noise=0.0), TIMES_S)
+    assert measured.gamma == pytest.approx(1.8, rel=0.01)
+
+
+def test_other_curves_are_far_off():
+    def filmic(light):
+        return np.clip(1.3 * light / (light + 0.3), 0.0, 1.0)
+
+    measured = measure_response(series(filmic), TIMES_S)
+    assert min(measured.errors.values()) > 0.02
+
+
+@pytest.mark.parametrize(
+    ("images", "times_s", "message"),
+    [
+        (series(srgb_from_linear)[:2], TIMES_S[:2], "2 exposure times: expected at least 3"),
+        (series(srgb_from_linear)[::-1], TIMES_S, "2 ms is darker than 1 ms"),
+        ([np.full((60, 80), 255, np.uint8)] * 3, TIMES_S[:3], "0 levels between black and white"),
+        (
+            [np.zeros((4, 4), np.uint8), np.zeros((4, 5), np.uint8), np.zeros((4, 4), np.uint8)],
+            TIMES_S[:3],
+            "images of several sizes",
+        ),
+    ],
+)
+def test_bad_series_are_refused(images, times_s, message):
+    with pytest.raises(MeasurementError, match=message):
+        measure_response(images, times_s)
