@@ -168,6 +168,11 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
                     "cameras.measure_response.response",
                     "cameras.measure_requests.MeasureResponseRequest",
                 ),
+                "timing": Entry(
+                    "Measure readout and exposure time from frames under a flickering lamp.",
+                    "cameras.measure_timing.timing",
+                    "cameras.measure_requests.MeasureTimingRequest",
+                ),
             },
         ),
         "optics": GroupEntry(

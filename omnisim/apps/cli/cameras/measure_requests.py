@@ -78,3 +78,19 @@ class MeasureResponseRequest:
     """Level without light."""
     sensor: Annotated[Path | None, Option(default="none")] = None
     """Sensor file to add response and vignetting to."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasureTimingRequest:
+    """Parameters of `omnisim measure timing`."""
+
+    images: Annotated[Path, Argument(metavar="FRAMES")]
+    """Folder of frames of an unmoved surface under a flickering lamp."""
+    flicker: Annotated[float, Option(metavar="HZ")]
+    """Frequency of the light: twice the mains', such as 100, or a driven LED's."""
+    output: Path
+    """Sensor file to write: .toml; a report is written beside it."""
+    modulation: Annotated[float | None, Option(metavar="SHARE", default="unknown")] = None
+    """Half of the lamp's change over its mean, from 0 to 1, for the exposure time."""
+    sensor: Annotated[Path | None, Option(default="none")] = None
+    """Sensor file to add readout and exposure to; its transfer function applies to the frames."""

@@ -1,0 +1,66 @@
+"""`omnisim measure timing`: readout and exposure time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.apps.cli.cameras.measure_requests import MeasureTimingRequest
+from omnisim.apps.cli.cameras.measured_files import (
+    check_outputs,
+    print_measured,
+    round_to_sigma,
+    sensor_tables,
+    write_measured,
+)
+from omnisim.apps.cli.console import track
+from omnisim.core.errors import MeasurementError
+from omnisim.core.srgb import linear_from_srgb
+from omnisim.measurement.geometry.board_images import image_files
+from omnisim.measurement.response.mean_images import mean_image
+from omnisim.measurement.timing import line_profiles, measure_timing
+
+_GREEN = 1
+
+
+def timing(request: MeasureTimingRequest) -> None:
+    """Measure readout and exposure time, and write a sensor file with its shutter.
+
+    Raises:
+        MeasurementError: frames that cannot be measured.
+        SensorFileError: a sensor file with a fault.
+        OutputError: a file that cannot be written.
+    """
+    check_outputs(request.output, request.sensor)
+    if not request.flicker > 0.0:  # before the frames are read
+        message = f"flicker: expected a frequency above 0 Hz, got {request.flicker:g}"
+        raise MeasurementError(message)
+    tables = sensor_tables(request.sensor)
+    degradation = dict(tables.get("degradation", {}))
+    gamma = degradation.get("encoding", {}).get("gamma", 1.0)
+    files = image_files(request.images)
+    profiles = line_profiles(_frames(files, gamma), 1.0, str(request.images))
+    measured = measure_timing(profiles, request.flicker, request.modulation, str(request.images))
+    shutter = dict(degradation.get("shutter", {}))
+    for quantity in measured.quantities:
+        if quantity.name in ("readout_s", "exposure_s"):
+            shutter[quantity.name] = round_to_sigma(quantity.value, quantity.sigma)
+    tables["degradation"] = {**degradation, "shutter": shutter}
+    details = {
+        "lines": measured.lines,
+        "profile": measured.profile.tolist(),
+        "fitted": measured.fitted.tolist(),
+    }
+    write_measured(request.output, tables, measured.quantities, measured.unseen, details)
+    print_measured(request.output, measured.quantities, measured.unseen)
+
+
+def _frames(files: Sequence[Path], gamma: float | str) -> Iterator[NDArray[np.float64]]:
+    """Linear light of frames, from 0 to 1."""
+    for number in track(range(len(files)), "Frames", len(files)):
+        levels, white = mean_image(files[number : number + 1], _GREEN)
+        levels /= white
+        yield linear_from_srgb(levels) if isinstance(gamma, str) else levels**gamma

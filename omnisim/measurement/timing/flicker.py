@@ -1,0 +1,314 @@
+"""Readout time of a rolling shutter, from the bands that a flickering lamp leaves in images.
+
+A lamp of f Hz lights row r of a frame by 1 + m cos(2π f (t + r τ) + φ), with the line time τ. What
+all frames have in common is the scene; what changes from frame to frame are the bands, and their
+number of rows per band gives τ.
+
+Source: Rife & Boorstyn, "Single-tone parameter estimation from discrete-time observations" (1974),
+for the first frequency, from the peak of the periodogram.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, least_squares
+
+from omnisim.core.errors import MeasurementError
+from omnisim.measurement.quantity import Quantity, Unseen
+
+Floats = NDArray[np.float64]
+MIN_FRAMES = 5
+MIN_PERIODS = 0.75  # of the flicker in a frame
+MIN_SAMPLES = 4.0  # rows per period
+MIN_RATIO = 12.0  # of the bands' power to the median of all frequencies
+MIN_FLICKER = 0.005  # share of the light
+MAX_CLIPPED = 0.01
+_FINE = 8  # steps of the search per independent frequency
+
+
+class LineProfiles(NamedTuple):
+    """Light of the rows and columns of frames.
+
+    Attributes:
+        rows: (frames, height) mean light of each row.
+        columns: (frames, width) mean light of each column.
+    """
+
+    rows: Floats
+    columns: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredTiming:
+    """Timing of a camera.
+
+    Attributes:
+        readout_s: time from the first to the last line; 0: a global shutter.
+        lines: "rows" or "columns": what is read out one after the other.
+        quantities: readout, line time, flicker and exposure, as far as they are determined.
+        unseen: what the frames do not determine.
+        profile: (frames, lines) light of the lines without the scene, for plots.
+        fitted: (frames, lines) the fitted bands.
+    """
+
+    readout_s: float
+    lines: str
+    quantities: tuple[Quantity, ...]
+    unseen: tuple[Unseen, ...]
+    profile: Floats
+    fitted: Floats
+
+
+def line_profiles(
+    frames: Iterable[NDArray[Any]], white: float, name: str = "frames"
+) -> LineProfiles:
+    """Light of the rows and columns of frames.
+
+    Args:
+        frames: (height, width) linear levels; only one is in memory at a time.
+        white: largest level.
+        name: name of the frames, for messages.
+
+    Raises:
+        MeasurementError: frames of several sizes, clipped or too few.
+    """
+    rows, columns, size = [], [], None
+    for frame in frames:
+        size = frame.shape if size is None else size
+        if frame.shape != size:
+            raise MeasurementError(f"{name}: frames of several sizes: expected one camera")
+        clipped = float(np.mean(frame >= 0.995 * white))
+        if clipped > MAX_CLIPPED:
+            raise MeasurementError(
+                f"{name}: {100.0 * clipped:.0f} % of the pixels are white: expected less light"
+            )
+        rows.append(frame.mean(axis=1, dtype=np.float64))
+        columns.append(frame.mean(axis=0, dtype=np.float64))
+    if len(rows) < MIN_FRAMES:
+        raise MeasurementError(f"{name}: {len(rows)} frames: expected at least {MIN_FRAMES}")
+    return LineProfiles(np.array(rows), np.array(columns))
+
+
+def measure_timing(
+    profiles: LineProfiles,
+    flicker_hz: float,
+    lamp_modulation: float | None = None,
+    name: str = "frames",
+) -> MeasuredTiming:
+    """Measure readout and, for a lamp of known modulation, exposure time.
+
+    Args:
+        profiles: light of the lines of several frames.
+        flicker_hz: frequency of the light: twice the mains', or that of a driven LED.
+        lamp_modulation: half of the light's change over its mean, from 0 to 1; None: unknown.
+        name: name of the frames, for messages.
+
+    Raises:
+        MeasurementError: no flicker, too few or too many bands, or bands that stand still.
+    """
+    if not flicker_hz > 0.0:
+        raise MeasurementError(f"flicker: expected a frequency above 0 Hz, got {flicker_hz:g}")
+    if lamp_modulation is not None and not 0.0 < lamp_modulation <= 1.0:
+        raise MeasurementError(
+            f"modulation: expected more than 0, at most 1, got {lamp_modulation:g}"
+        )
+    peaks = {
+        "rows": _peak(_without_scene(profiles.rows)),
+        "columns": _peak(_without_scene(profiles.columns)),
+    }
+    lines = max(peaks, key=lambda axis: peaks[axis].ratio)
+    light = profiles.rows if lines == "rows" else profiles.columns
+    if peaks[lines].ratio < MIN_RATIO:
+        return _global_shutter(profiles, flicker_hz, name)
+    bands = _fit(light, peaks[lines].frequency)
+    count = light.shape[1]
+    periods = bands.frequency * (count - 1)
+    if periods < MIN_PERIODS:
+        raise MeasurementError(
+            f"{name}: {periods:.2f} of a flicker's period in a frame: expected {MIN_PERIODS:g} or "
+            f"more: use a lamp that flickers faster than {flicker_hz:g} Hz"
+        )
+    line_s, sigma_s = (value / flicker_hz for value in (bands.frequency, bands.sigma))
+    basis = f"{len(light)} frames of {count} {lines}, {periods:.2f} periods of {flicker_hz:g} Hz"
+    readout_s = line_s * (count - 1)
+    quantities = [
+        Quantity("readout_s", readout_s, sigma_s * (count - 1), "s", basis),
+        Quantity("line_s", line_s, sigma_s, "s", basis),
+        Quantity("modulation", bands.modulation, bands.modulation_sigma, "", basis),
+    ]
+    unseen = [
+        Unseen(
+            "readout_direction",
+            "bands look the same from top to bottom and from bottom to top: photograph something "
+            "that turns",
+        )
+    ]
+    exposure = _exposure(bands, lamp_modulation, flicker_hz, basis)
+    (quantities if isinstance(exposure, Quantity) else unseen).append(exposure)  # type: ignore[arg-type]
+    return MeasuredTiming(
+        readout_s, lines, tuple(quantities), tuple(unseen), bands.profile, bands.fitted
+    )
+
+
+class _Peak(NamedTuple):
+    """Strongest frequency of bands.
+
+    Attributes:
+        frequency: periods per line.
+        ratio: its power over the median power of all frequencies.
+    """
+
+    frequency: float
+    ratio: float
+
+
+class _Bands(NamedTuple):
+    """Fitted bands.
+
+    Attributes:
+        frequency, sigma: periods per line, and their standard deviation.
+        modulation, modulation_sigma: amplitude as a share of the light.
+        profile, fitted: (frames, lines) light without the scene, and the bands.
+    """
+
+    frequency: float
+    sigma: float
+    modulation: float
+    modulation_sigma: float
+    profile: Floats
+    fitted: Floats
+
+
+def _without_scene(light: Floats) -> Floats:
+    """Light (frames, lines) over the mean of all frames, which has the scene in it."""
+    frames = light / light.mean(axis=1, keepdims=True)
+    profile: Floats = frames / np.maximum(frames.mean(axis=0), 1e-9)
+    return profile
+
+
+def _peak(profile: Floats) -> _Peak:
+    """Strongest frequency, summed over the frames."""
+    count = profile.shape[1]
+    padded = _FINE * count
+    power = np.square(np.abs(np.fft.rfft(profile - 1.0, padded, axis=1))).sum(axis=0)
+    frequencies = np.arange(len(power)) / padded
+    power[frequencies < 0.5 / count] = 0.0  # drift of the light, removed with the means
+    best = int(np.argmax(power))
+    noise = float(np.median(power[power > 0.0])) + 1e-30
+    return _Peak(float(frequencies[best]), float(power[best]) / noise)
+
+
+def _fit(light: Floats, frequency: float) -> _Bands:
+    """Fit one frequency, and a gain and the two amplitudes of each frame.
+
+    The mean of all frames has bands, too, as far as those of the frames do not cancel: the model of
+    a frame over the mean is the ratio of both.
+    """
+    profile = _without_scene(light)
+    frames, count = profile.shape
+    position = np.arange(count) - 0.5 * (count - 1)
+    scale = 1.0 / count  # of a change of the frequency
+
+    def ratios(vector: Floats) -> Floats:
+        angle = 2.0 * math.pi * (frequency + scale * vector[0]) * position
+        cosine, sine = vector[1 : 2 * frames + 1].reshape(2, frames)
+        gain = np.concatenate(([1.0], vector[2 * frames + 1 :]))
+        bands = 1.0 + cosine[:, None] * np.cos(angle) + sine[:, None] * np.sin(angle)
+        lit: Floats = gain[:, None] * bands
+        lit /= lit.mean(axis=0)
+        return lit
+
+    def errors(vector: Floats) -> Floats:
+        return (ratios(vector) - profile).ravel()
+
+    amplitudes = _amplitudes(profile, position, frequency)
+    start = np.concatenate(([0.0], *amplitudes, np.ones(frames - 1)))
+    solution = least_squares(errors, start, x_scale="jac", method="trf")
+    jacobian, residuals = np.asarray(solution.jac), solution.fun
+    variance = float(residuals @ residuals) / max(profile.size - len(start) - count, 1)
+    sizes = np.linalg.norm(jacobian, axis=0)
+    inverse = np.linalg.pinv((jacobian / sizes).T @ (jacobian / sizes), rcond=1e-12)
+    sigmas = np.sqrt(np.diagonal(inverse) * variance) / sizes
+    amplitudes = solution.x[1 : 2 * frames + 1].reshape(2, frames)
+    modulation = math.sqrt(float(np.square(amplitudes).sum()) / frames)
+    return _Bands(
+        frequency + scale * float(solution.x[0]),
+        scale * float(sigmas[0]),
+        modulation,
+        math.sqrt(2.0 * variance / profile.size),
+        profile,
+        ratios(solution.x),
+    )
+
+
+def _amplitudes(profile: Floats, position: Floats, frequency: float) -> Floats:
+    """Amplitudes (2, frames) of cosine and sine in the bands of each frame."""
+    angle = 2.0 * math.pi * frequency * position
+    design = np.stack((np.ones_like(angle), np.cos(angle), np.sin(angle)), axis=1)
+    amplitudes: Floats = np.linalg.lstsq(design, profile.T, rcond=None)[0][1:]
+    return amplitudes
+
+
+def _exposure(
+    bands: _Bands, lamp: float | None, flicker_hz: float, basis: str
+) -> Quantity | Unseen:
+    """Exposure time from the modulation that it leaves: m = m₀ |sinc(f T)|."""
+    if lamp is None:
+        reason = (
+            "the lamp's own modulation is unknown: measure it with a photodiode, or in images of a "
+            "short exposure"
+        )
+        return Unseen("exposure_s", reason)
+    share = bands.modulation / lamp
+    if share > 1.0 + 4.0 * bands.modulation_sigma / lamp:
+        reason = (
+            f"bands of {bands.modulation:.3g} are stronger than the lamp's modulation of {lamp:g}"
+        )
+        return Unseen("exposure_s", reason)
+    cycles = _sinc_inverse(min(share, 1.0))
+    slope = abs(_sinc_slope(cycles))
+    sigma_s = bands.modulation_sigma / lamp / max(slope, 1e-6) / flicker_hz
+    note = f"{basis}, for an exposure shorter than a period"
+    return Quantity("exposure_s", cycles / flicker_hz, sigma_s, "s", note)
+
+
+def _sinc_inverse(share: float) -> float:
+    """Cycles from 0 to 1 whose sinc is `share`."""
+    return 0.0 if share >= 1.0 else float(brentq(lambda cycles: np.sinc(cycles) - share, 0.0, 1.0))
+
+
+def _sinc_slope(cycles: float) -> float:
+    step = 1e-6
+    return float((np.sinc(cycles + step) - np.sinc(cycles - step)) / (2.0 * step))
+
+
+def _global_shutter(profiles: LineProfiles, flicker_hz: float, name: str) -> MeasuredTiming:
+    """Timing of a camera whose frames change as a whole.
+
+    Raises:
+        MeasurementError: they do not change.
+    """
+    means = profiles.rows.mean(axis=1)
+    flicker = float(means.std() / means.mean())
+    if flicker < MIN_FLICKER:
+        raise MeasurementError(
+            f"{name}: no bands, and all frames are equally bright to {100.0 * flicker:.2f} %: "
+            "expected a flickering lamp, an exposure that is no multiple of its period, and a "
+            "frame rate that is not in step with it"
+        )
+    basis = f"{len(means)} frames that flicker by {100.0 * flicker:.1f} % as a whole, without bands"
+    profile = _without_scene(profiles.rows)
+    return MeasuredTiming(
+        0.0,
+        "rows",
+        (Quantity("readout_s", 0.0, math.nan, "s", basis),),
+        (Unseen("exposure_s", f"no bands under {flicker_hz:g} Hz: the shutter is global"),),
+        profile,
+        np.ones_like(profile),
+    )
