@@ -110,7 +110,7 @@ def measure_timing(
         name: name of the frames, for messages.
 
     Raises:
-        MeasurementError: no flicker, too few or too many bands, or bands that stand still.
+        MeasurementError: no flicker, too few or too many bands, or bands in step with the frames.
     """
     if not flicker_hz > 0.0:
         raise MeasurementError(f"flicker: expected a frequency above 0 Hz, got {flicker_hz:g}")

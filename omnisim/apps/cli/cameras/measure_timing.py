@@ -20,6 +20,7 @@ from omnisim.apps.cli.console import track
 from omnisim.core.errors import MeasurementError
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.measurement.geometry.board_images import image_files
+from omnisim.measurement.quantity import Unseen
 from omnisim.measurement.response.mean_images import mean_image
 from omnisim.measurement.timing import line_profiles, measure_timing
 
@@ -45,8 +46,14 @@ def timing(request: MeasureTimingRequest) -> None:
     profiles = line_profiles(_frames(files, gamma), 1.0, str(request.images))
     measured = measure_timing(profiles, request.flicker, request.modulation, str(request.images))
     shutter = dict(degradation.get("shutter", {}))
+    unseen = list(measured.unseen)
+    written = {"readout_s", "exposure_s"}
+    if measured.lines == "columns":
+        reason = "columns are read out one after the other; a sensor file says it of rows: turn it"
+        unseen.append(Unseen("degradation.shutter.readout_s", reason))
+        written.remove("readout_s")
     for quantity in measured.quantities:
-        if quantity.name in ("readout_s", "exposure_s"):
+        if quantity.name in written:
             shutter[quantity.name] = round_to_sigma(quantity.value, quantity.sigma)
     tables["degradation"] = {**degradation, "shutter": shutter}
     details = {
@@ -54,8 +61,8 @@ def timing(request: MeasureTimingRequest) -> None:
         "profile": measured.profile.tolist(),
         "fitted": measured.fitted.tolist(),
     }
-    write_measured(request.output, tables, measured.quantities, measured.unseen, details)
-    print_measured(request.output, measured.quantities, measured.unseen)
+    write_measured(request.output, tables, measured.quantities, unseen, details)
+    print_measured(request.output, measured.quantities, unseen)
 
 
 def _frames(files: Sequence[Path], gamma: float | str) -> Iterator[NDArray[np.float64]]:
