@@ -111,7 +111,7 @@ def fit_edge(light: Floats, clipped: NDArray[np.bool_], line: EdgeLine) -> Fitte
     position, distance = offsets_px @ along / (0.5 * length_px), offsets_px @ across
     parameters, noise = _fit(values, position, distance, line.reach_px)
     low, step, width_px, *curve = parameters.tolist()
-    if step < max(MIN_CONTRAST, MIN_CONTRAST_TO_NOISE * noise):
+    if step < MIN_CONTRAST:
         raise UnusableEdge(Flaw.FAINT)
     if not 0.0 < 3.0 * width_px < line.reach_px or abs(curve[0]) > 0.5 * line.reach_px:
         raise UnusableEdge(Flaw.WIDE)
@@ -119,6 +119,8 @@ def fit_edge(light: Floats, clipped: NDArray[np.bool_], line: EdgeLine) -> Fitte
     tilt = (curve[1] + 2.0 * curve[2] * position) / (0.5 * length_px)
     distances = (distance - height) / np.hypot(1.0, tilt)
     _check_even(values - low, position, distances, step, 3.0 * width_px, noise)
+    if step < MIN_CONTRAST_TO_NOISE * noise:
+        raise UnusableEdge(Flaw.FAINT)
     slope = curve[1] / (0.5 * length_px)
     normal = (across - slope * along) / np.hypot(1.0, slope)
     slant_deg = _check_slant(normal)

@@ -21,10 +21,10 @@ def board_edges(board: BoardCorners) -> list[EdgeLine]:
     """Edges between neighboring corners of a board of squares."""
     distances = cKDTree(board.points_m).query(board.points_m, k=2)[0][:, 1]
     square_m = float(np.median(distances))
-    pairs = cKDTree(board.points_m).query_pairs(1.2 * square_m, output_type="ndarray")
+    pairs = cKDTree(board.points_m).query_pairs(1.2 * square_m)
     return [
         line
-        for first, second in np.sort(pairs, axis=0).tolist()
+        for first, second in sorted(pairs)
         if (line := _between(board.pixels_px[first], board.pixels_px[second]))
     ]
 

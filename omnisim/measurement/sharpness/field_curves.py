@@ -23,7 +23,8 @@ from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.point_spread import MAX_WIDTH_PX
 
 KNOTS = 7  # rows of the point spread
-SYSTEMATIC = 0.005  # of MTF50: error of an edge without noise
+SIGNIFICANT = 2.0  # standard deviations
+SYSTEMATIC, SYSTEMATIC_PX2 = 0.01, 0.003  # of a variance: error of an edge without noise
 SYSTEMATIC_PX = 0.003  # of a shift, likewise
 MIN_RADIAL = 0.3  # cosine between normal and radius of an edge that shows lateral color
 MIN_COLOR_EDGES = 6
@@ -83,7 +84,7 @@ def _point_spread(
     """Widths over the radius; quantities and missing ones are added to `curves`."""
     variances = np.array([edge.variance_px2 for edge in edges])
     sigmas = np.array([edge.variance_sigma_px2 for edge in edges])
-    sigmas = np.hypot(sigmas, 2.0 * SYSTEMATIC * (np.abs(variances) + 1.0 / 12.0))
+    sigmas = np.hypot(sigmas, SYSTEMATIC_PX2 + SYSTEMATIC * np.abs(variances))
     isotropic = float(radial_share.std()) < MIN_SPREAD
     if isotropic:
         reason = "all edges have like angles to the radius: photograph a board turned by 45°, too"
@@ -98,7 +99,7 @@ def _point_spread(
     knots = KNOTS if curve.degree > 0 else 1
     at_px = np.linspace(radii_px.min(), radii_px.max(), knots) if knots > 1 else np.zeros(1)
     rows = [_widths(curve, at_px / unit_px, share, isotropic) for share in (1.0, 0.0)]
-    if all((widths < sigmas).all() for widths, sigmas in rows):
+    if all((widths < SIGNIFICANT * errors).all() for widths, errors in rows):
         reason = "the edges are as sharp as pixels alone make them: the optics cannot be seen"
         curves.unseen.append(Unseen("point_spread", reason))
         return None

@@ -51,7 +51,7 @@ def fit_curve(design: Design, values: Floats, sigmas: Floats, degrees: Sequence[
     ]
     used = np.ones(count, dtype=bool)
     for _ in range(_ROUNDS):
-        residual = (values - design(usable[-1]) @ _solve(design(usable[-1]), values, sigmas, used))
+        residual = values - design(usable[-1]) @ _solve(design(usable[-1]), values, sigmas, used)
         scaled = residual / sigmas
         spread = 1.4826 * np.median(np.abs(scaled[used] - np.median(scaled[used])))
         used = np.abs(scaled - np.median(scaled[used])) <= _OUTLIER * max(spread, 1.0)

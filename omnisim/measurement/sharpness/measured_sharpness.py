@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -133,7 +134,7 @@ def _check_linear(edges: Sequence[EdgeSharpness]) -> None:
     middle = float(np.median(asymmetries))
     spread = 1.4826 * float(np.median(np.abs(asymmetries - middle)))
     sigma = max(spread / np.sqrt(len(edges)), 0.002 if len(edges) > 1 else np.inf)
-    if abs(middle) > MAX_ASYMMETRY + 0.0 * sigma and abs(middle) > _SIGMAS * sigma:
+    if abs(middle) > MAX_ASYMMETRY and abs(middle) > _SIGMAS * sigma:
         raise MeasurementError(
             f"images: the edges are {100.0 * abs(middle):.1f} % wider on one half, as in "
             "gamma-encoded values: save linear (raw) images, or give their response, such as srgb "
@@ -145,7 +146,7 @@ def _ring_quantities(edges: Sequence[EdgeSharpness], curves: FieldCurves) -> lis
     """Mean MTF50 and edge rise of rings of equal width."""
     ends = np.linspace(0.0, float(curves.radii_px.max()) + 1e-9, RINGS + 1)
     quantities = []
-    for first, last in zip(ends[:-1], ends[1:], strict=True):
+    for first, last in pairwise(ends.tolist()):
         ring = [
             edge
             for edge, radius in zip(edges, curves.radii_px, strict=True)
