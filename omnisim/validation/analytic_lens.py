@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtr
 
-from omnisim.validation.analytic_edges import Floats, edge_levels, gaussian
+from omnisim.validation.analytic_edges import Floats
 
 PATCH_PX = 60
 DARK, BRIGHT = 0.08, 0.75
@@ -52,23 +53,16 @@ class AnalyticLens:
         """Half of the shorter side."""
         return 0.5 * min(self.size_px)
 
-    def width_px(self, offset_px: Floats, normal: Floats) -> float:
-        """Standard deviation along a normal, at an offset (2,) from the center."""
-        radius = float(np.hypot(*offset_px))
-        share = float(offset_px @ normal / max(radius, 1e-9)) ** 2
+    def widths_px(self, offsets_px: Floats, normal: Floats) -> Floats:
+        """Standard deviations (...) along a normal, at offsets (..., 2) from the center."""
+        radii = np.hypot(offsets_px[..., 0], offsets_px[..., 1])
+        share = (offsets_px @ normal / np.maximum(radii, 1e-9)) ** 2
         radial, tangential = (
-            float(np.polynomial.polynomial.polyval(radius / self.unit_px, widths))
+            np.polynomial.polynomial.polyval(radii / self.unit_px, widths)
             for widths in (self.radial_px, self.tangential_px)
         )
-        return float(np.sqrt(share * radial**2 + (1.0 - share) * tangential**2))
-
-    def offset_px(self, coefficients: tuple[float, ...], radius_px: float) -> float:
-        """Radial offset of a color whose green image is at a radius."""
-        offset = 0.0
-        for _ in range(20):
-            at = (radius_px + offset) / self.unit_px
-            offset = float(np.polynomial.polynomial.polyval(at, (0.0, *coefficients)))
-        return offset
+        widths: Floats = np.sqrt(share * radial**2 + (1.0 - share) * tangential**2)
+        return widths
 
     def chart(self, noise: float = 0.0, seed: int = 0) -> NDArray[np.uint16]:
         """Image (height, width, 3) of patches with one edge each, in random directions.
@@ -91,16 +85,30 @@ class AnalyticLens:
 
     def _patch(self, angle_deg: float, point_px: Floats, corner_px: NDArray[np.int64]) -> Floats:
         """Colors (PATCH_PX, PATCH_PX, 3) of an edge through a point of a patch."""
-        offset = point_px + corner_px - self.center_px
-        radius = float(np.hypot(*offset))
         angle = np.radians(angle_deg)
         normal = np.array((np.cos(angle), np.sin(angle)))
-        spread = gaussian(self.width_px(offset, normal))
-        levels = edge_levels(spread, angle_deg, 2.0 * PATCH_PX)
-        u, v = np.meshgrid(*(np.arange(PATCH_PX),) * 2)
-        distance = (u - point_px[0]) * normal[0] + (v - point_px[1]) * normal[1]
-        across = float(offset @ normal) / max(radius, 1e-9)
-        shifts = [self.offset_px(one, radius) * across for one in (self.red_px, (), self.blue_px)]
-        colors = np.interp(distance[..., None] - np.array(shifts), *levels)
-        patch: Floats = DARK + (BRIGHT - DARK) * colors
-        return patch
+        pixels = np.stack(np.meshgrid(*(np.arange(PATCH_PX),) * 2), axis=-1)
+        offsets = pixels + corner_px - self.center_px
+        distances = (pixels - point_px) @ normal
+        radii = np.hypot(offsets[..., 0], offsets[..., 1])
+        radial = offsets @ normal / np.maximum(radii, 1e-9)
+        widths = self.widths_px(offsets, normal)
+        colors = []
+        for coefficients in (self.red_px, (), self.blue_px):
+            moved = np.polynomial.polynomial.polyval(radii / self.unit_px, (0.0, *coefficients))
+            colors.append(_level(distances - moved * radial, widths, normal))
+        return DARK + (BRIGHT - DARK) * np.stack(colors, axis=-1)
+
+
+def _level(distances_px: Floats, widths_px: Floats, normal: Floats) -> Floats:
+    """Levels (...) of an edge with normal point spread: its integral over square pixels."""
+    first, second = 0.5 * np.abs(normal)
+    total = np.zeros_like(distances_px)
+    for sign, offset in (
+        (1.0, first + second), (-1.0, first - second), (-1.0, second - first),
+        (1.0, -first - second),
+    ):  # fmt: skip
+        x = (distances_px + offset) / widths_px
+        density = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi)
+        total += sign * 0.5 * widths_px**2 * ((x**2 + 1.0) * ndtr(x) + x * density)
+    return total / (4.0 * first * second)

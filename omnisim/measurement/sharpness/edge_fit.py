@@ -16,7 +16,7 @@ MIN_SLANT_DEG = 2.0  # below it, an edge of usual length crosses too few pixel p
 MIN_CONTRAST = 0.05  # of the range of values
 MIN_CONTRAST_TO_NOISE = 6.0
 MAX_CLIPPED = 2e-3  # share of the region's pixels
-MAX_UNEVENNESS = 0.1  # of the contrast: differences within one side
+MAX_UNEVENNESS = 0.06  # of the contrast: differences within one side
 _SIGMAS = 5.0  # of noise that differences must exceed
 _ITERATIONS = 12
 

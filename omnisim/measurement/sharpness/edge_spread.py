@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from omnisim.measurement.sharpness.edge_fit import FittedEdge, Flaw, Floats, UnusableEdge
 
@@ -21,6 +22,7 @@ _FLAT, _END = 1.0, 2.0  # rises to both sides where the window begins to fall, a
 _MIN_TREND_PX = 3.0
 _NEAR_PX = 2.0  # around the edge every bin needs a sample
 _SHIFT_ITERATIONS = 4
+_SMOOTHING_PX = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,16 +138,30 @@ def crossings(spread: EdgeSpread, level: float) -> Floats:
     return result
 
 
-def shifts(spread: EdgeSpread, other: EdgeSpread) -> Floats:
-    """Distances (1 + GROUPS,) by which the second spread lies farther toward the bright side."""
-    slope = np.gradient(spread.levels[0], BIN_PX)
-    result = np.zeros(len(spread.levels))
-    for _ in range(_SHIFT_ITERATIONS):
-        for row, levels in enumerate(other.levels):
-            at = spread.distances_px + result[row]
+def shifts(spread: EdgeSpread, other: EdgeSpread, rise_px: float) -> Floats:
+    """Distances (1 + GROUPS,) by which the second spread lies farther toward the bright side.
+
+    Smoothed, because colors differ in sharpness and interpolation moves fine detail less; and near
+    the edge alone, whatever the levels: other edges beside it count little.
+    """
+    reach_px = rise_px + 2.0 * _SMOOTHING_PX
+    near = np.abs(spread.distances_px) < reach_px
+    expected, measured = (
+        gaussian_filter1d(one.levels, _SMOOTHING_PX / BIN_PX, axis=1, mode="nearest")
+        for one in (spread, other)
+    )
+    result = np.zeros(len(expected))
+    for row, levels in enumerate(measured):
+        slopes = np.gradient(levels, BIN_PX)
+        for _ in range(_SHIFT_ITERATIONS):
+            at = spread.distances_px[near] + result[row]
             moved = np.interp(at, spread.distances_px, levels)
-            difference = spread.levels[row] - moved
-            result[row] += float(slope @ difference / (slope @ slope))
+            slope = np.interp(at, spread.distances_px, slopes)
+            design = np.stack((slope, moved, np.ones_like(moved)), axis=-1)
+            change = np.linalg.lstsq(design, expected[row, near], rcond=None)[0]
+            # a difference of levels scales the slope, too
+            step_px = change[0] / change[1] if change[1] > 0.1 else 0.0
+            result[row] = np.clip(result[row] + step_px, -reach_px, reach_px)
     return result
 
 

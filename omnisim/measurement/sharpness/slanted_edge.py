@@ -116,7 +116,7 @@ def measure_edge(
     if light.shape[2] == 3:
         for index, channel in enumerate((0, 2)):
             other = edge_spread(light[edge.rows, edge.columns, channel], edge)
-            estimates = shifts(spread, other)
+            estimates = shifts(spread, other, float(high[0] - low[0]))
             shift[index], shift_sigma[index] = estimates[0], deviation(estimates)
     return EdgeSharpness(
         image=image,
