@@ -153,6 +153,11 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
                     "Measure gain, noise and fixed pattern from dark frames and flat fields.",
                     "cameras.measure_noise.noise", "cameras.measure_requests.MeasureNoiseRequest",
                 ),
+                "sharpness": Entry(
+                    "Measure point spread and lateral color over the field from slanted edges.",
+                    "cameras.measure_sharpness.sharpness",
+                    "cameras.measure_requests.MeasureSharpnessRequest",
+                ),
             },
         ),
         "optics": GroupEntry(

@@ -103,14 +103,15 @@ def _point_spread(
         reason = "the edges are as sharp as pixels alone make them: the optics cannot be seen"
         curves.unseen.append(Unseen("point_spread", reason))
         return None
-    basis = f"{int(curve.used.sum())} edges, curve of degree {curve.degree}"
+    basis = f"{int(curve.used.sum())} edges, degree {curve.degree}"
     for name, (widths, errors) in zip(("radial", "tangential"), rows, strict=True):
         for radius, width, error in zip(at_px, widths, errors, strict=True):
-            place = f" at {radius:.0f} px" if knots > 1 else ""
+            place = f" {radius:.0f} px" if knots > 1 else ""
             curves.quantities.append(
-                Quantity(f"{name} width{place}", float(width), float(error), "px", basis)
+                Quantity(f"{name}{place}", float(width), float(error), "px", basis)
             )
     table = np.stack((at_px, rows[0][0], rows[1][0]), axis=-1).round(DIGITS)
+    table[:, 0] = table[:, 0].round(1)
     table[:, 1:] = np.minimum(table[:, 1:], MAX_WIDTH_PX)
     return PointSpread(tuple((row[0], row[1], row[2]) for row in table.tolist()))
 
@@ -156,9 +157,9 @@ def _lateral_color(
         curve = fit_curve(design, values, errors, range(1, MAX_DEGREE + 1))
         coefficients.append(tuple(curve.coefficients.round(DIGITS).tolist()))
         offsets = curve.at(offset_rows(at_px / unit_px, np.ones(2), curve.degree))
-        basis = f"{int(curve.used.sum())} edges, polynomial of degree {curve.degree}"
+        basis = f"{int(curve.used.sum())} edges, degree {curve.degree}"
         for radius, offset, sigma in zip(at_px, *offsets, strict=True):
             curves.quantities.append(
-                Quantity(f"{name} offset at {radius:.0f} px", offset, sigma, "px", basis)
+                Quantity(f"{name} {radius:.0f} px", offset, sigma, "px", basis)
             )
     return ChromaticAberration(red_offsets_px=coefficients[0], blue_offsets_px=coefficients[1])

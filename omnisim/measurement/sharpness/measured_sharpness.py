@@ -143,7 +143,7 @@ def _check_linear(edges: Sequence[EdgeSharpness]) -> None:
 
 
 def _ring_quantities(edges: Sequence[EdgeSharpness], curves: FieldCurves) -> list[Quantity]:
-    """Mean MTF50 and edge rise of rings of equal width."""
+    """Mean MTF50 and 10-90 % edge rise in rings of equal width."""
     ends = np.linspace(0.0, float(curves.radii_px.max()) + 1e-9, RINGS + 1)
     quantities = []
     for first, last in pairwise(ends.tolist()):
@@ -154,11 +154,11 @@ def _ring_quantities(edges: Sequence[EdgeSharpness], curves: FieldCurves) -> lis
         ]
         if not ring:
             continue
-        place, basis = f"{first:.0f} to {last:.0f} px", f"{len(ring)} edges"
+        place, basis = f"{first:.0f}-{last:.0f} px", f"{len(ring)} edges"
         mtf50 = [(edge.mtf50, edge.mtf50_sigma) for edge in ring]
         rise = [(edge.rise_px, edge.rise_sigma_px) for edge in ring]
-        quantities.append(_mean(f"mtf50 at {place}", mtf50, "cycles/px", basis))
-        quantities.append(_mean(f"edge rise at {place}", rise, "px", basis))
+        quantities.append(_mean(f"mtf50 {place}", mtf50, "cycles/px", basis))
+        quantities.append(_mean(f"rise {place}", rise, "px", basis))
     return quantities
 
 

@@ -23,3 +23,20 @@ class MeasureNoiseRequest:
     """Bits of the converter."""
     bayer: bool = False
     """The frames are a Bayer mosaic."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasureSharpnessRequest:
+    """Parameters of `omnisim measure sharpness`."""
+
+    images: Annotated[Path, Argument(metavar="IMAGES")]
+    """Folder of images of slanted edges, linear: PNG, TIFF, PGM or EXR; or one image."""
+    output: Path
+    """Sensor file to write: .toml; a report is written beside it."""
+    sensor: Annotated[Path | None, Option(default="none")] = None
+    """Sensor file of the camera to add point spread and lateral color to; its principal point is
+    the center of the field."""
+    corners: Annotated[Path | None, Option(default="all straight edges are measured")] = None
+    """Corners of a board of squares in each image, as for optics calibrate: .csv."""
+    response: Annotated[str | None, Option(metavar="srgb|GAMMA", default="linear, checked")] = None
+    """Encoding of the images, such as srgb or 2.2; 1: linear, unchecked."""
