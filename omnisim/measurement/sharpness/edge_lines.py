@@ -10,7 +10,7 @@ from omnisim.cameras.optics.boards.board_corners import BoardCorners
 from omnisim.measurement.sharpness.edge_fit import MIN_LENGTH_PX, EdgeLine, Floats
 
 MAX_LENGTH_PX = 60.0  # longer ones are cut, so that each has one position in the field
-MAX_EDGES = 200  # per image
+MAX_EDGES = 120  # per image
 _MIN_REACH_PX, _MAX_REACH_PX = 6.0, 20.0
 _REACH = 0.4  # of the length of an edge: squares are as wide as long
 _CORNER = 0.12  # share of a square's edge that its corners blur, at each end

@@ -8,6 +8,7 @@ edge, so that edges of all directions are alike, and the width of the bins is co
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +46,7 @@ def edge_spread(values: Floats, edge: FittedEdge) -> EdgeSpread:
         UnusableEdge: bins near the edge have no pixel.
     """
     count = 2 * int(edge.reach_px / BIN_PX)
-    centers = (np.arange(count) - 0.5 * (count - 1)) * BIN_PX
+    centers = _centers_px(count)
     bins = np.floor(edge.distances_px / BIN_PX + 0.5 * count).astype(np.int64)
     inside = (bins >= 0) & (bins < count)
     group = np.random.default_rng(0).integers(0, GROUPS, len(bins))
@@ -83,12 +84,24 @@ def modulation_transfer(spread: EdgeSpread, rise_px: float) -> Floats:
     line -= _trend(spread, last)[:, None]
     fall = np.clip((distances - first) / max(last - first, BIN_PX), 0.0, 1.0)
     line *= 0.5 + 0.5 * np.cos(np.pi * fall)
-    phase = np.exp(-2.0j * np.pi * np.outer(spread.distances_px, FREQUENCIES))
-    transfer = np.abs(line @ phase) / np.abs(line.sum(axis=1, keepdims=True))
+    cosines, sines = _waves(len(distances))
+    transfer = np.hypot(line @ cosines, line @ sines) / np.abs(line.sum(axis=1, keepdims=True))
     # of the difference between next bins, and of the mean over a bin
     correction = np.sinc(2.0 * BIN_PX * FREQUENCIES) * np.sinc(BIN_PX * FREQUENCIES)
     corrected: Floats = transfer / correction
     return corrected
+
+
+@lru_cache(maxsize=64)
+def _waves(count: int) -> tuple[Floats, Floats]:
+    """Cosines and sines (bins, frequencies) of all frequencies at the centers of bins."""
+    phases = 2.0 * np.pi * np.outer(_centers_px(count), FREQUENCIES)
+    return np.cos(phases), np.sin(phases)
+
+
+def _centers_px(count: int) -> Floats:
+    """Centers (bins,) of the bins on both sides of the edge."""
+    return (np.arange(count) - 0.5 * (count - 1)) * BIN_PX
 
 
 def _trend(spread: EdgeSpread, edge_px: float) -> Floats:
@@ -153,7 +166,8 @@ def shifts(spread: EdgeSpread, other: EdgeSpread, rise_px: float) -> Floats:
     result = np.zeros(len(expected))
     for row, levels in enumerate(measured):
         slopes = np.gradient(levels, BIN_PX)
-        for _ in range(_SHIFT_ITERATIONS):
+        result[row] = result[0]
+        for _ in range(1 if row else _SHIFT_ITERATIONS):  # groups are close to all pixels
             at = spread.distances_px[near] + result[row]
             moved = np.interp(at, spread.distances_px, levels)
             slope = np.interp(at, spread.distances_px, slopes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -129,8 +130,8 @@ def _details(measured: MeasuredSharpness) -> dict[str, Any]:
 def _edge(edge: EdgeSharpness) -> dict[str, Any]:
     """Edge as JSON: colors of a gray image are null."""
     red, blue = (
-        (None, None) if shift != shift else (float(shift), float(sigma))
-        for shift, sigma in zip(edge.shifts_px, edge.shift_sigmas_px, strict=True)
+        None if math.isnan(shift) else [shift, sigma]
+        for shift, sigma in zip(edge.shifts_px.tolist(), edge.shift_sigmas_px.tolist(), strict=True)
     )
     return {
         "image": edge.image,
