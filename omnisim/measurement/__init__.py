@@ -1,4 +1,4 @@
-"""Cameras measured from their own images: noise by EMVA 1288."""
+"""Cameras measured from their own images: noise by EMVA 1288, sharpness by ISO 12233."""
 
 from omnisim.measurement.quantity import Quantity, Unseen
 
