@@ -1,4 +1,4 @@
-"""Cameras measured from their own images: noise by EMVA 1288."""
+"""Cameras measured from their own images: geometry, noise, response, sharpness, timing."""
 
 from omnisim.measurement.quantity import Quantity, Unseen
 

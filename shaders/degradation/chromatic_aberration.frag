@@ -4,7 +4,11 @@
 
 uniform sampler2D u_image;
 uniform vec2 u_center_px;
-uniform vec3 u_inverse_scales;
+uniform float u_inverse_radius_unit;
+uniform float u_red_inverse_scale;
+uniform float u_blue_inverse_scale;
+uniform vec4 u_red_offsets;  // shares of the radius, by powers of the relative radius
+uniform vec4 u_blue_offsets;
 layout(location = 0) out vec4 out_value;
 
 float channel_at(vec2 position_px, int channel, float fallback) {
@@ -28,12 +32,19 @@ float channel_at(vec2 position_px, int channel, float fallback) {
     return weights > 0.0 ? total / weights : fallback;
 }
 
+float share(vec4 offsets, float radius) {
+    return offsets.x + radius * (offsets.y + radius * (offsets.z + radius * offsets.w));
+}
+
 void main() {
     vec4 value = texelFetch(u_image, ivec2(gl_FragCoord.xy), 0);
     vec2 offset_px = gl_FragCoord.xy - 0.5 - u_center_px;
+    float radius = length(offset_px * u_inverse_radius_unit);
+    float red = u_red_inverse_scale - share(u_red_offsets, radius);
+    float blue = u_blue_inverse_scale - share(u_blue_offsets, radius);
     if (value.a > 0.5) {
-        value.r = channel_at(offset_px * u_inverse_scales.r + u_center_px, 0, value.r);
-        value.b = channel_at(offset_px * u_inverse_scales.b + u_center_px, 2, value.b);
+        value.r = channel_at(offset_px * red + u_center_px, 0, value.r);
+        value.b = channel_at(offset_px * blue + u_center_px, 2, value.b);
     }
     out_value = value;
 }

@@ -173,6 +173,11 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
                     "cameras.measure_timing.timing",
                     "cameras.measure_requests.MeasureTimingRequest",
                 ),
+                "sharpness": Entry(
+                    "Measure point spread and lateral color over the field from slanted edges.",
+                    "cameras.measure_sharpness.sharpness",
+                    "cameras.measure_requests.MeasureSharpnessRequest",
+                ),
             },
         ),
         "optics": GroupEntry(

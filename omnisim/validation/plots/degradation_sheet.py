@@ -3,7 +3,7 @@
 `python -m omnisim.validation.plots.degradation_sheet FILE` draws it.
 
 The first rows show each degradation alone, stronger than in most cameras, as a whole image or as a
-part of a finer image, magnified four times; turning images turn left at 120°/s. The last row shows
+part of a finer image, magnified four times; turning images turn left at 120°/s. The last images show
 the presets on a robot that drives and turns.
 """
 
@@ -27,6 +27,7 @@ from omnisim.rendering.camera.degradations import (
     Exposure,
     Jpeg,
     Noise,
+    PointSpread,
     Reflectance,
     Shutter,
     Vignetting,
@@ -74,7 +75,15 @@ WHOLE = {
 PARTS = {
     "ideal": Degradation(),
     "defocus 1 to 3 px": Degradation(defocus=Defocus(1.0, 3.0)),
+    "spread 3 × 0.5 px at the rim": Degradation(
+        point_spread=PointSpread(((0.0, 0.5, 0.5), (FINE_PX / 2.0, 3.0, 0.5)))
+    ),
     "red +1 %, blue −1 %": Degradation(chromatic_aberration=ChromaticAberration(1.01, 0.99)),
+    "red +3, blue −3 px at the rim": Degradation(
+        chromatic_aberration=ChromaticAberration(
+            red_offsets_px=(0.0, 0.0, 3.0), blue_offsets_px=(0.0, 0.0, -3.0)
+        )
+    ),
     "noise: full well of 500 e⁻": Degradation(
         noise=Noise(full_well_e=500.0, read_noise_e=3.0, bit_depth=10)
     ),

@@ -94,3 +94,20 @@ class MeasureTimingRequest:
     """Half of the lamp's change over its mean, from 0 to 1, for the exposure time."""
     sensor: Annotated[Path | None, Option(default="none")] = None
     """Sensor file to add readout and exposure to; its transfer function applies to the frames."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasureSharpnessRequest:
+    """Parameters of `omnisim measure sharpness`."""
+
+    images: Annotated[Path, Argument(metavar="IMAGES")]
+    """Folder of images of slanted edges, linear: PNG, TIFF, PGM or EXR; or one image."""
+    output: Path
+    """Sensor file to write: .toml; a report is written beside it."""
+    sensor: Annotated[Path | None, Option(default="none")] = None
+    """Sensor file of the camera to add point spread and lateral color to; its principal point is
+    the center of the field."""
+    corners: Annotated[Path | None, Option(default="all straight edges are measured")] = None
+    """Corners of a board of squares in each image, as for optics calibrate: .csv."""
+    response: Annotated[str | None, Option(metavar="srgb|GAMMA", default="linear, checked")] = None
+    """Encoding of the images, such as srgb or 2.2; 1: linear, unchecked."""

@@ -1,4 +1,4 @@
-"""Lateral chromatic aberration: an individual scale per color.
+"""Lateral chromatic aberration: an individual scale per color, and a polynomial of the radius.
 
 A value of 0.002 shifts by 0.4 px at a radius of 180 px: an assumption.
 
@@ -8,7 +8,7 @@ Source: Kang, "Automatic removal of chromatic aberration from a single image", C
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,39 +20,70 @@ from omnisim.rendering.camera.degradations.effect import OpticalEffect
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.opengl.degradation.step import Step
 
+MAX_COEFFICIENTS, MAX_OFFSET_PX = 4, 64.0
 Scale = Annotated[Number, Field(ge=0.9, le=1.1)]
+Offset = Annotated[Number, Field(ge=-MAX_OFFSET_PX, le=MAX_OFFSET_PX)]
+Offsets = Annotated[tuple[Offset, ...], Field(max_length=MAX_COEFFICIENTS)]
 
 
 @dataclass(frozen=True)
 class ChromaticAberration(OpticalEffect, name="degradation.chromatic_aberration"):
-    """Red and blue images, scaled about the optical axis by bilinear interpolation.
+    """Red and blue images, moved along the radius by bilinear interpolation.
 
-    Only valid neighbors of a sampled position count. Without any, at the border of the image,
-    the pixel keeps its own color.
+    The offsets are polynomials of the image radius, relative to half of the image's shorter side,
+    at which the red or blue light is. They are added to the scales. Only valid neighbors of a
+    sampled position count. Without any, at the border of the image, the pixel keeps its own color.
     """
 
     red_scale: Scale = 1.0
     """Scale of the red image relative to green; typically 1 ± 0.0005 to 0.002."""
     blue_scale: Scale = 1.0
     """Scale of the blue image relative to green; typically 1 ± 0.0005 to 0.002."""
+    red_offsets_px: Offsets = ()
+    """Coefficients of the relative radius, its square and so on, up to the fourth power: pixels by
+    which red is farther out than green; typically up to ±1 in sum."""
+    blue_offsets_px: Offsets = ()
+    """The same coefficients of blue."""
 
     def steps(self, geometry: ImageGeometry) -> list[Step]:
         """One GPU pass."""
-        inverse = (1.0 / self.red_scale, 1.0, 1.0 / self.blue_scale)
-        uniforms = {"u_center_px": geometry.center_px, "u_inverse_scales": inverse}
+        uniforms: dict[str, Any] = {
+            "u_center_px": geometry.center_px,
+            "u_inverse_radius_unit": 1.0 / geometry.radius_unit_px,
+        }
+        for color, scale, offsets_px in self._colors():
+            uniforms[f"u_{color}_inverse_scale"] = 1.0 / scale
+            uniforms[f"u_{color}_offsets"] = _relative(offsets_px, geometry)
         return [Step("chromatic_aberration", uniforms)]
 
     def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
         """Reference in NumPy."""
         result = image.copy()
-        for channel, scale in ((0, self.red_scale), (2, self.blue_scale)):
-            positions = geometry.offsets_px() * np.float32(1.0 / scale)
+        offsets = geometry.offsets_px()
+        radii = np.sqrt(geometry.squared_radii())[..., None]
+        for channel, (_, scale, offsets_px) in zip((0, 2), self._colors(), strict=True):
+            first, *others = np.array(_relative(offsets_px, geometry), dtype=np.float32)
+            share = first + radii * (others[0] + radii * (others[1] + radii * others[2]))
+            positions = offsets * (np.float32(1.0 / scale) - share)
             positions += np.array(geometry.center_px, dtype=np.float32)
             sampled = _sample_valid(image[..., channel], image[..., 3], positions)
             result[..., channel] = np.where(
                 np.isnan(sampled) | (image[..., 3] < 0.5), image[..., channel], sampled
             )
         return result
+
+    def _colors(self) -> tuple[tuple[str, float, tuple[float, ...]], ...]:
+        """Name, scale and offsets of red and blue."""
+        return (
+            ("red", self.red_scale, self.red_offsets_px),
+            ("blue", self.blue_scale, self.blue_offsets_px),
+        )
+
+
+def _relative(offsets_px: tuple[float, ...], geometry: ImageGeometry) -> tuple[float, ...]:
+    """Coefficients (4,) of the radius's share by which a color lies farther out."""
+    missing = (0.0,) * (MAX_COEFFICIENTS - len(offsets_px))
+    return tuple(offset / geometry.radius_unit_px for offset in (*offsets_px, *missing))
 
 
 def _sample_valid(

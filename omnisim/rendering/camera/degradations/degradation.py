@@ -18,6 +18,7 @@ from omnisim.rendering.camera.degradations.exposure import Exposure
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.jpeg import Jpeg
 from omnisim.rendering.camera.degradations.noise import Noise
+from omnisim.rendering.camera.degradations.point_spread import PointSpread
 from omnisim.rendering.camera.degradations.reflectance import Reflectance
 from omnisim.rendering.camera.degradations.shutter import Shutter
 from omnisim.rendering.camera.degradations.vignetting import Vignetting
@@ -34,6 +35,7 @@ __all__ = [  # of the package
     "Exposure",
     "Jpeg",
     "Noise",
+    "PointSpread",
     "Reflectance",
     "Shutter",
     "Vignetting",
@@ -54,6 +56,7 @@ class Degradation:
     reflectance: Reflectance | None = None
     dirt: Dirt | None = None
     defocus: Defocus | None = None
+    point_spread: PointSpread | None = None
     vignetting: Vignetting | None = None
     chromatic_aberration: ChromaticAberration | None = None
     shutter: Shutter | None = None

@@ -36,11 +36,18 @@ class Effect(Parameters):
     def scaled(self, scale: float) -> Self:
         """Effect on an image `scale` times as large: lengths in pixels grow."""
         lengths: dict[str, Any] = {
-            field.name: scale * getattr(self, field.name)
+            field.name: _scaled(getattr(self, field.name), scale)
             for field in dataclasses.fields(self)
             if field.name.endswith("_px")
         }
         return dataclasses.replace(self, **lengths) if lengths else self
+
+
+def _scaled(lengths: Any, scale: float) -> Any:
+    """A length, or rows of lengths, times a scale."""
+    if isinstance(lengths, tuple):
+        return tuple(_scaled(length, scale) for length in lengths)
+    return scale * lengths
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from omnisim.rendering.camera.degradations import (
     Dirt,
     Encoding,
     Noise,
+    PointSpread,
     Reflectance,
     Shutter,
     Vignetting,
@@ -36,6 +37,12 @@ EXAMPLES = {
     "vignetting that goes dark": (Vignetting((-1.5, 0.0, 0.0)), 4 * ULP),
     # a place of 100 px has 2⁻¹⁷ px of rounding, and neighbors differ by up to 1
     "chromatic_aberration": (ChromaticAberration(1.01, 0.985), 4 * 2.0**-17),
+    "chromatic_aberration by polynomials": (
+        ChromaticAberration(1.002, 1.0, (0.0, 1.1, -0.7), (-0.4, 0.0, 0.0, 0.9)),
+        4 * 2.0**-17,
+    ),
+    # exponentials of distances over widths, and sums over the kernel
+    "point_spread": (PointSpread(((0.0, 0.4, 0.4), (20.0, 0.6, 0.9), (45.0, 2.1, 0.8))), 64 * ULP),
     # square roots of radii, and sums over the disc
     "defocus": (Defocus(0.2, 4.3), 16 * ULP),
     "defocus towards the middle": (Defocus(3.1, 0.7), 16 * ULP),

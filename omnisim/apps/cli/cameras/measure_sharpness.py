@@ -1,0 +1,144 @@
+"""`omnisim measure sharpness`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from omnisim.apps.cli.cameras.measure_requests import MeasureSharpnessRequest
+from omnisim.apps.cli.cameras.measured_files import (
+    check_outputs,
+    print_measured,
+    sensor_tables,
+    write_measured,
+)
+from omnisim.apps.cli.console import print_note, track
+from omnisim.cameras.optics.boards.board_corners import BoardCorners, read_corners
+from omnisim.core.errors import MeasurementError
+from omnisim.measurement.sharpness import (
+    EdgeSharpness,
+    MeasuredSharpness,
+    find_edge_images,
+    measure_sharpness,
+    read_edge_image,
+)
+from omnisim.measurement.sharpness.edge_images import Response
+from omnisim.rendering.camera.omnicamera import OmniCamera
+
+MIN_GAMMA, MAX_GAMMA = 0.1, 10.0
+
+
+def sharpness(request: MeasureSharpnessRequest) -> None:
+    """Measure sharpness, write a sensor file, and print the quantities.
+
+    Raises:
+        MeasurementError: images that cannot be measured.
+        SensorFileError: a sensor file with a fault.
+        OpticsError: a file of corners with a fault.
+        OutputError: a file that cannot be written.
+    """
+    check_outputs(request.output, request.sensor)
+    response = _response(request.response)
+    files = find_edge_images(request.images)
+    boards = None if request.corners is None else _boards(request.corners, len(files))
+    center_px = None
+    tables: dict[str, Any] = sensor_tables(request.sensor)
+    if request.sensor is not None:
+        camera = OmniCamera.from_file(request.sensor).model
+        u_px, v_px = camera.principal_point_px
+        center_px = float(u_px), float(v_px)
+        _check_size(files[0], response, (camera.width_px, camera.height_px), request.sensor)
+    numbers = track(range(len(files)), "Images", len(files))
+    measured = measure_sharpness(
+        (read_edge_image(files[number], response) for number in numbers),
+        boards=boards,
+        center_px=center_px,
+        response=response,
+        names=[str(path) for path in files],
+    )
+    degradation = _degradation(tables.get("degradation", {}), measured)
+    tables = {**tables, **({"degradation": degradation} if degradation else {})}
+    write_measured(request.output, tables, measured.quantities, measured.unseen, _details(measured))
+    print_measured(request.output, measured.quantities, measured.unseen)
+    for flaw, count in measured.flaws.items():
+        print_note(f"{count} edges left out: {flaw.value}")
+    if request.sensor is None:
+        width, height = measured.size_px
+        print_note(f"radii are those of {width} × {height} px: give the camera's --sensor file")
+
+
+def _response(text: str | None) -> Response | None:
+    if text is None or text == "srgb":
+        return text
+    try:
+        gamma = float(text)
+    except ValueError:
+        gamma = 0.0
+    if not MIN_GAMMA <= gamma <= MAX_GAMMA:
+        expected = f"expected srgb or a number from {MIN_GAMMA:g} to {MAX_GAMMA:g}"
+        raise MeasurementError(f"--response: {expected}, got {text!r}")
+    return gamma
+
+
+def _boards(path: Path, images: int) -> Sequence[BoardCorners]:
+    boards = read_corners(path)
+    if len(boards) != images:
+        raise MeasurementError(
+            f"{path}: expected corners in each of {images} images, in the order of their names, "
+            f"got those of {len(boards)}"
+        )
+    return boards
+
+
+def _check_size(
+    file: Path, response: Response | None, size_px: tuple[int, int], sensor: Path
+) -> None:
+    """Check that the images have the size of the sensor file."""
+    height, width = read_edge_image(file, response).shape[:2]
+    if (width, height) != size_px:
+        expected = f"expected {size_px[0]} × {size_px[1]} px as in {sensor}"
+        raise MeasurementError(f"{file}: {expected}, got {width} × {height} px")
+
+
+def _degradation(tables: dict[str, Any], measured: MeasuredSharpness) -> dict[str, Any]:
+    """Tables of a sensor file, the measured ones in place of those that draw the same."""
+    result = dict(tables)
+    if measured.point_spread is not None:
+        result.pop("defocus", None)
+        result["point_spread"] = measured.point_spread.values()
+    if measured.chromatic_aberration is not None:
+        color = measured.chromatic_aberration
+        result["chromatic_aberration"] = {
+            "red_offsets_px": color.red_offsets_px,
+            "blue_offsets_px": color.blue_offsets_px,
+        }
+    return result
+
+
+def _details(measured: MeasuredSharpness) -> dict[str, Any]:
+    """Size, center, edges and the number of unusable edges for the report."""
+    return {
+        "size_px": measured.size_px,
+        "center_px": measured.center_px,
+        "edges": [_edge(edge) for edge in measured.edges],
+        "edges_left_out": {flaw.name.lower(): count for flaw, count in measured.flaws.items()},
+    }
+
+
+def _edge(edge: EdgeSharpness) -> dict[str, Any]:
+    """Edge as JSON: colors of a gray image are null."""
+    red, blue = (
+        None if math.isnan(shift) else [shift, sigma]
+        for shift, sigma in zip(edge.shifts_px.tolist(), edge.shift_sigmas_px.tolist(), strict=True)
+    )
+    return {
+        "image": edge.image,
+        "center_px": edge.center_px.round(2).tolist(),
+        "normal": edge.normal.round(4).tolist(),
+        "mtf50": [edge.mtf50, edge.mtf50_sigma],
+        "rise_px": [edge.rise_px, edge.rise_sigma_px],
+        "red_shift_px": red,
+        "blue_shift_px": blue,
+    }

@@ -1,0 +1,203 @@
+"""Sub-pixel fit of an edge between two even areas."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr
+
+Floats = NDArray[np.float64]
+
+MIN_LENGTH_PX = 20.0
+MIN_SLANT_DEG = 2.0  # below it, an edge of usual length crosses too few pixel phases
+MIN_CONTRAST = 0.05  # of the range of values
+MIN_CONTRAST_TO_NOISE = 6.0
+MAX_CLIPPED = 2e-3  # share of the region's pixels
+MAX_UNEVENNESS = 0.06  # of the contrast: differences within one side
+_SIGMAS = 5.0  # of noise that differences must exceed
+_ITERATIONS = 12
+
+
+class Flaw(Enum):
+    """Reason why an edge is not measured; the value says what to do about it."""
+
+    SHORT = f"shorter than {MIN_LENGTH_PX:g} px: come closer, or use a larger pattern"
+    STRAIGHT = (
+        f"slanted by less than {MIN_SLANT_DEG:g}° to rows or columns of pixels: turn the pattern "
+        "or the camera by about 5°"
+    )
+    PHASES = "at an angle that leaves gaps between its samples: turn the pattern by some degrees"
+    CLIPPED = "clipped at the largest or smallest value: change the exposure"
+    FAINT = "of too little contrast for their noise: use more light, or black on white"
+    UNEVEN = "with uneven areas beside them: use a pattern of larger, plain areas"
+    WIDE = "wider than the areas beside them: focus, or use a larger pattern"
+    OUTSIDE = "too close to the border of the image: move the pattern"
+
+
+class UnusableEdge(Exception):
+    """Edge with a flaw, which is its only argument."""
+
+
+@dataclass(frozen=True, eq=False)
+class EdgeLine:
+    """Approximate ends of an edge.
+
+    Attributes:
+        start_px, end_px: (2,) positions (u, v).
+        reach_px: distance to both sides that is free of other edges.
+    """
+
+    start_px: Floats
+    end_px: Floats
+    reach_px: float
+
+
+@dataclass(frozen=True, eq=False)
+class FittedEdge:
+    """Pixels around an edge, by their distance from it.
+
+    Attributes:
+        center_px: (2,) point on the edge, in the middle of its length.
+        normal: (2,) unit vector from the dark to the bright side at `center_px`.
+        length_px, reach_px: length, and largest distance of the pixels.
+        slant_deg: angle to the nearer of rows and columns.
+        distances_px: (n,) signed distance of each pixel's center, positive on the bright side.
+        rows, columns: (n,) indices of the pixels.
+        contrast, noise: difference between the two sides, and standard deviation of a pixel.
+    """
+
+    center_px: Floats
+    normal: Floats
+    length_px: float
+    reach_px: float
+    slant_deg: float
+    distances_px: Floats
+    rows: NDArray[np.int64]
+    columns: NDArray[np.int64]
+    contrast: float
+    noise: float
+
+
+def fit_edge(light: Floats, clipped: NDArray[np.bool_], line: EdgeLine) -> FittedEdge:
+    """Fit a parabola along the edge and a normal distribution across it.
+
+    Args:
+        light: (height, width) linear values, 1: white.
+        clipped: (height, width) True: the pixel is at a limit of its values.
+        line: approximate ends of the edge.
+
+    Raises:
+        UnusableEdge: the edge has a flaw.
+    """
+    along = line.end_px - line.start_px
+    length_px = float(np.hypot(*along))
+    if length_px < MIN_LENGTH_PX:
+        raise UnusableEdge(Flaw.SHORT)
+    along = along / length_px
+    _check_slant(along)
+    middle_px = 0.5 * (line.start_px + line.end_px)
+    rows, columns = _region(light.shape, middle_px, along, length_px, line.reach_px)
+    if clipped[rows, columns].mean() > MAX_CLIPPED:
+        raise UnusableEdge(Flaw.CLIPPED)
+    offsets_px = np.stack((columns, rows), axis=-1) - middle_px
+    values = light[rows, columns]
+    across = np.array((-along[1], along[0]))
+    side = offsets_px @ across > 0.0
+    if values[side].mean() < values[~side].mean():
+        across = -across
+    position, distance = offsets_px @ along / (0.5 * length_px), offsets_px @ across
+    parameters, noise = _fit(values, position, distance, line.reach_px)
+    low, step, width_px, *curve = parameters.tolist()
+    if step < MIN_CONTRAST:
+        raise UnusableEdge(Flaw.FAINT)
+    if not 0.0 < 3.0 * width_px < line.reach_px or abs(curve[0]) > 0.5 * line.reach_px:
+        raise UnusableEdge(Flaw.WIDE)
+    height = np.polynomial.polynomial.polyval(position, curve)
+    tilt = (curve[1] + 2.0 * curve[2] * position) / (0.5 * length_px)
+    distances = (distance - height) / np.hypot(1.0, tilt)
+    _check_even(values - low, position, distances, step, 3.0 * width_px, noise)
+    if step < MIN_CONTRAST_TO_NOISE * noise:
+        raise UnusableEdge(Flaw.FAINT)
+    slope = curve[1] / (0.5 * length_px)
+    normal = (across - slope * along) / np.hypot(1.0, slope)
+    slant_deg = _check_slant(normal)
+    center_px = middle_px + curve[0] * across
+    return FittedEdge(
+        center_px, normal, length_px, line.reach_px, slant_deg, distances, rows, columns, step,
+        noise,
+    )  # fmt: skip
+
+
+def _check_slant(direction: Floats) -> float:
+    """Angle of a direction to the nearer of rows and columns, in degrees, if it is large enough."""
+    small, large = np.sort(np.abs(direction))
+    slant_deg = float(np.degrees(np.arctan2(small, large)))
+    if slant_deg < MIN_SLANT_DEG:
+        raise UnusableEdge(Flaw.STRAIGHT)
+    return slant_deg
+
+
+def _region(
+    shape: tuple[int, ...], middle_px: Floats, along: Floats, length_px: float, reach_px: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows and columns of the pixels in a slanted rectangle."""
+    half = np.abs(along) * 0.5 * length_px + np.abs(along[::-1]) * reach_px
+    first = np.ceil(middle_px - half).astype(int)
+    last = np.floor(middle_px + half).astype(int)
+    if (first < 0).any() or last[0] >= shape[1] or last[1] >= shape[0]:
+        raise UnusableEdge(Flaw.OUTSIDE)
+    columns, rows = np.meshgrid(np.arange(first[0], last[0] + 1), np.arange(first[1], last[1] + 1))
+    u, v = columns - middle_px[0], rows - middle_px[1]
+    is_near = np.abs(u * along[0] + v * along[1]) <= 0.5 * length_px
+    is_near &= np.abs(v * along[0] - u * along[1]) <= reach_px
+    return rows[is_near], columns[is_near]
+
+
+def _fit(
+    values: Floats, position: Floats, distance: Floats, reach_px: float
+) -> tuple[Floats, float]:
+    """Low level, step, width and the curve's three coefficients; and the noise of a pixel."""
+    low = float(values[distance < -0.5 * reach_px].mean())
+    high = float(values[distance > 0.5 * reach_px].mean())
+    parameters = np.array((low, high - low, 0.1 * reach_px, 0.0, 0.0, 0.0))
+    powers = np.stack((np.ones_like(position), position, position**2), axis=-1)
+    residual = values
+    for _ in range(_ITERATIONS):
+        low, step, width = parameters[:3]
+        scaled = (distance - powers @ parameters[3:]) / width
+        share = ndtr(scaled)
+        slope = np.exp(-0.5 * np.clip(scaled, -9.0, 9.0) ** 2) / np.sqrt(2.0 * np.pi)
+        residual = values - low - step * share
+        across = -step * slope / width
+        design = np.column_stack(
+            (np.ones_like(share), share, across * scaled, across[:, None] * powers)
+        )
+        change = np.linalg.lstsq(design, residual, rcond=1e-9)[0]
+        parameters = parameters + change
+        # a step that is too long would end far from the edge
+        parameters[2] = np.clip(parameters[2], 0.1, reach_px)
+        parameters[3:] = np.clip(parameters[3:], -reach_px, reach_px)
+        if np.abs(change[2:]).max() < 1e-4:
+            break
+    away = np.abs(distance - powers @ parameters[3:]) > 3.0 * parameters[2]
+    return parameters, float(residual[away].std()) if away.sum() > 1 else 0.0
+
+
+def _check_even(
+    values: Floats, position: Floats, distances: Floats, step: float, edge_px: float, noise: float
+) -> None:
+    """Refuse an edge whose sides have other edges or texture."""
+    for is_side in (distances > edge_px, distances < -edge_px):
+        quarter = np.floor(2.0 * (position[is_side] + 1.0)).clip(0.0, 3.0)
+        near = distances[is_side] ** 2 < np.median(distances[is_side] ** 2) if is_side.any() else 0
+        block = (2.0 * quarter + near).astype(int)
+        counts = np.bincount(block, minlength=8)
+        if counts.min() < 2:
+            raise UnusableEdge(Flaw.WIDE)
+        means = np.bincount(block, values[is_side], minlength=8) / counts
+        limit = MAX_UNEVENNESS * step + _SIGMAS * noise / np.sqrt(counts.min())
+        if np.ptp(means) > min(limit, 2.0 * MAX_UNEVENNESS * step):
+            raise UnusableEdge(Flaw.UNEVEN)

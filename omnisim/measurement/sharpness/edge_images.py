@@ -1,0 +1,102 @@
+"""Images of edges as linear light."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import MeasurementError, OutputError
+from omnisim.core.files.image_files import read_image
+from omnisim.core.srgb import linear_from_srgb
+
+SUFFIXES = (".png", ".tif", ".tiff", ".pgm", ".exr")
+LOSSY = (".jpg", ".jpeg")
+MIN_BITS = 8
+Response = float | Literal["srgb"]  # an exponent such as 2.2: values are light to 1 / 2.2
+
+
+def find_edge_images(path: Path) -> list[Path]:
+    """Images in a folder, sorted by name; or an image alone.
+
+    Raises:
+        MeasurementError: there are none, or files of other formats.
+    """
+    files = [path] if path.is_file() else []
+    if path.is_dir():
+        files = [file for file in sorted(path.iterdir()) if not file.name.startswith(".")]
+    expected = " ".join(SUFFIXES + LOSSY)
+    if not files:
+        raise MeasurementError(f"{path}: expected images ({expected}), got none")
+    for file in files:
+        if file.suffix.lower() not in SUFFIXES + LOSSY:
+            raise MeasurementError(f"{file}: expected images ({expected}) only")
+    return files
+
+
+def read_edge_image(path: Path, response: Response | None) -> NDArray[Any]:
+    """Stored values (height, width, 1 or 3) of an image.
+
+    Args:
+        path: image file.
+        response: response that is known for the image; None: linear values.
+
+    Raises:
+        MeasurementError: the file is damaged, or is a JPEG of unknown response.
+    """
+    if path.suffix.lower() in LOSSY and response is None:
+        raise MeasurementError(
+            f"{path}: JPEG values are not linear: save raw frames as PNG or TIFF, or give the "
+            "camera's response, such as srgb"
+        )
+    try:
+        pixels, _ = read_image(path)
+    except OutputError as reason:
+        raise MeasurementError(str(reason)) from None
+    if pixels.shape[2] in (2, 4):  # transparency
+        pixels = pixels[..., :-1]
+    return pixels
+
+
+def linear_light(
+    pixels: NDArray[Any], response: Response | None, name: str
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Linear light (height, width, 1 or 3) of stored values; and True (height, width) if clipped.
+
+    Whole numbers are relative to the largest number of their bits, floats to 1.
+
+    Args:
+        pixels: (height, width) or (height, width, channels) values.
+        response: encoding of the values; None: linear.
+        name: file name in messages.
+
+    Raises:
+        MeasurementError: another shape or type of numbers, or infinite values.
+    """
+    values = pixels[..., None] if pixels.ndim == 2 else pixels
+    if values.ndim != 3 or values.shape[2] not in (1, 3):
+        raise MeasurementError(f"{name}: expected one or three channels, got {pixels.shape}")
+    if np.issubdtype(values.dtype, np.integer):
+        largest = _largest(values)
+        clipped = ((values >= largest) | (values <= 0)).any(axis=2)
+        values = values / largest
+    elif np.isfinite(values).all():
+        clipped = np.zeros(values.shape[:2], dtype=bool)
+    else:
+        raise MeasurementError(f"{name}: expected finite values")
+    light = values.astype(np.float64)
+    if response == "srgb":
+        light = linear_from_srgb(light)
+    elif response is not None:
+        light = np.maximum(light, 0.0) ** response
+    return light, clipped
+
+
+def _largest(values: NDArray[Any]) -> int:
+    """Largest number of a converter whose bits the values use, at either end of their 16."""
+    used = int(np.bitwise_or.reduce(values, axis=None))
+    shift = (used & -used).bit_length() - 1 if used else 0
+    bits = max((used >> shift).bit_length(), MIN_BITS if shift == 0 else 1)
+    return ((1 << bits) - 1) << shift

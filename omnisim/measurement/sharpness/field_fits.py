@@ -1,0 +1,108 @@
+"""Curves over the image radius, fitted to many edges: point spread and lateral color."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.measurement.sharpness.edge_fit import Floats
+
+MAX_DEGREE = 3
+MIN_EDGES_PER_TERM = 3
+MIN_SPREAD = 0.15  # of the squared cosines: less does not tell radial from tangential
+_OUTLIER = 4.0  # robust standard deviations
+_ROUNDS = 5
+
+Design = Callable[[int], Floats]  # (n, terms) by the degree
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Linear combination of basis functions.
+
+    Attributes:
+        degree: degree of the polynomial, chosen by the Bayesian information criterion.
+        coefficients: (terms,) least squares.
+        covariance: (terms, terms) of them, with the scatter of the edges.
+        used: (n,) False: an outlier.
+    """
+
+    degree: int
+    coefficients: Floats
+    covariance: Floats
+    used: NDArray[np.bool_]
+
+    def at(self, design: Floats) -> tuple[Floats, Floats]:
+        """Values (n,) and standard deviations of rows (n, terms) of basis functions."""
+        variance = np.einsum("ij,jk,ik->i", design, self.covariance, design)
+        return design @ self.coefficients, np.sqrt(np.maximum(variance, 0.0))
+
+
+def fit_curve(design: Design, values: Floats, sigmas: Floats, degrees: Sequence[int]) -> Curve:
+    """Fit values (n,) of the standard deviations (n,), without outliers."""
+    count = len(values)
+    usable = [
+        degree
+        for degree in degrees
+        if degree == degrees[0] or MIN_EDGES_PER_TERM * design(degree).shape[1] <= count
+    ]
+    used = np.ones(count, dtype=bool)
+    for _ in range(_ROUNDS):
+        residual = values - design(usable[-1]) @ _solve(design(usable[-1]), values, sigmas, used)
+        scaled = residual / sigmas
+        spread = 1.4826 * np.median(np.abs(scaled[used] - np.median(scaled[used])))
+        used = np.abs(scaled - np.median(scaled[used])) <= _OUTLIER * max(spread, 1.0)
+    best: tuple[float, Curve] | None = None
+    for degree in usable:
+        rows = design(degree)
+        coefficients = _solve(rows, values, sigmas, used)
+        chi2 = float((((values - rows @ coefficients) / sigmas)[used] ** 2).sum())
+        terms, number = rows.shape[1], int(used.sum())
+        score = number * np.log(max(chi2, 1e-12) / number) + terms * np.log(number)
+        excess = max(1.0, chi2 / max(number - terms, 1))
+        weighted = rows[used] / sigmas[used, None]
+        covariance = excess * np.linalg.pinv(weighted.T @ weighted)
+        if best is None or score < best[0]:
+            best = score, Curve(degree, coefficients, covariance, used)
+    assert best is not None  # the first degree is always usable
+    return best[1]
+
+
+def _solve(rows: Floats, values: Floats, sigmas: Floats, used: NDArray[np.bool_]) -> Floats:
+    weights = used / sigmas
+    solution: Floats = np.linalg.lstsq(rows * weights[:, None], values * weights, rcond=None)[0]
+    return solution
+
+
+def spread_rows(radii: Floats, radial_share: Floats, degree: int, isotropic: bool) -> Floats:
+    """Basis functions (n, terms) of the variance along normals.
+
+    The radial and the tangential variance are polynomials of the radius, equal in the center.
+
+    Args:
+        radii: (n,) relative image radii.
+        radial_share: (n,) squared cosine between normal and radius.
+        degree: degree of the polynomials.
+        isotropic: both variances are equal.
+    """
+    columns = [np.ones_like(radii)]
+    for power in range(1, degree + 1):
+        if isotropic:
+            columns.append(radii**power)
+        else:
+            columns += [radial_share * radii**power, (1.0 - radial_share) * radii**power]
+    return np.stack(columns, axis=-1)
+
+
+def offset_rows(radii: Floats, radial: Floats, degree: int) -> Floats:
+    """Basis functions (n, degree) of the shift along normals by an offset along the radius.
+
+    Args:
+        radii: (n,) relative image radii.
+        radial: (n,) cosine between normal and radius.
+        degree: degree of the offset's polynomial, which is 0 in the center.
+    """
+    return np.stack([radial * radii**power for power in range(1, degree + 1)], axis=-1)

@@ -1,0 +1,43 @@
+// Point spread: the mean of the valid pixels, weighted by a normal distribution whose radial and
+// tangential widths depend on the image radius.
+#version 450 core
+
+uniform sampler2D u_image;
+uniform sampler2D u_widths_px;  // radial, tangential; by the image radius
+uniform vec2 u_center_px;
+uniform float u_radius_scale;  // entries of the table per pixel
+uniform float u_reach;  // widths to the end of the kernel
+layout(location = 0) out vec4 out_value;
+
+vec2 widths_at(float radius_px) {
+    int last = textureSize(u_widths_px, 0).x - 1;
+    float at = min(radius_px * u_radius_scale, float(last));
+    int entry = min(int(at), last - 1);
+    float share = at - float(entry);
+    return texelFetch(u_widths_px, ivec2(entry, 0), 0).xy * (1.0 - share)
+        + texelFetch(u_widths_px, ivec2(entry + 1, 0), 0).xy * share;
+}
+
+void main() {
+    ivec2 middle = ivec2(gl_FragCoord.xy);
+    vec4 own = texelFetch(u_image, middle, 0);
+    vec2 offset_px = gl_FragCoord.xy - 0.5 - u_center_px;
+    float radius_px = sqrt(dot(offset_px, offset_px));
+    vec2 outward = radius_px > 1e-3 ? offset_px / radius_px : vec2(1.0, 0.0);
+    vec2 widths_px = widths_at(radius_px);
+    int reach = int(ceil(u_reach * max(widths_px.x, widths_px.y)));
+    ivec2 first = max(middle - reach, ivec2(0));
+    ivec2 last = min(middle + reach, textureSize(u_image, 0) - 1);
+    vec4 total = vec4(0.0);
+    for (int row = first.y; row <= last.y; ++row)
+        for (int column = first.x; column <= last.x; ++column) {
+            ivec2 pixel = ivec2(column, row);
+            vec4 value = texelFetch(u_image, pixel, 0);
+            vec2 away = vec2(pixel - middle);
+            float radial = dot(away, outward) / widths_px.x;
+            float across = (away.y * outward.x - away.x * outward.y) / widths_px.y;
+            if (value.a > 0.5)
+                total += exp(-0.5 * (radial * radial + across * across)) * vec4(value.rgb, 1.0);
+        }
+    out_value = own.a > 0.5 ? vec4(total.rgb / total.a, own.a) : own;
+}
