@@ -97,6 +97,7 @@ CHECKS = (
         oracles=("cv2.omnidir",),
     ),
     Check("noise", "Noise measured from frames", "noise.check", oracles=("emva1288",)),
+    Check("sharpness", "Sharpness measured from edges", "sharpness.check"),
     Check("orientation", "Orientation", "orientation.check"),
     Check("unwarping", "Unwarped views", "unwarping.check"),
     Check("optics", "Any optics: rays, caustics and pixels", "optics_rays.check"),
