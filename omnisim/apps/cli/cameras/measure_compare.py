@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
 
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.apps.cli.cameras.measure_requests import MeasureCompareRequest
-from omnisim.apps.cli.cameras.measured_files import report_path
+from omnisim.apps.cli.cameras.measured_files import read_report, report_path
 from omnisim.apps.cli.console import out, pluralize, print_note, track
 from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
@@ -68,15 +67,13 @@ def _board_shape(sensor: Path) -> NDArray[np.float64] | None:
     Raises:
         MeasurementError: the report is damaged.
     """
-    path = report_path(sensor)
-    if not path.exists():
+    report, path = read_report(sensor, "geometry"), report_path(sensor)
+    if report is None:
         return None
     try:
-        shape = np.array(json.loads(path.read_text(encoding="utf-8"))["board_m"], dtype=np.float64)
-    except KeyError:  # a report of another part
-        return None
-    except (ValueError, TypeError, OSError) as reason:
-        raise MeasurementError(f"{path}: not a report of omnisim measure: {reason}") from None
+        shape = np.array(report["board_m"], dtype=np.float64)
+    except (KeyError, ValueError, TypeError) as reason:
+        raise MeasurementError(f"{path}: geometry: board_m: no positions: {reason}") from None
     if shape.ndim != 2 or shape.shape[1] != 3 or not np.isfinite(shape).all():
         raise MeasurementError(f"{path}: board_m: expected positions x, y, z of corners")
     return shape

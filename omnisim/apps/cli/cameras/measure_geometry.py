@@ -60,7 +60,15 @@ def geometry(request: MeasureGeometryRequest) -> None:
     write_corners(corners, [BoardCorners(one.points_m, one.pixels_px) for one in measured.views])
     tables = _with_camera(tables, measured)
     details = _details(measured, rejected)
-    write_measured(request.output, tables, measured.quantities, measured.unseen, details)
+    write_measured(
+        "geometry",
+        request.output,
+        request.sensor,
+        tables,
+        measured.quantities,
+        measured.unseen,
+        details,
+    )
     _write_plot(plot, measured)
     print_measured(request.output, measured.quantities, measured.unseen)
     _print(measured, rejected)

@@ -49,7 +49,15 @@ def noise(request: MeasureNoiseRequest) -> None:
     shutter = degradation.setdefault("shutter", {})
     shutter.setdefault("exposure_s", measured.exposure_s)  # which the dark current needs
     tables = {**tables, "degradation": degradation}
-    write_measured(request.output, tables, measured.quantities, measured.unseen, _details(measured))
+    write_measured(
+        "noise",
+        request.output,
+        request.sensor,
+        tables,
+        measured.quantities,
+        measured.unseen,
+        _details(measured),
+    )
     print_measured(request.output, measured.quantities, measured.unseen)
     if len(measured.defects):
         out.print(f"{len(measured.defects)} defective pixels", markup=False)

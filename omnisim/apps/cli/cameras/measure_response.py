@@ -91,7 +91,7 @@ def response(request: MeasureResponseRequest) -> None:
             for name, one in channels.items()
         }
     tables = {**tables, "degradation": degradation}
-    write_measured(request.output, tables, quantities, unseen, details)
+    write_measured("response", request.output, request.sensor, tables, quantities, unseen, details)
     print_measured(request.output, quantities, unseen)
     _print(measured)
 

@@ -60,7 +60,15 @@ def sharpness(request: MeasureSharpnessRequest) -> None:
     )
     degradation = _degradation(tables.get("degradation", {}), measured)
     tables = {**tables, **({"degradation": degradation} if degradation else {})}
-    write_measured(request.output, tables, measured.quantities, measured.unseen, _details(measured))
+    write_measured(
+        "sharpness",
+        request.output,
+        request.sensor,
+        tables,
+        measured.quantities,
+        measured.unseen,
+        _details(measured),
+    )
     print_measured(request.output, measured.quantities, measured.unseen)
     for flaw, count in measured.flaws.items():
         print_note(f"{count} edges left out: {flaw.value}")

@@ -61,7 +61,9 @@ def timing(request: MeasureTimingRequest) -> None:
         "profile": measured.profile.tolist(),
         "fitted": measured.fitted.tolist(),
     }
-    write_measured(request.output, tables, measured.quantities, unseen, details)
+    write_measured(
+        "timing", request.output, request.sensor, tables, measured.quantities, unseen, details
+    )
     print_measured(request.output, measured.quantities, unseen)
 
 

@@ -13,6 +13,7 @@ from typing import Any
 from rich.table import Table
 
 from omnisim.apps.cli.console import out, print_note
+from omnisim.core.errors import MeasurementError
 from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_target, write_text
 from omnisim.core.files.toml_file import Comment, toml_text
 from omnisim.measurement.quantity import Quantity, Unseen
@@ -25,7 +26,7 @@ def check_outputs(output: Path, sensor: Path | None, **others: Path) -> None:
 
     Args:
         output: sensor file to write; its report is written beside it.
-        sensor: sensor file to complete.
+        sensor: sensor file to complete, which may be `output`.
         others: further files to write, by their name in messages.
 
     Raises:
@@ -35,7 +36,9 @@ def check_outputs(output: Path, sensor: Path | None, **others: Path) -> None:
     check_target(output)
     written = {"the sensor file": output, "the report": report_path(output)}
     written |= {f"the {name}": path for name, path in others.items()}
-    check_distinct(written, {"--sensor": sensor})
+    is_same = sensor is not None and sensor.resolve() == output.resolve()
+    check_distinct(written, {"--sensor": None if is_same else sensor})
+    _reports(sensor)
 
 
 def report_path(output: Path) -> Path:
@@ -53,7 +56,9 @@ def sensor_tables(sensor: Path | None) -> dict[str, Any]:
 
 
 def write_measured(
+    part: str,
     output: Path,
+    sensor: Path | None,
     tables: Mapping[str, Any],
     quantities: Sequence[Quantity],
     unseen: Sequence[Unseen],
@@ -61,8 +66,12 @@ def write_measured(
 ) -> None:
     """Write a sensor file whose comments give the standard deviations, and a report as JSON.
 
+    The reports of other parts, beside the completed sensor file, are kept.
+
     Args:
+        part: measured part, such as "noise": key of its report.
         output: sensor file.
+        sensor: sensor file that was completed.
         tables: tables of the sensor file.
         quantities: measured quantities.
         unseen: quantities that the images do not determine.
@@ -71,16 +80,63 @@ def write_measured(
     Raises:
         OutputError: a file cannot be written.
     """
-    known = [one for one in quantities if math.isfinite(one.sigma)]
-    lines = [f"{one.name}: {_number(one)} ({one.basis})" for one in known]
-    lines += [f"{one.name}: not measured: {one.reason}" for one in unseen]
-    write_text(output, toml_text({f"# {line}": Comment(line) for line in lines} | dict(tables)))
     rows = [
         asdict(one) | {"sigma": one.sigma if math.isfinite(one.sigma) else None}
         for one in quantities
     ]
     report = {"quantities": rows, "not_measured": [asdict(one) for one in unseen], **details}
-    write_text(report_path(output), json.dumps(report, indent=2) + "\n")
+    reports = {**_reports(sensor), part: report}
+    lines = [line for name, one in reports.items() for line in _comments(name, one)]
+    write_text(output, toml_text({f"# {line}": Comment(line) for line in lines} | dict(tables)))
+    write_text(report_path(output), json.dumps(reports, indent=2) + "\n")
+
+
+def read_report(sensor: Path, part: str) -> dict[str, Any] | None:
+    """Report of a part beside a sensor file, or None if there is none.
+
+    Raises:
+        MeasurementError: the report is damaged.
+    """
+    return _reports(sensor).get(part)
+
+
+def _reports(sensor: Path | None) -> dict[str, dict[str, Any]]:
+    """Reports of the parts beside a sensor file; empty without one.
+
+    Raises:
+        MeasurementError: the file is no report.
+    """
+    path = None if sensor is None else report_path(sensor)
+    if path is None or not path.exists():
+        return {}
+    try:
+        reports = json.loads(path.read_text(encoding="utf-8"))
+        for report in reports.values():
+            quantities = [Quantity(**row) for row in report["quantities"]]
+            unseen = [Unseen(**row) for row in report["not_measured"]]
+            _check_texts([*quantities, *unseen])
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        raise MeasurementError(f"{path}: expected a report of `omnisim measure`") from None
+    return dict(reports)
+
+
+def _check_texts(rows: Sequence[Quantity | Unseen]) -> None:
+    """Reject rows whose names are no text.
+
+    Raises:
+        TypeError: naming one.
+    """
+    for row in rows:
+        if not isinstance(row.name, str):
+            raise TypeError(row.name)
+
+
+def _comments(part: str, report: Mapping[str, Any]) -> list[str]:
+    """Comments of a sensor file on a part's quantities."""
+    known = [Quantity(**row) for row in report["quantities"] if row["sigma"] is not None]
+    lines = [f"{part}: {one.name} = {_number(one)} ({one.basis})" for one in known]
+    unseen = [Unseen(**row) for row in report["not_measured"]]
+    return lines + [f"{part}: {one.name} not measured: {one.reason}" for one in unseen]
 
 
 def print_measured(output: Path, quantities: Sequence[Quantity], unseen: Sequence[Unseen]) -> None:

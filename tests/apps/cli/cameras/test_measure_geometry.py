@@ -30,7 +30,7 @@ def test_corners_become_a_sensor_file(omnisim, tmp_path):
     camera = OmniCamera.from_file(output).model
     assert isinstance(camera, KannalaBrandtCamera)
     assert camera.focal_lengths_px == pytest.approx(LENS.focal_lengths_px, rel=0.01)
-    report = json.loads(output.with_suffix(".json").read_text())
+    report = json.loads(output.with_suffix(".json").read_text())["geometry"]
     assert len(report["images"]) == 10
     assert {one["name"] for one in report["quantities"]} > {"focal_lengths_px.0", "coefficients.3"}
     assert (tmp_path / "camera-corners.csv").exists()
@@ -47,5 +47,5 @@ def test_images_become_a_sensor_file(omnisim, tmp_path):
     output = tmp_path / "camera.toml"
     status, _, err = omnisim("measure", "geometry", tmp_path, "--board", "8x6:30mm", "-o", output)
     assert status == 0, err
-    report = json.loads(output.with_suffix(".json").read_text())
+    report = json.loads(output.with_suffix(".json").read_text())["geometry"]
     assert report["held_out_rms_px"] < 0.15

@@ -41,7 +41,7 @@ def test_encoding_and_vignetting_are_written(omnisim, folders):
     measured = degradation.vignetting.apply(np.ones((120, 160, 4), dtype=np.float32), GEOMETRY)
     truth = VIGNETTING.apply(np.ones((120, 160, 4), dtype=np.float32), GEOMETRY)
     assert np.abs(measured - truth).max() < 0.005
-    report = json.loads((folders / "camera.json").read_text())
+    report = json.loads((folders / "camera.json").read_text())["response"]
     assert report["vignetting"]["gray"]["residual"] < 0.01
     assert "errors of full scale: linear" in out
 

@@ -67,7 +67,7 @@ def test_one_edge(omnisim, edge, tmp_path):
     ((_, radial_px, tangential_px),) = degradation.point_spread.widths_px
     assert radial_px == tangential_px == pytest.approx(0.8, rel=0.01)
     assert degradation.chromatic_aberration is None
-    report = json.loads((tmp_path / "c.json").read_text())
+    report = json.loads((tmp_path / "c.json").read_text())["sharpness"]
     assert report["size_px"] == [80, 80]
     assert report["edges"][0]["mtf50"][0] == pytest.approx(0.22, abs=0.005)
     assert report["edges"][0]["red_shift_px"] is None
