@@ -67,7 +67,7 @@ def _chessboard(image: NDArray[np.uint8], board: Chessboard) -> Corners:
     grid = _larger_grid(image, size)
     if grid is None or grid.shape[:2] != (board.rows, board.columns):
         # the outer edges of the outermost squares may pass for corners: the size as it should be
-        flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY
+        flags = cv2.CALIB_CB_EXHAUSTIVE
         is_found, corners = cv2.findChessboardCorners(image, size)
         if not is_found:
             is_found, corners = cv2.findChessboardCornersSB(image, size, flags=flags)
@@ -95,7 +95,7 @@ def _larger_grid(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.
     """Corners (rows, columns, 2) of a chessboard of at least `size` inner corners, or None."""
     import cv2
 
-    flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_LARGER
+    flags = cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_LARGER
     is_found, corners, meta = cv2.findChessboardCornersSBWithMeta(image, size, flags)
     if not is_found:
         return None

@@ -45,7 +45,14 @@ def compare(request: MeasureCompareRequest) -> None:
     searches = find_boards(files, board, request.mirrored)
     compared: list[ImageComparison] = []
     for number in track(range(len(files)), "Images", len(files)):
-        found = next(searches).found
+        search = next(searches)
+        found = search.found
+        if search.size_px != (sensor.model.width_px, sensor.model.height_px):
+            size, wanted = search.size_px, (sensor.model.width_px, sensor.model.height_px)
+            raise MeasurementError(
+                f"{files[number]}: {size[0]} × {size[1]} px: expected {wanted[0]} × {wanted[1]} px "
+                f"as in {request.sensor}"
+            )
         if not isinstance(found, BoardView):
             print_note(f"{found.name} not used: {found.reason}")
             continue
