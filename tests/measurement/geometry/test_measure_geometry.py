@@ -188,3 +188,43 @@ def test_a_wrong_square_is_named():
         MeasurementError, match=r"corner at \(120, 60\) mm is off its place in 14 of 14"
     ):
         measure_geometry(views, SIZE, models=KB)
+
+
+def test_opencv_s_fisheye_calibration_is_the_same_lens(views):
+    cv2 = pytest.importorskip("cv2")
+    measured = measure_geometry(views, SIZE, models=KB, is_flat=True)
+    names = ("RECOMPUTE_EXTRINSIC", "FIX_SKEW", "USE_INTRINSIC_GUESS")  # moved in OpenCV 5
+    flags = sum(getattr(cv2.fisheye, f"CALIB_{name}", 0) for name in names)
+    flags = flags or sum(getattr(cv2, f"CALIB_{name}") for name in names)
+    (fx, fy), (u, v) = LENS.focal_lengths_px, LENS.principal_point_px
+    # without a guess near the lens, OpenCV ends 37 px away from the corners
+    guess = np.array([[fx, 0.0, u], [0.0, fy, v], [0.0, 0.0, 1.0]])
+    rms, matrix, distortion, _, _ = cv2.fisheye.calibrate(
+        [one.points_3d_m.reshape(1, -1, 3) for one in views],
+        [one.pixels_px.reshape(1, -1, 2) for one in views],
+        SIZE,
+        guess,
+        np.array(LENS.coefficients).reshape(4, 1),
+        flags=flags,
+        criteria=(cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 200, 1e-12),
+    )
+    assert measured.rms_px == pytest.approx(rms, rel=1e-6)
+    lens = measured.camera
+    assert isinstance(lens, KannalaBrandtCamera)
+    assert lens.focal_lengths_px == pytest.approx((matrix[0, 0], matrix[1, 1]), rel=1e-5)
+    assert lens.principal_point_px == pytest.approx(matrix[:2, 2], abs=1e-3)
+    assert lens.coefficients == pytest.approx(distortion.ravel(), abs=1e-5)
+
+
+def test_opencv_s_omnidirectional_calibration_leaves_no_less():
+    cv2 = pytest.importorskip("cv2")
+    lens = UnifiedCamera(640, 480, (420.0, 421.0), (322.0, 236.0), 1.1, (-0.05, 0.01, 1e-3, -1e-3))
+    views = noisy_views(lens, varied_poses(14, distance_m=0.5), GRID, SIGMA_PX)
+    measured = measure_geometry(views, (640, 480), models=["unified"], is_flat=True)
+    objects = [one.points_3d_m[:, None] for one in views]
+    images = [one.pixels_px[:, None] for one in views]
+    stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 500, 1e-9)
+    rms = cv2.omnidir.calibrate(
+        objects, images, (640, 480), None, None, None, cv2.omnidir.CALIB_FIX_SKEW, stop
+    )[0]
+    assert measured.rms_px <= 1.001 * rms
