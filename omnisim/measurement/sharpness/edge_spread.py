@@ -63,8 +63,10 @@ def edge_spread(values: Floats, edge: FittedEdge) -> EdgeSpread:
         raise UnusableEdge(Flaw.PHASES)
     spreads = np.empty_like(levels)
     for row, has in enumerate(counts > 0):
-        means = distances[row, has] / counts[row, has], levels[row, has] / counts[row, has]
-        spreads[row] = np.interp(centers, *means)
+        at, means = distances[row, has] / counts[row, has], levels[row, has] / counts[row, has]
+        # from the pixels' mean distance to the bin's center; interpolation would smooth
+        centered = means + np.gradient(means, at) * (centers[has] - at)
+        spreads[row] = np.interp(centers, centers[has], centered)
     ends = count // 6
     low = spreads[:, :ends].mean(axis=1, keepdims=True)
     high = spreads[:, -ends:].mean(axis=1, keepdims=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.measurement.sharpness.edge_fit import Floats
 
-MAX_DEGREE = 3
+MAX_SPREAD_DEGREE, MAX_COLOR_DEGREE = 4, 3
 MIN_EDGES_PER_TERM = 3
 MIN_SPREAD = 0.15  # of the squared cosines: less does not tell radial from tangential
 _OUTLIER = 4.0  # robust standard deviations
@@ -24,7 +24,7 @@ class Curve:
     """Linear combination of basis functions.
 
     Attributes:
-        degree: degree of the polynomial, chosen by the Bayesian information criterion.
+        degree: degree of the polynomial, chosen by Akaike's information criterion.
         coefficients: (terms,) least squares.
         covariance: (terms, terms) of them, with the scatter of the edges.
         used: (n,) False: an outlier.
@@ -61,7 +61,7 @@ def fit_curve(design: Design, values: Floats, sigmas: Floats, degrees: Sequence[
         coefficients = _solve(rows, values, sigmas, used)
         chi2 = float((((values - rows @ coefficients) / sigmas)[used] ** 2).sum())
         terms, number = rows.shape[1], int(used.sum())
-        score = number * np.log(max(chi2, 1e-12) / number) + terms * np.log(number)
+        score = number * np.log(max(chi2, 1e-12) / number) + 2.0 * terms
         excess = max(1.0, chi2 / max(number - terms, 1))
         weighted = rows[used] / sigmas[used, None]
         covariance = excess * np.linalg.pinv(weighted.T @ weighted)
