@@ -50,7 +50,8 @@ def test_width_and_rise_are_those_of_the_normal_distribution(sigma_px):
     assert np.sqrt(edge.variance_px2) == pytest.approx(sigma_px, rel=0.005)
     distances, levels = edge_levels(gaussian(sigma_px), 8.0, 20.0)
     low, high = np.interp((0.1, 0.9), levels, distances)
-    assert edge.rise_px == pytest.approx(high - low, rel=0.01)
+    # lines between bins cut off the bends, by 0.025 px
+    assert edge.rise_px == pytest.approx(high - low, abs=0.03)
 
 
 def test_whole_transfer_is_that_of_the_formula():
