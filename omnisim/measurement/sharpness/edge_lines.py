@@ -19,9 +19,9 @@ _CORNER_PX = 1.5
 
 def board_edges(board: BoardCorners) -> list[EdgeLine]:
     """Edges between neighboring corners of a board of squares."""
-    distances = cKDTree(board.points_m).query(board.points_m, k=2)[0][:, 1]
-    square_m = float(np.median(distances))
-    pairs = cKDTree(board.points_m).query_pairs(1.2 * square_m)
+    tree = cKDTree(board.points_m)
+    square_m = float(np.median(np.asarray(tree.query(board.points_m, k=[2])[0])))
+    pairs = tree.query_pairs(1.2 * square_m)
     return [
         line
         for first, second in sorted(pairs)

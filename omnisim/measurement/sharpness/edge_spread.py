@@ -114,7 +114,7 @@ def _trend(spread: EdgeSpread, edge_px: float) -> Floats:
             return np.zeros_like(slopes)
         distances = spread.distances_px[is_side] - spread.distances_px[is_side].mean()
         slopes += 0.5 * (spread.levels[:, is_side] @ distances) / (distances @ distances)
-    return slopes
+    return np.asarray(slopes, dtype=np.float64)
 
 
 def half_modulation(transfer: Floats) -> Floats:

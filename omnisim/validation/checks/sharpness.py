@@ -33,12 +33,14 @@ def check(fixture: Fixture, title: str) -> Section:
         errors = np.array([*largest_errors(measured, lens), *largest_errors(again, lens)])
         sigmas += normalized_errors(measured, lens)
         worst = np.maximum(worst, errors)
-        cells = (f"{100.0 * errors[0]:.2f} %", f"{errors[1]:.4f} px")
-        cells += (f"{100.0 * errors[2]:.2f} %", f"{errors[3]:.4f} px")
+        cells = [
+            f"{100.0 * share:.2f} %, {offset_px:.4f} px"
+            for share, offset_px in (errors[:2], errors[2:])
+        ]
         rows.append((str(seed), str(len(measured.edges)), *cells))
     largest = worst.tolist()
     within = float(np.mean(np.abs(sigmas) < 2.0))
-    columns = ("lens", "edges", "MTF50", "lateral color", "twin's MTF50", "twin's lateral color")
+    columns = ("lens", "edges", "MTF50, lateral color", "those of the twin")
     return Section(
         title,
         f"{count} lenses, drawn at random, with normal point spreads whose radial and tangential "

@@ -21,7 +21,7 @@ from pydantic import Field
 from omnisim.core.files.parameters import NotNegative, Number
 from omnisim.rendering.camera.degradations.effect import OpticalEffect
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
-from omnisim.rendering.opengl.degradation.step import Step
+from omnisim.rendering.opengl.degradation.step import Step, UniformValue
 
 MAX_WIDTH_PX = 8.0  # 4225 samples per pixel
 MAX_ROWS = 64
@@ -29,7 +29,7 @@ STEPS, ANGLES = 128, 9  # of the table of widths: by radius, and by its angle to
 REACH = 4.0  # widths to the end of the kernel: 6e-5 of the light is beyond
 _SMALL_PX = 1.2  # width from which samples at whole pixels equal the distribution
 _MIN_SAMPLED_PX = 0.1  # one pixel alone
-_LATTICE_PX, _ROUNDS, _HALVINGS = 4, 6, 14
+_LATTICE_PX, _ROUNDS, _HALVINGS = 4, 8, 14
 Width = Annotated[Number, Field(ge=0.0, le=MAX_WIDTH_PX)]
 Row = tuple[NotNegative, Width, Width]
 
@@ -62,7 +62,7 @@ class PointSpread(OpticalEffect, name="degradation.point_spread"):
     def steps(self, geometry: ImageGeometry) -> list[Step]:
         """One GPU pass."""
         largest_px, table = self.table()
-        uniforms = {
+        uniforms: dict[str, UniformValue] = {
             "u_center_px": geometry.center_px,
             "u_radius_scale": (STEPS - 1) / largest_px,
             "u_reach": REACH,
@@ -185,7 +185,8 @@ def _solve(
         weights = other * np.exp(-0.5 * (along_px / middle[:, None]) ** 2)
         is_sharp = (weights * waves).sum(axis=1) > wanted * weights.sum(axis=1)
         low, high = np.where(is_sharp, middle, low), np.where(is_sharp, high, middle)
-    return 0.5 * (low + high)
+    widths: NDArray[np.float64] = 0.5 * (low + high)
+    return widths
 
 
 def _half_modulation(widths_px: NDArray[np.float64], angle_rad: float) -> NDArray[np.float64]:
