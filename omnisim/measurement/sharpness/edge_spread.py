@@ -103,7 +103,7 @@ def _waves(count: int) -> tuple[Floats, Floats]:
 
 def _centers_px(count: int) -> Floats:
     """Centers (bins,) of the bins on both sides of the edge."""
-    return (np.arange(count) - 0.5 * (count - 1)) * BIN_PX
+    return BIN_PX * (np.arange(count, dtype=np.float64) - 0.5 * (count - 1))
 
 
 def _trend(spread: EdgeSpread, edge_px: float) -> Floats:

@@ -81,8 +81,8 @@ def _least_squares(
 
 def _solve(rows: Floats, values: Floats, sigmas: Floats, used: NDArray[np.bool_]) -> Floats:
     weights = used / sigmas
-    solution: Floats = np.linalg.lstsq(rows * weights[:, None], values * weights, rcond=None)[0]
-    return solution
+    solution = np.linalg.lstsq(rows * weights[:, None], values * weights, rcond=None)[0]
+    return np.asarray(solution, dtype=np.float64)
 
 
 def spread_rows(radii: Floats, radial_share: Floats, degree: int, isotropic: bool) -> Floats:
