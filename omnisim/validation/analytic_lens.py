@@ -111,4 +111,5 @@ def _level(distances_px: Floats, widths_px: Floats, normal: Floats) -> Floats:
         x = (distances_px + offset) / widths_px
         density = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi)
         total += sign * 0.5 * widths_px**2 * ((x**2 + 1.0) * ndtr(x) + x * density)
-    return total / (4.0 * first * second)
+    levels: Floats = total / (4.0 * first * second)
+    return levels

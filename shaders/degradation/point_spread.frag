@@ -3,19 +3,31 @@
 #version 450 core
 
 uniform sampler2D u_image;
-uniform sampler2D u_widths_px;  // radial, tangential; by the image radius
+uniform sampler2D u_widths_px;  // radial, tangential; by the image radius and its direction
 uniform vec2 u_center_px;
 uniform float u_radius_scale;  // entries of the table per pixel
 uniform float u_reach;  // widths to the end of the kernel
 layout(location = 0) out vec4 out_value;
 
-vec2 widths_at(float radius_px) {
-    int last = textureSize(u_widths_px, 0).x - 1;
-    float at = min(radius_px * u_radius_scale, float(last));
-    int entry = min(int(at), last - 1);
-    float share = at - float(entry);
-    return texelFetch(u_widths_px, ivec2(entry, 0), 0).xy * (1.0 - share)
-        + texelFetch(u_widths_px, ivec2(entry + 1, 0), 0).xy * share;
+// Entry of a table before a position, and the share of the next one.
+float split(float at, int count, out int entry) {
+    float within = min(at, float(count - 1));
+    entry = min(int(within), count - 2);
+    return within - float(entry);
+}
+
+vec2 widths_at(float radius_px, vec2 outward) {
+    ivec2 size = textureSize(u_widths_px, 0);
+    ivec2 entry;
+    vec2 part = abs(outward);
+    float tangent = min(part.x, part.y) / max(part.x, part.y);
+    float across = split(radius_px * u_radius_scale, size.x, entry.x);
+    float down = split(tangent * float(size.y - 1), size.y, entry.y);
+    vec4 upper = texelFetch(u_widths_px, entry, 0) * (1.0 - across)
+        + texelFetch(u_widths_px, entry + ivec2(1, 0), 0) * across;
+    vec4 lower = texelFetch(u_widths_px, entry + ivec2(0, 1), 0) * (1.0 - across)
+        + texelFetch(u_widths_px, entry + ivec2(1, 1), 0) * across;
+    return (upper * (1.0 - down) + lower * down).xy;
 }
 
 void main() {
@@ -24,7 +36,7 @@ void main() {
     vec2 offset_px = gl_FragCoord.xy - 0.5 - u_center_px;
     float radius_px = sqrt(dot(offset_px, offset_px));
     vec2 outward = radius_px > 1e-3 ? offset_px / radius_px : vec2(1.0, 0.0);
-    vec2 widths_px = widths_at(radius_px);
+    vec2 widths_px = widths_at(radius_px, outward);
     int reach = int(ceil(u_reach * max(widths_px.x, widths_px.y)));
     ivec2 first = max(middle - reach, ivec2(0));
     ivec2 last = min(middle + reach, textureSize(u_image, 0) - 1);

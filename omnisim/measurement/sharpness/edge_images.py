@@ -80,7 +80,7 @@ def linear_light(
         raise MeasurementError(f"{name}: expected one or three channels, got {pixels.shape}")
     if np.issubdtype(values.dtype, np.integer):
         largest = _largest(values)
-        clipped = ((values >= largest) | (values <= 0)).any(axis=2)
+        clipped = np.any((values >= largest) | (values <= 0), axis=2)
         values = values / largest
     elif np.isfinite(values).all():
         clipped = np.zeros(values.shape[:2], dtype=bool)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from omnisim.cameras.optics.boards.board_corners import BoardCorners
-from omnisim.measurement.sharpness.edge_fit import MIN_LENGTH_PX, EdgeLine, Floats
+from omnisim.measurement.sharpness.edge_fit import MIN_LENGTH_PX, MIN_SLANT_DEG, EdgeLine, Floats
 
 MAX_LENGTH_PX = 60.0  # longer ones are cut, so that each has one position in the field
 MAX_EDGES = 120  # per image
@@ -19,9 +19,9 @@ _CORNER_PX = 1.5
 
 def board_edges(board: BoardCorners) -> list[EdgeLine]:
     """Edges between neighboring corners of a board of squares."""
-    distances = cKDTree(board.points_m).query(board.points_m, k=2)[0][:, 1]
-    square_m = float(np.median(distances))
-    pairs = cKDTree(board.points_m).query_pairs(1.2 * square_m)
+    tree = cKDTree(board.points_m)
+    square_m = float(np.median(np.asarray(tree.query(board.points_m, k=[2])[0])))
+    pairs = tree.query_pairs(1.2 * square_m)
     return [
         line
         for first, second in sorted(pairs)
@@ -30,7 +30,7 @@ def board_edges(board: BoardCorners) -> list[EdgeLine]:
 
 
 def find_edges(light: Floats) -> list[EdgeLine]:
-    """Straight edges of an image (height, width), longest first.
+    """Straight edges of an image (height, width), slanted ones first, then by length.
 
     Source: Grompone von Gioi et al., "LSD: a Line Segment Detector", IPOL, 2012.
     """
@@ -41,12 +41,13 @@ def find_edges(light: Floats) -> list[EdgeLine]:
     gray = np.sqrt(np.clip(light / max(top, 1e-6), 0.0, 1.0))
     found = cv2.createLineSegmentDetector().detect(np.rint(255.0 * gray).astype(np.uint8))[0]
     segments = np.zeros((0, 2, 2)) if found is None else found.reshape(-1, 2, 2).astype(np.float64)
-    lengths = np.hypot(*(segments[:, 1] - segments[:, 0]).T)
+    along = np.abs(segments[:, 1] - segments[:, 0])
+    lengths = np.hypot(along[:, 0], along[:, 1])
+    is_straight = along.min(axis=1) < lengths * np.sin(np.radians(MIN_SLANT_DEG))
     edges: list[EdgeLine] = []
-    for index in np.argsort(-lengths, kind="stable").tolist():
-        if lengths[index] < MIN_LENGTH_PX:
-            break
-        edges += _pieces(*segments[index])
+    for index in np.lexsort((-lengths, is_straight)).tolist():
+        if lengths[index] >= MIN_LENGTH_PX:
+            edges += _pieces(*segments[index])
     return edges[:MAX_EDGES]
 
 

@@ -63,8 +63,10 @@ def edge_spread(values: Floats, edge: FittedEdge) -> EdgeSpread:
         raise UnusableEdge(Flaw.PHASES)
     spreads = np.empty_like(levels)
     for row, has in enumerate(counts > 0):
-        means = distances[row, has] / counts[row, has], levels[row, has] / counts[row, has]
-        spreads[row] = np.interp(centers, *means)
+        at, means = distances[row, has] / counts[row, has], levels[row, has] / counts[row, has]
+        # from the pixels' mean distance to the bin's center; interpolation would smooth
+        centered = means + np.gradient(means, at) * (centers[has] - at)
+        spreads[row] = np.interp(centers, centers[has], centered)
     ends = count // 6
     low = spreads[:, :ends].mean(axis=1, keepdims=True)
     high = spreads[:, -ends:].mean(axis=1, keepdims=True)
@@ -101,7 +103,7 @@ def _waves(count: int) -> tuple[Floats, Floats]:
 
 def _centers_px(count: int) -> Floats:
     """Centers (bins,) of the bins on both sides of the edge."""
-    return (np.arange(count) - 0.5 * (count - 1)) * BIN_PX
+    return BIN_PX * (np.arange(count, dtype=np.float64) - 0.5 * (count - 1))
 
 
 def _trend(spread: EdgeSpread, edge_px: float) -> Floats:
@@ -112,7 +114,7 @@ def _trend(spread: EdgeSpread, edge_px: float) -> Floats:
             return np.zeros_like(slopes)
         distances = spread.distances_px[is_side] - spread.distances_px[is_side].mean()
         slopes += 0.5 * (spread.levels[:, is_side] @ distances) / (distances @ distances)
-    return slopes
+    return np.asarray(slopes, dtype=np.float64)
 
 
 def half_modulation(transfer: Floats) -> Floats:

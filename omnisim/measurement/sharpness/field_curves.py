@@ -10,7 +10,8 @@ import numpy as np
 from omnisim.measurement.quantity import Quantity, Unseen
 from omnisim.measurement.sharpness.edge_fit import Floats
 from omnisim.measurement.sharpness.field_fits import (
-    MAX_DEGREE,
+    MAX_COLOR_DEGREE,
+    MAX_SPREAD_DEGREE,
     MIN_SPREAD,
     Curve,
     fit_curve,
@@ -24,7 +25,7 @@ from omnisim.rendering.camera.degradations.point_spread import MAX_WIDTH_PX
 
 KNOTS = 7  # rows of the point spread
 SIGNIFICANT = 2.0  # standard deviations
-SYSTEMATIC, SYSTEMATIC_PX2 = 0.01, 0.003  # of a variance: error of an edge without noise
+SYSTEMATIC, SYSTEMATIC_PX2 = 0.005, 0.0015  # of a variance: error of an edge without noise
 SYSTEMATIC_PX = 0.003  # of a shift, likewise
 MIN_RADIAL = 0.3  # cosine between normal and radius of an edge that shows lateral color
 MIN_COLOR_EDGES = 6
@@ -94,7 +95,7 @@ def _point_spread(
     def design(degree: int) -> Floats:
         return spread_rows(radii, radial_share, degree, isotropic)
 
-    degrees = range(MAX_DEGREE + 1) if np.ptp(radii) > 0.1 else range(1)
+    degrees = range(MAX_SPREAD_DEGREE + 1) if np.ptp(radii) > 0.1 else range(1)
     curve = fit_curve(design, variances, sigmas, degrees)
     knots = KNOTS if curve.degree > 0 else 1
     at_px = np.linspace(radii_px.min(), radii_px.max(), knots) if knots > 1 else np.zeros(1)
@@ -154,7 +155,7 @@ def _lateral_color(
         def design(degree: int, radii: Floats = radii) -> Floats:
             return offset_rows(radii, radial[usable], degree)
 
-        curve = fit_curve(design, values, errors, range(1, MAX_DEGREE + 1))
+        curve = fit_curve(design, values, errors, range(1, MAX_COLOR_DEGREE + 1))
         coefficients.append(tuple(curve.coefficients.round(DIGITS).tolist()))
         offsets = curve.at(offset_rows(at_px / unit_px, np.ones(2), curve.degree))
         basis = f"{int(curve.used.sum())} edges, degree {curve.degree}"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.measurement.sharpness.edge_fit import Floats
 
-MAX_DEGREE = 3
+MAX_SPREAD_DEGREE, MAX_COLOR_DEGREE = 4, 3
 MIN_EDGES_PER_TERM = 3
 MIN_SPREAD = 0.15  # of the squared cosines: less does not tell radial from tangential
 _OUTLIER = 4.0  # robust standard deviations
@@ -24,7 +24,7 @@ class Curve:
     """Linear combination of basis functions.
 
     Attributes:
-        degree: degree of the polynomial, chosen by the Bayesian information criterion.
+        degree: degree of the polynomial, chosen by Akaike's information criterion.
         coefficients: (terms,) least squares.
         covariance: (terms, terms) of them, with the scatter of the edges.
         used: (n,) False: an outlier.
@@ -49,32 +49,40 @@ def fit_curve(design: Design, values: Floats, sigmas: Floats, degrees: Sequence[
         for degree in degrees
         if degree == degrees[0] or MIN_EDGES_PER_TERM * design(degree).shape[1] <= count
     ]
-    used = np.ones(count, dtype=bool)
+    used = _inliers(design(usable[-1]), values, sigmas)
+    curves = [_least_squares(degree, design(degree), values, sigmas, used) for degree in usable]
+    return min(curves, key=lambda scored: scored[0])[1]
+
+
+def _inliers(rows: Floats, values: Floats, sigmas: Floats) -> NDArray[np.bool_]:
+    """Mask (n,) of values close to the curve of the largest degree."""
+    used = np.ones(len(values), dtype=np.bool_)
     for _ in range(_ROUNDS):
-        residual = values - design(usable[-1]) @ _solve(design(usable[-1]), values, sigmas, used)
-        scaled = residual / sigmas
-        spread = 1.4826 * np.median(np.abs(scaled[used] - np.median(scaled[used])))
-        used = np.abs(scaled - np.median(scaled[used])) <= _OUTLIER * max(spread, 1.0)
-    best: tuple[float, Curve] | None = None
-    for degree in usable:
-        rows = design(degree)
-        coefficients = _solve(rows, values, sigmas, used)
-        chi2 = float((((values - rows @ coefficients) / sigmas)[used] ** 2).sum())
-        terms, number = rows.shape[1], int(used.sum())
-        score = number * np.log(max(chi2, 1e-12) / number) + terms * np.log(number)
-        excess = max(1.0, chi2 / max(number - terms, 1))
-        weighted = rows[used] / sigmas[used, None]
-        covariance = excess * np.linalg.pinv(weighted.T @ weighted)
-        if best is None or score < best[0]:
-            best = score, Curve(degree, coefficients, covariance, used)
-    assert best is not None  # the first degree is always usable
-    return best[1]
+        scaled = (values - rows @ _solve(rows, values, sigmas, used)) / sigmas
+        middle = float(np.median(scaled[used]))
+        spread = 1.4826 * float(np.median(np.abs(scaled[used] - middle)))
+        used = np.abs(scaled - middle) <= _OUTLIER * max(spread, 1.0)
+    return used
+
+
+def _least_squares(
+    degree: int, rows: Floats, values: Floats, sigmas: Floats, used: NDArray[np.bool_]
+) -> tuple[float, Curve]:
+    """Akaike's criterion and the curve of one degree."""
+    coefficients = _solve(rows, values, sigmas, used)
+    chi2 = float((((values - rows @ coefficients) / sigmas)[used] ** 2).sum())
+    terms, number = rows.shape[1], int(used.sum())
+    score = number * float(np.log(max(chi2, 1e-12) / number)) + 2.0 * terms
+    excess = max(1.0, chi2 / max(number - terms, 1))
+    weighted = rows[used] / sigmas[used, None]
+    covariance = np.asarray(excess * np.linalg.pinv(weighted.T @ weighted), dtype=np.float64)
+    return score, Curve(degree, coefficients, covariance, used)
 
 
 def _solve(rows: Floats, values: Floats, sigmas: Floats, used: NDArray[np.bool_]) -> Floats:
     weights = used / sigmas
-    solution: Floats = np.linalg.lstsq(rows * weights[:, None], values * weights, rcond=None)[0]
-    return solution
+    solution = np.linalg.lstsq(rows * weights[:, None], values * weights, rcond=None)[0]
+    return np.asarray(solution, dtype=np.float64)
 
 
 def spread_rows(radii: Floats, radial_share: Floats, degree: int, isotropic: bool) -> Floats:

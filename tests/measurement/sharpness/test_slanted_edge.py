@@ -36,9 +36,9 @@ def measured(image, angle_deg, clipped=None, **line):
     [gaussian(0.3), gaussian(0.5), gaussian(1.0), gaussian(2.5), disc(1.0), disc(2.5), motion(3.0)],
 )
 def test_mtf50_is_that_of_the_formula(spread, angle_deg):
-    """1 % without noise; up to 1 % is the width of the bins at the sharpest edge."""
+    """0.5 % without noise."""
     edge = measured(edge_image(spread, angle_deg), angle_deg)
-    assert edge.mtf50 == pytest.approx(true_mtf50(spread, angle_deg), rel=0.01)
+    assert edge.mtf50 == pytest.approx(true_mtf50(spread, angle_deg), rel=0.005)
     angle = np.radians(angle_deg)
     np.testing.assert_allclose(edge.normal, (np.cos(angle), np.sin(angle)), atol=2e-3)
     assert abs(edge.asymmetry) < 0.006
@@ -47,10 +47,11 @@ def test_mtf50_is_that_of_the_formula(spread, angle_deg):
 @pytest.mark.parametrize("sigma_px", [0.4, 0.9, 2.0])
 def test_width_and_rise_are_those_of_the_normal_distribution(sigma_px):
     edge = measured(edge_image(gaussian(sigma_px), 8.0), 8.0)
-    assert np.sqrt(edge.variance_px2) == pytest.approx(sigma_px, rel=0.02)
+    assert np.sqrt(edge.variance_px2) == pytest.approx(sigma_px, rel=0.005)
     distances, levels = edge_levels(gaussian(sigma_px), 8.0, 20.0)
     low, high = np.interp((0.1, 0.9), levels, distances)
-    assert edge.rise_px == pytest.approx(high - low, rel=0.03)  # bins widen the sharpest edge
+    # lines between bins cut off the bends, by 0.025 px
+    assert edge.rise_px == pytest.approx(high - low, abs=0.03)
 
 
 def test_whole_transfer_is_that_of_the_formula():
@@ -59,7 +60,7 @@ def test_whole_transfer_is_that_of_the_formula():
     angle = np.radians(10.0)
     pixel = np.sinc(frequencies * np.cos(angle)) * np.sinc(frequencies * np.sin(angle))
     expected = pixel * np.exp(-2.0 * (np.pi * 0.6 * frequencies) ** 2)
-    np.testing.assert_allclose(edge.transfer[:51], expected, atol=5e-3)
+    np.testing.assert_allclose(edge.transfer[:51], expected, atol=3e-3)
 
 
 def test_standard_deviation_is_that_of_the_noise():

@@ -78,8 +78,10 @@ def sharpness(request: MeasureSharpnessRequest) -> None:
 
 
 def _response(text: str | None) -> Response | None:
-    if text is None or text == "srgb":
-        return text
+    if text is None:
+        return None
+    if text == "srgb":
+        return "srgb"
     try:
         gamma = float(text)
     except ValueError:

@@ -10,7 +10,7 @@ is exp(−2π²σ²f²).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from itertools import pairwise
 from typing import Annotated
 
@@ -21,14 +21,15 @@ from pydantic import Field
 from omnisim.core.files.parameters import NotNegative, Number
 from omnisim.rendering.camera.degradations.effect import OpticalEffect
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
-from omnisim.rendering.opengl.degradation.step import Step
+from omnisim.rendering.opengl.degradation.step import Step, UniformValue
 
 MAX_WIDTH_PX = 8.0  # 4225 samples per pixel
 MAX_ROWS = 64
-STEPS = 256  # of the widths' table on the GPU, between center and largest radius
+STEPS, ANGLES = 128, 9  # of the table of widths: by radius, and by its angle to the pixels
 REACH = 4.0  # widths to the end of the kernel: 6e-5 of the light is beyond
-_MIN_WEIGHT_PX = 0.1  # narrower kernels have one pixel
-_SMALL_PX, _PHASES = 1.2, 64  # width from which samples equal the distribution
+_SMALL_PX = 1.2  # width from which samples at whole pixels equal the distribution
+_MIN_SAMPLED_PX = 0.1  # one pixel alone
+_LATTICE_PX, _ROUNDS, _HALVINGS = 4, 8, 14
 Width = Annotated[Number, Field(ge=0.0, le=MAX_WIDTH_PX)]
 Row = tuple[NotNegative, Width, Width]
 
@@ -52,22 +53,21 @@ class PointSpread(OpticalEffect, name="degradation.point_spread"):
             raise self._error("widths_px", "rows in order of their radii")
 
     def table(self) -> tuple[float, NDArray[np.float32]]:
-        """Largest radius, and the widths (STEPS, 2) of sampled kernels from radius 0 up to it."""
-        radii, *widths = np.array(self.widths_px, dtype=np.float64).T
-        largest = max(float(radii[-1]), 1.0)
-        at = np.linspace(0.0, largest, STEPS)
-        sampled = [sampled_widths_px(np.interp(at, radii, width)) for width in widths]
-        return largest, np.stack(sampled, axis=-1).astype(np.float32)
+        """Largest radius, and the widths (ANGLES, STEPS, 2) of sampled kernels up to it.
+
+        Rows: angle between radius and the nearer of rows and columns, by its tangent from 0 to 1.
+        """
+        return _table(self.widths_px)
 
     def steps(self, geometry: ImageGeometry) -> list[Step]:
         """One GPU pass."""
         largest_px, table = self.table()
-        uniforms = {
+        uniforms: dict[str, UniformValue] = {
             "u_center_px": geometry.center_px,
             "u_radius_scale": (STEPS - 1) / largest_px,
             "u_reach": REACH,
         }
-        textures = {"u_widths_px": np.pad(table, ((0, 0), (0, 2)))[None]}
+        textures = {"u_widths_px": np.pad(table, ((0, 0), (0, 0), (0, 2)))}
         return [Step("point_spread", uniforms, textures)]
 
     def apply(self, image: LinearImage, geometry: ImageGeometry) -> LinearImage:
@@ -75,16 +75,26 @@ class PointSpread(OpticalEffect, name="degradation.point_spread"):
         largest_px, table = self.table()
         offsets = geometry.offsets_px()
         radii = np.sqrt(offsets[..., 0] * offsets[..., 0] + offsets[..., 1] * offsets[..., 1])
-        at = np.minimum(radii * np.float32((STEPS - 1) / largest_px), np.float32(STEPS - 1))
-        row = np.minimum(at.astype(np.int64), STEPS - 2)
-        share = (at - row)[..., None].astype(np.float32)
-        widths = table[row] * (np.float32(1.0) - share) + table[row + 1] * share
         outward = np.where(
             radii[..., None] > 1e-3, offsets / np.maximum(radii, np.float32(1e-3))[..., None],
             np.array((1.0, 0.0), dtype=np.float32),
         )  # fmt: skip
+        tangent = np.abs(outward).min(axis=-1) / np.abs(outward).max(axis=-1)
+        column, across = _entry(radii * np.float32((STEPS - 1) / largest_px), STEPS)
+        row, down = _entry(tangent * np.float32(ANGLES - 1), ANGLES)
+        one = np.float32(1.0)
+        widths = (table[row, column] * (one - across) + table[row, column + 1] * across) * (
+            one - down
+        ) + (table[row + 1, column] * (one - across) + table[row + 1, column + 1] * across) * down
         reach = np.ceil(np.float32(REACH) * widths.max(axis=-1)).astype(np.int64)
         return _weighted_mean(image, outward, widths, reach)
+
+
+def _entry(at: NDArray[np.float32], count: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """Entries (...) of a table before positions, and the share (..., 1) of the next ones."""
+    within = np.minimum(at, np.float32(count - 1))
+    entry = np.minimum(within.astype(np.int64), count - 2)
+    return entry, (within - entry)[..., None].astype(np.float32)
 
 
 def _weighted_mean(
@@ -112,37 +122,81 @@ def _weighted_mean(
     return result
 
 
-def sampled_widths_px(widths_px: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Widths of the distributions whose values at whole pixels blur as the given ones do.
+@lru_cache(maxsize=8)  # the reference reads it for each image
+def _table(widths_px: tuple[Row, ...]) -> tuple[float, NDArray[np.float32]]:
+    radii, *widths = np.array(widths_px, dtype=np.float64).T
+    largest = max(float(radii[-1]), 1.0)
+    at = np.linspace(0.0, largest, STEPS)
+    pairs = np.stack([np.interp(at, radii, width) for width in widths], axis=-1)
+    angles = np.arctan(np.linspace(0.0, 1.0, ANGLES))
+    table = np.stack([sampled_widths_px(pairs, float(angle)) for angle in angles])
+    return largest, table.astype(np.float32)
+
+
+def sampled_widths_px(widths_px: NDArray[np.float64], angle_rad: float) -> NDArray[np.float64]:
+    """Widths (n, 2) of the distributions whose values at whole pixels blur as the given ones do.
 
     Samples of a narrow distribution miss most of it. The widened one halves the modulation of an
-    edge on square pixels at the same frequency, as a mean over edges along rows and diagonals.
+    edge on square pixels at the same frequency.
+
+    Args:
+        widths_px: (n, 2) along two perpendicular axes.
+        angle_rad: angle between these axes and rows and columns.
     """
-    wide, sampled = _width_table()
-    result = np.interp(widths_px, wide, sampled)
-    return np.where(widths_px >= _SMALL_PX, widths_px, result)
+    offsets = np.stack(np.meshgrid(*(np.arange(-_LATTICE_PX, _LATTICE_PX + 1),) * 2), axis=-1)
+    turn = np.array(
+        ((np.cos(angle_rad), -np.sin(angle_rad)), (np.sin(angle_rad), np.cos(angle_rad)))
+    )
+    axes = (offsets.reshape(-1, 2) @ turn).T
+    frequencies = _half_modulation(widths_px, angle_rad)
+    wanted = np.exp(-2.0 * (np.pi * widths_px * frequencies) ** 2)
+    sampled = np.maximum(widths_px, _MIN_SAMPLED_PX)
+    for _ in range(_ROUNDS):
+        solved = [
+            _solve(wanted[:, axis], frequencies[:, axis], axes[axis], axes[1 - axis], other)
+            for axis, other in ((0, sampled[:, 1]), (1, sampled[:, 0]))
+        ]
+        # the mean with the round before: at 45°, both axes depend on each other alike
+        mean = 0.5 * (sampled + np.stack(solved, axis=-1))
+        sampled = np.where(widths_px < _SMALL_PX, mean, widths_px)
+    return sampled
 
 
-@cache
-def _width_table() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Widths of distributions, and those of samples that blur as they do."""
-    widths = np.linspace(0.0, _SMALL_PX, _PHASES)
-    candidates = np.linspace(_MIN_WEIGHT_PX, _SMALL_PX, 4 * _PHASES)
-    frequencies = np.linspace(0.05, 0.62, 500)
-    pixel = np.sinc(frequencies)
-    normal = np.exp(-2.0 * (np.pi * widths[:, None] * frequencies) ** 2)
-    half = np.array([np.interp(-0.5, -row, frequencies) for row in pixel * normal])
-    wanted = np.exp(-2.0 * (np.pi * widths * half) ** 2)
-    offset = np.arange(-6, 7)
-    weights = np.exp(-0.5 * (offset / candidates[:, None]) ** 2)
-    weights /= weights.sum(axis=1, keepdims=True)
+def _solve(
+    wanted: NDArray[np.float64],
+    frequencies: NDArray[np.float64],
+    along_px: NDArray[np.float64],
+    across_px: NDArray[np.float64],
+    other_px: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Widths (n,) along an axis whose samples have the wanted modulation.
 
-    def transfer(frequency: NDArray[np.float64]) -> NDArray[np.float64]:
-        waves = np.cos(2.0 * np.pi * np.outer(offset, frequency))
-        return np.asarray(weights @ waves, dtype=np.float64)
+    Args:
+        wanted: (n,) modulation.
+        frequencies: (n,) its frequency along the axis.
+        along_px, across_px: (m,) positions of the samples.
+        other_px: (n,) width across the axis.
+    """
+    low, high = np.full(len(wanted), _MIN_SAMPLED_PX), np.full(len(wanted), _SMALL_PX)
+    waves = np.cos(2.0 * np.pi * frequencies[:, None] * along_px)
+    other = np.exp(-0.5 * (across_px / other_px[:, None]) ** 2)
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        weights = other * np.exp(-0.5 * (along_px / middle[:, None]) ** 2)
+        is_sharp = (weights * waves).sum(axis=1) > wanted * weights.sum(axis=1)
+        low, high = np.where(is_sharp, middle, low), np.where(is_sharp, high, middle)
+    widths: NDArray[np.float64] = 0.5 * (low + high)
+    return widths
 
-    blurs = 0.5 * (transfer(half) + transfer(half / np.sqrt(2.0)) ** 2)
-    sampled = [
-        np.interp(-value, -blur, candidates) for value, blur in zip(wanted, blurs.T, strict=True)
-    ]
-    return widths, np.array(sampled)
+
+def _half_modulation(widths_px: NDArray[np.float64], angle_rad: float) -> NDArray[np.float64]:
+    """Frequencies (n, 2) at which distribution and square pixel leave half of the modulation."""
+    low, high = np.zeros_like(widths_px), np.ones_like(widths_px)
+    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        pixel = np.sinc(middle * cosine) * np.sinc(middle * sine)
+        is_above = pixel * np.exp(-2.0 * (np.pi * widths_px * middle) ** 2) > 0.5
+        low, high = np.where(is_above, middle, low), np.where(is_above, high, middle)
+    frequencies: NDArray[np.float64] = 0.5 * (low + high)
+    return frequencies

@@ -3,17 +3,21 @@
 import numpy as np
 import pytest
 
+from omnisim.core.errors import OpticsError
 from omnisim.rendering.camera.degradations import (
     Bayer,
     ChromaticAberration,
     Defocus,
     Dirt,
     Jpeg,
+    PointSpread,
     WhiteBalance,
 )
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
+from omnisim.rendering.camera.degradations.point_spread import sampled_widths_px
 from tests.rendering.camera.degradations.images import GEOMETRY, on_gpu, random_image
 
+LARGE = ImageGeometry(96, 96, (47.5, 47.5))
 SQUARE = ImageGeometry(64, 64, (31.5, 31.5))
 
 
@@ -50,11 +54,96 @@ def test_defocus_grows_towards_the_rim(context):
     assert np.count_nonzero(drawn[:, 52:, 0]) > 20
 
 
-def test_blur_ignores_invalid_pixels(context):
+@pytest.mark.parametrize("widths_px", [(1.3, 1.3), (2.5, 1.3), (1.4, 2.5)])
+def test_a_point_spreads_to_the_normal_distribution(context, widths_px):
+    """Density along the radius and across it, at a point to the lower right of the center."""
+    image = _dark(LARGE)
+    image[70, 80, :3] = 1.0
+    spread = PointSpread(((0.0, *widths_px),))
+    drawn = on_gpu(context, [image], optics=spread.steps(LARGE))[..., 1]
+    outward = np.array((80.0 - 47.5, 70.0 - 47.5))
+    outward /= np.hypot(*outward)
+    v, u = np.mgrid[:96, :96]
+    radial = (u - 80.0) * outward[0] + (v - 70.0) * outward[1]
+    across = (v - 70.0) * outward[0] - (u - 80.0) * outward[1]
+    for offset, width_px in ((radial, widths_px[0]), (across, widths_px[1])):
+        measured = np.sqrt((drawn * offset**2).sum() / drawn.sum())
+        # each pixel gathers along its own radius, which turns within the kernel
+        assert measured == pytest.approx(width_px, rel=0.06)
+    assert drawn.sum() == pytest.approx(1.0, abs=0.05)
+
+
+def test_point_spread_is_linear_between_rows_and_constant_beyond():
+    rows = ((10.0, 1.3, 1.5), (20.0, 2.3, 1.3))
+    largest_px, table = PointSpread(rows).table()
+    assert largest_px == 20.0
+    radii = np.linspace(0.0, 20.0, table.shape[1])
+    for axis in (0, 1):
+        expected = np.interp(radii, (10.0, 20.0), [row[1 + axis] for row in rows])
+        np.testing.assert_allclose(table[:, :, axis], np.tile(expected, (len(table), 1)), rtol=1e-6)
+
+
+def test_narrow_point_spread_blurs_an_edge_as_the_formula_does():
+    """Frequency transfer of the samples, at the half modulation with the square pixel, 0.5 %."""
+    offset = np.stack(np.meshgrid(np.arange(-5, 6), np.arange(-5, 6)), axis=-1)
+    for width_px, half in ((0.3, 0.4424), (0.5, 0.3231), (0.8, 0.2201)):
+        for angle in (0.0, 0.3, np.pi / 4.0):
+            ((along_px, across_px),) = sampled_widths_px(np.array(((width_px, width_px),)), angle)
+            axis = np.array((np.cos(angle), np.sin(angle)))
+            along, across = offset @ axis, offset @ (-axis[1], axis[0])
+            weights = np.exp(-0.5 * ((along / along_px) ** 2 + (across / across_px) ** 2))
+            transfer = (weights * np.cos(2.0 * np.pi * half * along)).sum() / weights.sum()
+            expected = np.exp(-2.0 * (np.pi * width_px * half) ** 2)
+            assert transfer == pytest.approx(expected, rel=0.005)
+
+
+def test_no_point_spread_leaves_the_image():
+    image = random_image()
+    np.testing.assert_allclose(PointSpread(((0.0, 0.0, 0.0),)).apply(image, GEOMETRY), image)
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ((), "widths_px"),
+        (((0.0, 9.0, 1.0),), r"widths_px\.0\.1"),
+        (((0.0, -1.0, 1.0),), r"widths_px\.0\.1"),
+        (((5.0, 1.0, 1.0), (5.0, 1.0, 1.0)), "widths_px: expected rows in order of their radii"),
+    ],
+)
+def test_other_point_spreads_are_refused(rows, message):
+    with pytest.raises(OpticsError, match=message):
+        PointSpread(rows)
+
+
+@pytest.mark.parametrize("blur", [Defocus(6.0, 6.0), PointSpread(((0.0, 3.0, 2.0),))])
+def test_blur_ignores_invalid_pixels(context, blur):
     image = random_image()
     image[image[..., 3] > 0.5, :3] = 0.7
-    drawn = on_gpu(context, [image], optics=Defocus(6.0, 6.0).steps(GEOMETRY))
+    drawn = on_gpu(context, [image], optics=blur.steps(GEOMETRY))
     np.testing.assert_allclose(drawn[image[..., 3] > 0.5, :3], 0.7, rtol=1e-5)
+
+
+def test_offsets_of_red_and_blue_are_polynomials(context):
+    """A smooth image along a row, shifted by the formula at the radius where the color lies."""
+    u = np.arange(64.0)
+    image = _dark()
+    image[..., :3] = (0.5 + 0.4 * np.sin(u / 9.0))[None, :, None]
+    color = ChromaticAberration(red_offsets_px=(0.5, 0.0, 1.0), blue_offsets_px=(0.0, -1.5))
+    drawn = on_gpu(context, [image], optics=color.steps(SQUARE))[31]
+    offset = u - 31.5
+    radius = np.hypot(offset, 0.5) / 32.0
+    for channel, moved_px in ((0, 0.5 * radius + radius**3), (1, 0.0 * u), (2, -1.5 * radius**2)):
+        at = u - moved_px * offset / (32.0 * radius)
+        expected = 0.5 + 0.4 * np.sin(at / 9.0)
+        # at the border, samples lie outside; between pixels, a line stands for the sine
+        np.testing.assert_allclose(drawn[2:-2, channel], expected[2:-2], atol=1e-3)
+
+
+def test_lengths_grow_with_the_image():
+    spread, color = PointSpread(((10.0, 1.0, 0.5),)), ChromaticAberration(1.01, 1.0, (1.0, 2.0))
+    assert spread.scaled(2.0).widths_px == ((20.0, 2.0, 1.0),)
+    assert color.scaled(2.0) == ChromaticAberration(1.01, 1.0, (2.0, 4.0))
 
 
 def test_red_and_blue_are_scaled(context):
