@@ -20,6 +20,7 @@ from omnisim.core.errors import SensorFileError
 from omnisim.core.files.inner_tables import table_in
 from omnisim.core.files.toml_file import read_toml, toml_text
 from omnisim.rendering.camera.degradations import preset
+from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE, SensorFile
 from omnisim.rendering.camera.sensor_toml import sensor_toml
@@ -56,9 +57,12 @@ class CameraDocument:
         OmniCamera.from_file(path)
         sensor, folder = _read(path), path.resolve().parent
         _make_absolute(sensor.get("lens"), "calibration", folder)
-        name = sensor.get("degradation", {}).get("preset", "")
-        if name.endswith(".toml"):
-            _make_absolute(sensor["degradation"], "preset", folder)
+        degradation = sensor.get("degradation", {})
+        if degradation.get("preset", "").endswith(".toml"):
+            _make_absolute(degradation, "preset", folder)
+        for name, effect in EFFECTS.items():
+            for key in effect.files:
+                _make_absolute(degradation.get(name), key, folder)
         optics = sensor.get("optics")
         if optics is not None and "file" in optics:
             sensor["optics"] = optics | _read_optics(folder / optics.pop("file"))
