@@ -96,6 +96,7 @@ CHECKS = (
         "boards.check",
         oracles=("cv2.omnidir",),
     ),
+    Check("twin", "Cameras measured from boards", "board_measurement.check", oracles=("cv2",)),
     Check("noise", "Noise measured from frames", "noise.check", oracles=("emva1288",)),
     Check("sharpness", "Sharpness measured from edges", "sharpness.check"),
     Check("orientation", "Orientation", "orientation.check"),

@@ -1,0 +1,145 @@
+"""Camera models measured from rendered boards: their rays, OpenCV's fit, and the twins' images."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import KannalaBrandtCamera, OcamcalibCamera, UnifiedCamera
+from omnisim.cameras.camera import CentralCamera
+from omnisim.core.errors import MeasurementError
+from omnisim.measurement.comparison import ImageComparison, compare_images
+from omnisim.measurement.comparison.comparison import compare_image
+from omnisim.measurement.geometry import BoardView, Chessboard, measure_geometry
+from omnisim.measurement.geometry.board_detection import find_board
+from omnisim.rendering.camera.degradations import Degradation, Noise, Vignetting
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.stage import open_sensor
+from omnisim.validation.chessboards import PATTERN, SQUARE_M, board_poses_in_front, board_scene
+from omnisim.validation.fixture import Fixture
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import ResultTable, Section
+
+Floats = NDArray[np.float64]
+IMAGES, QUICK_IMAGES, TWINS = 24, 12, 4
+BOARD = Chessboard(*PATTERN, SQUARE_M)
+DEGRADATION = Degradation(vignetting=Vignetting((-0.25, 0.05, -0.01)), noise=Noise())
+HELD_OUT_BOUND_PX, RAY_BOUND_PX, BIAS_BOUND_PX = 0.15, 0.3, 0.05
+LEVEL_BOUND, RISE_BOUND = 4.0, 0.15
+
+
+def cameras() -> dict[str, tuple[CentralCamera, float]]:
+    """Hidden cameras, with the angle from the axis up to which boards are shown, rad."""
+    size = 640, 480
+    return {
+        "fisheye": (
+            KannalaBrandtCamera(*size, (205.0, 205.4), (322.5, 237.0), (0.012, -8e-3, 2e-3, -5e-4)),
+            np.radians(58.0),
+        ),
+        "wide angle": (
+            UnifiedCamera(*size, (360.0, 360.6), (316.0, 243.0), 0.0, (-0.28, 0.08, 4e-4, -3e-4)),
+            np.radians(24.0),
+        ),
+        "omnidirectional": (
+            OcamcalibCamera(
+                *size, (322.0, 236.0), (-200.0, 0.0, 1.2e-3, -1e-6, 3e-9), (0.999, 2e-4, 0.0)
+            ),
+            np.radians(58.0),
+        ),
+    }
+
+
+def check(fixture: Fixture, title: str) -> Section:
+    """Render boards by hidden cameras, measure these, and compare them with their twins."""
+    count = QUICK_IMAGES if fixture.is_quick else IMAGES
+    rows, worst = [], np.zeros(5)
+    for name, (camera, widest_rad) in cameras().items():
+        sensor = OmniCamera(camera, degradation=DEGRADATION)
+        images = _images(sensor, board_poses_in_front(count, widest_rad), fixture)
+        found = _found(images)
+        measured = measure_geometry([view for view, _ in found], (640, 480))
+        twin = OmniCamera(measured.camera, degradation=DEGRADATION)
+        comparison = compare_images(twin, _compared(twin, found, measured.board_m))
+        rise = max(abs(ring.twin_rise_px / ring.rise_px - 1.0) for ring in comparison.rings)
+        numbers = np.array(
+            [
+                measured.held_out_rms_px,
+                ray_error_px(camera, measured.camera, [view for view, _ in found]),
+                comparison.bias_px,
+                float(np.percentile(np.abs(comparison.level_errors), 90.0)),
+                rise,
+            ]
+        )
+        worst = np.maximum(worst, numbers)
+        cells = [f"{number:.3f}" for number in numbers.tolist()]
+        rows.append((name, str(len(found)), measured.model, *cells))
+    held_out, rays, bias, levels, rise_error = worst.tolist()
+    columns = (
+        "camera", "boards", "model", "held out px", "rays px", "bias px", "levels", "rise",
+    )  # fmt: skip
+    return Section(
+        title,
+        f"Three hidden cameras with vignetting and noise take {count} images of a chessboard. "
+        "`omnisim measure geometry` gets the corners that OpenCV finds, and chooses a model by "
+        "images that its fit did not see. Its rays are compared with the hidden camera's, up to a "
+        "rotation, which boards do not tell; and the twin's images of the same boards with the "
+        "camera's: corners found again, gray levels of the squares, 10-90 % rise of edges.",
+        (
+            Measure("corners in held-out images, RMS", held_out, "px", HELD_OUT_BOUND_PX),
+            Measure("rays over the field of the corners, largest error", rays, "px", RAY_BOUND_PX),
+            Measure("corners in the twin's images, bias by ring", bias, "px", BIAS_BOUND_PX),
+            Measure("gray levels of 90 % of the squares", levels, "of 255", LEVEL_BOUND),
+            Measure("rise of edges by ring, relative", rise_error, "", RISE_BOUND),
+        ),
+        (ResultTable("Largest errors of each camera", columns, tuple(rows)),),
+    )
+
+
+def ray_error_px(true: CentralCamera, measured: CentralCamera, views: list[BoardView]) -> float:
+    """Largest angle between the rays of two cameras at the corners, px along the true image.
+
+    Source: Kabsch 1976, for the rotation between both sets of rays.
+    """
+    pixels = np.concatenate([view.pixels_px for view in views])
+    rays = [camera.ray_from_pixel(pixels).directions for camera in (true, measured)]
+    left, _, right = np.linalg.svd(rays[0].T @ rays[1])
+    turned = rays[1] @ (left @ right).T
+    seen = true.pixel_from_ray(turned).positions_px
+    return float(np.linalg.norm(seen - pixels, axis=1).max())
+
+
+def _images(sensor: OmniCamera, poses: list[Floats], fixture: Fixture) -> list[NDArray[np.uint8]]:
+    """Gray images of boards at poses optical_from_board."""
+    images = []
+    scene = board_scene()
+    with open_sensor(scene, sensor, unlit=True, device=fixture.device) as renderer:
+        for number, optical_from_board in enumerate(poses):
+            rig_from_board = np.eye(4)
+            rig_from_board[:3] = sensor.model.rig_from_optical @ optical_from_board[:3]
+            frame = renderer.render(np.linalg.inv(rig_from_board), frame_number=number)
+            images.append(np.ascontiguousarray(frame.rgba[..., 1]))
+    return images
+
+
+def _found(images: list[NDArray[np.uint8]]) -> list[tuple[BoardView, NDArray[np.uint8]]]:
+    """Boards that are found, with their images."""
+    found = []
+    for number, image in enumerate(images):
+        try:
+            found.append((find_board(image, BOARD, f"image {number}"), image))
+        except MeasurementError:
+            continue  # partly outside of the image
+    return found
+
+
+def _compared(
+    twin: OmniCamera, found: list[tuple[BoardView, NDArray[np.uint8]]], board_m: Floats
+) -> list[ImageComparison]:
+    step = max(1, len(found) // TWINS)
+    compared = []
+    for view, image in found[::step]:
+        try:
+            compared.append(compare_image(twin, BOARD, view, image, board_m))
+        except MeasurementError:
+            continue  # not found again in the twin's image, at the image's edge
+    return compared
