@@ -40,7 +40,7 @@ class Check:
 
     def run(self, fixture: Fixture) -> Section:
         """Measure, and compare with the bounds."""
-        module, _, function = self.entry_point.partition(".")
+        module, _, function = self.entry_point.rpartition(".")
         check = getattr(import_module(f"omnisim.validation.checks.{module}"), function)
         section: Section = check(fixture, self.title)
         return dataclasses.replace(section, key=self.key)
@@ -96,9 +96,11 @@ CHECKS = (
         "boards.check",
         oracles=("cv2.omnidir",),
     ),
-    Check("twin", "Cameras measured from boards", "board_measurement.check", oracles=("cv2",)),
-    Check("noise", "Noise measured from frames", "noise.check", oracles=("emva1288",)),
-    Check("sharpness", "Sharpness measured from edges", "sharpness.check"),
+    Check(
+        "twin", "Cameras measured from boards", "measured.board_measurement.check", oracles=("cv2",)
+    ),
+    Check("noise", "Noise measured from frames", "measured.noise.check", oracles=("emva1288",)),
+    Check("sharpness", "Sharpness measured from edges", "measured.sharpness.check"),
     Check("orientation", "Orientation", "orientation.check"),
     Check("unwarping", "Unwarped views", "unwarping.check"),
     Check("optics", "Any optics: rays, caustics and pixels", "optics_rays.check"),

@@ -228,6 +228,13 @@ def _kind_of_value(value: Any) -> _Kind | None:
     return None
 
 
+def _kind_of_list(value: Any) -> _Kind | None:
+    """Kind of a list of any length; None for a table, whose rows have no control."""
+    if isinstance(value, list | tuple) and all(isinstance(one, int | float) for one in value):
+        return _kind_of_value(value)
+    return None
+
+
 def _keys(
     document: CameraDocument,
     path: str,
@@ -247,13 +254,13 @@ def _keys(
     docs, controls = attribute_docs(source or model), []
     fields: dict[str, FieldInfo] = getattr(model, "model_fields")  # noqa: B009 - of pydantic's
     for name, field in fields.items():
-        kind = _kind(field.annotation)
-        if kind is None or (names is not None and name not in names) or table_in(field.annotation):
-            continue
         default = field.get_default(call_default_factory=True)
         if default is PydanticUndefined:
             default = None
         key = f"{path}.{name}"
+        kind = _kind(field.annotation) or _kind_of_list(document.value(key) or default)
+        if kind is None or (names is not None and name not in names) or table_in(field.annotation):
+            continue
         control = _control(key, name, kind, document.value(key), default)
         low, high = limits(field)
         control |= _limits(low, high)
