@@ -80,10 +80,10 @@ def check(fixture: Fixture, title: str) -> Section:
     return Section(
         title,
         f"{len(hidden)} hidden cameras with vignetting and noise take {IMAGES} images of a "
-        "chessboard. `omnisim measure geometry` gets the corners that OpenCV finds, and chooses a model by "
-        "images that its fit did not see. Its rays are compared with the hidden camera's, up to a "
-        "rotation, which boards do not tell; and the twin's images of the same boards with the "
-        "camera's: corners found again, gray levels of the squares, 10-90 % rise of edges.",
+        "chessboard. `omnisim measure geometry` gets the corners that OpenCV finds, and chooses a "
+        "model by images that its fit did not see. Its rays are compared with the hidden camera's, "
+        "up to a rotation, which boards do not tell; and the twin's images of the same boards with "
+        "the camera's: corners found again, gray levels of the squares, 10-90 % rise of edges.",
         (
             Measure("corners in held-out images, RMS", held_out, "px", HELD_OUT_BOUND_PX),
             Measure("rays over the field of the corners, largest error", rays, "px", RAY_BOUND_PX),
