@@ -48,7 +48,7 @@ _MISALIGNED = {"decenter_m": 0.02, "tilt_deg": 15.0}  # slider ranges, to either
 _NUMBERS = 12  # maximum length of a list with a field per number
 
 
-class _Kind(NamedTuple):
+class _ValueType(NamedTuple):
     """Type of a control's value, such as number, choice or vector, with its choices and length."""
 
     name: str
@@ -200,7 +200,9 @@ def _lens_group(document: CameraDocument, path: str, title: str) -> Json:
     rows = {
         key: (unit.strip(), about.strip()) for key, unit, about in _TABLE_ROW.findall(documented)
     }
-    choice = _control(f"{path}.model", "model", _Kind("choice", tuple(CAMERA_MODELS)), model, None)
+    choice = _control(
+        f"{path}.model", "model", _ValueType("choice", tuple(CAMERA_MODELS)), model, None
+    )
     choice["help"] = "Camera model; another one begins with an example of its own."
     controls = [choice]
     taken = {"model", "mounting", *OpticsCamera.model_fields}
@@ -216,19 +218,19 @@ def _lens_group(document: CameraDocument, path: str, title: str) -> Json:
     return _group(title, documented.split("\n\n")[0].replace("`", ""), controls)
 
 
-def _kind_of_value(value: Any) -> _Kind | None:
+def _kind_of_value(value: Any) -> _ValueType | None:
     if isinstance(value, bool):
-        return _Kind("boolean")
+        return _ValueType("boolean")
     if isinstance(value, str):
-        return _Kind("text")
+        return _ValueType("text")
     if isinstance(value, int | float):
-        return _Kind("integer" if isinstance(value, int) else "number")
+        return _ValueType("integer" if isinstance(value, int) else "number")
     if isinstance(value, list | tuple) and 0 < len(value) <= _NUMBERS:
-        return _Kind("vector", length=len(value))
+        return _ValueType("vector", length=len(value))
     return None
 
 
-def _kind_of_list(value: Any) -> _Kind | None:
+def _kind_of_list(value: Any) -> _ValueType | None:
     """Kind of a list of any length; None for a table, whose rows have no control."""
     if isinstance(value, list | tuple) and all(isinstance(one, int | float) for one in value):
         return _kind_of_value(value)
@@ -270,7 +272,7 @@ def _keys(
     return controls
 
 
-def _control(path: str, name: str, kind: _Kind, value: Any, default: Any) -> Json:
+def _control(path: str, name: str, kind: _ValueType, value: Any, default: Any) -> Json:
     return {
         "path": path,
         "label": name,
@@ -306,24 +308,24 @@ def _limits(low: Limit | None, high: Limit | None) -> Json:
     return entries
 
 
-def _kind(annotation: Any) -> _Kind | None:
+def _kind(annotation: Any) -> _ValueType | None:
     """Type of an annotation's values; None: a table, or a type without a control."""
     origin, parts = get_origin(annotation), get_args(annotation)
     if origin is typing.Annotated:
         return _kind(parts[0])
     if origin is typing.Literal:
-        return _Kind("choice", parts)
+        return _ValueType("choice", parts)
     if origin in (typing.Union, types.UnionType):
         kinds = [one for part in parts if part is not type(None) and (one := _kind(part))]
         choices = tuple(word for one in kinds for word in one.choices)
         others = [one for one in kinds if one.name != "choice"]
         if not others:
-            return _Kind("choice", choices) if choices else None
+            return _ValueType("choice", choices) if choices else None
         return others[0]._replace(choices=choices)
     if origin is tuple and parts and parts[-1] is not Ellipsis:
-        return _Kind("vector", length=len(parts)) if _kind(parts[0]) else None
+        return _ValueType("vector", length=len(parts)) if _kind(parts[0]) else None
     names = {float: "number", int: "integer", bool: "boolean", str: "text"}
-    return _Kind(names[annotation]) if annotation in names else None
+    return _ValueType(names[annotation]) if annotation in names else None
 
 
 def _soft(control: Json, low: Limit | None, high: Limit | None) -> Json | None:

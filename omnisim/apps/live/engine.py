@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from omnisim.apps.live.camera_document import FILE_NAME
 from omnisim.apps.live.controls import control_groups
 from omnisim.apps.live.floor_map import FloorMap, draw_floor_map
+from omnisim.apps.live.live_frame import LiveFrame
 from omnisim.apps.live.live_messages import Part, Probe, Save, pack
 from omnisim.apps.live.live_source import LiveSource
 from omnisim.apps.live.probing import probe
@@ -26,7 +27,6 @@ from omnisim.apps.live.profile import profile
 from omnisim.apps.live.run_source import RunSource
 from omnisim.apps.live.scene_in_light import SCENE_FILE
 from omnisim.apps.live.session import Draw, Job, Session
-from omnisim.apps.live.taken import Taken
 from omnisim.apps.live.view_maker import UNWARPED, ViewMaker
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import image_bytes, png_bytes
@@ -56,8 +56,8 @@ class Engine:
         self._session, self._open_source, self._publish = session, open_source, publish
         self._views = ViewMaker()
         self._map: FloorMap | None = None
-        self._truth: tuple[int, Taken] | None = None  # number and image of the last fine state
-        self._last: Taken | None = None
+        self._truth: tuple[int, LiveFrame] | None = None  # number and image of the last fine state
+        self._last: LiveFrame | None = None
         self._times_ms: dict[str, float] = {}
         self._thread = threading.Thread(target=self._run, name="omnisim-engine", daemon=True)
         self._error: BaseException | None = None
@@ -135,12 +135,12 @@ class Engine:
         wanted = [name for name in shown.views if name in source.channel_names]
         if draw.is_fine and "map" in shown.views and "position" in source.channel_names:
             wanted.append("position")
-        taken = self._timed("render", lambda: source.take(draw, tuple(dict.fromkeys(wanted))))
-        self._last = taken
-        parts = self._parts(draw, taken)
-        seen = self._seen(taken) if draw.is_fine and "map" in shown.views else None
-        self._truth = (shown.change, taken) if draw.is_fine else None
-        viewpoint = taken.viewpoint
+        frame = self._timed("render", lambda: source.take(draw, tuple(dict.fromkeys(wanted))))
+        self._last = frame
+        parts = self._parts(draw, frame)
+        seen = self._seen(frame) if draw.is_fine and "map" in shown.views else None
+        self._truth = (shown.change, frame) if draw.is_fine else None
+        viewpoint = frame.viewpoint
         content = {
             "change": shown.change,
             "is_fine": draw.is_fine,
@@ -155,46 +155,46 @@ class Engine:
             "times_ms": {name: round(ms, 1) for name, ms in self._times_ms.items()},
         }
         if draw.is_fine:
-            content["command"] = source.command(shown, taken)
+            content["command"] = source.command(shown, frame)
         self._publish("frame", pack("frame", content, parts), shown.change)
         self._session.drawn(draw, time.perf_counter() - begin_s)
         if is_new:  # after the image, which the page is waiting for
             self._publish_camera(draw)
         if draw.is_fine and "map" in shown.views:
-            self._renew_map(taken)
+            self._renew_map(frame)
 
-    def _parts(self, draw: Draw, taken: Taken) -> list[Part]:
+    def _parts(self, draw: Draw, frame: LiveFrame) -> list[Part]:
         """Image of the camera and the views beside it; a failed view carries the reason instead."""
-        if taken.png is not None:
-            first = Part("camera", "image/png", taken.png, {})
+        if frame.png is not None:
+            first = Part("camera", "image/png", frame.png, {})
         else:
-            first = self._timed("encode", lambda: _jpeg("camera", taken.rgb, COARSE_JPEG))
+            first = self._timed("encode", lambda: _jpeg("camera", frame.rgb, COARSE_JPEG))
         parts = [first]
         for name in draw.shown.views:
             try:
                 if name in UNWARPED:
-                    parts.append(self._timed(name, partial(self._view, name, draw, taken)))
+                    parts.append(self._timed(name, partial(self._view, name, draw, frame)))
                 elif name in CHANNELS:
-                    parts.append(self._timed(name, partial(_channel, name, draw, taken)))
+                    parts.append(self._timed(name, partial(_channel, name, draw, frame)))
             except OmnisimError as reason:
                 parts.append(Part(name, "", b"", {"reason": str(reason)}))
         return parts
 
-    def _view(self, name: str, draw: Draw, taken: Taken) -> Part:
-        height_m = taken.viewpoint.position_m[2] - self._ground_m
+    def _view(self, name: str, draw: Draw, frame: LiveFrame) -> Part:
+        height_m = frame.viewpoint.position_m[2] - self._ground_m
         gaze = draw.shown.gaze
-        return _jpeg(name, self._views.image(name, taken, gaze, height_m, draw.is_fine), VIEW_JPEG)
+        return _jpeg(name, self._views.image(name, frame, gaze, height_m, draw.is_fine), VIEW_JPEG)
 
     @property
     def _ground_m(self) -> float:
         return 0.0 if self._map is None else self._map.ground_m
 
-    def _seen(self, taken: Taken) -> list[list[float]]:
+    def _seen(self, frame: LiveFrame) -> list[list[float]]:
         """Outline (x, y) of the farthest visible points by direction, for the map."""
-        points = taken.channels.get("position")
+        points = frame.channels.get("position")
         if points is None:
             return []
-        eye = np.array(taken.viewpoint.position_m)
+        eye = np.array(frame.viewpoint.position_m)
         offsets = points[::2, ::2].reshape(-1, 3) - eye
         offsets = offsets[np.isfinite(offsets).all(axis=1)]
         distances = np.hypot(offsets[:, 0], offsets[:, 1])
@@ -206,9 +206,9 @@ class Engine:
         rounded: list[list[float]] = np.round(outline, 2).tolist()
         return rounded
 
-    def _renew_map(self, taken: Taken) -> None:
+    def _renew_map(self, frame: LiveFrame) -> None:
         """Draw the map if there is none yet, or if the viewpoint has left it."""
-        position_m = taken.viewpoint.position_m
+        position_m = frame.viewpoint.position_m
         at = np.array(position_m[:2])
         if self._map is not None:
             margin = MAP_INSIDE * (self._map.high_m - self._map.low_m)
@@ -254,25 +254,25 @@ class Engine:
             job.reply(pack("saved", {"name": name}, [Part(name, media_type, data, {})]))
             return
         assert isinstance(job.message, Probe)
-        taken = self._probed(job)
-        if taken is None:
+        frame = self._probed(job)
+        if frame is None:
             return
-        height_m = taken.viewpoint.position_m[2] - self._ground_m
-        answer = probe(job.message, taken, self._views, job.shown.gaze, height_m)
+        height_m = frame.viewpoint.position_m[2] - self._ground_m
+        answer = probe(job.message, frame, self._views, job.shown.gaze, height_m)
         job.reply(pack("probe", answer))
         if job.message.follow and "yaw_deg" in answer and job.message.view != "perspective":
             self._session.look_at(answer["yaw_deg"], answer["pitch_deg"])
 
-    def _probed(self, job: Job) -> Taken | None:
+    def _probed(self, job: Job) -> LiveFrame | None:
         """Image with the channels of a probe, rendered once per fine state; else the last image."""
         if self._truth is None or self._truth[0] != job.shown.change:
             return self._last
-        change, taken = self._truth
+        change, frame = self._truth
         names = [name for name in PROBED if name in self._source.channel_names]
-        if not set(names) <= set(taken.channels):
-            taken = self._source.take(Draw(job.shown, True), (*names, *taken.channels))
-            self._truth = (change, taken)
-        return taken
+        if not set(names) <= set(frame.channels):
+            frame = self._source.take(Draw(job.shown, True), (*names, *frame.channels))
+            self._truth = (change, frame)
+        return frame
 
     def _timed(self, name: str, work: Callable[[], T]) -> T:
         begin_s = time.perf_counter()
@@ -295,13 +295,13 @@ def _jpeg(name: str, rgb: NDArray[np.uint8], quality: int) -> Part:
     return Part(name, "image/jpeg", image_bytes(Path("a.jpg"), rgb, None, quality), {})
 
 
-def _channel(name: str, draw: Draw, taken: Taken) -> Part:
+def _channel(name: str, draw: Draw, frame: LiveFrame) -> Part:
     """Preview of a channel with its legend; lossless in fine images."""
-    if name not in taken.channels:
+    if name not in frame.channels:
         return Part(name, "", b"", {"reason": "not recorded at this step"})
-    values = taken.channels[name]
-    colors = preview(name, values, taken.labels)
-    about = {"legend": legend(name, values, taken.labels)}
+    values = frame.channels[name]
+    colors = preview(name, values, frame.labels)
+    about = {"legend": legend(name, values, frame.labels)}
     if draw.is_fine:
         return Part(name, "image/png", png_bytes(colors), about)
     return Part(name, "image/jpeg", image_bytes(Path("a.jpg"), colors, None, VIEW_JPEG), about)

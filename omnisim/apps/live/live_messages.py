@@ -137,7 +137,7 @@ class Clock(Message):
     time_s: Annotated[Number, Field(ge=-1e9, le=1e9)] | None = None
 
 
-class TakeWheel(Message):
+class RequestControl(Message):
     """Request for control, which another page may have."""
 
 
@@ -158,7 +158,7 @@ MESSAGES: dict[str, type[Message]] = {
     "save": Save,
     "replay": Replay,
     "clock": Clock,
-    "wheel": TakeWheel,
+    "wheel": RequestControl,
 }
 
 

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from omnisim.apps.live.camera_document import FILE_NAME, CameraDocument
+from omnisim.apps.live.live_frame import LiveFrame
 from omnisim.apps.live.scene_in_light import SCENE_FILE, SceneInLight, scene_text, without_overruled
 from omnisim.apps.live.session import Draw, Shown
-from omnisim.apps.live.taken import Taken
 from omnisim.apps.live.viewpoint_motion import DIGITS_M, Place
 from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import OmnisimError, SceneError
@@ -145,7 +145,7 @@ class LiveSource:
             raise SceneError("scene: expected its own light: it was not read from a file")
         return scene_text(self._settings.light.source, document.light)
 
-    def take(self, draw: Draw, channels: Collection[str]) -> Taken:
+    def take(self, draw: Draw, channels: Collection[str]) -> LiveFrame:
         """Render the image of a state."""
         self.use(draw.shown.document)
         begin_s = time.monotonic()
@@ -157,7 +157,7 @@ class LiveSource:
         camera = renderer.camera
         png = image_bytes(Path("image.png"), frame.rgb, frame.metadata) if draw.is_fine else None
         base = self._base(renderer, draw.shown.place)
-        return Taken(
+        return LiveFrame(
             camera.model, camera.base_from_optical, base, frame.rgb, png, frame.channels,
             frame.labels,
         )  # fmt: skip
@@ -170,7 +170,7 @@ class LiveSource:
             frame.save(Path(folder) / "image.png", previews=True)
             return {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
 
-    def command(self, shown: Shown, taken: Taken) -> str:
+    def command(self, shown: Shown, frame: LiveFrame) -> str:
         """Shell commands that render the same image, including the file of an edited camera."""
         document = shown.document
         scene_words, lines = self._settings.scene_words, []

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.apps.live.live_frame import LiveFrame, degrees
 from omnisim.apps.live.live_messages import Gaze, Probe
-from omnisim.apps.live.taken import Taken, degrees
 from omnisim.apps.live.view_maker import UNWARPED, ViewMaker, direction_in, place_in
 from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import OmnisimError, OpticsError
@@ -20,7 +20,7 @@ Json = dict[str, Any]
 
 
 def probe(
-    message: Probe, taken: Taken, views: ViewMaker, gaze: Gaze, height_m: float
+    message: Probe, frame: LiveFrame, views: ViewMaker, gaze: Gaze, height_m: float
 ) -> dict[str, Any]:
     """Answer a probe with JSON-serializable values.
 
@@ -30,18 +30,18 @@ def probe(
 
     Args:
         message: view, and position in it.
-        taken: image with ground-truth channels.
+        frame: image with ground-truth channels.
         views: maker of the other views.
         gaze: direction of the perspective view.
         height_m: height of the viewpoint above the ground.
     """
     if message.view == "map":
         return {"marks": {}}
-    cameras = {"camera": View(taken.model, taken.base_from_optical[:3, :3])}
-    is_central = not isinstance(taken.model, NonCentralCamera)
+    cameras = {"camera": View(frame.model, frame.base_from_optical[:3, :3])}
+    is_central = not isinstance(frame.model, NonCentralCamera)
     for name in UNWARPED if is_central else ():
         try:
-            cameras[name] = views.view(name, taken, gaze, height_m)
+            cameras[name] = views.view(name, frame, gaze, height_m)
         except OmnisimError:  # this camera lacks the view
             continue
     source = cameras.get(message.view, cameras["camera"])
@@ -54,13 +54,13 @@ def probe(
         own = place_in(cameras["camera"], direction)
     marks: dict[str, tuple[float, float]] = {}
     if own is not None:
-        marks["camera"] = own = _center(taken, *own)
+        marks["camera"] = own = _center(frame, *own)
         with suppress(OpticsError):  # the pixel's center may be outside the rim
             direction = direction_in(cameras["camera"], *own)
     for name, camera in cameras.items():
         if name != "camera" and (place := place_in(camera, direction)) is not None:
             marks[name] = place
-    world = taken.world_from_base[:3, :3] @ direction
+    world = frame.world_from_base[:3, :3] @ direction
     answer: Json = {
         "view": message.view,
         "yaw_deg": degrees(math.atan2(direction[1], direction[0])),
@@ -69,23 +69,23 @@ def probe(
         "marks": marks,
     }
     if "camera" in marks:
-        answer |= _channels_at(taken, *marks["camera"])
+        answer |= _channels_at(frame, *marks["camera"])
     return answer
 
 
-def _center(taken: Taken, u: float, v: float) -> tuple[float, float]:
+def _center(frame: LiveFrame, u: float, v: float) -> tuple[float, float]:
     """Center of the pixel at (u, v), as shares of the sides; the channels refer to its ray."""
-    height, width = taken.rgb.shape[:2]
+    height, width = frame.rgb.shape[:2]
     column, row = min(int(u * width), width - 1), min(int(v * height), height - 1)
     return (column + 0.5) / width, (row + 0.5) / height
 
 
-def _channels_at(taken: Taken, u: float, v: float) -> Json:
+def _channels_at(frame: LiveFrame, u: float, v: float) -> Json:
     """Pixel of the camera's image at (u, v), with its color and channel values."""
-    height, width = taken.rgb.shape[:2]
+    height, width = frame.rgb.shape[:2]
     column, row = min(int(u * width), width - 1), min(int(v * height), height - 1)
-    values: Json = {"pixel": [column, row], "color": taken.rgb[row, column].tolist()}
-    channels, labels = taken.channels, taken.labels
+    values: Json = {"pixel": [column, row], "color": frame.rgb[row, column].tolist()}
+    channels, labels = frame.channels, frame.labels
     if "range" in channels:
         range_m = float(channels["range"][row, column])
         values["range_m"] = round(range_m, 4) if math.isfinite(range_m) else None

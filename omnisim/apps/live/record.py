@@ -50,10 +50,10 @@ def _images(
         )
         place = Place(position_m, start.yaw_deg + math.degrees(angle)).rounded()
         draw = Draw(Shown(settings.document, place), True)
-        taken = source.take(draw, ("range",))
-        depth = preview("range", taken.channels["range"], taken.labels)
-        top = np.concatenate((taken.rgb, depth), axis=1)
-        panorama = views.image("panorama", taken, draw.shown.gaze, z, True)
+        frame = source.take(draw, ("range",))
+        depth = preview("range", frame.channels["range"], frame.labels)
+        top = np.concatenate((frame.rgb, depth), axis=1)
+        panorama = views.image("panorama", frame, draw.shown.gaze, z, True)
         yield np.concatenate((top, _fitted(panorama, top.shape[1])))
 
 

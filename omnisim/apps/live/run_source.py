@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.apps.live.live_frame import LiveFrame
 from omnisim.apps.live.session import Draw, Shown
-from omnisim.apps.live.taken import Taken
 from omnisim.core.errors import RunError
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.trajectories import read_trajectory
@@ -53,21 +53,21 @@ class RunSource:
         self.channel_names = self._run.channels_at(0, self._camera_name)
         self.stage = Stage(self.scene, device=device)
 
-    def take(self, draw: Draw, channels: Collection[str]) -> Taken:
+    def take(self, draw: Draw, channels: Collection[str]) -> LiveFrame:
         """Read the image of a step, with the requested channels that were recorded."""
         path = self._image(min(draw.shown.step, self.steps - 1))
-        taken = read_captured_image(path)
-        stored = StoredChannels(path, taken.metadata)
+        frame = read_captured_image(path)
+        stored = StoredChannels(path, frame.metadata)
         names = [name for name in stored.names if name in set(channels)]
-        base = np.eye(4) if taken.world_from_base is None else taken.world_from_base
+        base = np.eye(4) if frame.world_from_base is None else frame.world_from_base
         arm_m = np.zeros(3)
-        if taken.world_from_optical is not None:
-            arm_m = base[:3, :3].T @ (taken.world_from_optical[:3, 3] - base[:3, 3])
-        return Taken(
+        if frame.world_from_optical is not None:
+            arm_m = base[:3, :3].T @ (frame.world_from_optical[:3, 3] - base[:3, 3])
+        return LiveFrame(
             self.camera.model,
-            pose_from_rotation(taken.base_from_optical, arm_m),
+            pose_from_rotation(frame.base_from_optical, arm_m),
             base,
-            taken.pixels,
+            frame.pixels,
             path.read_bytes() if draw.is_fine else None,
             stored.read(tuple(names)) if names else {},
             stored.labels if names else None,
@@ -78,7 +78,7 @@ class RunSource:
         stem = self._run.stem(self._camera_name, min(draw.shown.step, self.steps - 1))
         return {path.name: path.read_bytes() for path in sorted(stem.parent.glob(f"{stem.name}.*"))}
 
-    def command(self, shown: Shown, taken: Taken) -> str:
+    def command(self, shown: Shown, frame: LiveFrame) -> str:
         """Name of the image's file, as a shell comment."""
         return f"# {self._image(min(shown.step, self.steps - 1))}"
 

@@ -230,7 +230,7 @@ class LiveServer:
             reply = functools.partial(self._reply, page)
             if isinstance(message, messages.Ask):
                 self._ask(page)
-            elif isinstance(message, messages.TakeWheel):
+            elif isinstance(message, messages.RequestControl):
                 self._take_wheel(page)
             elif isinstance(message, messages.Save):
                 self._session.look_up(message, reply)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from omnisim.apps.live import live_messages as messages
 from omnisim.apps.live.camera_document import CameraDocument
 from omnisim.apps.live.presets import with_preset
-from omnisim.apps.live.viewpoint_motion import Pilot, Place, Wish
+from omnisim.apps.live.viewpoint_motion import MotionCommand, Pilot, Place
 from omnisim.core.errors import OutputError, SceneError
 
 REST_S, MAX_REST_S = 0.12, 1.5  # delay from the last change to the fine image
@@ -206,8 +206,8 @@ class Session:
         """Next piece of work, or the seconds to wait for it; None: wait for an event."""
         if self._jobs:
             return self._jobs.popleft(), None
-        if now_s - self._driven_s > HELD_S and not self._pilot.wish.is_rest:
-            self._pilot.wish = Wish()
+        if now_s - self._driven_s > HELD_S and not self._pilot.command.is_rest:
+            self._pilot.command = MotionCommand()
         is_moving = self._pilot.is_moving or self._is_running
         if self._is_asked and (is_moving or self._coarse < self._shown.change):
             self._advance(now_s, is_moving)
@@ -251,7 +251,7 @@ class Session:
                 # a key that is pressed and released during a single image has an effect as well
                 self._advance(time.monotonic(), pilot.is_moving)
                 self._driven_s = time.monotonic()
-                pilot.wish = Wish(**dict(message))
+                pilot.command = MotionCommand(**dict(message))
             case messages.Go():
                 pilot.goal_m = (message.x, message.y)
                 self._advanced_s = time.monotonic()

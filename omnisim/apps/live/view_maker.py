@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.apps.live.live_frame import LiveFrame
 from omnisim.apps.live.live_messages import Gaze
-from omnisim.apps.live.taken import Taken
 from omnisim.cameras import CentralCamera
 from omnisim.core.errors import OpticsError
 from omnisim.perception.unwarping.unwarping import Unwarping
@@ -48,12 +48,12 @@ class ViewMaker:
         self._tables: dict[_Key, tuple[CentralCamera, Unwarping]] = {}
         self._highest: dict[_Key, tuple[CentralCamera, float]] = {}
 
-    def view(self, name: str, taken: Taken, gaze: Gaze, height_m: float) -> View:
+    def view(self, name: str, frame: LiveFrame, gaze: Gaze, height_m: float) -> View:
         """Camera of a view.
 
         Args:
             name: one of `UNWARPED`.
-            taken: image to unwarp.
+            frame: image to unwarp.
             gaze: direction of the perspective view.
             height_m: height of the viewpoint above the ground.
 
@@ -61,7 +61,7 @@ class ViewMaker:
             OpticsError: the camera does not see the horizon, so it has no panorama.
         """
         if name == "panorama":
-            return cylinder_view(PANORAMA_PX, LOWEST_RAD, self._highest_rad(taken))
+            return cylinder_view(PANORAMA_PX, LOWEST_RAD, self._highest_rad(frame))
         if name == "perspective":
             fov_rad, yaw_rad, pitch_rad = np.radians((gaze.fov_deg, gaze.yaw_deg, gaze.pitch_deg))
             return perspective_view(*PERSPECTIVE_PX, fov_rad, yaw_rad, pitch_rad)
@@ -69,42 +69,42 @@ class ViewMaker:
         return birdseye_view(BIRDSEYE_PX, EXTENT_PER_HEIGHT * height_m, height_m)
 
     def image(
-        self, name: str, taken: Taken, gaze: Gaze, height_m: float, is_fine: bool
+        self, name: str, frame: LiveFrame, gaze: Gaze, height_m: float, is_fine: bool
     ) -> NDArray[np.uint8]:
         """Unwarped image (height, width, 3) of `view`; fine images have four samples per pixel.
 
         Raises:
             OpticsError: the camera sees nothing of the view, or it is non-central.
         """
-        rotation = taken.base_from_optical[:3, :3]
+        rotation = frame.base_from_optical[:3, :3]
         numbers: tuple[float, ...] = ()
         if name == "perspective":
             numbers = (gaze.yaw_deg, gaze.pitch_deg, gaze.fov_deg)
         # no height in the key of a map: its extent grows with the height, so its table stays the
         # same
-        key = _Key(id(taken.model), rotation.tobytes(), name, numbers, is_fine)
+        key = _Key(id(frame.model), rotation.tobytes(), name, numbers, is_fine)
         if key not in self._tables:
-            view = self.view(name, taken, gaze, height_m)
+            view = self.view(name, frame, gaze, height_m)
             if len(self._tables) >= _KEPT:
                 del self._tables[next(iter(self._tables))]
             table = Unwarping(
-                taken.model,
+                frame.model,
                 view.camera,
                 rotation.T @ view.base_from_view,
                 samples=FINE_SAMPLES if is_fine else 1,
             )
-            self._tables[key] = (taken.model, table)
-        image: NDArray[np.uint8] = self._tables[key][1](taken.rgb)
+            self._tables[key] = (frame.model, table)
+        image: NDArray[np.uint8] = self._tables[key][1](frame.rgb)
         return image
 
-    def _highest_rad(self, taken: Taken) -> float:
-        rotation = taken.base_from_optical[:3, :3]
-        key = _Key(id(taken.model), rotation.tobytes(), "panorama", (), False)
+    def _highest_rad(self, frame: LiveFrame) -> float:
+        rotation = frame.base_from_optical[:3, :3]
+        key = _Key(id(frame.model), rotation.tobytes(), "panorama", (), False)
         if key not in self._highest:
             if len(self._highest) >= _KEPT:
                 self._highest.clear()
-            highest_rad = math.radians(max(highest_elevation_deg(taken.model, rotation), 5.0))
-            self._highest[key] = (taken.model, highest_rad)
+            highest_rad = math.radians(max(highest_elevation_deg(frame.model, rotation), 5.0))
+            self._highest[key] = (frame.model, highest_rad)
         return self._highest[key][1]
 
 

@@ -23,7 +23,7 @@ DIGITS_M, DIGITS_DEG = 4, 3
 
 
 @dataclass(frozen=True)
-class Wish:
+class MotionCommand:
     """Motion requested by keys, each component from −1 to 1.
 
     Attributes:
@@ -78,14 +78,14 @@ class Pilot(ABC):
 
     Attributes:
         place: current pose.
-        wish: motion requested by keys.
+        command: motion requested by keys.
         goal_m: clicked point (x, y) on the ground, or None.
         blocked_by: instance that blocks the robot; empty: none.
     """
 
     def __init__(self, place: Place):
         self.place = place
-        self.wish = Wish()
+        self.command = MotionCommand()
         self.goal_m: tuple[float, float] | None = None
         self.blocked_by = ""
 
@@ -100,7 +100,7 @@ class Pilot(ABC):
 
     def stop(self) -> None:
         """Clear the keys and the goal."""
-        self.wish, self.goal_m = Wish(), None
+        self.command, self.goal_m = MotionCommand(), None
 
     def turn(self, yaw_deg: float, pitch_deg: float) -> None:
         """Turn immediately, as by a drag."""
@@ -120,7 +120,7 @@ class FreeFlight(Pilot):
     @property
     def is_moving(self) -> bool:
         """True while a key is pressed, a goal is set, or the speed is not zero."""
-        return not self.wish.is_rest or self.goal_m is not None or bool(np.any(self._speeds))
+        return not self.command.is_rest or self.goal_m is not None or bool(np.any(self._speeds))
 
     def stop(self) -> None:
         """Clear the keys, the goal and the speed."""
@@ -130,13 +130,16 @@ class FreeFlight(Pilot):
     def advance(self, seconds: float) -> None:
         """Advance by a time; speeds follow the keys within a fraction of a second."""
         seconds = min(seconds, MAX_STEP_S)
-        wish, place = self.wish, self.place
-        asked = np.array((wish.ahead, wish.left, wish.up, wish.turn, wish.tilt)) * wish.fast
+        command, place = self.command, self.place
+        asked = (
+            np.array((command.ahead, command.left, command.up, command.turn, command.tilt))
+            * command.fast
+        )
         asked *= (FLIGHT_MPS, FLIGHT_MPS, FLIGHT_MPS, TURN_DEGPS, TURN_DEGPS)
-        if not wish.is_rest:
+        if not command.is_rest:
             self.goal_m = None
         self._speeds += (asked - self._speeds) * min(1.0, seconds / SPEED_UP_S)
-        if wish.is_rest and np.all(np.abs(self._speeds) < (0.02, 0.02, 0.02, 1.0, 1.0)):
+        if command.is_rest and np.all(np.abs(self._speeds) < (0.02, 0.02, 0.02, 1.0, 1.0)):
             self._speeds[:] = 0.0
         x, y, z = place.position_m
         yaw = math.radians(place.yaw_deg)
@@ -168,7 +171,7 @@ class WheelDrive(Pilot):
     def is_moving(self) -> bool:
         """True while a key is pressed, a goal is set, or the speed is not zero."""
         has_speed = bool(self._speed_mps or self._rate_radps)
-        return not self.wish.is_rest or self.goal_m is not None or has_speed
+        return not self.command.is_rest or self.goal_m is not None or has_speed
 
     def stop(self) -> None:
         """Clear the keys and the goal, and stop at once."""
@@ -208,13 +211,13 @@ class WheelDrive(Pilot):
 
     def _asked(self) -> tuple[float, float]:
         """Speed and turn rate requested by keys or the goal."""
-        limits, wish = self._limits, self.wish
+        limits, command = self._limits, self.command
         most_radps = min(limits.max_turn_rate_radps, math.radians(120.0))
-        if not wish.is_rest:
+        if not command.is_rest:
             self.goal_m = None
-            share = min(1.0, wish.fast)
-            turn = min(max(wish.turn + wish.left, -1.0), 1.0)
-            return wish.ahead * limits.max_speed_mps * share, 0.6 * turn * most_radps * share
+            share = min(1.0, command.fast)
+            turn = min(max(command.turn + command.left, -1.0), 1.0)
+            return command.ahead * limits.max_speed_mps * share, 0.6 * turn * most_radps * share
         if self.goal_m is None:
             return 0.0, 0.0
         way = np.subtract(self.goal_m, self.place.position_m[:2])

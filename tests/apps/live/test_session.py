@@ -1,4 +1,4 @@
-"""Sessions: the newest wish is drawn, coarse while it moves, fine when it rests."""
+"""Sessions: the newest command is drawn, coarse while it moves, fine when it rests."""
 
 import threading
 import time

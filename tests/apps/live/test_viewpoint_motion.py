@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim.apps.live.ground import Ground
-from omnisim.apps.live.viewpoint_motion import FreeFlight, Place, WheelDrive, Wish
+from omnisim.apps.live.viewpoint_motion import FreeFlight, MotionCommand, Place, WheelDrive
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.kinematics import Kinematics
 from omnisim.scene import Scene
@@ -40,7 +40,7 @@ def robot():
 
 
 def test_a_robot_keeps_its_limits(robot):
-    robot.wish = Wish(ahead=-1.0, turn=1.0)
+    robot.command = MotionCommand(ahead=-1.0, turn=1.0)
     poses = [robot.place]
     for _ in range(100):
         robot.advance(STEP_S)
@@ -56,19 +56,19 @@ def test_a_robot_keeps_its_limits(robot):
 
 
 def test_a_robot_stops_at_a_wall_and_names_it(robot):
-    robot.wish = Wish(ahead=1.0)
+    robot.command = MotionCommand(ahead=1.0)
     for _ in range(200):
         robot.advance(STEP_S)
     assert robot.blocked_by == "wall"
     assert 1.6 < robot.place.position_m[0] <= 1.8
-    robot.wish = Wish(ahead=-1.0)
+    robot.command = MotionCommand(ahead=-1.0)
     for _ in range(20):
         robot.advance(STEP_S)
     assert robot.place.position_m[0] < 1.75
 
 
 def test_a_robot_climbs_a_step_within_its_clearance(robot):
-    robot.wish = Wish(ahead=-1.0)
+    robot.command = MotionCommand(ahead=-1.0)
     for _ in range(80):
         robot.advance(STEP_S)
     assert robot.place.position_m[0] < -1.2
@@ -88,14 +88,14 @@ def test_a_robot_goes_to_a_clicked_point_and_rests(robot, goal):
 
 def test_free_flight_goes_where_it_looks():
     flight = FreeFlight(Place((0.0, 0.0, 1.0), 90.0))
-    flight.wish = Wish(ahead=1.0, up=0.5)
+    flight.command = MotionCommand(ahead=1.0, up=0.5)
     for _ in range(40):
         flight.advance(STEP_S)
     x, y, z = flight.place.position_m
     assert x == pytest.approx(0.0, abs=1e-3)
     assert 1.5 < y < 2.0
     assert z > 1.5
-    flight.wish = Wish()
+    flight.command = MotionCommand()
     for _ in range(40):
         flight.advance(STEP_S)
     assert not flight.is_moving
@@ -103,7 +103,7 @@ def test_free_flight_goes_where_it_looks():
 
 def test_free_flight_does_not_tip_over():
     flight = FreeFlight(Place((0.0, 0.0, 1.0)))
-    flight.wish = Wish(tilt=1.0)
+    flight.command = MotionCommand(tilt=1.0)
     for _ in range(100):
         flight.advance(0.2)
     assert flight.place.pitch_deg == 89.0
@@ -114,6 +114,6 @@ def test_free_flight_does_not_tip_over():
 
 def test_a_pause_is_no_jump():
     flight = FreeFlight(Place((0.0, 0.0, 1.0)))
-    flight.wish = Wish(ahead=1.0)
+    flight.command = MotionCommand(ahead=1.0)
     flight.advance(3600.0)
     assert flight.place.position_m[0] < 0.3

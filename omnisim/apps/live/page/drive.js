@@ -59,13 +59,13 @@ export class Drive {
   }
 
   #update() {
-    const wish = Object.fromEntries(AXES.map((axis) => [axis, 0]));
-    for (const key of this.#held) wish[KEYS[key][0]] += KEYS[key][1];
-    this.#addGamepad(wish);
-    for (const axis of AXES) wish[axis] = Math.min(1, Math.max(-1, wish[axis]));
-    const isHeld = AXES.some((axis) => wish[axis] !== 0);
-    wish.fast = this.#isFast ? 3 : 1;
-    const text = JSON.stringify(wish);
+    const command = Object.fromEntries(AXES.map((axis) => [axis, 0]));
+    for (const key of this.#held) command[KEYS[key][0]] += KEYS[key][1];
+    this.#addGamepad(command);
+    for (const axis of AXES) command[axis] = Math.min(1, Math.max(-1, command[axis]));
+    const isHeld = AXES.some((axis) => command[axis] !== 0);
+    command.fast = this.#isFast ? 3 : 1;
+    const text = JSON.stringify(command);
     const now = performance.now();
     if (text === this.#last && !(isHeld && now - this.#sentMs > REPEAT_MS)) return;
     const wasHeld = this.#isHeld;
@@ -73,18 +73,18 @@ export class Drive {
     this.#isHeld = isHeld;
     if (!isHeld && !wasHeld) return;
     this.#sentMs = now;
-    this.#send("drive", wish);
+    this.#send("drive", command);
   }
 
-  #addGamepad(wish) {
+  #addGamepad(command) {
     const pad = navigator.getGamepads?.().find((one) => one?.connected);
     if (!pad) return;
     const axis = (at) => (Math.abs(pad.axes[at] ?? 0) > DEAD ? pad.axes[at] : 0);
-    wish.left -= axis(0);
-    wish.ahead -= axis(1);
-    wish.turn -= axis(2);
-    wish.tilt += axis(3);
-    wish.up += (pad.buttons[7]?.value ?? 0) - (pad.buttons[6]?.value ?? 0);
+    command.left -= axis(0);
+    command.ahead -= axis(1);
+    command.turn -= axis(2);
+    command.tilt += axis(3);
+    command.up += (pad.buttons[7]?.value ?? 0) - (pad.buttons[6]?.value ?? 0);
   }
 }
 

@@ -37,7 +37,7 @@ const stream = new Stream({
 });
 const send = (type, content) => stream.send(type, content);
 const controls = new Controls((path, value) => send("set", { path, value }));
-new Drive((type, wish) => state.drives && send(type, wish));
+new Drive((type, command) => state.drives && send(type, command));
 listen();
 
 function showAbout(about) {

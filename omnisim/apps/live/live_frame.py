@@ -19,7 +19,7 @@ from omnisim.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
-class Taken:
+class LiveFrame:
     """Image with its camera and pose, live or replayed.
 
     Attributes:
@@ -66,7 +66,7 @@ class Source(Protocol):
     scene: Scene
     channel_names: tuple[str, ...]
 
-    def take(self, draw: Draw, channels: Collection[str]) -> Taken:
+    def take(self, draw: Draw, channels: Collection[str]) -> LiveFrame:
         """Image of a state with channels of ground truth.
 
         Raises:
@@ -82,7 +82,7 @@ class Source(Protocol):
         """
         ...
 
-    def command(self, shown: Shown, taken: Taken) -> str:
+    def command(self, shown: Shown, taken: LiveFrame) -> str:
         """Shell commands that produce the same image."""
         ...
 
