@@ -15,6 +15,7 @@ from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.ground_truth import CHANNELS
 from omnisim.rendering.camera.degradations import Degradation, Encoding, preset
+from omnisim.rendering.camera.degradations.point_spread import PointSpread
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.capture import image_pass
 from omnisim.rendering.opengl.geometry import scene_buffers, triangle_windows
@@ -67,6 +68,7 @@ def sample_cases(size_px: int, poses: int) -> Cases:
         "tone curve": partial(
             _degraded, Degradation(encoding=Encoding(tone_curve="neutral")), size_px, poses
         ),
+        "point spread": partial(_degraded, Degradation(point_spread=PointSpread()), size_px, poses),
         "skin": partial(_skin, poses),
         "lidar": partial(_clouds, poses),
         "laser": partial(_scans, poses),

@@ -34,7 +34,7 @@ def test_noise(omnisim, frames, tmp_path):
         "camera.toml",
     ]
     text = (tmp_path / "camera.toml").read_text()
-    assert text.startswith("# gain_e_per_dn: 3.")
+    assert text.startswith("# noise: gain_e_per_dn = 3.")
     noise = OmniCamera.from_file(tmp_path / "camera.toml").degradation.noise
     assert noise.gain_e_per_dn == pytest.approx(3.1, rel=0.01)
     assert noise.pattern == str(tmp_path / "camera-pattern.exr")
