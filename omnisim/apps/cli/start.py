@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from types import FrameType
 
 # Imports swallow the exception or abort; moderngl's C code calls Python and does not expect it;
-# OpenImageIO's bindings turn it into another error.
+# OpenImageIO's bindings and the building of pydantic's schemas turn it into another error.
 _NOT_TO_INTERRUPT = {
     "_frozen_importlib", "importlib._bootstrap", "moderngl", "_moderngl",
-    "omnisim.core.files.image_files",
+    "omnisim.core.files.image_files", "pydantic.plugin._schema_validator",
 }  # fmt: skip
 
 

@@ -62,6 +62,32 @@ def test_while_modules_are_imported(tmp_path, module):
     assert_interrupted(start(tmp_path, INTERRUPTS, module), tmp_path)
 
 
+IN_A_SCHEMA = """
+import os, signal
+from pydantic import TypeAdapter
+from pydantic_core import core_schema
+from omnisim.apps.cli import app, start
+
+class Value:
+    def __hash__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        return 0
+
+class Type:
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source, handler):
+        return core_schema.literal_schema([Value()])
+
+app.main = lambda: TypeAdapter(Type)
+print('started', flush=True)
+start.main()
+"""
+
+
+def test_while_a_schema_is_built(tmp_path):
+    assert_interrupted(start(tmp_path, IN_A_SCHEMA), tmp_path)
+
+
 def test_nothing_is_imported_before_it_is_handled():
     code = (
         "import sys\nbefore = set(sys.modules)\n"
