@@ -2,18 +2,41 @@
 #version 450 core
 
 uniform sampler2D u_image;
-uniform float u_exponent;  // 1/gamma; 0: sRGB
-uniform float u_largest;   // 2 to the power of the bit depth, less 1
+uniform sampler2D u_curve;   // points of light and level
+uniform float u_last_point;  // index
+uniform float u_exponent;    // 1/gamma; 0: sRGB; below 0: the curve
+uniform float u_largest;     // 2 to the power of the bit depth, less 1
+uniform float u_neutral;     // 1: by the neutral tone curve; 0: clipped
 layout(location = 0) out vec4 out_value;
-uniform float u_neutral;   // 1: by the neutral tone curve; 0: clipped
 #include "common/neutral.glsl"
 #include "common/srgb.glsl"
 
+float level_of(float light) {
+    int last = int(u_last_point + 0.5);
+    vec2 after = texelFetch(u_curve, ivec2(0), 0).rg;
+    vec2 before = after;
+    for (int point = 1; point <= last && after.x <= light; ++point) {
+        before = after;
+        after = texelFetch(u_curve, ivec2(point, 0), 0).rg;
+    }
+    float share = after.x > before.x ? (light - before.x) / (after.x - before.x) : 0.0;
+    return mix(before.y, after.y, clamp(share, 0.0, 1.0));
+}
+
+vec3 encode(vec3 light) {
+    if (u_exponent < 0.0) {
+        return vec3(level_of(light.r), level_of(light.g), level_of(light.b));
+    }
+    vec3 clipped = clamp(light, 0.0, 1.0);
+    if (u_exponent == 0.0) {
+        return srgb_from_linear(clipped);
+    }
+    vec3 powers = pow(max(clipped, vec3(1e-30)), vec3(u_exponent));
+    return mix(powers, vec3(0.0), equal(clipped, vec3(0.0)));
+}
+
 void main() {
     vec4 value = texelFetch(u_image, ivec2(gl_FragCoord.xy), 0);
-    vec3 linear = clamp(u_neutral > 0.5 ? neutral(value.rgb) : value.rgb, 0.0, 1.0);
-    vec3 encoded = u_exponent == 0.0
-        ? srgb_from_linear(linear)
-        : mix(pow(max(linear, vec3(1e-30)), vec3(u_exponent)), vec3(0.0), equal(linear, vec3(0.0)));
+    vec3 encoded = encode(u_neutral > 0.5 ? neutral(value.rgb) : value.rgb);
     out_value = vec4(floor(encoded * u_largest + 0.5) / u_largest, value.a);
 }

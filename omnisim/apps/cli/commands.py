@@ -149,34 +149,38 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
         "measure": GroupEntry(
             "Measure a camera from its own images.",
             {
+                "plan": Entry(
+                    "Measure a camera part by part by a plan, and write a report.",
+                    "measure.measure_plan.plan", "measure.requests.MeasurePlanRequest",
+                ),
                 "geometry": Entry(
                     "Measure a camera's model from images of a calibration board.",
-                    "cameras.measure_geometry.geometry",
-                    "cameras.measure_requests.MeasureGeometryRequest",
+                    "measure.measure_geometry.geometry",
+                    "measure.requests.MeasureGeometryRequest",
                 ),
                 "compare": Entry(
                     "Compare a camera's images of a chessboard with those of its sensor file.",
-                    "cameras.measure_compare.compare",
-                    "cameras.measure_requests.MeasureCompareRequest",
+                    "measure.measure_compare.compare",
+                    "measure.requests.MeasureCompareRequest",
                 ),
                 "noise": Entry(
                     "Measure gain, noise and fixed pattern from dark frames and flat fields.",
-                    "cameras.measure_noise.noise", "cameras.measure_requests.MeasureNoiseRequest",
+                    "measure.measure_noise.noise", "measure.requests.MeasureNoiseRequest",
                 ),
                 "response": Entry(
                     "Measure response and vignetting from exposure series and flat fields.",
-                    "cameras.measure_response.response",
-                    "cameras.measure_requests.MeasureResponseRequest",
+                    "measure.measure_response.response",
+                    "measure.requests.MeasureResponseRequest",
                 ),
                 "timing": Entry(
                     "Measure readout and exposure time from frames under a flickering lamp.",
-                    "cameras.measure_timing.timing",
-                    "cameras.measure_requests.MeasureTimingRequest",
+                    "measure.measure_timing.timing",
+                    "measure.requests.MeasureTimingRequest",
                 ),
                 "sharpness": Entry(
                     "Measure point spread and lateral color over the field from slanted edges.",
-                    "cameras.measure_sharpness.sharpness",
-                    "cameras.measure_requests.MeasureSharpnessRequest",
+                    "measure.measure_sharpness.sharpness",
+                    "measure.requests.MeasureSharpnessRequest",
                 ),
             },
         ),

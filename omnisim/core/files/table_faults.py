@@ -25,6 +25,7 @@ _KINDS = {
     "int_type": "a whole number",
     "int_from_float": "a whole number",
     "string_type": "text",
+    "path_type": "a path, as text",
     "bool_type": "true or false",
 }
 

@@ -35,6 +35,7 @@ class MeasuredVignetting:
         quantities: its coefficients, and the relative light at the edge of the fit.
         gradient: (2,) change of the light itself across the image's width and height.
         residual: root mean square share of the light that is left.
+        middle: light in the middle of the image, in the units of the flat field.
         radii, light, fitted: (blocks,) radius in units of half the shorter side, relative light
             without the gradient, and the fitted polynomial.
     """
@@ -43,6 +44,7 @@ class MeasuredVignetting:
     quantities: tuple[Quantity, ...]
     gradient: Floats
     residual: float
+    middle: float
     radii: Floats
     light: Floats
     fitted: Floats
@@ -108,6 +110,7 @@ def measure_vignetting(
         tuple(quantities),
         gradient,
         residual,
+        float(solution[0]),
         np.sqrt(squared),
         relative,
         even / solution[0],

@@ -1,8 +1,8 @@
 """Response of a camera: from light to levels, from images of one scene by exposure time.
 
 A pixel's light is the same in all images, so that its levels at two exposure times tell the ratio
-of the response at lights of a known ratio. The response is compared with the transfer functions
-that a sensor file can name.
+of the response at lights of a known ratio. Named transfer functions are compared with the images
+first; if none of them is the camera's, a curve is solved for.
 
 Source: Debevec & Malik, "Recovering high dynamic range radiance maps from photographs" (1997).
 """
@@ -21,13 +21,16 @@ from scipy.optimize import minimize_scalar
 from omnisim.core.errors import MeasurementError
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.measurement.quantity import Quantity
+from omnisim.rendering.camera.degradations.encoding import Encoding
 
 Floats = NDArray[np.float64]
 MIN_EXPOSURES = 3
 LOW, HIGH = 0.03, 0.97  # levels that count, as shares of the largest one
+MIN_BRIGHTEST, MAX_BRIGHTEST = 0.5, 1.001  # share of the largest level
 MAX_PIXELS = 20_000
-MAX_ERROR = 0.02  # of full scale, beyond which no named curve is the camera's
-_KNOTS = 33  # of the measured curve
+MAX_ERROR = 0.005  # of full scale, beyond what the solved curve leaves, for a named function
+_KNOTS = 33  # of the solved curve, dense in the dark
+_SMOOTHNESS = 0.1  # weight of the curve's second differences, in pixels
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,14 +38,13 @@ class MeasuredResponse:
     """Response of a camera.
 
     Attributes:
-        gamma: transfer function as in `[degradation.encoding]`: "srgb", or the exponent's inverse.
+        encoding: named transfer function, or a curve.
         quantities: the exponent, and the errors.
-        errors: root mean square error of each curve, as a share of full scale, by name.
-        light, levels: (n,) measured curve, normalized to 1 at the largest level: each light, and
-            the level that the camera gives it.
+        errors: root mean square error of each function, as a share of full scale, by name.
+        light, levels: (n,) solved curve: lights, as shares of the white one, and their levels.
     """
 
-    gamma: float | str
+    encoding: Encoding
     quantities: tuple[Quantity, ...]
     errors: dict[str, float]
     light: Floats
@@ -66,8 +68,9 @@ def measure_response(
         name: name of the images, for messages.
 
     Raises:
-        MeasurementError: too few exposure times, images of several sizes, brightness that does not
-            follow the exposure time, or too few levels between black and white.
+        MeasurementError: too few exposure times, images of several sizes, a wrong largest level,
+            brightness that does not follow the exposure time, or too few levels between black and
+            white.
     """
     order = np.argsort(exposures_s)
     times = np.asarray(exposures_s, dtype=np.float64)[order]
@@ -79,6 +82,12 @@ def measure_response(
         raise MeasurementError(f"{name}: images of several sizes: expected one camera")
     stack = np.stack([_sample(images[index]) for index in order])
     levels = (stack - black_dn) / (white_dn - black_dn)
+    brightest = float(np.max(levels))
+    if not MIN_BRIGHTEST < brightest < MAX_BRIGHTEST:
+        raise MeasurementError(
+            f"{name}: the brightest pixel is at {100.0 * brightest:.0f} % of white, {white_dn:g}: "
+            "expected exposure times up to white, and the camera's own white level"
+        )
     _check_order(levels, times, name)
     used = (levels > LOW) & (levels < HIGH)
     used &= used.sum(axis=0) >= 2
@@ -93,18 +102,23 @@ def measure_response(
         "srgb": lambda values: linear_from_srgb(np.clip(values, 0.0, 1.0)),
         "gamma": lambda values: np.clip(values, 0.0, 1.0) ** gamma,
     }
+    knots, light = _solved_curve(levels, times, used)
+    curves["curve"] = lambda values: np.interp(values, knots, light)
     errors = {name: _error(curve, levels, times, used) for name, curve in curves.items()}
     best = _simplest(errors)
-    named: dict[str, float | str] = {"linear": 1.0, "srgb": "srgb", "gamma": gamma}
-    inverse = curves[best]
-    light, measured = _measured_curve(inverse, levels, times, used)
+    encodings = {
+        "linear": Encoding(gamma=1.0),
+        "srgb": Encoding(gamma="srgb"),
+        "gamma": Encoding(gamma=gamma),
+        "curve": Encoding(curve=tuple(zip(light.tolist(), knots.tolist(), strict=True))),
+    }
     basis = f"{int(used.any(axis=0).sum())} pixels at {len(times)} exposure times"
     sigma = _gamma_sigma(levels, times, used, gamma)
     quantities = (
         Quantity("gamma", gamma, sigma, "", f"{basis}, as a power"),
         Quantity("response_error", errors[best], math.nan, "of full scale", f"{basis}, as {best}"),
     )
-    return MeasuredResponse(named[best], quantities, errors, light, measured)
+    return MeasuredResponse(encodings[best], quantities, errors, light, knots)
 
 
 def _sample(image: NDArray[Any]) -> Floats:
@@ -170,22 +184,42 @@ def _gamma_sigma(levels: Floats, times: Floats, used: NDArray[np.bool_], gamma: 
 
 
 def _simplest(errors: dict[str, float]) -> str:
-    """Curve with the smallest error; a named one where it is nearly as good as a free exponent."""
+    """Function with the smallest error; a simpler one where it is nearly as good."""
     for name in ("linear", "srgb"):
-        if errors[name] <= 1.05 * min(errors.values()) + 2e-4:
-            return name
-    return "gamma"
+        if errors[name] <= 1.05 * min(errors["gamma"], errors[name]) + 2e-4:
+            break
+    else:
+        name = "gamma"
+    limit = math.hypot(errors["curve"], MAX_ERROR)
+    return name if errors[name] <= limit else "curve"
 
 
-def _measured_curve(
-    inverse: Callable[[Floats], Floats], levels: Floats, times: Floats, used: NDArray[np.bool_]
-) -> tuple[Floats, Floats]:
-    """Curve of the camera: mean levels by light, whatever function it is nearest to."""
-    light = _predicted(inverse, levels, times, used)[used]
-    values = levels[used]
-    edges = np.quantile(light, np.linspace(0.0, 1.0, _KNOTS + 1))
-    number = np.clip(np.searchsorted(edges, light, side="right") - 1, 0, _KNOTS - 1)
-    count = np.maximum(np.bincount(number, minlength=_KNOTS), 1)
-    lights: Floats = np.bincount(number, light, _KNOTS) / count
-    means: Floats = np.bincount(number, values, _KNOTS) / count
-    return lights, means
+def _solved_curve(levels: Floats, times: Floats, used: NDArray[np.bool_]) -> tuple[Floats, Floats]:
+    """Knots (n,) from level 0 to 1, and the light of each, 1 at the last.
+
+    The logarithm of the light is that of the level plus a function that is linear between knots.
+    Each pixel's own light is eliminated by subtracting the weighted mean of its equations.
+    """
+    knots = np.linspace(0.0, 1.0, _KNOTS) ** 2
+    weights = np.where(used, levels, 0.0) ** 2  # noise of a logarithm falls with the level
+    normal = np.zeros((_KNOTS, _KNOTS))
+    right = np.zeros(_KNOTS)
+    total = np.maximum(weights.sum(axis=0), 1e-30)
+    known = np.log(times)[:, None] - np.log(np.clip(levels, 1e-6, None))
+    known -= (weights * known).sum(axis=0) / total
+    rows = np.zeros((len(times), levels.shape[1], _KNOTS))
+    index = np.clip(np.searchsorted(knots, levels, side="right") - 1, 0, _KNOTS - 2)
+    share = np.clip((levels - knots[index]) / (knots[index + 1] - knots[index]), 0.0, 1.0)
+    np.put_along_axis(rows, index[..., None], 1.0 - share[..., None], axis=2)
+    np.put_along_axis(rows, index[..., None] + 1, share[..., None], axis=2)
+    rows -= (weights[..., None] * rows).sum(axis=0) / total[:, None]
+    for row, value, weight in zip(rows, known, weights, strict=True):
+        normal += row.T @ (weight[:, None] * row)
+        right += row.T @ (weight * value)
+    bend = np.diff(np.eye(_KNOTS), 2, axis=0)
+    normal += _SMOOTHNESS * bend.T @ bend
+    normal[-1, -1] += 1.0  # the light of white is 1: its logarithm is 0
+    offsets = np.linalg.solve(normal, right)
+    light = knots * np.exp(offsets - offsets[-1])
+    rising: Floats = np.maximum.accumulate(light + 1e-9 * np.arange(_KNOTS))
+    return knots, rising / rising[-1]

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import MeasurementError, OutputError
 from omnisim.core.files.image_files import read_image
-from omnisim.core.srgb import linear_from_srgb
+from omnisim.rendering.camera.degradations.encoding import Encoding
 
 SUFFIXES = (".png", ".tif", ".tiff", ".pgm", ".exr")
 LOSSY = (".jpg", ".jpeg")
 MIN_BITS = 8
-Response = float | Literal["srgb"]  # an exponent such as 2.2: values are light to 1 / 2.2
 
 
 def find_edge_images(path: Path) -> list[Path]:
@@ -36,17 +35,17 @@ def find_edge_images(path: Path) -> list[Path]:
     return files
 
 
-def read_edge_image(path: Path, response: Response | None) -> NDArray[Any]:
+def read_edge_image(path: Path, encoding: Encoding | None) -> NDArray[Any]:
     """Stored values (height, width, 1 or 3) of an image.
 
     Args:
         path: image file.
-        response: response that is known for the image; None: linear values.
+        encoding: encoding of the values, if it is known; None: they must be linear.
 
     Raises:
-        MeasurementError: the file is damaged, or is a JPEG of unknown response.
+        MeasurementError: the file is damaged, or is a JPEG of unknown encoding.
     """
-    if path.suffix.lower() in LOSSY and response is None:
+    if path.suffix.lower() in LOSSY and encoding is None:
         raise MeasurementError(
             f"{path}: JPEG values are not linear: save raw frames as PNG or TIFF, or give the "
             "camera's response, such as srgb"
@@ -61,7 +60,7 @@ def read_edge_image(path: Path, response: Response | None) -> NDArray[Any]:
 
 
 def linear_light(
-    pixels: NDArray[Any], response: Response | None, name: str
+    pixels: NDArray[Any], encoding: Encoding | None, name: str
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Linear light (height, width, 1 or 3) of stored values; and True (height, width) if clipped.
 
@@ -69,7 +68,7 @@ def linear_light(
 
     Args:
         pixels: (height, width) or (height, width, channels) values.
-        response: encoding of the values; None: linear.
+        encoding: encoding of the values; None: linear.
         name: file name in messages.
 
     Raises:
@@ -87,10 +86,8 @@ def linear_light(
     else:
         raise MeasurementError(f"{name}: expected finite values")
     light = values.astype(np.float64)
-    if response == "srgb":
-        light = linear_from_srgb(light)
-    elif response is not None:
-        light = np.maximum(light, 0.0) ** response
+    if encoding is not None:
+        light = encoding.linearized(np.maximum(light, 0.0))
     return light, clipped
 
 

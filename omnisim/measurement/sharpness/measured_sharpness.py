@@ -15,11 +15,11 @@ from omnisim.cameras.optics.boards.board_corners import BoardCorners
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.quantity import Quantity, Unseen
 from omnisim.measurement.sharpness.edge_fit import Flaw, UnusableEdge
-from omnisim.measurement.sharpness.edge_images import Response, linear_light
+from omnisim.measurement.sharpness.edge_images import linear_light
 from omnisim.measurement.sharpness.edge_lines import board_edges, find_edges
 from omnisim.measurement.sharpness.field_curves import FieldCurves, field_curves
 from omnisim.measurement.sharpness.slanted_edge import GREEN, EdgeSharpness, measure_edge
-from omnisim.rendering.camera.degradations import ChromaticAberration, PointSpread
+from omnisim.rendering.camera.degradations import ChromaticAberration, Encoding, PointSpread
 
 MAX_ASYMMETRY = 0.02  # mean over the edges; gamma-encoded values have 0.03 and more
 _SIGMAS = 4.0
@@ -57,7 +57,7 @@ def measure_sharpness(
     *,
     boards: Sequence[BoardCorners | None] | None = None,
     center_px: tuple[float, float] | None = None,
-    response: Response | None = None,
+    encoding: Encoding | None = None,
     names: Sequence[str] | None = None,
     edges_only: Callable[[EdgeSharpness], bool] = lambda _: True,
 ) -> MeasuredSharpness:
@@ -68,7 +68,7 @@ def measure_sharpness(
             them is in memory at a time.
         boards: corners of a board of squares in each image; None: all straight edges are taken.
         center_px: (u, v) of the optical axis; None: the middle of the image.
-        response: encoding of the values; None: linear, which is checked.
+        encoding: encoding of the values; None: linear, which is checked.
         names: names of the images in messages.
         edges_only: True for the edges to take.
 
@@ -85,7 +85,7 @@ def measure_sharpness(
             expected = f"expected images of one size, {size_px[0]} × {size_px[1]} px"
             raise MeasurementError(f"{name}: {expected}, got {width} × {height} px")
         size_px = width, height
-        light, clipped = linear_light(pixels, response, name)
+        light, clipped = linear_light(pixels, encoding, name)
         board = boards[number] if boards is not None and number < len(boards) else None
         if boards is None:
             lines = find_edges(light[..., GREEN if light.shape[2] == 3 else 0])
@@ -100,7 +100,7 @@ def measure_sharpness(
         raise MeasurementError(f"expected images of edges, got none: {_REMEDY}")
     edges = [edge for edge in edges if edges_only(edge)]
     _check_edges(edges, flaws, names[0] if names else "images")
-    if response is None:
+    if encoding is None:
         _check_linear(edges)
     if center_px is None:
         center_px = 0.5 * (size_px[0] - 1), 0.5 * (size_px[1] - 1)

@@ -70,6 +70,9 @@ WHOLE = {
     ),
     "gamma 1": Degradation(encoding=Encoding(1.0)),
     "gamma 2.2, 3 bits": Degradation(encoding=Encoding(2.2, 3)),
+    "film's curve": Degradation(
+        encoding=Encoding(curve=((0.0, 0.0), (0.05, 0.12), (0.2, 0.6), (0.6, 0.9), (2.0, 1.0)))
+    ),
     "exposure 50 ms, turning left": Degradation(shutter=Shutter(exposure_s=0.05)),
 }
 PARTS = {

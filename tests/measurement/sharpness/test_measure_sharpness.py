@@ -7,7 +7,7 @@ from omnisim.cameras.optics.boards.board_corners import BoardCorners
 from omnisim.core.errors import MeasurementError
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.measurement.sharpness import measure_sharpness
-from omnisim.rendering.camera.degradations import ChromaticAberration, PointSpread
+from omnisim.rendering.camera.degradations import ChromaticAberration, Encoding, PointSpread
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.validation.analytic_edges import edge_image, gaussian, true_mtf50
 from omnisim.validation.analytic_lens import AnalyticLens
@@ -88,7 +88,7 @@ def test_gamma_encoded_values_are_refused_or_linearized(chart, lens):
     encoded = np.rint(65535.0 * srgb_from_linear(chart / 65535.0)).astype(np.uint16)
     with pytest.raises(MeasurementError, match=r"% wider on one half, as in gamma-encoded values"):
         measure_sharpness([encoded])
-    linear = measure_sharpness([encoded], response="srgb")
+    linear = measure_sharpness([encoded], encoding=Encoding(gamma="srgb"))
     mtf50 = [one.mtf50_sigma for one in lens.edges]
     assert np.mean([edge.mtf50 for edge in linear.edges]) == pytest.approx(
         np.mean([edge.mtf50 for edge in lens.edges]), abs=max(mtf50)

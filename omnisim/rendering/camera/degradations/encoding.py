@@ -6,14 +6,15 @@ Source: IEC 61966-2-1, for sRGB; Khronos Group, "PBR Neutral Tone Mapper Specifi
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.core.files.parameters import IntOrFloat, described
-from omnisim.core.srgb import srgb_from_linear
+from omnisim.core.files.parameters import Fraction, IntOrFloat, Number, described
+from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.rendering.camera.degradations.effect import Effect
 from omnisim.rendering.camera.degradations.image_geometry import LinearImage
 from omnisim.rendering.opengl.degradation.step import Step
@@ -22,6 +23,11 @@ Gamma = Annotated[
     Literal["srgb"] | Annotated[IntOrFloat, Field(ge=0.1, le=10.0)],
     described("a number from 0.1 to 10 or 'srgb'"),
 ]
+
+
+MAX_POINTS = 64
+_BY_CURVE = -1.0  # exponent of the shader that means the curve
+Point = tuple[Annotated[Number, Field(ge=0.0, le=16.0)], Fraction]
 
 
 # Neutral curve: luminance where compression starts, and desaturation rate of highlights.
@@ -54,21 +60,58 @@ class Encoding(Effect, name="degradation.encoding"):
     """Tone curve, before the transfer function. "clip": none, light above 1 is white; "neutral":
     Khronos's PBR Neutral, which keeps base colors and compresses highlights."""
 
+    curve: Annotated[tuple[Point, ...], Field(min_length=2, max_length=MAX_POINTS)] | None = None
+    """Measured response in place of gamma: points of light, and the level that a camera gives it,
+    from 0 to 1; linear between the points, constant beyond them."""
+
+    def _check(self) -> None:
+        super()._check()
+        points = self.curve or ()
+        if any(after[0] <= before[0] or after[1] < before[1] for before, after in pairwise(points)):
+            raise self._error("curve", "points in order of their light, with rising levels")
+
+    def encoded(self, light: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Levels from 0 to 1 of light, before they are rounded."""
+        if self.curve is not None:
+            lights, levels = zip(*self.curve, strict=True)
+            curved: NDArray[np.float64] = np.interp(light, lights, levels)
+            return curved
+        values = np.clip(light, 0.0, 1.0)
+        powers: NDArray[np.float64] = (
+            srgb_from_linear(values) if self.gamma == "srgb" else values ** (1.0 / self.gamma)
+        )
+        return powers
+
+    def linearized(self, levels: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Light of levels from 0 to 1."""
+        if self.curve is not None:
+            lights, values = zip(*self.curve, strict=True)
+            light: NDArray[np.float64] = np.interp(levels, values, lights)
+            return light
+        inverse: NDArray[np.float64] = (
+            linear_from_srgb(levels) if self.gamma == "srgb" else levels**self.gamma
+        )
+        return inverse
+
     def step(self) -> Step:
         """GPU pass into 8 bits."""
-        exponent = 0.0 if self.gamma == "srgb" else 1.0 / self.gamma
+        power = 0.0 if self.gamma == "srgb" else 1.0 / self.gamma
+        exponent = power if self.curve is None else _BY_CURVE
+        curve = np.zeros((1, MAX_POINTS, 4), dtype=np.float32)
+        points = np.array(self.curve or ((0.0, 0.0), (1.0, 1.0)), dtype=np.float32)
+        curve[0, : len(points), :2] = points
         uniforms = {
             "u_exponent": exponent,
+            "u_last_point": float(len(points) - 1),
             "u_largest": float(2**self.bit_depth - 1),
             "u_neutral": float(self.tone_curve == "neutral"),
         }
-        return Step("encoding", uniforms)
+        return Step("encoding", uniforms, {"u_curve": curve})
 
     def apply(self, image: LinearImage) -> LinearImage:
         """Reference in NumPy, with values in [0, 1]."""
         light = image[..., :3].astype(np.float64)
-        values = np.clip(neutral(light) if self.tone_curve == "neutral" else light, 0.0, 1.0)
-        encoded = srgb_from_linear(values) if self.gamma == "srgb" else values ** (1 / self.gamma)
+        encoded = self.encoded(neutral(light) if self.tone_curve == "neutral" else light)
         largest = 2**self.bit_depth - 1
         result = image.copy()
         result[..., :3] = np.floor(encoded * largest + 0.5) / largest

@@ -176,7 +176,13 @@ def test_whole_chain_of_a_preset_equals_the_reference(context, name):
 
 @pytest.mark.parametrize(
     "encoding",
-    [Encoding(), Encoding(2.2, 5), Encoding(1.0, 1), Encoding("srgb", 8, "neutral")],
+    [
+        Encoding(),
+        Encoding(2.2, 5),
+        Encoding(1.0, 1),
+        Encoding("srgb", 8, "neutral"),
+        Encoding(curve=((0.01, 0.1), (0.2, 0.5), (0.7, 0.9), (1.5, 0.95))),
+    ],
 )
 def test_encoding_equals_its_reference(context, encoding):
     image = random_image()

@@ -76,6 +76,8 @@ class MeasureResponseRequest:
     """Folder of images of an evenly lit surface, for the vignetting."""
     black: Annotated[float, Option(metavar="LEVEL", min=0.0, max=65535.0)] = 0.0
     """Level without light."""
+    white: Annotated[float | None, Option(metavar="LEVEL", default="255 or 65535")] = None
+    """Largest level, such as 4095 for 12 bits in files of 16 bits."""
     sensor: Annotated[Path | None, Option(default="none")] = None
     """Sensor file to add response and vignetting to."""
 
@@ -109,5 +111,19 @@ class MeasureSharpnessRequest:
     the center of the field."""
     corners: Annotated[Path | None, Option(default="all straight edges are measured")] = None
     """Corners of a board of squares in each image, as for optics calibrate: .csv."""
-    response: Annotated[str | None, Option(metavar="srgb|GAMMA", default="linear, checked")] = None
-    """Encoding of the images, such as srgb or 2.2; 1: linear, unchecked."""
+    response: Annotated[str | None, Option(metavar="srgb|GAMMA", default="the sensor file's")] = (
+        None
+    )
+    """Encoding of the images, such as srgb or 2.2; 1: linear; without one: linear, checked."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasurePlanRequest:
+    """Parameters of `omnisim measure plan`."""
+
+    plan: Annotated[Path, Argument(metavar="PLAN")]
+    """Plan: .toml with a table of arguments for each part, such as [geometry]."""
+    output: Path
+    """Sensor file to write: .toml; the folder of the report is beside it, such as camera-report."""
+    sensor: Annotated[Path | None, Option(default="none")] = None
+    """Sensor file to start from."""

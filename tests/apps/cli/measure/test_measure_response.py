@@ -9,18 +9,15 @@ from omnisim.core.files.image_files import write_numbers
 from omnisim.rendering.camera.degradations import Vignetting
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from tests.measurement.response.test_response import TIMES_S, series
+from tests.apps.cli.measure.conftest import write_series
+from tests.measurement.response.test_response import shoulder
 
 GEOMETRY = ImageGeometry(160, 120, (79.5, 59.5))
 VIGNETTING = Vignetting((-0.35, 0.1, -0.02))
 
 
 @pytest.fixture
-def folders(tmp_path):
-    for time_s, image in zip(TIMES_S, series(lambda light: light ** (1.0 / 2.0)), strict=True):
-        folder = tmp_path / "series" / f"{1e3 * time_s:g}ms"
-        folder.mkdir(parents=True)
-        write_numbers(folder / "a.png", image)
+def folders(response_series, tmp_path):
     (tmp_path / "flat").mkdir()
     light = VIGNETTING.apply(np.full((120, 160, 4), 0.8, dtype=np.float32), GEOMETRY)[..., 1]
     random = np.random.default_rng(4)
@@ -50,6 +47,55 @@ def test_without_flat_fields_vignetting_is_not_measured(omnisim, folders):
     status, _, err = omnisim("measure", "response", folders / "series", "-o", "camera.toml")
     assert status == 0
     assert "vignetting.coefficients not measured: no flat fields" in err
+
+
+def write_color_flats(folder, tint):
+    """Replace the flat fields by colored ones, of gamma 2."""
+    light = VIGNETTING.apply(np.full((120, 160, 4), 0.6, dtype=np.float32), GEOMETRY)[..., :3]
+    random = np.random.default_rng(5)
+    for path in folder.iterdir():
+        noisy = (light * tint) ** 0.5 + 0.003 * random.normal(size=light.shape)
+        write_numbers(path, np.rint(255.0 * np.clip(noisy, 0.0, 1.0)).astype(np.uint8))
+
+
+@pytest.mark.parametrize("tint", [(0.8, 1.0, 1.1), (1.0, 1.0, 1.0)])
+def test_white_balance_is_that_of_the_flat_fields(omnisim, folders, tint):
+    write_color_flats(folders / "flat", tint)
+    status, _, err = omnisim(
+        "measure", "response", folders / "series", "--flat", folders / "flat", "-o", "camera.toml"
+    )
+    assert status == 0, err
+    balance = OmniCamera.from_file(folders / "camera.toml").degradation.white_balance
+    if tint == (1.0, 1.0, 1.0):
+        assert balance is None
+    else:
+        assert balance.response == pytest.approx(tint, rel=0.005)
+        assert balance.gains == (1.0, 1.0, 1.0)
+
+
+def test_a_response_without_a_name_is_written_as_a_curve(omnisim, tmp_path):
+    write_series(tmp_path / "series", shoulder)
+    status, _, err = omnisim("measure", "response", "series", "-o", "camera.toml")
+    assert status == 0, err
+    encoding = OmniCamera.from_file(tmp_path / "camera.toml").degradation.encoding
+    assert encoding.curve[0] == (0.0, 0.0)
+    assert encoding.curve[-1] == (1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--white", "1023"), "the brightest pixel is at 25 % of white, 1023"),
+        (("--white", "100"), "the brightest pixel is at 255 % of white, 100"),
+        (("--white", "3", "--black", "8"), "--white: expected a level above the black one, 8"),
+    ],
+)
+def test_a_wrong_white_level_is_refused(omnisim, folders, arguments, message):
+    status, _, err = omnisim(
+        "measure", "response", folders / "series", *arguments, "-o", "camera.toml"
+    )
+    assert status == 1
+    assert message in err
 
 
 def test_white_flat_fields_are_refused(omnisim, folders):

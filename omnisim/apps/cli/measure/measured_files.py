@@ -38,7 +38,7 @@ def check_outputs(output: Path, sensor: Path | None, **others: Path) -> None:
     written |= {f"the {name}": path for name, path in others.items()}
     is_same = sensor is not None and sensor.resolve() == output.resolve()
     check_distinct(written, {"--sensor": None if is_same else sensor})
-    _reports(sensor)
+    read_reports(sensor)
 
 
 def report_path(output: Path) -> Path:
@@ -85,23 +85,25 @@ def write_measured(
         for one in quantities
     ]
     report = {"quantities": rows, "not_measured": [asdict(one) for one in unseen], **details}
-    reports = {**_reports(sensor), part: report}
+    reports = {**read_reports(sensor), part: report}
     lines = [line for name, one in reports.items() for line in _comments(name, one)]
     write_text(output, toml_text({f"# {line}": Comment(line) for line in lines} | dict(tables)))
     write_text(report_path(output), json.dumps(reports, indent=2) + "\n")
 
 
-def read_report(sensor: Path, part: str) -> dict[str, Any] | None:
-    """Report of a part beside a sensor file, or None if there is none.
+def mark_inputs(output: Path, part: str, digest: str) -> None:
+    """Note in a part's report which arguments and files it was measured from.
 
     Raises:
-        MeasurementError: the report is damaged.
+        OutputError: the report cannot be written.
     """
-    return _reports(sensor).get(part)
+    reports = read_reports(output)
+    reports[part]["inputs"] = digest
+    write_text(report_path(output), json.dumps(reports, indent=2) + "\n")
 
 
-def _reports(sensor: Path | None) -> dict[str, dict[str, Any]]:
-    """Reports of the parts beside a sensor file; empty without one.
+def read_reports(sensor: Path | None) -> dict[str, dict[str, Any]]:
+    """Reports of the parts beside a sensor file, by the part's name; empty without one.
 
     Raises:
         MeasurementError: the file is no report.
@@ -112,12 +114,23 @@ def _reports(sensor: Path | None) -> dict[str, dict[str, Any]]:
     try:
         reports = json.loads(path.read_text(encoding="utf-8"))
         for report in reports.values():
-            quantities = [Quantity(**row) for row in report["quantities"]]
-            unseen = [Unseen(**row) for row in report["not_measured"]]
-            _check_texts([*quantities, *unseen])
+            _check_texts([*quantities_of(report), *unseen_of(report)])
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         raise MeasurementError(f"{path}: expected a report of `omnisim measure`") from None
     return dict(reports)
+
+
+def quantities_of(report: Mapping[str, Any]) -> list[Quantity]:
+    """Measured quantities of a part's report."""
+    rows = [
+        row | {"sigma": math.nan} if row["sigma"] is None else row for row in report["quantities"]
+    ]
+    return [Quantity(**row) for row in rows]
+
+
+def unseen_of(report: Mapping[str, Any]) -> list[Unseen]:
+    """Quantities of a part's report that its images do not determine."""
+    return [Unseen(**row) for row in report["not_measured"]]
 
 
 def _check_texts(rows: Sequence[Quantity | Unseen]) -> None:
@@ -133,10 +146,9 @@ def _check_texts(rows: Sequence[Quantity | Unseen]) -> None:
 
 def _comments(part: str, report: Mapping[str, Any]) -> list[str]:
     """Comments of a sensor file on a part's quantities."""
-    known = [Quantity(**row) for row in report["quantities"] if row["sigma"] is not None]
+    known = [one for one in quantities_of(report) if math.isfinite(one.sigma)]
     lines = [f"{part}: {one.name} = {_number(one)} ({one.basis})" for one in known]
-    unseen = [Unseen(**row) for row in report["not_measured"]]
-    return lines + [f"{part}: {one.name} not measured: {one.reason}" for one in unseen]
+    return lines + [f"{part}: {one.name} not measured: {one.reason}" for one in unseen_of(report)]
 
 
 def print_measured(output: Path, quantities: Sequence[Quantity], unseen: Sequence[Unseen]) -> None:
@@ -145,7 +157,7 @@ def print_measured(output: Path, quantities: Sequence[Quantity], unseen: Sequenc
     for heading in ("", "value", "±", "unit", "from"):
         table.add_column(heading, justify="right" if heading in ("value", "±") else "left")
     for one in quantities:
-        table.add_row(one.name, *_columns(one), one.unit, one.basis)
+        table.add_row(one.name, *format_quantity(one), one.unit, one.basis)
     out.print(f"{output}: written", markup=False)
     out.print(table)
     for missing in unseen:
@@ -159,7 +171,7 @@ def round_to_sigma(value: float, sigma: float) -> float:
     return round(value, 1 - math.floor(math.log10(sigma)))
 
 
-def _columns(quantity: Quantity) -> Sequence[str]:
+def format_quantity(quantity: Quantity) -> tuple[str, str]:
     """Value and standard deviation of a quantity, as text."""
     if not math.isfinite(quantity.sigma):
         return f"{quantity.value:.3g}", ""
@@ -167,4 +179,4 @@ def _columns(quantity: Quantity) -> Sequence[str]:
 
 
 def _number(quantity: Quantity) -> str:
-    return " ± ".join(_columns(quantity)) + f" {quantity.unit}".rstrip()
+    return " ± ".join(format_quantity(quantity)) + f" {quantity.unit}".rstrip()

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.apps.cli.cameras.measure_requests import MeasureCompareRequest
-from omnisim.apps.cli.cameras.measured_files import read_report, report_path
 from omnisim.apps.cli.console import out, pluralize, print_note, track
+from omnisim.apps.cli.measure.measured_files import read_reports, report_path
+from omnisim.apps.cli.measure.requests import MeasureCompareRequest
 from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
 from omnisim.measurement.comparison import ImageComparison, compare_images
@@ -18,6 +19,9 @@ from omnisim.measurement.comparison.comparison import MAX_OFFSET_PX, Comparison,
 from omnisim.measurement.geometry import BoardView, Chessboard, find_boards, read_board, read_gray
 from omnisim.measurement.geometry.board_images import image_files
 from omnisim.rendering.camera.omnicamera import OmniCamera
+
+if TYPE_CHECKING:
+    from omnisim.validation.report.report import Section
 
 _SHOWN = 6  # images in the report
 _BIAS_PX, _LEVELS, _RISE = 0.05, 4.0, 0.15
@@ -33,9 +37,21 @@ def compare(request: MeasureCompareRequest) -> None:
     """
     require_extra("measure", "omnisim measure compare", MeasurementError)
     require_extra("reports", "omnisim measure compare", MeasurementError)
-    from omnisim.validation.report.report import check_report_target
+    from omnisim.apps.cli.measure.measured_sections import measured_sections
+    from omnisim.validation.report.report import Report, check_report_target
 
     check_report_target(request.output)
+    parts = measured_sections(request.sensor)
+    comparison = _compare(request)
+    facts = {"sensor": request.sensor.name, "images": [one.name for one in comparison.images]}
+    text = f"{pluralize(len(comparison.images), 'image')}."
+    report = Report("Camera twin", text, (_section(comparison), *parts), facts)
+    report.write(request.output)
+    _print(request.output, comparison)
+
+
+def _compare(request: MeasureCompareRequest) -> Comparison:
+    """Compare all images that have the board."""
     sensor = OmniCamera.from_file(request.sensor)
     board = read_board(request.board)
     if not isinstance(board, Chessboard):
@@ -63,9 +79,7 @@ def compare(request: MeasureCompareRequest) -> None:
             print_note(f"{reason}: not compared")
     if not compared:
         raise MeasurementError(f"{request.images}: no image could be compared")
-    comparison = compare_images(sensor, compared)
-    _write(request, comparison)
-    _print(request.output, comparison)
+    return compare_images(sensor, compared)
 
 
 def _board_shape(sensor: Path) -> NDArray[np.float64] | None:
@@ -74,7 +88,7 @@ def _board_shape(sensor: Path) -> NDArray[np.float64] | None:
     Raises:
         MeasurementError: the report is damaged.
     """
-    report, path = read_report(sensor, "geometry"), report_path(sensor)
+    report, path = read_reports(sensor).get("geometry"), report_path(sensor)
     if report is None:
         return None
     try:
@@ -110,10 +124,10 @@ def _print(output: Path, comparison: Comparison) -> None:
     )
 
 
-def _write(request: MeasureCompareRequest, comparison: Comparison) -> None:
+def _section(comparison: Comparison) -> Section:
     from omnisim.validation.plots.twin_plots import edge_figure, sheet_figure
     from omnisim.validation.report.measure import Measure
-    from omnisim.validation.report.report import CaptionedFigure, Report, ResultTable, Section
+    from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 
     rows = tuple(
         (
@@ -140,7 +154,7 @@ def _write(request: MeasureCompareRequest, comparison: Comparison) -> None:
     )
     step = max(1, len(comparison.images) // _SHOWN)
     shown = comparison.images[::step][:_SHOWN]
-    section = Section(
+    return Section(
         "The camera beside its twin",
         "Each image's board is rendered in its solved pose by the sensor file, under smooth light "
         "that was fitted to its squares. The same detector finds the corners in both.",
@@ -164,8 +178,4 @@ def _write(request: MeasureCompareRequest, comparison: Comparison) -> None:
             ),
             CaptionedFigure("edges", edge_figure(comparison), "Corners and edges over the field"),
         ),
-    )
-    facts = {"sensor": request.sensor.name, "images": [one.name for one in comparison.images]}
-    Report("Camera twin", f"{len(comparison.images)} images.", (section,), facts).write(
-        request.output
     )

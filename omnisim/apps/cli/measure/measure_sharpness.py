@@ -7,14 +7,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from omnisim.apps.cli.cameras.measure_requests import MeasureSharpnessRequest
-from omnisim.apps.cli.cameras.measured_files import (
+from omnisim.apps.cli.console import print_note, track
+from omnisim.apps.cli.measure.measured_files import (
     check_outputs,
     print_measured,
+    read_reports,
     sensor_tables,
     write_measured,
 )
-from omnisim.apps.cli.console import print_note, track
+from omnisim.apps.cli.measure.requests import MeasureSharpnessRequest
 from omnisim.cameras.optics.boards.board_corners import BoardCorners, read_corners
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.sharpness import (
@@ -24,7 +25,7 @@ from omnisim.measurement.sharpness import (
     measure_sharpness,
     read_edge_image,
 )
-from omnisim.measurement.sharpness.edge_images import Response
+from omnisim.rendering.camera.degradations import Encoding
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
 MIN_GAMMA, MAX_GAMMA = 0.1, 10.0
@@ -40,22 +41,25 @@ def sharpness(request: MeasureSharpnessRequest) -> None:
         OutputError: a file that cannot be written.
     """
     check_outputs(request.output, request.sensor)
-    response = _response(request.response)
-    files = find_edge_images(request.images)
-    boards = None if request.corners is None else _boards(request.corners, len(files))
-    center_px = None
     tables: dict[str, Any] = sensor_tables(request.sensor)
+    encoding = _encoding(request.response, tables)
+    files: Sequence[Path] = find_edge_images(request.images)
+    boards = None
+    if request.corners is not None:
+        boards = read_corners(request.corners)
+        files = _files_with_board(request, files, boards)
+    center_px = None
     if request.sensor is not None:
         camera = OmniCamera.from_file(request.sensor).model
         u_px, v_px = camera.principal_point_px
         center_px = float(u_px), float(v_px)
-        _check_size(files[0], response, (camera.width_px, camera.height_px), request.sensor)
+        _check_size(files[0], encoding, (camera.width_px, camera.height_px), request.sensor)
     numbers = track(range(len(files)), "Images", len(files))
     measured = measure_sharpness(
-        (read_edge_image(files[number], response) for number in numbers),
+        (read_edge_image(files[number], encoding) for number in numbers),
         boards=boards,
         center_px=center_px,
-        response=response,
+        encoding=encoding,
         names=[str(path) for path in files],
     )
     degradation = _degradation(tables.get("degradation", {}), measured)
@@ -77,11 +81,13 @@ def sharpness(request: MeasureSharpnessRequest) -> None:
         print_note(f"radii are those of {width} × {height} px: give the camera's --sensor file")
 
 
-def _response(text: str | None) -> Response | None:
+def _encoding(text: str | None, tables: dict[str, Any]) -> Encoding | None:
+    """Encoding of the images: the given one, or that of the sensor file."""
     if text is None:
-        return None
+        table = tables.get("degradation", {}).get("encoding")
+        return None if table is None else Encoding(**table)
     if text == "srgb":
-        return "srgb"
+        return Encoding(gamma="srgb")
     try:
         gamma = float(text)
     except ValueError:
@@ -89,24 +95,34 @@ def _response(text: str | None) -> Response | None:
     if not MIN_GAMMA <= gamma <= MAX_GAMMA:
         expected = f"expected srgb or a number from {MIN_GAMMA:g} to {MAX_GAMMA:g}"
         raise MeasurementError(f"--response: {expected}, got {text!r}")
-    return gamma
+    return Encoding(gamma=gamma)
 
 
-def _boards(path: Path, images: int) -> Sequence[BoardCorners]:
-    boards = read_corners(path)
-    if len(boards) != images:
+def _files_with_board(
+    request: MeasureSharpnessRequest, files: Sequence[Path], boards: Sequence[BoardCorners]
+) -> Sequence[Path]:
+    """Files of the images that the corners are of, which the geometry's report may list.
+
+    Raises:
+        MeasurementError: the corners are those of another number of images.
+    """
+    if len(boards) != len(files) and request.sensor is not None:
+        images = read_reports(request.sensor).get("geometry", {}).get("images", ())
+        names = {image["name"] for image in images}
+        files = [path for path in files if path.name in names]
+    if len(boards) != len(files):
         raise MeasurementError(
-            f"{path}: expected corners in each of {images} images, in the order of their names, "
-            f"got those of {len(boards)}"
+            f"{request.corners}: expected corners in each of {len(files)} images, in the order of "
+            f"their names, got those of {len(boards)}"
         )
-    return boards
+    return files
 
 
 def _check_size(
-    file: Path, response: Response | None, size_px: tuple[int, int], sensor: Path
+    file: Path, encoding: Encoding | None, size_px: tuple[int, int], sensor: Path
 ) -> None:
     """Check that the images have the size of the sensor file."""
-    height, width = read_edge_image(file, response).shape[:2]
+    height, width = read_edge_image(file, encoding).shape[:2]
     if (width, height) != size_px:
         expected = f"expected {size_px[0]} × {size_px[1]} px as in {sensor}"
         raise MeasurementError(f"{file}: {expected}, got {width} × {height} px")

@@ -8,21 +8,21 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.apps.cli.cameras.measure_requests import MeasureTimingRequest
-from omnisim.apps.cli.cameras.measured_files import (
+from omnisim.apps.cli.console import track
+from omnisim.apps.cli.measure.measured_files import (
     check_outputs,
     print_measured,
     round_to_sigma,
     sensor_tables,
     write_measured,
 )
-from omnisim.apps.cli.console import track
+from omnisim.apps.cli.measure.requests import MeasureTimingRequest
 from omnisim.core.errors import MeasurementError
-from omnisim.core.srgb import linear_from_srgb
 from omnisim.measurement.geometry.board_images import image_files
 from omnisim.measurement.quantity import Unseen
 from omnisim.measurement.response.mean_images import mean_image
 from omnisim.measurement.timing import line_profiles, measure_timing
+from omnisim.rendering.camera.degradations import Encoding
 
 _GREEN = 1
 
@@ -41,9 +41,9 @@ def timing(request: MeasureTimingRequest) -> None:
         raise MeasurementError(message)
     tables = sensor_tables(request.sensor)
     degradation = dict(tables.get("degradation", {}))
-    gamma = degradation.get("encoding", {}).get("gamma", 1.0)
+    encoding = Encoding(**degradation.get("encoding", {"gamma": 1.0}))
     files = image_files(request.images)
-    profiles = line_profiles(_frames(files, gamma), 1.0, str(request.images))
+    profiles = line_profiles(_frames(files, encoding), 1.0, str(request.images))
     measured = measure_timing(profiles, request.flicker, request.modulation, str(request.images))
     shutter = dict(degradation.get("shutter", {}))
     unseen = list(measured.unseen)
@@ -67,9 +67,8 @@ def timing(request: MeasureTimingRequest) -> None:
     print_measured(request.output, measured.quantities, unseen)
 
 
-def _frames(files: Sequence[Path], gamma: float | str) -> Iterator[NDArray[np.float64]]:
+def _frames(files: Sequence[Path], encoding: Encoding) -> Iterator[NDArray[np.float64]]:
     """Linear light of frames, from 0 to 1."""
     for number in track(range(len(files)), "Frames", len(files)):
         levels, white = mean_image(files[number : number + 1], _GREEN)
-        levels /= white
-        yield linear_from_srgb(levels) if isinstance(gamma, str) else levels**gamma
+        yield encoding.linearized(levels / white)

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
-from omnisim.apps.cli.cameras.measure_requests import MeasureGeometryRequest
-from omnisim.apps.cli.cameras.measured_files import (
+from omnisim.apps.cli.console import out, pluralize, print_note, track
+from omnisim.apps.cli.measure.measured_files import (
     check_outputs,
     print_measured,
     sensor_tables,
     write_measured,
 )
-from omnisim.apps.cli.console import out, pluralize, print_note, track
+from omnisim.apps.cli.measure.requests import MeasureGeometryRequest
 from omnisim.cameras.optics.boards.board_corners import BoardCorners, read_corners, write_corners
 from omnisim.core.errors import MeasurementError, OpticsError
 from omnisim.core.extras import is_installed, require_extra
@@ -169,6 +169,12 @@ def _details(measured: MeasuredGeometry, rejected: Sequence[RejectedImage]) -> d
         "images": images,
         "rejected_images": [{"name": one.name, "reason": one.reason} for one in rejected],
         "board_m": measured.board_m.tolist(),
+        "corners": {
+            "pixels_px": np.concatenate([one.pixels_px for one in measured.views])
+            .round(3)
+            .tolist(),
+            "errors_px": measured.errors_px.round(4).tolist(),
+        },
     }
 
 

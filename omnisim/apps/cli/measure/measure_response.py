@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,20 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.apps.cli.cameras.measure_requests import MeasureResponseRequest
-from omnisim.apps.cli.cameras.measured_files import (
+from omnisim.apps.cli.console import out, track
+from omnisim.apps.cli.measure.measured_files import (
     check_outputs,
     print_measured,
     round_to_sigma,
     sensor_tables,
     write_measured,
 )
-from omnisim.apps.cli.console import out, track
+from omnisim.apps.cli.measure.requests import MeasureResponseRequest
 from omnisim.core.errors import MeasurementError
-from omnisim.core.srgb import linear_from_srgb
 from omnisim.measurement.geometry.board_images import image_files
 from omnisim.measurement.noise import find_frame_sets
-from omnisim.measurement.quantity import Unseen
+from omnisim.measurement.quantity import Quantity, Unseen
 from omnisim.measurement.response import (
     MeasuredResponse,
     MeasuredVignetting,
@@ -30,11 +30,11 @@ from omnisim.measurement.response import (
     measure_vignetting,
 )
 from omnisim.measurement.response.mean_images import check_unclipped, mean_image
-from omnisim.measurement.response.response_curve import MAX_ERROR
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
 _GREEN = 1
 _NAMES = ("red", "green", "blue")
+_MIN_TINT = 0.005  # below: balanced
 
 
 def response(request: MeasureResponseRequest) -> None:
@@ -46,24 +46,16 @@ def response(request: MeasureResponseRequest) -> None:
         OutputError: a file that cannot be written.
     """
     check_outputs(request.output, request.sensor)
+    if request.white is not None and not request.white > request.black:
+        raise MeasurementError(
+            f"--white: expected a level above the black one, {request.black:g}, "
+            f"got {request.white:g}"
+        )
     tables = sensor_tables(request.sensor)
     measured = _response(request)
     quantities, unseen = list(measured.quantities), list[Unseen]()
     degradation: dict[str, Any] = dict(tables.get("degradation", {}))
-    error = measured.errors[min(measured.errors, key=lambda name: measured.errors[name])]
-    if error > MAX_ERROR:
-        unseen.append(
-            Unseen(
-                "encoding.gamma",
-                f"no transfer function of a sensor file is the camera's: {100.0 * error:.1f} % of "
-                "full scale off; the measured curve is in the report",
-            )
-        )
-    else:
-        gamma = measured.gamma
-        if not isinstance(gamma, str) and gamma != 1.0:
-            gamma = round_to_sigma(gamma, measured.quantities[0].sigma)
-        degradation["encoding"] = {**degradation.get("encoding", {}), "gamma": gamma}
+    degradation["encoding"] = _encoding(degradation.get("encoding", {}), measured)
     details: dict[str, Any] = {
         "response": {
             "light": measured.light.tolist(),
@@ -78,6 +70,17 @@ def response(request: MeasureResponseRequest) -> None:
         channels = _vignetting(request.flat, request, measured)
         green = channels.get("green", next(iter(channels.values())))
         degradation["vignetting"] = green.vignetting.values()
+        if set(_NAMES) <= channels.keys():
+            tint = [channels[name].middle / channels["green"].middle for name in _NAMES]
+            if max(abs(value - 1.0) for value in tint) > _MIN_TINT:
+                response = [round(value, 4) for value in tint]
+                degradation["white_balance"] = {"response": response, "gains": [1.0, 1.0, 1.0]}
+            basis = "middle of the flat fields, whose light is taken as white"
+            quantities += [
+                Quantity(f"white_balance.{name}", value, math.nan, "of green", basis)
+                for name, value in zip(_NAMES, tint, strict=True)
+                if name != "green"
+            ]
         for name, one in channels.items():
             quantities += [replace(part, name=f"{name}.{part.name}") for part in one.quantities]
         details["vignetting"] = {
@@ -103,6 +106,7 @@ def _response(request: MeasureResponseRequest) -> MeasuredResponse:
         if not sets[number].files:
             raise MeasurementError(f"{sets[number].folder}: expected images, got none")
         mean, largest = mean_image(sets[number].files, _GREEN)
+        largest = request.white or largest
         images.append(mean)
         times.append(sets[number].exposure_s)
     return measure_response(images, times, request.black, largest, str(request.images))
@@ -121,21 +125,27 @@ def _vignetting(
     planes: list[NDArray[np.float64]] = []
     for number in track(range(3), "Channels", 3):
         mean, largest = mean_image(files, number)
+        largest = request.white or largest
         if planes and np.array_equal(mean, planes[0]):
             continue  # gray images
         planes.append(mean)
         check_unclipped(mean, largest, str(folder))
         levels = np.clip((mean - request.black) / (largest - request.black), 0.0, 1.0)
         name = _NAMES[number] if number else "red"
-        channels[name] = measure_vignetting(_linear(levels, measured.gamma), center, str(folder))
+        light = measured.encoding.linearized(levels)
+        channels[name] = measure_vignetting(light, center, str(folder))
     return {"gray": channels["red"]} if len(channels) == 1 else channels
 
 
-def _linear(levels: NDArray[np.float64], gamma: float | str) -> NDArray[np.float64]:
-    if isinstance(gamma, str):
-        light: NDArray[np.float64] = linear_from_srgb(levels)
-        return light
-    return levels**gamma
+def _encoding(table: dict[str, Any], measured: MeasuredResponse) -> dict[str, Any]:
+    """Table of the sensor file with the measured transfer function."""
+    others = {key: value for key, value in table.items() if key not in ("gamma", "curve")}
+    gamma, curve = measured.encoding.gamma, measured.encoding.curve
+    if curve is not None:
+        return {**others, "curve": [[round(value, 5) for value in point] for point in curve]}
+    if not isinstance(gamma, str) and gamma != 1.0:
+        gamma = round_to_sigma(gamma, measured.quantities[0].sigma)
+    return {**others, "gamma": gamma}
 
 
 def _print(measured: MeasuredResponse) -> None:

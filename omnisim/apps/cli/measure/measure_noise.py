@@ -5,15 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from omnisim.apps.cli.cameras.measure_requests import MeasureNoiseRequest
-from omnisim.apps.cli.cameras.measured_files import (
+from omnisim.apps.cli.console import out, track
+from omnisim.apps.cli.measure.measured_files import (
     check_outputs,
     print_measured,
     round_to_sigma,
     sensor_tables,
     write_measured,
 )
-from omnisim.apps.cli.console import out, track
+from omnisim.apps.cli.measure.requests import MeasureNoiseRequest
 from omnisim.measurement.noise import (
     FrameStatistics,
     MeasuredNoise,

@@ -1,0 +1,1 @@
+"""Commands of `omnisim measure`: a camera measured from its own images."""

@@ -1,0 +1,173 @@
+"""`omnisim measure plan`: all parts of a camera, and the report of what was measured."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
+
+import pydantic
+from pydantic import Field
+
+from omnisim.apps.cli.console import out
+from omnisim.apps.cli.measure.measure_compare import compare
+from omnisim.apps.cli.measure.measure_geometry import geometry
+from omnisim.apps.cli.measure.measure_noise import noise
+from omnisim.apps.cli.measure.measure_response import response
+from omnisim.apps.cli.measure.measure_sharpness import sharpness
+from omnisim.apps.cli.measure.measure_timing import timing
+from omnisim.apps.cli.measure.measured_files import check_outputs, mark_inputs, read_reports
+from omnisim.apps.cli.measure.requests import (
+    MeasureCompareRequest,
+    MeasureGeometryRequest,
+    MeasureNoiseRequest,
+    MeasurePlanRequest,
+    MeasureResponseRequest,
+    MeasureSharpnessRequest,
+    MeasureTimingRequest,
+)
+from omnisim.apps.cli.options import Option
+from omnisim.core.errors import MeasurementError
+from omnisim.core.extras import require_extra
+from omnisim.core.files.parameters import Table, parse_table
+from omnisim.core.files.toml_file import read_tables
+
+
+class _Part(NamedTuple):
+    """Part of a plan: the command that measures it, and the class of its request."""
+
+    measure: Callable[[Any], None]
+    request: type
+
+
+# In this order: the timing needs the transfer function, the sharpness the camera model, too.
+_PARTS = {
+    "geometry": _Part(geometry, MeasureGeometryRequest),
+    "response": _Part(response, MeasureResponseRequest),
+    "timing": _Part(timing, MeasureTimingRequest),
+    "sharpness": _Part(sharpness, MeasureSharpnessRequest),
+    "noise": _Part(noise, MeasureNoiseRequest),
+}
+_COMPARE = "compare"
+_OWN = ("output", "sensor")  # which the plan's command sets
+
+
+def plan(request: MeasurePlanRequest) -> None:
+    """Measure the parts of a plan one after the other, and write a report of them.
+
+    A part whose arguments and files are unchanged since the last call is not measured again.
+
+    Raises:
+        MeasurementError: a fault in the plan, or images that cannot be measured.
+        SensorFileError: a sensor file with a fault.
+        OutputError: a file that cannot be written.
+    """
+    require_extra("reports", "omnisim measure plan", MeasurementError)
+    from omnisim.validation.report.report import Report, check_report_target
+
+    folder = request.output.with_name(f"{request.output.stem}-report")
+    check_outputs(request.output, request.sensor)
+    if request.sensor is not None and request.sensor.resolve() == request.output.resolve():
+        raise MeasurementError(f"--sensor: {request.sensor} is the file to write: expected another")
+    check_report_target(folder)
+    tables = _read_plan(request.plan, request.output)
+    digest, sensor = _digest("", {"sensor": request.sensor}), request.sensor
+    for name, part in _PARTS.items():
+        if name not in tables:
+            continue
+        digest = _digest(digest, tables[name])
+        if read_reports(request.output).get(name, {}).get("inputs") == digest:
+            out.print(f"{name}: measured before", markup=False)
+        else:
+            out.print(f"[bold]{name}[/]")
+            part.measure(part.request(**tables[name], output=request.output, sensor=sensor))
+            mark_inputs(request.output, name, digest)
+        sensor = request.output
+    if _COMPARE in tables:
+        out.print(f"[bold]{_COMPARE}[/]")
+        compare(MeasureCompareRequest(**tables[_COMPARE], output=folder, sensor=request.output))
+        return
+    from omnisim.apps.cli.measure.measured_sections import measured_sections
+
+    sections = measured_sections(request.output)
+    Report("Measured camera", "", sections, {"sensor": request.output.name}).write(folder)
+    out.print(f"{folder}: written", markup=False)
+
+
+def _read_plan(path: Path, output: Path) -> dict[str, dict[str, Any]]:
+    """Arguments of each part.
+
+    Raises:
+        MeasurementError: naming file, key and value.
+    """
+    read = read_tables(path, MeasurementError)
+    kinds = {name: part.request for name, part in _PARTS.items()} | {
+        _COMPARE: MeasureCompareRequest
+    }
+    fields: dict[str, Any] = {name: (_schema(kind) | None, None) for name, kind in kinds.items()}
+    schema = pydantic.create_model("Plan", __base__=Table, **fields)
+    parsed = parse_table(_with_board(read, output), schema, MeasurementError, str(path))
+    tables = {
+        name: _below(path.parent, dict(table))
+        for name in kinds
+        if (table := getattr(parsed, name)) is not None
+    }
+    if not tables.keys() & _PARTS.keys():
+        raise MeasurementError(f"{path}: expected a table of {', '.join(_PARTS)}")
+    return tables
+
+
+def _with_board(read: Mapping[str, Any], output: Path) -> dict[str, Any]:
+    """Tables in which sharpness and comparison use the geometry's images if they name none."""
+    tables = dict(read)
+    board = read.get("geometry")
+    if not isinstance(board, Mapping) or "images" not in board:
+        return tables
+    given = {key: board[key] for key in ("images", "board", "mirrored") if key in board}
+    if isinstance(read.get(_COMPARE), Mapping):
+        tables[_COMPARE] = given | read[_COMPARE]
+    edges = read.get("sharpness")
+    if isinstance(edges, Mapping) and "images" not in edges:
+        corners = output.with_name(f"{output.stem}-corners.csv").absolute()
+        tables["sharpness"] = {"images": board["images"], "corners": str(corners), **edges}
+    return tables
+
+
+def _schema(kind: type) -> type[Table]:
+    """Schema of a part's table: the fields of its request that the plan does not set itself."""
+    hints = get_type_hints(kind, include_extras=True)
+    fields: dict[str, Any] = {}
+    for field in dataclasses.fields(kind):
+        if field.name in _OWN:
+            continue
+        hint = hints[field.name]
+        details = get_args(hint)[1] if get_origin(hint) is not None else None
+        limits = (details.min, details.max) if isinstance(details, Option) else (None, None)
+        default = ... if field.default is dataclasses.MISSING else field.default
+        fields[field.name] = (hint, Field(default, ge=limits[0], le=limits[1]))
+    return pydantic.create_model(kind.__name__, __base__=Table, **fields)
+
+
+def _below(folder: Path, table: dict[str, Any]) -> dict[str, Any]:
+    """Table whose relative paths start at the plan's folder."""
+    return {
+        key: folder / value if isinstance(value, Path) else value for key, value in table.items()
+    }
+
+
+def _digest(before: str, table: Mapping[str, Any]) -> str:
+    """Digest of a part's arguments and files, and of the parts before it."""
+    digest = hashlib.sha256(before.encode())
+    for key, value in sorted(table.items()):
+        is_path = isinstance(value, Path)
+        digest.update(f"{key} = {value.name if is_path else value!r}\n".encode())
+        if not is_path:
+            continue
+        files = sorted(value.rglob("*")) if value.is_dir() else [value]
+        for file in files:
+            if file.is_file():
+                digest.update(f"{file.relative_to(value)}\n".encode())
+                digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]

@@ -1,0 +1,96 @@
+"""`omnisim measure plan`: parts in order, the report, and work that is not done twice."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import omnisim as package
+from omnisim.rendering.camera.omnicamera import OmniCamera
+
+EXAMPLE = Path(package.__file__).parents[1] / "examples" / "board_images.py"
+PLAN = """
+[compare]
+
+[response]
+images = "series"
+
+[geometry]
+images = "photos"
+board = "8x6:80mm"
+model = ["kannala_brandt"]
+"""
+
+
+@pytest.fixture(scope="module")
+def photos(tmp_path_factory):
+    pytest.importorskip("cv2")
+    folder = tmp_path_factory.mktemp("photos")
+    subprocess.run([sys.executable, EXAMPLE, folder], check=True)
+    return folder
+
+
+@pytest.fixture
+def folder(photos, response_series, tmp_path):
+    (tmp_path / "photos").symlink_to(photos)
+    (tmp_path / "plan.toml").write_text(PLAN)
+    return tmp_path
+
+
+@pytest.mark.slow
+def test_parts_are_measured_once(omnisim, folder):
+    status, out, error = omnisim("measure", "plan", "plan.toml", "-o", "camera.toml")
+    assert status == 0, error
+    assert out.index("geometry") < out.index("response") < out.index("compare")
+    camera = OmniCamera.from_file(folder / "camera.toml")
+    assert camera.degradation.encoding.gamma == pytest.approx(2.0, rel=0.01)
+    sections = json.loads((folder / "camera-report" / "report.json").read_text())["sections"]
+    assert [one["title"] for one in sections] == [
+        "The camera beside its twin",
+        "Geometry",
+        "Response",
+    ]
+    before = (folder / "camera.toml").read_bytes(), (folder / "camera.json").read_bytes()
+    status, out, _ = omnisim("measure", "plan", "plan.toml", "-o", "camera.toml")
+    assert status == 0
+    assert "geometry: measured before" in out
+    assert "response: measured before" in out
+    assert before == (
+        (folder / "camera.toml").read_bytes(),
+        (folder / "camera.json").read_bytes(),
+    )
+
+
+def test_a_changed_file_is_measured_again(omnisim, folder):
+    (folder / "plan.toml").write_text('[response]\nimages = "series"\n')
+    status, _, error = omnisim("measure", "plan", "plan.toml", "-o", "camera.toml")
+    assert status == 0, error
+    first = sorted((folder / "series").rglob("*.png"))[0]
+    first.write_bytes(first.read_bytes() + b" ")  # after the image's end
+    status, out, _ = omnisim("measure", "plan", "plan.toml", "-o", "camera.toml")
+    assert status == 0
+    assert "measured before" not in out
+    assert (folder / "camera-report" / "report.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("plan", "message"),
+    [
+        ("", "plan.toml: expected a table of geometry, response, timing, sharpness, noise"),
+        ("[geometry]\nboard = '8x6:80mm'\n", "plan.toml: geometry.images: missing"),
+        ("[geometry]\nimages = 3\n", "plan.toml: geometry.images: expected a path, as text, got 3"),
+        ("[shape]\n", "plan.toml: shape: unknown key"),
+        ("[compare]\n[response]\nimages = 's'\n", "plan.toml: compare.images: missing"),
+        ("[response]\nimages = 's'\nblack = -1\n", "plan.toml: response.black: expected a number"),
+        ("[response]\nimages = 's'\noutput = 'a'\n", "plan.toml: response.output: unknown key"),
+        ("[response]\nimages = 'none'\n", "none: expected a folder"),
+    ],
+)
+def test_faults_are_named(omnisim, tmp_path, plan, message):
+    (tmp_path / "plan.toml").write_text(plan)
+    status, _, error = omnisim("measure", "plan", "plan.toml", "-o", "camera.toml")
+    assert status == 1
+    assert message in error
+    assert [path.name for path in tmp_path.iterdir()] == ["plan.toml"]
