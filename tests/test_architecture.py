@@ -16,6 +16,7 @@ ROOMS = (
     {"__main__"},
     {"apps"},
     {"validation"},
+    {"evaluation"},
     {"datasets", "measurement"},
     {"runs"},
     {"robots"},

@@ -33,6 +33,7 @@ EXTRAS = {
     "bake": {"embreex": "embreex", "xatlas": "xatlas"},
     "video": {"av": "av"},
     "measure": {"opencv-contrib-python-headless": "cv2"},
+    "estimators": {"kiss-icp": "kiss_icp", "small-gicp": "small_gicp"},
     "mujoco": {"mujoco-core": "mujoco"},
     "usd": {"usd-core": "pxr"},
     "ray": {"ray": "ray"},
@@ -42,6 +43,7 @@ EXTRAS = {
     "oracles": {
         "embreex": "embreex",
         "emva1288": "emva1288",
+        "evo": "evo",
         "mcap-ros2-support": "mcap_ros2",
         "mitsuba": "mitsuba",
         "opencv-contrib-python-headless": "cv2",

@@ -26,6 +26,10 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
             "Drive a robot along a path and record images, scans, odometry and ground truth.",
             "runs.drive.run", "runs.requests.DriveRequest",
         ),
+        "evaluate": Entry(
+            "Apply odometry and SLAM of others to a run, and report their errors.",
+            "runs.evaluate.run", "runs.requests.EvaluateRequest",
+        ),
         "plot": Entry(
             "Plot a run from above: map, path, odometry, landmarks, images.",
             "runs.plot.run", "runs.requests.PlotRequest", "plots",

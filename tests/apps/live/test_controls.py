@@ -67,7 +67,9 @@ def test_every_key_of_every_effect_has_a_control_with_help():
     assert [group["on"] for group in effects] == [True] * len(EFFECTS)
     for group, (name, effect) in zip(effects, EFFECTS.items(), strict=True):
         labels = {one["label"] for one in group["controls"]}
-        assert labels == set(table_of(effect).model_fields) - {"widths_px", "curve"}, name  # have rows
+        assert labels == set(table_of(effect).model_fields) - {"widths_px", "curve"}, (
+            name
+        )  # have rows
         assert all(one["help"] for one in group["controls"]), name
 
 

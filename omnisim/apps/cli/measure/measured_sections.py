@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from omnisim.validation.plots.plot_file import Figure
 
 from omnisim.apps.cli.measure.measured_files import (
     format_quantity,
@@ -26,6 +25,7 @@ from omnisim.validation.plots.measured_plots import (
     timing_figure,
     vignetting_figure,
 )
+from omnisim.validation.plots.plot_file import Figure
 from omnisim.validation.plots.residual_plot import residual_figure
 from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 

@@ -20,6 +20,7 @@ from omnisim.apps.cli.option_groups import (
     TruthOptions,
 )
 from omnisim.apps.cli.options import Argument, Option
+from omnisim.evaluation.estimator_registry import ESTIMATORS
 
 
 class PhysicsEngine(StrEnum):
@@ -209,3 +210,22 @@ class ImportRequest:
     """Height of USARSim's origin of the robot above the ground."""
     resources: Resources = None
     """Folder of models that the file references by URI, such as model://chair; can be repeated."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluateRequest:
+    """Parameters of `omnisim evaluate`."""
+
+    run: Annotated[Path, Argument(metavar="RUN|PLAN")]
+    """Folder of a finished run, or the plan of a sweep (.toml)."""
+    output: Annotated[Path, Option(metavar="DIR")]
+    """Folder of the report and the trajectories; outcomes that it has already are kept."""
+    estimators: Annotated[
+        list[str] | None,
+        Option(flags=("--with",), metavar="NAME", default="all", names=lambda: ESTIMATORS),
+    ] = None
+    """Estimator: {names}, or command:… with {run} and {out}; repeatable; a plan has its own."""
+    limit_s: Annotated[float, Option(min=1.0, max=86400.0)] = 600.0
+    """Time after which an estimator is ended; a plan has its own."""
+    processes: Annotated[int, Option(min=1, max=256)] = 1
+    """Drives of a plan at the same time."""

@@ -1,0 +1,50 @@
+"""Contract of estimators."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from pathlib import Path
+from typing import ClassVar
+
+from omnisim.core.errors import OmnisimError
+from omnisim.core.trajectories import Trajectory
+from omnisim.datasets.export.recording import Recording
+from omnisim.evaluation.trajectory_alignment import AlignmentKind
+
+
+class EstimatorError(OmnisimError):
+    """An estimator cannot be applied to a run, or has failed."""
+
+
+class Estimator(ABC):
+    """Method that estimates the trajectory of a robot's base from a run's sensors.
+
+    A subclass has a module of its own in `omnisim.evaluation.estimators`, and a line in
+    `ESTIMATORS`.
+
+    Attributes:
+        title: name for people, with the sensors that it uses.
+        package: package on the index that it needs; "": none.
+        module: module of that package.
+        alignment: what the method cannot know: "se3": where its world is, "sim3": its scale, too;
+            "none": it starts at the true pose.
+        is_level: the method knows which way is down.
+    """
+
+    title: ClassVar[str]
+    package: ClassVar[str] = ""
+    module: ClassVar[str] = ""
+    alignment: ClassVar[AlignmentKind] = "se3"
+    is_level: ClassVar[bool] = False
+
+    @abstractmethod
+    def estimate(self, run: Recording, work: Path) -> Trajectory:
+        """Estimate poses of the base, in a world of the method's own.
+
+        Args:
+            run: finished run.
+            work: empty folder for intermediate files.
+
+        Raises:
+            EstimatorError: the run lacks a sensor, or the method found no trajectory.
+        """

@@ -1,0 +1,1 @@
+"""Adapters of estimators, one module each, see `omnisim.evaluation.estimator`."""

@@ -1,0 +1,79 @@
+"""Integration of an IMU, from the true start."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from omnisim.core.poses import inverse, pose_from_rotation
+from omnisim.core.trajectories import Trajectory
+from omnisim.datasets.export.recording import ImuReadings, Recording
+from omnisim.evaluation.estimator import Estimator, EstimatorError
+from omnisim.sensors.imu.imu import STANDARD_GRAVITY_MPS2
+from omnisim.sensors.imu.mounted_imu import MountedImu
+
+Floats = NDArray[np.float64]
+
+
+class ImuIntegration(Estimator):
+    """Angular rates integrated once and specific forces twice, from the true start."""
+
+    title = "integrated IMU"
+    alignment = "none"
+    is_level = True
+
+    def estimate(self, run: Recording, work: Path) -> Trajectory:
+        """Poses at the readings."""
+        names = run.sensors(MountedImu)
+        if not names:
+            raise EstimatorError("the run has no IMU")
+        base_from_imu = run.base_from_imu(names[0])
+        readings = run.imu_readings(names[0])
+        settings = run.run.manifest.sensors[names[0]].model_extra or {}
+        start = run.states(readings.times_s[:1]).at_mount(base_from_imu)
+        world_from_imu = integrate(
+            readings,
+            start.world_from_base[0],
+            start.velocity_mps[0],
+            float(settings.get("gravity_mps2", STANDARD_GRAVITY_MPS2)),
+        )
+        return Trajectory(readings.times_s, world_from_imu @ inverse(base_from_imu))
+
+
+def integrate(
+    readings: ImuReadings, world_from_imu: Floats, velocity_mps: Floats, gravity_mps2: float
+) -> Floats:
+    """Poses (n, 4, 4) of an IMU at its readings.
+
+    A reading is the mean over the period around its time, so that half of it leads from its time
+    to the border with the next one.
+
+    Args:
+        readings: angular rates and specific forces.
+        world_from_imu: (4, 4) pose at the first reading.
+        velocity_mps: (3,) velocity in the world at the first reading.
+        gravity_mps2: gravity along the world's −z.
+    """
+    halves_s = 0.5 * np.diff(readings.times_s)
+    poses = [np.array(world_from_imu, dtype=np.float64)]
+    rotation, position = poses[0][:3, :3].copy(), poses[0][:3, 3].copy()
+    velocity = np.array(velocity_mps, dtype=np.float64)
+    down = np.array((0.0, 0.0, -gravity_mps2))
+    quarter_turns = [
+        scipy.spatial.transform.Rotation.from_rotvec(
+            0.5 * halves_s[:, None] * readings.values[part, :3]
+        ).as_matrix()
+        for part in (slice(None, -1), slice(1, None))
+    ]
+    for index, half_s in enumerate(halves_s):
+        for reading, turns in zip((index, index + 1), quarter_turns, strict=True):
+            middle = rotation @ turns[index]
+            acceleration = middle @ readings.values[reading, 3:] + down
+            position = position + half_s * velocity + 0.5 * half_s**2 * acceleration
+            velocity = velocity + half_s * acceleration
+            rotation = middle @ turns[index]
+        poses.append(pose_from_rotation(rotation, position))
+    return np.stack(poses)

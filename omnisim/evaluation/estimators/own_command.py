@@ -1,0 +1,51 @@
+"""A command of the user's own, which writes a trajectory."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+from pathlib import Path
+
+from omnisim.core.errors import TrajectoryError
+from omnisim.core.trajectories import Trajectory, read_trajectory
+from omnisim.datasets.export.recording import Recording
+from omnisim.evaluation.estimator import Estimator, EstimatorError
+
+_TAIL = 300  # characters of the command's errors in a message
+
+
+class OwnCommand(Estimator):
+    """Command whose {run} becomes the run's folder, and {out} the TUM file that it writes.
+
+    Raises:
+        EstimatorError: the command does not name both.
+    """
+
+    title = "own command"
+
+    def __init__(self, command: str):
+        if "{run}" not in command or "{out}" not in command:
+            raise EstimatorError(f"command {command!r}: expected {{run}} and {{out}} in it")
+        self.command = command
+
+    def estimate(self, run: Recording, work: Path) -> Trajectory:
+        """Poses of the base that the command has written."""
+        path = work / "estimate.tum"
+        places = {"{run}": str(run.run.path.absolute()), "{out}": str(path)}
+        words = [
+            word.replace("{run}", places["{run}"]).replace("{out}", places["{out}"])
+            for word in shlex.split(self.command)
+        ]
+        try:
+            done = subprocess.run(words, capture_output=True, text=True, cwd=work, check=False)
+        except OSError as reason:
+            raise EstimatorError(f"{words[0]}: cannot be run: {reason.strerror}") from None
+        if done.returncode:
+            tail = done.stderr.strip()[-_TAIL:] or "without a message"
+            raise EstimatorError(f"{words[0]}: exit status {done.returncode}: {tail}")
+        if not path.is_file():
+            raise EstimatorError(f"{words[0]}: wrote no trajectory to {{out}}")
+        try:
+            return read_trajectory(path)
+        except TrajectoryError as reason:
+            raise EstimatorError(str(reason)) from None

@@ -1,0 +1,67 @@
+"""`omnisim evaluate`: reports of runs and plans."""
+
+import json
+
+import pytest
+
+from tests.evaluation.test_estimators import IMU, ROBOT
+from tests.evaluation.test_sweep import PLAN
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "robot.toml").write_text(ROBOT + IMU)
+    (tmp_path / "way.csv").write_text("x_m,y_m\n-1,0\n0,0.6\n")
+    return tmp_path
+
+
+def test_a_run(omnisim, folder):
+    robot = ("--robot", "robot.toml", "--path", "way.csv")
+    status, _, error = omnisim("drive", "soccer", *robot, "-o", "run")
+    assert status == 0, error
+    names = ("--with", "wheels", "--with", "imu", "--with", "command:false {run} {out}")
+    status, out, error = omnisim("evaluate", "run", "-o", "report", *names)
+    assert status == 0, error
+    assert "report: written" in out
+    assert "command:false {run} {out}: failed: false: exit status 1" in error
+    report = json.loads((folder / "report" / "report.json").read_text())
+    errors, failures = report["sections"][0]["tables"]
+    assert [row[0] for row in errors["rows"]] == ["wheels", "imu", "command:false {run} {out}"]
+    assert failures["rows"][0][:2] == ["command:false {run} {out}", "failed"]
+    assert {"trajectories.png", "offsets.png", "report.html"} <= {
+        path.name for path in (folder / "report").iterdir()
+    }
+
+
+@pytest.mark.slow
+def test_a_plan(omnisim, folder):
+    (folder / "plan.toml").write_text(
+        PLAN + "[[vary]]\ntitle = 'IMU'\nkey = 'sensors.imu.device'\nvalues = ['bmi160']\n"
+    )
+    status, _, error = omnisim("evaluate", "plan.toml", "-o", "report", "--processes", "2")
+    assert status == 0, error
+    (section,) = json.loads((folder / "report" / "report.json").read_text())["sections"]
+    rows = section["tables"][0]["rows"]
+    assert [row[:2] for row in rows] == [
+        [value, name] for value in ("as given", "bmi160") for name in ("wheels", "imu")
+    ]
+    ideal, noisy = float(rows[1][2]), float(rows[3][2])
+    assert noisy > 10.0 * ideal
+    assert float(rows[3][3]) > 0.0  # two seeds differ
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("none", "-o", "report"), "none: no such folder: expected the folder of a run"),
+        (("none", "-o", "report", "--with", "orbslam"), "estimator 'orbslam': unknown"),
+        (("none.toml", "-o", "report"), "none.toml"),
+        (("none", "-o", "robot.toml"), "robot.toml"),
+    ],
+)
+def test_faults_are_named(omnisim, folder, arguments, message):
+    before = sorted(folder.iterdir())
+    status, _, error = omnisim("evaluate", *arguments)
+    assert status == 1
+    assert message in error
+    assert sorted(folder.iterdir()) == before

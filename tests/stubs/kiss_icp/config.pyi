@@ -1,0 +1,6 @@
+from typing import Any
+
+class KISSConfig:
+    data: Any
+    mapping: Any
+    registration: Any
