@@ -58,7 +58,11 @@ class OutputError(OmnisimError):
 
 
 class PlanError(OmnisimError):
-    """A data set plan is invalid, or cannot be carried out."""
+    """A plan of a data set or a sweep is invalid, or cannot be carried out."""
+
+
+class EstimatorError(OmnisimError):
+    """An estimator cannot be applied to a run, or has failed."""
 
 
 class LocalizationError(OmnisimError):

@@ -4,7 +4,7 @@ An estimator is an adapter to a method that finds a robot's trajectory from a ru
 people's odometry and SLAM, or dead reckoning. Each runs in a process of its own.
 """
 
-from omnisim.evaluation.estimator import Estimator, EstimatorError
+from omnisim.evaluation.estimator import Estimator
 from omnisim.evaluation.estimator_registry import ESTIMATORS, estimator_named
 from omnisim.evaluation.trajectory_alignment import Alignment, align
 from omnisim.evaluation.trajectory_errors import TrajectoryErrors, trajectory_errors
@@ -13,7 +13,6 @@ __all__ = [
     "ESTIMATORS",
     "Alignment",
     "Estimator",
-    "EstimatorError",
     "TrajectoryErrors",
     "align",
     "estimator_named",

@@ -6,14 +6,9 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import ClassVar
 
-from omnisim.core.errors import OmnisimError
 from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.trajectory_alignment import AlignmentKind
-
-
-class EstimatorError(OmnisimError):
-    """An estimator cannot be applied to a run, or has failed."""
 
 
 class Estimator(ABC):

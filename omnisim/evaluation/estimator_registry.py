@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from importlib import import_module
 
-from omnisim.core.errors import did_you_mean
-from omnisim.evaluation.estimator import Estimator, EstimatorError
+from omnisim.core.errors import EstimatorError, did_you_mean
+from omnisim.evaluation.estimator import Estimator
 
 # Module in `omnisim.evaluation.estimators`, and class, by the name on the command line.
 ESTIMATORS = {
@@ -29,7 +29,7 @@ def estimator_named(name: str) -> Estimator:
 
         return OwnCommand(name.removeprefix(COMMAND))
     if name not in ESTIMATORS:
-        hint = did_you_mean(name, list(ESTIMATORS), "estimators")
+        hint = did_you_mean(name, list(ESTIMATORS), "there are")
         raise EstimatorError(f"estimator {name!r}: unknown; {hint}, or {COMMAND}…")
     module, cls = ESTIMATORS[name]
     estimator: Estimator = getattr(import_module(f"omnisim.evaluation.estimators.{module}"), cls)()

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from omnisim.core.errors import EstimatorError
 from omnisim.core.extras import is_installed
 from omnisim.datasets.export.recording import Recording
-from omnisim.evaluation import EstimatorError, estimator_named, trajectory_errors
+from omnisim.evaluation import estimator_named, trajectory_errors
 from omnisim.evaluation.run_evaluation import OUTCOME, evaluate_estimator
 
 ROBOT = """

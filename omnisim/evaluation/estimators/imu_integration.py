@@ -8,10 +8,11 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from omnisim.core.errors import EstimatorError
 from omnisim.core.poses import inverse, pose_from_rotation
 from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.recording import ImuReadings, Recording
-from omnisim.evaluation.estimator import Estimator, EstimatorError
+from omnisim.evaluation.estimator import Estimator
 from omnisim.sensors.imu.imu import STANDARD_GRAVITY_MPS2
 from omnisim.sensors.imu.mounted_imu import MountedImu
 

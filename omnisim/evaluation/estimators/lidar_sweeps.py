@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.errors import EstimatorError
 from omnisim.core.poses import inverse
 from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.recording import Recording
-from omnisim.evaluation.estimator import EstimatorError
 from omnisim.sensors.lidar.mounted_lidar import MountedLidar
 
 Floats = NDArray[np.float64]

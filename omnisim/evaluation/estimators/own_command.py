@@ -6,10 +6,10 @@ import shlex
 import subprocess
 from pathlib import Path
 
-from omnisim.core.errors import TrajectoryError
+from omnisim.core.errors import EstimatorError, TrajectoryError
 from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.datasets.export.recording import Recording
-from omnisim.evaluation.estimator import Estimator, EstimatorError
+from omnisim.evaluation.estimator import Estimator
 
 _TAIL = 300  # characters of the command's errors in a message
 

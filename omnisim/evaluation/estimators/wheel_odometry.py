@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from omnisim.core.errors import EstimatorError
 from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.recording import Recording
-from omnisim.evaluation.estimator import Estimator, EstimatorError
+from omnisim.evaluation.estimator import Estimator
 
 
 class WheelOdometry(Estimator):
