@@ -53,7 +53,7 @@ HOMES = {
     "cv2": {"measurement", "validation"},
     "mitsuba": {"validation"},
     "pyrender": {"validation"},
-    "pycolmap": {"validation"},
+    "pycolmap": {"evaluation.estimators", "validation"},
     "yaml": {"cameras.calibration"},
     "embreex": {"rendering.rays"},
     "xatlas": {"rendering.baking"},

@@ -13,6 +13,8 @@ ESTIMATORS = {
     "imu": ("imu_integration", "ImuIntegration"),
     "kiss-icp": ("kiss_icp_odometry", "KissIcpOdometry"),
     "kiss-icp-skewed": ("kiss_icp_odometry", "SkewedKissIcpOdometry"),
+    "colmap": ("colmap_mapping", "ColmapMapping"),
+    "colmap-rig": ("colmap_mapping", "ColmapRigMapping"),
     "small-gicp": ("small_gicp_odometry", "SmallGicpOdometry"),
 }
 COMMAND = "command:"  # prefix of a user's own command

@@ -44,11 +44,11 @@ position_m = [0.0, 0.0, 0.6]
 WAYPOINTS = "x_m,y_m\n2,1\n0,1.2\n-1.5,0\n-0.5,-1.2\n1.5,-1\n"
 
 
-def record(folder, sensors, path="lap"):
-    """Drive over the soccer field; folder of the run."""
+def record(folder, sensors, path="lap", scene="soccer", waypoints=WAYPOINTS, options=()):
+    """Drive through a scene; folder of the run."""
     (folder / "robot.toml").write_text(ROBOT + sensors)
-    (folder / "way.csv").write_text(WAYPOINTS)
-    words = ["drive", "soccer", "--robot", "robot.toml", "--path", path, "-o", "run"]
+    (folder / "way.csv").write_text(waypoints)
+    words = ["drive", scene, "--robot", "robot.toml", "--path", path, "-o", "run", *options]
     subprocess.run(
         [sys.executable, "-m", "omnisim", *words], cwd=folder, check=True, capture_output=True
     )
@@ -89,6 +89,42 @@ def test_lidar_odometry_closes(tmp_path):
     skewed = errors_of(run, "kiss-icp-skewed", tmp_path)
     assert skewed.drift > 1.2 * errors.drift
     assert errors_of(run, "small-gicp", tmp_path).ate_m < 0.005 * errors.way_m
+
+
+LENS = """
+[lens]
+model = "kannala_brandt"
+width_px = 360
+height_px = 360
+focal_lengths_px = [129.0, 129.0]
+principal_point_px = [179.5, 179.5]
+coefficients = [0.01, -0.002, 0.0, 0.0]
+theta_max_deg = 80.0
+"""
+CAMERA = """
+[[sensors]]
+name = "{name}"
+type = "omnicamera"
+file = "lens.toml"
+position_m = [0.1, {y_m}, 1.2]
+yaw_deg = 60.0
+"""
+ACROSS = "x_m,y_m\n-2,-0.5\n-0.5,-0.2\n1,-0.5\n2,-0.3\n"
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("needs_opengl")
+def test_a_rig_knows_the_scale(tmp_path):
+    """Asked: within 0.3 %."""
+    pytest.importorskip("pycolmap")
+    (tmp_path / "lens.toml").write_text(LENS)
+    cameras = [CAMERA.format(name=name, y_m=y_m) for name, y_m in (("left", 0.1), ("right", -0.1))]
+    steps = ("--step", "0.3", "--turn-step", "30")
+    run = record(tmp_path, "".join(cameras), "way.csv", "courtyard", ACROSS, steps)
+    errors = errors_of(run, "colmap-rig", tmp_path)
+    assert errors.poses == Recording.read(run).steps
+    assert errors.scale == pytest.approx(1.0, abs=0.003)
+    assert errors.ate_m < 0.01
 
 
 def own(code):
