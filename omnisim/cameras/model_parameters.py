@@ -73,7 +73,7 @@ def numbers(parameters: Mapping[str, Any], key: str) -> tuple[float, ...]:
     """List of coefficients under `key`.
 
     Raises:
-        OpticsError: the value is missing, or is not a list of numbers.
+        OpticsError: the value is missing, is not a list of numbers, or has one that is too large.
     """
     value = _value(parameters, key)
     if not isinstance(value, list | tuple):

@@ -24,21 +24,22 @@ def export_run(
     camera_name: str | None = None,
     print_note: PrintNote = lambda note: None,
 ) -> Iterator[int]:
-    """Export a run to a folder; yield the run's number of steps, then the number of finished steps.
+    """Export a run to a folder; yield the number of steps, then the number of finished steps.
 
-    The folder appears when it is complete.
+    The folder appears when it is complete. Steps are frames if the format has frames.
 
     Args:
         run: folder of the finished run.
-        format: name of the format, a key of `registry.FORMATS`.
+        format: name of the format, a key of `export_formats.FORMATS`.
         output: new folder.
         settings: settings of the export.
         camera_name: only camera to export; None: all that the format supports.
         print_note: called with notes on content that the format does not support.
 
     Raises:
-        OmnisimError: an unknown format, an unfinished run, a missing extra, a camera without a
-            model in the format, or a folder that cannot be written.
+        OmnisimError: an unknown format, a setting that the format does not use, an unfinished run,
+            a missing extra, a camera without a model in the format, or a folder that cannot be
+            written.
     """
     extra = FORMATS[check_format(format)].extra
     if extra is not None:
@@ -58,10 +59,12 @@ def export_run(
 
 
 def for_format(recording: Recording, form: ExportFormat, print_note: PrintNote) -> Recording:
-    """Recording with the cameras that a format supports; notes name the others.
+    """Recording with the cameras that a format supports, in frames if the format has frames.
+
+    Notes name the cameras, sensors and channels that are left out.
 
     Raises:
-        OutputError: the format supports nothing of the run.
+        OutputError: the format supports no sensor of the run.
     """
     manifest = recording.run.manifest
     held = form.sensors if recording.cameras else (*form.sensors, *form.lone_sensors)

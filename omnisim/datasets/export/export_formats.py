@@ -89,7 +89,7 @@ def check_format(name: str) -> str:
 
 
 def format_named(name: str) -> ExportFormat:
-    """Format of a name.
+    """Import a format by its name, and create it.
 
     Raises:
         OutputError: there is no such format.

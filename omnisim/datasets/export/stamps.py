@@ -22,7 +22,7 @@ def date_text(stamp_ns: int) -> str:
 
 
 def restamped(lines: Iterable[str], stamps: Iterable[str], separator: str) -> Iterator[str]:
-    """Lines of a trajectory file, header first, with exact stamps, which a float cannot hold."""
+    """Lines of a trajectory file, header first, with the first column replaced by exact stamps."""
     rows = iter(lines)
     yield next(rows)
     for line, stamp in zip(rows, stamps, strict=True):
