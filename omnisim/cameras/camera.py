@@ -1,4 +1,4 @@
-"""Interface of a central camera: for its NumPy and GLSL implementations, and for all callers."""
+"""Interface of camera models, central and non-central, with their types of rays and pixels."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""COCO layout of a data set: `images/`, `annotations.json` or a file for each split.
+"""COCO layout of a data set: `images/`, and `annotations.json` or one such file per split.
 
 Classes of the same name have the same ID in all scenes and all splits.
 """
@@ -27,7 +27,7 @@ class CocoSettings:
     """Settings of a COCO folder.
 
     Attributes:
-        limits: minimum sizes of annotated objects.
+        limits: limits for annotated objects.
         with_polygons: True: masks as polygons; False: as run lengths.
         splits: share of the samples by split name; empty: one file for all samples.
     """

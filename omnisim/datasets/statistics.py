@@ -25,7 +25,8 @@ class Statistics:
         scenes, cameras: number of samples by name.
         classes: number of pixels by class; requires the channel semantic.
         brightness: number of valid pixels by mean sRGB value, 16 bins from black to white.
-        ranges: number of pixels by bin between `RANGE_EDGES_M`; requires the channel range.
+        ranges: number of pixels by bin between `RANGE_EDGES_M`, end bins with all ranges beyond;
+            requires the channel range.
     """
 
     samples: int = 0

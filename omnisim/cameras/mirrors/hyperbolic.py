@@ -1,4 +1,4 @@
-"""Hyperbolic mirror with the pinhole camera at its other focus: the paper's camera.
+"""Hyperbolic mirror with the pinhole camera at its outer focus: the paper's camera.
 
     tan(θ/2) = K tan(β/2),  K = k − 1 + √(k(k−2)),  r = f tan β
 

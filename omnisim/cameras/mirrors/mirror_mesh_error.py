@@ -47,7 +47,7 @@ WHOLE_MIRROR = Annulus(0.0, math.inf)
 
 
 def mesh_error(mirror: HyperbolicMirror, polygons: int, rim_radius_px: float) -> MeshError:
-    """Error of a mesh over its area, in an image whose rim has a radius of `rim_radius_px`.
+    """Error of a mirror's mesh over its image area; the rim has a radius of `rim_radius_px`.
 
     Raises:
         OpticsError: see `sectors_and_rings`.
@@ -177,7 +177,7 @@ def _sample(
 
 
 def _areas(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Image areas (triangles,) of triangles."""
+    """Areas (triangles,) of triangles in the image, in squared tangents at the pinhole."""
     seen = corners[..., :2] / (1.0 - corners[..., 2:])
     (x1, y1), (x2, y2) = (seen[:, 1] - seen[:, 0]).T, (seen[:, 2] - seen[:, 0]).T
     areas: NDArray[np.float64] = 0.5 * np.abs(x1 * y2 - x2 * y1)

@@ -111,7 +111,7 @@ class _Clipper:
         return 0.0 if abs(distance) <= _ON_EDGE * float(np.linalg.norm(position)) else distance
 
     def _crossing(self, one: int, other: int, plane: NDArray[np.float64]) -> int:
-        """Index of the vertex where an edge crosses a plane."""
+        """Index of the vertex where an edge crosses a plane; adds the vertex if it is new."""
         low, high = min(one, other), max(one, other)
         # the two faces at a cube edge see its plane from opposite sides
         sign = 1.0 if tuple(plane) > tuple(-plane) else -1.0
@@ -136,7 +136,7 @@ def _edge_planes(face: int) -> NDArray[np.float64]:
 
 
 def _edge_distances(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signed distances (6 faces, n, 4 planes), exactly 0 on an edge."""
+    """Signed distances (6 faces, n, 4 planes) in m of points from the planes; 0 on an edge."""
     planes = np.array([_edge_planes(face) for face in range(len(FACE_NAMES))])
     distances = np.einsum("fpj,nj->fnp", planes, positions)
     near = np.abs(distances) <= _ON_EDGE * np.linalg.norm(positions, axis=1)[:, None]

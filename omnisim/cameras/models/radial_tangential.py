@@ -58,7 +58,7 @@ class RadialTangential(NamedTuple):
     def undistort(self, distorted: NDArray[np.float64], limit: float) -> PlanePoints:
         """Points (..., 2) within `limit` that `distort` maps to `distorted` (..., 2).
 
-        Valid where such a point exists; elsewhere a point at the limit.
+        Valid where such a point exists; elsewhere, the result is another point within `limit`.
         """
         radius = np.hypot(distorted[..., 0], distorted[..., 1])
         radial = np.array([0.0, 1.0, 0.0, self.k1, 0.0, self.k2, 0.0, self.k3])

@@ -24,9 +24,10 @@ def export_run(
     camera_name: str | None = None,
     print_note: PrintNote = lambda note: None,
 ) -> Iterator[int]:
-    """Export a run to a folder; yield the number of steps, then the number of finished steps.
+    """Export a run to a folder; yield the number of steps, then of finished steps after each.
 
-    The folder appears when it is complete. Steps are frames if the format has frames.
+    The folder appears when it is complete. If a format has no stamps per sensor, the steps are
+    frames, see `Recording.in_frames`.
 
     Args:
         run: folder of the finished run.
@@ -59,9 +60,9 @@ def export_run(
 
 
 def for_format(recording: Recording, form: ExportFormat, print_note: PrintNote) -> Recording:
-    """Recording with the cameras that a format supports, in frames if the format has frames.
+    """Recording with the cameras that a format supports; notes name the contents that are left out.
 
-    Notes name the cameras, sensors and channels that are left out.
+    If the format has no stamps per sensor, the steps are frames, see `Recording.in_frames`.
 
     Raises:
         OutputError: the format supports no sensor of the run.

@@ -19,7 +19,7 @@ class FormatEntry(NamedTuple):
         module: module below `omnisim.datasets.export`.
         class_name: class in the module.
         extra: required extra; None: none.
-        takes_samples: also converts data sets, as recordings of single poses.
+        takes_samples: True: also exports data sets, whose samples become steps of a recording.
     """
 
     title: str

@@ -56,6 +56,6 @@ def write_images(
 
 
 def note_missing_ranges(cameras: list[LensCamera], contents: str, print_note: PrintNote) -> None:
-    """Print a note that the file or points `contents` need ranges, if no camera has ranges."""
+    """Print a note that `contents` are missing, if no camera recorded ranges."""
     if not any(camera.recorded.has("range") for camera in cameras):
         print_note(f"no {contents}: they come from ranges, which --also range records")

@@ -58,7 +58,7 @@ class LensCamera:
 
         Args:
             recorded: camera of the run.
-            print_note: called if its images are flipped.
+            print_note: called with a note if the images are flipped.
 
         Raises:
             RunError: the camera is non-central.
@@ -89,7 +89,7 @@ class LensCamera:
 
     @cached_property
     def lens(self) -> CentralCamera:
-        """Model of the exported images: flipped if they are, and without the rim of a mirror.
+        """Lens model of the exported images, flipped if they are, without the rim of a mirror.
 
         Raises:
             CalibrationError: the model does not support flipped images.
@@ -161,7 +161,7 @@ class LensCamera:
         return isinstance(self.model, EquirectangularCamera)
 
     def depths_m(self, step: int) -> NDArray[np.float32]:
-        """Depths (height, width) along the lens's axis from the range; +inf: no hit.
+        """Depths (height, width) along the lens's axis, from the channel range; +inf: no hit.
 
         Raises:
             OutputError: a file is missing or damaged.
@@ -207,7 +207,7 @@ def flipped_lens(lens: LensCameraT, place: str) -> LensCameraT:
         place: name of the camera in messages.
 
     Raises:
-        CalibrationError: its model does not support flipped images.
+        CalibrationError: the lens's model does not support flipped images.
     """
     if not isinstance(lens, ParametricCamera):
         raise CalibrationError(f"{place}: model {lens.model_name!r} has no flipped images")

@@ -148,7 +148,7 @@ class RecordedCamera:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Pixels (height, width) with a ray."""
+        """Mask (height, width) of the pixels with a ray."""
         return self._rays[2]
 
     def points_m(self, ranges_m: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

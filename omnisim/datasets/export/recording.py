@@ -39,7 +39,7 @@ class ImuReadings:
     Attributes:
         times_s: (n,).
         values: (n, 6) angular rate in rad/s and specific force in m/s², in the IMU's frame.
-        biases: (n, 6) biases of the readings; None: the run has none.
+        biases: (n, 6) biases of the readings, in their units; None: the run has none.
     """
 
     times_s: NDArray[np.float64]
@@ -121,7 +121,7 @@ class Recording:
 
     @property
     def state_times_s(self) -> NDArray[np.float64]:
-        """Times (n,) of the base's recorded states: all measurements', in older runs the steps'."""
+        """Times (n,) of the base's recorded states: at all measurements; older runs: at steps."""
         return self.truth.times_s if self._states is None else self._states[0]
 
     @property
@@ -130,7 +130,7 @@ class Recording:
         return Trajectory(self.state_times_s, self.states(self.state_times_s).world_from_base)
 
     def states(self, times_s: NDArray[np.float64]) -> MotionStates:
-        """True states of the base at times (n,): as recorded, or from a spline if any is not."""
+        """True states of the base at times (n,); from a spline if one of them was not recorded."""
         if self._states is None:
             return SplineMotion(self.truth).at(times_s)
         known_s, states = self._states
@@ -212,7 +212,7 @@ class Recording:
         return pose
 
     def cloud(self, name: str, step: int) -> StoredCloud:
-        """Point cloud of a lidar, by number of its measurement, or with frames of the frame.
+        """Point cloud of a lidar; `step`: number of the frame, or of the measurement.
 
         Raises:
             RunError: the file cannot be read, or is damaged.

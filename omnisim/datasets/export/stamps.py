@@ -9,7 +9,7 @@ from omnisim.datasets.export.export_format import NANOSECONDS
 
 
 def seconds_text(stamp_ns: int) -> str:
-    """Seconds with nine decimals."""
+    """Text of a stamp in seconds since 1970, with nine decimals."""
     seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
     return f"{seconds}.{nanoseconds:09d}"
 

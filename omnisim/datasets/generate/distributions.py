@@ -54,7 +54,7 @@ class Distribution:
         return numbers if self.kind == "uniform" else f"{{ {self.kind} = {numbers} }}"
 
     def draw(self, stream: Shares) -> float:
-        """Draw a number; every distribution takes one step of the stream."""
+        """Draw a number; every distribution takes exactly one share from the stream."""
         share = stream.share()
         first, *rest = self.numbers
         if self.kind == "constant":
@@ -92,12 +92,12 @@ class Shares(Protocol):
 
 @dataclass(frozen=True)
 class Even:
-    """Source of one constant share; near 0 or 1, draws are at the ends of their distributions."""
+    """Source of one constant share; a share near 0 or 1 draws an end of a distribution."""
 
     value: float
 
     def share(self) -> float:
-        """The share."""
+        """The constant share."""
         return self.value
 
 

@@ -98,7 +98,7 @@ def draw_which(plan: Plan, number: int) -> Which:
 
 
 def draw(prepared: PreparedPlan, number: int, attempt: int) -> Draw:
-    """Draw a sample.
+    """Draw all inputs of an attempt at a sample.
 
     Raises:
         OmnisimError: a faulty file of the plan, no free floor, or no room for an object.
@@ -139,7 +139,7 @@ def draw(prepared: PreparedPlan, number: int, attempt: int) -> Draw:
 class _Place:
     """Position (3,) of a viewpoint, and the attitude to which drawn angles are added.
 
-    `turns_along`: no yaw is added by default.
+    `turns_along`: True: a yaw is added only if the plan sets `yaw_deg`.
     """
 
     position_m: NDArray[np.float64]
@@ -195,7 +195,7 @@ def _around(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
 def _above(
     prepared: PreparedPlan, scene: int, point_m: NDArray[np.float64], stream: Stream
 ) -> NDArray[np.float64]:
-    """Viewpoint (3,) above the floor at a point (2,); where there is none, above the lowest."""
+    """Viewpoint (3,) above the floor at a point (2,); without floor there, above the lowest."""
     free = prepared.free_space(scene)
     cell = free.cell_of(point_m)
     floor_m = math.nan if cell is None else float(free.floor_m[cell])

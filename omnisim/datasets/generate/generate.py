@@ -60,8 +60,8 @@ class Generation:
         missing: numbers of the missing shards.
 
     Raises:
-        OmnisimError: a faulty plan or file of it, shards that the plan does not have, or a folder
-            of another plan.
+        OmnisimError: a faulty plan, a faulty file that the plan names, shards that the plan does
+            not have, or a folder of another plan.
     """
 
     def __init__(
@@ -145,7 +145,7 @@ class Generation:
         return manifest
 
     def give_up(self) -> None:
-        """Release the folder that this process has claimed, after a fault before its first shard.
+        """Release the folder that this process has claimed, unless the folder has a shard.
 
         Another process that generates the same plan there claims the folder again.
         """
@@ -195,7 +195,8 @@ def estimate(path: Path, workers: int = 1, device: int | None = None) -> Estimat
     """Estimate size and time of a data set from some rendered samples, which are discarded.
 
     Raises:
-        OmnisimError: a faulty plan or file of it, or a sample that cannot be drawn.
+        OmnisimError: a faulty plan, a faulty file that the plan names, or a sample that cannot be
+            drawn.
     """
     begin_s = time.perf_counter()
     with scratch_folder() as folder:

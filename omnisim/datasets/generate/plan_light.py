@@ -45,7 +45,7 @@ def draw_light(scene: Scene, vary: VaryTable, stream: Shares, plan: Path) -> Dra
 
     Args:
         scene: scene with its own light.
-        vary: table of the plan.
+        vary: table [vary] of the plan.
         stream: stream of random numbers.
         plan: path of the plan's file; maps are relative to it.
 

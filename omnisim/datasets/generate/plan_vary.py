@@ -34,7 +34,7 @@ class RecolorTable(Table):
 
 
 class VaryLightTable(Table):
-    """Lamps of the scenes, by setup; except for the sun of [vary.sky]."""
+    """Lamps and ambient light of the scenes, by setup; the sun of [vary.sky] stays as it is."""
 
     lamp_factor: Distributed = fixed(1.0)
     """Factor of each lamp's intensity, at least 0; drawn for each lamp."""

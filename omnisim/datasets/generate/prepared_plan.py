@@ -55,7 +55,7 @@ class PlanObject:
 
 
 class PreparedPlan:
-    """Plan with its files, each read once, when it is needed.
+    """Plan with its files; each file is read once, when it is first needed.
 
     Args:
         plan: plan.
@@ -132,7 +132,7 @@ class PreparedPlan:
         return self._scenes[number]
 
     def _scene_file(self, table: PlanSceneTable | PlanObjectTable) -> str | Path:
-        """Path of a scene file relative to the plan; if there is none, the built-in name."""
+        """Path of a scene file beside the plan; if there is none, the name as in the plan."""
         beside = self.path.parent / table.file
         return beside if beside.exists() else table.file
 
