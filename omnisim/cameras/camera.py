@@ -1,4 +1,4 @@
-"""Interface of a central camera: for its NumPy and GLSL implementations, and for all callers."""
+"""Interface of camera models, central and non-central, with their types of rays and pixels."""
 
 from __future__ import annotations
 
@@ -90,7 +90,8 @@ class CentralCamera(Protocol):
 class NonCentralCamera(CentralCamera, Protocol):
     """A camera whose rays have distinct origins: the pixel of a point depends on its distance.
 
-    It has all methods of a central camera; `pixel_from_ray` takes directions to infinity.
+    It has all methods of a central camera; `pixel_from_ray` gives the pixels of infinitely distant
+    points.
     """
 
     def pixel_from_point(self, points_m: ArrayLike) -> Pixels:
@@ -98,7 +99,7 @@ class NonCentralCamera(CentralCamera, Protocol):
         ...
 
     def by_color(self) -> tuple[CentralCamera, ...]:
-        """Cameras for R, G and B if their rays differ; otherwise the camera itself."""
+        """Cameras for R, G and B if the rays depend on the color; otherwise the camera alone."""
         ...
 
 

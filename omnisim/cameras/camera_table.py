@@ -1,4 +1,4 @@
-"""Camera models in tables of files; errors name file, key, value and the expected value."""
+"""Camera models read from tables in files; errors name file, key, value and expected value."""
 
 from __future__ import annotations
 

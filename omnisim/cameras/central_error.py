@@ -34,7 +34,7 @@ class CentralError(NamedTuple):
     def of(
         cls, distance_m: float, errors_px: NDArray[np.float64], valid: NDArray[np.bool_]
     ) -> CentralError:
-        """Compute statistics over the valid errors (n,)."""
+        """Statistics over the valid errors (n,) of points at a distance; NaN if none is valid."""
         seen = errors_px[valid]
         if len(seen) == 0:
             return cls(distance_m, math.nan, math.nan, math.nan, math.nan, 1.0)

@@ -19,7 +19,7 @@ def undistort(
     distorted: NDArray[np.float64],
     limit: float,
 ) -> NDArray[np.float64]:
-    """Points (..., 2) within a radius that a distortion maps to `distorted` (..., 2).
+    """Points (..., 2), within a radius, that a distortion maps to `distorted` (..., 2).
 
     Args:
         distort: maps points (n, 2) to distorted points (n, 2).

@@ -1,8 +1,8 @@
 """Catadioptric camera that was calibrated as a lens: the lens's rays with z reflected.
 
-Calibration tools expect z > 0 in front of the camera, even if it looks up into a mirror and sees
-what is behind it. They are given (x, y, −z), a mirrored frame, and this camera undoes the
-reflection. Its GLSL twin is that of the lens, with `MIRRORED` in `shaders/capture/lens.frag`.
+Calibration tools expect visible points at z > 0, but a camera that looks up into a mirror sees
+points behind itself. Such a camera is calibrated in a mirrored frame, (x, y, −z), and this model
+undoes the reflection. Its GLSL twin is the lens's, with `MIRRORED` in `shaders/capture/lens.frag`.
 """
 
 from __future__ import annotations

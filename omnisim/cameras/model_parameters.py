@@ -19,7 +19,7 @@ MAX_COEFFICIENT = 1e60  # still finite when multiplied by a power of a radius
 def check_limits(
     camera: object, name: str, lowest: float, highest: float, expected: str | None = None
 ) -> None:
-    """Reject a number outside [lowest, highest].
+    """Reject a camera whose attribute `name` is outside [lowest, highest], or NaN.
 
     Raises:
         OpticsError: naming the attribute, the expected value and the actual one.
@@ -73,7 +73,7 @@ def numbers(parameters: Mapping[str, Any], key: str) -> tuple[float, ...]:
     """List of coefficients under `key`.
 
     Raises:
-        OpticsError: the value is missing, or is not a list of numbers.
+        OpticsError: the value is missing, is not a list of numbers, or has one that is too large.
     """
     value = _value(parameters, key)
     if not isinstance(value, list | tuple):

@@ -24,9 +24,9 @@ def solve_increasing(
 ) -> NDArray[np.float64]:
     """Arguments (...,) in [low, high] at which the increasing `function` has `values` (...,).
 
-    Unreachable values give the nearest end. The search starts at the values themselves, which are
-    close in units of the normalized plane. A slope of 0 at an end, where a lens folds, only slows
-    it down.
+    Unreachable values give the nearest end. The search starts at the values themselves: in units of
+    the normalized plane, they are close to the arguments. A slope of 0 at an end, where a lens
+    folds, only slows the search down.
     """
     arguments = np.clip(values, low, high).ravel()
     tolerance = 4.0 * _EPS * max(abs(low), abs(high))
@@ -66,11 +66,11 @@ def polyval(coefficients: Coefficients, arguments: NDArray[np.float64]) -> NDArr
 
 
 def first_root(coefficients: Coefficients, highest: float = math.inf) -> float:
-    """Smallest positive real root of a polynomial, constant term first; at most `highest`.
+    """Smallest positive real root of a polynomial, constant term first; `highest` if none is below.
 
-    If rounding splits a double root into a complex pair, its real part counts. Leading terms below
-    rounding error on the whole range up to `highest` are dropped, because they would spoil the
-    accuracy of the other roots.
+    If rounding splits a double root into a complex pair, the real part of the pair counts. Leading
+    terms below rounding error on the whole range up to `highest` are dropped, because they would
+    spoil the accuracy of the other roots.
     """
     terms = np.asarray(coefficients, dtype=np.float64)
     if math.isfinite(highest):

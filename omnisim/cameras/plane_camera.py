@@ -1,7 +1,7 @@
-"""Bases of models that project rays onto a normalized plane and scale and shift it to the image.
+"""Bases of models that project rays onto a normalized plane, scaled and shifted to the image.
 
-`PlaneCamera` maps between image and plane, its subclass between plane and rays. `RadialCamera` is
-such a subclass for radially symmetric lenses: its own subclasses provide only r(θ) and θ(r).
+`PlaneCamera` maps between image and plane; a subclass maps between plane and rays. `RadialCamera`
+is the subclass for radially symmetric lenses, for which a model provides only r(θ) and θ(r).
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ class PlaneCamera(ParametricCamera):
 
     @abstractmethod
     def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
-        """Rays of points (..., 2); points outside the domain get the edge's ray, for smoothness."""
+        """Rays of points (..., 2) of the plane; outside the domain, the ray of its nearest edge."""
 
     @abstractmethod
     def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:
-        """Points of directions (..., 3) of any length."""
+        """Points (..., 2) of the plane for directions (..., 3) of any length."""
 
     def ray_from_pixel(self, pixels_px: ArrayLike) -> Rays:
         """Rays of pixels (..., 2): unit directions in the optical frame; valid in the domain."""

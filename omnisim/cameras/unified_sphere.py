@@ -24,12 +24,12 @@ def cosine_limit(alpha: float) -> float:
 
 
 def plane_limit(alpha: float) -> float:
-    """Largest radius on the normalized plane: 1/√(2α − 1), where the image would fold over."""
+    """Largest radius on the normalized plane; for α > 0.5 1/√(2α − 1), where the image folds."""
     return min(MAX_RADIUS, 1.0 / math.sqrt(2.0 * alpha - 1.0)) if alpha > 0.5 else MAX_RADIUS
 
 
 def lift_alpha(plane: NDArray[np.float64], alpha: float) -> Rays:
-    """Unit vectors of points (..., 2); points beyond the limit are moved onto it."""
+    """Unit vectors (..., 3) of points (..., 2); points beyond `plane_limit` are moved onto it."""
     radius = np.hypot(plane[..., 0], plane[..., 1])
     limit = plane_limit(alpha)
     valid = radius <= limit
@@ -50,9 +50,10 @@ def project_alpha(
     alpha: float,
     length: NDArray[np.float64],
 ) -> PlanePoints:
-    """Project directions (..., 3) to the plane, given `z` and `distance` from a sphere's center.
+    """Project directions (..., 3) to the normalized plane: (x, y)/(α d + (1 − α) z).
 
-    `length` (...,) is the length of the directions, used as the scale of rounding errors.
+    `z` and `distance` d (...,) are those of the model's last sphere. `length` (...,) is the length
+    of the directions, used as the scale of rounding errors.
     """
     valid = z > (cosine_limit(alpha) - EDGE_RAD) * distance
     scale = alpha * distance + (1.0 - alpha) * z

@@ -1,6 +1,6 @@
-"""COCO layout of a data set: `images/` and one `annotations.json`, or one per split.
+"""COCO layout of a data set: `images/`, and `annotations.json` or one such file per split.
 
-The classes of all scenes share one numbering by name, in all splits.
+Classes of the same name have the same ID in all scenes and all splits.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ class CocoSettings:
     """Settings of a COCO folder.
 
     Attributes:
-        limits: minimum sizes of annotated objects.
-        with_polygons: masks as polygons instead of run lengths.
-        splits: share of the samples by split name; empty: one file for all.
+        limits: limits for annotated objects.
+        with_polygons: True: masks as polygons; False: as run lengths.
+        splits: share of the samples by split name; empty: one file for all samples.
     """
 
     limits: BoxLimits = field(default_factory=BoxLimits)
@@ -37,10 +37,10 @@ class CocoSettings:
     splits: Mapping[str, float] = field(default_factory=dict)
 
     def split_of(self, number: int) -> str:
-        """Split of a sample by its number, independent of the number of samples; "": no splits.
+        """Name of a sample's split, which depends on its number only; "": no splits.
 
-        Uses multiples of the golden ratio, whose fractional parts are even over any range of
-        numbers.
+        Uses multiples of the golden ratio: their fractional parts are evenly spread over any range
+        of numbers.
         """
         place, end = number * GOLDEN % 1.0, 0.0
         for name, share in self.splits.items():

@@ -18,13 +18,13 @@ MANIFEST = "manifest.json"
 
 @dataclass(frozen=True, eq=False)
 class Manifest:
-    """Finished data set.
+    """Manifest of a finished data set.
 
     Attributes:
         title: title of the data set.
         license: license of the data set; None: not stated.
         plan: fingerprint of the plan.
-        channels: channels of ground truth.
+        channels: names of the channels of ground truth.
         shards: summaries of the shards, by number.
     """
 
@@ -72,7 +72,7 @@ def read_manifest(folder: Path) -> Manifest:
     """Read the manifest of a data set and the summaries of its shards.
 
     Raises:
-        PlanError: the manifest is missing, unfinished or damaged.
+        PlanError: the manifest or a shard is missing or damaged.
     """
     path = folder / MANIFEST
     try:

@@ -1,8 +1,9 @@
 """Free space: floor of a scene on which a footprint stands without contact.
 
-The floor plan is divided into cells. Points on all triangles, denser than the cells, give the
-height of each cell's floor, and the cells with surfaces between the height that is driven over and
-the height of the standing object. The distance to the nearest such cell is the clearance.
+The floor plan is divided into cells. Triangles are sampled more densely than the cells. The samples
+give each cell's floor height. A cell is an obstacle if a sample lies above the maximum step height
+and below the height of the object, both measured from the floor. The distance from a cell to the
+nearest obstacle is the cell's clearance.
 """
 
 from __future__ import annotations
@@ -35,11 +36,12 @@ class FreeSpace:
     """Free floor of a scene for a footprint.
 
     Attributes:
-        low_m: (2,) corner of the floor plan, world.
+        low_m: (2,) corner of the floor plan with the smallest x and y, world frame.
         cell_m: side of a cell.
-        floor_m: (rows, columns) height of the floor along y and x; NaN: no floor.
-        clearance_m: (rows, columns) distance to the nearest obstacle on the floor plan.
-        is_free: (rows, columns) True: the footprint stands there.
+        floor_m: (rows, columns) height of each cell's floor, rows along y, columns along x; NaN: no
+            floor.
+        clearance_m: (rows, columns) horizontal distance from each cell to the nearest obstacle.
+        is_free: (rows, columns) True: the footprint can stand in the cell.
     """
 
     low_m: NDArray[np.float64]
@@ -61,23 +63,23 @@ class FreeSpace:
         return np.argwhere(self.is_free)
 
     def cell_of(self, point_m: NDArray[np.float64]) -> tuple[int, int] | None:
-        """Row and column of a point (2,); None: outside the floor plan."""
+        """Row and column of the cell that contains a point (2,); None: outside the floor plan."""
         column, row = np.floor((point_m - self.low_m) / self.cell_m).astype(int)
         rows, columns = self.is_free.shape
         return (row, column) if 0 <= row < rows and 0 <= column < columns else None
 
     def is_free_at(self, point_m: NDArray[np.float64]) -> bool:
-        """True if the footprint stands at a point (2,)."""
+        """True if the footprint can stand at a point (2,)."""
         cell = self.cell_of(point_m)
         return cell is not None and bool(self.is_free[cell])
 
     def clears(self, cell: tuple[int, int], radius_m: float) -> bool:
-        """True if another footprint of the same height stands anywhere in a cell."""
+        """True if an object of another radius and the same height can stand anywhere in a cell."""
         has_floor = bool(np.isfinite(self.floor_m[cell]))
         return has_floor and self.clearance_m[cell] >= radius_m + MARGIN_CELLS * self.cell_m
 
     def point_in(self, cell: NDArray[np.intp], shares: tuple[float, float]) -> NDArray[np.float64]:
-        """Point (3,) on the floor, at shares of a cell's sides."""
+        """Point (3,) on a cell's floor; `shares` of the cell's sides along x and y, 0 to 1."""
         row, column = cell
         x, y = self.low_m + self.cell_m * (np.array((column, row)) + shares)
         return np.array((x, y, self.floor_m[row, column]))
@@ -96,11 +98,11 @@ def find_free_space(
     Args:
         scene: static scene.
         radius_m: radius of the footprint.
-        height_m: height of the standing object: higher surfaces do not count.
-        step_m: surfaces up to this height above the floor do not count.
-        floor_m: height of the floor; None: below the scene's start.
-        from_start: only the part connected to the scene's start, or the largest part if the start
-            is not free.
+        height_m: height of the object: surfaces higher above the floor are no obstacles.
+        step_m: maximum step height: surfaces up to this height above the floor are no obstacles.
+        floor_m: height of the floor; None: of the highest surface below the scene's start.
+        from_start: True: only the part connected to the scene's start, or the largest part if the
+            start is not free; False: all free cells.
 
     Raises:
         PlanError: there is no free floor.
@@ -130,7 +132,7 @@ def find_free_space(
 
 
 def _floor_at_start(scene: Scene) -> float:
-    """Height of the highest surface below the scene's start, or else of the lowest surface."""
+    """Height of the highest surface below the scene's start; without one, the scene's lowest."""
     *start, z = scene.start.position_m
     point = np.array(start)
     heights = HeightField(scene, point, point).heights_m(point[None, None])
@@ -141,7 +143,10 @@ def _floor_at_start(scene: Scene) -> float:
 def _region(
     free: NDArray[np.bool_], start: NDArray[np.intp], or_largest: bool
 ) -> NDArray[np.bool_]:
-    """Connected free cells around the start, or else the largest part, or none."""
+    """Mask (rows, columns) of the free cells connected to the start's cell.
+
+    If the start is not free: the largest connected part with `or_largest`, else no cell.
+    """
     parts, _ = scipy.ndimage.label(free)
     row, column = start
     inside = 0 <= row < free.shape[0] and 0 <= column < free.shape[1]
@@ -164,7 +169,7 @@ class _Grid:
 
     @classmethod
     def of_scene(cls, scene: Scene, cell_m: float) -> _Grid:
-        """Cells of a scene within reach of its start."""
+        """Grid of a scene's floor plan, at most `MAX_CELLS` wide around the scene's start."""
         low, high = (corner[:2] for corner in scene.bounds_m())
         start = np.array(scene.start.position_m[:2])
         low = np.maximum(low, start - 0.5 * MAX_CELLS * cell_m) - cell_m
@@ -174,7 +179,7 @@ class _Grid:
 
     @property
     def high_m(self) -> NDArray[np.float64]:
-        """Opposite corner (2,)."""
+        """Corner (2,) of the floor plan with the largest x and y."""
         return self.low_m + self.cell_m * np.array(self.shape[::-1])
 
     def windows(self, point_m: NDArray[np.float64]) -> Iterator[_Grid]:
@@ -197,7 +202,7 @@ class _Grid:
     def floor_and_clearance(
         self, scene: Scene, floor_m: float, step_m: float, height_m: float
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Heights of the floor, and distances to the nearest obstacle; see `FreeSpace`."""
+        """Heights of the floor, and clearances, as in `FreeSpace`."""
         triangles = triangles_within(scene, self.low_m, self.high_m)
         reach_m = max(step_m, 0.5 * self.cell_m)
         from_floor_m = np.abs(triangles.corners_m[..., 2] - floor_m)
@@ -219,9 +224,11 @@ class _Grid:
     def _floor(
         self, corners: NDArray[np.float64], floor_m: float, reach_m: float
     ) -> NDArray[np.float32]:
-        """Heights of the floor at the cells' middles: the highest surface, seen from above, that a
-        step reaches from the given height. A plate on the ground is part of the floor, a table is
-        not."""
+        """Heights (rows, columns) of the floor at the cells' middles; NaN: no floor.
+
+        The floor is the highest surface at most `reach_m` above or below `floor_m`: a plate on the
+        ground is part of it, a table is not.
+        """
         heights = np.full(self.shape, np.nan, dtype=np.float32)
         large = np.ptp(corners[..., :2], axis=1).max(axis=1) > LARGE_CELLS * self.cell_m
         for corner in corners[large]:
@@ -246,7 +253,7 @@ class _Grid:
         return numbers, rows, columns
 
     def _cells_below(self, corners_m: NDArray[np.float64]) -> NDArray[np.intp]:
-        """First and last cell, exclusive, below points (n, 3)."""
+        """First and end row and column (2, 2) of the cells below points (n, 3); ends exclusive."""
         cells = self.cells(corners_m)
         bounds: NDArray[np.intp] = np.stack((cells.min(axis=0), cells.max(axis=0) + 1))
         return np.clip(bounds, 0, self.shape)
@@ -258,7 +265,7 @@ class _Grid:
         step_m: float,
         height_m: float,
     ) -> NDArray[np.bool_]:
-        """Cells with a surface between a step and a height above their floor."""
+        """Mask (rows, columns) of cells with a surface `step_m` to `height_m` above the floor."""
         blocked = np.zeros(self.shape, dtype=bool)
         if not np.isfinite(floor).any():
             return blocked

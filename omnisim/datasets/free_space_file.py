@@ -14,7 +14,7 @@ PATTERN = ".free-*.npz"  # hidden, as they are not part of the data set
 
 
 def free_space_path(folder: Path, fingerprint: str, scene: int) -> Path:
-    """File of the free floor of a plan's scene in the data set's folder."""
+    """Path of the free floor of a scene, by the plan's fingerprint and the scene's index."""
     return folder / f".free-{fingerprint}-{scene}.npz"
 
 
@@ -33,7 +33,7 @@ def read_free_space(path: Path) -> FreeSpace | None:
 
 
 def write_free_space(path: Path, free: FreeSpace) -> None:
-    """Write a free floor; atomically.
+    """Write a free floor, atomically.
 
     Raises:
         OutputError: the file cannot be written.

@@ -1,7 +1,7 @@
 """Samples of a data set as recordings, for writing them in other tools' formats.
 
-These formats have images of one scene by the same cameras. A data set with several scenes or rigs
-becomes a folder for each: `soccer/fisheye`.
+These formats hold images of one scene, taken by the same cameras. A data set with several scenes or
+rigs becomes one folder per scene and rig: `soccer/fisheye`.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ SAME = 1e-6  # meters and radians: rounding of a camera's pose on its base from 
 
 
 class _Files:
-    """Files of one sample at a time, in a temporary folder.
+    """Files of one sample at a time, extracted to a temporary folder.
 
     Args:
         shards: shards of the data set.
@@ -48,7 +48,11 @@ class _Files:
         self._images: dict[str, Path] = {}
 
     def image(self, row: int, camera: str) -> Path:
-        """Image of a sample, by the name of its camera; its channels are beside it."""
+        """Path of a sample's image from a camera; its channels are in the same folder.
+
+        Raises:
+            PlanError: the sample has no such image.
+        """
         if row != self._row:
             self._row = -1
             shutil.rmtree(self._folder, ignore_errors=True)
@@ -66,7 +70,7 @@ class _Files:
 
 @dataclass(frozen=True, eq=False)
 class _SampleCamera(RecordedCamera):
-    """Camera of samples, as a camera of a run with samples as steps."""
+    """Camera of a group of samples, as the camera of a run whose steps are the samples."""
 
     files: _Files
     rows: Sequence[int]
@@ -123,7 +127,7 @@ def _files_of(shards: Shards) -> Iterator[_Files]:
 
 
 def _groups(shards: Shards) -> list[_Group]:
-    """Samples by scene and rig, in the order of first samples."""
+    """Samples grouped by scene and rig; groups are in the order of their first samples."""
     groups: dict[tuple[str, str], _Group] = {}
     for row in range(len(shards)):
         content = shards.metadata(row)
@@ -136,7 +140,7 @@ def _groups(shards: Shards) -> list[_Group]:
 
 
 def _recording(shards: Shards, group: _Group, files: _Files) -> Recording:
-    """Recording of a group's samples, with their numbers as seconds.
+    """Recording of a group's samples; a sample's number is its time in seconds.
 
     Raises:
         OmnisimError: a camera that differs between samples.
@@ -177,7 +181,7 @@ def _mount(image: dict[str, Any]) -> NDArray[np.float64]:
 
 
 def _run(shards: Shards, group: _Group, cameras: list[str]) -> RunFolder:
-    """Folder of a run without files."""
+    """Run with one step per sample of a group; its manifest is not in a file."""
     scene = {"name": group.scene, "file": group.scene, "up_axis": None, "contents": ""}
     content = {
         "format": MANIFEST_FORMAT,

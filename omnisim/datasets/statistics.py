@@ -23,9 +23,10 @@ class Statistics:
         samples: number of samples.
         redrawn: number of rejected attempts.
         scenes, cameras: number of samples by name.
-        classes: number of pixels by class, with the channel semantic.
-        brightness: number of pixels by brightness of sRGB, 16 steps from black to white.
-        ranges: number of pixels by range between `RANGE_EDGES_M`, with the channel range.
+        classes: number of pixels by class; requires the channel semantic.
+        brightness: number of valid pixels by mean sRGB value, 16 bins from black to white.
+        ranges: number of pixels by bin between `RANGE_EDGES_M`, end bins with all ranges beyond;
+            requires the channel range.
     """
 
     samples: int = 0
@@ -75,7 +76,7 @@ class Statistics:
         """Counts from the output of `to_json`.
 
         Raises:
-            KeyError, TypeError, ValueError, AttributeError: other content.
+            KeyError, TypeError, ValueError, AttributeError: the content is invalid.
         """
         counts = cls(int(content["samples"]), int(content["redrawn"]))
         for name in _NAMED:

@@ -1,4 +1,4 @@
-"""Hyperbolic mirror with the pinhole camera at its other focus: the paper's camera.
+"""Hyperbolic mirror with the pinhole camera at its outer focus: the paper's camera.
 
     tan(θ/2) = K tan(β/2),  K = k − 1 + √(k(k−2)),  r = f tan β
 
@@ -126,10 +126,9 @@ class HyperbolicCamera(FocalCamera):
 
     @property
     def unified_focal_length_px(self) -> float:
-        """γ of the unified (Geyer, Mei) model with the mirror's ξ: f ψ = f/(k − 1).
+        """γ of the unified (Geyer, Mei) model with the mirror's ξ: f/(k − 1).
 
-        The z axis of that model is the mirror's: (x, y, −z) in the optical frame. The frame is
-        mirrored, just as a mirror's image is.
+        The frame of that model is the optical frame with z reflected, (x, y, −z).
         """
         return self.focal_length_px / (self.mirror.k - 1.0)
 
@@ -212,7 +211,8 @@ class HyperbolicCamera(FocalCamera):
 def image_radius_eq2_px(theta_rad: ArrayLike, horizon_radius_px: float) -> NDArray[np.float64]:
     """Image radius (...,) by the paper's Eq. 2, r = h sin θ/(1 + cos θ).
 
-    It is exact only for a paraboloid (ξ = 1); for the paper's mirror it is −0.24 % off at 110°.
+    Eq. 2 is exact only for a paraboloid (ξ = 1); the error for the paper's mirror is −0.24 % at
+    110°. `horizon_radius_px`: radius h of the 90° circle.
 
     Source: Schmits & Visser 2008, Eq. 2. Domain: 0 ≤ θ < π.
     """

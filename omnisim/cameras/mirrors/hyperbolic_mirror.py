@@ -29,7 +29,7 @@ MIN_C_M, MAX_C_M = 1e-6, 1e6
 
 
 class SurfacePoints(NamedTuple):
-    """Points on the mirror; valid on this side of the asymptote and the rim."""
+    """Points on the mirror; valid up to the rim, NaN beyond the asymptote."""
 
     positions_m: NDArray[np.float64]  # (..., 3), mirror frame
     valid: NDArray[np.bool_]  # (...,)

@@ -18,10 +18,10 @@ class MirrorMesh:
         vertices_m: (n, 3) float64, meters.
         normals: (n, 3) float64, unit, on the reflecting side.
         triangles: (m, 3) int64, counter-clockwise seen from the pinhole.
-        polygons: polygon count as in the paper: each triangle at the vertex is one polygon, and so
-            is each cell of two triangles in the other rings.
+        polygons: polygon count as in the paper: each triangle at the apex is one polygon, and so is
+            each cell of two triangles in the other rings.
         sectors: number of polygons around the axis.
-        rings: number of polygons from the vertex to the rim.
+        rings: number of polygons from the apex to the rim.
     """
 
     vertices_m: NDArray[np.float64]
@@ -37,7 +37,7 @@ class MirrorMesh:
 
     @property
     def edge_middles_m(self) -> NDArray[np.float64]:
-        """Midpoints (n, 3) of all edges, which reach beyond the rim as seen from the viewpoint."""
+        """Midpoints (n, 3) of all edges; some are beyond the rim, seen from the viewpoint."""
         corners = self.vertices_m[self.triangles]
         return (0.5 * (corners + np.roll(corners, 1, axis=1))).reshape(-1, 3)
 

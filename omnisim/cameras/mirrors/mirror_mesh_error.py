@@ -1,9 +1,11 @@
 """Image distortion caused by a mirror's mesh, computed without rendering.
 
-Each flat triangle shows the direction of its own point instead of the mirror's. That point, the
-pinhole and the effective viewpoint lie in a plane through the axis. The error is therefore radial:
-f |tan β(θ) − ρ/(c − z)| for a point at distance ρ from the axis and height z. It is 0 at the
-vertices, does not change sign, and is largest near the middle of a cell.
+A pixel that sees a point P of a flat triangle shows the direction from the effective viewpoint to
+P; the curved mirror shows that direction at another pixel. P, the pinhole and the effective
+viewpoint lie in a plane through the axis. The error is therefore radial: f |tan β(θ) − ρ/(c − z)|
+for P at distance ρ from the axis and height z, with the focal length f, the pinhole at height c,
+and β(θ) as in `hyperbolic.py`. The error is 0 at the mesh's vertices, does not change sign, and is
+largest near the middle of a cell.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ _MAX_RINGS = math.isqrt(MAX_POLYGONS // 4)
 
 
 class MeshError(NamedTuple):
-    """Distance in pixels between the mesh's and the mirror's image of a direction."""
+    """Distance in pixels between a direction's images in the mesh and in the mirror."""
 
     mean_px: float
     percentile_95_px: float
@@ -35,7 +37,7 @@ class MeshError(NamedTuple):
 
 
 class Annulus(NamedTuple):
-    """Part of the mirror's image between two circles, as tangents at the pinhole."""
+    """Part of the mirror's image between two circles; radii as tangents of the angle β."""
 
     inner: float
     outer: float
@@ -45,7 +47,7 @@ WHOLE_MIRROR = Annulus(0.0, math.inf)
 
 
 def mesh_error(mirror: HyperbolicMirror, polygons: int, rim_radius_px: float) -> MeshError:
-    """Error of a mesh over its area, in an image whose rim has a radius of `rim_radius_px`.
+    """Error of a mirror's mesh over its image area; the rim has a radius of `rim_radius_px`.
 
     Raises:
         OpticsError: see `sectors_and_rings`.
@@ -107,7 +109,12 @@ def needed_polygons(
 
 
 def fewest_polygons(suffices: Callable[[int], bool], largest_rings: int) -> int | None:
-    """Smallest sufficient polygon count, with four sectors per ring, or None if there is none."""
+    """Smallest polygon count, four sectors per ring, whose rings suffice; None if there is none.
+
+    Args:
+        suffices: True for a sufficient number of rings.
+        largest_rings: limit of the number of rings.
+    """
     doubled = [2**n for n in range(1, largest_rings.bit_length())]
     enough = next(filter(suffices, doubled), None)
     if enough is None:
@@ -170,7 +177,7 @@ def _sample(
 
 
 def _areas(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Image areas (triangles,) of triangles."""
+    """Areas (triangles,) of triangles in the image, in squared tangents at the pinhole."""
     seen = corners[..., :2] / (1.0 - corners[..., 2:])
     (x1, y1), (x2, y2) = (seen[:, 1] - seen[:, 0]).T, (seen[:, 2] - seen[:, 0]).T
     areas: NDArray[np.float64] = 0.5 * np.abs(x1 * y2 - x2 * y1)

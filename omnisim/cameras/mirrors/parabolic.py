@@ -5,7 +5,8 @@
 θ is measured at the mirror's focus from its axis: 0 looks down at the camera, and 90° is the
 horizon, with the radius h in the image. A mirror z = (h_m² − r²)/(2 h_m) and a camera with p pixels
 per meter give h = p h_m; nothing else about them affects the image. The ray of a pixel is
-(sin θ cos φ, sin θ sin φ, −cos θ), as for the hyperbolic mirror, whose limit ξ = 1 this is.
+(sin θ cos φ, sin θ sin φ, −cos θ), as for the hyperbolic mirror, which approaches this mirror as
+ξ → 1.
 
 Domain: 0 ≤ θ ≤ θ_max < 180°; in the image r ≤ h tan(θ_max/2).
 

@@ -1,9 +1,9 @@
 """Clipping of a mirror's mesh along the cube edges, for texture coordinates (Fig. 6).
 
-Within one cube face, point projection gives a polygon its texture coordinates. A polygon crossed by
-a cube edge belongs to two faces. It is clipped at the edge, and the new vertices are placed on the
-mirror in the same direction. Both neighbors of a clipped edge share the new vertex, so the mesh has
-no cracks.
+Within one cube face, projection from the effective viewpoint gives a polygon its texture
+coordinates. A polygon crossed by a cube edge belongs to two faces. It is clipped at the edge, and
+the new vertices are placed on the mirror in the same direction. Both neighbors of a clipped edge
+share the new vertex, so the mesh has no cracks.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class _Clipper:
     """Clips triangles to the cells of the cube faces, and shares new vertices.
 
     Attributes:
-        positions: (3,) mirror-frame position of each vertex, new vertices last.
+        positions: position (3,) of each vertex in m, mirror frame, new vertices last.
     """
 
     def __init__(self, mirror: HyperbolicMirror, positions: NDArray[np.float64]):
@@ -77,7 +77,7 @@ class _Clipper:
         self._fixed = _edge_distances(positions)
 
     def clip_to_face(self, face: int, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Parts (m, 3) of triangles inside the cell of one face."""
+        """Parts of triangles (n, 3) inside the cell of one face, as triangles (m, 3)."""
         limits = _edge_planes(face)
         distances = self._fixed[face][triangles]  # (n, 3 corners, 4 planes)
         outside = np.any(np.all(distances <= 0.0, axis=1), axis=1)
@@ -111,7 +111,7 @@ class _Clipper:
         return 0.0 if abs(distance) <= _ON_EDGE * float(np.linalg.norm(position)) else distance
 
     def _crossing(self, one: int, other: int, plane: NDArray[np.float64]) -> int:
-        """Index of the vertex where an edge crosses a plane."""
+        """Index of the vertex where an edge crosses a plane; adds the vertex if it is new."""
         low, high = min(one, other), max(one, other)
         # the two faces at a cube edge see its plane from opposite sides
         sign = 1.0 if tuple(plane) > tuple(-plane) else -1.0
@@ -136,7 +136,7 @@ def _edge_planes(face: int) -> NDArray[np.float64]:
 
 
 def _edge_distances(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signed distances (6 faces, n, 4 planes), exactly 0 on an edge."""
+    """Signed distances (6 faces, n, 4 planes) in m of points from the planes; 0 on an edge."""
     planes = np.array([_edge_planes(face) for face in range(len(FACE_NAMES))])
     distances = np.einsum("fpj,nj->fnp", planes, positions)
     near = np.abs(distances) <= _ON_EDGE * np.linalg.norm(positions, axis=1)[:, None]

@@ -60,7 +60,7 @@ def field_of_view(camera: CentralCamera) -> FieldOfView:
 
 
 def optical_axis(camera: CentralCamera) -> float:
-    """Sign of the optical frame's z at the principal point: −1 for mirrors."""
+    """Sign of z, in the optical frame, of the ray at the principal point: −1 for mirrors."""
     return -1.0 if camera.ray_from_pixel(camera.principal_point_px).directions[2] < 0.0 else 1.0
 
 
@@ -81,7 +81,7 @@ def largest_theta_rad(camera: CentralCamera) -> float:
 
 
 def angles_from_axis(directions: NDArray[np.float64], axis: float) -> NDArray[np.float64]:
-    """Angles (...,) of directions (..., 3) from ±z."""
+    """Angles (...,) of directions (..., 3) from +z for an `axis` of 1, from −z for −1."""
     return np.arctan2(np.hypot(directions[..., 0], directions[..., 1]), axis * directions[..., 2])
 
 

@@ -6,9 +6,9 @@
 
 The map is the gradient of r²/2 + k1 r⁴/4 + k2 r⁶/6 + k3 r⁸/8 + (p2 x + p1 y) r². Its Jacobian is
 therefore symmetric, and on a disc where it is positive definite the map is one to one. The radial
-part has the eigenvalues a(r) and b(r) = 1 + 3 k1 r² + 5 k2 r⁴ + 7 k3 r⁶. The tangential part has
-none below −6 |p| r with |p| = √(p1² + p2²). The domain is the disc up to the first r with
-min(a, b) = 6 |p| r; without tangential distortion this is exactly the fold.
+part has the eigenvalues a(r) and b(r) = 1 + 3 k1 r² + 5 k2 r⁴ + 7 k3 r⁶. The tangential part has no
+eigenvalue below −6 |p| r with |p| = √(p1² + p2²). The domain is the disc up to the first r with
+min(a, b) = 6 |p| r; without tangential distortion this r is exactly the fold.
 
 Source: Brown, "Close-range camera calibration", 1971; OpenCV's module calib3d.
 """
@@ -58,7 +58,7 @@ class RadialTangential(NamedTuple):
     def undistort(self, distorted: NDArray[np.float64], limit: float) -> PlanePoints:
         """Points (..., 2) within `limit` that `distort` maps to `distorted` (..., 2).
 
-        Valid where such a point exists; elsewhere a point at the limit.
+        Valid where such a point exists; elsewhere, the result is another point within `limit`.
         """
         radius = np.hypot(distorted[..., 0], distorted[..., 1])
         radial = np.array([0.0, 1.0, 0.0, self.k1, 0.0, self.k2, 0.0, self.k3])

@@ -237,7 +237,7 @@ def _even_polynomial(
 
 
 def _mapped(matrix: NDArray[np.float64], plane: NDArray[np.float64]) -> PlanePoints:
-    """Map points (..., 2) by a homography (3, 3); valid on the same side as the axis."""
+    """Map points (..., 2) by a homography (3, 3); valid where the third coordinate is positive."""
     homogeneous = plane @ matrix[:, :2].T + matrix[:, 2]
     valid = homogeneous[..., 2] > 1e-9
     depth = np.where(valid, homogeneous[..., 2], 1.0)[..., None]

@@ -25,14 +25,14 @@ class FarDepths:
         self._count = 0
 
     def encode(self, depths_m: NDArray[np.floating[Any]]) -> NDArray[np.uint16]:
-        """Steps (height, width) of depths; +inf: none."""
+        """Integer steps (height, width) of depths; +inf and depths out of range become 0."""
         steps = np.round(np.where(np.isfinite(depths_m), depths_m, 0.0) * self._steps_per_m)
         fits = (steps >= 0.0) & (steps <= MAX_DEPTH)
         self._count += int(np.count_nonzero(~fits))
         return np.where(fits, steps, 0.0).astype(np.uint16)
 
     def note(self, print_note: PrintNote) -> None:
-        """Note the number of depths out of range, if any."""
+        """Print a note with the number of depths out of range, if there are any."""
         if self._count:
             limit_m = MAX_DEPTH / self._steps_per_m
             print_note(f"{self._camera}: {self._count} depths past {limit_m:.1f} m are 0: none")

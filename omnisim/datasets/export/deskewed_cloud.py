@@ -14,10 +14,10 @@ from omnisim.datasets.export.stored_clouds import StoredCloud
 def deskewed_points_m(
     cloud: StoredCloud, truth: Trajectory, base_from_lidar: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Points (n, 3) as if all were measured at the revolution's end, in the lidar's frame there.
+    """Points (n, 3) in the lidar's frame at the revolution's end, as if all were measured then.
 
-    The motion is taken as straight and uniform between the revolution's start, the true poses
-    within it, and its end.
+    Assumes straight and uniform motion from the pose at the revolution's start through each of the
+    true poses during the revolution to the pose at its end.
 
     Args:
         cloud: point cloud of a revolution.

@@ -24,21 +24,23 @@ def export_run(
     camera_name: str | None = None,
     print_note: PrintNote = lambda note: None,
 ) -> Iterator[int]:
-    """Export a run to a folder; yield the run's number of steps, then the number of finished steps.
+    """Export a run to a folder; yield the number of steps, then of finished steps after each.
 
-    The folder appears when it is complete.
+    The folder appears when it is complete. If a format has no stamps per sensor, the steps are
+    frames, see `Recording.in_frames`.
 
     Args:
         run: folder of the finished run.
-        format: name of the format, a key of `registry.FORMATS`.
+        format: name of the format, a key of `export_formats.FORMATS`.
         output: new folder.
         settings: settings of the export.
         camera_name: only camera to export; None: all that the format supports.
         print_note: called with notes on content that the format does not support.
 
     Raises:
-        OmnisimError: an unknown format, an unfinished run, a missing extra, a camera without a
-            model in the format, or a folder that cannot be written.
+        OmnisimError: an unknown format, a setting that the format does not use, an unfinished run,
+            a missing extra, a camera without a model in the format, or a folder that cannot be
+            written.
     """
     extra = FORMATS[check_format(format)].extra
     if extra is not None:
@@ -58,10 +60,12 @@ def export_run(
 
 
 def for_format(recording: Recording, form: ExportFormat, print_note: PrintNote) -> Recording:
-    """Recording with the cameras that a format supports; notes name the others.
+    """Recording with the cameras that a format supports; notes name the contents that are left out.
+
+    If the format has no stamps per sensor, the steps are frames, see `Recording.in_frames`.
 
     Raises:
-        OutputError: the format supports nothing of the run.
+        OutputError: the format supports no sensor of the run.
     """
     manifest = recording.run.manifest
     held = form.sensors if recording.cameras else (*form.sensors, *form.lone_sensors)

@@ -27,8 +27,8 @@ class ExportSettings:
 
     Attributes:
         start_ns: stamp of the time 0 s, nanoseconds since 1970.
-        compressed: images as PNG files instead of pixels, if the format has both.
-        with_points: also points of each camera's ranges, if the format has point clouds.
+        compressed: True: images as PNG files instead of pixels, if the format has both.
+        with_points: True: also points from each camera's ranges, if the format has point clouds.
     """
 
     start_ns: int = 0
@@ -36,7 +36,7 @@ class ExportSettings:
     with_points: bool = False
 
     def stamps_ns(self, times_s: NDArray[np.float64], source: Path) -> list[int]:
-        """Stamps of times, whole nanoseconds.
+        """Stamps of times, whole nanoseconds since 1970; messages name the file `source`.
 
         Raises:
             OutputError: a stamp before 1970, or later than ROS supports.
@@ -56,14 +56,15 @@ class ExportFormat(ABC):
 
     Attributes:
         name: name on the command line.
-        one_camera: it has the images of one camera.
+        one_camera: True: supports the images of one camera only.
         sensors: classes of supported sensors besides cameras.
-        lone_sensors: classes of sensors that it supports in runs without a camera.
-        holds_motion: it has more of the motion than poses of sensors.
+        lone_sensors: classes of sensors that are supported only in runs without a camera.
+        holds_motion: True: stores the base's motion, and so supports runs without any sensor.
         channels: supported channels of ground truth.
-        dates_stamps: its stamps count from 1970.
-        has_clocks: each sensor has its own stamps; otherwise frames have all sensors.
-        has_messages: it has a choice of pixels or PNG, and point clouds.
+        dates_stamps: True: stamps count from 1970.
+        has_clocks: True: each sensor has its own stamps; False: a frame has one measurement of
+            each sensor.
+        has_messages: True: stores images as pixels or PNG, and point clouds.
     """
 
     name: ClassVar[str]

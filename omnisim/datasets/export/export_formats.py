@@ -19,7 +19,7 @@ class FormatEntry(NamedTuple):
         module: module below `omnisim.datasets.export`.
         class_name: class in the module.
         extra: required extra; None: none.
-        takes_samples: also converts data sets, as recordings of single poses.
+        takes_samples: True: also exports data sets, whose samples become steps of a recording.
     """
 
     title: str
@@ -89,7 +89,7 @@ def check_format(name: str) -> str:
 
 
 def format_named(name: str) -> ExportFormat:
-    """Format of a name.
+    """Import a format by its name, and create it.
 
     Raises:
         OutputError: there is no such format.

@@ -41,7 +41,7 @@ class FileHeader:
         """Number of a key.
 
         Raises:
-            RunError: the value is not a number.
+            RunError: the value is missing, damaged, or not a number.
         """
         value = self.value(key)
         if isinstance(value, bool) or not isinstance(value, int | float):
@@ -52,7 +52,7 @@ class FileHeader:
         """Pose (4, 4) of a key.
 
         Raises:
-            RunError: the value is not a pose.
+            RunError: the value is missing, damaged, or not a pose.
         """
         try:
             return check_pose(self.value(key))

@@ -36,7 +36,8 @@ def write_images(
         recording: run to export.
         cameras: cameras of the images.
         folder: folder of the export.
-        front_only: mask pixels at and past 90° from the lens's axis; panoramas then have no mask.
+        front_only: True: also mask pixels at and past 90° from the lens's axis, except in
+            panoramas.
 
     Raises:
         OmnisimError: a file cannot be read or written.
@@ -55,6 +56,6 @@ def write_images(
 
 
 def note_missing_ranges(cameras: list[LensCamera], contents: str, print_note: PrintNote) -> None:
-    """Note that points need ranges if no camera has ranges."""
+    """Print a note that `contents` are missing, if no camera recorded ranges."""
     if not any(camera.recorded.has("range") for camera in cameras):
         print_note(f"no {contents}: they come from ranges, which --also range records")

@@ -1,7 +1,8 @@
 """Cameras of a run as lenses, for the formats of other tools.
 
-A mirror's image is mirrored: no lens has it. Flipped left to right it is a lens's image, with a
-frame that is turned by half a turn. Ranges are flipped with it; rays and points are unchanged.
+A catadioptric image is mirror-inverted, which no lens's image is. Flipped left to right, it is the
+image of a lens whose frame is the optical frame after a half turn. The channels of ground truth are
+flipped, too; the points in space are the same.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ class LensCamera:
 
         Args:
             recorded: camera of the run.
-            print_note: called if its images are flipped.
+            print_note: called with a note if the images are flipped.
 
         Raises:
             RunError: the camera is non-central.
@@ -77,7 +78,7 @@ class LensCamera:
 
     @property
     def is_flipped(self) -> bool:
-        """True: images of a mirror."""
+        """True if the run's images are mirror-inverted, as those of a catadioptric camera are."""
         return is_catadioptric(self.model)
 
     @property
@@ -88,7 +89,7 @@ class LensCamera:
 
     @cached_property
     def lens(self) -> CentralCamera:
-        """The lens, without the rim of a mirror.
+        """Lens model of the exported images, flipped if they are, without the rim of a mirror.
 
         Raises:
             CalibrationError: the model does not support flipped images.
@@ -130,7 +131,7 @@ class LensCamera:
         return flipped_lens(encoded.lens, place) if self.is_flipped else encoded.lens
 
     def flip(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Array (height, width, …) of the image, flipped if the image is."""
+        """Array (height, width, …) of the image's pixels, flipped left to right if the image is."""
         return np.ascontiguousarray(values[:, ::-1]) if self.is_flipped else values
 
     def copy_image(self, step: int, target: Path) -> None:
@@ -160,7 +161,7 @@ class LensCamera:
         return isinstance(self.model, EquirectangularCamera)
 
     def depths_m(self, step: int) -> NDArray[np.float32]:
-        """Coordinates (height, width) of points along the lens's axis; +inf: nothing.
+        """Depths (height, width) along the lens's axis, from the channel range; +inf: no hit.
 
         Raises:
             OutputError: a file is missing or damaged.
@@ -180,10 +181,10 @@ class LensCamera:
         return _ABOUT_X if isinstance(self.model, EllipticCamera) else _ABOUT_Y
 
     def mask(self, front_only: bool = False) -> NDArray[np.bool_] | None:
-        """Pixels (height, width) that show the scene; None: all pixels.
+        """Mask (height, width) of the pixels that show the scene; None: all pixels.
 
         Args:
-            front_only: leave out rays at and past 90° from the axis.
+            front_only: True: leave out rays at and past 90° from the axis.
         """
         shown = self.recorded.valid
         if (covered := self.recorded.mount.covered) is not None:
@@ -194,7 +195,7 @@ class LensCamera:
 
     @property
     def axis(self) -> NDArray[np.float64]:
-        """Axis (3,) of the lens, optical frame."""
+        """Unit vector (3,) along the lens's axis, in the optical frame."""
         return self.optical_from_lens[:3, 2]
 
 
@@ -206,7 +207,7 @@ def flipped_lens(lens: LensCameraT, place: str) -> LensCameraT:
         place: name of the camera in messages.
 
     Raises:
-        CalibrationError: its model does not support flipped images.
+        CalibrationError: the lens's model does not support flipped images.
     """
     if not isinstance(lens, ParametricCamera):
         raise CalibrationError(f"{place}: model {lens.model_name!r} has no flipped images")

@@ -32,7 +32,7 @@ class RecordedCamera:
         run: folder of the run.
         name: name of the camera.
         mount: model, pose on the base, and mask of pixels that show the scene.
-        indices: (n,) numbers of its images by frame; None: frames and images correspond.
+        indices: (n,) number of the camera's image at each frame; None: the frame's own number.
     """
 
     run: RunFolder
@@ -51,7 +51,7 @@ class RecordedCamera:
 
     @property
     def size_px(self) -> tuple[int, int]:
-        """Width and height."""
+        """Width and height of the images."""
         return self.mount.camera.width_px, self.mount.camera.height_px
 
     @property
@@ -115,10 +115,11 @@ class RecordedCamera:
         return channel in self.run.manifest.channels
 
     def channel(self, step: int, name: str) -> NDArray[Any]:
-        """Channel of ground truth at a step.
+        """Channel (height, width, …) of ground truth at a step.
 
         Raises:
-            OutputError: a file is missing or damaged, or has another size than the image.
+            OutputError: a file is missing or damaged.
+            RunError: the channel has another size than the image.
         """
         path = self.image_file(step)
         values: NDArray[Any] = StoredChannels(path, {}).read([name])[name]
@@ -147,7 +148,7 @@ class RecordedCamera:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Pixels (height, width) with a ray."""
+        """Mask (height, width) of the pixels with a ray."""
         return self._rays[2]
 
     def points_m(self, ranges_m: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

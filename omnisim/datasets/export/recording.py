@@ -38,8 +38,8 @@ class ImuReadings:
 
     Attributes:
         times_s: (n,).
-        values: (n, 6) angular rate in rad/s and specific force in m/s², frame of the unit.
-        biases: (n, 6) biases of the readings; None: the run has none.
+        values: (n, 6) angular rate in rad/s and specific force in m/s², in the IMU's frame.
+        biases: (n, 6) biases of the readings, in their units; None: the run has none.
     """
 
     times_s: NDArray[np.float64]
@@ -53,8 +53,8 @@ class Recording:
 
     Steps have poses and odometry. A sensor measures at each step, or at its own rate: its
     measurements are numbered from 0, stamped by `times_s(name)`, in the files `run.file(name,
-    index, suffix)`; those up to a step's time are `indices_at(name, step)`. Formats whose frames
-    have all sensors use `in_frames`, with frames in place of steps.
+    index, suffix)`; `indices_at(name, step)` are those since the previous step. Formats with one
+    measurement of each sensor per frame use `in_frames`, with frames in place of steps.
 
     Attributes:
         run: folder of the run.
@@ -102,7 +102,7 @@ class Recording:
         return len(self.truth)
 
     def times_s(self, name: str) -> NDArray[np.float64]:
-        """Times (n,) of a sensor's measurements; with frames, of those in frames."""
+        """Times (n,) of a sensor's measurements; with frames, of its measurement at each frame."""
         times_s = self.run.times_s(name)
         return times_s[self.frames[name]] if name in self.frames else times_s
 
@@ -121,8 +121,7 @@ class Recording:
 
     @property
     def state_times_s(self) -> NDArray[np.float64]:
-        """Times (n,) of the recorded states of the base: of all measurements, also of the fastest
-        sensor; in older runs, of the steps."""
+        """Times (n,) of the base's recorded states: at all measurements; older runs: at steps."""
         return self.truth.times_s if self._states is None else self._states[0]
 
     @property
@@ -131,7 +130,7 @@ class Recording:
         return Trajectory(self.state_times_s, self.states(self.state_times_s).world_from_base)
 
     def states(self, times_s: NDArray[np.float64]) -> MotionStates:
-        """True states of the base at times (n,): recorded ones, and between them a spline."""
+        """True states of the base at times (n,); from a spline if one of them was not recorded."""
         if self._states is None:
             return SplineMotion(self.truth).at(times_s)
         known_s, states = self._states
@@ -141,10 +140,10 @@ class Recording:
         return SplineMotion(Trajectory(known_s, states.world_from_base)).at(times_s)
 
     def in_frames(self, names: Sequence[str], print_note: Callable[[str], None]) -> Recording:
-        """Recording whose steps are the measurements of the slowest of several sensors.
+        """Recording whose steps are frames, at the measurements of the slowest of several sensors.
 
-        Each gets the nearest measurements of the others. If no sensor has its own rate, the
-        recording itself.
+        A frame has the measurement of each other sensor that is nearest in time. If no sensor has
+        its own rate, the result is the recording itself.
 
         Args:
             names: sensors of the frames.
@@ -205,7 +204,7 @@ class Recording:
     def mount(
         self, world_from_sensor: NDArray[np.float64], time_s: float | None = None
     ) -> NDArray[np.float64]:
-        """Pose (4, 4) of a sensor on the base, from its pose at a time; None: at the first step."""
+        """Pose (4, 4) of a sensor on the base, from its world pose at a time; None: first step."""
         world_from_base = self.truth.world_from_base[0]
         if time_s is not None and time_s != self.truth.times_s[0]:
             world_from_base = self.states(np.array([time_s])).world_from_base[0]
@@ -213,7 +212,7 @@ class Recording:
         return pose
 
     def cloud(self, name: str, step: int) -> StoredCloud:
-        """Point cloud of a lidar, by the number of its measurement or frame.
+        """Point cloud of a lidar; `step`: number of the frame, or of the measurement.
 
         Raises:
             RunError: the file cannot be read, or is damaged.
@@ -235,7 +234,7 @@ class Recording:
         """Pose (4, 4) of a lidar on the base.
 
         Raises:
-            RunError: its first file cannot be read.
+            RunError: the lidar's first file cannot be read, or is damaged.
         """
         return self.mount(
             self.cloud(name, 0).header.pose("world_from_lidar"), self.times_s(name)[0]
@@ -245,7 +244,7 @@ class Recording:
         """Pose (4, 4) of an IMU on the base.
 
         Raises:
-            RunError: its parameters cannot be read.
+            RunError: the IMU's parameters cannot be read.
         """
         path = self.run.path / name / PARAMETERS
         try:
@@ -264,7 +263,7 @@ class Recording:
 
 
 def _nearest(times_s: NDArray[np.float64], wanted_s: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Indices (n,) of the times (m,) nearest to wanted ones (n,)."""
+    """Index (n,) of the time, among `times_s` (m,), that is nearest to each wanted time (n,)."""
     after = np.clip(np.searchsorted(times_s, wanted_s), 1, max(len(times_s) - 1, 1))
     after = np.minimum(after, len(times_s) - 1)
     before = np.maximum(after - 1, 0)

@@ -1,8 +1,8 @@
 """Points of the scene from the ranges of a run's images, with the images that see each point.
 
-Every k-th pixel of every image gives a point. Another image sees it if its own range agrees to 1 %:
-the range of the nearest pixel differs by at most that on surfaces that are not seen at grazing
-angles, and by more beyond the edge of an occluder.
+Every k-th row and column of every image gives points. An image sees a point if the range of the
+pixel nearest to the point's projection equals the point's distance to 1 %. On surfaces that are not
+seen at grazing angles, the two differ by less; where an occluder hides the point, by more.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ class Observations(NamedTuple):
     """Points visible in an image.
 
     Attributes:
-        points: (n,) indices, ascending.
-        pixels: (n, 2) in the exported image, from the center of the first.
+        points: (n,) indices of the points, ascending.
+        pixels: (n, 2) projections into the exported image, px from the center of the first pixel.
     """
 
     points: NDArray[np.intp]
@@ -54,7 +54,7 @@ class ScenePoints:
 def sample_points(
     recording: Recording, cameras: list[LensCamera], most: int = MAX_POINTS
 ) -> ScenePoints:
-    """Points of evenly spaced pixels; none without ranges.
+    """Points seen by evenly spaced pixels of all images; no point without ranges.
 
     Args:
         recording: run to export.
@@ -93,7 +93,7 @@ def observations(
         recording: run to export.
         cameras: cameras of the images.
         points: points of the scene.
-        front_only: leave out points at and past 90° from a lens's axis; a panorama has none.
+        front_only: True: leave out points at and past 90° from a lens's axis, except in panoramas.
 
     Raises:
         OmnisimError: a file is missing or damaged.

@@ -9,7 +9,7 @@ from omnisim.datasets.export.export_format import NANOSECONDS
 
 
 def seconds_text(stamp_ns: int) -> str:
-    """Seconds with nine decimals."""
+    """Text of a stamp in seconds since 1970, with nine decimals."""
     seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
     return f"{seconds}.{nanoseconds:09d}"
 
@@ -22,7 +22,7 @@ def date_text(stamp_ns: int) -> str:
 
 
 def restamped(lines: Iterable[str], stamps: Iterable[str], separator: str) -> Iterator[str]:
-    """Lines of a trajectory file, header first, with exact stamps, which a float cannot hold."""
+    """Lines of a trajectory file, header first, with the first column replaced by exact stamps."""
     rows = iter(lines)
     yield next(rows)
     for line, stamp in zip(rows, stamps, strict=True):

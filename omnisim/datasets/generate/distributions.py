@@ -54,7 +54,7 @@ class Distribution:
         return numbers if self.kind == "uniform" else f"{{ {self.kind} = {numbers} }}"
 
     def draw(self, stream: Shares) -> float:
-        """Draw a number; every distribution takes one step of the stream."""
+        """Draw a number; every distribution takes exactly one share from the stream."""
         share = stream.share()
         first, *rest = self.numbers
         if self.kind == "constant":
@@ -92,12 +92,12 @@ class Shares(Protocol):
 
 @dataclass(frozen=True)
 class Even:
-    """Constant share: near 0 and 1, numbers are at the ends of their distributions."""
+    """Source of one constant share; a share near 0 or 1 draws an end of a distribution."""
 
     value: float
 
     def share(self) -> float:
-        """The share."""
+        """The constant share."""
         return self.value
 
 
@@ -124,7 +124,7 @@ class Stream:
         return min(int(self.share() * count), count - 1)
 
     def choose(self, items: Sequence[T], weights: Sequence[float] | None = None) -> T:
-        """Draw one of several items, by weights."""
+        """Draw an item with probabilities proportional to the weights; None: uniformly."""
         if weights is None:
             return items[self.whole(len(items))]
         ends = np.cumsum(weights)
@@ -177,7 +177,7 @@ Distributed = Annotated[Distribution, PlainValidator(_parse)]
 
 
 def within(low: float, high: float) -> AfterValidator:
-    """Limits of drawn numbers; for normal numbers of the mean: others are drawn again."""
+    """Validator for limits of all numbers of a distribution; of a normal one, for its mean only."""
 
     def check(value: Distribution) -> Distribution:
         numbers = value.numbers[:1] if value.kind == "normal" else value.numbers

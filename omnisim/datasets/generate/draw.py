@@ -1,4 +1,4 @@
-"""Draws of samples: scene, rig, place, colors and objects, as functions of seed and number."""
+"""Draws of samples: scene, rig, pose, colors and objects, as functions of seed and number."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ MAX_TRIES = 200  # for an object's place at the required distances
 
 @dataclass(frozen=True)
 class Which:
-    """Numbers of a sample's scene, rig and setup, the same for all attempts.
+    """Indices of a sample's scene, rig and setups, the same for all attempts.
 
     Attributes:
         scene: index of the scene in the plan.
         rig: index of the rig in the plan.
-        light: setup of the light; 0: light does not vary.
-        camera: setup of the cameras; 0: they do not vary.
+        light: index of the light's setup; 0 if the light does not vary.
+        camera: index of the cameras' setup; 0 if the cameras do not vary.
     """
 
     scene: int
@@ -47,7 +47,7 @@ class Placed:
 
     Attributes:
         name: name of its instance.
-        object: index in the plan.
+        object: index of the object's table in the plan.
         world_from_object: (4, 4).
     """
 
@@ -63,13 +63,13 @@ class Draw:
     Attributes:
         number: number of the sample.
         attempt: number of the attempt, from 0.
-        which: scene and rig.
-        position_m: (3,) viewpoint.
+        which: indices of scene, rig and setups.
+        position_m: (3,) viewpoint, before the shift.
         yaw_deg, pitch_deg, roll_deg: attitude of the vehicle.
-        shift_m: (3,) shift of the camera on the vehicle.
+        shift_m: (3,) shift of the camera along the vehicle's axes.
         time_s: time of the world.
-        exposure_ev: exposure in addition to the camera's.
-        colors: linear RGB by instance.
+        exposure_ev: exposure in stops, in addition to the camera's.
+        colors: linear RGB by instance name.
         objects: placed objects.
     """
 
@@ -88,7 +88,7 @@ class Draw:
 
 
 def draw_which(plan: Plan, number: int) -> Which:
-    """Draw the scene and the rig of a sample."""
+    """Draw the scene and the rig of a sample, and find its setups."""
     stream = Stream(plan.seed, number, 0, _WHICH)
     scene = stream.choose(range(len(plan.scenes)), [one.weight for one in plan.scenes])
     rig = stream.choose(range(len(plan.cameras)), [one.weight for one in plan.cameras])
@@ -98,10 +98,10 @@ def draw_which(plan: Plan, number: int) -> Which:
 
 
 def draw(prepared: PreparedPlan, number: int, attempt: int) -> Draw:
-    """Draw a sample.
+    """Draw all inputs of an attempt at a sample.
 
     Raises:
-        OmnisimError: a faulty file of the plan, or no place was found.
+        OmnisimError: a faulty file of the plan, no free floor, or no room for an object.
     """
     plan = prepared.plan
     which = draw_which(plan, number)
@@ -137,7 +137,10 @@ def draw(prepared: PreparedPlan, number: int, attempt: int) -> Draw:
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """Position of the viewpoint (3,), and the attitude of the place itself."""
+    """Position (3,) of a viewpoint, and the attitude to which drawn angles are added.
+
+    `turns_along`: True: a yaw is added only if the plan sets `yaw_deg`.
+    """
 
     position_m: NDArray[np.float64]
     yaw_deg: float = 0.0
@@ -167,7 +170,7 @@ def _on_floor(free: FreeSpace, stream: Stream) -> NDArray[np.float64]:
 
 
 def _along(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
-    """Point on a path, uniformly by length, and the path's heading there."""
+    """Viewpoint on or beside a path, uniform along the paths' length, with the path's heading."""
     table, paths = prepared.plan.viewpoints, prepared.paths(scene)
     legs = np.concatenate([np.stack((path[:-1], path[1:]), axis=1) for path in paths])
     lengths = np.linalg.norm(legs[:, 1] - legs[:, 0], axis=1)
@@ -180,7 +183,7 @@ def _along(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
 
 
 def _around(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
-    """Point at a distance from an object, and the heading toward the object."""
+    """Viewpoint at a drawn distance from an object, with the heading toward the object."""
     middle = stream.choose(prepared.middles(scene))
     distance_m = prepared.plan.viewpoints.distance_m.draw(stream)
     angle = 2.0 * math.pi * stream.share()
@@ -192,7 +195,7 @@ def _around(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
 def _above(
     prepared: PreparedPlan, scene: int, point_m: NDArray[np.float64], stream: Stream
 ) -> NDArray[np.float64]:
-    """Viewpoint above the floor at a point (2,)."""
+    """Viewpoint (3,) above the floor at a point (2,); without floor there, above the lowest."""
     free = prepared.free_space(scene)
     cell = free.cell_of(point_m)
     floor_m = math.nan if cell is None else float(free.floor_m[cell])
@@ -202,7 +205,7 @@ def _above(
 
 
 def _of_file(world_from_base: NDArray[np.float64]) -> _Place:
-    """Pose from a file, as yaw, pitch and roll."""
+    """Viewpoint from a pose (4, 4) of a file, as position, yaw, pitch and roll."""
     roll, pitch, yaw = map(math.degrees, roll_pitch_yaw_from_rotation(world_from_base[:3, :3]))
     return _Place(world_from_base[:3, 3], yaw, pitch, roll, turns_along=True)
 

@@ -60,8 +60,8 @@ class Generation:
         missing: numbers of the missing shards.
 
     Raises:
-        OmnisimError: a faulty plan or file of it, shards that the plan does not have, or a folder
-            of another plan.
+        OmnisimError: a faulty plan, a faulty file that the plan names, shards that the plan does
+            not have, or a folder of another plan.
     """
 
     def __init__(
@@ -119,7 +119,7 @@ class Generation:
             write_text(self.job.folder / PLAN, self._claim)
 
     def finish(self) -> Manifest | None:
-        """Write manifest and card once all shards of the plan exist; None: some are missing.
+        """Write manifest and card if all shards of the plan exist; else return None.
 
         Raises:
             OutputError: a file cannot be written.
@@ -145,9 +145,9 @@ class Generation:
         return manifest
 
     def give_up(self) -> None:
-        """Release the folder that this process has claimed, after a fault before its first shard.
+        """Release the folder that this process has claimed, unless the folder has a shard.
 
-        Another process of the same plan that works in it claims it again.
+        Another process that generates the same plan there claims the folder again.
         """
         folder = self.job.folder
         if not self._has_taken_folder or any(folder.glob(SHARDS)):
@@ -164,7 +164,11 @@ class Generation:
         )
 
     def _own_folder(self) -> None:
-        """Claim the folder for this plan, or refuse it."""
+        """Claim the folder for this plan.
+
+        Raises:
+            OutputError: it holds another plan or other files, or cannot be written.
+        """
         folder = self.job.folder
         content = {"plan": self.prepared.fingerprint, "content": self.prepared.plan.content()}
         text = self._claim = json.dumps(content, indent=1) + "\n"
@@ -188,10 +192,11 @@ class Generation:
 
 
 def estimate(path: Path, workers: int = 1, device: int | None = None) -> Estimate:
-    """Render some samples of a plan to measure size and time; they are discarded.
+    """Estimate size and time of a data set from some rendered samples, which are discarded.
 
     Raises:
-        OmnisimError: a faulty plan or file of it, or a sample that cannot be drawn.
+        OmnisimError: a faulty plan, a faulty file that the plan names, or a sample that cannot be
+            drawn.
     """
     begin_s = time.perf_counter()
     with scratch_folder() as folder:

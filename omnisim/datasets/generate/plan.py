@@ -1,4 +1,4 @@
-"""Plan of a data set, `plan.toml`: scenes, places, cameras, and what varies."""
+"""Plan of a data set, `plan.toml`: scenes, viewpoints, cameras, and their variation."""
 
 from __future__ import annotations
 
@@ -65,8 +65,8 @@ class PlanCameraTable(Table):
     calibration: Name | None = None
     """Calibration file, relative to the plan."""
     camera_name: Name | None = None
-    """Camera of the calibration file, or "all": the whole rig, with each pose seen by each camera;
-    left out: the first."""
+    """Name of a camera in the calibration file; "all": the whole rig, with an image by each camera
+    at each pose; left out: the first camera."""
     mirrored: Flag | None = None
     """The camera looks into a mirror; left out: from the file's metadata."""
     optics: Name | None = None
@@ -76,10 +76,10 @@ class PlanCameraTable(Table):
     quality: Literal["fast", "default", "fine"] | None = None
     """Quality of the rendering."""
     preset: Name | None = None
-    """Name of a degradation preset, or the path of its file; the world is at rest."""
+    """Name of a degradation preset, or the path of its file; nothing moves during an exposure."""
     parameters: dict[Name, Distributed] = Field(default_factory=dict)
-    """Offsets of the camera model's parameters, by their names in its file, in pixels of the file;
-    each number of a list gets its own."""
+    """Offsets of the camera model's parameters, by their names and in their units in the camera's
+    file; each number of a list gets its own offset."""
     degradation: dict[Name, dict[Name, Distributed]] = Field(default_factory=dict)
     """Drawn parameters of degradations, as in the sensor file's [degradation]."""
     mount_shift_m: Distributed = fixed(0.0)
@@ -114,17 +114,17 @@ class PlanCameraTable(Table):
 
 
 class ViewpointTable(Table):
-    """Places of the viewpoint."""
+    """Viewpoints of the images."""
 
     where: Where = "free"
     """`free`: on the free floor; `path`: along paths of the scene; `around`: around objects;
-    `poses`: those of a file."""
+    `poses`: at the poses of a file."""
     height_m: Distributed = fixed(1.0)
     """Height of the viewpoint above the floor, meters."""
     radius_m: Positive = 0.25
-    """Radius around the viewpoint, down to the floor, without surfaces, in meters."""
+    """Radius in meters of the free cylinder from the viewpoint down to the floor."""
     step_m: NotNegative = 0.1
-    """Height in meters that is driven over: lower surfaces do not count."""
+    """Maximum step height in meters: lower surfaces are no obstacles."""
     region: Literal["start", "all"] = "start"
     """`start`: the free floor connected to the scene's start; `all`: all free floor."""
     paths: tuple[Name, ...] = ()
@@ -165,7 +165,7 @@ class PlanObjectTable(Table):
         Annotated[int, Field(strict=True, ge=0, le=100)],
         Annotated[int, Field(strict=True, ge=0, le=100)],
     ] = (1, 1)
-    """Minimum and maximum number of them in an image."""
+    """Minimum and maximum number of such objects in an image."""
     yaw_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
     """Heading in degrees."""
     distance_m: Distributed = Distribution("uniform", (0.5, 5.0))
@@ -229,7 +229,7 @@ class Plan(Table):
     min_visible: Fraction | None = None
     """Minimum visible share of an annotated object, relative to the pixels that it would cover
     alone; requires the channel instance and the extra `rays`. Annotations then have a
-    `visible_share`, also if 0; left out: shares are not computed."""
+    `visible_share`, even if the minimum is 0; left out: shares are not computed."""
     images_per_shard: Annotated[int, Field(strict=True, ge=1, le=MAX_IMAGES)] = 100
     """Samples per shard."""
     shards: Annotated[int, Field(strict=True, ge=1, le=MAX_SHARDS)] = 1

@@ -1,4 +1,4 @@
-"""Cameras of a plan: from their files, and as drawn for each setup."""
+"""Cameras of a plan: read from their files, and varied for each setup."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ class PlanRig:
 
 
 class RigFile:
-    """Cameras of a table of the plan, with their file, read once.
+    """Cameras of one [[cameras]] table of a plan; their file is read once.
 
     Args:
         table: table of the plan.
         plan: path of the plan's file.
-        is_exposed: the exposure varies between images.
+        is_exposed: True: the exposure varies between images.
 
     Attributes:
         sources: the files that were read.
@@ -104,7 +104,11 @@ class RigFile:
     def _varied(
         self, model: CentralCamera, parameters: Mapping[str, Distribution], stream: Shares
     ) -> CentralCamera:
-        """Camera model with offsets of its parameters."""
+        """Camera model with drawn offsets added to its parameters.
+
+        Raises:
+            PlanError: a parameter is unknown, dependent on others, or invalid with its offset.
+        """
         if not parameters:
             return model
         wanted: dict[str, Any] = dict(model.parameters())
@@ -139,7 +143,11 @@ class RigFile:
         return parse_degradation(tables, self._place("").removesuffix(": "), self._plan.parent)
 
     def _exposed(self, camera: OmniCamera) -> OmniCamera:
-        """Camera whose exposure can be set for each image."""
+        """Camera whose exposure can be set for each image.
+
+        Raises:
+            PlanError: the camera meters its exposure.
+        """
         degradation = camera.degradation
         if degradation.is_metered:
             raise PlanError(
@@ -174,12 +182,12 @@ def _read_cameras(table: PlanCameraTable, folder: Path) -> dict[str, OmniCamera]
 
 
 def _numbers(value: Any) -> list[float]:
-    """Numbers of a camera's parameter, a number or a list; none for other parameters."""
+    """Floats of a camera parameter that is a float or a list of floats; else an empty list."""
     values = value if isinstance(value, list) else [value]
     return values if all(isinstance(one, float) for one in values) else []
 
 
 def _number(effect: str, key: str, value: float) -> float | int:
-    """Number for a degradation's key, an integer if the key's values are."""
+    """Drawn value for a key of a degradation, rounded if the key's default is an integer."""
     field = getattr(EFFECTS.get(effect), "__dataclass_fields__", {}).get(key)
     return round(value) if field is not None and isinstance(field.default, int) else value

@@ -45,7 +45,7 @@ def draw_light(scene: Scene, vary: VaryTable, stream: Shares, plan: Path) -> Dra
 
     Args:
         scene: scene with its own light.
-        vary: table of the plan.
+        vary: table [vary] of the plan.
         stream: stream of random numbers.
         plan: path of the plan's file; maps are relative to it.
 
@@ -63,7 +63,7 @@ def draw_light(scene: Scene, vary: VaryTable, stream: Shares, plan: Path) -> Dra
 
 
 def _draw_sky(table: VarySkyTable, stream: Shares, plan: Path) -> dict[str, Any]:
-    """Keys of a scene file's [sky].
+    """Drawn keys and values for a scene file's [sky].
 
     Raises:
         PlanError: the sun is below the horizon.
@@ -91,7 +91,7 @@ def _draw_sky(table: VarySkyTable, stream: Shares, plan: Path) -> dict[str, Any]
 
 
 def _under_sky(scene: Scene, sky: dict[str, Any], plan: Path) -> Scene:
-    """Scene under another sky, whose sun replaces the directional lamps."""
+    """Scene with a drawn sky instead of its own sky and directional lamps."""
     lamps = (one for one in scene.lighting.lights if one.kind is not LightKind.DIRECTIONAL)
     lighting = dataclasses.replace(scene.lighting, lights=tuple(lamps), environment=None)
     scene = dataclasses.replace(scene, lighting=lighting)
@@ -101,7 +101,7 @@ def _under_sky(scene: Scene, sky: dict[str, Any], plan: Path) -> Scene:
 
 
 def _draw_lamps(table: VaryLightTable, count: int, stream: Shares) -> dict[str, Any]:
-    """Factors and temperatures of a scene's lamps."""
+    """Drawn factors of the ambient light and the lamps, and the lamps' temperatures in K."""
     values: dict[str, Any] = {"ambient_factor": table.ambient_factor.draw(stream)}
     values["lamp_factors"] = [table.lamp_factor.draw(stream) for _ in range(count)]
     if (kelvin := table.lamp_temperature_k) is not None:
@@ -110,7 +110,7 @@ def _draw_lamps(table: VaryLightTable, count: int, stream: Shares) -> dict[str, 
 
 
 def _lit(scene: Scene, values: dict[str, Any]) -> Scene:
-    """Scene with other lamps and another ambient light."""
+    """Scene with drawn values applied to lamps and ambient light, and without baked light."""
     lighting = scene.lighting
     lamps = [
         dataclasses.replace(lamp, intensity=factor * lamp.intensity)
@@ -125,7 +125,7 @@ def _lit(scene: Scene, values: dict[str, Any]) -> Scene:
 
 
 def _of_temperature(lamp: Light, kelvin: float) -> Light:
-    """Lamp with a black body's color, and its previous brightness."""
+    """Lamp with the color of a black body, at unchanged luminance."""
     level = float(_LUMINANCE @ lamp.color)
     red, green, blue = (level * one for one in black_body_rgb(kelvin))
     return dataclasses.replace(lamp, color=(red, green, blue))

@@ -28,13 +28,13 @@ class RecolorTable(Table):
     saturation: Annotated[Distributed, within(0.0, 1.0)] = Distribution("uniform", (0.0, 0.9))
     """Saturation, 0 to 1."""
     value: Annotated[Distributed, within(0.0, 1.0)] = Distribution("uniform", (0.2, 0.95))
-    """Value, 0 to 1."""
+    """Value in HSV, 0 to 1."""
     share: Fraction = 1.0
     """Share of the images with such a color."""
 
 
 class VaryLightTable(Table):
-    """Lamps of the scenes, by setup; except for the sun of [vary.sky]."""
+    """Lamps and ambient light of the scenes, by setup; the sun of [vary.sky] stays as it is."""
 
     lamp_factor: Distributed = fixed(1.0)
     """Factor of each lamp's intensity, at least 0; drawn for each lamp."""
@@ -102,8 +102,8 @@ class VaryTable(Table):
     """Attitude, time, light and colors of the images."""
 
     yaw_deg: Distributed = Distribution("uniform", (-180.0, 180.0))
-    """Heading in degrees from the world's x; along paths and poses, relative to theirs, and 0 by
-    default."""
+    """Heading in degrees from the world's x; for `path`, `around` and `poses`, relative to the
+    path, to the object's direction or to the pose, and 0 by default."""
     pitch_deg: Distributed = fixed(0.0)
     """Pitch of the vehicle in degrees: positive: front down."""
     roll_deg: Distributed = fixed(0.0)

@@ -55,12 +55,12 @@ class PlanObject:
 
 
 class PreparedPlan:
-    """Plan with its files, each read once, when it is needed.
+    """Plan with its files; each file is read once, when it is first needed.
 
     Args:
         plan: plan.
         path: path of the plan's file, base of relative paths.
-        folder: folder of the data set, which keeps free floors; None: none are kept.
+        folder: folder of the data set, for files of free floors; None: no such files.
     """
 
     def __init__(self, plan: Plan, path: Path, folder: Path | None = None):
@@ -82,7 +82,7 @@ class PreparedPlan:
         return cls(plan, path, folder)
 
     def check(self) -> None:
-        """Read all files, and find all places.
+        """Read all files, and check the free floors, paths and objects that viewpoints need.
 
         Raises:
             OmnisimError: the first fault.
@@ -100,7 +100,7 @@ class PreparedPlan:
                 self.instances(number, table.nodes, "vary.recolor.nodes")
 
     def notices(self) -> list[str]:
-        """Notices of content that the scenes do not show, and of classes with several numbers."""
+        """Notices of the scenes, and of classes whose IDs differ between scenes."""
         notices = []
         numbers: dict[str, int] = {}
         for index in range(len(self.plan.scenes)):
@@ -132,12 +132,12 @@ class PreparedPlan:
         return self._scenes[number]
 
     def _scene_file(self, table: PlanSceneTable | PlanObjectTable) -> str | Path:
-        """Path relative to the plan; or, if there is none, a built-in name or absolute path."""
+        """Path of a scene file beside the plan; if there is none, the name as in the plan."""
         beside = self.path.parent / table.file
         return beside if beside.exists() else table.file
 
     def find_free_space(self, number: int) -> None:
-        """Find the free floor of a scene, if it is needed.
+        """Find the free floor of a scene, if viewpoints or objects need it.
 
         Raises:
             OmnisimError: there is no free floor.
@@ -177,7 +177,11 @@ class PreparedPlan:
         )
 
     def paths(self, number: int) -> tuple[NDArray[np.float64], ...]:
-        """Waypoints (n, 2) of the paths with viewpoints in a scene."""
+        """Waypoints (n, 2) in meters of each path of a scene that has viewpoints.
+
+        Raises:
+            PlanError: the scene lacks a path.
+        """
         scene, wanted = self.scene(number), self.plan.viewpoints.paths
         known = {path.name: np.array(path.waypoints_m) for path in scene.paths}
         for name in wanted:
@@ -192,7 +196,7 @@ class PreparedPlan:
         return paths
 
     def middles(self, number: int) -> tuple[NDArray[np.float64], ...]:
-        """Middles (3,) of the objects with viewpoints around them in a scene."""
+        """Middles (3,) of the bounding boxes of a scene's objects with viewpoints around them."""
         scene = self.scene(number)
         names = self.instances(number, self.plan.viewpoints.nodes, "viewpoints.nodes")
         boxes = [scene.instance_boxes[name] for name in names if name in scene.instance_boxes]
@@ -219,7 +223,7 @@ class PreparedPlan:
 
     @cached_property
     def rig_files(self) -> tuple[RigFile, ...]:
-        """Tables of cameras with their files read."""
+        """Cameras of each [[cameras]] table, from their files."""
         is_exposed = "exposure_ev" in self.plan.vary.model_fields_set
         return tuple(RigFile(table, self.path, is_exposed) for table in self.plan.cameras)
 
@@ -229,7 +233,7 @@ class PreparedPlan:
         return tuple(file.rig() for file in self.rig_files)
 
     def check_setups(self) -> None:
-        """Check setups at the ends of their distributions.
+        """Check setups near the ends and in the middle of their distributions.
 
         Raises:
             OmnisimError: the first fault.
@@ -271,7 +275,7 @@ class PreparedPlan:
 
     @cached_property
     def fingerprint(self) -> str:
-        """Hexadecimal digits of all inputs of the images: the plan and its files' contents."""
+        """Hash of the plan, the contents of its files and omnisim's version; hexadecimal."""
         digest = hashlib.sha256(json.dumps(self.plan.content(), sort_keys=True).encode())
         scenes = [fingerprint(self.scene(number)) for number in range(len(self.plan.scenes))]
         objects = [fingerprint(one.scene) for one in self.objects]

@@ -35,10 +35,10 @@ class _Maker:
 def make_shards_on_ray(
     job: Job, shards: Sequence[int], address: str | None = None
 ) -> Iterator[Made]:
-    """Generate shards on a cluster whose machines share the plan and the folder; yield each.
+    """Generate shards on a cluster whose machines share the plan and the folder; yield after each.
 
     Args:
-        job: see `omnisim.datasets.generate.workers.make_shards`.
+        job: arguments of the workers.
         shards: numbers of the shards.
         address: address of the cluster; None: a cluster on this machine.
 

@@ -29,10 +29,10 @@ class RenderedSample:
     """Rendered sample.
 
     Attributes:
-        drawn: draw of the sample.
-        frames: frames by camera; a single camera's name is empty.
+        drawn: drawn inputs of the sample.
+        frames: frames by camera name; a single camera's name is empty.
         light: drawn values of the light; empty: the scene's own light.
-        shares: visible shares of the objects by camera and ID; empty: not requested.
+        shares: visible shares of instances, by camera name and instance ID; empty: not requested.
     """
 
     drawn: Draw
@@ -58,7 +58,7 @@ class SampleRenderer:
         self._rigs: dict[int, _OpenRig] = {}
 
     def order(self, numbers: range) -> list[int]:
-        """Numbers of samples in rendering order."""
+        """Numbers of samples in rendering order: equal scenes, lights and cameras in succession."""
 
         def key(number: int) -> tuple[int, ...]:
             which = draw_which(self._prepared.plan, number)
@@ -67,10 +67,10 @@ class SampleRenderer:
         return sorted(numbers, key=key)
 
     def render(self, number: int) -> RenderedSample:
-        """Render a sample; rejected ones are drawn again.
+        """Render a sample; rejected attempts are drawn again.
 
         Raises:
-            PlanError: all attempts were rejected.
+            OmnisimError: an attempt could not be drawn, or all attempts were rejected.
         """
         plan, reason = self._prepared.plan, ""
         for attempt in range(plan.reject.attempts):
@@ -94,7 +94,7 @@ class SampleRenderer:
         self._rays = StageRays()
 
     def _attempt(self, drawn: Draw) -> RenderedSample | str:
-        """Render a draw; return the reason if it is rejected."""
+        """Render an attempt; return the reason if it is rejected."""
         plan = self._prepared.plan
         stage, rig = self._open(drawn.which)
         assert self._light is not None
@@ -157,7 +157,7 @@ class _OpenRig:
         stage: stage of the renderers.
         cameras: cameras of the rig.
         setup: setup of the cameras.
-        seed: seed of their noise.
+        seed: seed of the cameras' noise.
 
     Attributes:
         cameras, setup: see the arguments.
@@ -173,14 +173,14 @@ class _OpenRig:
         self._shares: dict[str, VisibleShares] = {}
 
     def visible_shares(self, name: str) -> VisibleShares:
-        """Visible shares in a camera's images; its rays are computed on first use."""
+        """Calculator of visible shares in a camera's images, created on first use."""
         if name not in self._shares:
             self._shares[name] = VisibleShares(self.renderers[name].camera)
         return self._shares[name]
 
     @cached_property
     def probe(self) -> Renderer:
-        """Renderer of small range images for judging samples of plans without ranges."""
+        """Renderer of small range images, to judge samples of plans without the channel range."""
         camera = self.cameras.first
         size_px = min(PROBE_PX, camera.model.width_px, camera.model.height_px)
         return self._stage.open(camera.resized(size_px))
@@ -194,7 +194,7 @@ class _OpenRig:
 
 
 def _exposure_ev(renderer: Renderer, drawn: Draw) -> float | None:
-    """Exposure of an image; None: the camera's own."""
+    """Exposure of an image in stops; None: the camera's own."""
     exposure = renderer.camera.degradation.exposure
     return None if exposure is None or exposure.auto else exposure.ev + drawn.exposure_ev
 

@@ -51,7 +51,7 @@ class Shards:
     def __getitem__(self, row: int) -> dict[str, Any]:
         """Sample: `rgb` (height, width, 3) uint8, channels by name, and `metadata`.
 
-        For a rig, these are tables by camera: `sample["left"]["rgb"]`.
+        For a rig, each camera has a dictionary of image and channels: `sample["left"]["rgb"]`.
 
         Raises:
             IndexError: beyond the last sample.
@@ -118,7 +118,7 @@ class Shards:
 
     @contextmanager
     def files(self, row: int) -> Iterator[Path]:
-        """Folder of a sample's files, for a `with` block.
+        """Temporary folder with a sample's files, for a `with` block.
 
         Raises:
             IndexError: beyond the last sample.
@@ -128,7 +128,7 @@ class Shards:
             yield self.extract(row, Path(name))
 
     def images(self, folder: Path) -> list[Path]:
-        """Images of the cameras among a sample's files, without channels in the same formats."""
+        """Paths of the cameras' images in a folder of a sample's files, without its channels."""
         metadata = _metadata(folder)
         key = f"{metadata['number']:09d}"
         cameras = list(metadata["images"])
@@ -137,12 +137,12 @@ class Shards:
         return [path for path in paths if path.is_file()]
 
     def extract(self, row: int, folder: Path, only: str = "") -> Path:
-        """Write a sample's files into a folder; return it.
+        """Write a sample's files into a folder; return the folder.
 
         Args:
             row: index of the sample.
             folder: existing folder.
-            only: part of the name after the number of the only wanted file; empty: all files.
+            only: end of the name, after the number, of the only file to write; empty: all files.
 
         Raises:
             IndexError: beyond the last sample.
@@ -172,12 +172,12 @@ class Shards:
 
 
 def in_shard(message: str) -> str:
-    """Message about a sample's file without its temporary folder."""
+    """Error message without the path of the temporary folder of a sample's files."""
     return re.sub(rf"{re.escape(tempfile.gettempdir())}/{_PREFIX}\w+/(sample/)?", "", message)
 
 
 def _metadata(folder: Path) -> dict[str, Any]:
-    """Camera, pose and draw of the sample with files in a folder."""
+    """Camera, pose and draw of the sample whose files are in a folder."""
     (path,) = folder.glob("?????????.json")
     content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return content

@@ -1,8 +1,7 @@
 """Setups: light and cameras shared by successive samples, as functions of seed and number.
 
-Opening a scene in another light, or another camera, takes as long as several images: a setup lasts
-for
-`vary.images_per_setup` images. Invalid cameras are drawn again.
+Opening a scene under another light, or opening another camera, takes as long as rendering several
+images. A setup therefore lasts for `vary.images_per_setup` images. Invalid setups are drawn again.
 """
 
 from __future__ import annotations
@@ -48,7 +47,7 @@ def setup_rig(prepared: PreparedPlan, rig: int, setup: int) -> PlanRig:
 
 
 def _draw(prepared: PreparedPlan, setup: int, purpose: int, make: Callable[[Stream], T]) -> T:
-    """Draw until a valid result is made.
+    """Result of `make` with the first stream that gives a valid one.
 
     Raises:
         PlanError: no draw was valid.

@@ -1,8 +1,8 @@
-"""Shards: tar files of samples in WebDataset's layout, each a function of the plan and a number.
+"""Shards: tar files of samples in WebDataset's layout, functions of the plan and their number.
 
 The names of a sample's files begin with its number: `000000012.png`, `000000012.range.png` and so
-on, as from `Frame.save`, and `000000012.json` with its pose, camera and draw. Those of a rig begin
-with number and camera, `000000012.left.png`. `shard-000003.json` has a shard's hash and statistics.
+on, as from `Frame.save`, and `000000012.json` with its pose, camera and draw. A rig's images have
+number and camera name, `000000012.left.png`. `shard-000003.json` has a shard's hash and statistics.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ EDGE = 1e-9  # share of a triangle: a point on a common edge is in at least one 
 
 
 def is_flat(corners_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mask (n,) of triangles (n, 3, 3) with a walkable slope."""
+    """Mask (n,) of triangles (n, 3, 3) with a slope below 60°, whichever side is up."""
     normals = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
     flat: NDArray[np.bool_] = np.abs(normals[:, 2]) > MIN_UP * np.linalg.norm(normals, axis=1)
     return flat
@@ -23,7 +23,7 @@ def is_flat(corners_m: NDArray[np.float64]) -> NDArray[np.bool_]:
 def heights_in(
     corners_m: NDArray[np.float64], points_m: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Heights (...,) of a triangle (3, 3) above points (..., 2); NaN outside of it."""
+    """Heights (...,) of a triangle (3, 3) at points (..., 2) of the floor plan; NaN outside it."""
     a, b, c = corners_m
     matrix = np.column_stack((a[:2] - c[:2], b[:2] - c[:2]))
     first, second = np.moveaxis((points_m - c[:2]) @ np.linalg.inv(matrix).T, -1, 0)
@@ -39,8 +39,8 @@ def surface_points(
 ) -> Iterator[NDArray[np.float64]]:
     """Points (n, 3) on triangles (m, 3, 3) between two heights, in batches.
 
-    Triangles are halved across their longest edge until it is short: each point of a triangle is
-    within the spacing of a returned point.
+    Triangles are halved across their longest edge until it is at most `spacing_m` long. Each point
+    of a triangle is then within `spacing_m` of a returned point.
     """
     while len(corners_m):
         low, high = triangle_bounds(corners_m[..., 2])
@@ -55,12 +55,12 @@ def columns_of(
     low_m: NDArray[np.float64],
     high_m: NDArray[np.float64],
 ) -> Iterator[NDArray[np.float64]]:
-    """Parts of triangles (m, 3, 3) that are small on the floor plan, at any height.
+    """Parts (n, 3, 3) of triangles in a box, small on the floor plan, of any height, in batches.
 
     Args:
         corners_m: corners of the triangles.
         spacing_m: maximum edge length of a part on the floor plan.
-        low_m, high_m: (3,) corners of the wanted box.
+        low_m, high_m: (3,) opposite corners of the box; parts outside of it are left out.
     """
     while len(corners_m):
         low, high = triangle_bounds(corners_m)
@@ -72,7 +72,7 @@ def columns_of(
 def _halved(
     corners_m: NDArray[np.float64], spacing_m: float, axes: int = 3
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Triangles with short edges in the first axes, and the halves of all others."""
+    """Triangles with edges up to `spacing_m` in the first axes, and the halves of all others."""
     planned = corners_m[..., :axes]
     edges = planned[:, (1, 2, 0)] - planned
     squares = np.einsum("nij,nij->ni", edges, edges)

@@ -17,7 +17,7 @@ from omnisim.scene import Scene
 
 
 class VisibleShares:
-    """Visible shares by ray casting through all surfaces in a camera's image.
+    """Calculator of visible shares in a camera's images, by casting rays through all surfaces.
 
     Args:
         camera: camera, as in its renderer.

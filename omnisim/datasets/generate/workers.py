@@ -30,7 +30,7 @@ class Job(NamedTuple):
     Attributes:
         plan: path of the plan.
         folder: folder of the data set.
-        device: EGL index of the GPU.
+        device: EGL index of the GPU; None: the first.
         samples: samples per shard; None: the plan's.
     """
 
@@ -41,7 +41,7 @@ class Job(NamedTuple):
 
 
 class Made(NamedTuple):
-    """Progress: a sample of a shard, or a whole shard."""
+    """Progress of a shard: one more sample is rendered, or the whole shard is written."""
 
     shard: int
     is_whole: bool
@@ -53,7 +53,8 @@ def make_shards(job: Job, shards: Sequence[int], workers: int) -> Iterator[Made]
     A killed worker loses only its unfinished shard, which another worker generates again.
 
     Raises:
-        OmnisimError: the first fault of a worker; PlanError: the workers of a shard die.
+        OmnisimError: the first fault of a worker.
+        PlanError: `MAX_DEATHS` workers died while generating the same shard.
     """
     todo, deaths = deque(shards), Counter[int]()
     running: dict[Connection, _Worker] = {}
@@ -87,7 +88,7 @@ def make_shards(job: Job, shards: Sequence[int], workers: int) -> Iterator[Made]
 
 
 class _Worker:
-    """Process with a connection, and its current shard, or None."""
+    """Worker process with a connection, and the number of its current shard; None: idle."""
 
     def __init__(self, job: Job):
         context = multiprocessing.get_context("spawn")  # OpenGL does not survive a fork
@@ -98,7 +99,7 @@ class _Worker:
         theirs.close()
 
     def take(self, todo: deque[int]) -> None:
-        """Assign the next shard to the worker, or end it."""
+        """Assign the next shard to the worker, if there is one."""
         if not todo:
             return
         self.shard = todo.popleft()
@@ -112,7 +113,7 @@ class _Worker:
 
         Raises:
             OmnisimError: a fault in the worker.
-            EOFError: the worker has ended.
+            EOFError, ConnectionResetError: the worker has ended.
         """
         message = self.connection.recv()
         if isinstance(message, OmnisimError):
@@ -153,7 +154,7 @@ def _work(connection: Connection, job: Job) -> None:
 
 
 def _end(*_: object) -> None:
-    """End at once: an exception would be lost during the deletion of an object."""
+    """End the process at once; an exception raised while an object is deleted would be lost."""
     remove_partials()
     os._exit(0)
 
@@ -162,7 +163,7 @@ def _end(*_: object) -> None:
 def threads_shared(workers: int) -> Iterator[None]:
     """Share the processor's cores among processes, for Mesa's rasterizer.
 
-    Two processes with one thread each draw more than one process with two threads.
+    Two processes with one thread each render faster than one process with two threads.
     """
     if workers < 2 or _THREADS in os.environ:
         yield

@@ -5,9 +5,9 @@
     sparse/0/cameras, images, points3D      .txt or .bin
     sparse/0/rigs, frames                   all cameras on one rig; the first is the reference
 
-The world is omnisim's: meters, z up. A point's track has the images whose ranges agree with it,
-with exact projections as pixels. COLMAP projects nothing at or past 90° from a lens's axis: masks
-and tracks leave it out.
+The world is omnisim's: meters, z up. A point's track has the images whose ranges agree with the
+point, at the point's exact projections. COLMAP projects nothing at or past 90° from a lens's axis:
+masks and tracks leave out these directions.
 
 Source: COLMAP's documentation, "Output Format" and "Camera Models"; its reconstruction_io.cc.
 """

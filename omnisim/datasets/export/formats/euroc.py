@@ -6,9 +6,8 @@
 
 The body is the IMU, or the vehicle's base if the run has no IMU. `sensor.yaml` has the models of
 Kalibr, from the same laboratory: `pinhole` with `radial-tangential` or `equidistant`, `omni`,
-`eucm`,
-`ds`. States are at the stamps of all sensors, with the true velocities and the biases of the last
-reading; without an IMU, or in a run that did not record them, biases are 0.
+`eucm`, `ds`. States are at the stamps of all sensors, with the true velocities and the biases of
+the last IMU reading; biases are 0 without an IMU, or if the run did not record any.
 
 Source: Burri et al., The EuRoC micro aerial vehicle datasets (2016), and its files.
 """
@@ -166,7 +165,7 @@ def _write_imu(
 
 
 def _pose_lines(pose: NDArray[np.float64]) -> list[str]:
-    """Pose of a sensor on the body, for the readers of OpenCV and YAML."""
+    """Lines of the key T_BS with a sensor's pose on the body, readable as YAML and by OpenCV."""
     return ["T_BS:", "  cols: 4", "  rows: 4", f"  data: {_numbers(pose.ravel().tolist())}"]
 
 

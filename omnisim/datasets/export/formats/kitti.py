@@ -6,9 +6,9 @@
     sequences/00/times.txt                  seconds since the first step
     poses/00.txt                            poses of camera 0 in its frame at the first step
 
-Camera 0 is the first pinhole, x right, y down, z forward: P2 = P0. Without a pinhole it is at the
-lidar's origin and looks along its x. As in the benchmark, point clouds are compensated for motion:
-all points of a revolution are in the lidar's frame at its end, at the time of the step.
+Camera 0 is the first pinhole, x right, y down, z forward: P2 = P0. Without a pinhole, camera 0 is
+at the lidar's origin and looks along the lidar's x. As in the benchmark, point clouds are
+compensated for motion: all points are in the lidar's frame at the end of the revolution.
 
 Source: Geiger et al., Are we ready for autonomous driving? (2012); the benchmark's development kit.
 """
@@ -86,7 +86,7 @@ class Kitti(ExportFormat):
 
 
 def _pinholes(recording: Recording, print_note: PrintNote) -> list[LensCamera]:
-    """First two pinholes; a note names the others."""
+    """First two pinholes; a note names the cameras that are left out."""
     pinholes = [one for one in recording.cameras if isinstance(one.mount.camera, PerspectiveCamera)]
     taken = [LensCamera.of(camera, print_note) for camera in pinholes[: len(IMAGES)]]
     names = [camera.name for camera in taken]
@@ -102,7 +102,7 @@ def _pinholes(recording: Recording, print_note: PrintNote) -> list[LensCamera]:
 def _camera_0(
     cameras: list[LensCamera], base_from_lidar: NDArray[np.float64] | None
 ) -> NDArray[np.float64]:
-    """Pose (4, 4) of camera 0."""
+    """Pose (4, 4) of camera 0 on the base."""
     if cameras:
         return cameras[0].base_from_lens
     assert base_from_lidar is not None
@@ -116,7 +116,7 @@ def _calibration(
     base_from_camera: NDArray[np.float64],
     base_from_lidar: NDArray[np.float64] | None,
 ) -> Iterator[str]:
-    """Lines of calib.txt; missing cameras have the values of the first.
+    """Lines of calib.txt: P0 and P2 are the first pinhole's, P1 and P3 the last one's.
 
     Raises:
         OutputError: the pinholes are not parallel.
@@ -146,7 +146,7 @@ def _calibration(
 def _note_what_is_missing(
     cameras: list[LensCamera], lidars: list[str], print_note: PrintNote
 ) -> None:
-    """Note values of calib.txt that readers need and the run does not have."""
+    """Print notes on values of calib.txt that readers need and the run does not have."""
     if not cameras:
         print_note(
             f"calib.txt: no pinhole: camera 0 stands in the place of {lidars[0]}, with a focal "

@@ -11,9 +11,9 @@
 
 The body is the GPS/IMU, at the base of the vehicle: x forward, y right, z down; the world's z is
 up. Fisheyes are MEI. Classes are the run's own; instances are numbered from 1 in each class. The
-drive has the name of KITTI-360's first one, which the development kit expects. Point clouds are
-skewed by the motion, as the raw ones of the data set. Without cameras, image_00 is at the lidar's
-origin and looks along its x.
+drive has the name of KITTI-360's first drive, which the development kit expects. Point clouds are
+skewed by the motion, like the data set's raw point clouds. Without cameras, image_00 is at the
+lidar's origin and looks along the lidar's x.
 
 Source: KITTI-360's documentation; kitti360scripts: loadCalibration.py, project.py, annotation.py.
 """

@@ -34,7 +34,7 @@ class LabelImages:
     Attributes:
         folder: folder of the drive.
         cameras: cameras by their names in KITTI-360.
-        numbers: numbers in the images, by kind and by the run's own numbers.
+        numbers: by kind (semantic or instance), the number in the images for each ID of the run.
     """
 
     folder: Path
@@ -51,7 +51,7 @@ class LabelImages:
         cameras: Mapping[str, LensCamera],
         print_note: PrintNote,
     ) -> LabelImages | None:
-        """Prepare the folders; None: the run has no labels.
+        """Create the folders and the table of labels; None: the run has no labels.
 
         Raises:
             OutputError: the table of labels is damaged.
@@ -98,7 +98,10 @@ class LabelImages:
 
 
 def _instances(labels: Labels) -> NDArray[np.int64]:
-    """Global numbers by instance number, from that of nothing."""
+    """KITTI-360's global number of each instance ID, from ID 0 of no instance.
+
+    Beyond 999 instances of a class, the number is 65536, which fits in no image.
+    """
     numbers, counts = [0], dict[int, int]()
     for one in labels.instances:
         counts[one.class_id] = number = counts.get(one.class_id, 0) + 1

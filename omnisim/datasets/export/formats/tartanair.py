@@ -8,13 +8,12 @@
     P000/calibration.json, labels.json                  omnisim's: the data set's lens differs
 
 A pinhole is `lcam_front`, with depths along the axis; a fisheye is `lcam_fish`, a panorama
-`lcam_equirect`, with ray lengths as depths. The depth of nothing is 10 000 m. Poses are in NED
+`lcam_equirect`, with ranges as depths. The depth without a hit is 10 000 m. Poses are in NED
 (x north, y east, z down), of a camera with axes x forward, y right, z down; north is the world's x.
 
-Flow is 32768 + 64 u and v, in the order in which OpenCV reads them. Its mask is 0 if the point is
-visible in the next image, 1 if it is hidden, 100 if it is outside, or no point, and 200 if the flow
-is
-512 px or longer.
+Flow (u, v) in px is stored as 32768 + 64 u and 32768 + 64 v, in the order in which OpenCV reads the
+channels. The mask is 0 if the point is visible in the next image, 1 if it is hidden, 100 if it is
+outside the image or the ray hits nothing, and 200 if u or v is about 512 px or more.
 
 Source: tartanair.org, "Modalities"; tartanairpy: reader.py, customizer.py, flow16to32.
 """
@@ -91,7 +90,7 @@ def tartanair_name(camera: LensCamera) -> str:
 
 
 def _depths(camera: LensCamera, step: int) -> NDArray[np.uint8]:
-    """Bytes (height, width, 4) of depths, in the order that OpenCV reads as BGRA."""
+    """Bytes (height, width, 4) of float32 depths, in the order that OpenCV reads as BGRA."""
     if camera.is_pinhole:
         depths_m = camera.depths_m(step)
     else:
@@ -101,13 +100,13 @@ def _depths(camera: LensCamera, step: int) -> NDArray[np.uint8]:
 
 
 def _classes(camera: LensCamera, step: int) -> NDArray[np.uint8 | np.uint16]:
-    """Classes in 8 bits as in the data set, or in 16 if there are more."""
+    """Class IDs (height, width), in 8 bits as in the data set, or in 16 if an ID exceeds 255."""
     classes = camera.flip(camera.recorded.channel(step, "semantic"))
     return classes.astype(np.uint8) if classes.max(initial=0) < 256 else classes.astype(np.uint16)
 
 
 def _flow(camera: LensCamera, step: int) -> NDArray[np.uint16]:
-    """Mask, v and u (height, width, 3), in the reverse order of OpenCV's channels."""
+    """Mask, v and u (height, width, 3), which OpenCV reads in reverse order."""
     flow_px = camera.flip(camera.recorded.channel(step, "flow"))
     if camera.is_flipped:
         flow_px = flow_px * (-1.0, 1.0)

@@ -1,7 +1,7 @@
 """TUM RGB-D: images of one camera, depths of a pinhole, poses of the camera.
 
     rgb.txt, rgb/<s>.png            stamps and images
-    depth.txt, depth/<s>.png        coordinates along the axis, 5000 per meter in 16 bits, 0: none
+    depth.txt, depth/<s>.png        depths along the axis, 5000 steps per meter in 16 bits, 0: none
     groundtruth.txt                 poses of the camera's optical frame, at the fastest rate
     calibration.json                omnisim's calibration: the format has none
 

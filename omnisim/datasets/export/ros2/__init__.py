@@ -1,1 +1,1 @@
-"""ROS 2 bags: messages, topics and frames by REP 103 and 105, without ROS."""
+"""ROS 2 bags, written without ROS; frames follow REP 103 and 105."""

@@ -71,10 +71,10 @@ class Bag:
         """Write a message of a type in `omnisim.datasets.export.ros2.ros_messages`.
 
         Args:
-            topic: topic; always with the same type.
-            stamp_ns: stamp of the message.
+            topic: topic; all of its messages have the same type.
+            stamp_ns: stamp of the message, nanoseconds since 1970.
             message: contents of the message.
-            is_latched: late subscribers receive it, too.
+            is_latched: True: late subscribers receive the topic's last message, too.
         """
         kind = type(message).__name__.replace("__", "/")
         if topic not in self._connections:

@@ -3,12 +3,12 @@
 | topic | type | |
 | --- | --- | --- |
 | `/<camera>/image_raw` | Image, rgb8 | `--compressed`: `/<camera>/image_raw/compressed`, PNG |
-| `/<camera>/camera_info` | CameraInfo | only if it represents the camera exactly |
+| `/<camera>/camera_info` | CameraInfo | only if CameraInfo represents the camera exactly |
 | `/<camera>/calibration` | String, latched | omnisim's calibration, JSON: any model |
 | `/<camera>/range` | Image, 32FC1 | meters along the ray, inf: nothing |
-| `/<camera>/semantic`, `/<camera>/instance` | Image, 16UC1, 32SC1 | numbers of `/labels` |
+| `/<camera>/semantic`, `/<camera>/instance` | Image, 16UC1, 32SC1 | IDs in `/labels` |
 | `/labels` | String, latched | table of classes and instances, JSON |
-| `/<camera>/points` | PointCloud2 | `--points`: its points, with colors |
+| `/<camera>/points` | PointCloud2 | `--points`: points from the ranges, with colors |
 | `/<depth>/depth/image_rect`, `…/camera_info` | Image, 16UC1 | millimeters, 0: none (REP 118) |
 | `/<scanner>/scan` | LaserScan | |
 | `/<lidar>/points` | PointCloud2 | with ring, time since the revolution's start, range, instance |
@@ -72,7 +72,7 @@ STREAMS: tuple[tuple[type[MountedSensor], OpenStream], ...] = (
 
 
 class Ros2Bag(ExportFormat):
-    """Base of the bags, which differ by storage."""
+    """Base of the ROS 2 bag formats; subclasses set the storage."""
 
     has_messages = True
     holds_motion = True
@@ -170,7 +170,7 @@ class _Motion:
         self._objects = recording.objects()
 
     def between(self, step: int) -> Iterator[StampedMessage]:
-        """True states after the previous step, up to a step's time."""
+        """Messages of the true states after the previous step, up to a step's time."""
         steps_s, states = self._truth.times_s, self._states
         begin_s = steps_s[step - 1] if step > 0 else -np.inf
         end_s = steps_s[step] if step < len(steps_s) - 1 else np.inf
@@ -185,7 +185,7 @@ class _Motion:
             yield StampedMessage("/ground_truth/odom", stamp_ns, odometry)
 
     def write(self, bag: Bag, step: int, stamp_ns: int) -> None:
-        """Write the messages of a step."""
+        """Write the transforms and odometry of a step."""
         map_from_base = self._truth.world_from_base[step]
         poses = {(MAP, BASE): map_from_base}
         if self._odometry is not None and self._reckoned is not None:

@@ -81,7 +81,7 @@ def compressed_image(stamp_ns: int, frame: str, png: bytes) -> CompressedImage:
 
 
 def camera_info_message(stamp_ns: int, frame: str, lens: CameraInfoLens) -> CameraInfo:
-    """Calibration of a lens that ROS has a model for."""
+    """CameraInfo message with the calibration of a lens."""
     model, d, k, p = camera_info(lens)
     return CameraInfo(
         header(stamp_ns, frame),
@@ -99,7 +99,7 @@ def camera_info_message(stamp_ns: int, frame: str, lens: CameraInfoLens) -> Came
 
 
 def point_cloud(stamp_ns: int, frame: str, points: NDArray[np.void]) -> PointCloud2:
-    """Point cloud message; its fields are those of the array."""
+    """Point cloud message; its fields are the fields of the structured array."""
     fields = []
     for name in points.dtype.names or ():
         values = points[name]
@@ -119,7 +119,7 @@ def laser_scan(
     ranges_m: NDArray[np.float64],
     limits_m: tuple[float, float],
 ) -> LaserScan:
-    """Scan of evenly spaced beams, counter-clockwise."""
+    """Scan message of evenly spaced beams, counter-clockwise; `limits_m`: minimum and maximum."""
     first, last = float(angles_rad[0]), float(angles_rad[-1])
     step = (last - first) / max(1, len(angles_rad) - 1)
     ranges, none = ranges_m.astype(np.float32), np.zeros(0, dtype=np.float32)
@@ -129,7 +129,7 @@ def laser_scan(
 def range_message(
     stamp_ns: int, frame: str, cone_rad: float, limits_m: tuple[float, float], range_m: float
 ) -> Range:
-    """Range of a sonar or infrared sensor, which has one ray."""
+    """Range message of a sonar, or with `cone_rad` = 0 of an infrared sensor, which has one ray."""
     kind = Range.ULTRASOUND if cone_rad else Range.INFRARED
     return Range(header(stamp_ns, frame), kind, cone_rad, *limits_m, range_m)
 
@@ -137,7 +137,7 @@ def range_message(
 def imu(
     stamp_ns: int, frame: str, rates_radps: Sequence[float], forces_mps2: Sequence[float]
 ) -> Imu:
-    """Reading of an IMU without orientation."""
+    """IMU message without orientation: angular rates (3,) and specific forces (3,)."""
     no_orientation = np.array([-1.0, *[0.0] * 8])
     return Imu(
         header(stamp_ns, frame),
@@ -157,7 +157,15 @@ def odometry(
     velocity_mps: Sequence[float],
     angular_rate_radps: Sequence[float],
 ) -> Odometry:
-    """Pose of a child frame in its parent; velocity and angular rate (3,) in the child."""
+    """Odometry message with the pose (4, 4) of a child frame in its parent.
+
+    Args:
+        stamp_ns: stamp of the message.
+        frames: names of the parent and child frames.
+        pose: parent from child.
+        velocity_mps: (3,) in the child frame.
+        angular_rate_radps: (3,) in the child frame.
+    """
     parent, child = frames
     twist = Twist(Vector3(*velocity_mps), Vector3(*angular_rate_radps))
     return Odometry(
@@ -169,12 +177,12 @@ def odometry(
 
 
 def pose_stamped(stamp_ns: int, frame: str, pose: NDArray[np.float64]) -> PoseStamped:
-    """Pose (4, 4) in a frame."""
+    """Message of a pose (4, 4) in a frame."""
     return PoseStamped(header(stamp_ns, frame), _pose(pose))
 
 
 def transforms(stamp_ns: int, poses: Mapping[tuple[str, str], NDArray[np.float64]]) -> TFMessage:
-    """Poses (4, 4) by the names of parent and child frames."""
+    """Transform message of the poses (4, 4) of child frames, by names of parent and child."""
     return TFMessage(
         [_transform(stamp_ns, parent, child, pose) for (parent, child), pose in poses.items()]
     )

@@ -1,4 +1,4 @@
-"""Streams of a run as ROS 2 messages: the topics of each sensor at a step."""
+"""Streams: the ROS 2 messages of a run's sensors, on the topics of each sensor."""
 
 from __future__ import annotations
 
@@ -57,11 +57,11 @@ class Stream(ABC):
 
     @abstractmethod
     def base_from_frame(self) -> NDArray[np.float64]:
-        """Pose (4, 4) of the sensor's frame."""
+        """Pose (4, 4) of the sensor's frame on the base."""
 
     @abstractmethod
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
-        """Messages of a measurement, by its number."""
+        """Messages of a measurement, by its number `step` from 0."""
 
     def messages_of(self, step: int) -> Iterator[StampedMessage]:
         """Messages of all measurements after the previous step, up to a step's time."""
@@ -74,7 +74,7 @@ class Stream(ABC):
         return self.settings.stamps_ns(times_s, self.recording.run.path)
 
     def _mount(self, world_from_sensor: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Pose (4, 4) on the base, from the pose at the first measurement."""
+        """Pose (4, 4) of the sensor on the base, from its world pose at the first measurement."""
         first_s = float(self.recording.times_s(self.name)[0])
         return self.recording.mount(world_from_sensor, first_s)
 
@@ -101,7 +101,7 @@ class CameraStream(Stream):
         return self.camera.mount.base_from_optical
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
-        """Image, calibration if ROS has the model, ranges, and points if requested."""
+        """Image, calibration if ROS has the model, labels, ranges, and points if requested."""
         needs_image = not self.settings.compressed or self.settings.with_points
         image = self.camera.image(step) if needs_image else None
         if self.settings.compressed:
@@ -169,7 +169,7 @@ class ScanStream(Stream):
         return self._mount(scan.pose("world_from_scanner"))
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
-        """Scan."""
+        """Message of one scan."""
         path = self.recording.run.file(self.name, step, ".csv")
         scan = read_table(path, "beam", "angle_deg", "range_m")
         limits_m = scan.header.number("range_min_m"), scan.header.number("range_max_m")
@@ -189,7 +189,7 @@ class RangeStream(Stream):
         return self._mount(header.pose("world_from_sensor"))
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
-        """Range."""
+        """Message of one range."""
         table = read_table(self.recording.run.file(self.name, step, ".csv"), "range_m")
         header = table.header
         message = messages.range_message(
@@ -210,7 +210,7 @@ class LidarStream(Stream):
         return self.recording.base_from_lidar(self.name)
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
-        """Point cloud with all fields, stamped with its end."""
+        """Point cloud with all fields, stamped with the end of the revolution."""
         cloud = self.recording.cloud(self.name, step)
         message = messages.point_cloud(stamp_ns, self.frame, cloud.points)
         yield StampedMessage(f"/{self.topic}/points", stamp_ns, message)
@@ -224,13 +224,13 @@ class ImuStream(Stream):
         return self.recording.base_from_imu(self.name)
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
-        """One reading."""
+        """Message of one reading."""
         values = self._readings.values[step].tolist()
         message = messages.imu(stamp_ns, self.frame, values[:3], values[3:])
         yield StampedMessage(f"/{self.topic}/data_raw", stamp_ns, message)
 
     def messages_of(self, step: int) -> Iterator[StampedMessage]:
-        """Readings after the previous step, up to a step's time."""
+        """Messages of the readings after the previous step, up to a step's time."""
         steps_s, times_s = self.recording.truth.times_s, self._readings.times_s
         begin_s = steps_s[step - 1] if step > 0 else -np.inf
         end_s = steps_s[step] if step < len(steps_s) - 1 else np.inf
@@ -265,7 +265,7 @@ def true_lens(camera: RecordedCamera) -> CameraInfoLens | None:
 def colored_points(
     points_m: NDArray[np.float64], colors: NDArray[np.uint8] | None
 ) -> NDArray[np.void]:
-    """Records (n,) of points with x, y, z, and rgb as in ROS viewers."""
+    """Records (n,) of points with x, y, z; and with colors, rgb as ROS viewers expect."""
     xyz = points_m.astype(np.float32)
     columns: list[tuple[str, NDArray[Any]]] = [
         (axis, xyz[:, index]) for index, axis in enumerate("xyz")
