@@ -60,7 +60,7 @@ def write_sidecars(
     has_ray: NDArray[np.bool_],
     channel_format: ChannelFormat = ChannelFormat.AUTO,
 ) -> None:
-    """Write a file per channel next to the image, and their description.
+    """Write the files of the channels next to the image, and a JSON file that describes them.
 
     Args:
         image: path of the image.
@@ -99,7 +99,7 @@ def write_sidecars(
 
 
 def write_boxes(image: Path, channels: Mapping[str, NDArray[Any]], labels: Labels | None) -> None:
-    """Write the instances' boxes next to the image if there is an instance channel.
+    """Write the instances' boxes next to the image, given labels and an instance channel.
 
     Raises:
         OutputError: the file cannot be written.
@@ -118,6 +118,7 @@ def limit_boxes(image: Path, limits: BoxLimits, shares: Mapping[int, float]) -> 
         shares: visible shares of the instances by ID; empty: unknown.
 
     Raises:
+        KeyError: the limits require a visible share that is unknown.
         OutputError: the file cannot be written.
     """
     path = sidecar_path(image, "coco.json")
@@ -151,7 +152,7 @@ def sidecar_path(image: Path, ending: str) -> Path:
 
 
 def is_sidecar_name(image: Path, path: Path) -> bool:
-    """True if the sidecar files of an image may use this file name."""
+    """True if a path is in the image's folder, and named like one of the image's sidecar files."""
     if path.resolve().parent != image.resolve().parent:
         return False
     stem, _, ending = path.name.partition(f"{image.stem}.")

@@ -3,8 +3,8 @@
 Each value belongs to the ray of the pixel's center, from the effective viewpoint. It is exact:
 unlike the image's colors, it is never averaged over the pixel or blended with its neighbors.
 
-A masked surface counts except at its holes, and a blended one where its alpha is at least 0.5:
-behind clear glass the channels show the surface behind it.
+A surface with an alpha mask counts except at its holes. An alpha-blended surface counts where its
+alpha is at least 0.5, so channels show the surface behind clear glass.
 """
 
 from __future__ import annotations
@@ -178,7 +178,7 @@ _SYNONYMS = {
 
 
 def parse_channels(text: str) -> tuple[str, ...]:
-    """Channel names from a comma-separated list such as "range,normals"; "all" selects every one.
+    """Channel names from a comma-separated list such as "range,normals"; "all": every channel.
 
     Raises:
         OutputError: an unknown name, with the nearest valid one, or an empty list.

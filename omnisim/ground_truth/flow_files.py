@@ -17,7 +17,7 @@ KITTI_STEPS_PER_PX, _KITTI_ZERO = 64.0, 2**15
 
 
 def write_flo(path: Path, flow_px: NDArray[np.float32]) -> None:
-    """Write flow (height, width, 2), with 1e10 in place of NaN.
+    """Write flow (height, width, 2) in Middlebury's format, with 1e10 in place of NaN.
 
     Source: Baker et al., "A database and evaluation methodology for optical flow", flow-code.
 

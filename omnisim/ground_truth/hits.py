@@ -33,7 +33,7 @@ class HitDetails(NamedTuple):
 
     @property
     def of_texels(self) -> HitDetails:
-        """Details that depend on textures, without the others."""
+        """The same details without normals, which do not depend on textures."""
         return self._replace(normals=False)
 
     def joined(self, other: HitDetails) -> HitDetails:

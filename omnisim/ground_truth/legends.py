@@ -29,8 +29,9 @@ _OCCLUSION_NAMES = {0: "visible", 1: "hidden", 2: "outside"}
 def legend(name: str, values: NDArray[Any], labels: Labels | None = None) -> Legend:
     """Legend of a channel's preview, as JSON-compatible values.
 
-    `kind` is "ramp", with `low`, `high`, `unit`, `colors` from low to high and `scale`; "list",
-    with `items` of a name and a color, largest areas first; or "text".
+    `kind` is "ramp", with `low`, `high`, `unit`, `colors` from low to high, and `scale`; "list",
+    with `items` of a name and a color, largest areas first, and `more`, the number of further
+    items; or "text", with `text`.
     """
     if name == "range":
         near, far = range_limits(values)

@@ -75,7 +75,7 @@ class Revolution(NamedTuple):
 
     Attributes:
         slices: slices with equal numbers of firings; the last may have fewer.
-        shares: (firings,) fraction of its slice elapsed at each firing.
+        shares: (firings,) elapsed fraction, at each firing, of the slice that contains it.
         rotations: (firings, 3, 3) world_from_lidar at each firing.
     """
 

@@ -18,9 +18,10 @@ def mask_from_runs(height: int, width: int, counts: Sequence[int]) -> NDArray[np
 
 
 def polygons_of_mask(mask: NDArray[np.bool_]) -> list[list[float]]:
-    """Polygons of a mask, one per region, with alternating x and y from the first pixel's corner.
+    """Polygons of a mask, one per region: x, y, x, y … in px from the image's top left corner.
 
-    Pixels of a region share edges. A hole is cut out by a line to it and back.
+    Pixels that share only a corner are in different regions. A polygon excludes a hole by a line to
+    the hole and back.
 
     Args:
         mask: (height, width) mask.

@@ -50,7 +50,7 @@ def read_npy(path: Path) -> NDArray[Any]:
     """Read a numeric array.
 
     Raises:
-        OutputError: the file is missing or damaged.
+        OutputError: the file is missing or damaged, or holds no numbers.
     """
     try:
         # memory-mapped, so that a damaged header cannot request more memory than the file has

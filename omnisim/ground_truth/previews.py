@@ -26,11 +26,11 @@ def preview(name: str, values: NDArray[Any], labels: Labels | None = None) -> ND
     """False colors (height, width, 3) uint8, sRGB, of a channel; black without a value.
 
     Range: logarithmic from the 1st percentile, bright, to the 99th, dark. z: white at 0, red above
-    and blue below. Position: a pattern of meters. Normals: x, y, z as red, green, blue. Roughness
-    and metalness: dark at 0, white at 1. Emitted light: as in the image, clipped. Flow: direction
-    as hue, square root of the length as saturation, full at the 95th percentile. Scene flow: x, y,
-    z as red, green, blue, gray at rest, full at the 99th percentile. Occlusion: green visible, red
-    occluded, yellow outside.
+    and blue below. Position: x, y, z modulo 1 m as red, green, blue. Normals: x, y, z as red,
+    green, blue. Roughness and metalness: dark at 0, white at 1. Emitted light: as in the image,
+    clipped. Flow: direction as hue, square root of the length as saturation, full at the 95th
+    percentile. Scene flow: x, y, z as red, green, blue, gray at rest, full at the 99th percentile.
+    Occlusion: green visible, red occluded, yellow outside.
     """
     if name == "semantic" and labels is not None:
         return labels.class_colors.take(values, axis=0)
@@ -53,7 +53,7 @@ def _log_limits(distances: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def signed_limit(values: NDArray[Any]) -> float:
-    """Magnitude shown at full color in the preview of z."""
+    """Magnitude shown at full color in the preview of z; 1 if no value is finite."""
     seen = np.isfinite(values)
     if not seen.any():
         return 1.0

@@ -137,7 +137,7 @@ def _from_layers(name: str, layers: Mapping[str, NDArray[np.float32]]) -> NDArra
 
 
 def _decode(path: Path, name: str, described: Mapping[str, Any]) -> NDArray[Any]:
-    """Values of a sidecar file, decoded by its description."""
+    """Values of a sidecar file, decoded with the scales of its description."""
     if path.suffix == ".exr":
         return _from_layers(name, read_channels(path).values)
     if name in FLOWS:

@@ -20,7 +20,7 @@ class Region:
     Attributes:
         color: class of the pixels.
         top, left: position of the mask in the panorama; columns may exceed its right edge.
-        mask: (height, width) True for its pixels.
+        mask: (height, width) mask of the region's pixels in its bounding box.
     """
 
     color: int
@@ -45,12 +45,12 @@ class Region:
 
 
 def wrapped_around(panorama: NDArray[Scalar]) -> NDArray[Scalar]:
-    """Append the left half of a panorama (height, width, ...) at its right."""
+    """Panorama (height, width, ...) with a copy of its left half appended on the right."""
     return np.concatenate((panorama, panorama[:, : panorama.shape[1] // 2]), axis=1)
 
 
 def find_regions(classes: NDArray[np.uint8], colors: int, smallest_px: int) -> list[Region]:
-    """Regions of a panorama, each once, also those across its edge.
+    """Regions of a panorama, each once; a region may cross the panorama's left and right edge.
 
     Args:
         classes: (height, width) classes of pixels; 0: no color.

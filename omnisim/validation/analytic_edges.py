@@ -1,4 +1,4 @@
-"""Edges of known sharpness: closed forms, integrated over square pixels."""
+"""Edges of known sharpness: line spreads in closed form, averaged over square pixels."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class LineSpread:
     """Line spread along the normal of an edge.
 
     Attributes:
-        density: unnormalized density by the distance in pixels.
-        transfer: its Fourier transform by the frequency in cycles per pixel.
+        density: function from the distance in px to the unnormalized density.
+        transfer: function from the frequency in cycles per px to the Fourier transform, 1 at 0.
     """
 
     density: Callable[[Floats], Floats]
@@ -28,7 +28,7 @@ class LineSpread:
 
 
 def gaussian(sigma_px: float) -> LineSpread:
-    """Normal distribution."""
+    """Line spread of a Gaussian blur."""
     return LineSpread(
         lambda x: np.exp(-0.5 * (x / sigma_px) ** 2),
         lambda f: float(np.exp(-2.0 * (np.pi * sigma_px * f) ** 2)),
@@ -36,7 +36,7 @@ def gaussian(sigma_px: float) -> LineSpread:
 
 
 def disc(radius_px: float) -> LineSpread:
-    """Defocus with a round aperture."""
+    """Line spread of an even blur disc, as from defocus with a round aperture."""
     return LineSpread(
         lambda x: np.sqrt(np.maximum(radius_px**2 - x**2, 0.0)),
         lambda f: float(j1(2.0 * np.pi * radius_px * f) / (np.pi * radius_px * f)),
@@ -44,7 +44,7 @@ def disc(radius_px: float) -> LineSpread:
 
 
 def motion(length_px: float) -> LineSpread:
-    """Even motion along the normal."""
+    """Line spread of motion along the normal, at constant speed."""
     return LineSpread(
         lambda x: (np.abs(x) <= 0.5 * length_px).astype(np.float64),
         lambda f: float(np.sinc(length_px * f)),
@@ -52,7 +52,10 @@ def motion(length_px: float) -> LineSpread:
 
 
 def edge_levels(spread: LineSpread, angle_deg: float, reach_px: float) -> tuple[Floats, Floats]:
-    """Distances (n,) from an edge and its levels from 0 to 1, as square pixels see it."""
+    """Distances (n,) in px, up to `reach_px` from an edge, and pixel levels there, from 0 to 1.
+
+    `angle_deg` is the direction of the edge's normal, from +u to +v.
+    """
     x = np.arange(-reach_px, reach_px + STEP_PX, STEP_PX)
     density = spread.density(x)
     levels = (np.cumsum(density) - 0.5 * density) / density.sum()
@@ -96,7 +99,7 @@ def edge_image(
 
 
 def true_mtf50(spread: LineSpread, angle_deg: float) -> float:
-    """Frequency along the normal at which optics and pixel leave half of the modulation."""
+    """Frequency in cycles per px, along the normal, at which spread and pixel halve contrast."""
     angle = np.radians(angle_deg)
 
     def excess(frequency: float) -> float:

@@ -16,16 +16,16 @@ DARK, BRIGHT = 0.08, 0.75
 
 @dataclass(frozen=True)
 class AnalyticLens:
-    """Lens with normal point spreads, in closed form.
+    """Lens whose point spread is a Gaussian, with standard deviations that depend on the radius.
 
-    Polynomials are coefficients of the powers of the image radius, relative to half of the shorter
-    side.
+    Each quantity is a polynomial in the image radius divided by half of the shorter side, given by
+    its coefficients in ascending order.
 
     Attributes:
         size_px: width and height of the image.
-        radial_px, tangential_px: standard deviations, from the power 0 on; equal in the center.
-        red_px, blue_px: radial offsets from green, from the power 1 on, by the radius at which the
-            color lies.
+        radial_px, tangential_px: standard deviations of the Gaussian, from the constant term on;
+            the two constants are equal.
+        red_px, blue_px: radial offsets of red and blue from green, from the linear term on.
     """
 
     size_px: tuple[int, int]
@@ -36,7 +36,7 @@ class AnalyticLens:
 
     @classmethod
     def drawn(cls, seed: int, size_px: tuple[int, int] = (960, 720)) -> AnalyticLens:
-        """Lens whose numbers are drawn at random: sharp in the center, softer outside."""
+        """Lens with random coefficients: sharp in the center, softer outside."""
         random = np.random.default_rng(seed)
         center = random.uniform(0.35, 0.7)
         widths = [(center, random.uniform(0.0, 0.3), random.uniform(0.0, 0.5)) for _ in range(2)]
@@ -54,7 +54,12 @@ class AnalyticLens:
         return 0.5 * min(self.size_px)
 
     def widths_px(self, offsets_px: Floats, normal: Floats) -> Floats:
-        """Standard deviations (...) along a normal, at offsets (..., 2) from the center."""
+        """Standard deviations (...) of the point spread along a unit vector (2,).
+
+        Args:
+            offsets_px: (..., 2) offsets from the center.
+            normal: unit vector.
+        """
         radii = np.hypot(offsets_px[..., 0], offsets_px[..., 1])
         share = (offsets_px @ normal / np.maximum(radii, 1e-9)) ** 2
         radial, tangential = (
@@ -65,7 +70,7 @@ class AnalyticLens:
         return widths
 
     def chart(self, noise: float = 0.0, seed: int = 0) -> NDArray[np.uint16]:
-        """Image (height, width, 3) of patches with one edge each, in random directions.
+        """Linear 16-bit image (height, width, 3) of patches with one edge each, randomly directed.
 
         Args:
             noise: standard deviation, as a share of white.
@@ -84,7 +89,13 @@ class AnalyticLens:
         return np.rint(65535.0 * image.clip(0.0, 1.0)).astype(np.uint16)
 
     def _patch(self, angle_deg: float, point_px: Floats, corner_px: NDArray[np.int64]) -> Floats:
-        """Colors (PATCH_PX, PATCH_PX, 3) of an edge through a point of a patch."""
+        """Linear colors (PATCH_PX, PATCH_PX, 3) of one patch with an edge.
+
+        Args:
+            angle_deg: direction of the edge's normal, from +u to +v.
+            point_px: (u, v) on the edge, relative to the patch's first pixel.
+            corner_px: (u, v) of the patch's first pixel.
+        """
         angle = np.radians(angle_deg)
         normal = np.array((np.cos(angle), np.sin(angle)))
         pixels = np.stack(np.meshgrid(*(np.arange(PATCH_PX),) * 2), axis=-1)
@@ -101,7 +112,7 @@ class AnalyticLens:
 
 
 def _level(distances_px: Floats, widths_px: Floats, normal: Floats) -> Floats:
-    """Levels (...) of an edge with normal point spread: its integral over square pixels."""
+    """Levels (...) from 0 to 1 of an edge blurred by a Gaussian, averaged over square pixels."""
     first, second = 0.5 * np.abs(normal)
     total = np.zeros_like(distances_px)
     for sign, offset in (

@@ -1,5 +1,4 @@
-"""Registry of the checks of `omnisim validate`, in the order of the report; each is imported when
-it runs."""
+"""Checks of `omnisim validate`, in the order of the report; each is imported when it runs."""
 
 from __future__ import annotations
 
@@ -20,8 +19,7 @@ class Check:
     Attributes:
         key: short name, in `report.json` and on the command line.
         title: heading.
-        entry_point: module in `omnisim.validation.checks` and function in it; imported when the
-            check runs.
+        entry_point: "module.function" in `omnisim.validation.checks`, imported when the check runs.
         oracles: required modules of the extra `oracles`, as "module" or "module.attribute".
         is_quick: part of the quick report.
     """
@@ -39,7 +37,7 @@ class Check:
         return "; ".join(filter(None, map(import_failure, self.oracles)))
 
     def run(self, fixture: Fixture) -> Section:
-        """Measure, and compare with the bounds."""
+        """Run the check, and return its section of the report."""
         module, _, function = self.entry_point.rpartition(".")
         check = getattr(import_module(f"omnisim.validation.checks.{module}"), function)
         section: Section = check(fixture, self.title)

@@ -25,7 +25,7 @@ def board_corners_m() -> NDArray[np.float64]:
 
 
 def board_poses(count: int, seed: int = 11) -> list[NDArray[np.float64]]:
-    """Poses (4, 4) rig_from_board on all sides: below and slightly above the horizon, tilted."""
+    """Random poses (4, 4) rig_from_board of tilted boards, 10° to 65° below the horizon."""
     random = np.random.default_rng(seed)
     poses = []
     for index in range(count):
@@ -51,7 +51,7 @@ def board_poses(count: int, seed: int = 11) -> list[NDArray[np.float64]]:
 def board_poses_in_front(
     count: int, largest_rad: float, seed: int = 7
 ) -> list[NDArray[np.float64]]:
-    """Poses (4, 4) optical_from_board in front of a lens: centers evenly up to an angle, tilted."""
+    """Random poses (4, 4) optical_from_board of tilted boards, up to `largest_rad` off the axis."""
     random = np.random.default_rng(seed)
     poses = []
     for index in range(count):
@@ -72,7 +72,7 @@ def board_poses_in_front(
 
 
 def board_scene() -> Scene:
-    """Board with a white border in its own frame, unlit, on black."""
+    """Scene of an unlit chessboard with a white border, in the board's frame, on black."""
     columns, rows = PATTERN[0] + 1, PATTERN[1] + 1
     white: list[NDArray[np.float64]] = []
     black: list[NDArray[np.float64]] = []

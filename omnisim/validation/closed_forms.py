@@ -1,7 +1,8 @@
-"""Rays and caustics of optical systems in closed form: a pinhole at the origin, on the axis.
+"""Rays and caustics, in closed form, of optical systems on the axis of a pinhole at the origin.
 
-All are functions of β, the angle between a pixel's ray and the axis. Points lie in the plane of ray
-and axis: r is the distance from the axis, z along it, away from the pinhole.
+Rays and caustics are functions of β, the angle between a pixel's ray and the axis. Points lie in
+the plane of this ray and the axis: r is the distance from the axis, and z the coordinate along the
+axis, positive in front of the pinhole.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ Floats = NDArray[np.float64]
 
 
 class AxialRays(NamedTuple):
-    """Rays in the plane of the axis."""
+    """Rays in a plane through the axis."""
 
     radii_m: Floats  # (n,) of the origins
     heights_m: Floats  # (n,)
@@ -28,14 +29,14 @@ class AxialRays(NamedTuple):
 
 
 class AxialPoints(NamedTuple):
-    """Points (n,) in the plane of the axis."""
+    """Points (n,) in a plane through the axis."""
 
     radii_m: Floats
     heights_m: Floats
 
 
 class TracedAxialRays(NamedTuple):
-    """Rays of a system's pixels, with their planes."""
+    """Traced rays of a system's pixels, each with the direction of its plane through the axis."""
 
     pixels_px: Floats  # (n, 2)
     outward: Floats  # (n, 2): unit, away from the axis
@@ -44,7 +45,7 @@ class TracedAxialRays(NamedTuple):
     directions: Floats  # (n, 3)
 
     def misses(self, expected: AxialRays) -> tuple[float, float]:
-        """Maximum angle in rad, and maximum distance of an origin in meters."""
+        """Maximum angle in rad to the expected rays, and maximum offset of an origin in m."""
         sines, cosines = np.sin(expected.angles_rad), np.cos(expected.angles_rad)
         directions = np.column_stack((self.outward * sines[:, None], cosines))
         origins_m = self.place(AxialPoints(*expected[:2]))
@@ -52,12 +53,12 @@ class TracedAxialRays(NamedTuple):
         return float(angles.max()), float(np.abs(self.origins_m - origins_m).max())
 
     def place(self, points: AxialPoints) -> Floats:
-        """Points (n, 3) in the planes of these rays."""
+        """Points (n, 3) from (r, z), each in the plane of its ray."""
         return np.column_stack((self.outward * points.radii_m[:, None], points.heights_m))
 
 
 def traced_rays(system: OpticalSystem, count: int = 97) -> TracedAxialRays:
-    """Valid rays of count × count pixels off the axis.
+    """Valid rays of a grid of count × count pixels, without a pixel on the axis.
 
     Raises:
         OpticsError: there is no valid ray.
@@ -80,7 +81,7 @@ def traced_rays(system: OpticalSystem, count: int = 97) -> TracedAxialRays:
 
 
 def sphere(beta: Floats, vertex_m: float, radius_m: float) -> AxialRays:
-    """Rays reflected by a ball: the law of sines."""
+    """Rays reflected by a ball with its nearest point at z = `vertex_m`, by the law of sines."""
     center_m = vertex_m + radius_m
     incidence = np.arcsin(center_m * np.sin(beta) / radius_m)
     polar = incidence - beta
@@ -92,21 +93,21 @@ def sphere(beta: Floats, vertex_m: float, radius_m: float) -> AxialRays:
 
 
 def cone(beta: Floats, tip_m: float, half_angle_rad: float) -> AxialRays:
-    """Rays reflected by a cone, whose section is a line."""
+    """Rays reflected by a cone with its tip, at z = `tip_m`, toward the pinhole."""
     slope = math.tan(half_angle_rad)
     z = tip_m * slope / (slope - np.tan(beta))
     return AxialRays(z * np.tan(beta), z, 2.0 * half_angle_rad - beta)
 
 
 def hyperboloid(beta: Floats, focus_m: float, semi_axis_m: float) -> AxialRays:
-    """Rays reflected by a hyperboloid, from the pinhole in one focus to the other at 2 focus_m."""
+    """Rays reflected by a hyperboloid with foci at the pinhole and at z = 2 `focus_m`."""
     length = (focus_m**2 - semi_axis_m**2) / (focus_m * np.cos(beta) - semi_axis_m)
     r, z = length * np.sin(beta), length * np.cos(beta)
     return AxialRays(r, z, np.arctan2(r, z - 2.0 * focus_m))
 
 
 def paraboloid(beta: Floats, vertex_m: float, radius_m: float) -> AxialRays:
-    """Rays reflected by a paraboloid z = r²/2R, with the pinhole anywhere on its axis."""
+    """Rays reflected by a paraboloid z = v + r²/2R, with v = `vertex_m` and R = `radius_m`."""
     tangent = np.tan(beta)
     root = np.sqrt(1.0 - 2.0 * vertex_m * tangent**2 / radius_m)
     r = 2.0 * vertex_m * tangent / (1.0 + root)
@@ -119,7 +120,7 @@ def flat_port(
     """Rays through parallel windows, by Snell's law.
 
     Args:
-        beta: (n,).
+        beta: (n,) β in rad.
         distance_m: distance from the pinhole to the first boundary.
         thicknesses_m: thicknesses of the layers between boundaries.
         indices: refractive indices in front of, between and behind the boundaries.
@@ -138,10 +139,10 @@ def mirror_caustic(
     """Tangential and sagittal sheet of a convex mirror's caustic.
 
     Args:
-        beta: (n,).
+        beta: (n,) β in rad.
         rays: rays reflected by the mirror.
-        curvature, curvature_across: (n,) curvatures of the mirror, in the plane of the axis and
-            across.
+        curvature, curvature_across: (n,) curvatures of the mirror in 1/m, in the plane of the axis
+            and perpendicular to it.
     Source: Coddington's equations, which include the closed forms of Swaminathan, Grossberg & Nayar
         (2001) for conics of revolution.
     """
@@ -155,7 +156,9 @@ def mirror_caustic(
 def flat_port_caustic(
     beta: Floats, distance_m: float, index: float
 ) -> tuple[AxialPoints, AxialPoints]:
-    """Caustic of a pinhole in front of one flat boundary, and the axis, where rays meet it.
+    """Tangential and sagittal sheet of a flat boundary's caustic; the sagittal one is on the axis.
+
+    `index` is the refractive index behind the boundary, relative to the pinhole's side.
 
     Source: Treibitz, Schechner, Kunz & Singh, Flat refractive geometry (2012).
     """

@@ -20,7 +20,7 @@ _FAR = 25.0**7
 
 
 def lab_from_linear(rgb: NDArray[np.floating]) -> NDArray[np.float64]:
-    """L*a*b* (..., 3) of linear sRGB (..., 3); values above 1 are white."""
+    """L*a*b* (..., 3) of linear sRGB (..., 3), clipped to [0, 1]."""
     shares = np.clip(rgb, 0.0, 1.0) @ _XYZ_FROM_RGB.T / _WHITE
     roots = np.where(
         shares > 216.0 / 24389.0, np.cbrt(shares), (24389.0 / 27.0 * shares + 16) / 116
@@ -30,7 +30,7 @@ def lab_from_linear(rgb: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def ciede2000(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
-    """CIEDE2000 (...) of colors in L*a*b* (..., 3)."""
+    """CIEDE2000 color difference ΔE₀₀ (...) between two arrays of L*a*b* colors (..., 3)."""
     (l1, a1, b1), (l2, a2, b2) = np.moveaxis(one, -1, 0), np.moveaxis(other, -1, 0)
     chroma7 = (0.5 * (np.hypot(a1, b1) + np.hypot(a2, b2))) ** 7
     stretch = 1.5 - 0.5 * np.sqrt(chroma7 / (chroma7 + _FAR))

@@ -15,7 +15,7 @@ PATCH_PX = 24
 
 
 class Displacements(NamedTuple):
-    """Displacements of an image's patches."""
+    """Displacements of an image's patches, and the patches' centers."""
 
     middles_px: NDArray[np.float64]  # (n, 2)
     shifts_px: NDArray[np.float64]  # (n, 2)
@@ -24,13 +24,13 @@ class Displacements(NamedTuple):
 def displacements(
     one: NDArray[np.float64], other: NDArray[np.float64], where: NDArray[np.bool_]
 ) -> Displacements:
-    """Shift of `other` relative to `one` in each patch inside `where` with edges both ways.
+    """Shift of `other` relative to `one` in each patch inside `where` with edges in two directions.
 
     Least-squares solution of brightness constancy with the mean gradient of both images, for shifts
     far below a pixel.
 
     Args:
-        one, other: gray images (height, width), values to 255.
+        one, other: gray images (height, width), values from 0 to 255.
         where: (height, width) pixels to use.
 
     Source: Lucas & Kanade, "An iterative image registration technique", 1981, one step.

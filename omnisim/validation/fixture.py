@@ -21,11 +21,11 @@ TEXTURED_SCENE = "courtyard"
 
 @dataclass(frozen=True)
 class Fixture:
-    """Settings and test scene of a run.
+    """Settings and test scene of a validation.
 
     Attributes:
         device: EGL index of the GPU; None: the first.
-        is_quick: use the smaller of two sizes.
+        is_quick: use smaller images and fewer samples.
     """
 
     device: int | None = None
@@ -38,13 +38,13 @@ class Fixture:
 
     @property
     def viewpoint_m(self) -> tuple[float, float, float]:
-        """Viewpoint in the scene, world."""
+        """Viewpoint of the checks in the world frame: the scene's start position."""
         return self.scene.start.position_m
 
     def render(
         self, scene: Scene | Stage, camera: OmniCamera, world_from_base: NDArray[np.float64]
     ) -> Frame:
-        """One frame in plain base colors, with linear floats."""
+        """Render one frame in base colors, without light, with linear values in `Frame.linear`."""
         if isinstance(scene, Stage):
             opened = scene.open(camera, unlit=True)
         else:

@@ -19,9 +19,9 @@ WINDOW_PX = 12
 def marker_positions(
     viewpoint_m: ArrayLike, axis: ArrayLike, largest_rad: float, count: int
 ) -> NDArray[np.float64]:
-    """Points (count, 3) evenly around an axis (3,), up to an angle from it, 0.6 to 12 m away.
+    """Points (count, 3) in directions up to `largest_rad` from an axis (3,), 0.6 to 12 m away.
 
-    Source: a spiral by the golden angle, so that no two are close together.
+    Source: a spiral by the golden angle, so that no two directions are close together.
     """
     index = np.arange(count) + 0.5
     cosines = 1.0 - index / count * (1.0 - math.cos(largest_rad))
@@ -38,7 +38,7 @@ def marker_positions(
 
 
 def marker_scene(positions_m: NDArray[np.float64], viewpoint_m: ArrayLike) -> Scene:
-    """White discs at points (n, 3), world, facing the viewpoint, on black."""
+    """Scene of white discs on black, at points (n, 3) of the world frame, facing the viewpoint."""
     mesh = discs("markers", positions_m, viewpoint_m, MARKER_RADIUS_RAD, corners=96)
     return plain_scene("markers", (mesh, WHITE))
 
@@ -54,8 +54,8 @@ def marker_rims(positions_m: NDArray[np.float64], viewpoint_m: ArrayLike) -> NDA
 def rim_centroids_px(rims_px: NDArray[np.float64]) -> NDArray[np.float64]:
     """Centroids (n, 2) of the areas inside closed polygons (n, corners, 2) in the image.
 
-    The centroid of a disc's image is not the image of the disc's center: for markers they differ by
-    0.03 px for markers.
+    The centroid of a disc's image is not the image of the disc's center: for markers, the two
+    differ by 0.03 px.
     """
     start = rims_px.mean(axis=1, keepdims=True)
     local = rims_px - start

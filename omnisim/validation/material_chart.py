@@ -1,4 +1,4 @@
-"""Chart of materials: spheres by roughness and metalness, seen by a pinhole camera."""
+"""Chart of materials: a grid of spheres, rough in rows and metallic in columns, for a pinhole."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CLEAR = 0.93  # of a sphere's radius: pixels inside show only the sphere
 
 
 def sphere(radius_m: float, rows: int = 64) -> Mesh:
-    """Sphere of triangles, with normals and texture coordinates; its poles point up and down."""
+    """Mesh of a sphere with poles on z, normals and texture coordinates, in rows of triangles."""
     polar = np.pi * np.arange(rows + 1) / rows
     azimuth = np.pi * np.arange(2 * rows + 1) / rows
     normals = np.stack(
@@ -52,7 +52,7 @@ def sphere(radius_m: float, rows: int = 64) -> Mesh:
 
 
 def centers_m() -> NDArray[np.float64]:
-    """Centers (18, 3) of the spheres, row by row, about the camera's axis, the world's x."""
+    """Centers (18, 3) of the spheres in the world frame, row by row; the camera looks along x."""
     rows, columns = len(ROUGHNESS), len(METALLIC)
     return np.array(
         [
@@ -63,7 +63,7 @@ def centers_m() -> NDArray[np.float64]:
 
 
 def sphere_of_pixels(model: CentralCamera) -> NDArray[np.int64]:
-    """Index of the sphere (height, width) visible in each pixel, away from outlines; −1: none.
+    """Index (height, width) of the sphere in each pixel; −1: none, or too close to its outline.
 
     Args:
         model: model of a camera like `camera()`, at the origin, with its axis along the world's x.
@@ -81,7 +81,7 @@ def sphere_of_pixels(model: CentralCamera) -> NDArray[np.int64]:
 
 
 def chart(lighting: Lighting) -> Scene:
-    """Chart in a lighting."""
+    """Scene of the chart in the given lighting."""
     pairs = list(itertools.product(ROUGHNESS, METALLIC))
     materials = tuple(
         Material(

@@ -1,4 +1,4 @@
-"""Markers along the rays of an optical system, which lack a common viewpoint."""
+"""Markers on the rays of a non-central optical system."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _CORNERS = 96
 
 
 def marker_pixels(system: OpticalSystem, spacing_px: int) -> NDArray[np.float64]:
-    """Evenly spaced pixels (n, 2), surrounded by valid rays of moderate stretch."""
+    """Evenly spaced pixels (n, 2), amid valid rays, at which a marker's stretch is small enough."""
     half = 0.5 * spacing_px
     u, v = (np.arange(half, size, spacing_px) for size in (system.width_px, system.height_px))
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
@@ -35,7 +35,7 @@ def marker_pixels(system: OpticalSystem, spacing_px: int) -> NDArray[np.float64]
 def markers_on_rays(
     system: OpticalSystem, pixels_px: NDArray[np.float64], world_from_optical: NDArray[np.float64]
 ) -> Scene:
-    """White discs across the rays of pixels (n, 2), at 0.4 to 8 m, on black."""
+    """Scene of white discs on black, perpendicular to the rays of pixels (n, 2), at 0.4 to 8 m."""
     rays = system.rays(pixels_px)
     generator = np.random.default_rng(7)
     share = generator.random(len(pixels_px))
@@ -60,7 +60,7 @@ def markers_on_rays(
 def _sizes(
     system: OpticalSystem, pixels_px: NDArray[np.float64], ranges_m: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Maximum and minimum meters per pixel (n, 2), across rays at a range."""
+    """Maximum and minimum meters per pixel (n, 2), perpendicular to the rays at ranges (n,)."""
     by_pixel = ray_jacobians(system, pixels_px)
     moved = by_pixel.origins_m + ranges_m[:, None, None] * by_pixel.directions
     frames = _frames(system.rays(pixels_px).directions)

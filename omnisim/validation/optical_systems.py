@@ -36,7 +36,7 @@ SYSTEMS: Mapping[str, tuple[float, tuple[Mapping[str, Any], ...]]] = {
 
 
 def validation_systems() -> dict[str, OpticalSystem]:
-    """Systems of `examples/optics`, all with a pinhole, by name."""
+    """Optical systems by name: the surfaces of `examples/optics` in front of a pinhole."""
     systems = {}
     for name, (focal_length_px, surfaces) in SYSTEMS.items():
         camera = {

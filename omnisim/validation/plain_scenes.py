@@ -36,7 +36,7 @@ def discs(
     material: int = 0,
     corners: int = 24,
 ) -> Mesh:
-    """Discs around points (n, 3), world, with equal angular size, facing the viewpoint."""
+    """Mesh of discs at points (n, 3), world frame, of equal angular size, facing the viewpoint."""
     toward = middles_m - np.asarray(viewpoint_m, dtype=np.float64)
     ranges = np.linalg.norm(toward, axis=1, keepdims=True)
     toward = toward / ranges
@@ -58,7 +58,7 @@ def discs(
 
 
 def quads(name: str, corners_m: ArrayLike, material: int = 0) -> Mesh:
-    """Quadrilaterals with corners (n, 4, 3), world, in order."""
+    """Mesh of quadrilaterals with corners (n, 4, 3) in the world frame, in order around each."""
     corners = np.asarray(corners_m, dtype=np.float64)
     first = 4 * np.arange(len(corners))[:, None]
     triangles = np.concatenate((first + [0, 1, 2], first + [0, 2, 3]))

@@ -19,14 +19,15 @@ def ring_radii(
 ) -> NDArray[np.float64]:
     """Radii (azimuths,) of one dark ring at evenly spaced azimuths.
 
-    The radius at an azimuth is the center of darkness along it, within `reach_px` of the expected
-    radius. A blurred ring's profile falls off with one over the square root of the radius, so
-    darkness is weighted with the root.
+    The radius at an azimuth is the centroid of the darkness along that azimuth, within `reach_px`
+    of the expected radius. Blur makes a ring's radial profile proportional to 1/√r; the centroid
+    therefore weights darkness by √r.
 
     Args:
         darkness: image (height, width), 0 without a ring.
         center_px: (u, v) center of the rings.
-        expected_px, reach_px: radius and half width of the search, without other rings.
+        expected_px, reach_px: center and half width of the search interval, which must contain no
+            other ring.
         azimuths: number of azimuths.
     """
     angles = 2.0 * np.pi * (np.arange(azimuths) + 0.5) / azimuths

@@ -1,4 +1,4 @@
-"""Triangles at an optical system's pixels by the virtual cameras, against exact rays."""
+"""Triangles that virtual cameras show at an optical system's pixels, against exact rays."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ _MIN_M = 0.05
 
 
 class SameTriangles(NamedTuple):
-    """Shares of pixels with the triangle of their exact ray."""
+    """Shares of pixels at which the triangle is that of the pixel's exact ray."""
 
-    cast: float  # undecided pixels cast as rays
-    alone: float  # by the virtual cameras only
-    decided: float  # of the pixels that the virtual cameras decide
-    undecided_cast: float  # of the other pixels, cast; NaN: there are none
-    undecided: float  # share of the other pixels
+    cast: float  # among all pixels, with undecided pixels cast as rays
+    alone: float  # among all pixels, by the virtual cameras only
+    decided: float  # among the pixels that the virtual cameras decide
+    undecided_cast: float  # among undecided pixels, cast as rays; NaN: no undecided pixels
+    undecided: float  # share of undecided pixels among all pixels
 
 
 def same_triangles(
     stage: Stage, rays: RayScene, sensor: OmniCamera, world_from_base: NDArray[np.float64]
 ) -> SameTriangles:
-    """Compare the triangles at all valid pixels.
+    """Compare the triangles of virtual cameras and of exact rays at all valid pixels.
 
     Raises:
         OpticsError: the sensor is central.
@@ -70,8 +70,10 @@ def same_triangles(
 def pose_beside_nearest(
     sensor: OmniCamera, rays: RayScene, start: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Pose (4, 4) of the base, moved toward the nearest object around its sensor, up to `BESIDE_M`
-    before it."""  # fmt: skip
+    """Pose (4, 4) of the base, moved horizontally until its sensor is `BESIDE_M` from an object.
+
+    The object is the nearest at the sensor's height, among those at least twice as far away.
+    """
     sensor_m = (start @ sensor.base_from_rig)[:3, 3]
     angles = np.linspace(0.0, 2.0 * np.pi, _DIRECTIONS, endpoint=False)
     directions = np.stack((np.cos(angles), np.sin(angles), 0.0 * angles), axis=1)
@@ -85,14 +87,14 @@ def pose_beside_nearest(
 
 
 class _Triangles(NamedTuple):
-    """Triangles at pixels."""
+    """Triangle indices and instance names at pixels (height, width)."""
 
     names: NDArray[np.str_]  # of the instances
     numbers: NDArray[np.uint32]
 
     @staticmethod
     def of(source: HitSource, poses: ScenePoses) -> _Triangles:
-        """Triangles of all pixels at some poses."""
+        """Triangles hit by the rays of all pixels, for the given poses."""
         hits = source.hits(poses)
         names = np.array(["", *(name for _, name in source.draws)])
         return _Triangles(names[hits.draw_ids], hits.triangles)

@@ -20,7 +20,7 @@ def lit_share(image: NDArray[np.float32], unshadowed: NDArray[np.float32]) -> ND
     """Share (height, width) of a lamp's light that reaches surfaces.
 
     Args:
-        image, unshadowed: (height, width, 3), linear, with and without shadows.
+        image, unshadowed: linear images (height, width, 3) with and without shadows.
     """
     light, full = image.sum(axis=-1), unshadowed.sum(axis=-1)
     share: NDArray[np.float32] = np.clip(light / np.maximum(full, 3.0 * _DARKEST), 0.0, 1.0)
@@ -30,11 +30,11 @@ def lit_share(image: NDArray[np.float32], unshadowed: NDArray[np.float32]) -> ND
 def inside_surfaces(
     instances: NDArray[np.integer], normals: NDArray[np.floating], unshadowed: NDArray[np.float32]
 ) -> NDArray[np.bool_]:
-    """Mask (height, width) of pixels away from edges of objects, and bright in full light.
+    """Mask (height, width) of pixels away from edges of objects, and bright without shadows.
 
     Args:
-        instances: (height, width).
-        normals: (height, width, 3).
+        instances: (height, width) instance IDs.
+        normals: (height, width, 3) unit normals.
         unshadowed: (height, width, 3) linear image without shadows.
     """
     breaks = np.zeros(instances.shape, bool)
@@ -49,7 +49,7 @@ def inside_surfaces(
 def edge_distance_px(
     one: NDArray[np.float32], other: NDArray[np.float32], where: NDArray[np.bool_]
 ) -> float:
-    """Mean distance of edges to the nearest edge of the other image, in both directions, in pixels.
+    """Mean distance in px from each edge, in either image, to the nearest edge in the other.
 
     An edge is where half of the light arrives, linearly interpolated between pixels.
 
@@ -68,7 +68,7 @@ def edge_distance_px(
 
 
 def _edges(values: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Edges of an image of shares, at a finer resolution."""
+    """Mask of the edges in an image of light shares, at `_FINER` times the resolution."""
     is_lit = ndimage.zoom(values, _FINER, order=1, grid_mode=True, mode="nearest") > _HALF
     edges = np.zeros(is_lit.shape, bool)
     edges[1:] |= is_lit[1:] != is_lit[:-1]
@@ -77,7 +77,7 @@ def _edges(values: NDArray[np.float32]) -> NDArray[np.bool_]:
 
 
 def gray_in_one_light(scene: Scene, light: Light) -> Scene:
-    """Scene of plain gray surfaces, lit by one lamp."""
+    """Copy of the scene with plain gray surfaces, lit by one lamp."""
     return dataclasses.replace(
         scene,
         meshes=tuple(dataclasses.replace(one, colors=None) for one in scene.meshes),

@@ -22,7 +22,7 @@ def ssim(
 ) -> float:
     """Mean structural similarity of the luma of two images (height, width, 3), linear RGB.
 
-    Only pixels in the mask (height, width) count; others are black.
+    Only pixels in the mask (height, width) count; all others are set to black.
     """
     one, other = (
         np.where(mask, srgb_from_linear(np.clip(values, 0.0, 1.0)) @ _LUMA, 0.0)

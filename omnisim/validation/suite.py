@@ -18,6 +18,7 @@ def run_checks(fixture: Fixture, checks: Sequence[Check]) -> Iterator[Section]:
 
     Raises:
         OmnisimError: no OpenGL, or another error that a user can fix.
+        Exception: a defect in a check without oracles.
     """
     for check in checks:
         section = Section(check.title, key=check.key, skipped=check.skip_reason())
@@ -38,7 +39,7 @@ def run_checks(fixture: Fixture, checks: Sequence[Check]) -> Iterator[Section]:
 
 
 def make_report(sections: Sequence[Section], is_quick: bool, machine: dict[str, Any]) -> Report:
-    """Report of the finished checks, which names the others."""
+    """Report of the finished checks, with notices about checks that were left out or skipped."""
     run = {section.key for section in sections}
     left_out = [check.title for check in CHECKS if check.key not in run]
     notices = ["Quick report: smaller images and fewer samples."] if is_quick else []

@@ -1,4 +1,4 @@
-"""Lit scenes through a physical mirror and a fisheye, traced by Mitsuba next to our images."""
+"""Images of lit scenes, in a physical mirror and through a fisheye, traced by Mitsuba."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def sensor_of(camera: str, size_px: int) -> OmniCamera:
 
 
 def samples_of(samples: Mapping[str, int]) -> list[Measure]:
-    """Measure of each camera's minimum number of rays per pixel, from those for `traced_light`."""
+    """Rays per pixel of both cameras, from the `samples` of `traced_light` by camera name."""
     measures = [Measure("rays per pixel of the mirror", samples["mirror"])]
     return [*measures, Measure("rays per pixel of the fisheye", 16 * samples["fisheye"])]
 
@@ -72,7 +72,7 @@ def traced_light(
         bounces: True: all light; False: only light from a lamp directly to the visible surface.
 
     Raises:
-        OpticsError: another camera.
+        OpticsError: the camera has another model.
     """
     from omnisim.validation.oracles.mitsuba_fisheye import trace_lit_fisheye  # of an extra
     from omnisim.validation.oracles.mitsuba_light import ALL_DEPTH, DIRECT_DEPTH, trace_lit_mirror
@@ -90,10 +90,10 @@ def traced_light(
 
 
 def inside_rim(sensor: OmniCamera) -> NDArray[np.bool_]:
-    """Mask (height, width) of the pixels that see only the mirror, or the fisheye's disc.
+    """Mask (height, width) of the pixels well inside the mirror's rim or the fisheye's circle.
 
     Raises:
-        OpticsError: another camera.
+        OpticsError: the camera has neither a hyperbolic mirror nor an equidistant fisheye.
     """
     camera = sensor.model
     if isinstance(camera, HyperbolicCamera):
@@ -110,7 +110,7 @@ def inside_rim(sensor: OmniCamera) -> NDArray[np.bool_]:
 def beside(
     name: str, traced: NDArray[np.float32], ours: NDArray[np.float32], inside: NDArray[np.bool_]
 ) -> dict[str, NDArray[np.generic]]:
-    """Images of a scene, ours and a traced one, and their enhanced difference, by title."""
+    """Traced image, omnisim's image, and their difference × 8, by title; black outside the mask."""
     one, other = (np.where(inside[..., None], values, 0.0) for values in (traced, ours))
     off = np.abs(srgb_from_linear(one) - srgb_from_linear(other))
     enhanced = np.rint(255.0 * np.clip(8.0 * off, 0.0, 1.0)).astype(np.uint8)

@@ -72,7 +72,7 @@ class ColorModel:
 
     Attributes:
         colors: names of the landmark colors.
-        counts: (1 + colors, BINS³) pixels, neg first.
+        counts: (1 + colors, BINS³) numbers of pixels, neg first.
         thresholds: Θ for each color.
         smoothing: see `likelihood_ratios`.
 
@@ -121,7 +121,8 @@ class ColorModel:
     def table(self) -> NDArray[np.uint8]:
         """Class of each bin (BINS³,): `NEG`, or 1 + the index of a color.
 
-        If several colors pass their thresholds, the one that exceeds its threshold most.
+        If several colors pass their thresholds, the class is that of the color that exceeds its
+        threshold by the largest factor.
         """
         excess = self.ratios / np.array(self.thresholds)[:, None]
         best = excess.argmax(axis=0)
@@ -185,7 +186,7 @@ class Costs:
 
     Attributes:
         missed: cost of a landmark's pixel that is not recognized.
-        false_alarm: cost of another pixel that is taken for the landmark.
+        false_alarm: cost of a pixel outside the landmark that is taken for the landmark.
     """
 
     missed: float = 1.0
@@ -193,9 +194,15 @@ class Costs:
 
 
 def choose_threshold(curve: Roc, positives: float, negatives: float, costs: Costs) -> float:
-    """Choose the Θ with minimum cost, for these numbers of pixels of the color and of neg.
+    """Choose the Θ with minimum cost.
 
-    Of two thresholds with the same cost, their middle on a logarithmic scale.
+    All Θ between a threshold of the curve and the next lower one have the same cost; the result is
+    the geometric mean of the two.
+
+    Args:
+        curve: receiver operating characteristic of the color.
+        positives, negatives: numbers of pixels of the color and of neg.
+        costs: costs of errors.
     """
     total = costs.missed * positives * (1.0 - curve.true_positives)
     total = total + costs.false_alarm * negatives * curve.false_positives
@@ -214,7 +221,7 @@ def train(
 
     Args:
         colors: names of the landmark colors.
-        train_counts, validation_counts: (1 + colors, BINS³), neg first.
+        train_counts, validation_counts: (1 + colors, BINS³) numbers of pixels, neg first.
         costs: costs of errors.
 
     Raises:

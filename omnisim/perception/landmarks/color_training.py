@@ -31,7 +31,8 @@ class Training:
 
     Attributes:
         model: color model.
-        curves: receiver operating characteristic of each color, on images outside the histograms.
+        curves: receiver operating characteristic of each color, on images that are not in the
+            histograms.
         images: number of images.
     """
 
@@ -60,8 +61,8 @@ class PixelRates:
     """Classification rates of a model per pixel.
 
     Attributes:
-        recall: by color, share of its pixels that are recognized.
-        false_alarms: by color, share of neg's pixels taken for it.
+        recall: by color, share of the color's pixels that are recognized.
+        false_alarms: by color, share of neg's pixels that are taken for the color.
         curves: receiver operating characteristic, by color.
     """
 

@@ -1,10 +1,10 @@
 """Detection of landmarks: stacked regions of their colors, at a consistent range.
 
-A slim landmark, a beacon, is identified by the order of its colors from top to bottom. Its range
-follows from the edges of its bands, at known heights, and not from its base, which is white on
-light ground and often hidden. A wide one, a goal, has a single color from the ground up; its range
-is that of its nearest corner on the ground, or at the top if the ground in front of it is not
-visible.
+A slim landmark (a pillar, such as a beacon) is identified by the order of its colors from top to
+bottom. Its range follows from the edges of its bands, at known heights, and not from its base,
+which is white on light ground and often hidden. A wide landmark, such as a goal, has a single color
+from the ground up; its range is that of its nearest corner on the ground, or of its nearest corner
+at the top if the ground in front of it is not visible.
 """
 
 from __future__ import annotations
@@ -40,12 +40,13 @@ class Detection:
         landmark: name of the landmark.
         bearing_rad: counter-clockwise from the vehicle's front: of a pillar's axis, or of the
             middle between the outermost corners of a wide landmark.
-        range_m: along the ground from below the effective viewpoint to a pillar's axis, or to the
-            nearest corner of a wide landmark; by the exact relation.
+        range_m: distance along the ground from below the effective viewpoint to a pillar's axis, or
+            to the nearest corner of a wide landmark, by the exact relation.
         range_eq2_m: the same range by the inverse of the paper's Eq. 2; NaN: it does not apply.
         bearing_sigma_rad, range_sigma_m: standard deviations from the noise of the pixels.
-        left, right, top, bottom: box in the panorama; right and bottom are the first outside.
-        area_px: number of pixels with its colors.
+        left, right, top, bottom: box in the panorama, px; `right` and `bottom` are the first column
+            and row outside.
+        area_px: number of pixels with the landmark's colors.
     """
 
     landmark: str
@@ -106,7 +107,7 @@ class LandmarkDetector:
         return self.find(self.panorama(image))
 
     def find(self, panorama: NDArray[np.uint8]) -> list[Detection]:
-        """Detect landmarks in a panorama of this detector."""
+        """Detect landmarks in a panorama (height, width, 3), sRGB, made by `self.panorama`."""
         classes = self.classes(panorama)
         regions = find_regions(classes, len(self.model.colors), MIN_PX)
         doubled = wrapped_around(panorama)
@@ -177,7 +178,7 @@ def _stacked(regions: Sequence[Region]) -> list[tuple[Region, Region]]:
 def _best_of_each(
     measured: list[tuple[Landmark, LandmarkMeasurement]],
 ) -> list[tuple[Landmark, LandmarkMeasurement]]:
-    """Keep the measurement with the most pixels of each landmark, which exists only once."""
+    """Of each landmark, keep the measurement with the most pixels: a landmark exists only once."""
     best: dict[str, tuple[Landmark, LandmarkMeasurement]] = {}
     for landmark, finding in measured:
         other = best.get(landmark.name)

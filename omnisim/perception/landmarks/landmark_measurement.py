@@ -34,11 +34,12 @@ class LandmarkMeasurement:
     """Measurement of one landmark; columns may exceed the panorama's right edge.
 
     Attributes:
-        column: column of its bearing.
+        column: column at the landmark's bearing, with a fraction.
         column_sigma_px: standard deviation of `column`.
-        range_m, range_eq2_m, range_sigma_m: along the ground, see `Detection`.
-        left, right, top, bottom: box.
-        area_px: number of pixels with its colors.
+        range_m, range_eq2_m, range_sigma_m: ranges along the ground, and standard deviation, see
+            `Detection`.
+        left, right, top, bottom: box, see `Detection`.
+        area_px: number of pixels with the landmark's colors.
     """
 
     column: float
@@ -63,9 +64,9 @@ def measure_pillar(
     """Measure a pillar from two of its bands; None: it cannot be a pillar of this size.
 
     Args:
-        panorama: panorama of the pillar.
-        pixels: pixels of the panorama and its first half again, sRGB.
-        lower, upper: its two upper bands.
+        panorama: geometry of the panorama.
+        pixels: sRGB pixels of the panorama, with its left half repeated on the right.
+        lower, upper: regions of the pillar's two upper bands.
         landmark: landmark with the heights of its bands.
     """
     column, core = _axis(lower, upper)
@@ -124,11 +125,11 @@ def _inner(region: Region, first: int) -> slice:
 def _edge_between(profile: NDArray[np.float64], one: slice, other: slice) -> float:
     """Row, with a fraction, at which a profile (n, 3) changes from one color to another.
 
+    NaN if the colors are alike, or one of them has no rows.
+
     Args:
         profile: linear colors from top to bottom.
-        one, other: rows with the first color, and below with the second.
-
-        Returns NaN if the colors are alike, or there is no edge.
+        one, other: rows with the first color, and lower rows with the second color.
     """
     first, last = (one.start + one.stop - 1) // 2, (other.start + other.stop - 1 + 1) // 2
     upper, lower = profile[one], profile[other]
@@ -146,9 +147,15 @@ def _edge_between(profile: NDArray[np.float64], one: slice, other: slice) -> flo
 def _fit_range(
     panorama: Panorama, edges: list[tuple[float, float, float, float]]
 ) -> tuple[float, float, float] | None:
-    """Range by the exact relation and by Eq. 2, with its sigma, from edges that agree.
+    """Fit ranges by the exact relation and by Eq. 2, and the standard deviation, in m, to edges.
 
-    The edge that disagrees most is dropped if two others agree: it may be hidden.
+    The edge that disagrees most is dropped while edges disagree: it may be hidden. None: fewer than
+    two edges agree, or an edge is out of range.
+
+    Args:
+        panorama: geometry of the panorama.
+        edges: height in m, row, standard deviation of the row in px, and distance in m in front of
+            the pillar's axis, of each edge.
     """
     while len(edges) >= 2:
         ranges, paper, sigmas = [], [], []
@@ -175,7 +182,14 @@ def _fit_range(
 def measure_wide(
     panorama: Panorama, pixels: NDArray[np.uint8], region: Region, landmark: Landmark
 ) -> LandmarkMeasurement | None:
-    """Measure a wide landmark of one color on the ground; None: it is not one."""
+    """Measure a wide landmark of one color on the ground; None: the region cannot be the landmark.
+
+    Args:
+        panorama: geometry of the panorama.
+        pixels: sRGB pixels of the panorama, with its left half repeated on the right.
+        region: region of the landmark's color.
+        landmark: landmark with its height and footprint.
+    """
     height, width = region.mask.shape
     if height < 3 or width < 4:
         return None
@@ -223,7 +237,10 @@ def measure_wide(
 def _lower_edges(
     pixels: NDArray[np.uint8], bottom: NDArray[np.intp], columns: NDArray[np.intp]
 ) -> NDArray[np.float64]:
-    """Rows, with fractions, where columns end whose lowest rows are `bottom`."""
+    """Rows (n,), with fractions, of a region's lower edge; `bottom` are its lowest whole rows.
+
+    Both are at the given columns (n,) of the panorama.
+    """
     steps = np.arange(-2, 3)  # no farther: the next thing, a line, may be narrow
     rows = np.clip(bottom[:, None] + steps, 0, len(pixels) - 1)
     profile = LINEAR_FROM_SRGB8[pixels[rows, columns[:, None] % pixels.shape[1]]]

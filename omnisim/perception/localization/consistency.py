@@ -23,14 +23,17 @@ class Interval(NamedTuple):
 
 
 def mean_interval(degrees: int, count: int, share: float = 0.95) -> Interval:
-    """Interval of the mean of `count` independent χ² values of `degrees` of freedom each."""
+    """Two-sided interval that contains the mean of χ² values with probability `share`.
+
+    The mean is that of `count` independent values, each with `degrees` degrees of freedom.
+    """
     tail = 0.5 * (1.0 - share)
     low, high = (float(chi2.ppf(share, degrees * count)) for share in (tail, 1.0 - tail))
     return Interval(low / count, high / count)
 
 
 def pose_errors(estimated: ArrayLike, true: ArrayLike) -> NDArray[np.float64]:
-    """Estimated less true poses (..., 3): x, y, yaw; yaw within ±π."""
+    """Estimated minus true poses (..., 3): x and y in m, yaw in rad within ±π."""
     errors = np.asarray(estimated, dtype=np.float64) - np.asarray(true, dtype=np.float64)
     errors[..., 2] = wrap_angles(errors[..., 2])
     return errors

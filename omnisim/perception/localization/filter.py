@@ -1,7 +1,7 @@
 """The extended Kalman filter of the paper: state (x, y, φ), control (v, δφ), measurement (r, γ).
 
-Each observation of an image is gated against the same prediction, and the accepted ones update it
-together: their order makes no difference.
+Each observation of an image is gated against the same prediction, and all accepted observations
+update the prediction together: the order of the observations makes no difference.
 
 Source: Schmits & Visser 2008, Eq. 4 to 6; the update in Joseph's form, as in Bar-Shalom, Li,
 Kirubarajan, Estimation with Applications to Tracking and Navigation, 2001, section 5.2.6.
@@ -63,8 +63,8 @@ class Estimate:
     Attributes:
         time_s: time of the step.
         pose: (3,) x and y in meters, yaw in radians within ±π.
-        covariance: (3, 3).
-        associations: one for each observation, in their order.
+        covariance: (3, 3) covariance of the pose.
+        associations: associations of the observations, in the order of the observations.
         nis: normalized innovation squared of all accepted observations; NaN: none was accepted.
         nis_degrees: degrees of freedom of `nis`.
         steps_rejected: number of successive steps, up to this one, with all observations rejected.
@@ -106,7 +106,7 @@ class LocalizationFilter:
         camera_m: x and y of the effective viewpoint in the base frame.
         time_s: time of the first pose.
         pose: (3,) start: x, y, yaw.
-        covariance: (3, 3) of the start; None: from the parameters.
+        covariance: (3, 3) covariance of the start; None: from the parameters.
 
     Raises:
         LocalizationError: a start that is not finite, or an invalid covariance.
@@ -254,7 +254,7 @@ class LocalizationFilter:
         pose: tuple[float, float, float],
         covariance: list[list[float]],
     ) -> _Hypothesis:
-        """Innovation of an observation of a landmark, in plain floats: faster than NumPy."""
+        """Assign an observation to a landmark, in plain floats: they are faster than NumPy here."""
         range_m, a0, a1, a2, bearing, b0, b1, b2 = predict_measurement(
             pose, self._camera_m, self._landmarks.corners(landmark)
         )

@@ -35,15 +35,15 @@ class StartNoise(Table):
 class MotionNoise(Table):
     """Noise of the wheels.
 
-    White noise grows with the square root of the distance, systematic errors grow with the
-    distance: a filter with three states cannot estimate them, and treats them as noise of each
-    step.
+    The error from white noise grows with the square root of the distance, the error from systematic
+    errors with the distance. A filter with three states cannot estimate systematic errors; it
+    treats them as noise of each step.
     """
 
     distance_sigma_m_per_sqrt_m: NotNegative
     """Standard deviation of the distance after 1 m, meters."""
     distance_sigma_share: NotNegative
-    """Standard deviation of a step's distance as a share of it: errors of the wheels' size."""
+    """Standard deviation of a step's distance, as a share of the distance: wrong wheel size."""
     turn_sigma_deg_per_sqrt_m: NotNegative
     """Standard deviation of the heading after 1 m, degrees."""
     turn_sigma_deg_per_sqrt_rad: NotNegative
@@ -51,7 +51,7 @@ class MotionNoise(Table):
     turn_sigma_deg_per_m: NotNegative
     """Standard deviation of the heading per meter driven, degrees: wheels of unequal size."""
     turn_sigma_share: NotNegative
-    """Standard deviation of a step's turn as a share of it: skidding wheels."""
+    """Standard deviation of a step's turn, as a share of the turn: skidding wheels."""
 
     def sigmas(self, distance_m: float, turn_rad: float) -> tuple[float, float]:
         """Standard deviations of a step's distance in meters and its turn in radians."""
@@ -82,7 +82,7 @@ class MeasurementNoise(Table):
     gate: Positive
     """Maximum squared Mahalanobis distance; 9.21: 99 % of chi-square, 2 degrees of freedom."""
     report_after_steps: Annotated[int, Field(ge=1, strict=True)]
-    """Number of successive steps with all observations rejected that is reported."""
+    """Successive steps without an accepted observation after which a notice is given."""
 
 
 class FilterParameters(Table):
@@ -97,6 +97,6 @@ def read_parameters(path: Path | None = None) -> FilterParameters:
     """Read a file of filter parameters; by default omnisim's own.
 
     Raises:
-        LocalizationError: the message names file, key, value and expected value.
+        LocalizationError: an invalid file; the message names file, key, value and expected value.
     """
     return read_toml(path or DEFAULT, FilterParameters, LocalizationError)

@@ -44,7 +44,7 @@ def localize(
         landmarks: map of the landmarks.
         parameters: parameters of the filter.
         camera_m: x and y of the effective viewpoint in the base frame.
-        covariance: (3, 3) of the start; None: from the parameters.
+        covariance: (3, 3) covariance of the start; None: from the parameters.
 
     Raises:
         LocalizationError: invalid readings or observations.

@@ -1,8 +1,9 @@
 """Measurement model of landmarks: range and bearing, the paper's m = (r, γ).
 
-A slim landmark, a beacon, is a point: its axis. A wide one, a goal, has corners: its bearing is the
-middle between the two outermost as seen by the camera, and its range is that of the nearest corner.
-An image shows both, and neither depends on the landmark's orientation.
+A slim landmark, such as a beacon, is a point: its axis. A wide landmark, such as a goal, has
+corners: its bearing is the middle between the two corners that are outermost as seen by the camera,
+and its range is that of the nearest corner. An image shows both range and bearing, and neither
+requires the landmark's orientation.
 """
 
 from __future__ import annotations
@@ -26,8 +27,8 @@ class Observation:
     """Measurement of one landmark in one image.
 
     Attributes:
-        candidates: names of the possible landmarks; one if its colors are unambiguous.
-        range_m: along the ground from below the effective viewpoint.
+        candidates: names of the possible landmarks; one name if the colors are unambiguous.
+        range_m: distance along the ground from below the effective viewpoint.
         bearing_rad: counter-clockwise from the vehicle's front.
         range_sigma_m, bearing_sigma_rad: standard deviations.
     """
@@ -46,10 +47,10 @@ class LandmarkMap:
     """Map of landmarks.
 
     Args:
-        corners_m: by name, (n, 2) corners in the world; a single corner for a point.
+        corners_m: by landmark's name, (n, 2) corners in the world; a single corner for a point.
 
     Attributes:
-        corners_m: by name.
+        corners_m: corners of each landmark, by name.
 
     Raises:
         LocalizationError: no landmark, or corners that are not finite.
@@ -73,7 +74,7 @@ class LandmarkMap:
 
         Args:
             landmarks: landmarks with positions and footprints.
-            offsets_m: by name, (2,) errors of the map.
+            offsets_m: by name, errors (2,) of the map, which are added to the positions.
         """
         offsets, corners = offsets_m or {}, {}
         for landmark in landmarks:

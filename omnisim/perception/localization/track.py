@@ -54,7 +54,7 @@ class Track:
 
     @property
     def gate_opening_step(self) -> int | None:
-        """First step that accepts more than half of its observations; None: no step does."""
+        """First step that accepts at least half of its observations; None: no step does."""
         accepted, rejected = self.counts(True), self.counts(False)
         steps = np.flatnonzero((accepted > 0) & (accepted >= rejected))
         return int(steps[0]) if len(steps) else None

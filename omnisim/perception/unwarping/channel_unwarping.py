@@ -1,7 +1,8 @@
 """Unwarping of ground truth: channels of an image, resampled for a view.
 
 Values are not blended: a pixel of the view has the channels of the image's pixel nearest to its
-ray, so that none is invented across a silhouette. If the view has finer pixels, several share one.
+ray, so that no value is invented at a silhouette. If the view has finer pixels than the image,
+several of them have the channels of the same pixel.
 """
 
 from __future__ import annotations
@@ -26,10 +27,9 @@ class ChannelUnwarping:
 
     Range remains the length of the ray; position, normals, scene flow, albedo, classes and
     instances are those of the image's pixel. Directions relative to the camera are rotated. `z` is
-    computed from
-    `position`. Flow leads from the image's ray to the next image's position of its point, both seen
-    by the view, as if the view were a camera on the same vehicle. Its occlusion is the image's; 2,
-    outside, also if the point leaves the view.
+    computed from `position`. Both ends of the flow are projected into the view, as if the view were
+    a camera on the same vehicle. Occlusion is that of the image, and 2 (outside) also where the
+    point leaves the view.
 
     Args:
         camera: camera of the image.
@@ -113,7 +113,7 @@ class ChannelUnwarping:
     def _depths(
         self, channels: Mapping[str, NDArray[Any]], world_from_view: ArrayLike | None
     ) -> NDArray[Any]:
-        """Coordinates along the view's z."""
+        """Coordinates (height, width) in m along the view's z; +inf: no hit."""
         if "position" not in channels or world_from_view is None:
             raise OutputError(
                 "channel 'z': expected position beside it, and the image's pose: it is along "
@@ -148,7 +148,7 @@ class ChannelUnwarping:
     def _seen(
         self, positions_px: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Positions of the image in pixels of the view, and a mask of the visible ones."""
+        """Positions in the view of positions in the image, px, and a mask of the visible ones."""
         rays = self._camera.ray_from_pixel(positions_px)
         pixels = self._view.pixel_from_ray(rays.directions @ self._camera_from_view)
         return pixels.positions_px.copy(), rays.valid & pixels.valid

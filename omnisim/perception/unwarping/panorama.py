@@ -29,7 +29,8 @@ class CameraMount:
         camera: camera model.
         base_from_optical: (4, 4) pose on the vehicle.
         covered: (height, width) pixels that show the scene; None: all valid pixels of the model.
-        caveat: assumption of a single viewpoint for non-central optics, and its errors.
+        caveat: note on the assumed single viewpoint of non-central optics, and the errors of this
+            assumption; None: a central camera, or no assumption.
     """
 
     camera: CentralCamera
@@ -59,7 +60,7 @@ class CameraMount:
 
 
 class Panorama:
-    """Panorama of a whole turn around a vehicle on the ground, from the horizon down.
+    """Panorama of a whole turn around a vehicle, from 60° below the horizon to 3° above it.
 
     Rows and columns count from the center of the first pixel and may have fractions.
 
@@ -72,7 +73,7 @@ class Panorama:
         camera: camera model of the panorama, a cylinder.
 
     Raises:
-        LocalizationError: a camera at or below the ground.
+        LocalizationError: a camera at or below the ground, or one that sees no part of the horizon.
         OpticsError: the camera sees nothing of the panorama.
     """
 
@@ -108,7 +109,8 @@ class Panorama:
     def ranges_m(self, rows: ArrayLike, height_m: float = 0.0) -> NDArray[np.float64]:
         """Ranges along the ground of points of known height: r = (H − z) tan θ.
 
-        Infinite at and above the camera's horizon.
+        H is the camera's height, z = `height_m` the height of the points, and θ the angle of the
+        row from straight down. Infinite at and above the camera's horizon.
         """
         down = self._tangents(rows)
         drop_m = self.mount.height_m - height_m
@@ -120,9 +122,10 @@ class Panorama:
         return self.camera.principal_point_px[1] + self.camera.focal_length_px * tangents
 
     def ranges_eq2_m(self, rows: ArrayLike, height_m: float = 0.0) -> NDArray[np.float64]:
-        """Ranges from the radius in the image by the inverse of the paper's Eq. 2.
+        """Ranges of points of known height from the image radius, by the inverse of Eq. 2.
 
-        NaN for a camera that Eq. 2 does not apply to: without such a mirror, or not upright.
+        NaN if Eq. 2 does not apply: the camera has no hyperbolic mirror, or is not upright.
+        Infinite at and above the camera's horizon.
         """
         down = self._tangents(rows)
         camera = self.mount.camera
@@ -138,7 +141,10 @@ class Panorama:
     def range_sigmas_m(
         self, ranges_m: ArrayLike, height_m: float, row_sigma_px: float
     ) -> NDArray[np.float64]:
-        """Standard deviations of ranges from that of a row: dr/dv = r²/((H − z) f)."""
+        """Standard deviations of ranges, given that of the row: dr/dv = r²/((H − z) f).
+
+        H and z are as in `ranges_m`; f is the panorama's focal length.
+        """
         drop_m = self.mount.height_m - height_m
         squared = np.square(np.asarray(ranges_m, dtype=np.float64))
         return squared * row_sigma_px / (abs(drop_m) * self.camera.focal_length_px)
@@ -148,7 +154,7 @@ class Panorama:
         return self.mount.height_m - np.asarray(ranges_m) * self._tangents(rows)
 
     def _tangents(self, rows: ArrayLike) -> NDArray[np.float64]:
-        """Tangents of the angles below the horizon."""
+        """Tangents of the rows' angles below the horizon."""
         v = np.asarray(rows, dtype=np.float64)
         return (v - self.camera.principal_point_px[1]) / self.camera.focal_length_px
 

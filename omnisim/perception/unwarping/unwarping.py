@@ -39,17 +39,16 @@ class Unwarping:
 
     The table of a very large view is not kept but recomputed for each image.
 
-    A pixel of the view is valid if all its samples are: seen by the image's camera and inside the
-    image.
+    A pixel of the view is valid if the image shows all its samples.
 
     Args:
         camera: camera of the image.
-        view: camera of the wanted image, at the same effective viewpoint.
+        view: camera of the view, at the same effective viewpoint.
         camera_from_view: (3, 3) rotation between their optical frames.
         covered: (height, width) pixels of the image that show the scene; None: the model's valid
             pixels.
-        samples: samples per side of a view's pixel, averaged; None: as many as the image's pixels
-            that it covers, so that none is skipped.
+        samples: number of averaged samples per side of a view's pixel; None: so many that no pixel
+            of the image is skipped, up to `MAX_SAMPLES`.
 
     Attributes:
         valid: (height, width) pixels of the view that show the scene.
@@ -116,7 +115,7 @@ class Unwarping:
         return result
 
     def _make_blocks(self) -> Iterator[_RowBlock]:
-        """All rows of the view, from top to bottom."""
+        """Yield all rows of the view in blocks, from top to bottom."""
         height, width = self.valid.shape
         offsets = (np.arange(self._samples) + 0.5) / self._samples - 0.5
         step = max(1, BLOCK_SAMPLES // (width * self._samples**2))
@@ -135,8 +134,11 @@ class Unwarping:
     def _look_up(
         self, positions_px: NDArray[np.float64]
     ) -> tuple[NDArray[np.intp], NDArray[np.float32], NDArray[np.bool_]]:
-        """Corners (h, w) and weights (4, h, w) in the image of positions (h, w, 2) in the view, and
-        whether the image shows them."""
+        """Bilinear lookups in the image for positions (h, w, 2) in the view.
+
+        Indices (h, w) of the top left pixels, weights (4, h, w) of the four pixels, and a mask
+        (h, w) of the positions that the image shows.
+        """
         rays = self._view.ray_from_pixel(positions_px)
         pixels = self._camera.pixel_from_ray(rays.directions @ self._rotation.T)
         corner, weights, inside = corner_and_weights(pixels.positions_px, self._shape)
@@ -154,7 +156,7 @@ def _encode(linear: NDArray[Any]) -> NDArray[np.uint8]:
 def _samples_needed(
     camera: CentralCamera, view: CentralCamera, camera_from_view: NDArray[np.float64]
 ) -> int:
-    """Samples per side of a view's pixel for its largest step in the image, up to a limit."""
+    """Samples per side of a view's pixel that skip no pixel of the image, up to `MAX_SAMPLES`."""
     u = np.linspace(0.0, view.width_px - 1.0, min(view.width_px, 65))
     v = np.linspace(0.0, view.height_px - 1.0, min(view.height_px, 65))
     grid = np.stack(np.meshgrid(u, v), axis=-1)

@@ -1,7 +1,7 @@
 """Views to unwarp an omnidirectional image to: cylinder, perspective, bird's eye.
 
 Each view is a camera at the effective viewpoint of the image, with an orientation on the vehicle.
-The bird's eye view is one, too: seen from straight above, plane ground is a map.
+The bird's eye view is a perspective view straight down, in which plane ground appears as a map.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def perspective_view(
 
     Args:
         width_px, height_px: size of the image.
-        field_of_view_rad: angle from its left to its right edge.
+        field_of_view_rad: angle between the left and the right edge of the image.
         yaw_rad: heading, counter-clockwise from the vehicle's front.
         pitch_rad: downward, as in REP 103.
 
@@ -111,7 +111,7 @@ def birdseye_view(
 
 
 def highest_elevation_deg(camera: CentralCamera, base_from_optical: NDArray[np.float64]) -> float:
-    """Find the highest whole degree of elevation, up to 60, visible at all azimuths.
+    """Find the highest whole degree of elevation, up to 60, visible at all azimuths; 0: none.
 
     Args:
         camera: level or tilted camera.

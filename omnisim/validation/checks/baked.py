@@ -88,7 +88,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def in_baked_light(scene: Scene, settings: BakeSettings) -> Scene:
-    """Scene in its light, baked in a temporary folder."""
+    """Scene with its light baked, in a temporary folder."""
     with tempfile.TemporaryDirectory(prefix="omnisim-baked-") as folder:
         baked = Path(folder) / "scene.baked"
         bake_scene(scene, baked, settings)

@@ -1,4 +1,7 @@
-"""Chessboards in images by every camera model of OpenCV, projected with the calibration file."""
+"""Chessboard corners in rendered images, against OpenCV's projection with the calibration file.
+
+There is one camera for each of OpenCV's camera models.
+"""
 
 from __future__ import annotations
 
@@ -100,7 +103,7 @@ def board_cameras() -> tuple[BoardCamera, ...]:
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Find the corners in rendered images; project them by OpenCV with the calibration file."""
+    """Compare corners found in rendered images with OpenCV's projection of the true corners."""
     count = MIN_BOARDS if fixture.is_quick else 10
     measures, counts, shown = [], [], {}
     for board_camera in board_cameras():
@@ -127,7 +130,10 @@ def check(fixture: Fixture, title: str) -> Section:
 def _off_px(
     fixture: Fixture, board_camera: BoardCamera, count: int
 ) -> tuple[NDArray[np.float64], int, NDArray[np.uint8] | None]:
-    """Distances (n,) of detected and projected corners, number of detected boards, and an image."""
+    """Distances (n,) in px between detected and projected corners, number of boards, and an image.
+
+    Only boards that OpenCV detects count. The image is that of the last one; None: no board.
+    """
     camera = board_camera.camera
     is_mirror = isinstance(camera, HyperbolicCamera)
     rig_from_optical = camera.rig_from_optical
@@ -170,7 +176,7 @@ def _can_be_projected(board_camera: BoardCamera, points: NDArray[np.float64]) ->
 def _distances_px(
     projected: NDArray[np.float64], detected: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Distances (n,), independent of OpenCV's order of the corners."""
+    """Distances (n,) between projected and detected corners, in the order that fits best."""
     columns, rows = PATTERN
     grid = detected.reshape(rows, columns, 2)
     orders = (grid, grid[::-1], grid[:, ::-1], grid[::-1, ::-1])

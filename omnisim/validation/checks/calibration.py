@@ -1,4 +1,4 @@
-"""A calibration library: OpenCV's omnidir, with our K and ξ, projects to our rendered positions."""
+"""OpenCV's omnidir against rendered images: projection with our K and ξ, and its calibration."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def check_markers(fixture: Fixture, title: str) -> Section:
 
 
 def check_omnidir(fixture: Fixture, title: str) -> Section:
-    """Compare the same centroids with OpenCV's projection, and calibrate from chessboards."""
+    """Compare the markers' centroids with OpenCV's projection; calibrate it from chessboards."""
     camera, measured, rims = marker_image(fixture)
     projected = omnidir.project(camera, rims.reshape(-1, 3)).reshape(*rims.shape[:2], 2)
     off = np.linalg.norm(measured - rim_centroids_px(projected), axis=1)
@@ -127,7 +127,7 @@ def marker_image(fixture: Fixture) -> MarkerImage:
 def chessboard_images(
     fixture: Fixture, count: int
 ) -> tuple[list[NDArray[np.uint8]], list[NDArray[np.float64]]]:
-    """Images with a board detected by OpenCV, and its corners (n, 2)."""
+    """Rendered images in which OpenCV detects the board, and the corners (n, 2) in each."""
     sensor = OmniCamera().with_polygons(None).resized(SIZE_PX)
     images, corners = [], []
     with open_sensor(board_scene(), sensor, unlit=True, device=fixture.device) as renderer:

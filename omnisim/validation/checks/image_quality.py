@@ -33,7 +33,7 @@ BOUND_DB, SHIMMER_BOUND = 38.0, 1.0 / 3.0
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Compare default quality and plain bilinear with 256 samples per pixel, also panning."""
+    """Compare default quality and bilinear lookup with 256 samples per pixel, in a slow pan."""
     return measure_quality(fixture, fixture.scene, fixture.viewpoint_m, title)
 
 
@@ -43,7 +43,7 @@ def measure_quality(
     viewpoint_m: tuple[float, float, float],
     title: str,
 ) -> Section:
-    """Compare both in any scene, from a viewpoint (3,), world."""
+    """Make the comparison of `check` in any scene, from a viewpoint in the world frame."""
     sensor = OmniCamera(polygons=None).resized(SIZE_PX)
     steps = QUICK_PAN_STEPS if fixture.is_quick else PAN_STEPS
     shifts = QUICK_SHIFTS if fixture.is_quick else SHIFTS
@@ -126,7 +126,7 @@ def _linear_images(
 def _plain(
     stage: Stage, sensor: OmniCamera, poses: list[NDArray[np.float64]]
 ) -> list[NDArray[np.float64]]:
-    """Linear images by bilinear lookups in the faces at the center of each pixel."""
+    """Linear images by one bilinear lookup in the faces, for the ray of each pixel's center."""
     camera = sensor.model
     rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
     rig = rays.directions @ camera.rig_from_optical.T

@@ -1,4 +1,4 @@
-"""Materials in a path tracer: spheres by roughness and metalness, by Mitsuba and omnisim."""
+"""Spheres of varied roughness and metalness, by omnisim and by Mitsuba's path tracer."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _environment() -> Environment:
 def both(
     lighting: Lighting, samples: int, device: int | None
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]:
-    """Charts (height, width, 3) by omnisim and by Mitsuba, linear, and the spheres' indices."""
+    """Linear charts (height, width, 3) by omnisim and Mitsuba, and each pixel's sphere index."""
     from omnisim.validation.oracles.mitsuba_materials import trace_sphere  # of an extra
 
     camera = material_chart.camera().resized(WIDTH_PX)

@@ -1,4 +1,4 @@
-"""Chessboards through the paper's mirror, misaligned: OpenCV's calibration and our own."""
+"""Calibration from chessboards in the paper's mirror, aligned and not, by OpenCV and by omnisim."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def _table(tilt_deg: float, shift_m: float) -> dict[str, Any]:
-    """Optics file's table of the paper's mirror, misaligned."""
+    """Table of an optics file with the paper's mirror, tilted about x and shifted along x."""
     return {
         "origin_m": [0.0, 0.0, 0.09284],
         "camera": {
@@ -146,5 +146,5 @@ def _seen(fixture: Fixture, table: dict[str, Any]) -> _Seen:
 
 
 def _rms(fit: SystemCalibration) -> float:
-    """Root mean square of the corners' distances."""
+    """RMS distance in px between detected and predicted corners."""
     return float(np.sqrt(np.square(fit.errors_px).sum(axis=1).mean()))

@@ -41,7 +41,7 @@ _RIM_PX = 3  # excluded at the edge of the visible area, where pixels blend
 
 
 class Comparison(NamedTuple):
-    """Images of a system by both renderers, and their difference."""
+    """Linear images (height, width, 3) by both renderers, and a mask of the visible area."""
 
     traced: NDArray[np.float32]
     ours: NDArray[np.float32]
@@ -55,7 +55,7 @@ class Comparison(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class TracedSystem:
-    """Optical system at a place, traced by Mitsuba and rendered by omnisim."""
+    """Optical system at a viewpoint in a scene, traced by Mitsuba and rendered by omnisim."""
 
     fixture: Fixture
     system: OpticalSystem
@@ -79,7 +79,7 @@ class TracedSystem:
 
     @cached_property
     def optics(self) -> PhysicalOptics:
-        """Physical mirrors and windows."""
+        """Physical mirrors and windows in Mitsuba."""
         return PhysicalOptics(self.system, self.world_from_optical)
 
     def ours(self, scene: Scene, supersampling: int | None = None) -> NDArray[np.float32]:
@@ -121,12 +121,12 @@ class TracedSystem:
 
 
 class Result(NamedTuple):
-    """Differences of one system."""
+    """Differences between Mitsuba and omnisim for one system."""
 
     markers_px: NDArray[np.float64]
     rays_px: NDArray[np.float64]
     images: Comparison
-    fine_db: float | None  # with many samples per pixel, if the default's are not enough
+    fine_db: float | None  # PSNR with many samples per pixel; None: default quality is enough
 
 
 def check(fixture: Fixture, title: str) -> Section:

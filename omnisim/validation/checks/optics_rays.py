@@ -1,4 +1,4 @@
-"""Rays of optical systems against closed forms and published results, and their inverse."""
+"""Rays of optical systems against closed forms and published results, and back to their pixels."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def _system(shape: Shape, at_m: float, rim_m: float, focal_px: float = 800.0) -> OpticalSystem:
-    """Mirror in front of a pinhole, on its axis."""
+    """Optical system of a pinhole and one mirror, which is centered on the pinhole's axis."""
     return OpticalSystem(_pinhole(focal_px), (Surface(shape, pose((0.0, 0.0, at_m)), rim_m),))
 
 
@@ -157,7 +157,10 @@ def _caustics() -> Iterator[tuple[str, float]]:
 def _caustic_error(
     system: OpticalSystem, traced: TracedAxialRays, sheets: tuple[AxialPoints, AxialPoints]
 ) -> float:
-    """Maximum distance between caustics, either sheet by either root, as a share of the size."""
+    """Maximum distance between traced and expected caustics, as a share of their coordinates.
+
+    Traced sheets match expected sheets in either order.
+    """
     caustic = caustic_points(system, traced.pixels_px)
     known = np.isfinite(caustic).all(axis=(1, 2))  # not next to the rim
     expected = np.stack([traced.place(sheet) for sheet in sheets], axis=1)
@@ -167,7 +170,10 @@ def _caustic_error(
 
 
 def _quartic_error_px() -> float:
-    """Maximum distance between pixels of points by Newton's method and by a quartic's roots."""
+    """Maximum distance between pixels of points by Newton's method and by a quartic's roots.
+
+    NaN if a point is not visible.
+    """
     system, focal_px = _boundary(_WATER), 180.0
     generator = np.random.default_rng(5)
     radii_m, depths_m = generator.uniform(0.01, 0.4, 200), generator.uniform(0.3, 5.0, 200)
@@ -188,7 +194,7 @@ def _quartic_error_px() -> float:
 
 
 def _round_trips(step_px: int) -> Iterator[tuple[str, float, int, int]]:
-    """System, distance, number of points, and number of those that miss their pixel."""
+    """Yield system, distance in m, number of points, and number of points that miss their pixel."""
     for (name, system), distance_m in itertools.product(_round_systems().items(), DISTANCES_M):
         pixels = pixel_grid(system.width_px, system.height_px)[::step_px, ::step_px].reshape(-1, 2)
         rays = system.rays(pixels)

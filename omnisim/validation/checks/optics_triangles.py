@@ -26,7 +26,7 @@ CAST_BOUND, ALONE_BOUND, UNDECIDED_BOUND = 99.9, 99.4, 100.0
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Compare the triangles at the pixels, near the nearest object in scenes."""
+    """Compare the triangles by virtual cameras and by rays, close to an object in each scene."""
     compared = {
         (name, system): shares
         for name in (SCENES[:1] if fixture.is_quick else SCENES)
@@ -36,7 +36,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def measure_triangles(fixture: Fixture, scene: Scene) -> dict[str, SameTriangles]:
-    """Shares of pixels by system, near the nearest object in any scene."""
+    """Shares of pixels with equal triangles, by system name, close to an object in a scene."""
     shares = {}
     with Stage(scene, device=fixture.device) as stage:
         rays = RayScene(scene)
@@ -49,7 +49,7 @@ def measure_triangles(fixture: Fixture, scene: Scene) -> dict[str, SameTriangles
 
 
 def triangle_section(title: str, compared: Mapping[tuple[str, str], SameTriangles]) -> Section:
-    """Section of shares by scene and system."""
+    """Section of the report with shares of pixels, given by scene and system."""
     shares = list(compared.values())
     cast = [one.undecided_cast for one in shares if not math.isnan(one.undecided_cast)]
     return Section(
@@ -80,5 +80,5 @@ def triangle_section(title: str, compared: Mapping[tuple[str, str], SameTriangle
 
 
 def _percent(shares: Iterable[float]) -> float:
-    """Minimum share in percent; NaN: there is none."""
+    """Minimum share in percent; NaN without shares."""
     return 100.0 * min(shares, default=math.nan)

@@ -83,7 +83,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def _paint(scene: Scene, side: str) -> NDArray[np.float64]:
-    """Linear color of a side's paint: the commonest in its image."""
+    """Linear color of a side's paint: the most frequent color of its texture."""
     mesh = _mesh(scene, side)
     texture = scene.materials[mesh.material].texture
     assert texture is not None
@@ -98,7 +98,7 @@ def _mesh(scene: Scene, side: str) -> Mesh:
 
 
 def _worst_color(scene: Scene, sensor: OmniCamera, frame: Frame, heading_deg: float) -> float:
-    """Largest difference between a side's paint and the image where optics expects it."""
+    """Maximum difference in linear color between a side's paint and its pixels in the image."""
     camera, linear, heading = (
         mirror_camera(sensor),
         linear_image(frame),
@@ -120,8 +120,10 @@ def _worst_color(scene: Scene, sensor: OmniCamera, frame: Frame, heading_deg: fl
 
 
 def _reading(fixture: Fixture, scene: Scene) -> tuple[float, float, NDArray[np.uint8]]:
-    """Least correlation of a wall's word with its paint, largest with its mirror image, and the
-    panorama."""
+    """Correlations of the walls' painted words with the panorama, and the panorama.
+
+    The first is the minimum over all walls; the second, of the mirrored panorama, the maximum.
+    """
     sensor = OmniCamera().with_polygons(None).resized(720)
     position = scene.start.position_m
     frame = fixture.render(scene, sensor, sensor.base_pose(position))

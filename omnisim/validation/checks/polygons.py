@@ -87,7 +87,10 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def shown_error_px(fixture: Fixture, sensor: OmniCamera) -> NDArray[np.float64]:
-    """Distances (pixels,) of all pixels from the mirror's positions of their directions."""
+    """Distances (n,) from pixels to the positions at which the mirror shows the pixels' rays.
+
+    Pixels whose rays are past the rim are left out.
+    """
     camera = mirror_camera(sensor)
     context = open_context(fixture.device)
     try:

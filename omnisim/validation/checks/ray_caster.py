@@ -83,9 +83,9 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def _evenly_lit(name: str) -> Scene:
-    """Scene in even light, with lamps of white.
+    """Scene in even light, with emitted light clipped to white.
 
-    A pixel at the edge of a brighter lamp is white from its first sample.
+    A single sample of a brighter surface would saturate its whole pixel.
     """
     scene = load_scene(name, baked="none", sky="none")
     materials = [
@@ -107,7 +107,7 @@ def _frame(scene: Scene, sensor: OmniCamera, backend: BackendName, device: int |
 
 
 def _same_share(one: Frame, other: Frame) -> float:
-    """Share of pixels with a ray that show the same surface."""
+    """Share of pixels at which both frames show the same surface, among pixels with a ray."""
     assert one.has_ray is not None
     near_m, far_m = one.channels["range"], other.channels["range"]
     same = one.channels["instance"] == other.channels["instance"]

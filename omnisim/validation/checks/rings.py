@@ -99,7 +99,7 @@ def render(fixture: Fixture, scene: Scene, sensor: OmniCamera) -> Frame:
 
 
 def measure(frame: Frame, camera: HyperbolicCamera) -> Rings:
-    """Measure all rings in the image that are away from its edges."""
+    """Measure all rings that are more than 1° inside the rim."""
     # white is 1; the lines are dark in green, also the red one
     green = linear_image(frame)[..., 1].astype(np.float64)
     darkness = np.where(frame.valid, 1.0 - green, 0.0)

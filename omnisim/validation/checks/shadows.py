@@ -55,7 +55,7 @@ EDGES_BOUND_PX = 1.0
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Trace scenes with lamps inside them in a physical mirror and a fisheye, and compare."""
+    """Trace lit scenes in a physical mirror and through a fisheye, and compare them with ours."""
     measures: list[Measure] = []
     images: dict[str, NDArray[np.generic]] = {}
     size_px = QUICK_SIZE_PX if fixture.is_quick else SIZE_PX
@@ -97,7 +97,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def _edges(fixture: Fixture, name: str) -> Measure:
-    """Distance of shadow edges from those of a path tracer."""
+    """Measure the mean distance in px between our edges of shadows and a path tracer's."""
     lit = matte_on_both_sides(load_scene(FOLDER / f"{name}.toml"))
     scene = gray_in_one_light(lit, LOW_LAMPS[name])
     bare = dataclasses.replace(scene, lighting=scene.lighting.without_shadows())

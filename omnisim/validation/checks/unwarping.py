@@ -1,5 +1,4 @@
-"""Unwarping: a perspective view from the mirror's image against a pinhole camera's image, and
-straight lines."""
+"""Unwarping: a view from the mirror's image against a pinhole camera's image; straight lines."""
 
 from __future__ import annotations
 
@@ -74,7 +73,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def _pinhole(fixture: Fixture) -> NDArray[np.float32]:
-    """Image of a pinhole camera: the front face of another rig with that heading."""
+    """Image of a pinhole camera: the front face of a rig with the yaw and pitch of the view."""
     fine = 4  # its pixels are averages, too
     sensor = OmniCamera(face_size_px=fine * VIEW_PX)
     pose = poses.pose(fixture.viewpoint_m, pitch_deg=PITCH_DEG, yaw_deg=YAW_DEG)
@@ -103,7 +102,7 @@ def _image_pixels_per_pixel(sensor: OmniCamera, view: View) -> NDArray[np.float6
 
 
 def _bars(fixture: Fixture, sensor: OmniCamera) -> NDArray[np.float32]:
-    """The mirror's image of white bars on black: long, level, above each other."""
+    """The mirror's image of white bars on black: long, slightly inclined, above each other."""
     forward = np.array([math.cos(math.radians(YAW_DEG)), math.sin(math.radians(YAW_DEG)), 0.0])
     side = np.array([-forward[1], forward[0], 0.0])
     corners = []

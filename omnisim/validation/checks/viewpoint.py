@@ -57,7 +57,7 @@ def reflect(mirror: HyperbolicMirror, tangents: np.ndarray) -> tuple[np.ndarray,
 
     Args:
         mirror: mirror; k gives the shape.
-        tangents: (..., 2) of the pinhole's rays, across its axis.
+        tangents: (..., 2) x and y of the pinhole's rays, which have z = −1.
     """
     shape = 0.5 * mirror.k - 1.0
     pinhole = np.array([0.0, 0.0, 1.0])

@@ -27,7 +27,7 @@ class DetectionMatch:
         landmark: name of the landmark.
         range_m: true range.
         detection: detection of the landmark; None: not detected.
-        range_error_m, bearing_error_rad: errors; NaN without a detection.
+        range_error_m, bearing_error_rad: detected minus true values; NaN without a detection.
     """
 
     step: int
@@ -54,7 +54,14 @@ def compare(
     landmarks: LandmarkMap,
     camera_m: tuple[float, float],
 ) -> list[DetectionMatch]:
-    """Match detections of each step with the landmarks at the true pose."""
+    """Match detections of each step with the landmarks at the true pose.
+
+    Args:
+        detections: detections of each step.
+        true_poses: (steps, 3) x, y, yaw of the base.
+        landmarks: landmarks at their true positions.
+        camera_m: (x, y) of the camera in the base frame.
+    """
     matches = []
     for step, (pose, of_step) in enumerate(zip(true_poses.tolist(), detections, strict=True)):
         by_name = {detection.landmark: detection for detection in of_step}
@@ -78,9 +85,11 @@ class Accuracy:
 
     Attributes:
         recall: true positives as a share of landmarks.
-        precision: true positives as a share of detections; by the landmark's true range.
-        bearing_rms_rad, range_rms_share, range_eq2_rms_share: errors of true positives.
-        eq2_mean_m: mean difference of the range by Eq. 2 minus that by the exact relation.
+        precision: true positives as a share of detections.
+        bearing_rms_rad: RMS bearing error of true positives.
+        range_rms_share, range_eq2_rms_share: RMS range errors of true positives as shares of the
+            true range, by the exact relation and by Eq. 2.
+        eq2_mean_m: mean of the range by Eq. 2 minus the range by the exact relation.
         count: number of true positives.
     """
 
@@ -94,7 +103,7 @@ class Accuracy:
 
 
 def accuracy(matches: Sequence[DetectionMatch], nearest_m: float, farthest_m: float) -> Accuracy:
-    """Accuracy for landmarks between two ranges; NaN without landmarks."""
+    """Accuracy for landmarks with true ranges in an interval; NaN without landmarks."""
     present = [each for each in matches if nearest_m <= each.range_m < farthest_m]
     seen = [each for each in present if each.detection is not None]
     right = [each for each in seen if each.is_right]

@@ -31,8 +31,8 @@ class Experiment:
     Args:
         run: run with labels and ground truth.
         trained: trained color model.
-        robot: robot of the run.
-        progress: reports the steps.
+        robot: name of the run's robot.
+        progress: reports progress over the steps.
     """
 
     def __init__(self, run: RunData, trained: Training, robot: str, progress: Progress):
@@ -58,7 +58,11 @@ class Simulated(Experiment):
 
 
 class Real(Experiment):
-    """Experiment 2, with the tracks of all seeds, three kinds of observations, and parameters."""
+    """Experiment 2, with the tracks of all seeds of three variants.
+
+    `seeds` has landmarks picked by hand, and the parameters of the real setting; `honest` the same
+    landmarks with experiment 1's parameters; `automatic` detected landmarks and the true start.
+    """
 
     def __init__(
         self, run: RunData, trained: Training, parameters: FilterParameters, progress: Progress
@@ -113,7 +117,7 @@ def observations_from_detections(
 
 
 def _picked(run: RunData, seed: int) -> list[list[Observation]]:
-    """Observations of landmarks picked by hand in the images of a run."""
+    """Observations of each step of a run, by simulated picking of landmarks by hand."""
     generator = np.random.default_rng([3, seed])
     landmarks = LandmarkMap.of_scene(run.landmarks)
     poses = run.true_poses

@@ -1,4 +1,4 @@
-"""Landmarks picked by hand in an image, with noise of the hand.
+"""Simulated picking of landmarks by hand: true image positions with Gaussian noise.
 
 The paper's authors picked landmarks in the images of the real robot, since their classifier had too
 many false positives. Only here do observations come from the true pose; the filter gets the range
@@ -40,9 +40,10 @@ def pick_landmarks(
     hand: Hand,
     generator: np.random.Generator,
 ) -> list[Observation]:
-    """Pick the feet of the landmarks that are visible from a true pose.
+    """Pick the feet (corners on the ground) of the landmarks that are visible from a true pose.
 
-    The nearest foot of a wide landmark gives its range, the two outermost feet its bearing.
+    A wide landmark's range is that of its nearest foot; its bearing is the middle of its two
+    outermost feet.
 
     Args:
         pose: (3,) x, y, yaw of the base.
@@ -82,7 +83,7 @@ def pick_landmarks(
 def _offsets(
     pose: NDArray[np.float64], mount: CameraMount, corners: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Corners (n, 2) from below the effective viewpoint, along the vehicle's axes."""
+    """Offsets (n, 2) from below the effective viewpoint to corners, along the vehicle's axes."""
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
     base_from_world = np.array([[cosine, sine], [-sine, cosine]])
     offsets: NDArray[np.float64] = (corners - pose[:2]) @ base_from_world.T - mount.position_m
@@ -116,7 +117,7 @@ def _pick(
 
 
 def _sigmas(mount: CameraMount, range_m: float, sigma_px: float) -> tuple[float, float]:
-    """Standard deviations of a picked pixel's range and bearing, from the scale at its range."""
+    """Standard deviations, in m and rad, of range and bearing of a point picked with `sigma_px`."""
     step = 1e-4
     rotation = mount.base_from_optical[:3, :3]
     theta = math.atan2(range_m, mount.height_m)

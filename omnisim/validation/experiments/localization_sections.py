@@ -130,7 +130,7 @@ def second_experiment(real: Real) -> Section:
 
 
 def side_by_side(simulated: Simulated, real: Real) -> Section:
-    """Fig. 12 and 13: one seed of each."""
+    """Fig. 12 and 13: one seed of each experiment."""
     chosen = _typical(real.seeds)
     first, second = simulated.seeds.tracks[0], real.seeds.tracks[chosen]
     panels = [
@@ -164,7 +164,7 @@ def _typical(seeds: SeedRuns) -> int:
 
 
 def gains(simulated: Simulated) -> Section:
-    """Odometry alone, a camera with 90° ahead, and an omnidirectional one."""
+    """Errors of odometry alone, with a 90° camera facing ahead, and an omnidirectional camera."""
     full = simulated.seeds
     ahead = run_seeds(
         simulated.run,

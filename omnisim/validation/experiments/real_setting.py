@@ -1,4 +1,4 @@
-"""The paper's real setting, simulated: clutter, uneven light, a real camera.
+"""The paper's real setting, simulated: clutter, and a lamp that lights the field unevenly.
 
 As in the paper: the robot, the clockwise path, landmarks picked by hand, a wrong start pose that
 the filter takes as certain, and biased odometry. All numbers are ours; the paper gives none.

@@ -62,10 +62,10 @@ def real_camera() -> Degradation:
 
 
 def record_all(folder: Path, device: int | None, progress: Progress) -> Recordings:
-    """Record missing drives in an existing folder, and drives of other versions again.
+    """Record the drives in an existing folder; only drives that do not match are recorded again.
 
     Raises:
-        OmnisimError: no OpenGL, or a folder has another run.
+        OmnisimError: no OpenGL, or a drive that cannot be recorded.
     """
     scene = load_scene(SCENE)
     with_path = dataclasses.replace(
@@ -81,7 +81,7 @@ def record_all(folder: Path, device: int | None, progress: Progress) -> Recordin
 
 
 def _paper_vehicle(robot: str) -> Vehicle:
-    """Vehicle with the paper's mesh of the mirror, without its other sensors."""
+    """The robot's vehicle with cameras only, whose mirror is the mesh of the paper."""
     vehicle = Vehicle.load(robot).with_cameras(polygons=PAPER_POLYGONS)
     return dataclasses.replace(vehicle, sensors=vehicle.cameras)
 

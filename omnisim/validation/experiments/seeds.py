@@ -50,10 +50,11 @@ class SeedRuns:
     """Tracks of all seeds, and their errors.
 
     Attributes:
-        tracks: one per seed.
-        errors_m, reckoned_m: (seeds, steps).
-        nees: (seeds, steps); NaN without uncertainty.
-        nis, nis_degrees: (seeds, steps); NaN and 0 without accepted observations.
+        tracks: tracks, one per seed.
+        errors_m, reckoned_m: (seeds, steps) position errors of the filter and of odometry alone.
+        nees: (seeds, steps) normalized estimation errors squared; NaN without uncertainty.
+        nis, nis_degrees: (seeds, steps) normalized innovations squared, and their degrees of
+            freedom; NaN and 0 without accepted observations.
     """
 
     tracks: tuple[Track, ...]
@@ -65,7 +66,7 @@ class SeedRuns:
 
     @property
     def nees_interval(self) -> Interval:
-        """Confidence interval of the seeds' mean NEES at a step."""
+        """95 % interval of the seeds' mean NEES at a step."""
         return mean_interval(3, len(self.tracks))
 
     @property
@@ -81,7 +82,7 @@ class SeedRuns:
 
     @property
     def nis_intervals(self) -> list[Interval]:
-        """Confidence intervals of the mean NIS by step."""
+        """95 % intervals of the NIS per degree of freedom, one per step."""
         return [mean_interval(1, max(int(total), 1)) for total in self.nis_degrees.sum(axis=0)]
 
     @property
@@ -102,12 +103,12 @@ def run_seeds(
     """Localize a run once per seed.
 
     Args:
-        run: run with its truth, for the errors.
+        run: run with ground truth.
         wheels: errors of the odometry; each seed has its own noise.
         observations: observations by seed and step.
         parameters: parameters of the filter.
-        covariance: (3, 3) of the start; None: from the parameters.
-        prepare: changes the odometry in advance.
+        covariance: (3, 3) covariance of the start pose; None: from the parameters.
+        prepare: function that changes each seed's odometry before the filter runs.
     """
     assert run.truth is not None
     truth = run.true_poses
@@ -132,7 +133,7 @@ def run_seeds(
 def in_field_of_view(
     observations: Sequence[Sequence[Observation]], field_of_view_rad: float
 ) -> list[list[Observation]]:
-    """Observations of each step within a field of view about the front."""
+    """Observations of each step within a horizontal field of view, centered on the front."""
     half = 0.5 * field_of_view_rad
     return [[seen for seen in step if abs(seen.bearing_rad) <= half] for step in observations]
 

@@ -1,10 +1,9 @@
 """Effect of each degradation alone on pixels, landmarks and self-localization.
 
-The recorded clean images are degraded in NumPy, one kind at a time with increasing strength;
-nothing is rendered again. Defocus and noise are fast versions with the parameters of
-`sensors.degradations`.
-Motion blur is that of a turn on the spot, which rotates the image about its middle: straight motion
-blurs less.
+The recorded clean images are degraded in NumPy, one degradation at a time, with increasing
+strength; nothing is rendered again. Defocus and noise are faster versions of those in
+`omnisim.rendering.camera.degradations`. Motion blur is that of a turn on the spot, which rotates
+the image about its middle: straight motion blurs less.
 """
 
 from __future__ import annotations
@@ -41,13 +40,13 @@ Light = NDArray[np.float32]  # (height, width, 4) linear; the fourth is 1 where 
 
 @dataclass(frozen=True)
 class Cause:
-    """Kind of degradation in the sweep.
+    """Degradation in the sweep.
 
     Attributes:
         name: name in the report.
         unit: unit of the levels.
         levels: levels in increasing strength.
-        apply: degrades light at a level and step.
+        apply: function that degrades light at a level and step.
     """
 
     name: str
@@ -61,9 +60,10 @@ class Outcome:
     """Results at one level of a degradation.
 
     Attributes:
-        recall, precision: for landmarks within `NEAR_M`.
-        bearing_rms_rad, range_rms_share: errors of true positives.
-        false_alarms: false positives as a share of all other pixels.
+        recall, precision: rates for landmarks within `NEAR_M`.
+        bearing_rms_rad: RMS bearing error of true positives.
+        range_rms_share: RMS range error of true positives, as a share of the range.
+        false_alarms: share of pixels without a landmark that are taken for a landmark's color.
         error_m: median over seeds of the mean position error.
     """
 
@@ -76,7 +76,7 @@ class Outcome:
 
 
 def _defocus(light: Light, geometry: ImageGeometry, level: float, step: int) -> Light:
-    """Mean of valid pixels over a disc, as `Defocus`, in the frequency domain."""
+    """Mean of visible pixels over a disc of `level` px radius, as `Defocus`, by FFT."""
     reach = math.ceil(level)
     span = range(-reach, reach + 1)
     radius = np.array(level, dtype=np.float32)
@@ -107,7 +107,7 @@ def _motion_blur(light: Light, geometry: ImageGeometry, level: float, step: int)
 
 
 def _noise(light: Light, geometry: ImageGeometry, level: float, step: int) -> Light:
-    """Shot and read noise with the variances of `Noise`, normal for many photons."""
+    """Gaussian shot and read noise with the variances of `Noise`, for a full well of `level`."""
     generator = np.random.default_rng([2, step])
     colors = np.maximum(light[..., :3], np.float32(0.0))
     sigma = np.sqrt(colors * np.float32(level) + np.float32(READ_NOISE_E**2)) / np.float32(level)
@@ -129,7 +129,7 @@ def _darkness(light: Light, geometry: ImageGeometry, level: float, step: int) ->
 
 
 def _white_balance(light: Light, geometry: ImageGeometry, level: float, step: int) -> Light:
-    """Too warm: red up and blue down by a share."""
+    """White balance that is too warm: red is multiplied, and blue divided, by 1 + `level`."""
     gains = (1.0 + level, 1.0, 1.0 / (1.0 + level))
     return WhiteBalance(response=(1.0, 1.0, 1.0), gains=gains).apply(light, geometry)
 
@@ -153,7 +153,7 @@ def sweep(
     parameters: FilterParameters,
     progress: Progress,
 ) -> tuple[Outcome, Mapping[str, list[Outcome]]]:
-    """Outcomes without degradation, and of each kind at each of its levels."""
+    """Outcome without degradation, and by name of each cause, the outcomes of its levels."""
     detector = LandmarkDetector(model, run.landmarks, run.mount)
     geometry = ImageGeometry.of_camera(run.mount.camera)
     images = list(run.images())

@@ -33,11 +33,11 @@ class ReferenceCamera:
     """Camera of the reference implementation's simulator, with known noise.
 
     Attributes:
-        camera: its `Camera`.
+        camera: `Camera` of the reference implementation.
         bit_depth: bits of the converter.
-        exposure_s: longest exposure; with `radiance` it saturates.
-        radiance: light of the flat fields, in its units.
-        true: true values by the names of the sensor file's keys.
+        exposure_s: exposure time at which `radiance` saturates the camera.
+        radiance: light of the flat fields, in the simulator's units.
+        true: true values by key of the sensor file.
     """
 
     camera: Any
@@ -48,7 +48,7 @@ class ReferenceCamera:
 
     @classmethod
     def drawn(cls, seed: int, size: tuple[int, int] = (640, 480)) -> ReferenceCamera:
-        """Camera with random parameters in the range of real ones."""
+        """Camera with random parameters in the range of real cameras."""
         from emva1288.camera.camera import Camera
 
         rng = np.random.default_rng(seed)
@@ -83,7 +83,7 @@ class ReferenceCamera:
         return cls(camera, bits, exposure_s, radiance, true)
 
     def dark_and_flat(self) -> tuple[list[FrameStatistics], list[FrameStatistics]]:
-        """Statistics of dark frames and flat fields: two per exposure, 50 at one."""
+        """Statistics of dark frames and flat fields: two per exposure, 50 at one exposure."""
         darks: list[FrameStatistics] = []
         flats: list[FrameStatistics] = []
         for number, share in enumerate(np.linspace(0.03, 1.15, LEVELS)):
@@ -126,8 +126,8 @@ def reference_results(exposures: Mapping[float, tuple[Frames, Frames]]) -> Refer
     """Evaluation of raw frames.
 
     Args:
-        exposures: dark and flat frames by exposure time, seconds; those of the exposure with most
-            frames also give the nonuniformities.
+        exposures: dark and flat frames by exposure time in seconds; the frames of the exposure that
+            has the most also determine the nonuniformities.
     """
     from emva1288.process.data import Data1288
     from emva1288.process.results import Results1288
@@ -162,7 +162,7 @@ def reference_results(exposures: Mapping[float, tuple[Frames, Frames]]) -> Refer
 
 @contextmanager
 def _float_arrays() -> Iterator[None]:
-    """Give back the function `asfarray`, which it calls and NumPy 2 dropped."""
+    """Restore NumPy's `asfarray`, which the reference implementation calls and NumPy 2 dropped."""
     if hasattr(np, "asfarray"):
         yield
         return

@@ -1,8 +1,8 @@
-"""Light of lamps through a fisheye lens, by Mitsuba 3, which does not have such a lens.
+"""Scenes lit by lamps, seen through a fisheye lens, by Mitsuba 3, which has no such lens.
 
 Mitsuba traces the faces of a cube around the viewpoint, finer than the image; each pixel is the
-average of the texels at rays over its square. Only the parameters of omnisim's lens are used; the
-rays are those of r = f θ, Kannala and Brandt (2006, Eq. 3).
+average of the texels that rays through the pixel's square hit. Only the parameters of omnisim's
+lens are used; the rays are those of r = f θ, Kannala and Brandt (2006, Eq. 3).
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def trace_lit_fisheye(
 
     Args:
         scene: see `lit_world`.
-        camera: the lens.
+        camera: camera model of the lens.
         world_from_optical: (4, 4) pose of the optical frame.
         samples: rays per texel, with 16 texels or more per pixel; a square number.
         seed: equal seeds give equal images.
@@ -79,7 +79,7 @@ def trace_lit_fisheye(
 
 
 def _rays(camera: EquidistantCamera) -> NDArray[np.float64]:
-    """Rays (rows, columns, 3) over the pixels, 2 × `TEXELS` per side."""
+    """Rays (rows, columns, 3) evenly spaced over the pixels, 2 × `TEXELS` per pixel's side."""
     side = 2 * TEXELS
     u, v = (
         (np.arange(count * side) + 0.5) / side - 0.5

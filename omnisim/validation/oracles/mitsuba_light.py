@@ -1,4 +1,4 @@
-"""Light of lamps in a scene and in a mirror, by Mitsuba 3.
+"""Scenes lit by lamps, seen in a mirror, by Mitsuba 3.
 
 Surfaces are diffuse on both sides, or have glTF materials without maps, and may emit light to the
 front; lamps are Mitsuba's own.
@@ -36,9 +36,9 @@ _DARK = (0.0, 0.0, 0.0)
 
 
 def matte_on_both_sides(scene: Scene) -> Scene:
-    """Opaque surfaces of a scene, seen and lit on both sides, equal in both renderers.
+    """Scene with opaque, matte and double-sided surfaces only, which both renderers show alike.
 
-    Vertex colors in addition to a texture, which Mitsuba does not support, are left out.
+    Meshes with a texture lose their vertex colors: Mitsuba does not support both.
     """
     scene = opaque_only(scene)
     materials = [
@@ -117,7 +117,7 @@ def lit_world(
 def _lamp(
     light: Light, exposure: float, viewpoint_m: NDArray[np.float64], units_per_m: float
 ) -> dict[str, Any]:
-    """Emitter of a lamp: a white surface in one lux has a radiance of 1/π."""
+    """Emitter of a lamp, times π: Mitsuba's white surface in one lux has a radiance of 1/π."""
     level = math.pi * light.intensity * exposure
     if light.kind is LightKind.DIRECTIONAL:
         color = rgb(tuple(level * share for share in light.color))

@@ -1,12 +1,12 @@
 """Material chart by Mitsuba 3: spheres of its principled BSDF under a lamp or an environment.
 
-Its metals and gloss are glTF's: GGX with alpha = roughness², Schlick's Fresnel for metals. It
-differs
-in three fixed ways: facets are shadowed separately in each direction; a dielectric's Fresnel term
-is exact, and takes no light from the diffuse body; and that body is Disney's, which is brighter
-than Lambert's at grazing angles if it is rough, and darker if it is smooth.
+Its metals and gloss are those of glTF: GGX with alpha = roughness², Schlick's Fresnel for metals.
+It differs in three ways: facets are shadowed separately in each direction; a dielectric's Fresnel
+term is exact, and takes no light from the diffuse reflection; and the diffuse reflection is
+Disney's. At grazing angles, Disney's is brighter than Lambert's on a rough surface, and darker on a
+smooth one.
 
-Each sphere is traced alone: none is reflected in another.
+Each sphere is traced alone: no sphere is reflected in another.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def trace_sphere(
     crop_px: tuple[int, int, int, int],
     samples: int,
 ) -> NDArray[np.float32]:
-    """Part (height, width, 3), linear RGB, of an image from the origin along the world's x.
+    """Trace a part (height, width, 3), linear RGB, of the image of a camera that looks along x.
 
     Args:
         material: metal or dielectric with the default index, without maps.
@@ -73,7 +73,7 @@ def _content(
 
 
 def _lamp(light: Light, exposure: float) -> dict[str, Any]:
-    """Lamp that makes a white surface as bright as in omnisim, whose radiance is times π."""
+    """Lamp, times π: a white surface is then as bright in Mitsuba as in omnisim."""
     level = np.array(light.color) * (light.intensity * exposure * math.pi)
     return {
         "type": "directional",
@@ -94,7 +94,7 @@ def principled(material: Material) -> dict[str, Any]:
 
 
 def sky(environment: Environment) -> dict[str, Any]:
-    """Environment map; Mitsuba's has its up axis along y, and its middle along +z."""
+    """Environment map for Mitsuba, whose maps have up along y, and their middle along +z."""
     pixels = np.ascontiguousarray(environment.radiance)
     world_from_sky = np.array([[0.0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
     return {

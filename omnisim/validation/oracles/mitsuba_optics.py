@@ -7,9 +7,9 @@ Mitsuba itself determines the direction of a pixel.
 A boundary reflects part of the light, which is lost here. An image is divided by the image of a
 white world with the same random numbers, which leaves averages over the rays that pass.
 
-Coordinates are along the world's axes from the middle of the system's last surface, in hundredths
-of
-its size: Mitsuba starts a reflected ray 9e-5 (1 + coordinate) off the surface.
+Coordinates are along the world's axes, from the mean origin of the system's rays, in hundredths of
+the largest distance of an origin from this mean: Mitsuba starts a reflected ray
+9e-5 (1 + coordinate) off the surface.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class PhysicalOptics:
 
     @property
     def middle_m(self) -> NDArray[np.float64]:
-        """Origin (3,) of the coordinates, world."""
+        """Origin (3,) of Mitsuba's coordinates in the world frame: the mean origin of the rays."""
         along: NDArray[np.float64] = self.world_from_optical[:3, :3] @ self._origins_m.mean(axis=0)
         return along + self.world_from_optical[:3, 3]
 
@@ -88,7 +88,7 @@ class PhysicalOptics:
 
     @property
     def units_per_m(self) -> float:
-        """Scale of the coordinates."""
+        """Scale of Mitsuba's coordinates."""
         return SIZE_UNITS / self.size_m
 
     def units_from(self, system_from_part: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -160,7 +160,7 @@ class PhysicalOptics:
         )
 
     def _boundary(self, number: int, surface: Surface) -> dict[str, Any]:
-        """Sphere or disc; the camera is on its inner side.
+        """Sphere or disc of a window's boundary; the camera is on its inner side.
 
         Raises:
             OpticsError: another shape, or a part of a sphere.
@@ -222,7 +222,7 @@ class PhysicalOptics:
         """Image (height, width, 3), linear RGB, through physical mirrors and windows.
 
         Args:
-            scene: opaque surfaces, see `opaque_only`.
+            scene: scene with opaque surfaces only, see `opaque_only`.
             samples: rays per pixel, a square number.
             seed: equal seeds give equal images.
 
@@ -258,10 +258,10 @@ class PhysicalOptics:
         return np.array(image, dtype=np.float32)[..., :3]
 
     def rays(self, pixels_px: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """Origins and directions (n, 3) of single rays of pixels (n, 2), optical frame.
+        """Origins (n, 3) in m and directions (n, 3), optical frame, of one ray per pixel (n, 2).
 
-        NaN where a ray hits no surface.
-        """  # fmt: skip
+        NaN where the ray misses any of the surfaces.
+        """
         camera = self.system.camera
         rays = np.full((2, len(pixels_px), 3), np.nan)
         with scalar_variant():

@@ -100,7 +100,7 @@ def bitmap(texture: Texture, factor: tuple[float, ...]) -> dict[str, Any]:
 
 
 def metal(reflectance: float) -> dict[str, Any]:
-    """Smooth metal; with reflectance 0, the black of all surfaces.
+    """Smooth metal; with reflectance 0, a black that reflects nothing.
 
     On rough surfaces Mitsuba 3.9 samples light, and crashes on emitters with vertex colors
     (`scalar_rgb`).
@@ -113,7 +113,7 @@ def metal(reflectance: float) -> dict[str, Any]:
 
 
 def rgb(color: tuple[float, ...]) -> dict[str, Any]:
-    """Linear RGB."""
+    """Linear RGB color, for `mitsuba.load_dict`."""
     return {"type": "rgb", "value": list(color)}
 
 

@@ -4,14 +4,12 @@ Only Eq. 1 of omnisim's optics is used: the mirror's surface with its normals, a
 its other focus. Mitsuba itself determines the direction of a pixel, by reflecting its camera's rays
 off a mesh of metal.
 
-A pixel is the average over its square. There is no minimum distance. Around the rim the camera sees
-the
+A pixel is the average over its square. There is no near plane. Around the rim the camera sees the
 scene directly: compare inside the rim.
 
 Coordinates are along the world's axes from the effective viewpoint, in hundredths of the rim's
-radius. Mitsuba starts a reflected ray 9e-5 (1 + coordinate) off the surface: in meters that is 0.1
-mm, and
-0.012 px on a scene 1 m away, in these units 1 µm.
+radius. Mitsuba starts a reflected ray 9e-5 (1 + coordinate) off the surface: 1 µm in these units.
+If coordinates were in meters, it would be 0.1 mm, which is 0.012 px on a scene 1 m away.
 """
 
 from __future__ import annotations
@@ -53,13 +51,13 @@ def trace_mirror(
 ) -> NDArray[np.float32]:
     """Trace the image (height, width, 3), linear RGB, of a camera that looks at a mirror.
 
-    The mirror has flat facets with interpolated normals. For the paper's mirror at 512 × 512 they
-    move a ray by 0.0005 px on average and 0.0012 px at most; Mitsuba's float32 rays to a scene 1 m
-    away are off by
-    0.0006 and 0.0014 px (`tests/validation/oracles`). A few in 100 000 pass between two facets.
+    The mirror has flat facets with interpolated normals. For the paper's mirror at 512 × 512 px,
+    the facets move a ray by 0.0005 px on average and 0.0012 px at most; Mitsuba's float32 rays to a
+    scene 1 m away are off by 0.0006 px on average and 0.0014 px at most
+    (`tests/validation/oracles`). A few rays in 100 000 pass between two facets.
 
     Args:
-        scene: opaque surfaces, see `opaque_only`.
+        scene: scene with opaque surfaces only, see `opaque_only`.
         camera: mirror and pinhole camera.
         world_from_optical: (4, 4) pose of the optical frame.
         samples: rays per pixel; a square number, or Mitsuba warns that it rounds up.

@@ -1,8 +1,8 @@
 """OpenCV's omnidirectional module: Mei's unified model in an independent implementation.
 
-Its z axis points along the mirror's axis, toward the scene: its frame is (x, y, −z) of our optical
-frame. It is a mirrored frame, so points are mirrored before the call, which no rotation vector
-could do.
+OpenCV's z axis points along the mirror's axis, toward the scene: its frame is (x, y, −z) of our
+optical frame. This frame is mirrored, which no rotation vector can express, so points are mirrored
+before the call.
 
 Source: Mei & Rives, "Single view point omnidirectional camera calibration from planar grids",
 2007; OpenCV's module ccalib.

@@ -1,4 +1,4 @@
-"""pyrender: another OpenGL rasterizer, without common code.
+"""pyrender: another OpenGL rasterizer, which shares no code with omnisim.
 
 It filters textures and edges in sRGB values, omnisim in linear light: pixels on edges differ by
 design.
@@ -30,9 +30,9 @@ def rasterize(
     """A pinhole camera's image (height, width, 3), sRGB, in plain base colors.
 
     Args:
-        scene: the scene.
-        camera: the pinhole camera.
-        world_from_optical: (4, 4) pose of its optical frame.
+        scene: scene to render.
+        camera: pinhole camera.
+        world_from_optical: (4, 4) pose of the camera's optical frame.
     """
     import pyrender
 
@@ -51,11 +51,12 @@ def rasterize(
 
 
 def pyrender_scene(scene: Scene, lit: bool = False) -> pyrender.Scene:
-    """Scene for pyrender, without a camera: unlit, or lit.
+    """Scene for pyrender, without a camera; with the scene's lights if `lit`.
 
-    Unlit, it takes colors as sRGB values, so linear colors are encoded; lit, it decodes textures
-    itself. Its diffuse light is Lambert's as ours: lights are π times as strong, surfaces rough and
-    not metallic. It has no unlit surfaces, and at most four lights of a kind.
+    Unlit, pyrender takes colors as sRGB values, so linear colors are encoded; lit, it decodes
+    textures itself. Lights are π times as strong as ours, and all surfaces rough and not metallic:
+    diffuse light is then the same. pyrender has no unlit surfaces, and at most four lights of each
+    kind.
     """
     import pyrender
 

@@ -35,7 +35,7 @@ Tile = tuple[str, NDArray[np.uint8]]
 
 
 def boxes_3d_tiles() -> list[Tile]:
-    """Titles and images."""
+    """Titles and images of the sheet."""
     vehicle = Vehicle.load("p2at")
     mounted = vehicle.camera("omnicam")
     theta_max = math.radians(LENS_THETA_MAX_DEG)
@@ -67,7 +67,14 @@ def draw_boxes(
     world_from_optical: NDArray[np.float64],
     boxes: Iterable[tuple[OrientedBox, int]],
 ) -> NDArray[np.uint8]:
-    """Draw the edges of boxes, world frame, in colors by number, over a darkened image."""
+    """Darkened copy of an image with the edges of boxes, each in the color of its number.
+
+    Args:
+        image: (height, width, 3) image of the camera.
+        camera: camera model.
+        world_from_optical: (4, 4) pose of the camera.
+        boxes: boxes in the world frame, each with a number.
+    """
     drawn = (0.7 * image).astype(np.uint8)
     share = np.linspace(0.0, 1.0, POINTS_PER_EDGE)[:, None]
     for box, number in boxes:

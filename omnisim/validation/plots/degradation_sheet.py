@@ -3,8 +3,8 @@
 `python -m omnisim.validation.plots.degradation_sheet FILE` draws it.
 
 The first rows show each degradation alone, stronger than in most cameras, as a whole image or as a
-part of a finer image, magnified four times; turning images turn left at 120°/s. The last images are
-those of the presets on a robot that drives and turns.
+part of a finer image, magnified four times. In all these images the camera turns left at 120°/s,
+which only shutters show. The last images are those of the presets on a robot that drives and turns.
 """
 
 from __future__ import annotations

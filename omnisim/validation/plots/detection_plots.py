@@ -38,7 +38,13 @@ def detections_figure(
 
 
 def draw_detections(axes: Axes, width_px: int, detections: Sequence[Detection]) -> None:
-    """Draw boxes with name, range and bearing; a box across the edge is drawn at both sides."""
+    """Draw boxes with name, range and bearing; a box across the edge is drawn on both sides.
+
+    Args:
+        axes: axes with the panorama.
+        width_px: width of the panorama.
+        detections: detections in the panorama.
+    """
     for box in detections:
         for shift in (0, -width_px) if box.right > width_px else (0,):
             left, right = box.left + shift, box.right + shift
@@ -87,7 +93,11 @@ def rates_figure(rates: Mapping[str, Rates]) -> Figure:
 
 
 def roc_figure(curves: Mapping[str, Sequence[tuple[str, Roc, float]]]) -> Figure:
-    """ROC curves with a panel for each kind of image: color, curve, and chosen Θ."""
+    """ROC curves, one panel per kind of image.
+
+    Args:
+        curves: by title of the panel, each color's name, curve and chosen Θ.
+    """
     figure = Figure(figsize=(6.4 * len(curves), 4.2), dpi=DPI, layout="constrained")
     for column, (title, panel) in enumerate(curves.items()):
         axes = figure.add_subplot(1, len(curves), column + 1)
@@ -110,7 +120,7 @@ def curves_figure(
     panels: Mapping[str, Sequence[tuple[str, NDArray[np.float64]]]],
     levels: Sequence[str],
 ) -> Figure:
-    """Quantities by level of degradation: a panel per quantity, a line per kind."""
+    """Quantities by level: one panel per quantity, and in it one line per degradation."""
     figure = Figure(figsize=(4.6 * len(panels), 4.0), dpi=DPI, layout="constrained")
     colors = (BLUE, ORANGE, GREEN, RED, GRAY, "#8054a0", "#b59a2e", "#3aa6a6")
     for column, (title, lines) in enumerate(panels.items()):

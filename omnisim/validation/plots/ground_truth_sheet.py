@@ -3,7 +3,8 @@
 `python -m omnisim.validation.plots.ground_truth_sheet FILE`, with FILE a .png or .jpg.
 
 The robot on the soccer field, through its mirror, and some of the channels through a fisheye lens
-that looks ahead. Flow leads to the poses before and after a step to the left and ahead.
+that looks ahead. The robot moves ahead and to the left: flow leads to the pose after this one, and
+backward flow to the pose before.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ Tile = tuple[str, NDArray[np.uint8]]
 
 
 def ground_truth_tiles() -> list[Tile]:
-    """Titles and images."""
+    """Titles and images of the sheet."""
     vehicle = Vehicle.load("p2at")
     mounted = vehicle.camera("omnicam")
     lens_theta_max = math.radians(LENS_THETA_MAX_DEG)
@@ -57,7 +58,7 @@ def ground_truth_tiles() -> list[Tile]:
 
 
 def _glowing(material: Material) -> Material:
-    """Material that emits its own color, if its name is one of the chosen ones."""
+    """Material that emits its own color, if its name is in `GLOWING`; else the same material."""
     if material.name not in GLOWING:
         return material
     red, green, blue, _ = material.base_color

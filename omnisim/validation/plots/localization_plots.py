@@ -32,7 +32,7 @@ class PathPanel:
     Attributes:
         title: heading.
         track: estimates.
-        true_poses: (n, 3); None: unknown.
+        true_poses: (n, 3) x, y, yaw; None: unknown.
         landmarks: landmarks at their true positions.
         bound_m: bound of the error, drawn as a line; None: no line.
     """
@@ -137,9 +137,9 @@ def consistency_figure(
 
     Args:
         nees: (steps,) means.
-        nees_interval: confidence interval of such a mean.
+        nees_interval: 95 % interval of the means.
         nis: (steps,) means of NIS per degree of freedom.
-        nis_intervals: confidence intervals of the means.
+        nis_intervals: 95 % interval of each mean.
     """
     figure = Figure(figsize=(12.8, 3.8), dpi=DPI, layout="constrained")
     for column, (title, values, low, high) in enumerate(
@@ -164,7 +164,7 @@ def consistency_figure(
 
 
 def _draw_landmarks(axes: Axes, landmarks: Sequence[Landmark]) -> None:
-    """Draw footprints, in the colors from the lowest outside to the highest inside."""
+    """Draw footprints in the colors of the two upper bands: the lower outside, the upper inside."""
     for landmark in landmarks:
         bands = landmark.bands[-2:]
         for size, band in zip((1.0, 0.55), bands, strict=False):

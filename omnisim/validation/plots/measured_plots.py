@@ -41,7 +41,7 @@ def photon_transfer_figure(
 
 
 def response_figure(light: Sequence[float], levels: Sequence[float]) -> Figure:
-    """Level by light, both as shares of the largest one, with two usual transfer functions."""
+    """Level by light, each relative to its maximum, beside a linear response and gamma 2.2."""
     figure, axes = plot("Response", "light", "level", width_in=5.5)
     grid = np.linspace(0.0, 1.0, 201)
     axes.plot(grid, grid, "--", color=GRAY, linewidth=0.8, label="linear")
@@ -112,7 +112,7 @@ def _bars(
 
 
 def timing_figure(profile: Sequence[float], fitted: Sequence[float], lines: str) -> Figure:
-    """Light of the lines of a frame, without the scene, and the fitted bands.
+    """Relative light of a frame's lines, with the scene removed, and fitted bands of the lamp.
 
     Args:
         profile, fitted: (lines,) relative light.

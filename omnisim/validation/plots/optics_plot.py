@@ -21,8 +21,11 @@ Floats = NDArray[np.float64]
 
 
 def optics_figure(name: str, system: OpticalSystem) -> Figure:
-    """Section along the row of the principal point, the caustic of that row's rays from near, and
-    degrees per pixel against the radius in the image."""  # fmt: skip
+    """Figure of a system: section with rays, enlarged caustic, and angular resolution.
+
+    All three are for the image row of the principal point; the resolution is in degrees per pixel,
+    by the radius in the image.
+    """
     figure = Figure(figsize=(14.0, 5.2), dpi=DPI, layout="constrained")
     section, near, resolution = figure.subplots(1, 3, width_ratios=(1.0, 0.8, 1.0))
     caustic_m = caustic_points(system, _row(system, _COLUMNS)) + system.origin_m
@@ -97,7 +100,10 @@ def _is_in_section(rod: Rod, y_m: float) -> bool:
 
 
 def _curve(surface: Surface, hits_m: Floats) -> Floats:
-    """Section (n, 3) of a surface with its own plane y = 0, within the reach of rays."""
+    """Section (n, 3) of a surface at y = 0 in its own frame, as far as rays reach; NaN: no surface.
+
+    The points are in the system's frame.
+    """
     reach_m = surface.visible_radius_m
     if np.isinf(reach_m):
         local = surface.points_from_system(hits_m)
@@ -111,7 +117,7 @@ def _curve(surface: Surface, hits_m: Floats) -> Floats:
 
 
 def _outline(rod: Rod) -> Floats:
-    """Outline (4, 2) of a rod seen along y: its sides, as flat as they are seen."""
+    """Outline (4, 2) of a rod, projected along y to a rectangle."""
     begin, end = np.array((rod.begin_m, rod.end_m))[:, [0, 2]]
     along = end - begin
     length_m = float(np.hypot(*along))

@@ -1,4 +1,4 @@
-"""Maps of a plan: each scene's free floor, with the places of its first samples."""
+"""Maps of a plan: each scene's free floor, with the positions of its first samples."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ SIDE_IN = 7.0
 
 
 def plan_figure(prepared: PreparedPlan) -> Figure:
-    """Free floors and places of a plan, from above: x to the right, y up.
+    """Free floor and sample positions of each scene of a plan, from above: x to the right, y up.
 
     Raises:
-        OmnisimError: a faulty file of the plan, or no place was found.
+        OmnisimError: a faulty file of the plan, or no free position was found.
     """
     plan = prepared.plan
     drawn: list[list[Draw]] = [[] for _ in plan.scenes]

@@ -35,7 +35,7 @@ class RunDrawing:
     Attributes:
         truth: poses of the base.
         reckoned: (n, 2) positions by dead reckoning; None: no odometry.
-        images: (height, width, 3) by step, a few.
+        images: some images (height, width, 3), by step.
         name: name of the robot, if there are several.
     """
 
@@ -54,7 +54,7 @@ def run_figure(
     """Plot of a run, or of the runs of robots that drove together.
 
     Args:
-        title: lines; long ones are broken.
+        title: title of one or more lines; long lines are wrapped.
         scene: scene for map and landmarks; None: no map.
         runs: one run or more.
         others: poses of other robots and of dynamic objects, by name.
@@ -119,7 +119,7 @@ def _draw_run(axes: Axes, run: RunDrawing, color: str) -> None:
 
 
 def _draw_strip(figure: Figure, place: SubplotSpec, run: RunDrawing) -> None:
-    """Draw the images side by side."""
+    """Draw the images of a run side by side."""
     columns = place.subgridspec(1, len(run.images))
     whose = f"{run.name}, " if run.name else ""
     for column, (step, image) in enumerate(run.images.items()):
@@ -163,7 +163,7 @@ def _extent(
 
 
 def draw_landmark(axes: Axes, landmark: Landmark) -> None:
-    """Draw its bands from the lowest, outside, to the highest, inside, with its name below."""
+    """Draw a landmark's bands as squares, the lowest outermost, with the landmark's name below."""
     for index, band in enumerate(landmark.bands):
         axes.plot(
             *landmark.position_m[:2], "s", markersize=11 - 3 * index, zorder=4,

@@ -35,7 +35,7 @@ class SampleTiles:
 def channel_tile(
     name: str, values: NDArray[Any], labels: Labels | None = None
 ) -> tuple[str, NDArray[np.uint8]]:
-    """Caption and false colors of a channel, with the limits of its scale, if it has one."""
+    """Caption and false-color image of a channel; the caption has the limits of a numeric scale."""
     key = legend(name, values, labels)
     caption = name
     if key["kind"] == "ramp":

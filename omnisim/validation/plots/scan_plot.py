@@ -15,9 +15,9 @@ _SCANNER_SIZE = 0.016  # share of the larger side
 
 
 def scan_figure(scan: Scan) -> Figure:
-    """Scan in its scanner's frame, meters: x, straight ahead, points up, and y, left, points left.
+    """Top view of a scan in the scanner's frame: x, ahead, points up, and y points left, in m.
 
-    Beams with a hit are faint lines that end in a point; others are not drawn.
+    Beams with a hit are faint lines that end in a point; beams without a hit are not drawn.
     """
     points_m = scan.points_m[:, :2]
     low = np.min(points_m, axis=0, initial=0.0)

@@ -18,7 +18,7 @@ MARGIN = 0.03  # share of the larger side
 
 
 def scene_figure(scene: Scene) -> Figure:
-    """Scene from above: x to the right, y up, cut above the floor below the camera's start."""
+    """Top view of a scene, x to the right, y up: a section 0.9 m above the floor at the start."""
     low, high = _extent(scene)
     margin = MARGIN * float((high - low).max())
     low, high = low - margin, high + margin

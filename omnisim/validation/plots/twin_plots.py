@@ -1,4 +1,4 @@
-"""Plots of a camera's images beside its twin's."""
+"""Plots that compare a camera's images with those of its simulated twin."""
 
 from __future__ import annotations
 

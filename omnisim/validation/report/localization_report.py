@@ -38,10 +38,10 @@ def write_localized(
     Args:
         folder: folder to write to, created if missing.
         run: run; ground truth, if there is any, is used for the errors only.
-        track: estimates of its steps.
+        track: estimates of the run's steps.
         parameters: parameters of the filter.
         detections: detections by step.
-        shown: panoramas: title, (height, width, 3) sRGB, detections.
+        shown: title, panorama (height, width, 3) in sRGB, and detections of each shown image.
         warnings: warnings for the reader.
 
     Raises:

@@ -26,7 +26,7 @@ SOFTWARE = ("llvmpipe", "softpipe", "swrast", "lavapipe")  # in the names of sof
 
 
 def machine_of_device(device: int | None = None) -> dict[str, Any]:
-    """Machine with a GPU that is not open yet.
+    """Machine, driver and versions, see `describe_machine`; opens the GPU for a moment.
 
     Raises:
         GraphicsError: no OpenGL.
@@ -45,7 +45,7 @@ def describe_machine(graphics: GraphicsInfo, device: int | None = None) -> dict[
     """Machine, driver, versions, commit and time, of JSON types.
 
     Args:
-        graphics: renderer.
+        graphics: OpenGL renderer and driver.
         device: EGL index of the GPU; None: not chosen.
     """
     is_software = any(name in graphics.renderer.lower() for name in SOFTWARE)

@@ -25,7 +25,7 @@ Status = Literal["passed", "failed", "skipped"]
 
 @dataclass(frozen=True)
 class CaptionedFigure:
-    """Figure with the stem of its file, and a caption that says what must be visible."""
+    """Figure with its file name without suffix, and a caption that says what must be visible."""
 
     name: str
     figure: Figure
@@ -73,7 +73,7 @@ class Section:
 
     @property
     def status(self) -> Status:
-        """Passed if it was measured and no bound is missed."""
+        """Skipped if nothing was measured; failed after an error or a missed bound; else passed."""
         if self.skipped:
             return "skipped"
         return "failed" if self.failure or self.missed else "passed"
@@ -101,13 +101,13 @@ class Section:
 
 @dataclass(frozen=True)
 class Report:
-    """Report of one run.
+    """Report of one validation, benchmark or experiment.
 
     Attributes:
         title: heading.
         text: introduction.
-        sections: in order.
-        facts: parameters of the run, of JSON types.
+        sections: sections in order.
+        facts: parameters of the measurements, of JSON types.
         notices: warnings for the reader.
         machine: machine and versions, see `describe_machine`; empty if they do not matter.
     """

@@ -1,4 +1,4 @@
-"""Camera models measured from rendered boards: their rays, OpenCV's fit, and the twins' images."""
+"""Camera models measured from rendered boards: errors of their rays and of images by the models."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ LEVEL_BOUND, RISE_BOUND = 4.0, 0.15
 
 
 def cameras() -> dict[str, tuple[CentralCamera, float]]:
-    """Hidden cameras, with the angle from the axis up to which boards are shown, rad."""
+    """Cameras to measure, by name, each with the maximum angle in rad from the axis to a board."""
     size = 640, 480
     return {
         "fisheye": (
@@ -50,7 +50,7 @@ def cameras() -> dict[str, tuple[CentralCamera, float]]:
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Render boards by hidden cameras, measure these, and compare them with their twins."""
+    """Render boards with known cameras, measure these, and compare the results with the truth."""
     hidden = list(cameras().items())[: 1 if fixture.is_quick else None]
     rows, worst = [], np.zeros(5)
     for name, (camera, widest_rad) in hidden:
@@ -96,9 +96,11 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def ray_error_px(true: CentralCamera, measured: CentralCamera, views: list[BoardView]) -> float:
-    """Largest angle between the rays of two cameras at the corners, px along the true image.
+    """Maximum distance in px between the rays of two cameras, projected into the true image.
 
-    Source: Kabsch 1976, for the rotation between both sets of rays.
+    The rays are those of the boards' corners; a rotation aligns the two sets of rays first.
+
+    Source: Kabsch 1976, for the rotation.
     """
     pixels = np.concatenate([view.pixels_px for view in views])
     rays = [camera.ray_from_pixel(pixels).directions for camera in (true, measured)]
@@ -122,7 +124,7 @@ def _images(sensor: OmniCamera, poses: list[Floats], fixture: Fixture) -> list[N
 
 
 def _found(images: list[NDArray[np.uint8]]) -> list[tuple[BoardView, NDArray[np.uint8]]]:
-    """Boards that are found, with their images."""
+    """Detected boards, each with its image."""
     found = []
     for number, image in enumerate(images):
         try:

@@ -14,7 +14,7 @@ CAMERAS, QUICK_CAMERAS = 20, 3
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Measure the noise of cameras drawn at random; compare with their parameters."""
+    """Measure the noise of random cameras; compare it with their true parameters."""
     count = QUICK_CAMERAS if fixture.is_quick else CAMERAS
     errors: dict[str, list[float]] = {name: [] for name in BOUNDS}
     rows = []

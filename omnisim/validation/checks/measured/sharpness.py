@@ -1,4 +1,4 @@
-"""Sharpness, measured from edges whose blur is integrated in closed form, and drawn again."""
+"""Sharpness measured from edges with blur in closed form, and from images of the measured lens."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _RADII = np.linspace(0.1, 1.45, 10)  # in half of the shorter side; the corner i
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Measure lenses drawn at random, then their twins' images; compare with the formulas."""
+    """Measure random lenses, then images by the measured lenses; compare both with the formulas."""
     count = QUICK_LENSES if fixture.is_quick else LENSES
     rows, sigmas = [], []
     worst = np.zeros(4)
@@ -63,7 +63,10 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def largest_errors(measured: MeasuredSharpness, lens: AnalyticLens) -> tuple[float, float]:
-    """Largest share by which MTF50 is wrong over the field, and largest error of an offset, px."""
+    """Maximum relative error of MTF50 over the field, and maximum error in px of a color's offset.
+
+    Both are infinite if the point spread or the chromatic aberration was not measured.
+    """
     color, spread = measured.chromatic_aberration, measured.point_spread
     if color is None or spread is None:
         return np.inf, np.inf
@@ -85,7 +88,7 @@ def largest_errors(measured: MeasuredSharpness, lens: AnalyticLens) -> tuple[flo
 
 
 def normalized_errors(measured: MeasuredSharpness, lens: AnalyticLens) -> list[float]:
-    """Errors of the measured widths, in their standard deviations."""
+    """Errors of the measured widths, each divided by its standard deviation."""
     errors = []
     for one in measured.quantities:
         direction, _, radius = one.name.removesuffix(" px").partition(" ")
@@ -110,7 +113,7 @@ def twin_charts(measured: MeasuredSharpness, lens: AnalyticLens) -> list[NDArray
 
 
 def _widths_px(lens: AnalyticLens, radius: float) -> tuple[float, float]:
-    """True radial and tangential width at a relative radius."""
+    """True radial and tangential standard deviations at a radius, relative to `lens.unit_px`."""
     radial, tangential = (
         float(np.polynomial.polynomial.polyval(radius, widths))
         for widths in (lens.radial_px, lens.tangential_px)
