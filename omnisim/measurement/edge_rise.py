@@ -1,6 +1,6 @@
 """Rise of brightness across a straight edge.
 
-Source: ISO 12233:2023, for the edge spread function from pixels binned by their distance.
+Source: ISO 12233:2023, edge spread function: pixels binned by their distance from the edge.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ _REACH_PX = 8.0
 def edge_rise_px(
     image: NDArray[np.uint8], start_px: NDArray[np.float64], end_px: NDArray[np.float64]
 ) -> float:
-    """Distance over which an edge rises from 10 % to 90 %, px; NaN: too short or too faint.
+    """Distance over which an edge rises from 10 % to 90 %, px; NaN: too short, faint or blurred.
 
     Args:
         image: (height, width) gray image.
-        start_px, end_px: (2,) corners of the board between which the edge lies; its middle half
-            is used.
+        start_px, end_px: (2,) ends of the edge, at corners of the board; the middle half of the
+            edge is used.
     """
     along = end_px - start_px
     length = float(np.linalg.norm(along))
@@ -47,7 +47,13 @@ def edge_rise_px(
 
 
 def _rise_px(distances: NDArray[np.float64], levels: NDArray[np.float64], reach: float) -> float:
-    """Rise of levels (n,) at signed distances (n,) from an edge."""
+    """Distance between 10 % and 90 % of a rise, px; NaN: no clear rise.
+
+    Args:
+        distances: (n,) signed distances from the edge, px.
+        levels: (n,) gray levels.
+        reach: largest distance, px.
+    """
     sides = levels[distances < -0.5 * reach], levels[distances > 0.5 * reach]
     if min(map(len, sides)) < 3:
         return math.nan

@@ -1,4 +1,4 @@
-"""Measured quantities of a camera, with what they rest on."""
+"""Measured quantities of a camera, each with its uncertainty and the data behind it."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ class Quantity:
         name: key of the sensor file, or a name in its style.
         value: measured value.
         sigma: standard deviation of `value`; NaN: unknown.
-        unit: unit of both; "": a ratio.
-        basis: images and points that the value rests on, in words.
+        unit: unit of `value` and `sigma`; "": a ratio.
+        basis: description of the images and points behind the value.
     """
 
     name: str

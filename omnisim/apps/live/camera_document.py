@@ -35,7 +35,7 @@ Table = dict[str, Any]
 class CameraDocument:
     """Sensor file of a camera, the size of its image and the light of the scene.
 
-    Its paths are absolute, and an optics file is embedded in it.
+    Paths in the table are absolute, and an optics file is embedded in the table.
 
     Attributes:
         sensor: table of the sensor file.
@@ -52,7 +52,8 @@ class CameraDocument:
         """Document of a sensor file, including its optics file.
 
         Raises:
-            SensorFileError: names file and key, the actual value and the expected one.
+            SensorFileError: an invalid file; the message names file, key, actual and expected
+                value.
         """
         OmniCamera.from_file(path)
         sensor, folder = _read(path), path.resolve().parent
@@ -75,7 +76,8 @@ class CameraDocument:
         """Document of an optics file.
 
         Raises:
-            SensorFileError: names file and key, the actual value and the expected one.
+            SensorFileError: an invalid file; the message names file, key, actual and expected
+                value.
         """
         read_toml(path, OpticsFile, SensorFileError)
         return cls({"optics": _read_optics(path)})
@@ -84,7 +86,8 @@ class CameraDocument:
     def of_camera(cls, camera: OmniCamera) -> CameraDocument:
         """Document of a camera, without keys at their defaults.
 
-        A mirror whose rim fills the image keeps filling it when its parameters change.
+        If the mirror's rim fills the image, focal length and principal point are left out, so that
+        the rim still fills the image after the mirror's parameters change.
         """
         sensor = tomllib.loads(sensor_toml(camera))
         if isinstance(camera.model, HyperbolicCamera):
@@ -100,7 +103,7 @@ class CameraDocument:
         """Camera that the document describes.
 
         Raises:
-            SensorFileError: names key, the actual value and the expected one.
+            SensorFileError: an invalid value; the message names key, actual and expected value.
             OpticsError: an invalid image size.
         """
         camera = OmniCamera.from_table(dict(self.sensor), FILE_NAME)
@@ -112,10 +115,12 @@ class CameraDocument:
         return toml_text(self.sensor)
 
     def checked_text(self) -> str:
-        """Text to save, verified as `--sensor` reads it; an empty document yields the default file.
+        """Text of the sensor file to save, after a check that `--sensor` can read it.
+
+        An empty document yields the default sensor file.
 
         Raises:
-            SensorFileError: names key, the actual value and the expected one.
+            SensorFileError: an invalid value; the message names key, actual and expected value.
         """
         text = self.text or DEFAULT_SENSOR_FILE.read_text(encoding="utf-8")
         OmniCamera.from_table(tomllib.loads(text), FILE_NAME)
@@ -137,7 +142,7 @@ class CameraDocument:
         """Copy with another value at a path; None removes the key.
 
         Raises:
-            SensorFileError: the path does not lead into a table.
+            SensorFileError: the path is not that of a key in a table, or the size is out of range.
         """
         root, *names = path.split(".")
         if root == SIZE and not names:
@@ -177,7 +182,7 @@ class CameraDocument:
         return self._with_group("optics", dict(optics))
 
     def with_degradation(self, name: str) -> CameraDocument:
-        """Copy whose degradations are those of a preset, with all their keys.
+        """Copy with the degradations of a preset in place of all others.
 
         Raises:
             SensorFileError: no such preset.
@@ -208,7 +213,7 @@ class CameraDocument:
 
 
 def _without_defaults(table: Table, model: type[pydantic.BaseModel]) -> Table:
-    """Remove the values that equal the defaults of the table's schema."""
+    """Copy of a table without the values that equal the defaults of its schema `model`."""
     kept: Table = {}
     for key, value in table.items():
         field = model.model_fields.get(key)

@@ -1,4 +1,4 @@
-"""Controls of a camera's parameters, generated from the schemas of its files."""
+"""Controls for a camera's parameters, generated from the schemas of its files."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _NUMBERS = 12  # maximum length of a list with a field per number
 
 
 class _ValueType(NamedTuple):
-    """Type of a control's value, such as number, choice or vector, with its choices and length."""
+    """Type of a control's value: number, choice, vector, …; with choices and a vector's length."""
 
     name: str
     choices: tuple[Any, ...] = ()
@@ -59,11 +59,11 @@ class _ValueType(NamedTuple):
 def control_groups(
     document: CameraDocument, camera: OmniCamera, scene: Scene | None = None
 ) -> list[Json]:
-    """Groups of controls of a camera; a group contains its subgroups.
+    """Groups of controls for a camera, as JSON-serializable values; groups contain subgroups.
 
     Args:
         document: document with the explicit values.
-        camera: camera of the document, for the values of keys that are missing or "auto".
+        camera: camera of the document; gives the values of keys that are missing or "auto".
         scene: scene of the document, for the controls of its light; None: no such controls.
     """
     groups = _groups(document)
@@ -231,7 +231,7 @@ def _kind_of_value(value: Any) -> _ValueType | None:
 
 
 def _kind_of_list(value: Any) -> _ValueType | None:
-    """Kind of a list of any length; None for a table, whose rows have no control."""
+    """Type of a list of numbers; None: too long, or rows of a table, which have no control."""
     if isinstance(value, list | tuple) and all(isinstance(one, int | float) for one in value):
         return _kind_of_value(value)
     return None
@@ -251,7 +251,7 @@ def _keys(
         path: path of the table.
         model: schema of the table.
         names: keys to include; None: all keys.
-        source: class with the help of the keys, if it differs from `model`.
+        source: class whose docstring has the help texts of the keys; None: `model`.
     """
     docs, controls = attribute_docs(source or model), []
     fields: dict[str, FieldInfo] = getattr(model, "model_fields")  # noqa: B009 - of pydantic's
@@ -309,7 +309,7 @@ def _limits(low: Limit | None, high: Limit | None) -> Json:
 
 
 def _kind(annotation: Any) -> _ValueType | None:
-    """Type of an annotation's values; None: a table, or a type without a control."""
+    """Type of the values of a type annotation; None: a table, or a type without a control."""
     origin, parts = get_origin(annotation), get_args(annotation)
     if origin is typing.Annotated:
         return _kind(parts[0])
@@ -329,7 +329,7 @@ def _kind(annotation: Any) -> _ValueType | None:
 
 
 def _soft(control: Json, low: Limit | None, high: Limit | None) -> Json | None:
-    """Range of a slider: typical values, narrower than limits that are far apart."""
+    """Range of a slider: typical values, or the limits if they are close; None: no slider."""
     if control["kind"] not in ("number", "integer", "vector"):
         return None
     if match := _TYPICAL.search(control["help"]):

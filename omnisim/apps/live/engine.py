@@ -44,7 +44,7 @@ T = TypeVar("T")
 
 
 class Engine:
-    """Render thread that draws the states of a session until it is stopped.
+    """Render thread, which draws the states of a session until the thread is stopped.
 
     Args:
         session: session with the requested states.
@@ -64,7 +64,7 @@ class Engine:
         self._is_open = threading.Event()
 
     def start(self) -> None:
-        """Start the thread, and return when the scene is on the GPU.
+        """Start the thread, and wait until the scene is on the GPU.
 
         Raises:
             OmnisimError: no OpenGL, or the scene exceeds its limits.
@@ -75,7 +75,7 @@ class Engine:
             raise self._error
 
     def about(self) -> dict[str, Any]:
-        """Names and steps of the source; requires `start`."""
+        """Properties of the source for the page, see `Source.about`; requires `start`."""
         return self._source.about()
 
     @property
@@ -84,7 +84,7 @@ class Engine:
         return tuple(self._source.channel_names)
 
     def stop(self, timeout_s: float) -> bool:
-        """Stop after the current image; False if this takes longer than `timeout_s`."""
+        """Stop after the current image; False if the thread still runs after `timeout_s`."""
         self._session.stop()
         if self._thread.ident is not None:
             self._thread.join(timeout_s)
@@ -164,7 +164,7 @@ class Engine:
             self._renew_map(frame)
 
     def _parts(self, draw: Draw, frame: LiveFrame) -> list[Part]:
-        """Image of the camera and the views beside it; a failed view carries the reason instead."""
+        """Parts of a message: the camera's image and the views; a failed view has the reason."""
         if frame.png is not None:
             first = Part("camera", "image/png", frame.png, {})
         else:
@@ -190,7 +190,7 @@ class Engine:
         return 0.0 if self._map is None else self._map.ground_m
 
     def _seen(self, frame: LiveFrame) -> list[list[float]]:
-        """Outline (x, y) of the farthest visible points by direction, for the map."""
+        """Outline (x, y), m, for the map: the farthest visible point in each direction."""
         points = frame.channels.get("position")
         if points is None:
             return []
@@ -207,7 +207,7 @@ class Engine:
         return rounded
 
     def _renew_map(self, frame: LiveFrame) -> None:
-        """Draw the map if there is none yet, or if the viewpoint has left it."""
+        """Draw and publish the map if there is none yet, or if the viewpoint is near its edge."""
         position_m = frame.viewpoint.position_m
         at = np.array(position_m[:2])
         if self._map is not None:
@@ -264,7 +264,10 @@ class Engine:
             self._session.look_at(answer["yaw_deg"], answer["pitch_deg"])
 
     def _probed(self, job: Job) -> LiveFrame | None:
-        """Image with the channels of a probe, rendered once per fine state; else the last image."""
+        """Image for a probe: of the fine state, with the needed channels; else the last image.
+
+        None: no image yet.
+        """
         if self._truth is None or self._truth[0] != job.shown.change:
             return self._last
         change, frame = self._truth
@@ -296,7 +299,7 @@ def _jpeg(name: str, rgb: NDArray[np.uint8], quality: int) -> Part:
 
 
 def _channel(name: str, draw: Draw, frame: LiveFrame) -> Part:
-    """Preview of a channel with its legend; lossless in fine images."""
+    """Part with a channel's preview and legend: PNG for fine images, else JPEG."""
     if name not in frame.channels:
         return Part(name, "", b"", {"reason": "not recorded at this step"})
     values = frame.channels[name]
@@ -308,7 +311,7 @@ def _channel(name: str, draw: Draw, frame: LiveFrame) -> Part:
 
 
 def _bundle(files: dict[str, bytes]) -> tuple[str, str, bytes]:
-    """Name, media type and bytes of a download: a single file itself, else a ZIP archive."""
+    """Name, media type and bytes of a download: the only file, or a ZIP archive of several."""
     if len(files) == 1:
         ((name, data),) = files.items()
         return name, "application/octet-stream", data

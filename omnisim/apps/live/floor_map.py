@@ -29,8 +29,8 @@ class FloorMap:
 
     Attributes:
         rgb: (height, width, 3) uint8 sRGB.
-        low_m, high_m: (2,) corners of the image in the world.
-        ground_m: height of the ground.
+        low_m, high_m: (2,) smallest and largest x and y of the image in the world.
+        ground_m: height (z) of the ground in the world.
     """
 
     rgb: NDArray[np.uint8]
@@ -40,10 +40,10 @@ class FloorMap:
 
 
 def draw_floor_map(stage: Stage, near_m: tuple[float, float, float]) -> FloorMap:
-    """Draw the map of a stage's scene around a point.
+    """Draw the map of a stage's scene around the point `near_m`.
 
     Raises:
-        OmnisimError: the GPU cannot render it.
+        OmnisimError: the GPU cannot render the map.
     """
     scene = stage.scene
     ground_m = ground_height_m(scene, near_m)
@@ -72,7 +72,7 @@ def draw_floor_map(stage: Stage, near_m: tuple[float, float, float]) -> FloorMap
 
 
 def ground_height_m(scene: Scene, near_m: tuple[float, float, float]) -> float:
-    """Height of the floor below a viewpoint, or the scene's lowest point."""
+    """Height (z) of the floor below a viewpoint; without a floor, of the scene's lowest point."""
     floor_m = floor_height_m(scene, near_m[:2], near_m[2] - 0.5 * CUT_M)
     if floor_m is not None and math.isfinite(floor_m) and floor_m <= near_m[2]:
         return floor_m
@@ -82,7 +82,10 @@ def ground_height_m(scene: Scene, near_m: tuple[float, float, float]) -> float:
 def _corners(
     scene: Scene, near_m: tuple[float, float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Corners (2,) of the scene's area of interest: around its named places and the viewpoint."""
+    """Smallest and largest (x, y) of the map: around starts, landmarks, paths and the viewpoint.
+
+    Around the viewpoint alone if the scene has none of these, or if they are far apart.
+    """
     places = [one.position_m[:2] for one in scene.starts]
     places += [one.position_m[:2] for one in scene.landmarks]
     places += [point[:2] for path in scene.paths for point in path.waypoints_m]

@@ -23,11 +23,13 @@ class _Posed(Protocol):
 
 
 class Ground:
-    """Floor heights below a robot, and contacts with its body.
+    """Floor heights below a robot, and contacts of its body with the scene.
+
+    Scenes with many triangles are too slow: their floor is taken as level, without contacts.
 
     Args:
         scene: static scene; dynamic objects are ignored.
-        boxes: boxes of the robot's body; None: no contacts.
+        boxes: boxes around the parts of the robot's body; None: no contacts.
     """
 
     def __init__(self, scene: Scene, boxes: BodyBoxes | None):
@@ -48,9 +50,9 @@ class Ground:
         return HeightField(self._scene, np.full(2, -np.inf), np.full(2, np.inf))
 
     def height_m(self, point_m: tuple[float, float], near_m: float) -> float:
-        """Height of the floor at (x, y): the highest surface within the robot's clearance.
+        """Height (z) of the floor at (x, y): the highest surface near the height `near_m`.
 
-        Without such a surface it is `near_m`.
+        Near means within the robot's ground clearance. Without such a surface: `near_m`.
         """
         if not self._is_small:
             return near_m
@@ -60,7 +62,7 @@ class Ground:
         return float(near.max()) if len(near) else near_m
 
     def contact(self, now: _Posed, there: _Posed) -> str:
-        """Name of an instance that the body touches at `there` but not at `now`; empty: none."""
+        """Name of an instance that the body touches at `there` but not at `now`; "": none."""
         if self._boxes is None or not self._is_small:
             return ""
         new = self._touched(there.pose) - self._touched(now.pose)

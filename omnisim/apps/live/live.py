@@ -32,9 +32,9 @@ class LivePage:
     """Live page being served: session, engine and server.
 
     Args:
-        source: settings of a live camera, or opener of a recorded run.
-        host, port: address to listen on.
-        at: start pose; None: the scene's start.
+        source: settings of a live camera, or a function that opens a recorded run.
+        host, port: address to listen on; port 0: any free port.
+        at: start pose of the camera; None: the scene's start.
         time_s: world time at the start.
 
     Raises:
@@ -73,7 +73,7 @@ class LivePage:
         self.server.publish(kind, data, change)
 
     def open(self) -> None:
-        """Upload the scene to the GPU.
+        """Start the render thread, and wait until the scene is on the GPU.
 
         Raises:
             OmnisimError: no OpenGL, or the scene exceeds its limits.
@@ -110,7 +110,7 @@ class LivePage:
 
 
 def run(page: LivePage, is_open: Callable[[], None]) -> bool:
-    """Serve a page until Ctrl-C or SIGTERM; return False if an image was left unfinished.
+    """Serve a page until Ctrl-C or SIGTERM; False if the render thread did not stop in time.
 
     Raises:
         OmnisimError: see `LivePage.serve`.
@@ -173,7 +173,14 @@ class BackgroundPage:
 def run_source(
     folder: Path, scene: str | None, camera_name: str | None, device: int | None
 ) -> Callable[[], RunSource]:
-    """Opener of a recorded run, to be called in the render thread."""
+    """Function that opens a recorded run, to be called in the render thread.
+
+    Args:
+        folder: folder of the run.
+        scene: file or name of the scene, if it has moved; None: the recorded one.
+        camera_name: name of the run's camera; None: the first.
+        device: index of the GPU; None: the first.
+    """
     return lambda: RunSource(folder, scene, camera_name, device)
 
 

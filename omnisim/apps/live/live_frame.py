@@ -24,8 +24,8 @@ class LiveFrame:
 
     Attributes:
         model: model of the camera.
-        base_from_optical: (4, 4) pose of the camera on its vehicle.
-        world_from_base: (4, 4) pose of the vehicle.
+        base_from_optical: (4, 4) pose of the camera's optical frame on its vehicle.
+        world_from_base: (4, 4) pose of the vehicle's base.
         rgb: (height, width, 3) uint8 sRGB.
         png: contents of the image file; None for a coarse image.
         channels: ground truth by name.
@@ -42,13 +42,13 @@ class LiveFrame:
 
     @property
     def world_from_optical(self) -> NDArray[np.float64]:
-        """Pose (4, 4) of the camera's optical frame."""
+        """Pose (4, 4) of the camera's optical frame in the world."""
         pose: NDArray[np.float64] = self.world_from_base @ self.base_from_optical
         return pose
 
     @property
     def viewpoint(self) -> Place:
-        """Effective viewpoint and the vehicle's angles, for `omnisim render --at --yaw …`."""
+        """Position of the effective viewpoint, angles of the vehicle; as `render --at --yaw …`."""
         x, y, z = self.world_from_optical[:3, 3].tolist()
         angles = np.degrees(roll_pitch_yaw_from_rotation(self.world_from_base[:3, :3]))
         roll, pitch, yaw = (float(angle) + 0.0 for angle in angles)
@@ -67,7 +67,7 @@ class Source(Protocol):
     channel_names: tuple[str, ...]
 
     def take(self, draw: Draw, channels: Collection[str]) -> LiveFrame:
-        """Image of a state with channels of ground truth.
+        """Image of a state with the requested channels of ground truth.
 
         Raises:
             OmnisimError: an invalid camera, or a damaged file of the run.
@@ -75,7 +75,7 @@ class Source(Protocol):
         ...
 
     def files(self, draw: Draw) -> dict[str, bytes]:
-        """Files of the image with all its channels, by name.
+        """Contents of the files of an image with all its channels, by file name.
 
         Raises:
             OmnisimError: see `take`.

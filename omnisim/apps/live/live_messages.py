@@ -1,7 +1,7 @@
 """Messages between page and server.
 
-The page sends a JSON object whose `type` is a key of `MESSAGES`. The server answers in binary: the
-length of a JSON text in four bytes, little endian, then the text and the parts that it lists.
+The page sends a JSON object whose `type` is a key of `MESSAGES`. The server's messages are binary:
+the length of a JSON text in four bytes, little endian, the text, and the parts listed in the text.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Go(Message):
 
 
 class Turn(Message):
-    """Immediate turn by a drag: angles relative to the current heading and pitch."""
+    """Turn by dragging the mouse, without acceleration; angles are relative to the current ones."""
 
     yaw_deg: Angle = 0.0
     pitch_deg: Angle = 0.0
@@ -77,7 +77,7 @@ class SetValue(Message):
 
 
 class Preset(Message):
-    """Preset to apply, by kind: lens, optics or degradation."""
+    """Preset to apply: its kind (lens, optics or degradation) and its name."""
 
     kind: Name
     name: Name
@@ -110,7 +110,10 @@ class Gaze(Message):
 
 
 class Probe(Message):
-    """Pixel of a view under the mouse, as shares of the view's width and height."""
+    """Point of a view under the mouse, as shares of the view's width and height.
+
+    `follow` turns the perspective view to this point.
+    """
 
     view: Name
     u: Within
@@ -138,7 +141,7 @@ class Clock(Message):
 
 
 class RequestControl(Message):
-    """Request for control, which another page may have."""
+    """Request for control of the camera, which another page may hold."""
 
 
 MESSAGES: dict[str, type[Message]] = {
@@ -175,7 +178,7 @@ def parse_message(text: str | bytes) -> Message:
     """Parse and check a message from a page.
 
     Raises:
-        OutputError: names key, the actual value and the expected one.
+        OutputError: an invalid message; the text names key, actual and expected value.
     """
     if isinstance(text, bytes):
         raise OutputError("message: expected JSON, got bytes")

@@ -46,9 +46,10 @@ class LiveSettings:
         vehicle: robot that carries the camera; None: free flight.
         camera_name: name of the robot's camera; None: the first.
         scene_words: command-line arguments for scene and robot.
-        camera_words: command-line options of the initial camera; None: only its file describes it.
-        light: reader of the scene in another light; None: the light is fixed.
-        device: index of the GPU.
+        camera_words: command-line options of the initial camera; None: no options describe the
+            camera, only a sensor file.
+        light: scene that can be reloaded in another light; None: the light is fixed.
+        device: index of the GPU; None: the first.
         unlit: render plain base colors, without lights.
     """
 
@@ -87,7 +88,7 @@ class LiveSource:
 
     @property
     def camera(self) -> OmniCamera:
-        """Camera of the last document."""
+        """Camera of the last valid document."""
         return self._camera
 
     def use(self, document: CameraDocument) -> bool:
@@ -171,7 +172,7 @@ class LiveSource:
             return {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
 
     def command(self, shown: Shown, frame: LiveFrame) -> str:
-        """Shell commands that render the same image, including the file of an edited camera."""
+        """Shell commands that render the same image; they first write edited files."""
         document = shown.document
         scene_words, lines = self._settings.scene_words, []
         if document.light:
@@ -260,7 +261,7 @@ class LiveSource:
         return renderer.camera.base_pose(at.position_m, *angles)
 
     def _viewpoint(self, place: Place) -> Place:
-        """Effective viewpoint at a place, with the digits of a command line."""
+        """Pose of the effective viewpoint for a pose of the base, rounded as on a command line."""
         if self._settings.vehicle is None:
             return place
         rig = place.pose @ self._camera.base_from_rig
@@ -283,7 +284,12 @@ class LiveSource:
 
 
 def start_place(settings: LiveSettings, at: Place | None) -> Place:
-    """Pose at the start: the given one or the scene's; for a robot, the pose of its base."""
+    """Start pose: of the viewpoint, or of the base of the robot that carries the camera.
+
+    Args:
+        settings: initial scene and camera.
+        at: pose of the viewpoint; None: the scene's start.
+    """
     scene, vehicle = settings.scene, settings.vehicle
     if vehicle is None:
         start = scene.start

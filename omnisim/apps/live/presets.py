@@ -36,7 +36,7 @@ def preset_lists() -> dict[str, list[str]]:
 
 
 def with_preset(document: CameraDocument, kind: str, name: str) -> CameraDocument:
-    """Document with the camera, optical system or degradations of a preset.
+    """Copy of a document with the camera, optical system or degradations of a preset.
 
     Raises:
         OutputError: no such kind or preset.

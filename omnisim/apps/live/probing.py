@@ -1,4 +1,4 @@
-"""Pixel under the mouse: its direction, its point in the world, and its position in all views."""
+"""Pixel under the mouse: its direction, world point, and position in all views."""
 
 from __future__ import annotations
 
@@ -26,12 +26,13 @@ def probe(
 
     `yaw_deg` and `pitch_deg` are relative to the vehicle; `direction` is in the world. `pixel` and
     `color` refer to the camera's image. `range_m`, `class`, `instance` and `point_m` are present
-    if known. `marks` are positions in all views, as shares of their sides.
+    if the channel is. `marks` has the position in each view, as shares of its width and height.
+    Without a ray there is only a `reason`.
 
     Args:
-        message: view, and position in it.
+        message: view, and position in the view.
         frame: image with ground-truth channels.
-        views: maker of the other views.
+        views: maker of the unwarped views.
         gaze: direction of the perspective view.
         height_m: height of the viewpoint above the ground.
     """
@@ -74,14 +75,17 @@ def probe(
 
 
 def _center(frame: LiveFrame, u: float, v: float) -> tuple[float, float]:
-    """Center of the pixel at (u, v), as shares of the sides; the channels refer to its ray."""
+    """Center of the pixel that contains (u, v); both are shares of the image's width and height.
+
+    The values of the channels belong to the ray through the center.
+    """
     height, width = frame.rgb.shape[:2]
     column, row = min(int(u * width), width - 1), min(int(v * height), height - 1)
     return (column + 0.5) / width, (row + 0.5) / height
 
 
 def _channels_at(frame: LiveFrame, u: float, v: float) -> Json:
-    """Pixel of the camera's image at (u, v), with its color and channel values."""
+    """Pixel, color and channel values at (u, v), given as fractions of the image size in [0, 1]."""
     height, width = frame.rgb.shape[:2]
     column, row = min(int(u * width), width - 1), min(int(v * height), height - 1)
     values: Json = {"pixel": [column, row], "color": frame.rgb[row, column].tolist()}

@@ -1,4 +1,4 @@
-"""Line drawings of a camera: section of a mirror or optical system with rays, or a lens mapping."""
+"""Line drawings of a camera: section of a mirror or optical system, or the mapping of a lens."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ Json = dict[str, Any]
 def profile(model: CentralCamera) -> Json:
     """Lines of a camera as JSON-serializable values.
 
-    `kind` is "section" or "mapping". A section has x and z in millimeters, z along the camera's
-    axis, in `curves`, `rays`, `caustic` and `pinhole`. A mapping has `points` with an angle in
+    `kind` is "section" or "mapping". A section has `curves`, `rays`, `caustic` and `pinhole`, of
+    points (x, z) in millimeters, z along the camera's axis. A mapping has `points` with an angle in
     degrees and a radius in pixels.
     """
     if isinstance(model, HyperbolicCamera):
@@ -56,7 +56,7 @@ def _mirror(mirror: HyperbolicMirror) -> Json:
 
 
 def _incident(mirror: HyperbolicMirror, theta_rad: Floats) -> Floats:
-    """Points (n, 2) of the mirror, x and z up, at angles of incidence from straight down."""
+    """Points (x, z) (n, 2) of the mirror, m, z up, at angles of incidence from straight down."""
     rho = mirror.rho_m(np.abs(theta_rad))
     # behind the surface: the viewpoint is inside the mirror, and rays arrive from outside
     return np.stack((rho * np.sin(theta_rad), -rho * np.cos(theta_rad)), axis=-1)
@@ -94,7 +94,10 @@ def _system(system: OpticalSystem) -> Json:
 
 
 def _curve(surface: Surface, hits_m: Floats) -> Floats:
-    """Section (n, 2) of a surface with its own plane y = 0, as wide as its rays require."""
+    """Section (n, 2) of a surface with its own plane y = 0, as (x, z) in m, system frame.
+
+    `hits_m` (n, 3) are points of rays; they set the width of a surface without an edge.
+    """
     reach_m = surface.visible_radius_m
     if math.isinf(reach_m):
         local = surface.points_from_system(hits_m)
@@ -107,7 +110,7 @@ def _curve(surface: Surface, hits_m: Floats) -> Floats:
 
 
 def _mapping(model: CentralCamera) -> Json:
-    """Radius from the principal point, along x, as a function of the angle from the axis."""
+    """Mapping of a lens: radius from the principal point, px, over the angle from the axis."""
     theta = np.linspace(0.0, math.pi, 181)
     directions = np.stack((np.sin(theta), np.zeros_like(theta), np.cos(theta)), axis=-1)
     pixels = model.pixel_from_ray(directions)
@@ -118,7 +121,7 @@ def _mapping(model: CentralCamera) -> Json:
 
 
 def _line(points_m: Floats) -> list[list[float]]:
-    """Convert points (n, 2) to millimeters, without non-finite ones."""
+    """Convert points (n, 2) to millimeters, as a list without non-finite points."""
     finite = points_m[np.all(np.isfinite(points_m), axis=1)]
     rounded: list[list[float]] = np.round(1e3 * finite, 3).tolist()
     return rounded

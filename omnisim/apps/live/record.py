@@ -1,4 +1,4 @@
-"""Film of a drive around the start: the page's views side by side, without a browser."""
+"""Film of a drive in a circle from the start, with views of the live page; needs no browser."""
 
 from __future__ import annotations
 
@@ -21,6 +21,11 @@ RATE_HZ, SECONDS, RADIUS_M = 20.0, 6.0, 0.6
 
 def record_film(path: Path, settings: LiveSettings, at: Place | None) -> int:
     """Write a film, and return the number of its images.
+
+    Args:
+        path: video file.
+        settings: initial scene and camera.
+        at: start pose; None: the scene's start.
 
     Raises:
         OmnisimError: the file cannot be written, or an error of `LiveSource`.
@@ -58,7 +63,7 @@ def _images(
 
 
 def _fitted(image: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
-    """Center an image in rows of the given width: pad it, or crop it if it is wider."""
+    """Pad an image with black on both sides to a width, or crop it on both sides if wider."""
     height, own = image.shape[:2]
     rows = np.zeros((height, width, 3), dtype=np.uint8)
     shown = min(width, own)

@@ -74,7 +74,7 @@ class RunSource:
         )
 
     def files(self, draw: Draw) -> dict[str, bytes]:
-        """Files of the camera at a step."""
+        """Contents of the camera's files at a step, by file name."""
         stem = self._run.stem(self._camera_name, min(draw.shown.step, self.steps - 1))
         return {path.name: path.read_bytes() for path in sorted(stem.parent.glob(f"{stem.name}.*"))}
 

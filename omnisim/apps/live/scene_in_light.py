@@ -1,4 +1,4 @@
-"""Light of the live page's scene: tables of a TOML file that extends the scene."""
+"""Editable light of the live page's scene: tables of a TOML file that extends the scene."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class SceneInLight:
 
     Attributes:
         source: name or path of the scene.
-        read: function that reads a TOML file that extends the scene; given the file's tables, it
-            applies only the options that they do not override.
+        read: function that reads a TOML file that extends the scene; of the command line's options,
+            it applies those that the file's tables, its second argument, do not override.
     """
 
     source: str
@@ -38,7 +38,7 @@ class SceneInLight:
         """Load the scene in the light of the tables.
 
         Raises:
-            SceneError: names key, the actual value and the expected one.
+            SceneError: an invalid value; the message names key, actual and expected value.
         """
         path = Path(self.source)
         with tempfile.TemporaryDirectory() as folder:
@@ -53,7 +53,7 @@ class SceneInLight:
 
 
 def completed(tables: Table) -> Table:
-    """Add required keys to tables, and remove an empty light table."""
+    """Copy of light tables with their required keys, without an empty `light` table."""
     complete = {name: {**_COMPLETE.get(name, {}), **table} for name, table in tables.items()}
     fog = complete.get("fog", {})
     if "attenuation_per_m" in fog:  # an alternative to the visibility

@@ -1,4 +1,4 @@
-"""Server of the live page: its files, and the stream to and from it, over websockets."""
+"""Server of the live page: serves its files, and exchanges messages over websockets."""
 
 from __future__ import annotations
 
@@ -185,7 +185,7 @@ class LiveServer:
         return Response(200, "OK", headers, content)
 
     def _is_expected_host(self, host: str) -> bool:
-        """True unless another site's host name was resolved to this machine (DNS rebinding)."""
+        """False for another site's host name that resolves to this machine (DNS rebinding)."""
         return self._token is not None or is_local(urlsplit(f"//{host}").hostname or "")
 
     def _refuse_stream(self, request: Request, query: dict[str, list[str]]) -> Response | None:
@@ -224,7 +224,7 @@ class LiveServer:
             self._tell_roles()
 
     def _take(self, page: _Page, text: str | bytes) -> None:
-        """Handle a message from a page; an invalid one is answered with its error."""
+        """Handle a message from a page; the answer to an invalid message is an error message."""
         try:
             message = messages.parse_message(text)
             reply = functools.partial(self._reply, page)

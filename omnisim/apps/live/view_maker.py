@@ -1,4 +1,4 @@
-"""Unwarped views beside the camera's image, each with its own camera at the same viewpoint."""
+"""Unwarped views of the camera's image, each with a virtual camera at the same viewpoint."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _KEPT = 8  # maximum number of cached remap tables, coarse and fine
 
 
 class _Key(NamedTuple):
-    """Cache key of a remap table: camera, its rotation on the vehicle, and view."""
+    """Cache key of a remap table: ID of the camera model, rotation on the vehicle, and view."""
 
     model: int
     rotation: bytes
@@ -49,7 +49,7 @@ class ViewMaker:
         self._highest: dict[_Key, tuple[CentralCamera, float]] = {}
 
     def view(self, name: str, frame: LiveFrame, gaze: Gaze, height_m: float) -> View:
-        """Camera of a view.
+        """Virtual camera of a view, with its rotation.
 
         Args:
             name: one of `UNWARPED`.
@@ -71,7 +71,9 @@ class ViewMaker:
     def image(
         self, name: str, frame: LiveFrame, gaze: Gaze, height_m: float, is_fine: bool
     ) -> NDArray[np.uint8]:
-        """Unwarped image (height, width, 3) of `view`; fine images have four samples per pixel.
+        """Unwarped image (height, width, 3) of a view; arguments as for `view`.
+
+        Fine images have four samples per pixel.
 
         Raises:
             OpticsError: the camera sees nothing of the view, or it is non-central.
@@ -109,10 +111,10 @@ class ViewMaker:
 
 
 def direction_in(view: View, u: float, v: float) -> NDArray[np.float64]:
-    """Direction (3,) in the vehicle's base at a position in a view, given as shares of its sides.
+    """Direction (3,) of a view's ray, base frame; u and v are shares of the width and height.
 
     Raises:
-        OpticsError: the view has no ray there.
+        OpticsError: no ray at (u, v).
     """
     pixel = np.array((u * view.camera.width_px - 0.5, v * view.camera.height_px - 0.5))
     rays = view.camera.ray_from_pixel(pixel)
@@ -123,7 +125,10 @@ def direction_in(view: View, u: float, v: float) -> NDArray[np.float64]:
 
 
 def place_in(view: View, direction: NDArray[np.float64]) -> tuple[float, float] | None:
-    """Position of a direction (3,), base, in a view, as shares of its sides; None: outside."""
+    """Position of a direction (3,), base frame, in a view; None: outside.
+
+    The position (u, v) is given as shares of the view's width and height.
+    """
     pixels = view.camera.pixel_from_ray(view.base_from_view.T @ direction)
     u, v = ((pixels.positions_px + 0.5) / (view.camera.width_px, view.camera.height_px)).tolist()
     return (u, v) if pixels.valid and 0.0 <= u <= 1.0 and 0.0 <= v <= 1.0 else None

@@ -27,10 +27,10 @@ class MotionCommand:
     """Motion requested by keys, each component from −1 to 1.
 
     Attributes:
-        ahead, left, up: requested velocity.
-        turn: requested turn rate, to the left.
-        tilt: requested pitch rate, front down.
-        fast: factor of all components.
+        ahead, left, up: requested velocity, as shares of the full speed.
+        turn: requested turn rate, positive to the left.
+        tilt: requested pitch rate, positive front down.
+        fast: factor of all components, from 0.1 to 4.
     """
 
     ahead: float = 0.0
@@ -61,7 +61,7 @@ class Place:
         return pose(self.position_m, self.roll_deg, self.pitch_deg, self.yaw_deg)
 
     def rounded(self) -> Place:
-        """Round to the decimals of a command line; angles are wrapped to ±180°."""
+        """Copy rounded to the decimals of a command line, with angles wrapped to ±180°."""
         x, y, z = (
             round(min(max(value, -FARTHEST_M), FARTHEST_M), DIGITS_M) + 0.0
             for value in self.position_m
@@ -74,7 +74,7 @@ class Place:
 
 
 class Pilot(ABC):
-    """Position and speed of the viewpoint or the robot.
+    """Motion of the viewpoint or the robot.
 
     Attributes:
         place: current pose.
@@ -96,14 +96,14 @@ class Pilot(ABC):
 
     @abstractmethod
     def advance(self, seconds: float) -> None:
-        """Advance the motion by a time."""
+        """Advance the motion by a time in seconds."""
 
     def stop(self) -> None:
         """Clear the keys and the goal."""
         self.command, self.goal_m = MotionCommand(), None
 
     def turn(self, yaw_deg: float, pitch_deg: float) -> None:
-        """Turn immediately, as by a drag."""
+        """Turn by angles, without acceleration, as the mouse drags the image."""
         pitch = min(max(self.place.pitch_deg + pitch_deg, -89.0), 89.0)
         self.place = replace(
             self.place, yaw_deg=self.place.yaw_deg + yaw_deg, pitch_deg=pitch
@@ -128,7 +128,7 @@ class FreeFlight(Pilot):
         self._speeds[:] = 0.0
 
     def advance(self, seconds: float) -> None:
-        """Advance by a time; speeds follow the keys within a fraction of a second."""
+        """Advance by a time in seconds; speeds approach those of the keys within about 0.2 s."""
         seconds = min(seconds, MAX_STEP_S)
         command, place = self.command, self.place
         asked = (
@@ -160,7 +160,7 @@ class FreeFlight(Pilot):
 
 
 class WheelDrive(Pilot):
-    """Robot with its own limits of speed and acceleration, level on the floor below its base."""
+    """Robot on wheels with limited speed and acceleration, level on the floor below its base."""
 
     def __init__(self, place: Place, kinematics: Kinematics, ground: Ground):
         super().__init__(place)
@@ -179,11 +179,11 @@ class WheelDrive(Pilot):
         self._speed_mps = self._rate_radps = 0.0
 
     def turn(self, yaw_deg: float, pitch_deg: float) -> None:
-        """Turn immediately; a robot does not tilt."""
+        """Turn by the yaw angle, without acceleration; ignores the pitch angle."""
         super().turn(yaw_deg, 0.0)
 
     def advance(self, seconds: float) -> None:
-        """Advance along an arc by a time; a contact stops the robot."""
+        """Advance along an arc for a time in seconds; a contact stops the robot."""
         seconds = min(seconds, MAX_STEP_S)
         if seconds <= 0.0:
             return
@@ -210,7 +210,7 @@ class WheelDrive(Pilot):
             self.place = next_place
 
     def _asked(self) -> tuple[float, float]:
-        """Speed and turn rate requested by keys or the goal."""
+        """Speed in m/s and turn rate in rad/s requested by the keys or the goal."""
         limits, command = self._limits, self.command
         most_radps = min(limits.max_turn_rate_radps, math.radians(120.0))
         if not command.is_rest:
@@ -235,5 +235,5 @@ class WheelDrive(Pilot):
 
 
 def _towards(value: float, wanted: float, step: float) -> float:
-    """Move a value towards another by at most one step."""
+    """Move `value` towards `wanted` by at most `step`."""
     return min(value + step, wanted) if wanted > value else max(value - step, wanted)

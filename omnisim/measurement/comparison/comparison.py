@@ -1,4 +1,4 @@
-"""A camera's images beside its twin's: corners found again, edges, gray levels and noise."""
+"""A camera's images compared with its twin's: positions of corners, edges and gray levels."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ MAX_OFFSET_PX = 1.0  # beyond it, another edge was found: the corner counts as l
 
 @dataclass(frozen=True, eq=False)
 class ImageComparison:
-    """An image beside its twin.
+    """Image of a board compared with the twin's rendered image.
 
     Attributes:
         name: image file.
@@ -62,9 +62,9 @@ class Ring:
     Attributes:
         radius_px: outer radius about the principal point.
         corners: number of corners.
-        lost: number of corners that are not found where they were, which do not count below.
-        bias_px: (2,) mean offset of the corners along the radius and across it.
-        rms_px: root mean square distance of the corners.
+        lost: number of corners more than 1 px off in the twin; `bias_px` and `rms_px` exclude them.
+        bias_px: (2,) mean offset of the corners along the radius and across the radius.
+        rms_px: root mean square of the corners' offsets.
         rise_px, twin_rise_px: median 10-90 % rise of edges in the images and in the twin.
     """
 
@@ -79,7 +79,7 @@ class Ring:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Images beside their twins, and the errors by ring.
+    """Images compared with the twin's, and the errors of the twin in each ring.
 
     Attributes:
         images: each image with its twin.
@@ -93,12 +93,12 @@ class Comparison:
 
     @property
     def bias_px(self) -> float:
-        """Largest mean offset of a ring's corners along the radius or across it."""
+        """Largest absolute mean offset of a ring's corners, along or across the radius."""
         return max(float(np.abs(ring.bias_px).max()) for ring in self.rings)
 
     @property
     def lost(self) -> int:
-        """Number of corners that are not found where they were."""
+        """Number of corners that are more than 1 px off in the twin."""
         return sum(ring.lost for ring in self.rings)
 
 
@@ -110,18 +110,19 @@ def compare_image(
     board_m: Floats | None = None,
     mirrored: bool = False,
 ) -> ImageComparison:
-    """Render a board as it stood in an image, and compare both.
+    """Render a board in the pose that it has in an image, and compare both images.
 
     Args:
         sensor: twin of the camera.
         board: chessboard.
         view: the board in the image.
         image: (height, width) gray image.
-        board_m: (corners, 3) the board's corners as measured; None: flat.
+        board_m: (corners, 3) measured positions of the board's corners; None: flat.
         mirrored: the camera looks into a mirror.
 
     Raises:
-        MeasurementError: the twin does not show the board, or it is not found in the twin's image.
+        MeasurementError: the image and the sensor differ in size, or the board is outside the
+            twin's field of view or not found in the twin's image.
     """
     camera = sensor.model
     if (camera.width_px, camera.height_px) != image.shape[::-1]:
@@ -201,7 +202,7 @@ def compare_images(sensor: OmniCamera, images: list[ImageComparison]) -> Compari
 
 
 def _edges(view: BoardView, board: Chessboard) -> tuple[Floats, Floats]:
-    """Ends (edges, 2) of the edges between neighboring corners."""
+    """Start points (edges, 2) and end points (edges, 2) of the edges between neighboring corners."""
     grid = view.pixels_px.reshape(board.rows, board.columns, 2)
     starts = [grid[:, :-1].reshape(-1, 2), grid[:-1].reshape(-1, 2)]
     ends = [grid[:, 1:].reshape(-1, 2), grid[1:].reshape(-1, 2)]
@@ -211,9 +212,10 @@ def _edges(view: BoardView, board: Chessboard) -> tuple[Floats, Floats]:
 def _light(
     sensor: OmniCamera, image: NDArray[np.uint8], pose: Floats, grid_m: Floats
 ) -> tuple[Floats, float]:
-    """Light (rows, columns) of a board's squares before the lens, and of the background.
+    """Linear light (rows, columns) of a board's squares, without vignetting, and the background's.
 
-    The board's light is smooth: what the lens makes of it is the twin's to show.
+    The light of the squares is smoothed over the board, so that the twin's own lens effects are
+    not rendered twice.
     """
     points = grid_m @ pose[:3, :3].T + pose[:3, 3]
     seen = sensor.model.pixel_from_ray(points)
@@ -244,7 +246,7 @@ def _light(
 
 
 def _linear(sensor: OmniCamera, levels: Floats) -> Floats:
-    """Linear light of gray levels (...) from 0 to 255."""
+    """Linear light (...) of gray levels (...) from 0 to 255; sRGB if the sensor has no encoding."""
     encoding = sensor.degradation.encoding
     if encoding is None or encoding.gamma == "srgb":
         light: Floats = linear_from_srgb(levels / 255.0)
@@ -267,7 +269,15 @@ def _render(
     light: tuple[Floats, float],
     image: NDArray[np.uint8],
 ) -> NDArray[np.uint8]:
-    """Gray image (height, width) of the board by the twin."""
+    """Gray image (height, width) of the board, rendered with the twin.
+
+    Args:
+        sensor: twin of the camera.
+        pose: (4, 4) optical_from_board.
+        grid_m: (rows + 1, columns + 1, 3) corners of the squares.
+        light: linear light (rows, columns) of the squares, and of the background.
+        image: image of the camera.
+    """
     rig_from_board = np.eye(4)
     rig_from_board[:3] = sensor.model.rig_from_optical @ pose[:3]
     base_from_board = sensor.base_from_rig @ rig_from_board

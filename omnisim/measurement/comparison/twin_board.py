@@ -1,4 +1,4 @@
-"""Board of an image as a scene: where it stood, and how bright its squares were."""
+"""Board of an image as a scene, with its pose and the brightness of its squares."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ _BORDER = 1  # squares of white paper around the board
 def locate_board(
     camera: CentralCamera, view: BoardView, board_m: Floats | None = None
 ) -> Adjustment:
-    """Pose of a board in an image, with the errors of its corners.
+    """Fit the pose of a board in an image; the result has the errors of the corners, too.
 
     Args:
         camera: camera of the image.
         view: the board in the image.
-        board_m: (corners, 3) the board's corners as measured, in the order of
-            `MeasuredGeometry.board_m`; None: a flat board.
+        board_m: (corners, 3) measured positions of the board's corners, in the order of
+            `MeasuredGeometry.board_m`; None, or another number of corners: a flat board.
 
     Raises:
         MeasurementError: the camera does not show the corners.
@@ -56,13 +56,13 @@ def locate_board(
 
 
 def board_grid_m(board: Chessboard, board_m: Floats | None) -> Floats:
-    """Corners (rows + 2, columns + 2, 3) of a chessboard's squares, from its inner corners.
+    """Corners (rows + 4, columns + 4, 3) of a chessboard's squares and of a border of paper.
 
-    The outermost squares continue their neighbors.
+    `rows` and `columns` count inner corners. The corners beyond them are extrapolated.
 
     Args:
         board: chessboard.
-        board_m: (corners, 3) its inner corners as measured, sorted by x and then y; None: flat.
+        board_m: (corners, 3) measured inner corners, sorted by x, then by y; None: flat.
     """
     y, x = np.mgrid[: board.rows, : board.columns] * board.square_m
     grid = np.stack((x, y, np.zeros_like(x)), axis=-1)
@@ -77,7 +77,7 @@ def board_grid_m(board: Chessboard, board_m: Floats | None) -> Floats:
 
 
 def square_levels(image: NDArray[np.uint8], corners_px: Floats) -> NDArray[np.float64]:
-    """Gray levels (rows, columns) of the squares between a grid's corners (…, 2) in an image."""
+    """Median gray level (rows - 1, columns - 1) of each square between corners (rows, columns, 2)."""
     shares = np.stack(np.meshgrid(_SAMPLES, _SAMPLES), axis=-1).reshape(-1, 2)
     across, down = shares[:, 0], shares[:, 1]
     quads = (corners_px[:-1, :-1], corners_px[:-1, 1:], corners_px[1:, :-1], corners_px[1:, 1:])
@@ -91,13 +91,14 @@ def square_levels(image: NDArray[np.uint8], corners_px: Floats) -> NDArray[np.fl
 
 
 def even_light(light: Floats, is_black: NDArray[np.bool_]) -> Floats:
-    """Light (rows, columns) of a board under smooth light, nearest to the light of its squares.
+    """Fit smooth light to a board, and return the fitted light (rows, columns) of its squares.
 
-    White squares follow a quadratic polynomial over the board, and black ones a fixed share of it.
+    The light of white squares is a quadratic polynomial of the position on the board; the light of
+    black squares is a constant share of the polynomial.
 
     Args:
         light: (rows, columns) linear light of the squares.
-        is_black: (rows, columns) which of them are black.
+        is_black: (rows, columns) True for black squares.
     """
     rows, columns = light.shape
     y, x = np.mgrid[-1.0 : 1.0 : rows * 1j, -1.0 : 1.0 : columns * 1j]
@@ -116,9 +117,9 @@ def board_scene(grid_m: Floats, light: Floats, background: float) -> Scene:
     """Scene of a board in its own frame.
 
     Args:
-        grid_m: (rows + 1, columns + 1, 3) corners of its squares.
+        grid_m: (rows + 1, columns + 1, 3) corners of the squares.
         light: (rows, columns) linear light of the squares.
-        background: linear light beside the board.
+        background: linear light of the background.
     """
     corners = (grid_m[:-1, :-1], grid_m[:-1, 1:], grid_m[1:, 1:], grid_m[1:, :-1])
     quads = np.stack(corners, axis=2).reshape(-1, 4, 3)

@@ -1,4 +1,4 @@
-"""Detection of calibration boards in images by OpenCV, with checks of what it calls success.
+"""Detection of calibration boards in images by OpenCV, with checks of the corners it returns.
 
 Sources: Duda & Frese, "Accurate detection and localization of checkerboard corners for
 calibration" (BMVC 2018), as `cv2.findChessboardCornersSB`; OpenCV's module `aruco`.
@@ -39,11 +39,11 @@ def find_board(
         image: (height, width) gray image.
         board: the board.
         name: name of the image.
-        mirrored: the camera looks into a mirror, whose image shows the board mirrored.
+        mirrored: the camera looks into a mirror, so the image shows the board mirrored.
 
     Raises:
-        MeasurementError: no board, another one, or corners that are not the board's: in words for a
-            person, without the image's name.
+        MeasurementError: no board, another board, or wrong corners; the message does not name the
+            image.
     """
     seen = np.ascontiguousarray(image[:, ::-1]) if mirrored else image
     if isinstance(board, Chessboard):
@@ -107,7 +107,7 @@ def _larger_grid(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.
 
 
 def _refined(image: NDArray[np.uint8], grid: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Corners located by the edges that meet in them, within a third of the way to the next one."""
+    """Corners at sub-pixel accuracy, each from a window of a third of the distance to the next."""
     spacing = np.full(grid.shape[:2], np.inf)
     for axis in (0, 1):
         steps = np.linalg.norm(np.diff(grid, axis=axis), axis=2)
@@ -192,7 +192,7 @@ def _april_grid(image: NDArray[np.uint8], board: AprilGrid) -> Corners:
 
 
 def _window(reach_px: float) -> int:
-    """Half the side of a window that reaches so far, px."""
+    """Half the side of the window for a reach, from 2 to 9 px."""
     return int(np.clip(reach_px, _LEAST_WINDOW_PX, _LARGEST_WINDOW_PX))
 
 
@@ -206,7 +206,7 @@ def _shortest_px(corners: NDArray[np.float64]) -> float:
 def _kept(
     rough: NDArray[np.float64], fine: NDArray[np.float64], window: int
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Located corners (n, 2), and which of them (n,) are the rough ones and no others nearby."""
+    """Located corners (n, 2), and a mask (n,): False if far from the corner's rough position."""
     return fine, np.linalg.norm(fine - rough, axis=1) <= max(0.5 * window, 1.0)
 
 
@@ -223,10 +223,10 @@ def _tag_detector() -> Any:
 def _checked(
     points: NDArray[np.float64], pixels: NDArray[np.float64], is_kept: NDArray[np.bool_]
 ) -> Corners:
-    """Kept corners (m, 2) of (n, 2), in one plane's order and seen from its front.
+    """Kept corners (m, 2) of (n, 2), if they are arranged as on a board seen from its front.
 
     Raises:
-        MeasurementError: too few, or in another order.
+        MeasurementError: too few corners, or another arrangement.
     """
     points, pixels = points[is_kept], pixels[is_kept]
     if len(points) < MIN_CORNERS:
@@ -253,14 +253,20 @@ def _checked(
 
 
 def _plane_residual(points: NDArray[np.float64], pixels: NDArray[np.float64]) -> float:
-    """Residual of the affine map from points to pixels, px."""
+    """Norm of the residuals of the best affine map from points to pixels, px."""
     affine = np.column_stack((points, np.ones(len(points))))
     residuals = pixels - affine @ np.linalg.lstsq(affine, pixels, rcond=None)[0]
     return float(np.linalg.norm(residuals))
 
 
 def _mirror_hint(image: NDArray[np.uint8], detect: Any, index: int) -> str:
-    """Hint at a mirrored image, if its reflection shows tags."""
+    """Hint for the message that the image is mirrored, if its reflection shows tags; else "".
+
+    Args:
+        image: (height, width) gray image.
+        detect: function of OpenCV that detects tags in an image.
+        index: index of the tags' ids in the result of `detect`.
+    """
     tags = detect(np.ascontiguousarray(image[:, ::-1]))[index]
     if tags is None or len(tags) < 3:
         return ""

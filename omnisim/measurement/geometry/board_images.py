@@ -1,4 +1,4 @@
-"""Boards in the image files of a folder, read in parallel and one image at a time per core."""
+"""Boards in the image files of a folder; one image per core is searched at a time."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class BoardSearch(NamedTuple):
     """Result of the search for a board in one image.
 
     Attributes:
-        found: the board, or why the image was rejected.
+        found: corners of the board, or the rejected image with the reason.
         size_px: width and height of the image.
     """
 
@@ -51,7 +51,7 @@ def image_files(folder: Path) -> list[Path]:
 def find_boards(
     files: Sequence[Path], board: Board, mirrored: bool = False
 ) -> Iterator[BoardSearch]:
-    """Search a board in images, in their order.
+    """Search for a board in images; yields results in the order of the files.
 
     Args:
         files: image files.
@@ -90,7 +90,7 @@ def read_gray(path: Path) -> NDArray[np.uint8]:
     """Gray image (height, width), with 16 bits stretched to 8.
 
     Raises:
-        MeasurementError: the file is missing, damaged or no image of 8 or 16 bits.
+        MeasurementError: the file is missing or damaged, or is not an image of 8 or 16 bits.
     """
     try:
         pixels, _ = read_image(path)

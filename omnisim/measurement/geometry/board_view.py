@@ -14,7 +14,7 @@ class BoardView:
 
     Attributes:
         name: image file, or another name of the image.
-        points_m: (n, 2) positions on the flat board: x along its rows, y along its columns.
+        points_m: (n, 2) positions on the flat board: x along the rows, y along the columns.
         pixels_px: (n, 2) positions in the image.
     """
 
@@ -34,7 +34,7 @@ class RejectedImage:
 
     Attributes:
         name: image file.
-        reason: what was seen in it.
+        reason: reason why the image has no usable board.
     """
 
     name: str

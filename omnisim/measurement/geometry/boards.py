@@ -101,12 +101,13 @@ def read_board(text: str) -> Board:
     """Board from its description.
 
     Args:
-        text: `COLUMNSxROWS:SQUARE` for a chessboard by its inner corners, such as `8x6:30mm`;
-            `charuco:COLUMNSxROWS:SQUARE:MARKER:DICTIONARY` by its squares;
-            `aprilgrid:COLUMNSxROWS:TAG:SPACING` by its tags; or the path of a Kalibr target file.
+        text: `COLUMNSxROWS:SQUARE` for a chessboard, counting inner corners, such as `8x6:30mm`;
+            `charuco:COLUMNSxROWS:SQUARE:MARKER:DICTIONARY`, counting squares;
+            `aprilgrid:COLUMNSxROWS:TAG:SPACING`, counting tags; or the path of a Kalibr target
+            file.
 
     Raises:
-        MeasurementError: naming the part that is wrong.
+        MeasurementError: an invalid description or file; the message names the wrong part.
     """
     if text.endswith((".yaml", ".yml")):
         return _kalibr_board(Path(text))

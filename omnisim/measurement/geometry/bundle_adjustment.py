@@ -1,7 +1,7 @@
-"""Least-squares fit of a camera together with the poses of its boards.
+"""Least-squares fit of a camera together with the poses of a board.
 
-The Levenberg-Marquardt method on the normal equations; the poses are eliminated board by board
-(Schur complement), so that time grows with the number of boards and not with its cube.
+The Levenberg-Marquardt method on the normal equations. The pose of each image is eliminated (Schur
+complement), so that time grows with the number of images and not with the cube of that number.
 
 Sources: Triggs et al., "Bundle adjustment: a modern synthesis" (2000); Marquardt 1963.
 """
@@ -33,10 +33,10 @@ class Adjustment(NamedTuple):
 
     Attributes:
         camera: fitted camera.
-        poses: (boards, 4, 4) poses of the boards in the camera's optical frame.
-        shape_m: (corners, 3) offsets of the board's corners from their nominal places.
+        poses: (images, 4, 4) poses of the board in the camera's optical frame.
+        shape_m: (corners, 3) offsets of the board's corners from their nominal positions.
         errors_px: (n, 2) measured minus predicted corners of all images, one after the other.
-        covariance: (p, p) of the camera's free numbers, for independent errors of 1 px.
+        covariance: (p, p) covariance of the camera's free parameters, for errors of 1 px.
     """
 
     camera: ParametricCamera
@@ -52,7 +52,10 @@ class Adjustment(NamedTuple):
 
     @property
     def unit_sigmas(self) -> Floats:
-        """Standard deviations (p,) for errors of 1 px; infinite where rounding hides them."""
+        """Standard deviations (p,) of the camera's free parameters, for errors of 1 px.
+
+        Infinite where rounding makes the variance negative.
+        """
         variances = np.diagonal(self.covariance)
         sigmas: Floats = np.sqrt(np.where(variances < 0.0, np.inf, variances))
         return sigmas
@@ -65,14 +68,14 @@ def rms_px(errors_px: Floats) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """Corners of one board in several images, in a row.
+    """Corners of one board in several images, one image after the other.
 
     Attributes:
-        nominal_m: (corners, 3) places of the board's corners in its frame.
+        nominal_m: (corners, 3) nominal positions of the corners in the board's frame.
         label: (n,) index into `nominal_m`.
         pixels_px: (n, 2) positions in the image.
         image: (n,) index of the image, ascending.
-        starts: (images + 1,) first corner of each image, and n.
+        starts: (images + 1,) index of the first corner of each image, and n.
     """
 
     nominal_m: Floats
@@ -87,7 +90,7 @@ class Corners:
 
         Args:
             views: the board in each image.
-            nominal_m: (corners, 3) places of all corners; None: those that the views show.
+            nominal_m: (corners, 3) nominal positions; None: of all corners in the views.
         """
         points = np.concatenate([view.points_3d_m for view in views])
         if nominal_m is None:
@@ -111,7 +114,7 @@ class Corners:
 
 
 class _State(NamedTuple):
-    """Unknowns of the problem, and what follows from them."""
+    """Unknowns of the problem, and the camera, errors and cost that they give."""
 
     vector: Floats  # (p,) of the camera
     shape_m: Floats  # (corners, 3)
@@ -122,7 +125,7 @@ class _State(NamedTuple):
 
 
 class _Blocks(NamedTuple):
-    """Normal equations in the numbers common to all images (c,), and in each image's pose."""
+    """Normal equations in the parameters common to all images (c,), and in each image's pose."""
 
     common: Floats  # (c, c)
     mixed: Floats  # (images, c, 6)
@@ -205,7 +208,7 @@ class _Problem:
     def _common_jacobian(
         self, by_camera: Floats, by_shape: Floats, label: NDArray[np.int64]
     ) -> Floats:
-        """Derivatives (2 n, c) of an image's pixels by the common numbers."""
+        """Derivatives (2 n, c) of an image's pixels by the parameters common to all images."""
         if self._stiffness is None:
             return by_camera.reshape(2 * len(label), by_camera.shape[2])
         shape = np.zeros((*by_shape.shape[:2], len(self.corners.nominal_m), 3))
@@ -221,15 +224,15 @@ def adjust(
     shape_m: Floats | None = None,
     stiffness_px_per_m: float | None = None,
 ) -> Adjustment:
-    """Fit a camera's free numbers, the poses of the board and, if asked, the board's shape.
+    """Fit a camera's free parameters, the poses of the board, and optionally the board's shape.
 
     Args:
-        parameters: camera and its free numbers; none: only poses are fitted.
+        parameters: camera and its free parameters; without any, only poses are fitted.
         corners: corners in the images.
         poses: (images, 4, 4) initial poses.
         shape_m: (corners, 3) initial offsets of the board's corners; None: 0.
-        stiffness_px_per_m: weight of a corner's offset against an error in the image; None: the
-            offsets are held constant.
+        stiffness_px_per_m: error in the image that costs as much as a corner's offset of 1 m;
+            None: the offsets are held constant.
 
     Raises:
         OpticsError: the initial camera does not show all corners.
@@ -259,7 +262,7 @@ def adjust(
 def _camera_jacobian(
     parameters: ParameterVector[ParametricCamera], vector: Floats, points: Floats
 ) -> Floats:
-    """Derivatives (n, 2, p) of the corners' pixels by the camera's free numbers."""
+    """Derivatives (n, 2, p) of the corners' pixels by the camera's free parameters."""
     jacobian = np.zeros((len(points), 2, len(vector)))
     middle = parameters.camera(vector).pixel_from_ray(points).positions_px
     for index, value in enumerate(vector):
@@ -299,7 +302,7 @@ def _point_jacobian(camera: ParametricCamera, points: Floats) -> Floats:
 
 
 def _solve(blocks: _Blocks, damping: float) -> tuple[Floats, Floats]:
-    """Step (c,) of the common numbers and moves (images, 6) of the poses."""
+    """Step (c,) of the common parameters and moves (images, 6) of the poses."""
     poses = blocks.poses + damping * _diagonal(blocks.poses)
     common = blocks.common + damping * _diagonal(blocks.common)
     weights = np.linalg.solve(poses, blocks.mixed.swapaxes(1, 2))  # (images, 6, c)
@@ -315,7 +318,7 @@ def _solve(blocks: _Blocks, damping: float) -> tuple[Floats, Floats]:
 def _covariance(
     blocks: _Blocks, parameters: ParameterVector[ParametricCamera], vector: Floats
 ) -> Floats:
-    """Covariance (p, p) of the camera's numbers; 0 for those at a bound."""
+    """Covariance (p, p) of the camera's free parameters; 0 for parameters at a bound."""
     inside = (vector > parameters.low) & (vector < parameters.high)
     count = len(vector)
     used = np.concatenate((inside, np.ones(len(blocks.common) - count, dtype=bool)))
@@ -337,6 +340,6 @@ def _scale(matrix: Floats) -> Floats:
 
 
 def _diagonal(matrices: Floats) -> Floats:
-    """Matrices (..., n, n) with nothing but the diagonals of others."""
+    """Matrices (..., n, n) with all elements off the diagonal set to 0."""
     diagonal: Floats = np.eye(matrices.shape[-1]) * matrices
     return diagonal

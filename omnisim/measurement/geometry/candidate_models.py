@@ -35,8 +35,8 @@ class Candidate(NamedTuple):
 
     Attributes:
         name: model, or `PINHOLE`.
-        parameters: its free numbers, at the fitted camera.
-        fit: fitted camera with the boards.
+        parameters: free parameters of the model, starting at the fitted camera.
+        fit: fitted camera, poses and shape of the board.
     """
 
     name: str
@@ -47,13 +47,13 @@ class Candidate(NamedTuple):
 def fit_candidate(
     name: str, corners: Corners, first: Adjustment, stiffness_px_per_m: float | None
 ) -> Candidate:
-    """Fit a model, starting from a lens of Kannala and Brandt that fits.
+    """Fit a model, starting from a fitted lens of Kannala and Brandt.
 
     Args:
         name: one of `CANDIDATES`.
         corners: corners in the images.
-        first: that lens, with the boards.
-        stiffness_px_per_m: of the board's shape; None: a flat board.
+        first: fit of the lens of Kannala and Brandt.
+        stiffness_px_per_m: see `adjust`; None: the board's shape is not fitted.
 
     Raises:
         CalibrationError: the model cannot describe this lens.
@@ -70,10 +70,10 @@ def fit_candidate(
 def held_out_errors(
     candidate: Candidate, corners: Corners, stiffness_px_per_m: float | None
 ) -> Floats:
-    """Errors (n, 2) of each corner, by fits that did not see its image.
+    """Errors (n, 2) of each corner, px, in fits without the image of the corner.
 
-    The images are left out in turn, a fifth of them at a time; only the pose of the board in a
-    left-out image is fitted to it.
+    The images are left out in turn, a fifth of them at a time. In a left-out image, only the pose
+    of the board is fitted.
 
     Raises:
         OpticsError: a fit to the other images does not show a left-out board.
@@ -93,7 +93,7 @@ def held_out_errors(
 
 
 def select_images(corners: Corners, chosen: NDArray[np.bool_]) -> Corners:
-    """Corners in some of the images (images,)."""
+    """Corners in the images chosen by a mask (images,)."""
     rows = chosen[corners.image]
     counts = np.diff(corners.starts)[chosen]
     image = np.repeat(np.arange(len(counts)), counts)
@@ -109,7 +109,7 @@ def widest_angle_rad(fit: Adjustment, corners: Corners) -> float:
 
 
 def _first_camera(name: str, first: Adjustment, corners: Corners) -> ParametricCamera:
-    """Camera of a model that is closest to the first lens where there are corners."""
+    """Camera of a model, fitted to the first lens within the angles of the corners."""
     assert isinstance(first.camera, KannalaBrandtCamera)
     if name == KannalaBrandtCamera.model_name:
         return first.camera

@@ -13,7 +13,7 @@ Grid = NDArray[np.float64]  # (rows, columns, 2) positions in the image
 
 
 def cell_areas_px2(grid: Grid) -> NDArray[np.float64]:
-    """Signed areas (rows - 1, columns - 1) of a grid's cells; positive: seen from the front."""
+    """Signed areas (rows - 1, columns - 1) of a grid's cells, px²; positive: front side seen."""
     first, second = grid[1:, 1:] - grid[:-1, :-1], grid[1:, :-1] - grid[:-1, 1:]
     areas: NDArray[np.float64] = 0.5 * (
         first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
@@ -103,6 +103,6 @@ def _square_levels(image: NDArray[np.uint8], grid: Grid) -> NDArray[np.float32]:
 
 
 def _signs(shape: tuple[int, ...]) -> NDArray[np.float64]:
-    """1 and -1 in turn, as the squares of a chessboard of a shape (rows, columns)."""
+    """1 and -1 alternately, as the squares of a chessboard of shape (rows, columns)."""
     signs: NDArray[np.float64] = 1.0 - 2.0 * (np.indices(shape).sum(axis=0) % 2)
     return signs

@@ -26,11 +26,11 @@ def initial_adjustment(views: Sequence[BoardView], size_px: tuple[int, int]) -> 
     """Lens of Kannala and Brandt that fits the corners, with the poses of the boards.
 
     Args:
-        views: boards.
+        views: the board in each image.
         size_px: width and height of the images.
 
     Raises:
-        MeasurementError: no lens fits.
+        MeasurementError: no lens fits the corners.
     """
     center = 0.5 * (size_px[0] - 1.0), 0.5 * (size_px[1] - 1.0)
     radius = max(np.linalg.norm(view.pixels_px - center, axis=1).max() for view in views)
@@ -63,7 +63,7 @@ def initial_adjustment(views: Sequence[BoardView], size_px: tuple[int, int]) -> 
 
 
 def _directions(camera: KannalaBrandtCamera, view: BoardView) -> NDArray[np.float64]:
-    """Directions (n, 3) of a view's corners by an equidistant lens, also beyond its image."""
+    """Directions (n, 3) of a view's corners through an equidistant lens, optical frame."""
     offsets = (view.pixels_px - camera.principal_point_px) / camera.focal_lengths_px
     theta = np.linalg.norm(offsets, axis=1, keepdims=True)
     across = offsets * np.sinc(theta / math.pi)
@@ -75,7 +75,7 @@ def _first_pose(camera: KannalaBrandtCamera, view: BoardView) -> NDArray[np.floa
 
 
 def _first_residual_px(camera: KannalaBrandtCamera, view: BoardView) -> float:
-    """Root mean square of a board's angular errors, px along the radius."""
+    """Root mean square of a board's angular errors, times the focal length, px."""
     pose = _first_pose(camera, view)
     predicted = view.points_3d_m @ pose[:3, :3].T + pose[:3, 3]
     predicted /= np.linalg.norm(predicted, axis=1, keepdims=True)

@@ -47,10 +47,11 @@ class ModelResult:
 
     Attributes:
         name: model.
-        parameters: number of free numbers.
-        rms_px: root mean square distance of the corners from their predictions.
-        held_out_rms_px: likewise, in images that the fit did not see; NaN: the fit is far off.
-        reason: why the model cannot describe the lens; "": it can.
+        parameters: number of free parameters; 0: the model could not be fitted.
+        rms_px: root mean square distance of the corners from their predictions; NaN: no fit.
+        held_out_rms_px: likewise, in images that were left out of the fit; NaN: not measured, as
+            the model does not fit, or does not show all corners.
+        reason: why the model cannot describe the lens; "": the model describes the lens.
     """
 
     name: str
@@ -68,15 +69,15 @@ class MeasuredGeometry:
         camera: camera with the chosen model.
         model: name of the chosen model.
         models: all models, the best on held-out images first.
-        views: the board in the images that were used.
-        poses: (images, 4, 4) poses optical_from_board of the lens, whose rays a mirror reflects.
-        board_m: (corners, 3) the board's corners as measured; z = 0 for a board taken as flat.
+        views: the board in each used image.
+        poses: (images, 4, 4) optical_from_board; of the lens, not of its mirror image, if mirrored.
+        board_m: (corners, 3) measured positions of the board's corners; z = 0 for a flat board.
         errors_px: (n, 2) measured minus predicted corners of all views, one after the other.
-        held_out_rms_px: root mean square error in images that the fit did not see; NaN: no fit to
-            the others reaches all their corners.
+        held_out_rms_px: root mean square error in images that were left out of the fit; NaN: no
+            such fit shows all corners of the left-out images.
         rejected: images that were not used.
         quantities: parameters of the camera.
-        unseen: what the images do not determine.
+        unseen: quantities that the images do not determine.
     """
 
     camera: CentralCamera
@@ -107,9 +108,9 @@ def measure_geometry(
 ) -> MeasuredGeometry:
     """Measure a camera's model from a board in several images.
 
-    All models are fitted with the poses of the board and, if that predicts left-out images better,
-    with the shape of the board, which is never quite flat. The model with the fewest numbers is
-    chosen among those that predict left-out images as well as the best one.
+    All models are fitted together with the poses of the board. The shape of the board, which is
+    never quite flat, is fitted, too, if that predicts left-out images better. Of the models that
+    predict left-out images as well as the best one, the one with the fewest parameters is chosen.
 
     Args:
         views: the board in each image.
@@ -168,7 +169,7 @@ def measure_geometry(
 
 
 def _without_copies(views: Sequence[BoardView]) -> tuple[list[BoardView], list[RejectedImage]]:
-    """Views, without those whose corners are another one's to the last bit."""
+    """Views without duplicates (bit-identical corners), and the rejected images."""
     known: dict[bytes, str] = {}
     used, rejected = [], []
     for view in views:
@@ -183,10 +184,11 @@ def _without_copies(views: Sequence[BoardView]) -> tuple[list[BoardView], list[R
 def _without_outliers(
     views: list[BoardView], size_px: tuple[int, int]
 ) -> tuple[list[BoardView], list[RejectedImage], Adjustment]:
-    """Views that one lens fits, those that it does not fit, and the lens.
+    """Views that one lens fits, rejected images, and the fit of the lens.
 
     Raises:
-        MeasurementError: too few views are left.
+        MeasurementError: too few views are left, too many are rejected, or a corner is an outlier
+            in most images.
     """
     rejected: list[RejectedImage] = []
     count = len(views)
@@ -218,10 +220,14 @@ def _without_outliers(
 
 
 def _check_board(is_outlier: NDArray[np.bool_], corners: Corners) -> None:
-    """Reject a board whose corner is an outlier (n,) in most images.
+    """Reject a board with a corner that is an outlier in most images.
+
+    Args:
+        is_outlier: (n,) True for outliers.
+        corners: corners in the images.
 
     Raises:
-        MeasurementError: naming the corner.
+        MeasurementError: a corner is an outlier in more than half of its images.
     """
     seen = np.bincount(corners.label, minlength=len(corners.nominal_m))
     off = np.bincount(corners.label[is_outlier], minlength=len(corners.nominal_m))
@@ -240,7 +246,7 @@ def _without_corners(
     corners: Corners,
     rejected: list[RejectedImage],
 ) -> list[BoardView]:
-    """Views without some corners (n,); those with too few left are rejected."""
+    """Views without outliers; views with too few corners left are appended to `rejected`."""
     kept = []
     for index, view in enumerate(views):
         is_used = ~is_outlier[slice(*corners.starts[index : index + 2])]
@@ -256,7 +262,7 @@ def _check_focal(first: Adjustment) -> None:
     """Reject boards that do not determine the focal length.
 
     Raises:
-        MeasurementError: its standard deviation is too large.
+        MeasurementError: the standard deviation of the focal length is too large.
     """
     sigma = float(first.unit_sigmas[0]) * first.rms_px
     focal = float(first.camera.parameters()["focal_lengths_px"][0])  # type: ignore[arg-type, index]
@@ -272,9 +278,9 @@ def _check_focal(first: Adjustment) -> None:
 def _with_shape(
     views: list[BoardView], first: Adjustment, spacing_m: float
 ) -> tuple[list[BoardView], Adjustment, float | None]:
-    """Views, lens and stiffness of the board, if its shape predicts left-out images better.
+    """Views, fit of the lens, and stiffness of the board in px per m; None: flat predicts better.
 
-    A chessboard that looks the same after half a turn is turned where its shape fits better so.
+    A shape is fitted only if it predicts left-out images better than a flat board.
     """
     corners = Corners.of(views)
     parameters = fit_candidate("kannala_brandt", corners, first, None).parameters
@@ -293,10 +299,10 @@ def _with_shape(
 def _candidates(
     models: Sequence[str], corners: Corners, first: Adjustment, stiffness: float | None
 ) -> tuple[list[Candidate], list[ModelResult]]:
-    """Fitted models, and results of those that cannot be fitted.
+    """Fitted models, and results of the models that cannot be fitted.
 
     Raises:
-        MeasurementError: none can.
+        MeasurementError: no model can be fitted.
     """
     fitted, failed = [], []
     for name in models:
@@ -313,10 +319,10 @@ def _candidates(
 
 
 def _check_determined(candidate: Candidate) -> None:
-    """Reject a model whose numbers are not determined by the corners one by one.
+    """Reject a model whose focal lengths the corners do not determine separately.
 
     Raises:
-        CalibrationError: naming the number.
+        CalibrationError: the standard deviation of a focal length is too large.
     """
     parameters, fit = candidate.parameters, candidate.fit
     sigmas = fit.unit_sigmas * fit.rms_px
@@ -327,7 +333,7 @@ def _check_determined(candidate: Candidate) -> None:
 
 
 def _held_out(candidate: Candidate, corners: Corners, stiffness: float | None) -> Floats | None:
-    """Errors in left-out images, or None if the model shows them not all."""
+    """Errors (n, 2) in left-out images, px; None: a fit does not show all their corners."""
     try:
         return held_out_errors(candidate, corners, stiffness)
     except OpticsError:
@@ -337,10 +343,10 @@ def _held_out(candidate: Candidate, corners: Corners, stiffness: float | None) -
 def _chosen(
     candidates: Sequence[Candidate], errors: Mapping[str, Floats], corners: Corners
 ) -> Candidate:
-    """Model with the fewest numbers among those as good as the best one on left-out images.
+    """Model with the fewest parameters among those as good as the best one on left-out images.
 
-    As good: the images' mean squared errors are larger by less than the standard deviation of the
-    mean difference.
+    A model is as good if its mean squared error exceeds the best one's by at most the standard
+    deviation of the mean difference, over the images.
 
     Source: the one-standard-error rule, Hastie, Tibshirani & Friedman, The Elements of Statistical
         Learning (2009), 7.10.
@@ -362,10 +368,10 @@ def _chosen(
 
 
 def _check_shape(shape_m: Floats, spacing_m: float, corners: Corners) -> None:
-    """Reject a board whose corners are far from their places in all images.
+    """Reject a board whose fitted shape is far from its nominal shape.
 
     Raises:
-        MeasurementError: naming the worst corner.
+        MeasurementError: a corner's offset in the plane is too large.
     """
     offsets = np.linalg.norm(shape_m[:, :2], axis=1)
     worst = int(np.argmax(offsets))
@@ -405,7 +411,7 @@ def _unit(label: str, chosen: Candidate) -> str:
 
 
 def _unseen(fit: Adjustment, corners: Corners, is_held_out: bool) -> tuple[Unseen, ...]:
-    """Field outside the corners, and the error in other images if no fit reaches them."""
+    """Unseen quantities: the field beyond the corners, and the held-out error if not measured."""
     unseen = []
     if not is_held_out:
         reason = (
@@ -430,7 +436,7 @@ def _unseen(fit: Adjustment, corners: Corners, is_held_out: bool) -> tuple[Unsee
 
 
 def _spacing_m(nominal_m: Floats) -> float:
-    """Smallest distance between corners of a board."""
+    """Smallest distance between two corners of a board, m."""
     distances = np.linalg.norm(nominal_m[:, None] - nominal_m, axis=2)
     np.fill_diagonal(distances, np.inf)
     return float(distances.min())

@@ -31,7 +31,7 @@ class FrameSet:
     """Frames of one exposure.
 
     Attributes:
-        folder: their folder.
+        folder: folder of the frames.
         exposure_s: exposure time.
         files: image files, sorted by name.
     """
@@ -45,8 +45,8 @@ def find_frame_sets(folder: Path, is_lossy_allowed: bool = False) -> list[FrameS
     """Find the frames of a folder with one folder per exposure, such as `2.5ms` or `1ms-bright`.
 
     Args:
-        folder: folder of folders.
-        is_lossy_allowed: True for means, which JPEG keeps; it does not keep noise.
+        folder: folder with one folder per exposure.
+        is_lossy_allowed: accept JPEG and WebP, which preserve mean values but not noise.
 
     Raises:
         MeasurementError: the folder is missing or empty, a folder is not named by an exposure
@@ -81,8 +81,8 @@ def read_statistics(frames: FrameSet) -> FrameStatistics:
     """Statistics of the frames of one exposure.
 
     Raises:
-        MeasurementError: a file that is damaged, or no raw image of one channel and 8 or 16 bits;
-            too few frames, or frames of several sizes.
+        MeasurementError: a damaged file, a file that is not a raw image of one channel and 8 or 16
+            bits, too few frames, or frames of several sizes.
     """
     return frame_statistics(_read(frames), frames.exposure_s, str(frames.folder))
 

@@ -29,7 +29,7 @@ class FrameStatistics:
         count: number of frames.
         mean_image_dn: (height, width) mean of the frames.
         variance_dn2: temporal variance, mean over the pixels, without the drift of the light.
-        maximum_dn: largest value of all frames.
+        maximum_dn: largest value in any frame.
         clipped: share of values that equal `maximum_dn`.
         zeros: share of values that are 0.
         bits: bitwise OR of all values.
@@ -71,15 +71,15 @@ class FrameStatistics:
 def frame_statistics(
     frames: Iterable[NDArray[Any]], exposure_s: float, name: str = "frames"
 ) -> FrameStatistics:
-    """Statistics of frames (height, width) of unsigned integers.
+    """Statistics of frames (height, width) of unsigned integers, taken at one exposure.
 
     Args:
         frames: at least two; only one is in memory at a time.
         exposure_s: exposure time of the frames.
-        name: their name in messages.
+        name: name of the frames, for messages.
 
     Raises:
-        MeasurementError: fewer frames, or frames of several sizes.
+        MeasurementError: fewer than two frames, or frames of several sizes.
     """
     total = squares = np.zeros((0, 0), dtype=np.int64)
     means: list[float] = []

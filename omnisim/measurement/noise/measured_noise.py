@@ -44,14 +44,14 @@ class MeasuredNoise:
     """Noise of a camera.
 
     Attributes:
-        noise: parameters of the sensor file, without the pattern.
+        noise: noise parameters for the sensor file, without the pattern.
         quantities: measured quantities with their standard deviations.
         unseen: quantities that the frames do not determine.
         curve: photon transfer curve.
         pattern: (height, width, 2) float32: deviation of each pixel's gain as a share, and of its
             dark signal in electrons; None: too few frames.
         defects: (n, 2) row and column of defective pixels.
-        exposure_s: exposure time of the frames that the pattern is measured from.
+        exposure_s: exposure time of the frames used to measure the pattern.
     """
 
     noise: Noise
@@ -74,9 +74,10 @@ def measure_noise(
 
     Args:
         darks: dark frames, at one exposure or more.
-        flats: evenly lit frames at three levels or more, from a quarter of the brightest down.
-        bit_depth: bits of the converter; None: those that the values use.
-        mosaic: the frames are a Bayer mosaic.
+        flats: evenly lit frames at three levels or more; the brightest level below 70 % of
+            saturation must be at least four times the darkest.
+        bit_depth: bits of the converter; None: the number of bits that the values use.
+        mosaic: the frames have a Bayer mosaic.
 
     Raises:
         MeasurementError: no frames, several sizes, dark frames that are clipped or lit, flats that
@@ -111,7 +112,7 @@ def measure_noise(
 def _aligned(
     darks: Sequence[FrameStatistics], flats: Sequence[FrameStatistics], bit_depth: int | None
 ) -> tuple[list[FrameStatistics], list[FrameStatistics], int]:
-    """Statistics in steps of the converter, and its bits."""
+    """Statistics in units of the converter's steps, and the converter's number of bits."""
     everything = [*darks, *flats]
     first = everything[0]
     bits = 0
@@ -158,7 +159,7 @@ def _check_dark(dark: FrameStatistics, largest_dn: float) -> None:
 
 
 def _block_means(image: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Means of 8 × 8 blocks, or of as many as the image has."""
+    """Means of 8 × 8 equal blocks of an image; of fewer if it has fewer rows or columns."""
     rows, columns = (min(_LEAK_BLOCKS, size) for size in image.shape)
     return np.array(
         [
@@ -171,7 +172,7 @@ def _block_means(image: NDArray[np.float64]) -> NDArray[np.float64]:
 def _flat_stack(
     flats: Sequence[FrameStatistics], dark: DarkSignal, curve: PhotonTransfer
 ) -> FrameStatistics | None:
-    """Flat field for the pattern: of those with enough frames the one nearest to 50 %."""
+    """Flat field for the pattern: enough frames, nearest to 50 % of saturation; None: none."""
     brightest = max(one.mean_dn for one in flats)
     end_dn = brightest if curve.saturation_dn is None else curve.saturation_dn
     stacks = [one for one in flats if one.count >= MIN_FRAMES and one.mean_dn < 0.9 * end_dn]
@@ -193,7 +194,7 @@ class _Collector:
         self.defects = np.zeros((0, 2), dtype=np.int64)
 
     def gain(self) -> None:
-        """Gain of the converter."""
+        """Measure the gain of the converter."""
         levels = int(self._curve.used.sum())
         self._add(
             "gain_e_per_dn", self._gain, self._gain * self._gain_share, "e/DN",
@@ -201,7 +202,7 @@ class _Collector:
         )  # fmt: skip
 
     def dark(self) -> None:
-        """Black level, dark current and read noise."""
+        """Measure black level, dark current and read noise."""
         dark, gain = self._dark, self._gain
         count = sum(one.count for one in dark.frames)
         black = dark.black_dn
@@ -247,7 +248,7 @@ class _Collector:
         self._add("read_noise_e", gain * read_dn, sigma, "e", f"temporal variance of {frames}")
 
     def saturation(self) -> None:
-        """Saturation capacity: of the pixels' wells, or of the converter if that is less."""
+        """Measure the saturation capacity: of the pixel's well or the converter, the smaller."""
         end_dn = self._curve.saturation_dn
         if end_dn is None:
             brightest = float(self._curve.means_dn.max())
@@ -267,7 +268,7 @@ class _Collector:
         self._add("full_well_e", well_e, well_e * self._gain_share, "e", basis)
 
     def pattern(self, dark: FrameStatistics, flat: FrameStatistics | None) -> None:
-        """Nonuniformities, their map, and defective pixels."""
+        """Measure both nonuniformities and the map of deviations, and find defective pixels."""
         few = f"take {MIN_FRAMES} frames or more"
         if dark.count < MIN_FRAMES:
             self.unseen += [Unseen("dsnu_e", f"{few} in the dark"), Unseen("prnu", few)]

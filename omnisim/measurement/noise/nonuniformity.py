@@ -1,7 +1,7 @@
 """Fixed pattern of a sensor, from mean images of many dark frames and flat fields.
 
-Source: EMVA Standard 1288, release 4.0, section 8: spatial variances, without what is left of the
-temporal noise in a mean image, in parts of rows, columns and pixels.
+Source: EMVA Standard 1288, release 4.0, section 8: spatial variance split into row, column and
+pixel variances, after subtracting the temporal noise that remains in a mean image.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ class Nonuniformity:
     """Spatial variation of a mean image, temporal noise removed.
 
     Attributes:
-        total, row, column, pixel: standard deviations; row and column are of the means of whole
-            rows and columns, and pixel is the rest.
-        sigma: standard deviation of `total`.
-        defects: (n, 2) row and column of pixels far from the others.
+        total, row, column, pixel: standard deviations: of all pixels, of the row means, of the
+            column means, and of the rest.
+        sigma: uncertainty of `total` (standard deviation).
+        defects: (n, 2) row and column of pixels more than 8 standard deviations off the median.
         pattern: (height, width) deviations from the mean.
     """
 
@@ -53,9 +53,9 @@ def photo_response_nonuniformity(
 
     Args:
         flat: flat field.
-        stack: dark frames of the same sensor, whose pattern is subtracted.
+        stack: dark frames of the same sensor; their pattern is subtracted.
         dark: dark signal by exposure.
-        mosaic: the four colors of a Bayer mosaic have means of their own.
+        mosaic: the frames have a Bayer mosaic; the mean of each of its four colors is subtracted.
     """
     offset = dark.mean_dn(flat.exposure_s) - stack.mean_dn
     signal = flat.mean_image_dn - stack.mean_image_dn - offset
@@ -71,7 +71,7 @@ def photo_response_nonuniformity(
 
 
 def _nonuniformity(deviations: NDArray[np.float64], temporal: float) -> Nonuniformity:
-    """Nonuniformity of a mean image whose temporal noise has the variance `temporal`."""
+    """Nonuniformity of a mean image's deviations; `temporal` is the variance of its noise."""
     rows, columns = deviations.shape
     measured = float(deviations.var(ddof=1))
     of_rows = float(deviations.mean(axis=1).var(ddof=1)) - temporal / columns
@@ -96,7 +96,7 @@ def _nonuniformity(deviations: NDArray[np.float64], temporal: float) -> Nonunifo
 
 
 def _trend(signal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Polynomial of the image coordinates closest to an image (height, width)."""
+    """Polynomial of the image coordinates that best fits an image (height, width)."""
     x, y = (
         np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, size), _TREND_DEGREE)
         for size in signal.shape[::-1]

@@ -33,8 +33,9 @@ class DarkSignal:
     """Dark frames by exposure: mean = black_dn + rate_dn_per_s · exposure.
 
     Attributes:
-        black_dn, black_sigma_dn: mean of a frame without exposure.
-        rate_dn_per_s, rate_sigma_dn_per_s: growth of the mean; 0 and infinite for one exposure.
+        black_dn, black_sigma_dn: mean of a frame of zero exposure, and its standard deviation.
+        rate_dn_per_s, rate_sigma_dn_per_s: growth of the mean, and its standard deviation; 0 and
+            infinite for one exposure.
         frames: statistics of the dark frames.
     """
 
@@ -45,20 +46,20 @@ class DarkSignal:
     frames: tuple[FrameStatistics, ...]
 
     def mean_dn(self, exposure_s: float) -> float:
-        """Mean dark value at an exposure: that of the frames, or of the line through all."""
+        """Mean dark value at an exposure: of frames with that exposure, else by the line."""
         for one in self.frames:
             if np.isclose(one.exposure_s, exposure_s, rtol=1e-6):
                 return one.mean_dn
         return self.black_dn + self.rate_dn_per_s * exposure_s
 
     def variance_dn2(self, exposure_s: float) -> float:
-        """Temporal variance of the dark frames whose exposure is nearest."""
+        """Temporal variance of the dark frames whose exposure is nearest to `exposure_s`."""
         nearest = min(self.frames, key=lambda one: abs(one.exposure_s - exposure_s))
         return nearest.variance_dn2
 
 
 def dark_signal(darks: Sequence[FrameStatistics]) -> DarkSignal:
-    """Line through the means of dark frames, weighted by their precision."""
+    """Fit a line to the means of dark frames over exposure, weighted by their precision."""
     times = np.array([one.exposure_s for one in darks])
     means = np.array([one.mean_dn for one in darks])
     pixels = np.array([one.mean_image_dn.size * one.count for one in darks])
@@ -78,7 +79,7 @@ class PhotonTransfer:
     Attributes:
         means_dn, variances_dn2: (levels,) means and variances, minus those of the dark frames.
         used: (levels,) True: the level is part of the fit.
-        gain_dn_per_e, gain_sigma_dn_per_e: slope, and its standard deviation.
+        gain_dn_per_e, gain_sigma_dn_per_e: slope of the curve, and its standard deviation.
         saturation_dn: mean of the brightest saturated level; None: no level saturates.
     """
 
@@ -126,7 +127,7 @@ def photon_transfer(flats: Sequence[FrameStatistics], dark: DarkSignal) -> Photo
 
 
 def _clipped(flats: Sequence[FrameStatistics], clipped: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """True where more values than noise explains are at the largest number of all frames."""
+    """True (levels,) where too many values equal the largest value of all frames."""
     largest = max(one.maximum_dn for one in flats)
     at_end = np.array([one.maximum_dn >= largest for one in flats])
     return at_end & (clipped > MAX_CLIPPED)
@@ -153,7 +154,7 @@ def _check(
 
 
 def _check_linear(times: NDArray[np.float64], means: NDArray[np.float64]) -> None:
-    """Refuse means that are no constant rate of exposure, if the exposure times differ."""
+    """Reject means that are not proportional to the exposure time, if there are three times."""
     if len(np.unique(times)) < MIN_LEVELS:
         return
     exponent = float(np.polyfit(np.log(times), np.log(means), 1)[0])

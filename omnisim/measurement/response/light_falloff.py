@@ -31,10 +31,10 @@ class MeasuredVignetting:
     """Vignetting measured from a flat field.
 
     Attributes:
-        vignetting: the effect of the sensor file.
-        quantities: its coefficients, and the relative light at the edge of the fit.
-        gradient: (2,) change of the light itself across the image's width and height.
-        residual: root mean square share of the light that is left.
+        vignetting: degradation for the sensor file, with the fitted coefficients.
+        quantities: the coefficients, and the relative light at the largest fitted radius.
+        gradient: (2,) relative change of the illumination over the image's width and height.
+        residual: root mean square error of the fit, as a share of the light in the middle.
         middle: light in the middle of the image, in the units of the flat field.
         radii, light, fitted: (blocks,) radius in units of half the shorter side, relative light
             without the gradient, and the fitted polynomial.
@@ -55,8 +55,8 @@ def measure_vignetting(
 ) -> MeasuredVignetting:
     """Measure vignetting from the mean of flat fields.
 
-    Blocks of 8 x 8 px count once; those that differ from the fit by more than four standard
-    deviations, such as dust, do not count.
+    Fits the mean light of blocks of 8 × 8 px. Blocks that differ from the fit by more than four
+    standard deviations, such as dust, are ignored.
 
     Args:
         flat: (height, width) linear light, without black level; NaN: invalid.
@@ -64,7 +64,8 @@ def measure_vignetting(
         name: name of the images, for messages.
 
     Raises:
-        MeasurementError: no light, or light that no vignetting explains.
+        MeasurementError: no light, light that changes by more than 25 % across the image, or light
+            that vignetting does not explain.
     """
     height, width = flat.shape
     center = center_px or (0.5 * (width - 1.0), 0.5 * (height - 1.0))
@@ -122,10 +123,10 @@ class _Fit(NamedTuple):
 
     Attributes:
         solution: (terms,) coefficients, from r⁰.
-        gradient: (2,) of the light.
-        is_kept: (blocks,) blocks that count.
-        residuals: (blocks,).
-        rms: root mean square of the residuals that count.
+        gradient: (2,) relative change of the light over the image's width and height.
+        is_kept: (blocks,) False: outliers.
+        residuals: (blocks,) measured minus fitted light.
+        rms: root mean square of the residuals of the kept blocks.
     """
 
     solution: Floats
@@ -136,14 +137,14 @@ class _Fit(NamedTuple):
 
 
 def _fit(light: Floats, squared: Floats, offsets: Floats, count: int, brightest: float) -> _Fit:
-    """Fit (a + b r² + c r⁴ + …) (1 + g · (x, y)) in turn, without outliers.
+    """Fit (a + b r² + c r⁴ + …) (1 + g · (x, y)): polynomial and g alternately, no outliers.
 
     Args:
         light: (blocks,) light.
-        squared: (blocks,) squared radius.
-        offsets: (blocks, 2) x and y.
-        count: number of coefficients of the radius.
-        brightest: light that counts as full.
+        squared: (blocks,) squared radius, in units of half the shorter side.
+        offsets: (blocks, 2) x and y from the center, as shares of the image's width and height.
+        count: number of powers of r², without the constant.
+        brightest: light of the brightest blocks.
     """
     terms = squared[:, None] ** np.arange(count + 1)
     is_kept: NDArray[np.bool_] = np.ones(len(light), dtype=bool)
@@ -173,10 +174,11 @@ def _blocks(flat: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _check(name: str, residual: float, gradient: Floats, kept: float) -> None:
-    """Reject a surface that is not evenly lit.
+    """Reject a surface that is not evenly lit; `kept` is the share of blocks without outliers.
 
     Raises:
-        MeasurementError: saying by how much.
+        MeasurementError: the gradient or the residual is too large, or too many blocks are
+            outliers.
     """
     change = float(np.abs(gradient).max())
     if change > MAX_GRADIENT:
@@ -192,7 +194,7 @@ def _check(name: str, residual: float, gradient: Floats, kept: float) -> None:
 
 
 def _sigmas(design: Floats, residuals: Floats) -> Floats:
-    """Standard deviations of a linear fit's numbers."""
+    """Standard deviations of a linear fit's parameters."""
     freedom = max(len(residuals) - design.shape[1], 1)
     scale = np.linalg.norm(design, axis=0)
     inverse = np.linalg.pinv((design / scale).T @ (design / scale))

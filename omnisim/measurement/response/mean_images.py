@@ -1,4 +1,4 @@
-"""Means of images of an unmoved scene."""
+"""Mean of images of a static scene."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ def mean_image(files: Sequence[Path], channel: int) -> tuple[NDArray[np.float64]
         channel: index of the channel; gray images have only one.
 
     Raises:
-        MeasurementError: a file that cannot be read, images of several sizes or bit depths, or no
-            file.
+        MeasurementError: a file that cannot be read, a bit depth other than 8 or 16, images of
+            several sizes or bit depths, or no file.
     """
     if not files:
         raise MeasurementError("expected images, got none")
@@ -50,10 +50,15 @@ def mean_image(files: Sequence[Path], channel: int) -> tuple[NDArray[np.float64]
 
 
 def check_unclipped(flat: NDArray[np.float64], largest: float, name: str) -> None:
-    """Reject flat fields that are white in places.
+    """Reject a flat field with too many white pixels.
+
+    Args:
+        flat: (height, width) mean of the images.
+        largest: level of white.
+        name: name of the images, for messages.
 
     Raises:
-        MeasurementError: saying how much of them.
+        MeasurementError: more than 1 % of the pixels are white.
     """
     clipped = float(np.mean(flat >= 0.995 * largest))
     if clipped > MAX_CLIPPED:

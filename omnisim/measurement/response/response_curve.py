@@ -1,8 +1,8 @@
 """Response of a camera: from light to levels, from images of one scene by exposure time.
 
-A pixel's light is the same in all images, so that its levels at two exposure times tell the ratio
-of the response at lights of a known ratio. Named transfer functions are compared with the images
-first; if none of them is the camera's, a curve is solved for.
+The scene is static, so the light that a pixel collects is proportional to the exposure time, and
+its levels are the response to lights of known ratios. Named transfer functions are compared with
+the images first; if none of them fits, a curve is solved for.
 
 Source: Debevec & Malik, "Recovering high dynamic range radiance maps from photographs" (1997).
 """
@@ -39,9 +39,10 @@ class MeasuredResponse:
 
     Attributes:
         encoding: named transfer function, or a curve.
-        quantities: the exponent, and the errors.
+        quantities: exponent of the best power function, and error of `encoding`.
         errors: root mean square error of each function, as a share of full scale, by name.
-        light, levels: (n,) solved curve: lights, as shares of the white one, and their levels.
+        light, levels: (n,) solved curve: light as a share of the light of white, and the level
+            in [0, 1].
     """
 
     encoding: Encoding
@@ -61,7 +62,8 @@ def measure_response(
     """Measure the response of a camera.
 
     Args:
-        images: (height, width) levels of an unmoved scene, an image or a mean per exposure time.
+        images: for each exposure time, (height, width) levels of a static scene: of one image, or
+            the mean of several.
         exposures_s: exposure times.
         black_dn: level without light.
         white_dn: largest level.
@@ -122,7 +124,7 @@ def measure_response(
 
 
 def _sample(image: NDArray[Any]) -> Floats:
-    """Pixels of an image, evenly spread."""
+    """Evenly spread pixels of an image, at most 20 000."""
     step = max(1, math.ceil(image.size / MAX_PIXELS))
     return image.reshape(-1)[::step].astype(np.float64)
 
@@ -145,7 +147,14 @@ def _check_order(levels: Floats, times: Floats, name: str) -> None:
 def _predicted(
     inverse: Callable[[Floats], Floats], levels: Floats, times: Floats, used: NDArray[np.bool_]
 ) -> Floats:
-    """Light (images, pixels) at each exposure, from a pixel's mean light in all images."""
+    """Light (images, pixels) expected at each exposure time, from each pixel's mean per second.
+
+    Args:
+        inverse: inverse response, from levels to light.
+        levels: (images, pixels) levels in [0, 1].
+        times: (images,) exposure times, s.
+        used: (images, pixels) False: too dark or too bright.
+    """
     weights = used * times[:, None]
     seen = inverse(levels) * used
     per_second = seen.sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-30)
@@ -156,7 +165,7 @@ def _predicted(
 def _error(
     inverse: Callable[[Floats], Floats], levels: Floats, times: Floats, used: NDArray[np.bool_]
 ) -> float:
-    """Root mean square error of the levels by an inverse response, as a share of full scale."""
+    """Root mean square error of the levels predicted with an inverse response, of full scale 1."""
     light = _predicted(inverse, levels, times, used)
     # back to levels along the inverse's slope
     grid = np.linspace(0.0, 1.0, 2049)
@@ -174,7 +183,7 @@ def _best_gamma(levels: Floats, times: Floats, used: NDArray[np.bool_]) -> float
 
 
 def _gamma_sigma(levels: Floats, times: Floats, used: NDArray[np.bool_], gamma: float) -> float:
-    """Standard deviation of the exponent, from halves of the pixels."""
+    """Standard deviation of the exponent, from eighths of the pixels; NaN: too few pixels."""
     parts = [
         _best_gamma(levels[:, start::8], times, used[:, start::8])
         for start in range(8)
@@ -184,7 +193,7 @@ def _gamma_sigma(levels: Floats, times: Floats, used: NDArray[np.bool_], gamma: 
 
 
 def _simplest(errors: dict[str, float]) -> str:
-    """Function with the smallest error; a simpler one where it is nearly as good."""
+    """Name of the function with the smallest error, or of a simpler one that is nearly as good."""
     for name in ("linear", "srgb"):
         if errors[name] <= 1.05 * min(errors["gamma"], errors[name]) + 2e-4:
             break
@@ -195,10 +204,10 @@ def _simplest(errors: dict[str, float]) -> str:
 
 
 def _solved_curve(levels: Floats, times: Floats, used: NDArray[np.bool_]) -> tuple[Floats, Floats]:
-    """Knots (n,) from level 0 to 1, and the light of each, 1 at the last.
+    """Levels (n,) of the knots, from 0 to 1, and their light (n,), 1 at the last knot.
 
-    The logarithm of the light is that of the level plus a function that is linear between knots.
-    Each pixel's own light is eliminated by subtracting the weighted mean of its equations.
+    The logarithm of the light is the logarithm of the level plus a function that is linear between
+    knots. Subtracting the weighted mean of a pixel's equations eliminates that pixel's light.
     """
     knots = np.linspace(0.0, 1.0, _KNOTS) ** 2
     weights = np.where(used, levels, 0.0) ** 2  # noise of a logarithm falls with the level

@@ -38,16 +38,16 @@ class Flaw(Enum):
 
 
 class UnusableEdge(Exception):
-    """Edge with a flaw, which is its only argument."""
+    """Edge that is not measured; the only argument is its `Flaw`."""
 
 
 @dataclass(frozen=True, eq=False)
 class EdgeLine:
-    """Approximate ends of an edge.
+    """Approximate position of an edge.
 
     Attributes:
-        start_px, end_px: (2,) positions (u, v).
-        reach_px: distance to both sides that is free of other edges.
+        start_px, end_px: (2,) positions (u, v) of the ends.
+        reach_px: distance from the edge, to both sides, without other edges.
     """
 
     start_px: Floats
@@ -62,11 +62,12 @@ class FittedEdge:
     Attributes:
         center_px: (2,) point on the edge, in the middle of its length.
         normal: (2,) unit vector from the dark to the bright side at `center_px`.
-        length_px, reach_px: length, and largest distance of the pixels.
-        slant_deg: angle to the nearer of rows and columns.
+        length_px, reach_px: length of the edge, and largest distance of a pixel from it.
+        slant_deg: angle to the pixel rows or columns, whichever is smaller.
         distances_px: (n,) signed distance of each pixel's center, positive on the bright side.
         rows, columns: (n,) indices of the pixels.
-        contrast, noise: difference between the two sides, and standard deviation of a pixel.
+        contrast, noise: difference between the two sides, and standard deviation of a pixel's
+            value; 1: white.
     """
 
     center_px: Floats
@@ -132,7 +133,11 @@ def fit_edge(light: Floats, clipped: NDArray[np.bool_], line: EdgeLine) -> Fitte
 
 
 def _check_slant(direction: Floats) -> float:
-    """Angle of a direction to the nearer of rows and columns, in degrees, if it is large enough."""
+    """Angle of a direction to pixel rows or columns, the smaller, in degrees; rejects small ones.
+
+    Raises:
+        UnusableEdge: the angle is too small.
+    """
     small, large = np.sort(np.abs(direction))
     slant_deg = float(np.degrees(np.arctan2(small, large)))
     if slant_deg < MIN_SLANT_DEG:
@@ -143,7 +148,11 @@ def _check_slant(direction: Floats) -> float:
 def _region(
     shape: tuple[int, ...], middle_px: Floats, along: Floats, length_px: float, reach_px: float
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns of the pixels in a slanted rectangle."""
+    """Rows (n,) and columns (n,) of the pixels in a rectangle along an edge.
+
+    Raises:
+        UnusableEdge: the rectangle extends beyond the image.
+    """
     half = np.abs(along) * 0.5 * length_px + np.abs(along[::-1]) * reach_px
     first = np.ceil(middle_px - half).astype(int)
     last = np.floor(middle_px + half).astype(int)
@@ -159,7 +168,14 @@ def _region(
 def _fit(
     values: Floats, position: Floats, distance: Floats, reach_px: float
 ) -> tuple[Floats, float]:
-    """Low level, step, width and the curve's three coefficients; and the noise of a pixel."""
+    """Dark level, step, width in px and three coefficients of the curve (6,); and a pixel's noise.
+
+    Args:
+        values: (n,) light of the pixels.
+        position: (n,) position along the edge, in [-1, 1].
+        distance: (n,) distance across the edge, px.
+        reach_px: largest distance.
+    """
     low = float(values[distance < -0.5 * reach_px].mean())
     high = float(values[distance > 0.5 * reach_px].mean())
     parameters = np.array((low, high - low, 0.1 * reach_px, 0.0, 0.0, 0.0))
@@ -189,7 +205,11 @@ def _fit(
 def _check_even(
     values: Floats, position: Floats, distances: Floats, step: float, edge_px: float, noise: float
 ) -> None:
-    """Refuse an edge whose sides have other edges or texture."""
+    """Reject an edge if a side has other edges or texture.
+
+    Raises:
+        UnusableEdge: a side is uneven, or the edge is too wide to judge it.
+    """
     for is_side in (distances > edge_px, distances < -edge_px):
         quarter = np.floor(2.0 * (position[is_side] + 1.0)).clip(0.0, 3.0)
         near = distances[is_side] ** 2 < np.median(distances[is_side] ** 2) if is_side.any() else 0

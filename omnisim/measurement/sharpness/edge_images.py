@@ -18,10 +18,10 @@ MIN_BITS = 8
 
 
 def find_edge_images(path: Path) -> list[Path]:
-    """Images in a folder, sorted by name; or an image alone.
+    """Image files in a folder, sorted by name; or the file itself, if `path` is a file.
 
     Raises:
-        MeasurementError: there are none, or files of other formats.
+        MeasurementError: no images, or files of other formats.
     """
     files = [path] if path.is_file() else []
     if path.is_dir():
@@ -62,9 +62,9 @@ def read_edge_image(path: Path, encoding: Encoding | None) -> NDArray[Any]:
 def linear_light(
     pixels: NDArray[Any], encoding: Encoding | None, name: str
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Linear light (height, width, 1 or 3) of stored values; and True (height, width) if clipped.
+    """Linear light (height, width, 1 or 3) of stored values; and a mask of clipped pixels.
 
-    Whole numbers are relative to the largest number of their bits, floats to 1.
+    White is 1 for floats, and the largest number with the same bits for integers.
 
     Args:
         pixels: (height, width) or (height, width, channels) values.
@@ -72,7 +72,7 @@ def linear_light(
         name: file name in messages.
 
     Raises:
-        MeasurementError: another shape or type of numbers, or infinite values.
+        MeasurementError: not one or three channels, or values that are not finite.
     """
     values = pixels[..., None] if pixels.ndim == 2 else pixels
     if values.ndim != 3 or values.shape[2] not in (1, 3):
@@ -92,7 +92,7 @@ def linear_light(
 
 
 def _largest(values: NDArray[Any]) -> int:
-    """Largest number of a converter whose bits the values use, at either end of their 16."""
+    """Largest value of the converter, whose bits may be the upper or lower ones of 16."""
     used = int(np.bitwise_or.reduce(values, axis=None))
     shift = (used & -used).bit_length() - 1 if used else 0
     bits = max((used >> shift).bit_length(), MIN_BITS if shift == 0 else 1)

@@ -1,4 +1,4 @@
-"""Approximate edges of an image: those of a board by its corners, or all straight ones."""
+"""Approximate edges in an image: between the corners of a board, or all straight edges."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def board_edges(board: BoardCorners) -> list[EdgeLine]:
 
 
 def find_edges(light: Floats) -> list[EdgeLine]:
-    """Straight edges of an image (height, width), slanted ones first, then by length.
+    """Straight edges in an image (height, width), slanted edges first, longer ones before shorter.
 
     Source: Grompone von Gioi et al., "LSD: a Line Segment Detector", IPOL, 2012.
     """
@@ -60,7 +60,7 @@ def _pieces(start_px: Floats, end_px: Floats) -> list[EdgeLine]:
 
 
 def _between(start_px: NDArray[np.float64], end_px: NDArray[np.float64]) -> EdgeLine | None:
-    """Edge between two corners, without their surroundings; None: far too short."""
+    """Edge between two corners, shortened at both ends, where the corners blur; None: too short."""
     length = float(np.hypot(*(end_px - start_px)))
     cut = max(_CORNER, _CORNER_PX / max(length, 1e-9))
     if length * (1.0 - 2.0 * cut) <= 1.0:

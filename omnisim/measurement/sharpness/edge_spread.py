@@ -1,8 +1,8 @@
 """Edge spread and modulation transfer of a fitted edge.
 
 Source: ISO 12233:2017, annex D (e-SFR): distances in bins of a quarter of a pixel, derivative,
-window, Fourier transform, correction of the derivative. Here distances are perpendicular to the
-edge, so that edges of all directions are alike, and the width of the bins is corrected, too.
+window, Fourier transform, correction of the derivative. Unlike there, distances are perpendicular
+to the edge, which treats all directions alike, and the width of the bins is corrected for.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ _SMOOTHING_PX = 1.0
 
 @dataclass(frozen=True, eq=False)
 class EdgeSpread:
-    """Edge spread functions of all pixels, and of all but one group.
+    """Edge spread functions of all pixels, and of all pixels without each of the groups.
 
     Attributes:
         distances_px: (bins,) centers of the bins.
-        levels: (1 + GROUPS, bins) from 0, dark, to 1, bright; the first one is of all pixels.
+        levels: (1 + GROUPS, bins) from 0 (dark) to 1 (bright); the first row is of all pixels.
     """
 
     distances_px: Floats
@@ -78,7 +78,7 @@ def modulation_transfer(spread: EdgeSpread, rise_px: float) -> Floats:
 
     Args:
         spread: edge spread functions.
-        rise_px: distance from 10 to 90 %, which the window follows.
+        rise_px: distance from 10 to 90 % of the edge; sets the width of the window.
     """
     distances = np.abs(spread.distances_px)
     first, last = _FLAT * rise_px + 1.0, min(_END * rise_px + 3.0, distances.max())
@@ -96,18 +96,21 @@ def modulation_transfer(spread: EdgeSpread, rise_px: float) -> Floats:
 
 @lru_cache(maxsize=64)
 def _waves(count: int) -> tuple[Floats, Floats]:
-    """Cosines and sines (bins, frequencies) of all frequencies at the centers of bins."""
+    """Cosines and sines (bins, frequencies) of `FREQUENCIES` at the centers of `count` bins."""
     phases = 2.0 * np.pi * np.outer(_centers_px(count), FREQUENCIES)
     return np.cos(phases), np.sin(phases)
 
 
 def _centers_px(count: int) -> Floats:
-    """Centers (bins,) of the bins on both sides of the edge."""
+    """Signed distances (count,) of the bins' centers from the edge, px."""
     return BIN_PX * (np.arange(count, dtype=np.float64) - 0.5 * (count - 1))
 
 
 def _trend(spread: EdgeSpread, edge_px: float) -> Floats:
-    """Slopes (1 + GROUPS,) of uneven light: mean of both sides, farther away than `edge_px`."""
+    """Slopes (1 + GROUPS,) of uneven light, per px: mean of both sides beyond `edge_px`.
+
+    0 if a side is too narrow.
+    """
     slopes = np.zeros(len(spread.levels))
     for is_side in (spread.distances_px > edge_px, spread.distances_px < -edge_px):
         if is_side.sum() * BIN_PX < _MIN_TREND_PX:
@@ -118,7 +121,7 @@ def _trend(spread: EdgeSpread, edge_px: float) -> Floats:
 
 
 def half_modulation(transfer: Floats) -> Floats:
-    """First frequencies (1 + GROUPS,) where the transfer is one half, in cycles per pixel.
+    """Lowest frequency (1 + GROUPS,) at which the transfer is one half, cycles per pixel.
 
     Raises:
         UnusableEdge: the transfer does not fall to one half.
@@ -135,10 +138,12 @@ def half_modulation(transfer: Floats) -> Floats:
 
 
 def crossings(spread: EdgeSpread, level: float) -> Floats:
-    """Distances (1 + GROUPS,) at which the spreads cross a level, nearest to the edge.
+    """Distance (1 + GROUPS,), px, at which each edge spread function rises through a level.
+
+    Of several crossings, the one nearest to the edge.
 
     Raises:
-        UnusableEdge: a spread does not cross it.
+        UnusableEdge: an edge spread function does not cross the level.
     """
     middle = len(spread.distances_px) // 2
     result = np.empty(len(spread.levels))
@@ -154,10 +159,10 @@ def crossings(spread: EdgeSpread, level: float) -> Floats:
 
 
 def shifts(spread: EdgeSpread, other: EdgeSpread, rise_px: float) -> Floats:
-    """Distances (1 + GROUPS,) by which the second spread lies farther toward the bright side.
+    """Distance (1 + GROUPS,), px, from the first to the second spread, toward the bright side.
 
-    Smoothed, because colors differ in sharpness and interpolation moves fine detail less; and near
-    the edge alone, whatever the levels: other edges beside it count little.
+    Both are smoothed, because colors differ in sharpness, and interpolation moves fine detail less.
+    The fit includes offset and contrast, and only uses bins near the edge, to exclude other edges.
     """
     reach_px = rise_px + 2.0 * _SMOOTHING_PX
     near = np.abs(spread.distances_px) < reach_px
@@ -182,6 +187,6 @@ def shifts(spread: EdgeSpread, other: EdgeSpread, rise_px: float) -> Floats:
 
 
 def deviation(estimates: NDArray[np.float64]) -> float:
-    """Standard deviation of the first of (1 + GROUPS,) estimates, by the jackknife."""
+    """Standard deviation of an estimate, by the jackknife over its values (1 + GROUPS,)."""
     left_out = estimates[1:]
     return float(np.sqrt((GROUPS - 1) * np.mean((left_out - left_out.mean()) ** 2)))

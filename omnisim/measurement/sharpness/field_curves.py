@@ -35,11 +35,11 @@ DIGITS = 4  # of the keys: their errors depend on each other, and rounding would
 
 @dataclass(frozen=True, eq=False)
 class FieldCurves:
-    """Parameters over the field, with their quantities.
+    """Point spread and lateral color over the field, with the measured quantities.
 
     Attributes:
         radii_px: (edges,) image radius of each edge.
-        point_spread, chromatic_aberration: parameters; None: not determined.
+        point_spread, chromatic_aberration: degradations for the sensor file; None: not determined.
         quantities: measured quantities.
         unseen: quantities that the edges do not determine.
     """
@@ -54,7 +54,13 @@ class FieldCurves:
 def field_curves(
     edges: Sequence[EdgeSharpness], size_px: tuple[int, int], center_px: tuple[float, float]
 ) -> FieldCurves:
-    """Fit point spread and lateral color to edges of images of one size."""
+    """Fit point spread and lateral color to edges in images of one size.
+
+    Args:
+        edges: measured edges, at least one.
+        size_px: width and height of the images.
+        center_px: (u, v) of the center of the radii.
+    """
     unit_px = ImageGeometry(*size_px, center_px).radius_unit_px
     offsets = np.array([edge.center_px for edge in edges]) - center_px
     radii_px = np.hypot(offsets[:, 0], offsets[:, 1])
@@ -82,7 +88,15 @@ def _point_spread(
     unit_px: float,
     curves: FieldCurves,
 ) -> PointSpread | None:
-    """Widths over the radius; quantities and missing ones are added to `curves`."""
+    """Fit widths over the radius; None: too sharp. Adds quantities and unseen ones to `curves`.
+
+    Args:
+        edges: measured edges.
+        radii_px: (edges,) image radius of each edge.
+        radial_share: (edges,) squared cosine between the edge's normal and the radius.
+        unit_px: unit of relative radii.
+        curves: result to which quantities are added.
+    """
     variances = np.array([edge.variance_px2 for edge in edges])
     sigmas = np.array([edge.variance_sigma_px2 for edge in edges])
     sigmas = np.hypot(sigmas, SYSTEMATIC_PX2 + SYSTEMATIC * np.abs(variances))
@@ -120,7 +134,7 @@ def _point_spread(
 def _widths(
     curve: Curve, radii: Floats, radial_share: float, isotropic: bool
 ) -> tuple[Floats, Floats]:
-    """Widths (n,) in one direction, and their standard deviations."""
+    """Widths (n,) at relative radii (n,) in one direction, and their standard deviations, px."""
     shares = np.full_like(radii, radial_share)
     variances, sigmas = curve.at(spread_rows(radii, shares, curve.degree, isotropic))
     widths = np.sqrt(np.maximum(variances, 0.0))
@@ -135,7 +149,15 @@ def _lateral_color(
     unit_px: float,
     curves: FieldCurves,
 ) -> ChromaticAberration | None:
-    """Offsets of red and blue; quantities and missing ones are added to `curves`."""
+    """Fit the offsets of red and blue; None: too few edges. Adds quantities to `curves`.
+
+    Args:
+        edges: measured edges.
+        radii_px: (edges,) image radius of each edge.
+        radial: (edges,) cosine between the edge's normal and the radius.
+        unit_px: unit of relative radii.
+        curves: result to which quantities and unseen ones are added.
+    """
     shifts = np.array([edge.shifts_px for edge in edges])
     sigmas = np.hypot([edge.shift_sigmas_px for edge in edges], SYSTEMATIC_PX)
     usable = (np.abs(radial) > MIN_RADIAL) & np.isfinite(shifts).all(axis=1)

@@ -25,8 +25,8 @@ class Curve:
 
     Attributes:
         degree: degree of the polynomial, chosen by Akaike's information criterion.
-        coefficients: (terms,) least squares.
-        covariance: (terms, terms) of them, with the scatter of the edges.
+        coefficients: (terms,) coefficients of the least-squares fit.
+        covariance: (terms, terms) covariance of the coefficients, with the scatter of the edges.
         used: (n,) False: an outlier.
     """
 
@@ -36,13 +36,24 @@ class Curve:
     used: NDArray[np.bool_]
 
     def at(self, design: Floats) -> tuple[Floats, Floats]:
-        """Values (n,) and standard deviations of rows (n, terms) of basis functions."""
+        """Values (n,) and standard deviations (n,) of the curve.
+
+        Args:
+            design: (n, terms) basis functions at n positions.
+        """
         variance = np.einsum("ij,jk,ik->i", design, self.covariance, design)
         return design @ self.coefficients, np.sqrt(np.maximum(variance, 0.0))
 
 
 def fit_curve(design: Design, values: Floats, sigmas: Floats, degrees: Sequence[int]) -> Curve:
-    """Fit values (n,) of the standard deviations (n,), without outliers."""
+    """Fit a curve to values (n,) with standard deviations `sigmas` (n,), without outliers.
+
+    Args:
+        design: function from a degree to the basis functions (n, terms).
+        values: (n,) values.
+        sigmas: (n,) standard deviations of the values.
+        degrees: degrees to try, ascending; all but the first need three values per term.
+    """
     count = len(values)
     usable = [
         degree
@@ -55,7 +66,7 @@ def fit_curve(design: Design, values: Floats, sigmas: Floats, degrees: Sequence[
 
 
 def _inliers(rows: Floats, values: Floats, sigmas: Floats) -> NDArray[np.bool_]:
-    """Mask (n,) of values close to the curve of the largest degree."""
+    """Mask (n,) of the values close to the curve with the basis functions `rows` (n, terms)."""
     used = np.ones(len(values), dtype=np.bool_)
     for _ in range(_ROUNDS):
         scaled = (values - rows @ _solve(rows, values, sigmas, used)) / sigmas
@@ -68,7 +79,7 @@ def _inliers(rows: Floats, values: Floats, sigmas: Floats) -> NDArray[np.bool_]:
 def _least_squares(
     degree: int, rows: Floats, values: Floats, sigmas: Floats, used: NDArray[np.bool_]
 ) -> tuple[float, Curve]:
-    """Akaike's criterion and the curve of one degree."""
+    """Akaike's information criterion and the fitted curve of one degree."""
     coefficients = _solve(rows, values, sigmas, used)
     chi2 = float((((values - rows @ coefficients) / sigmas)[used] ** 2).sum())
     terms, number = rows.shape[1], int(used.sum())
@@ -86,7 +97,7 @@ def _solve(rows: Floats, values: Floats, sigmas: Floats, used: NDArray[np.bool_]
 
 
 def spread_rows(radii: Floats, radial_share: Floats, degree: int, isotropic: bool) -> Floats:
-    """Basis functions (n, terms) of the variance along normals.
+    """Basis functions (n, terms) of the variance of the point spread along the edges' normals.
 
     The radial and the tangential variance are polynomials of the radius, equal in the center.
 
@@ -106,7 +117,7 @@ def spread_rows(radii: Floats, radial_share: Floats, degree: int, isotropic: boo
 
 
 def offset_rows(radii: Floats, radial: Floats, degree: int) -> Floats:
-    """Basis functions (n, degree) of the shift along normals by an offset along the radius.
+    """Basis functions (n, degree) of the shift along edges' normals, for a radial offset.
 
     Args:
         radii: (n,) relative image radii.

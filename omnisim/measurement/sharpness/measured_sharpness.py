@@ -36,10 +36,10 @@ class MeasuredSharpness:
         chromatic_aberration: lateral color; None: not measured.
         quantities: measured quantities with their standard deviations.
         unseen: quantities that the images do not determine.
-        edges: all edges that were measured.
-        flaws: number of edges that were not, by reason.
+        edges: measured edges.
+        flaws: number of unusable edges for each reason.
         size_px: width and height of the images.
-        center_px: (u, v) from which radii count.
+        center_px: (u, v) of the center of the radii.
     """
 
     point_spread: PointSpread | None
@@ -64,13 +64,13 @@ def measure_sharpness(
     """Measure the sharpness of a camera.
 
     Args:
-        images: (height, width) or (height, width, 3) whole numbers or floats, 1: white; one of
-            them is in memory at a time.
-        boards: corners of a board of squares in each image; None: all straight edges are taken.
+        images: (height, width) or (height, width, 3) integers, or floats with 1: white; only one
+            image is in memory at a time.
+        boards: corners of a board of squares in each image; None: all straight edges are used.
         center_px: (u, v) of the optical axis; None: the middle of the image.
         encoding: encoding of the values; None: linear, which is checked.
         names: names of the images in messages.
-        edges_only: True for the edges to take.
+        edges_only: function that returns True for the edges to use.
 
     Raises:
         MeasurementError: no images, several sizes, no usable edges, or values that are not linear.
@@ -129,7 +129,7 @@ def _check_edges(edges: Sequence[EdgeSharpness], flaws: Counter[Flaw], first: st
 
 
 def _check_linear(edges: Sequence[EdgeSharpness]) -> None:
-    """Refuse edges whose dark half is narrower or wider than the bright one."""
+    """Reject edges whose dark half is narrower or wider than the bright one: not linear."""
     asymmetries = np.array([edge.asymmetry for edge in edges])
     middle = float(np.median(asymmetries))
     spread = 1.4826 * float(np.median(np.abs(asymmetries - middle)))
@@ -143,7 +143,7 @@ def _check_linear(edges: Sequence[EdgeSharpness]) -> None:
 
 
 def _ring_quantities(edges: Sequence[EdgeSharpness], curves: FieldCurves) -> list[Quantity]:
-    """Mean MTF50 and 10-90 % edge rise in rings of equal width."""
+    """Mean MTF50 and mean 10-90 % edge rise in each of three rings of equal width."""
     ends = np.linspace(0.0, float(curves.radii_px.max()) + 1e-9, RINGS + 1)
     quantities = []
     for first, last in pairwise(ends.tolist()):
@@ -163,7 +163,12 @@ def _ring_quantities(edges: Sequence[EdgeSharpness], curves: FieldCurves) -> lis
 
 
 def _mean(name: str, measured: list[tuple[float, float]], unit: str, basis: str) -> Quantity:
-    """Mean of measured values, and its standard deviation by their noise and their scatter."""
+    """Mean of measured values, with a standard deviation from their noise or scatter, the larger.
+
+    Args:
+        name, unit, basis: attributes of the quantity.
+        measured: values, each with its standard deviation.
+    """
     values, sigmas = np.array(measured).T
     scatter = float(values.std(ddof=1)) if len(values) > 1 else 0.0
     sigma = max(scatter, float(np.sqrt(np.mean(sigmas**2)))) / np.sqrt(len(values))

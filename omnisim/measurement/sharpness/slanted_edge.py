@@ -37,11 +37,10 @@ class EdgeSharpness:
         image: number of the image.
         center_px: (2,) position (u, v) in the image.
         normal: (2,) unit vector from the dark to the bright side.
-        length_px, slant_deg: length, and angle to the nearer of rows and columns.
+        length_px, slant_deg: length, and angle to the pixel rows or columns, the smaller.
         mtf50, mtf50_sigma: frequency at which the modulation is one half, cycles per pixel.
         rise_px, rise_sigma_px: distance from 10 to 90 % of the edge.
-        asymmetry: share by which the rise from 10 to 50 % is longer than that from 50 to 90 %,
-            of their sum.
+        asymmetry: distance from 10 to 50 % minus distance from 50 to 90 %, over their sum.
         transfer: (frequencies,) modulation transfer at `FREQUENCIES`.
         shifts_px, shift_sigmas_px: (2,) distances of the red and of the blue edge from the green
             one, toward the bright side; NaN: a gray image.
@@ -63,9 +62,10 @@ class EdgeSharpness:
 
     @property
     def variance_px2(self) -> float:
-        """Variance of the normal distribution that, seen by square pixels, has the same MTF50.
+        """Variance of the optics' blur along `normal`, as a normal distribution.
 
-        It is the optics' part along `normal`, negative if the pixels alone are less sharp.
+        Together with square pixels it gives the same MTF50. Negative if the edge is sharper than
+        square pixels alone would make it.
         """
         return self._variance_px2(self.mtf50)
 

@@ -1,11 +1,10 @@
 """Readout time of a rolling shutter, from the bands that a flickering lamp leaves in images.
 
-A lamp of f Hz lights row r of a frame by 1 + m cos(2π f (t + r τ) + φ), with the line time τ. What
-all frames have in common is the scene; what changes from frame to frame are the bands, and their
-number of rows per band gives τ.
+A lamp of f Hz lights row r of a frame by 1 + m cos(2π f (t + r τ) + φ), with the line time τ. The
+scene is the same in all frames, and the bands differ. The number of rows per band gives τ.
 
 Source: Rife & Boorstyn, "Single-tone parameter estimation from discrete-time observations" (1974),
-for the first frequency, from the peak of the periodogram.
+for the initial frequency, from the peak of the periodogram.
 """
 
 from __future__ import annotations
@@ -50,11 +49,11 @@ class MeasuredTiming:
 
     Attributes:
         readout_s: time from the first to the last line; 0: a global shutter.
-        lines: "rows" or "columns": what is read out one after the other.
+        lines: "rows" or "columns": the lines that are read out one after another.
         quantities: readout, line time, flicker and exposure, as far as they are determined.
-        unseen: what the frames do not determine.
-        profile: (frames, lines) light of the lines without the scene, for plots.
-        fitted: (frames, lines) the fitted bands.
+        unseen: quantities that the frames do not determine.
+        profile: (frames, lines) light of each line, divided by the scene's light, for plots.
+        fitted: (frames, lines) fitted bands, in the units of `profile`.
     """
 
     readout_s: float
@@ -76,7 +75,7 @@ def line_profiles(
         name: name of the frames, for messages.
 
     Raises:
-        MeasurementError: frames of several sizes, clipped or too few.
+        MeasurementError: frames of several sizes, clipped frames, or too few frames.
     """
     rows, columns, size = [], [], None
     for frame in frames:
@@ -105,12 +104,14 @@ def measure_timing(
 
     Args:
         profiles: light of the lines of several frames.
-        flicker_hz: frequency of the light: twice the mains', or that of a driven LED.
-        lamp_modulation: half of the light's change over its mean, from 0 to 1; None: unknown.
+        flicker_hz: frequency of the light: twice the mains frequency, or the LED driver's.
+        lamp_modulation: amplitude of the lamp's light over its mean, above 0, at most 1; None:
+            unknown, and the exposure time is not measured.
         name: name of the frames, for messages.
 
     Raises:
-        MeasurementError: no flicker, too few or too many bands, or bands in step with the frames.
+        MeasurementError: a frequency or a modulation out of range, no flicker, or less than 0.75
+            of its periods in a frame.
     """
     if not flicker_hz > 0.0:
         raise MeasurementError(f"flicker: expected a frequency above 0 Hz, got {flicker_hz:g}")
@@ -161,7 +162,7 @@ class _Peak(NamedTuple):
 
     Attributes:
         frequency: periods per line.
-        ratio: its power over the median power of all frequencies.
+        ratio: power at `frequency` over the median power of all frequencies.
     """
 
     frequency: float
@@ -173,8 +174,9 @@ class _Bands(NamedTuple):
 
     Attributes:
         frequency, sigma: periods per line, and their standard deviation.
-        modulation, modulation_sigma: amplitude as a share of the light.
-        profile, fitted: (frames, lines) light without the scene, and the bands.
+        modulation, modulation_sigma: amplitude as a share of the mean light, and its standard
+            deviation.
+        profile, fitted: (frames, lines) light divided by the scene's light, and the fitted bands.
     """
 
     frequency: float
@@ -186,14 +188,14 @@ class _Bands(NamedTuple):
 
 
 def _without_scene(light: Floats) -> Floats:
-    """Light (frames, lines) over the mean of all frames, which has the scene in it."""
+    """Light (frames, lines), divided by each frame's mean, then by the mean frame (the scene)."""
     frames = light / light.mean(axis=1, keepdims=True)
     profile: Floats = frames / np.maximum(frames.mean(axis=0), 1e-9)
     return profile
 
 
 def _peak(profile: Floats) -> _Peak:
-    """Strongest frequency, summed over the frames."""
+    """Strongest frequency of the power spectrum summed over the frames."""
     count = profile.shape[1]
     padded = _FINE * count
     power = np.square(np.abs(np.fft.rfft(profile - 1.0, padded, axis=1))).sum(axis=0)
@@ -205,10 +207,10 @@ def _peak(profile: Floats) -> _Peak:
 
 
 def _fit(light: Floats, frequency: float) -> _Bands:
-    """Fit one frequency, and a gain and the two amplitudes of each frame.
+    """Fit a common frequency, and for each frame a gain and the amplitudes of cosine and sine.
 
-    The mean of all frames has bands, too, as far as those of the frames do not cancel: the model of
-    a frame over the mean is the ratio of both.
+    Unless the bands of the frames cancel, the mean of all frames has bands, too. The model is
+    therefore the ratio of a frame's bands to their mean over all frames.
     """
     profile = _without_scene(light)
     frames, count = profile.shape
@@ -258,7 +260,7 @@ def _amplitudes(profile: Floats, position: Floats, frequency: float) -> Floats:
 def _exposure(
     bands: _Bands, lamp: float | None, flicker_hz: float, basis: str
 ) -> Quantity | Unseen:
-    """Exposure time from the modulation that it leaves: m = m₀ |sinc(f T)|."""
+    """Exposure time T from the modulation of the bands, m = m₀ |sinc(f T)|, with the lamp's m₀."""
     if lamp is None:
         reason = (
             "the lamp's own modulation is unknown: measure it with a photodiode, or in images of a "
@@ -292,7 +294,7 @@ def _global_shutter(profiles: LineProfiles, flicker_hz: float, name: str) -> Mea
     """Timing of a camera whose frames change as a whole.
 
     Raises:
-        MeasurementError: they do not change.
+        MeasurementError: all frames are equally bright.
     """
     means = profiles.rows.mean(axis=1)
     flicker = float(means.std() / means.mean())
