@@ -202,7 +202,7 @@ def compare_images(sensor: OmniCamera, images: list[ImageComparison]) -> Compari
 
 
 def _edges(view: BoardView, board: Chessboard) -> tuple[Floats, Floats]:
-    """Start points (edges, 2) and end points (edges, 2) of the edges between neighboring corners."""
+    """Start and end points, (edges, 2) each, of the edges between neighboring corners."""
     grid = view.pixels_px.reshape(board.rows, board.columns, 2)
     starts = [grid[:, :-1].reshape(-1, 2), grid[:-1].reshape(-1, 2)]
     ends = [grid[:, 1:].reshape(-1, 2), grid[1:].reshape(-1, 2)]

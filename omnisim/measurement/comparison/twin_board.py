@@ -77,7 +77,7 @@ def board_grid_m(board: Chessboard, board_m: Floats | None) -> Floats:
 
 
 def square_levels(image: NDArray[np.uint8], corners_px: Floats) -> NDArray[np.float64]:
-    """Median gray level (rows - 1, columns - 1) of each square between corners (rows, columns, 2)."""
+    """Median gray levels (rows - 1, columns - 1) of squares between corners (rows, columns, 2)."""
     shares = np.stack(np.meshgrid(_SAMPLES, _SAMPLES), axis=-1).reshape(-1, 2)
     across, down = shares[:, 0], shares[:, 1]
     quads = (corners_px[:-1, :-1], corners_px[:-1, 1:], corners_px[1:, :-1], corners_px[1:, 1:])
