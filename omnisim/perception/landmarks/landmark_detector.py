@@ -178,7 +178,7 @@ def _stacked(regions: Sequence[Region]) -> list[tuple[Region, Region]]:
 def _best_of_each(
     measured: list[tuple[Landmark, LandmarkMeasurement]],
 ) -> list[tuple[Landmark, LandmarkMeasurement]]:
-    """Keep, for each landmark, the measurement with the most pixels: a landmark exists only once."""
+    """Keep the measurement with the most pixels of each landmark, which exists only once."""
     best: dict[str, tuple[Landmark, LandmarkMeasurement]] = {}
     for landmark, finding in measured:
         other = best.get(landmark.name)
