@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from importlib import import_module
+from typing import TYPE_CHECKING
 
 from omnisim.core.errors import EstimatorError, did_you_mean
-from omnisim.evaluation.estimator import Estimator
+
+if TYPE_CHECKING:
+    from omnisim.evaluation.estimator import Estimator
 
 # Module in `omnisim.evaluation.estimators`, and class, by the name on the command line.
 ESTIMATORS = {

@@ -10,8 +10,9 @@ import pytest
 from omnisim.core.errors import EstimatorError
 from omnisim.core.extras import is_installed
 from omnisim.datasets.export.recording import Recording
-from omnisim.evaluation import estimator_named, trajectory_errors
+from omnisim.evaluation.estimator_registry import estimator_named
 from omnisim.evaluation.run_evaluation import OUTCOME, evaluate_estimator
+from omnisim.evaluation.trajectory_errors import trajectory_errors
 
 ROBOT = """
 name = "cart"

@@ -12,7 +12,8 @@ from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import pose, pose_from_rotation
 from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.core.trajectories.trajectory_files import write_trajectory
-from omnisim.evaluation import align, trajectory_errors
+from omnisim.evaluation.trajectory_alignment import align
+from omnisim.evaluation.trajectory_errors import trajectory_errors
 
 EVO = {"none": (), "se3": ("-a",), "sim3": ("-as",)}
 
