@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import typer
 import typer.main
 
-from omnisim.apps.cli.app import app
+from omnisim.apps.cli.typer_app import app
 from omnisim.apps.cli.commands import COMMANDS
 
 _WIDTH = 80  # of the usage, whatever the terminal's

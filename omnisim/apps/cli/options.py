@@ -16,9 +16,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
-import typer
-
-from omnisim.core.files.attribute_docs import attribute_docs
 
 T = TypeVar("T")
 _UNITS = {  # by the suffix of a field's name
@@ -56,6 +53,8 @@ class Argument(Option):
 
 def parameters(request: type) -> dict[str, inspect.Parameter]:
     """Typer parameters of a request and its groups, by field name."""
+    from omnisim.core.files.attribute_docs import attribute_docs  # only help pages show them
+
     made: dict[str, inspect.Parameter] = {}
     hints, docs = get_type_hints(request, include_extras=True), attribute_docs(request)
     for field in dataclasses.fields(request):
@@ -94,11 +93,13 @@ def flag_of(request: type, name: str) -> str:
     """Flag of an option in messages, which is its last one."""
     hint = get_type_hints(request, include_extras=True)[name]
     details = get_args(hint)[1] if get_origin(hint) is Annotated else Option()
-    return _flags(name, details)[-1].partition("/")[0]
+    return flags_of(name, details)[-1].partition("/")[0]
 
 
 def _info(name: str, kind: Any, details: Option, text: str, panel: str | None) -> Any:
     """Typer's description of an option or an argument."""
+    import typer  # slow to import, and not needed for a plain command line
+
     names, complete = details.names, details.complete
     if names is not None:
         complete = complete or completion_of(names)
@@ -114,11 +115,12 @@ def _info(name: str, kind: Any, details: Option, text: str, panel: str | None) -
         "readable": False,  # the reader of a file reports its own errors
     }
     if not isinstance(details, Argument):
-        return typer.Option(*_flags(name, details), **common)
+        return typer.Option(*flags_of(name, details), **common)
     return typer.Argument(**common | {"show_default": details.default or False})
 
 
-def _flags(name: str, details: Option) -> tuple[str, ...]:
+def flags_of(name: str, details: Option) -> tuple[str, ...]:
+    """Flags of a field's option on the command line."""
     stem, _, unit = name.rpartition("_")
     flag = "--" + (stem if unit in _UNITS else name).replace("_", "-")
     return details.flags or (("-o", flag) if name == "output" else (flag,))

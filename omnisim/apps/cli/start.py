@@ -21,6 +21,12 @@ _NOT_TO_INTERRUPT = {
     "omnisim.core.files.image_files", "pydantic.plugin._schema_validator",
 }  # fmt: skip
 
+# Settings of libraries, unless the user has others.
+_SETTINGS = {
+    "OPENBLAS_NUM_THREADS": "1",  # products of small matrices: threads would spin between them
+    "PYDANTIC_DISABLE_PLUGINS": "__all__",  # to find them reads the metadata of all packages
+}
+
 
 def main() -> None:
     """Run the command line; Ctrl-C prints one line and exits with status 130 at any moment."""
@@ -28,6 +34,8 @@ def main() -> None:
         # any other handler means that SIGINT is ignored, as under nohup
         if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
             signal.signal(signal.SIGINT, _interrupt)
+        for name, value in _SETTINGS.items():
+            os.environ.setdefault(name, value)
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, TextIOWrapper):  # None if the stream is closed
                 stream.reconfigure(errors="backslashreplace")  # an ASCII console lacks ×
