@@ -51,7 +51,8 @@ void main() {
     uint number = u_first_range + gl_WorkGroupID.x;
     Range range = ranges[number];
     uint last = range.first_group + range.groups, words = tile_words();
-    for (uint bin = 0u; bin < BINS; ++bin) s_counts[bin * THREADS + thread] = 0u;
+    // compilers do not unroll loops that begin at the thread, and so have less to compile
+    for (uint at = thread; at < BINS * THREADS; at += THREADS) s_counts[at] = 0u;
     for (uint group = range.first_group + thread; group < last; group += THREADS) {
         uint visible = visible_of_group[camera * u_groups + group];
         if (visible == 0u) continue;
@@ -79,7 +80,7 @@ void main() {
     barrier();
     if (thread == 0u) {
         uint total = 0u;
-        for (uint at = 0u; at < THREADS; ++at) {
+        for (uint at = thread; at < THREADS; ++at) {
             uint count = s_sums[at];
             s_sums[at] = total;
             total += count;

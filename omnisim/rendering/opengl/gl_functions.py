@@ -8,13 +8,16 @@ from functools import cache, partial
 from typing import Any
 
 import moderngl
+import numpy as np
+from numpy.typing import NDArray
 
 _COLOR = 0x1800  # GL_COLOR
 _LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
-_RENDERBUFFER, _DEPTH_COMPONENT32F, _DEPTH_COMPONENT = 0x8D41, 0x8CAC, 0x1902
-_TEXTURE_2D, _TEXTURE_2D_ARRAY, _RGBA = 0x0DE1, 0x8C1A, 0x1908
-_RGBA16F = 0x881A
-_UNSIGNED_BYTE, _UNSIGNED_INT, _FLOAT, _TRIANGLES = 0x1401, 0x1405, 0x1406, 4
+_RENDERBUFFER, _DEPTH_COMPONENT32F = 0x8D41, 0x8CAC
+_TEXTURE_2D, _TEXTURE_2D_ARRAY = 0x0DE1, 0x8C1A
+_RGB, _RGBA, _HALF_FLOAT, _UNPACK_ALIGNMENT = 0x1907, 0x1908, 0x140B, 0x0CF5
+_HALF_FLOATS = {3: 0x881B, 4: 0x881A}  # internal formats by number of components
+_UNSIGNED_BYTE, _UNSIGNED_INT, _TRIANGLES = 0x1401, 0x1405, 4
 _DRAW_INDIRECT_BUFFER, _PARAMETER_BUFFER, _SHADER_STORAGE_BUFFER = 0x8F3F, 0x80EE, 0x90D2
 _BASE_LEVEL, _MAX_LEVEL = 0x813C, 0x813D
 _ENUM, _INT = ctypes.c_uint, ctypes.c_int
@@ -59,15 +62,8 @@ def allocate_float_depth(renderbuffer: int, size: tuple[int, int], samples: int)
 
 def allocate_depth_texture(size: tuple[int, int], levels: int = 1) -> None:
     """Allocate 32-bit float depth with `levels` mip levels for the bound 2D texture."""
-    allocate = gl_function(
-        "glTexImage2D",
-        _ENUM, _INT, _INT, _INT, _INT, _INT, _ENUM, _ENUM, ctypes.c_void_p,
-    )  # fmt: skip
-    for level in range(levels):
-        halved = [max(1, side >> level) for side in size]
-        allocate(
-            _TEXTURE_2D, level, _DEPTH_COMPONENT32F, *halved, 0, _DEPTH_COMPONENT, _FLOAT, None
-        )
+    allocate = gl_function("glTexStorage2D", _ENUM, _INT, _ENUM, _INT, _INT)
+    allocate(_TEXTURE_2D, levels, _DEPTH_COMPONENT32F, *size)
 
 
 def limit_levels(texture: int, first: int, last: int) -> None:
@@ -77,16 +73,27 @@ def limit_levels(texture: int, first: int, last: int) -> None:
     limit(texture, _MAX_LEVEL, last)
 
 
-def allocate_half_floats(size: tuple[int, ...], levels: int) -> None:
-    """Allocate half-float RGBA for the bound texture or texture array.
+def allocate_half_floats(size: tuple[int, ...], levels: int, components: int = 4) -> None:
+    """Allocate half floats for the bound texture or texture array.
 
     Args:
         size: width, height and, for an array, layers.
         levels: number of mip levels.
+        components: 3 or 4.
     """
     kind = _TEXTURE_2D if len(size) == 2 else _TEXTURE_2D_ARRAY
     allocate = gl_function(f"glTexStorage{len(size)}D", _ENUM, _INT, _ENUM, *(_INT for _ in size))
-    allocate(kind, levels, _RGBA16F, *size)
+    allocate(kind, levels, _HALF_FLOATS[components], *size)
+
+
+def upload_half_floats(texture: int, level: int, pixels: NDArray[np.float16]) -> None:
+    """Upload RGB (height, width, 3), contiguous, to a whole mip level of a 2D texture."""
+    height, width, _ = pixels.shape
+    gl_function("glPixelStorei", _ENUM, _INT)(_UNPACK_ALIGNMENT, 1)
+    upload = gl_function(
+        "glTextureSubImage2D", _ENUM, _INT, _INT, _INT, _INT, _INT, _ENUM, _ENUM, ctypes.c_void_p
+    )
+    upload(texture, level, 0, 0, width, height, _RGB, _HALF_FLOAT, pixels.ctypes.data)
 
 
 def allocate_texture_array(internal_format: int, levels: int, size: tuple[int, int, int]) -> None:

@@ -6,6 +6,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.rendering.opengl.gl_functions import allocate_half_floats, upload_half_floats
 from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.scene.light.environment import Environment
 
@@ -26,10 +27,11 @@ def _map(context: moderngl.Context, levels: tuple[NDArray[np.float32], ...]) -> 
     height, width = levels[0].shape[:2]
     with gpu_allocation(f"an environment map of {width} × {height} texels", "make it smaller"):
         texture = context.texture((width, height), 3, dtype="f2")
-        texture.build_mipmaps(0, len(levels) - 1)
+        texture.use()
+        allocate_half_floats((width, height), len(levels), components=3)
     for level, pixels in enumerate(levels):
         half = np.minimum(pixels, _MAX_HALF).astype(np.float16)
-        texture.write(np.ascontiguousarray(half), level=level, alignment=1)
+        upload_half_floats(texture.glo, level, np.ascontiguousarray(half))
     texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
     texture.repeat_x, texture.repeat_y = True, False
     return texture
