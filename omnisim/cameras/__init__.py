@@ -2,7 +2,8 @@
 
 Each model has two files of the same stem: `cameras/models/<model>.py` or
 `cameras/mirrors/<model>.py` (NumPy, float64, the reference) and
-`shaders/camera/<model>.glsl` (the same function on the GPU). It also has its class in this file and
+`shaders/camera/<model>.glsl` (the same function on the GPU). It also has its class in
+`camera_registry.py`, its module in this file, and
 an entry in `tests/camera_examples.py`, on which one contract test runs.
 All models share these conventions:
 
@@ -13,8 +14,7 @@ All models share these conventions:
   the value is finite but meaningless; this is data, not an error.
 """
 
-from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 from omnisim.cameras.camera import (
     CameraSensor,
@@ -27,32 +27,62 @@ from omnisim.cameras.camera import (
     pixels_of_points,
     summary,
 )
-from omnisim.cameras.f_theta_inverse import FThetaInverseCamera
-from omnisim.cameras.full_turn import period_px
-from omnisim.cameras.mirrored import MirroredCamera
-from omnisim.cameras.mirrors.elliptic import EllipticCamera
-from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
-from omnisim.cameras.mirrors.parabolic import ParabolicCamera
-from omnisim.cameras.mirrors.planar import PlanarCamera
-from omnisim.cameras.models.cylindrical import CylindricalCamera
-from omnisim.cameras.models.double_sphere import DoubleSphereCamera
-from omnisim.cameras.models.equidistant import EquidistantCamera
-from omnisim.cameras.models.equirectangular import EquirectangularCamera
-from omnisim.cameras.models.equisolid import EquisolidCamera
-from omnisim.cameras.models.eucm import EucmCamera
-from omnisim.cameras.models.f_theta import FThetaCamera
-from omnisim.cameras.models.gazebo import GazeboCamera
-from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
-from omnisim.cameras.models.ocamcalib import OcamcalibCamera
-from omnisim.cameras.models.orthographic import OrthographicCamera
-from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.cameras.models.radial_table import RadialTableCamera
-from omnisim.cameras.models.rational_polynomial import RationalPolynomialCamera
-from omnisim.cameras.models.stereographic import StereographicCamera
-from omnisim.cameras.models.unified import UnifiedCamera
 from omnisim.cameras.parametric_camera import ParametricCamera
-from omnisim.core.errors import OpticsError
 
+if TYPE_CHECKING:
+    from omnisim.cameras.camera_registry import CAMERA_MODELS, camera_from_parameters
+    from omnisim.cameras.f_theta_inverse import FThetaInverseCamera
+    from omnisim.cameras.full_turn import period_px
+    from omnisim.cameras.mirrored import MirroredCamera
+    from omnisim.cameras.mirrors.elliptic import EllipticCamera
+    from omnisim.cameras.mirrors.hyperbolic import HyperbolicCamera
+    from omnisim.cameras.mirrors.parabolic import ParabolicCamera
+    from omnisim.cameras.mirrors.planar import PlanarCamera
+    from omnisim.cameras.models.cylindrical import CylindricalCamera
+    from omnisim.cameras.models.double_sphere import DoubleSphereCamera
+    from omnisim.cameras.models.equidistant import EquidistantCamera
+    from omnisim.cameras.models.equirectangular import EquirectangularCamera
+    from omnisim.cameras.models.equisolid import EquisolidCamera
+    from omnisim.cameras.models.eucm import EucmCamera
+    from omnisim.cameras.models.f_theta import FThetaCamera
+    from omnisim.cameras.models.gazebo import GazeboCamera
+    from omnisim.cameras.models.kannala_brandt import KannalaBrandtCamera
+    from omnisim.cameras.models.ocamcalib import OcamcalibCamera
+    from omnisim.cameras.models.orthographic import OrthographicCamera
+    from omnisim.cameras.models.perspective import PerspectiveCamera
+    from omnisim.cameras.models.radial_table import RadialTableCamera
+    from omnisim.cameras.models.rational_polynomial import RationalPolynomialCamera
+    from omnisim.cameras.models.stereographic import StereographicCamera
+    from omnisim.cameras.models.unified import UnifiedCamera
+
+# Modules of the names that are imported at first use: an image needs one camera model.
+_MODULES = {
+    "CAMERA_MODELS": "camera_registry",
+    "camera_from_parameters": "camera_registry",
+    "FThetaInverseCamera": "f_theta_inverse",
+    "period_px": "full_turn",
+    "MirroredCamera": "mirrored",
+    "EllipticCamera": "mirrors.elliptic",
+    "HyperbolicCamera": "mirrors.hyperbolic",
+    "ParabolicCamera": "mirrors.parabolic",
+    "PlanarCamera": "mirrors.planar",
+    "CylindricalCamera": "models.cylindrical",
+    "DoubleSphereCamera": "models.double_sphere",
+    "EquidistantCamera": "models.equidistant",
+    "EquirectangularCamera": "models.equirectangular",
+    "EquisolidCamera": "models.equisolid",
+    "EucmCamera": "models.eucm",
+    "FThetaCamera": "models.f_theta",
+    "GazeboCamera": "models.gazebo",
+    "KannalaBrandtCamera": "models.kannala_brandt",
+    "OcamcalibCamera": "models.ocamcalib",
+    "OrthographicCamera": "models.orthographic",
+    "PerspectiveCamera": "models.perspective",
+    "RadialTableCamera": "models.radial_table",
+    "RationalPolynomialCamera": "models.rational_polynomial",
+    "StereographicCamera": "models.stereographic",
+    "UnifiedCamera": "models.unified",
+}
 __all__ = [
     "CAMERA_MODELS",
     "CameraSensor",
@@ -91,44 +121,12 @@ __all__ = [
     "summary",
 ]
 
-CAMERA_MODELS: dict[str, type[ParametricCamera]] = {
-    model.model_name: model
-    for model in (
-        HyperbolicCamera,
-        PerspectiveCamera,
-        CylindricalCamera,
-        EquidistantCamera,
-        StereographicCamera,
-        EquisolidCamera,
-        OrthographicCamera,
-        KannalaBrandtCamera,
-        EucmCamera,
-        DoubleSphereCamera,
-        UnifiedCamera,
-        EquirectangularCamera,
-        FThetaCamera,
-        FThetaInverseCamera,
-        ParabolicCamera,
-        OcamcalibCamera,
-        RadialTableCamera,
-        GazeboCamera,
-        PlanarCamera,
-        EllipticCamera,
-        RationalPolynomialCamera,
-    )
-}
 
+def __getattr__(name: str) -> object:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
 
-def camera_from_parameters(parameters: Mapping[str, Any]) -> CentralCamera:
-    """Build a camera from its `parameters()`.
-
-    Raises:
-        OpticsError: naming the key, the expected value and the actual one.
-    """
-    if not isinstance(parameters, Mapping):  # a damaged file
-        raise OpticsError(f"camera: expected its parameters by name, got {parameters!r}")
-    model = parameters.get("model")
-    if not isinstance(model, str) or model not in CAMERA_MODELS:
-        names = ", ".join(CAMERA_MODELS)
-        raise OpticsError(f"camera: model: expected one of {names}, got {model!r}")
-    return MirroredCamera.of(CAMERA_MODELS[model].from_parameters(parameters), parameters)
+    found = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+    globals()[name] = found
+    return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,6 @@ from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import is_float_format, png_bytes, write_image
 from omnisim.core.short_repr import short_repr
 from omnisim.ground_truth import Labels
-from omnisim.ground_truth.boxes_3d import InstanceBox, boxes_json
 from omnisim.ground_truth.channel_files import (
     BOXES_3D,
     sidecar_path,
@@ -22,10 +21,11 @@ from omnisim.ground_truth.channel_files import (
     write_previews,
     write_sidecars,
 )
-from omnisim.ground_truth.coco import write_json
-from omnisim.ground_truth.exr import write_exr
 from omnisim.ground_truth.frame_channels import FrameChannels
 from omnisim.ground_truth.npy import ChannelFormat
+
+if TYPE_CHECKING:  # slow to import, and seldom needed
+    from omnisim.ground_truth.boxes_3d import InstanceBox
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +107,8 @@ class Frame:
                 f"{path}: EXR holds linear colors: expected a frame rendered with linear=True"
             )
         elif self.channels and files is not ChannelFormat.NPY:
+            from omnisim.ground_truth.exr import write_exr
+
             write_exr(path, self.channels, self.labels, self.metadata, self.linear)
         else:
             write_image(path, self.linear, self.metadata)
@@ -116,6 +118,9 @@ class Frame:
         write_boxes(path, self.channels, self.labels)
         if self.boxes_3d is not None and self.labels is not None:
             target = sidecar_path(path, BOXES_3D)
+            from omnisim.ground_truth.boxes_3d import boxes_json
+            from omnisim.ground_truth.coco import write_json
+
             write_json(target, boxes_json(self.boxes_3d, self.labels, path.name, self.metadata))
         if previews:
             write_previews(path, self.channels, self.labels)

@@ -13,7 +13,6 @@ from omnisim.core.files.image_files import png_bytes
 from omnisim.core.short_repr import short_repr
 from omnisim.ground_truth.channels import CHANNELS
 from omnisim.ground_truth.label_names import Labels
-from omnisim.ground_truth.previews import preview
 
 
 class FrameChannels(dict[str, NDArray[Any]]):
@@ -42,6 +41,8 @@ class FrameChannels(dict[str, NDArray[Any]]):
         """Contact sheet of the previews, for display in notebooks."""
         figures = []
         for name, values in self.items():
+            from omnisim.ground_truth.previews import preview
+
             data = b64encode(png_bytes(preview(name, values, self._labels))).decode("ascii")
             unit = f", {CHANNELS[name].unit}" if CHANNELS[name].unit else ""
             figures.append(

@@ -10,23 +10,24 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.world import ObjectPart
-from omnisim.ground_truth.hits import HitDetails
 from omnisim.ground_truth.label_names import Labels
-from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution
-from omnisim.rendering.camera.degraded_camera import DegradedCamera
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.hit_source import HitSource
 from omnisim.rendering.readback import FrameRequest, Readback, ScenePoses, SubFrames
-from omnisim.rendering.truth.ground_truth import GroundTruth
-from omnisim.rendering.truth.moving_boxes import MovingBoxes
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
+
+if TYPE_CHECKING:  # slow to import, and seldom needed
+    from omnisim.ground_truth.hits import HitDetails
+    from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution
+    from omnisim.rendering.camera.degraded_camera import DegradedCamera
+    from omnisim.rendering.hit_source import HitSource
+    from omnisim.rendering.truth.ground_truth import GroundTruth
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +94,9 @@ class CameraBackend(ABC):
 
     def _degrade(self, render: Callable[[SubFrames], Readback]) -> None:
         """Degrade all images, which are rendered from sub-frames."""
+        from omnisim.rendering.camera.degraded_camera import DegradedCamera
+        from omnisim.rendering.truth.moving_boxes import MovingBoxes
+
         boxes = MovingBoxes(self.world.scene, self.world.objects.values())
         self._degraded = DegradedCamera(self.setup.sensor, self.setup.seed, render, boxes)
 
@@ -129,6 +133,9 @@ class CameraBackend(ABC):
 
     def ground_truth(self, names: Collection[str]) -> GroundTruth:
         """Ground truth that includes these channels."""
+        from omnisim.ground_truth.hits import HitDetails
+        from omnisim.rendering.truth.ground_truth import GroundTruth
+
         source = self.hit_source(HitDetails.of_channels(names))
         if self._ground_truth is None or self._ground_truth[0] is not source:
             truth = GroundTruth(source, self._find_labels(), list(self.world.objects))

@@ -7,7 +7,7 @@ import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,11 @@ from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
-from omnisim.ground_truth.lidar_beams import LidarBeams
 from omnisim.rendering.backend import CameraBackend, CameraSetup, SceneBackend
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.quality import QUALITIES
 from omnisim.rendering.near_plane import near_plane_m, scene_size_m
 from omnisim.rendering.opengl.atlas.tile_plan import whole_faces
-from omnisim.rendering.opengl.batch_pipeline import BatchPipeline
 from omnisim.rendering.opengl.capture.image_pass import RemapPass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.context import (
@@ -35,21 +33,23 @@ from omnisim.rendering.opengl.context import (
     release_unclosed_contexts,
 )
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
-from omnisim.rendering.opengl.drawing.range_pass import RangePass
 from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.ground_truth.lidar_pass import LidarPass
-from omnisim.rendering.opengl.ground_truth.occlusion_pass import OcclusionPass
-from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
-from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
-from omnisim.rendering.opengl.hit_batches import HitBatches
 from omnisim.rendering.opengl.pipeline import Pipeline, check_image_size
 from omnisim.rendering.opengl.shadows.shadow_maps import ShadowMaps
 from omnisim.rendering.opengl_camera import DrawnHits, DrawnScene, OpenGLCamera
 from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene import Scene
+
+if TYPE_CHECKING:  # imported where they are made: few images need them
+    from omnisim.ground_truth.lidar_beams import LidarBeams
+    from omnisim.rendering.opengl.batch_pipeline import BatchPipeline
+    from omnisim.rendering.opengl.drawing.range_pass import RangePass
+    from omnisim.rendering.opengl.ground_truth.lidar_pass import LidarPass
+    from omnisim.rendering.opengl.ground_truth.occlusion_pass import OcclusionPass
+    from omnisim.rendering.opengl.hit_batches import HitBatches
 
 # A triangle is hit if a texel near the ray shows it or an adjacent one. Measured in the warehouse:
 # 0.1 % of the rays miss one at 1 texel per pixel, 0.05 % at 1.5, mostly at silhouettes.
@@ -137,10 +137,14 @@ class CubeBackend(SceneBackend):
         self, angles_rad: NDArray[np.float64], max_range_m: float, hidden: frozenset[ObjectPart]
     ) -> RangePass:
         """Beams of a scanner; needs the current context, as do the pass's methods."""
+        from omnisim.rendering.opengl.drawing.range_pass import RangePass
+
         return RangePass(self.buffers, angles_rad, max_range_m, hidden)
 
     def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> LidarPass:
         """Beams of a spinning lidar; needs the current context, as do the pass's methods."""
+        from omnisim.rendering.opengl.ground_truth.lidar_pass import LidarPass
+
         near_m = near_plane_m(scene_size_m(self.scene), LIDAR_NEAR_M)
         return LidarPass(self.buffers, beams, near_m, hidden)
 
@@ -215,6 +219,8 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
     @cached_property
     def batches(self) -> BatchPipeline | None:
         """Pipeline of batches; None: images are degraded, or too large for it."""
+        from omnisim.rendering.opengl.batch_pipeline import BatchPipeline
+
         image_pass = self._pipeline.image_pass
         if self._degraded is not None or not isinstance(image_pass, RemapPass):
             return None
@@ -246,6 +252,9 @@ class CubeHits(DrawnHits):
         cameras: VirtualCameras,
         details: HitDetails,
     ):
+        from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
+        from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
+
         super().__init__(buffers, sensor, cameras, details)
         self._pixels = PixelMap(buffers.context, sensor.model, sensor.mesh_polygons)
         plan = sensor_tiles(sensor, sensor.model, TEXELS_PER_PIXEL)
@@ -275,6 +284,8 @@ class CubeHits(DrawnHits):
 
     @cached_property
     def _batches(self) -> HitBatches:
+        from omnisim.rendering.opengl.hit_batches import HitBatches
+
         return HitBatches(self._passes)
 
     def begin_occlusion(
@@ -293,4 +304,6 @@ class CubeHits(DrawnHits):
 
     @cached_property
     def _occlusion_pass(self) -> OcclusionPass:
+        from omnisim.rendering.opengl.ground_truth.occlusion_pass import OcclusionPass
+
         return OcclusionPass(self._passes)

@@ -7,20 +7,16 @@ from typing import Generic, NamedTuple, TypeVar
 
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.rendering.backend import CameraBackend, CameraSetup, SceneBackend, seen_background
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
-from omnisim.rendering.camera.degradations.random_numbers import key_of
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.hit_source import HitSource
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.context import collect_garbage
-from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.pipeline import DegradedPipeline, Pipeline
 from omnisim.rendering.readback import FrameRequest, Readback
-from omnisim.rendering.truth.deforming_draws import deforming_draws
 
 
 class DrawnScene(NamedTuple):
@@ -59,6 +55,8 @@ class DrawnHits(HitSource):
         self._find_draws()
 
     def _find_draws(self) -> None:
+        from omnisim.rendering.truth.deforming_draws import deforming_draws
+
         self.draws = [(item.object_index, item.name) for item in self._buffers.draw_items]
         self.deforming = deforming_draws(self._buffers)
 
@@ -126,6 +124,11 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
         degradation = self._sensor.degradation
         if degradation.is_ideal:
             return
+        # an ideal camera needs none of them
+        from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
+        from omnisim.rendering.camera.degradations.random_numbers import key_of
+        from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
+
         geometry = ImageGeometry.of_camera(self._sensor.model)
         passes = DegradationPass(
             pipeline.context,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +14,6 @@ from omnisim.core.poses import check_pose, inverse
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.core.world import Motion, ObjectPart, WorldState, time_of
 from omnisim.ground_truth import Labels, check_channels
-from omnisim.ground_truth.boxes_3d import OrientedBox, visible_boxes
 from omnisim.ground_truth.channels import ChannelName
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.backend import CameraBackend, CameraSetup
@@ -24,6 +23,9 @@ from omnisim.rendering.near_plane import scene_size_m
 from omnisim.rendering.readback import FrameRequest, ScenePoses
 from omnisim.rendering.sensor_renderer import Mounting
 from omnisim.rendering.shared_scene import SharedScene
+
+if TYPE_CHECKING:  # slow to import, and seldom needed
+    from omnisim.ground_truth.boxes_3d import OrientedBox
 
 
 class Renderer(BatchRenderer):
@@ -108,6 +110,8 @@ class Renderer(BatchRenderer):
                 channels = {name: found[name] for name in names}
                 if boxes_3d:
                     full = self._boxes_in(poses, labels)
+                    from omnisim.ground_truth.boxes_3d import visible_boxes
+
                     boxes = visible_boxes(found["position"], found["instance"], labels, full)
         self._last_poses = poses
         metadata = self._frame_metadata(now, poses.world_from_rig) | degradation

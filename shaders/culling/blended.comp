@@ -27,8 +27,11 @@ layout(std430, binding = 11) writeonly buffer Sorted { uint sorted_indices[]; };
 uniform uint u_items;
 uniform uint u_triangles;  // of all items
 
-float squared_distance(vec3 point, uint object, uint camera) {
-    vec4 rows[3] = instances[(object * u_cameras + camera) * u_tiles].viewpoint_from_object;
+vec4[3] rows_of(uint object, uint camera) {
+    return instances[(object * u_cameras + camera) * u_tiles].viewpoint_from_object;
+}
+
+float squared_distance(vec4 rows[3], vec3 point) {
     vec3 at = transformed(rows, point);
     return dot(at, at);
 }
@@ -50,21 +53,23 @@ void main() {
     uint index = gl_WorkGroupID.x, camera = gl_WorkGroupID.y, thread = gl_LocalInvocationID.x;
     Item item = items[index];
     uint first = camera * u_triangles + item.first_triangle;
+    vec4 rows[3] = rows_of(item.object, camera);  // once: compilers load buffers anew each time
     for (uint at = thread; at < item.triangles; at += 32u) {
         uint own = item.first_triangle + at, rank = 0u;
-        float own_distance = squared_distance(centers[own].xyz, item.object, camera);
+        float own_distance = squared_distance(rows, centers[own].xyz);
         for (uint other = 0u; other < item.triangles; ++other) {
             vec3 center = centers[item.first_triangle + other].xyz;
-            float distance = squared_distance(center, item.object, camera);
+            float distance = squared_distance(rows, center);
             rank += uint(distance > own_distance || (distance == own_distance && other < at));
         }
         for (uint corner = 0u; corner < 3u; ++corner)
             sorted_indices[3u * (first + rank) + corner] = indices[3u * own + corner];
     }
     uint rank = 0u;
-    float own_distance = squared_distance(item.center, item.object, camera);
+    float own_distance = squared_distance(rows, item.center);
     for (uint other = 0u; other < u_items; ++other) {
-        float distance = squared_distance(items[other].center, items[other].object, camera);
+        vec4 others[3] = rows_of(items[other].object, camera);
+        float distance = squared_distance(others, items[other].center);
         rank += uint(distance > own_distance || (distance == own_distance && other < index));
     }
     for (uint tile = thread; tile < u_tiles; tile += 32u) {

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
-
 T = TypeVar("T")
 _UNITS = {  # by the suffix of a field's name
     "px": "PX", "m": "M", "deg": "DEG", "degps": "DEG/S", "mps": "M/S", "s": "S", "hz": "HZ",

@@ -141,7 +141,7 @@ def _parameters(request: type) -> list[tuple[_Parameter, object]]:
     """Parameters of a request and its groups, with their defaults; later fields replace earlier."""
     made: dict[str, tuple[_Parameter, object]] = {}
     hints = get_type_hints(request, include_extras=True)
-    for field in dataclasses.fields(request):  # type: ignore[arg-type]  # a dataclass
+    for field in dataclasses.fields(request):
         hint = hints[field.name]
         if dataclasses.is_dataclass(hint):
             assert isinstance(hint, type)

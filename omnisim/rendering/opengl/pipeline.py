@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import moderngl
 import numpy as np
@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.capture.image_pass import image_pass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.fences import clear_target
 from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.rendering.readback import Readback, ScenePoses, SubFrames
+
+if TYPE_CHECKING:
+    from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
 
 
 class Pipeline:

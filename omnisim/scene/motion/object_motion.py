@@ -8,15 +8,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import scipy  # loads its submodules on first use
 from numpy.typing import NDArray
 
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
-from omnisim.core.trajectories import Trajectory
 from omnisim.core.world import Pose
+
+if TYPE_CHECKING:  # slow to import, and seldom needed
+    from omnisim.core.trajectories import Trajectory
 
 Vector = tuple[float, float, float]
 

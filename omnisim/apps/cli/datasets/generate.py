@@ -206,7 +206,8 @@ def _counted(
         RateColumn("samples"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=err.rich, transient=True, disable=not err.is_terminal) as progress:
+    hidden = not err.is_terminal
+    with Progress(*columns, console=err.rich, transient=True, disable=hidden) as progress:
         task = progress.add_task(plan.stem, total=total)
         for made in steps:
             done[made.shard] = each if made.is_whole else min(done.get(made.shard, 0) + 1, each)

@@ -1,9 +1,68 @@
 """Degradations of real cameras: parameters, presets, GPU passes and a NumPy reference."""
 
-from omnisim.core.package_files import preset_names
-from omnisim.rendering.camera.degradations import degradation as effects
-from omnisim.rendering.camera.degradations.degradation import *  # noqa: F403  # its effects
-from omnisim.rendering.camera.degradations.degradation_file import preset
+from typing import TYPE_CHECKING
 
-__all__ = ["preset", "preset_names"]
-__all__ += effects.__all__
+from omnisim.core.package_files import preset_names
+from omnisim.rendering.camera.degradations.degradation import Degradation
+
+if TYPE_CHECKING:
+    from omnisim.rendering.camera.degradations.bayer import Bayer
+    from omnisim.rendering.camera.degradations.chromatic_aberration import ChromaticAberration
+    from omnisim.rendering.camera.degradations.defocus import Defocus
+    from omnisim.rendering.camera.degradations.degradation_file import preset
+    from omnisim.rendering.camera.degradations.dirt import Dirt
+    from omnisim.rendering.camera.degradations.encoding import Encoding
+    from omnisim.rendering.camera.degradations.exposure import Exposure
+    from omnisim.rendering.camera.degradations.jpeg import Jpeg
+    from omnisim.rendering.camera.degradations.noise import Noise
+    from omnisim.rendering.camera.degradations.point_spread import PointSpread
+    from omnisim.rendering.camera.degradations.reflectance import Reflectance
+    from omnisim.rendering.camera.degradations.shutter import Shutter
+    from omnisim.rendering.camera.degradations.vignetting import Vignetting
+    from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
+
+# Modules of the effects, imported at first use: an ideal camera has none.
+EFFECT_MODULES = {
+    "Bayer": "bayer",
+    "ChromaticAberration": "chromatic_aberration",
+    "Defocus": "defocus",
+    "Dirt": "dirt",
+    "Encoding": "encoding",
+    "Exposure": "exposure",
+    "Jpeg": "jpeg",
+    "Noise": "noise",
+    "PointSpread": "point_spread",
+    "Reflectance": "reflectance",
+    "Shutter": "shutter",
+    "Vignetting": "vignetting",
+    "WhiteBalance": "white_balance",
+}
+_MODULES = {**EFFECT_MODULES, "preset": "degradation_file"}
+__all__ = [
+    "Bayer",
+    "ChromaticAberration",
+    "Defocus",
+    "Degradation",
+    "Dirt",
+    "Encoding",
+    "Exposure",
+    "Jpeg",
+    "Noise",
+    "PointSpread",
+    "Reflectance",
+    "Shutter",
+    "Vignetting",
+    "WhiteBalance",
+    "preset",
+    "preset_names",
+]
+
+
+def __getattr__(name: str) -> object:
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from importlib import import_module
+
+    found = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+    globals()[name] = found
+    return found

@@ -4,43 +4,28 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from omnisim.core.errors import OpticsError
 from omnisim.core.short_repr import short_repr
-from omnisim.rendering.camera.degradations.bayer import Bayer
-from omnisim.rendering.camera.degradations.chromatic_aberration import ChromaticAberration
-from omnisim.rendering.camera.degradations.defocus import Defocus
-from omnisim.rendering.camera.degradations.dirt import Dirt
-from omnisim.rendering.camera.degradations.effect import Effect, OpticalEffect, SensorEffect, Shot
-from omnisim.rendering.camera.degradations.encoding import Encoding
-from omnisim.rendering.camera.degradations.exposure import Exposure
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
-from omnisim.rendering.camera.degradations.jpeg import Jpeg
-from omnisim.rendering.camera.degradations.noise import Noise
-from omnisim.rendering.camera.degradations.point_spread import PointSpread
-from omnisim.rendering.camera.degradations.reflectance import Reflectance
-from omnisim.rendering.camera.degradations.shutter import Shutter
-from omnisim.rendering.camera.degradations.vignetting import Vignetting
-from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
-from omnisim.rendering.opengl.degradation.step import Step
 
-__all__ = [  # of the package
-    "Bayer",
-    "ChromaticAberration",
-    "Defocus",
-    "Degradation",
-    "Dirt",
-    "Encoding",
-    "Exposure",
-    "Jpeg",
-    "Noise",
-    "PointSpread",
-    "Reflectance",
-    "Shutter",
-    "Vignetting",
-    "WhiteBalance",
-]
+if TYPE_CHECKING:  # an ideal camera needs none of them
+    from omnisim.rendering.camera.degradations.bayer import Bayer
+    from omnisim.rendering.camera.degradations.chromatic_aberration import ChromaticAberration
+    from omnisim.rendering.camera.degradations.defocus import Defocus
+    from omnisim.rendering.camera.degradations.dirt import Dirt
+    from omnisim.rendering.camera.degradations.effect import Effect, OpticalEffect, SensorEffect
+    from omnisim.rendering.camera.degradations.encoding import Encoding
+    from omnisim.rendering.camera.degradations.exposure import Exposure
+    from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
+    from omnisim.rendering.camera.degradations.jpeg import Jpeg
+    from omnisim.rendering.camera.degradations.noise import Noise
+    from omnisim.rendering.camera.degradations.point_spread import PointSpread
+    from omnisim.rendering.camera.degradations.reflectance import Reflectance
+    from omnisim.rendering.camera.degradations.shutter import Shutter
+    from omnisim.rendering.camera.degradations.vignetting import Vignetting
+    from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
+    from omnisim.rendering.opengl.degradation.step import Step
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,6 +95,8 @@ class Degradation:
     @property
     def optics(self) -> list[OpticalEffect]:
         """Effects before the shutter."""
+        from omnisim.rendering.camera.degradations.effect import OpticalEffect
+
         return [part for part in self.parts.values() if isinstance(part, OpticalEffect)]
 
     @property
@@ -118,6 +105,9 @@ class Degradation:
 
         The sensor's color response is a factor of its exposure, even without an exposure table.
         """
+        from omnisim.rendering.camera.degradations.effect import SensorEffect
+        from omnisim.rendering.camera.degradations.exposure import Exposure
+
         whole = self
         if self.white_balance and not self.exposure:
             whole = dataclasses.replace(self, exposure=Exposure())
@@ -134,6 +124,8 @@ class Degradation:
             geometry: geometry of the image.
             noise_key: key of the camera's random numbers.
         """
+        from omnisim.rendering.camera.degradations.effect import Shot
+
         shot = Shot(exposure_s=self.exposure_s, noise_key=noise_key)
         return [step for effect in self.electronics for step in effect.steps(geometry, shot)]
 
