@@ -1,5 +1,7 @@
 """Draw commands of the last frame, and cullers that leave everything, or nothing to occlusion."""
 
+from copy import copy
+
 import numpy as np
 
 from omnisim.rendering.opengl.culling.command_slices import BANDS
@@ -59,11 +61,13 @@ class _NoDepth:
 def show_all(culler):
     """Let a culler leave everything."""
     shaders = culler._shaders
-    culler._shaders = shaders._replace(cull=tuple(_ShowAll(one, culler) for one in shaders.cull))
+    culler._shaders = copy(shaders)
+    culler._shaders.cull = lambda number: _ShowAll(shaders.cull(number), culler)
 
 
 def show_occluded(culler):
     """Let a culler draw in two passes, but leave what is occluded."""
     with culler._context:
         culler._bound.buffers[11].clear()
-    culler._shaders = culler._shaders._replace(hi_z=(_NoDepth(),) * 2)
+    culler._shaders = copy(culler._shaders)
+    culler._shaders.hi_z = (_NoDepth(),) * 2

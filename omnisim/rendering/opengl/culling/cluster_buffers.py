@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import NamedTuple
 
 import moderngl
 import numpy as np
@@ -36,22 +35,57 @@ _ENTRY, _ROW = np.dtype("<u4, <u4, <u4, <u4"), 1 << 12  # entries per row
 DEPTH_UNIT, BOUNDS_UNIT = 16, 17
 
 
-class CullingShaders(NamedTuple):
-    """Compute shaders of culling.
+class CullingShaders:
+    """Compute shaders of culling, each compiled when it is first needed.
 
-    Attributes:
-        instances: writes the matrices of objects in views.
-        groups: culls groups; the rest are the candidates of the first pass.
-        cull: for a single pass, or for the first and the later passes.
-        commands: writes draw commands of visible clusters.
-        hi_z: hierarchical depth between two passes: fine and coarse levels.
+    Args:
+        context: OpenGL context.
     """
 
-    instances: moderngl.ComputeShader
-    groups: moderngl.ComputeShader
-    cull: tuple[moderngl.ComputeShader, ...]
-    commands: moderngl.ComputeShader
-    hi_z: tuple[moderngl.ComputeShader, moderngl.ComputeShader]
+    def __init__(self, context: moderngl.Context):
+        self._context = context
+        self._cull: dict[int, moderngl.ComputeShader] = {}
+
+    @cached_property
+    def instances(self) -> moderngl.ComputeShader:
+        """Writes the matrices of objects in views."""
+        return build_compute_shader(self._context, "culling/instances.comp")
+
+    @cached_property
+    def groups(self) -> moderngl.ComputeShader:
+        """Culls groups; the rest are the candidates of the first pass."""
+        return self._with_bounds("groups.comp")
+
+    def cull(self, number: int) -> moderngl.ComputeShader:
+        """Culls clusters; 0: in a single pass; 1: in the first of several; 2: in later ones."""
+        if number not in self._cull:
+            self._cull[number] = self._with_bounds("cull.comp", f"PASS {number}")
+        return self._cull[number]
+
+    @cached_property
+    def commands(self) -> moderngl.ComputeShader:
+        """Writes draw commands of visible clusters."""
+        return self._with_bounds("commands.comp")
+
+    @cached_property
+    def hi_z(self) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
+        """Hierarchical depth between two passes: fine and coarse levels."""
+        return self._hi_z()
+
+    @cached_property
+    def layered_hi_z(self) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
+        """Hierarchical depth for cameras with one layer each."""
+        return self._hi_z("LAYERED")
+
+    def _with_bounds(self, name: str, *defines: str) -> moderngl.ComputeShader:
+        shader = build_compute_shader(self._context, f"culling/{name}", defines)
+        shader["u_bounds"] = BOUNDS_UNIT
+        return shader
+
+    def _hi_z(self, *defines: str) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
+        fine = build_compute_shader(self._context, "culling/hi_z.comp", defines)
+        fine["u_atlas_depth"] = DEPTH_UNIT
+        return fine, build_compute_shader(self._context, "culling/hi_z.comp", ("COARSE", *defines))
 
 
 class ClusterBuffers:
@@ -111,30 +145,8 @@ class ClusterBuffers:
 
     @cached_property
     def shaders(self) -> CullingShaders:
-        """Compiled shaders."""
-        context = self._context
-        return CullingShaders(
-            build_compute_shader(context, "culling/instances.comp"),
-            self._with_bounds("groups.comp"),
-            tuple(self._with_bounds("cull.comp", f"PASS {number}") for number in range(3)),
-            self._with_bounds("commands.comp"),
-            self._hi_z(),
-        )
-
-    @cached_property
-    def layered_hi_z(self) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
-        """Hierarchical depth shaders for cameras with one layer each."""
-        return self._hi_z("LAYERED")
-
-    def _with_bounds(self, name: str, *defines: str) -> moderngl.ComputeShader:
-        shader = build_compute_shader(self._context, f"culling/{name}", defines)
-        shader["u_bounds"] = BOUNDS_UNIT
-        return shader
-
-    def _hi_z(self, *defines: str) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
-        fine = build_compute_shader(self._context, "culling/hi_z.comp", defines)
-        fine["u_atlas_depth"] = DEPTH_UNIT
-        return fine, build_compute_shader(self._context, "culling/hi_z.comp", ("COARSE", *defines))
+        """Shaders of all cullers."""
+        return CullingShaders(self._context)
 
 
 def _table(context: moderngl.Context, entries: NDArray[np.void]) -> moderngl.Texture:

@@ -142,8 +142,7 @@ class ClusterCuller:
         ])  # fmt: skip
         self._groups = math.ceil(buffers.group_count / _GROUP_SIZE)
         self._shaders = buffers.shaders
-        is_layered = isinstance(depth, moderngl.TextureArray)
-        self._layered_hi_z = buffers.layered_hi_z if is_layered else None
+        self._is_layered = isinstance(depth, moderngl.TextureArray)
 
     @property
     def memory_bytes(self) -> int:
@@ -183,12 +182,12 @@ class ClusterCuller:
             shaders.groups.run(self._groups, views.count)
         elif self._depth is not None:
             columns, rows = self._cells
-            fine, coarse = self._layered_hi_z or shaders.hi_z
+            fine, coarse = shaders.layered_hi_z if self._is_layered else shaders.hi_z
             fine.run(columns, rows, views.cameras)  # 8 × 8 cells of level 1 per last-level cell
             context.memory_barrier(barrier)
             coarse.run(math.ceil(columns / 8), math.ceil(rows / 8), views.cameras)
         context.memory_barrier(barrier | context.COMMAND_BARRIER_BIT)
-        cull = shaders.cull[0 if self.passes == 1 else 1 + min(pass_index, 1)]
+        cull = shaders.cull(0 if self.passes == 1 else 1 + min(pass_index, 1))
         cull.run_indirect(self._lists, pass_index * _LIST_BYTES)
         context.memory_barrier(barrier)
         self._make_commands(0)

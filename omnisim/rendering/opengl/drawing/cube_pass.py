@@ -28,7 +28,7 @@ from omnisim.rendering.opengl.drawing.surface_program import (
 from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer, VirtualCameras
 from omnisim.rendering.opengl.fences import end_pass
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
-from omnisim.rendering.opengl.geometry.draw_item import InstanceTransforms
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.layer_targets import attach_layer, attach_texture
@@ -101,10 +101,13 @@ class CubePass:
         """Update after the buffers changed."""
         buffers, cameras, programs = self._buffers, self._cameras, self._programs
         shown = buffers.shown_one_by_one(cameras.hidden)
+        blended = np.array([item.is_blended for item in buffers.draw_items], dtype=np.bool_)
+        self._blended = np.flatnonzero(shown & blended)
+        opaque = np.flatnonzero(shown & ~blended)
         self._drawer = SceneDrawer(
             buffers,
             buffers.indices,
-            np.flatnonzero(shown),
+            opaque if self._sorts_blended else np.flatnonzero(shown),
             lambda item: programs[variant_of(item, cameras.unlit)],
             id_of_item={},
         )
@@ -115,21 +118,27 @@ class CubePass:
             self._programs_used.add(program)
             return BucketProgram(program.program)
 
-        blended = np.array([item.is_blended for item in buffers.draw_items], dtype=np.bool_)
-        self._blended = np.flatnonzero(shown & blended)
-        opaque = np.flatnonzero(shown & ~blended)
         self.tiles = TileRenderer(
             buffers, self.plan, cameras, opaque, find_program, self._depth, self._samples
         )
         self._layers: CubeLayers | None = None
         self._blended_drawer = self._make_blended_drawer()
 
+    @property
+    def _blended_items(self) -> list[DrawItem]:
+        return [self._buffers.draw_items[index] for index in self._blended.tolist()]
+
+    @property
+    def _sorts_blended(self) -> bool:
+        """The blended items are sorted on the GPU."""
+        return fits(self._blended_items, self._buffers.clustered_geometry)
+
     def _make_blended_drawer(self) -> BlendedDrawer | None:
         """Drawer that sorts blended items on the GPU; None: no blended items, or too many."""
         geometry, culler = self._buffers.clustered_geometry, self.tiles.culler
-        items = [self._buffers.draw_items[index] for index in self._blended.tolist()]
-        if geometry is None or culler is None or not fits(items, geometry):
+        if geometry is None or culler is None or not self._sorts_blended:
             return None
+        items = self._blended_items
         variant = variant_of_blended(len(arrays_of(items)), self._cameras.unlit, items)
         program = self._programs[variant]
         self._programs_used.add(program)
