@@ -33,7 +33,7 @@ from omnisim.core.errors import (
 from omnisim.core.extras import require_extra
 from omnisim.core.poses import pose
 from omnisim.ground_truth.npy import ChannelFormat
-from omnisim.rendering.camera.degradations import Degradation, preset
+from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.omnicamera import OmniCamera, Polygons
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.scene import Scene, read_scene
@@ -267,7 +267,11 @@ def read_preset(name: str | None) -> Degradation | None:
     Raises:
         SensorFileError: no such preset, or its file is faulty.
     """
-    return None if name is None else preset(name)
+    if name is None:
+        return None
+    from omnisim.rendering.camera.degradations import preset  # imports all effects
+
+    return preset(name)
 
 
 def parse_polygons(text: str) -> Polygons:

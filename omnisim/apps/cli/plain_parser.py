@@ -18,7 +18,7 @@ from omnisim.apps.cli.entries import Entry, GroupEntry
 from omnisim.apps.cli.options import Argument, Option, flags_of, make_request
 
 _INTEGER = re.compile(r"-?[0-9]+", re.ASCII)
-_NUMBER = re.compile(r"-?[0-9]+(\.[0-9]*)?([eE][-+]?[0-9]{1,3})?", re.ASCII)
+_NUMBER = re.compile(r"-?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]{1,3})?", re.ASCII)
 
 
 class ParsedCommand(NamedTuple):

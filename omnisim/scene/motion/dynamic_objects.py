@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import assert_never
+from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
 from omnisim.core.errors import SceneError, TrajectoryError
 from omnisim.core.files.toml_file import find_beside
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
-from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.scene.files.scene_file import (
     ObjectPathTable,
     ObjectTable,
@@ -21,6 +20,9 @@ from omnisim.scene.files.scene_file import (
 )
 from omnisim.scene.model import DynamicObject, Scene
 from omnisim.scene.motion.object_motion import Along, FreeBody, Orbit, Rest, Rolling, Shuttle
+
+if TYPE_CHECKING:  # few scenes have one
+    from omnisim.core.trajectories import Trajectory
 
 # Loader of an object's shape from a file, with an up axis and an animation.
 LoadShape = Callable[[Path, str | None, str | None], Scene]
@@ -67,6 +69,8 @@ def _motion(table: ObjectTable, folder: Path) -> Along | Orbit | Shuttle | Rest:
         case ObjectPathTable() as path:
             return Along(_trajectory(path), path.repeats)
         case ObjectTrajectoryTable() as along:
+            from omnisim.core.trajectories import read_trajectory
+
             return Along(read_trajectory(folder / along.file), along.repeats)
         case OrbitTable() as orbit:
             return Orbit(**dict(orbit))
@@ -77,6 +81,8 @@ def _motion(table: ObjectTable, folder: Path) -> Along | Orbit | Shuttle | Rest:
 
 
 def _trajectory(path: ObjectPathTable) -> Trajectory:
+    from omnisim.core.trajectories import Trajectory
+
     yaw_deg = path.yaw_deg or (0.0,) * len(path.times_s)
     for key, values in (("positions_m", path.positions_m), ("yaw_deg", yaw_deg)):
         if len(values) != len(path.times_s):
