@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 from omnisim.core.package_files import preset_names
 from omnisim.rendering.camera.degradations.degradation import Degradation
+from omnisim.rendering.camera.degradations.effect_classes import EFFECT_MODULES
 
 if TYPE_CHECKING:
     from omnisim.rendering.camera.degradations.bayer import Bayer
@@ -21,22 +22,6 @@ if TYPE_CHECKING:
     from omnisim.rendering.camera.degradations.vignetting import Vignetting
     from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
 
-# Modules of the effects, imported at first use: an ideal camera has none.
-EFFECT_MODULES = {
-    "Bayer": "bayer",
-    "ChromaticAberration": "chromatic_aberration",
-    "Defocus": "defocus",
-    "Dirt": "dirt",
-    "Encoding": "encoding",
-    "Exposure": "exposure",
-    "Jpeg": "jpeg",
-    "Noise": "noise",
-    "PointSpread": "point_spread",
-    "Reflectance": "reflectance",
-    "Shutter": "shutter",
-    "Vignetting": "vignetting",
-    "WhiteBalance": "white_balance",
-}
 _MODULES = {**EFFECT_MODULES, "preset": "degradation_file"}
 __all__ = [
     "Bayer",

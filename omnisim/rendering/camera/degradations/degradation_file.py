@@ -24,14 +24,13 @@ from omnisim.core.errors import OpticsError, SensorFileError, did_you_mean
 from omnisim.core.files.parameters import Table, parse_table, table_of
 from omnisim.core.files.toml_file import find_beside, read_toml
 from omnisim.core.package_files import PRESETS, preset_names
-from omnisim.rendering.camera import degradations
 from omnisim.rendering.camera.degradations.degradation import Degradation
 from omnisim.rendering.camera.degradations.effect import Effect
+from omnisim.rendering.camera.degradations.effect_classes import effect_classes
 
 
 def _effects() -> dict[str, type[Effect]]:
-    named = {name: getattr(degradations, name) for name in degradations.EFFECT_MODULES}
-    hints = get_type_hints(Degradation, localns=named)
+    hints = get_type_hints(Degradation, localns=effect_classes())
     return {field.name: get_args(hints[field.name])[0] for field in dataclasses.fields(Degradation)}
 
 
