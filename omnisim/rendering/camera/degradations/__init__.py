@@ -3,8 +3,7 @@
 from typing import TYPE_CHECKING
 
 from omnisim.core.package_files import preset_names
-from omnisim.rendering.camera.degradations.degradation import Degradation
-from omnisim.rendering.camera.degradations.effect_classes import EFFECT_MODULES
+from omnisim.rendering.camera.degradations.degradation import EFFECT_MODULES, Degradation
 
 if TYPE_CHECKING:
     from omnisim.rendering.camera.degradations.bayer import Bayer

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from omnisim.core.errors import OpticsError
@@ -26,6 +27,24 @@ if TYPE_CHECKING:  # an ideal camera needs none of them
     from omnisim.rendering.camera.degradations.vignetting import Vignetting
     from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
     from omnisim.rendering.opengl.degradation.step import Step
+
+
+# Modules of the effects in this package: an ideal camera needs none of them.
+EFFECT_MODULES = {
+    "Bayer": "bayer",
+    "ChromaticAberration": "chromatic_aberration",
+    "Defocus": "defocus",
+    "Dirt": "dirt",
+    "Encoding": "encoding",
+    "Exposure": "exposure",
+    "Jpeg": "jpeg",
+    "Noise": "noise",
+    "PointSpread": "point_spread",
+    "Reflectance": "reflectance",
+    "Shutter": "shutter",
+    "Vignetting": "vignetting",
+    "WhiteBalance": "white_balance",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,3 +157,11 @@ class Degradation:
         response = self.white_balance.response if self.white_balance else (1.0, 1.0, 1.0)
         red, green, blue = (2.0**ev * part for part in response)
         return red, green, blue
+
+
+def effect_classes() -> dict[str, Any]:
+    """Classes of all effects by name."""
+    return {
+        name: getattr(import_module(f"{__package__}.{module}"), name)
+        for name, module in EFFECT_MODULES.items()
+    }

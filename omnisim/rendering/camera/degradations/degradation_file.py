@@ -24,9 +24,8 @@ from omnisim.core.errors import OpticsError, SensorFileError, did_you_mean
 from omnisim.core.files.parameters import Table, parse_table, table_of
 from omnisim.core.files.toml_file import find_beside, read_toml
 from omnisim.core.package_files import PRESETS, preset_names
-from omnisim.rendering.camera.degradations.degradation import Degradation
+from omnisim.rendering.camera.degradations.degradation import Degradation, effect_classes
 from omnisim.rendering.camera.degradations.effect import Effect
-from omnisim.rendering.camera.degradations.effect_classes import effect_classes
 
 
 def _effects() -> dict[str, type[Effect]]:
