@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import typer
 import typer.main
 
+from omnisim.apps.cli.app import app
 from omnisim.apps.cli.commands import COMMANDS
-from omnisim.apps.cli.typer_app import app
 
 _WIDTH = 80  # of the usage, whatever the terminal's
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from omnisim.apps.cli.typer_app import app
+from omnisim.apps.cli.app import app
 from omnisim.cameras.calibration import load_calibration
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import read_image

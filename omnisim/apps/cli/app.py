@@ -4,25 +4,61 @@ Commands raise OmnisimError for every fault that a user can fix.
 """
 
 import errno
-import gc
 import os
 import sys
-from typing import NoReturn
+from typing import Annotated, Any, NoReturn
+
+import typer
 
 from omnisim.apps.cli import INTERRUPTED
+from omnisim.apps.cli.command import Group, make_commands
 from omnisim.apps.cli.commands import COMMANDS
-from omnisim.apps.cli.console import err
-from omnisim.apps.cli.plain_parser import parse
+from omnisim.apps.cli.console import err, out
 from omnisim.core.errors import OmnisimError
+from omnisim.core.version import __version__
 
-_COMPLETION = "_OMNISIM_COMPLETE"  # set by the shell that asks for completions
+
+class _Commands(Group):
+    """Top-level group with all commands of the table."""
+
+    def __init__(self, **settings: Any):
+        super().__init__(**settings | {"commands": make_commands(COMMANDS)})
+
+
+app = typer.Typer(
+    name="omnisim",
+    cls=_Commands,
+    help="Simulator of omnidirectional cameras, accurate to a tenth of a pixel.",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    add_completion=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _print_version(is_wanted: bool) -> None:
+    if is_wanted:
+        out.print(f"omnisim {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_print_version, is_eager=True, help="Print the version."
+        ),
+    ] = False,
+) -> None:
+    """Parse the options of `omnisim` itself."""
 
 
 def main() -> None:
     """Run the command line; an OmnisimError prints its message and exits with status 1."""
-    gc.disable()  # until the command's modules are imported, which drop nothing
     try:
-        sys.exit(_run(sys.argv[1:]))
+        app(prog_name="omnisim")
     except SystemExit as stopped:
         if stopped.code == INTERRUPTED:  # typer prints no message
             err.print("interrupted")
@@ -35,28 +71,12 @@ def main() -> None:
         if error.errno == errno.ENOENT:  # from getcwd
             _fail("the working directory is not there any more")
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # else flushing at exit fails again
-        if error.errno == errno.EPIPE:
-            sys.exit(1)  # whoever read the output, such as `head`, has seen enough
         _fail(f"standard output: cannot be written: {error.strerror}")
-    finally:
-        gc.enable()
-
-
-def _run(arguments: list[str]) -> int:
-    """Run a command line; return the exit status."""
-    command = None if _COMPLETION in os.environ else parse(arguments, COMMANDS)
-    if command is not None:
-        try:
-            return command.entry.call(command.path, command.request)
-        except KeyboardInterrupt:
-            return INTERRUPTED
-    from omnisim.apps.cli.typer_app import app  # slow to import
-
-    app(prog_name="omnisim")
-    return 0
 
 
 def _fail(message: str) -> NoReturn:
+    from rich.markup import escape
+
     for line in message.splitlines():
-        err.print_error(line)
+        err.print(f"[bold red]error:[/] {escape(line)}")
     sys.exit(1)

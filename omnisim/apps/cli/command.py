@@ -5,13 +5,44 @@ from __future__ import annotations
 import inspect
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any
+from importlib import import_module
+from typing import Any, NamedTuple
 
 import typer
 import typer.main
 from typer.core import TyperCommand, TyperGroup, TyperOption
 
-from omnisim.apps.cli.entries import Entry, GroupEntry
+from omnisim.core.extras import require_extra
+
+
+class Entry(NamedTuple):
+    """Command of the table.
+
+    Attributes:
+        summary: help text.
+        run: function in `omnisim.apps.cli`, imported when the command runs; if it returns False,
+            the exit status is 1.
+        request: class in `omnisim.apps.cli` that defines the options, imported when a command line
+            is parsed; empty: no options.
+        extra: required extra of the package; None: no extra.
+    """
+
+    summary: str
+    run: str
+    request: str = ""
+    extra: str | None = None
+
+
+class GroupEntry(NamedTuple):
+    """Group of commands of the table.
+
+    Attributes:
+        summary: help text.
+        commands: commands by name.
+    """
+
+    summary: str
+    commands: Mapping[str, Entry]
 
 
 class Command(TyperCommand):
@@ -51,12 +82,15 @@ class Command(TyperCommand):
         """Typer command with the request's parameters."""
         from omnisim.apps.cli.options import make_request, parameters
 
-        request = self._entry.request_class
+        request = _resolve(self._entry.request) if self._entry.request else None
 
         def call(**values: object) -> None:
-            made = None if request is None else make_request(request, values)
-            if status := self._entry.call(self._path, made):
-                raise typer.Exit(status)
+            if self._entry.extra is not None:
+                require_extra(self._entry.extra, f"omnisim {self._path}")
+            run = _resolve(self._entry.run)
+            result = run() if request is None else run(make_request(request, values))
+            if result is False:
+                raise typer.Exit(1)
 
         made = {} if request is None else parameters(request)
         call.__signature__ = inspect.Signature(list(made.values()))  # type: ignore[attr-defined]
@@ -120,3 +154,9 @@ def _without_flag_types(parameters: list[Any]) -> list[Any]:
         if isinstance(parameter, TyperOption) and parameter.is_flag and parameter.metavar is None:
             parameter.metavar = ""
     return parameters
+
+
+def _resolve(name: str) -> Any:
+    """Import a function or class from a module of `omnisim.apps.cli`."""
+    module, _, attribute = name.rpartition(".")
+    return getattr(import_module(f"omnisim.apps.cli.{module}"), attribute)

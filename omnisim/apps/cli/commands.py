@@ -1,6 +1,6 @@
 """Table of all commands, by the headings of `omnisim --help`."""
 
-from omnisim.apps.cli.entries import Entry, GroupEntry
+from omnisim.apps.cli.command import Entry, GroupEntry
 
 COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
     "Images": {

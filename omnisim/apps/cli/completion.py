@@ -7,7 +7,8 @@ import json
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
+
+import typer
 
 from omnisim.core.package_files import SCENES, built_in
 
@@ -24,7 +25,7 @@ def complete_robot(incomplete: str) -> list[str]:
     return _beginning(incomplete, built_in("robot.toml"))
 
 
-def complete_path(ctx: Any, incomplete: str) -> list[str]:
+def complete_path(ctx: typer.Context, incomplete: str) -> list[str]:
     """Complete the name of a path of the scene on the command line."""
     scene = _argument(ctx, "scene")
     file = scene if scene.suffix == ".toml" else scene / "scene.toml"
@@ -37,7 +38,7 @@ def complete_path(ctx: Any, incomplete: str) -> list[str]:
         return []
 
 
-def complete_run_camera(ctx: Any, incomplete: str) -> list[str]:
+def complete_run_camera(ctx: typer.Context, incomplete: str) -> list[str]:
     """Complete the name of a camera of the run on the command line."""
     manifest_file = _argument(ctx, "run", "source") / "manifest.json"
     try:
@@ -90,7 +91,7 @@ def complete_channels(incomplete: str) -> list[str]:
     return [f"{done}{comma}{name}" for name in _beginning(last, left)]
 
 
-def _argument(ctx: Any, *names: str) -> Path:
+def _argument(ctx: typer.Context, *names: str) -> Path:
     """Value of the argument with one of the names; before an unfinished option it is unparsed."""
     parsed = (ctx.params.get(name) for name in names)
     unparsed = (word for word in ctx.args if not word.startswith("-"))

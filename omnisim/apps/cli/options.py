@@ -16,6 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
+import typer
+
+from omnisim.core.files.attribute_docs import attribute_docs
+
 T = TypeVar("T")
 _UNITS = {  # by the suffix of a field's name
     "px": "PX", "m": "M", "deg": "DEG", "degps": "DEG/S", "mps": "M/S", "s": "S", "hz": "HZ",
@@ -52,8 +56,6 @@ class Argument(Option):
 
 def parameters(request: type) -> dict[str, inspect.Parameter]:
     """Typer parameters of a request and its groups, by field name."""
-    from omnisim.core.files.attribute_docs import attribute_docs  # only help pages show them
-
     made: dict[str, inspect.Parameter] = {}
     hints, docs = get_type_hints(request, include_extras=True), attribute_docs(request)
     for field in dataclasses.fields(request):
@@ -92,13 +94,11 @@ def flag_of(request: type, name: str) -> str:
     """Flag of an option in messages, which is its last one."""
     hint = get_type_hints(request, include_extras=True)[name]
     details = get_args(hint)[1] if get_origin(hint) is Annotated else Option()
-    return flags_of(name, details)[-1].partition("/")[0]
+    return _flags(name, details)[-1].partition("/")[0]
 
 
 def _info(name: str, kind: Any, details: Option, text: str, panel: str | None) -> Any:
     """Typer's description of an option or an argument."""
-    import typer  # slow to import, and not needed for a plain command line
-
     names, complete = details.names, details.complete
     if names is not None:
         complete = complete or completion_of(names)
@@ -114,12 +114,11 @@ def _info(name: str, kind: Any, details: Option, text: str, panel: str | None) -
         "readable": False,  # the reader of a file reports its own errors
     }
     if not isinstance(details, Argument):
-        return typer.Option(*flags_of(name, details), **common)
+        return typer.Option(*_flags(name, details), **common)
     return typer.Argument(**common | {"show_default": details.default or False})
 
 
-def flags_of(name: str, details: Option) -> tuple[str, ...]:
-    """Flags of a field's option on the command line."""
+def _flags(name: str, details: Option) -> tuple[str, ...]:
     stem, _, unit = name.rpartition("_")
     flag = "--" + (stem if unit in _UNITS else name).replace("_", "-")
     return details.flags or (("-o", flag) if name == "output" else (flag,))

@@ -4,7 +4,7 @@ import pytest
 import typer
 import typer.main
 
-from omnisim.apps.cli.typer_app import app
+from omnisim.apps.cli.app import app
 
 
 def _commands(command, *names):

@@ -89,7 +89,7 @@ def test_a_token_is_asked_for_where_others_listen():
 
 
 def test_the_image_at_rest_is_that_of_the_command_that_is_shown(page, tmp_path, monkeypatch):
-    from omnisim.apps.cli.typer_app import app
+    from omnisim.apps.cli.app import app
 
     monkeypatch.chdir(tmp_path)
     with Client(page) as client:
@@ -103,7 +103,7 @@ def test_the_image_at_rest_is_that_of_the_command_that_is_shown(page, tmp_path, 
 
 @pytest.mark.parametrize("k", [None, 8.0])
 def test_a_robots_image_is_that_of_the_command_that_is_shown(tmp_path, monkeypatch, k):
-    from omnisim.apps.cli.typer_app import app
+    from omnisim.apps.cli.app import app
 
     monkeypatch.chdir(tmp_path)
     vehicle = Vehicle.load("p2at")

@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from omnisim.apps.cli.typer_app import app
+from omnisim.apps.cli.app import app
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import read_image
 from omnisim.datasets.coco_folder import CocoSettings

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from omnisim.apps.cli.typer_app import app
+from omnisim.apps.cli.app import app
 from omnisim.core.errors import OmnisimError
 from omnisim.core.srgb import linear_from_srgb8
 from omnisim.datasets.generate.draw import draw_which

@@ -9,7 +9,7 @@ import trimesh
 from typer.testing import CliRunner
 
 from omnisim import OmniCamera, Scene, Stage, WorldState
-from omnisim.apps.cli.typer_app import app
+from omnisim.apps.cli.app import app
 from omnisim.core.errors import PlanError
 from omnisim.core.poses import pose
 from omnisim.datasets.generate.visible_shares import StageRays, VisibleShares

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from omnisim.apps.cli.typer_app import app
+from omnisim.apps.cli.app import app
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import read_image, write_image
 from omnisim.perception.landmarks.color_model import Costs

@@ -32,8 +32,7 @@ def run(request: ValidateRequest) -> bool:
         MofNCompleteColumn(),
         TimeElapsedColumn(),
     )
-    hidden = not err.is_terminal
-    with Progress(*columns, console=err.rich, transient=True, disable=hidden) as progress:
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
         task = progress.add_task(escape(checks[0].title), total=len(checks))
         for section in run_checks(Fixture(request.device, request.quick), checks):
             sections.append(section)

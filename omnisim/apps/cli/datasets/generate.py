@@ -206,8 +206,7 @@ def _counted(
         RateColumn("samples"),
         TimeRemainingColumn(),
     )
-    hidden = not err.is_terminal
-    with Progress(*columns, console=err.rich, transient=True, disable=hidden) as progress:
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
         task = progress.add_task(plan.stem, total=total)
         for made in steps:
             done[made.shard] = each if made.is_whole else min(done.get(made.shard, 0) + 1, each)

@@ -90,8 +90,7 @@ def record(plan: PlannedDrive, folder: Path, force: bool) -> None:
     )
     title = f"{plan.drive.vehicle.name} in {plan.drive.scene.name}"
     done, total = 0, len(plan.truth)
-    hidden = not err.is_terminal
-    with Progress(*columns, console=err.rich, transient=True, disable=hidden) as progress:
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
         steps = plan.record(folder, force)
         try:
             before = done = next(steps)
