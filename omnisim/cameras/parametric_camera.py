@@ -137,7 +137,7 @@ class ParametricCamera(ABC):
         """Build the camera from its `parameters()`.
 
         Raises:
-            OpticsError: naming the key, its value and the expected one.
+            OpticsError: a parameter is invalid; names the key, the actual and the expected value.
         """
         values: dict[str, Any] = {}
         for field in dataclasses.fields(cls):

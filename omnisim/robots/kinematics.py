@@ -185,7 +185,7 @@ def check_drivable(
         lines: (n,) line of each pose in its file; None: no line is named.
 
     Raises:
-        TrajectoryError: names the first violation, its value and the limit.
+        TrajectoryError: a limit is exceeded; names the first violation, its value and the limit.
     """
     checks = (find_violation(trajectory, kinematics), find_drift(trajectory))
     violations = [violation for violation in checks if violation is not None]

@@ -71,8 +71,8 @@ class Vehicle:
         """Load the vehicle of a robot file, a folder with one, or a built-in name.
 
         Raises:
-            RobotFileError: names file and sensor or key, and what was expected.
-            SensorFileError: names the sensor file and key, the actual value and the expected one.
+            RobotFileError: the robot file is invalid; names file, sensor or key, expected value.
+            SensorFileError: a sensor file is invalid; names file, key, actual and expected value.
         """
         return cls.from_robot(load_robot(source))
 
@@ -87,7 +87,7 @@ class Vehicle:
         Raises:
             RobotFileError: a file is missing or is not a body, a sensor is invalid or inside the
                 body, or a sensor hides a node that the body lacks.
-            SensorFileError: names the sensor file and key, the actual value and the expected one.
+            SensorFileError: a sensor file is invalid; names file, key, actual and expected value.
         """
         with recorded_sources() as sources:
             vehicle = cls._of(robot, cameras)

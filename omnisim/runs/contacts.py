@@ -83,7 +83,8 @@ def check_no_contact(contacts: Sequence[Contact] | None, where: str) -> None:
     """Reject contacts, and robots of unknown size.
 
     Raises:
-        TrajectoryError: names the first contact.
+        TrajectoryError: there is a contact, or the robot's size is unknown; names the first
+            contact.
     """
     if contacts is None:
         raise TrajectoryError(f"{where}: {NO_SIZE}: expected one of them with --no-contact")

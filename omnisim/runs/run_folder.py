@@ -199,7 +199,7 @@ class RunFolder:
         """Reject a file of the run with another number of steps.
 
         Raises:
-            RunError: names the file and both numbers.
+            RunError: the numbers differ; names the file and both numbers.
         """
         if count != self.manifest.steps:
             raise RunError(

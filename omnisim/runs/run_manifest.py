@@ -111,7 +111,7 @@ def parse_manifest(content: dict[str, Any], source: str) -> Manifest:
     """Check a manifest.
 
     Raises:
-        RunError: names the first invalid key, in one line.
+        RunError: the manifest is invalid; names the first invalid key, in one line.
     """
     try:
         return parse_table(content, Manifest, RunError, source)

@@ -65,7 +65,7 @@ def color_material(
         like: material that supplies the name, `double_sided` and `unlit`.
 
     Raises:
-        SceneError: naming the instance, the expected and the actual value.
+        SceneError: a value is invalid; names the instance, the expected and the actual value.
     """
     rgba = _numbers(name, "base_color", base_color, None)
     if rgba.shape not in ((3,), (4,)) or rgba.min() < 0.0 or rgba.max() > 1.0:
@@ -94,7 +94,7 @@ def instance_pose(name: str, matrix: ArrayLike) -> NDArray[np.float64]:
     """Checked pose (4, 4) of an instance.
 
     Raises:
-        SceneError: naming the instance, the expected and the actual value.
+        SceneError: a value is invalid; names the instance, the expected and the actual value.
     """
     checked = _numbers(name, "pose", matrix, (4, 4))
     try:

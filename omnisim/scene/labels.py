@@ -44,7 +44,7 @@ def read_label_file(path: Path) -> tuple[LabelRule, ...]:
     """Read the label rules of a TOML file that contains only `[[labels]]`.
 
     Raises:
-        SceneError: naming file, key, value and the expected value.
+        SceneError: the file is invalid; names file, key, actual and expected value.
     """
     return label_rules(read_toml(path, LabelFile, SceneError).labels)
 

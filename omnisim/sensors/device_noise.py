@@ -14,7 +14,7 @@ def check_number(name: str, number: object) -> None:
     """Raise an error unless a measurement number is a whole number of 32 bits.
 
     Raises:
-        OpticsError: names the measurement and the invalid number.
+        OpticsError: the number is invalid; names the measurement and the number.
     """
     is_whole = isinstance(number, int | np.integer) and not isinstance(number, bool)
     if not (is_whole and 0 <= number <= MAX_SEED):  # type: ignore[operator]

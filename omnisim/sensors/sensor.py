@@ -260,7 +260,7 @@ class MountedSensor(ABC):
         """Raise an error if the sensor cannot measure a trajectory at times (n,).
 
         Raises:
-            RunError: names sensor and step, and what is expected.
+            RunError: the trajectory is unsuitable; names sensor, step and expected value.
         """
 
     def note(self, times_s: NDArray[np.float64]) -> str | None:

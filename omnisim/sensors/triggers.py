@@ -22,8 +22,8 @@ def sensor_rates(
         sources: names of the sensors in messages.
 
     Raises:
-        RobotFileError: names sensor and key: the rates on a trigger differ, or a phase, jitter or
-            trigger has no rate.
+        RobotFileError: the rates on a trigger differ, or a phase, jitter or trigger has no rate;
+            names sensor and key.
     """
     triggers: dict[str, SensorMount] = {}
     for mount, source in zip(mounts, sources, strict=True):

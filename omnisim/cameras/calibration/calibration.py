@@ -130,7 +130,7 @@ def load_calibration(
             the file, and False without metadata.
 
     Raises:
-        CalibrationError: naming file, key, the expected value and the actual one.
+        CalibrationError: the file is invalid; names file, key, actual and expected value.
     """
     path = Path(path)
     try:
@@ -178,7 +178,7 @@ def check_calibration_suffix(path: Path, format: str) -> None:
 
     Raises:
         CalibrationError: the format is unknown.
-        OutputError: naming the file and its format's suffixes; a name without a suffix passes.
+        OutputError: the suffix belongs to another format; a name without a suffix passes.
     """
     form = format_named(format)
     known = (form.suffix, *_ALSO.get(form.suffix, ()))

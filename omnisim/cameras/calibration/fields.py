@@ -29,7 +29,7 @@ def check_choice(value: str, choices: Iterable[str], place: str) -> None:
     """Reject a word that is not among the choices.
 
     Raises:
-        CalibrationError: naming the place, the choices and the word.
+        CalibrationError: the word is invalid; names the place, the choices and the word.
     """
     choices = list(choices)
     if value not in choices:
@@ -58,7 +58,7 @@ def parse(data: Any, model: type[TableT], source: str) -> TableT:
     """Validate `data` against `model`; `source` names file and place in messages.
 
     Raises:
-        CalibrationError: naming place, key, the expected value and the actual one.
+        CalibrationError: the data is invalid; names place, key, actual and expected value.
     """
     if not isinstance(data, Mapping):
         raise unexpected(source, "keys with values", data)

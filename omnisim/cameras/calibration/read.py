@@ -40,7 +40,7 @@ def read_cameras(
         mirrored: True if the cameras look into mirrors; None to take it from their metadata.
 
     Raises:
-        CalibrationError: naming file, key, the expected value and the actual one.
+        CalibrationError: the file is invalid; names file, key, actual and expected value.
     """
     text, source = read_text(path), str(path)
     form = detect_format(text, source, format)

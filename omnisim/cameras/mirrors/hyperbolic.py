@@ -103,7 +103,7 @@ class HyperbolicCamera(FocalCamera):
         """Build the camera from its `parameters()`.
 
         Raises:
-            OpticsError: naming the key, the expected value and the actual one.
+            OpticsError: a parameter is invalid; names the key, the actual and the expected value.
         """
         mirror = HyperbolicMirror(
             number(parameters, "k"),

@@ -26,7 +26,7 @@ def read_profile(path: Path, pointed: bool = False) -> TabulatedProfile:
         pointed: True if the tip may be conical; False: the profile is level on the axis.
 
     Raises:
-        SensorFileError: naming file, line, the actual value and the expected one.
+        SensorFileError: the file is invalid; names file, line, actual and expected value.
     """
     try:
         table = read_text_table(path)

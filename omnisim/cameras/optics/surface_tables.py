@@ -217,7 +217,7 @@ class SurfaceTable(AlignmentTable):
             key: key of this table in the file.
 
         Raises:
-            SensorFileError: naming the key and what was expected.
+            SensorFileError: the table is invalid; names the key and the expected value.
         """
         try:
             return self._make_surfaces(source, key)

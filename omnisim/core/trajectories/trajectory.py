@@ -141,7 +141,7 @@ def check_continuous(
         lines: (n,) line of each pose in the file, if there is a file.
 
     Raises:
-        TrajectoryError: naming the first jump, its size and the limit.
+        TrajectoryError: the trajectory jumps; names the first jump, its size and the limit.
     """
     jumps = trajectory.jumps(limit_m, max_speed_mps)
     if not len(jumps):
@@ -182,7 +182,7 @@ def check_poses(poses: NDArray[np.float64]) -> None:
     """Reject poses (n, 4, 4) that are not rotations and translations.
 
     Raises:
-        TrajectoryError: naming the first such pose.
+        TrajectoryError: a pose is invalid; names the first.
     """
     finite = np.all(np.abs(poses) < MAX_M, axis=(1, 2))  # also rejects NaN
     if not np.all(finite):

@@ -51,7 +51,7 @@ class LaserScanner(Parameters, name="scanner"):
         seed: seed of the device, which sets its constant error and all its noise.
 
     Raises:
-        OpticsError: names the parameter, the expected value and the actual one.
+        OpticsError: a parameter is invalid; names it, the actual and the expected value.
     """
 
     field_of_view_deg: Annotated[Number, Field(gt=0.0, le=360.0)] = 180.0

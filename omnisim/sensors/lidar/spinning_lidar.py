@@ -58,7 +58,7 @@ class SpinningLidar(Parameters, name="lidar"):
         seed: seed of the device, which sets all its noise.
 
     Raises:
-        OpticsError: names the parameter, the expected value and the actual one.
+        OpticsError: a parameter is invalid; names it, the actual and the expected value.
     """
 
     elevations_deg: Annotated[tuple[Elevation, ...], Field(min_length=1, max_length=MAX_RINGS)] = (

@@ -49,7 +49,7 @@ class RangeSensor(Parameters, name="range_sensor"):
         seed: seed of the device, which determines its noise.
 
     Raises:
-        OpticsError: names the parameter, the expected value and the actual one.
+        OpticsError: a parameter is invalid; names it, the actual and the expected value.
     """
 
     beam_angle_deg: Annotated[float, Field(strict=True, ge=0.0, lt=180.0)] = 20.0

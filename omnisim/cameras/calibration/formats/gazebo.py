@@ -143,7 +143,7 @@ def read_lens(camera: Element, place: str) -> CentralCamera:
     """Lens of a `<camera>`.
 
     Raises:
-        CalibrationError: naming the place, the expected value and the actual one.
+        CalibrationError: the lens is invalid; names place, actual and expected value.
     """
     size = _size(camera, "image/width", place), _size(camera, "image/height", place)
     fov = _number(camera, "horizontal_fov", None, place)

@@ -235,7 +235,7 @@ class _Problem:
         """Reject parameters (n,) that the corners do not determine.
 
         Raises:
-            OpticsError: naming them.
+            OpticsError: a parameter is undetermined; names all that are.
         """
         if untold.any():
             names = [self._parameters.names[index] for index in np.flatnonzero(untold).tolist()]

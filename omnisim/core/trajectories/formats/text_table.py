@@ -139,7 +139,7 @@ def check_printed_times(times_s: NDArray[np.float64]) -> None:
     """Reject times (n,) that become equal when printed to the nanosecond.
 
     Raises:
-        TrajectoryError: naming the first two equal times.
+        TrajectoryError: two times become equal; names the first two.
     """
     same = np.diff(np.rint(times_s * 1e9)) <= 0.0
     if np.any(same):

@@ -61,7 +61,7 @@ def read_ini(path: Path) -> dict[str, Section]:
     """Read the sections of a file, keyed by lower-case name.
 
     Raises:
-        RobotFileError: names file, line, the actual text and the expected one.
+        RobotFileError: invalid syntax or value; names file, line, actual and expected text.
     """
     sections: dict[str, tuple[str, int, list[Entry]]] = {}
     entries: list[Entry] | None = None
@@ -89,7 +89,7 @@ def parse_struct(entry: Entry) -> Struct:
     """Parse the parenthesized value of an entry.
 
     Raises:
-        RobotFileError: names file, line, the actual text and the expected one.
+        RobotFileError: invalid syntax or value; names file, line, actual and expected text.
     """
     return _Reader(entry).whole()
 

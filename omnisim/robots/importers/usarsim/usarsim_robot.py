@@ -62,7 +62,7 @@ def import_robot(
             notice.
 
     Raises:
-        RobotFileError: names file, line, the actual text and the expected one.
+        RobotFileError: invalid syntax or value; names file, line, actual and expected text.
     """
     if origin_height_m is not None and not abs(origin_height_m) <= 10.0:
         raise RobotFileError(f"origin height {origin_height_m:g} m: expected a number up to 10")

@@ -108,7 +108,7 @@ def _check_topology(
     """Check that the face counts match the corners, and that the corners index existing points.
 
     Raises:
-        SceneError: naming the mesh.
+        SceneError: the counts or indices are invalid; names the mesh.
     """
     if counts.min() < 0 or counts.sum() != len(vertices):
         raise SceneError(
