@@ -20,10 +20,10 @@ ObjectPart = tuple[int | None, str]
 
 
 class ObjectPoses(tuple[Pose, ...]):
-    """Poses (4, 4) of all objects at one time, which also deform meshes.
+    """Poses (4, 4) of all objects at one time; deforming meshes take their shape at that time.
 
     Attributes:
-        time_s: time of the world.
+        time_s: world time.
     """
 
     time_s: float

@@ -27,7 +27,7 @@ TURN_ARM_M = 0.1  # skidding wheels turn about a point ahead of or behind the ba
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Limits of a robot that drives straight and in arcs and turns on the spot, never sideways.
+    """Limits of a robot that drives straight, in arcs or turns on the spot, but never sideways.
 
     Attributes:
         drive: "differential", with two wheels and a caster, or "skid_steer", whose wheels skid in

@@ -73,10 +73,10 @@ class Drive:
         seed: seed of the odometry's and the cameras' noise; a scanner's noise has its own seed in
             the robot file.
         unlit: show plain base colors.
-        device: EGL's number of the GPU, or None.
-        backend: makes images and hits.
-        up_axis, meters_per_unit: options the scene was loaded with, for the record, or None.
-        resources: folders the scene was loaded with, for the record.
+        device: EGL's number of the GPU; None: the default GPU.
+        backend: back end that renders images and casts rays.
+        up_axis, meters_per_unit: loading options of the scene, for the manifest; None: default.
+        resources: search folders of the scene's models and packages, for the manifest.
         channels: ground-truth channels, as `check_channels` returns them.
         channel_format: file format of the channels.
         boxes_3d: also record the oriented boxes of the visible instances.

@@ -46,8 +46,8 @@ class Route:
     Attributes:
         path: name of one of the scene's paths, or a file with poses or waypoints.
         step_m, step_deg: maximum step along waypoints and on the spot.
-        rate_hz: steps per second along waypoints instead, or poses per second of a file without
-            times.
+        rate_hz: steps per second along waypoints, in place of `step_m` and `step_deg`; or poses per
+            second of a file without times.
         ignore_limits: allow jumps and motion beyond the robot's limits.
         ground_m: height of the waypoints, or None: on the scene's floor.
         axes: axes of a file's poses, or None: by the convention of the file's format.

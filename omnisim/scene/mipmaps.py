@@ -1,6 +1,6 @@
 """Mip levels of textures, averaged in linear light.
 
-A software driver compiles one program per kind of size before it generates levels itself, which
+Software drivers also generate levels, but first compile a program per class of texture sizes. That
 takes longer than averaging all textures of a scene here.
 """
 

@@ -1,8 +1,8 @@
 """Protocol of sensors: mounted on a vehicle, opened on a stage, measuring the moving world.
 
-sensor = MountedCamera(...)                    # by its table in the robot file
+sensor = MountedCamera(...)                    # from its table in the robot file
 with sensor.instrument(stage, settings) as instrument:
-    measurement = instrument.measure(moment)   # of the world's motion
+    measurement = instrument.measure(moment)   # at a moment of the world's motion
 measurement.save(Path("run/omnicam/000000"))   # run/omnicam/000000.png, ...
 """
 
@@ -100,7 +100,7 @@ class Measurement(ABC):
 
     @abstractmethod
     def save(self, stem: Path) -> None:
-        """Write the files of the measurement that are missing.
+        """Write the missing files of the measurement.
 
         Args:
             stem: output path without suffix.

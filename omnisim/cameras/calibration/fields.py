@@ -99,10 +99,10 @@ def parse_size(word: str, place: str) -> int:
 
 
 def counted(values: Sequence[float], names: str, source: str) -> list[float]:
-    """Values, checked to be as many as the space-separated names.
+    """Check that there is one value per space-separated name, and return the values.
 
     Raises:
-        CalibrationError: there are more or fewer.
+        CalibrationError: there are more or fewer values than names.
     """
     expected = names.split()
     if len(values) != len(expected):

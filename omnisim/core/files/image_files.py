@@ -377,7 +377,7 @@ def _utf8_header(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Discard the process's standard error for some milliseconds, because libpng prints to it."""
+    """Discard the process's standard error within the block, because libpng prints to it."""
     with _QUIET:
         try:
             kept = os.dup(2)

@@ -48,8 +48,8 @@ class SimulatedMotion:
 
     Attributes:
         base: poses of the robot's base.
-        wheels_m: (n, 2) distances rolled by the left and the right tires at the base's times, from
-            0.
+        wheels_m: (n, 2) distances that the left and the right tires have rolled by the base's
+            times.
         effective_track_m: track that converts differences of the wheels' distances into turns.
         objects: poses of the free objects, by name, at the same times.
         touched_s: contact times by the touched object's name, ordered by first contact.

@@ -42,8 +42,8 @@ def simulate(scene: Scene, drivers: Mapping[str, Driver]) -> dict[str, Simulated
         Motion of each robot, from the first start to the last end.
 
     Raises:
-        TrajectoryError: a robot cannot follow its path, or tips over; a path is too long, or the
-            scene that is too large.
+        TrajectoryError: a robot cannot follow its path or tips over, a path is too long, or the
+            scene is too large.
     """
     start_s = min(one.motion.start_s for one in drivers.values())
     for one in drivers.values():

@@ -188,7 +188,7 @@ class _Surroundings:
             self._high[axis] = np.maximum(np.maximum(a, b), c)
 
     def affordable_sights(self) -> int:
-        """Number of sight tests whose total time goes unnoticed."""
+        """Number of sight tests within the time budget."""
         count = COMPARISONS // max(1, len(self._triangles))
         return min(max(count, MIN_SIGHTS), MAX_SIGHTS)
 
