@@ -30,9 +30,9 @@ class ObjectPoses(tuple[Pose, ...]):
 
     def __new__(cls, poses: Iterable[Pose], time_s: float) -> Self:
         """Build the tuple from poses in the order of the objects."""
-        made = super().__new__(cls, poses)
-        made.time_s = time_s
-        return made
+        object_poses = super().__new__(cls, poses)
+        object_poses.time_s = time_s
+        return object_poses
 
 
 def time_of(poses: Sequence[Pose]) -> float:

@@ -143,8 +143,8 @@ def find_violation(trajectory: Trajectory, kinematics: Kinematics) -> LimitViola
     over = [(hit[0], hit[1], name, unit, limit) for name, unit, limit, hit in checks if hit]
     if not over:
         return None
-    step, asked, name, unit, limit = min(over, key=lambda item: item[0])
-    return LimitViolation(name, unit, step, float(trajectory.times_s[step]), asked, limit)
+    step, value, name, unit, limit = min(over, key=lambda item: item[0])
+    return LimitViolation(name, unit, step, float(trajectory.times_s[step]), value, limit)
 
 
 def find_drift(trajectory: Trajectory) -> LimitViolation | None:

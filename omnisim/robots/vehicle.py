@@ -229,8 +229,8 @@ def _load_body(robot: Robot) -> Scene | None:
         start = default_start(body.bounds_m())
         return body.altered("", name=robot.body, start=start)
     except SceneError as reason:
-        words = str(reason).removeprefix(f"{path}: ")
-        raise RobotFileError(f"{robot.source}: body = {robot.body!r}: {words}") from None
+        message = str(reason).removeprefix(f"{path}: ")
+        raise RobotFileError(f"{robot.source}: body = {robot.body!r}: {message}") from None
 
 
 def _moved(body: Scene, offset_m: tuple[float, float, float]) -> Scene:

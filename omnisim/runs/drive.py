@@ -253,11 +253,11 @@ class PlannedDrive:
             labels = find_labels(drive.scene, stage.objects, tuple(world.bodies))
             write_labels(run, labels)
             missing = [step for step in range(len(self.truth)) if not run.is_done(step)]
-            there = len(self.truth) - len(missing)
+            finished = len(self.truth) - len(missing)
             if is_new and not missing:  # files of the whole run hold all of the record
                 yield 0
-            yield there
-            for done, step in enumerate(missing, start=there + 1):
+            yield finished
+            for done, step in enumerate(missing, start=finished + 1):
                 for name, instrument in instruments.items():
                     for index in run.indices_at(name, step):
                         if run.missing_at(name, index):

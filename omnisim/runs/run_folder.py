@@ -262,11 +262,13 @@ class RunFolder:
 
     def channels_at(self, index: int, sensor: str) -> tuple[str, ...]:
         """Channels of a measurement: the first lacks a previous one, the last a next one."""
-        there = {""}
-        there |= {"previous"} if index > 0 else set()
-        there |= {"next"} if index < self.measurements(sensor) - 1 else set()
+        available = {""}
+        available |= {"previous"} if index > 0 else set()
+        available |= {"next"} if index < self.measurements(sensor) - 1 else set()
         names = self.manifest.channels
-        return tuple(name for name in names if name in CHANNELS and CHANNELS[name].other in there)
+        return tuple(
+            name for name in names if name in CHANNELS and CHANNELS[name].other in available
+        )
 
 
 def read_times(path: Path, count: int) -> NDArray[np.float64]:
@@ -352,9 +354,9 @@ def _begin(run: RunFolder, content: dict[str, Any], force: bool) -> None:
                 "or that of a run"
             )
     else:
-        there = parse_manifest(old, f"{path / MANIFEST}: is damaged")
+        existing = parse_manifest(old, f"{path / MANIFEST}: is damaged")
         if force:
-            _clear(RunFolder(path, there))
+            _clear(RunFolder(path, existing))
         elif difference := first_difference(old, content):
             raise RunError(
                 f"{path / MANIFEST}: {difference}: another run is in this folder; choose another, "

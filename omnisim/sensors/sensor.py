@@ -206,8 +206,8 @@ class MountedSensor(ABC):
 
     def summary(self) -> str:
         """Short description of the sensor."""
-        words: str = self.sensor.summary()
-        return words
+        text: str = self.sensor.summary()
+        return text
 
     def times_s(self, step_times_s: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
         """Times (n,) of the measurements in a drive with steps at times (m,).

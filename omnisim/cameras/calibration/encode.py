@@ -36,7 +36,7 @@ GRID = 65
 GRID_MARGIN_RAD = math.radians(5.0)  # a grid misses less than this
 
 
-class Encoded(NamedTuple, Generic[LensT]):
+class EncodedCamera(NamedTuple, Generic[LensT]):
     """A camera in a model of a format.
 
     Attributes:
@@ -84,7 +84,7 @@ def encode_cameras(
 
 def encode(
     camera: CalibratedCamera, form: Format[LensT], place: str, model: str | None = None
-) -> Encoded[LensT]:
+) -> EncodedCamera[LensT]:
     """Encode a camera in a model of a format; `place` names file and camera in messages.
 
     Raises:
@@ -108,12 +108,12 @@ def encode(
         fit.residuals, source_model=source.model_name, at_distances=at_distances
     )
     metadata = camera_metadata(camera.name, source, limit_rad, fitted)
-    return Encoded(fit.camera, metadata, fitted)
+    return EncodedCamera(fit.camera, metadata, fitted)
 
 
 def encode_exactly(
     camera: CalibratedCamera, form: Format[LensT], place: str
-) -> Encoded[LensT] | None:
+) -> EncodedCamera[LensT] | None:
     """Encode a camera in a format's model that is the same lens, or return None."""
     try:
         return _encode_exactly(camera, form, place, None, [])
@@ -123,7 +123,7 @@ def encode_exactly(
 
 def _encode_exactly(
     camera: CalibratedCamera, form: Format[LensT], place: str, model: str | None, reasons: list[str]
-) -> Encoded[LensT] | None:
+) -> EncodedCamera[LensT] | None:
     """Encode the lens exactly, or return None and add the reasons to `reasons`.
 
     Raises:
@@ -133,7 +133,7 @@ def _encode_exactly(
     native = form.native(source)
     if native is not None and model in (None, source.model_name):
         metadata = camera_metadata(camera.name, None, None, camera.residuals)
-        return Encoded(native, metadata, camera.residuals)
+        return EncodedCamera(native, metadata, camera.residuals)
     target = model_named(model, form)
     _check_cone(source, form, place)
     lens = lens_of(source)
@@ -143,7 +143,7 @@ def _encode_exactly(
         if same is not None and reason is None:
             limit_rad, residuals = source.domain_limit_rad, camera.residuals
             metadata = camera_metadata(camera.name, source, limit_rad, residuals)
-            return Encoded(same, metadata, residuals)
+            return EncodedCamera(same, metadata, residuals)
         if reason is not None and reason not in reasons:
             reasons.append(reason)
     return None

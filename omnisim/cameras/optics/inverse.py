@@ -190,17 +190,17 @@ class Inverse:
         for _ in range(_ITERATIONS if len(points) else 0):
             if len(active) == 0:
                 break
-            some = points[:, active]
+            moving_points = points[:, active]
             with np.errstate(all="ignore"):  # points that diverge; tracing their rays rejects them
-                steps, limits = self._newton_steps(targets.take(active), some)
+                steps, limits = self._newton_steps(targets.take(active), moving_points)
                 lengths = np.linalg.norm(steps, axis=2)
                 shares = np.minimum(1.0, (limits / np.maximum(lengths, 1e-300)).min(axis=0))
-                some = some + shares[:, None] * steps
+                moving_points = moving_points + shares[:, None] * steps
                 for number, surface in enumerate(self._system.surfaces):
-                    some[number] = _retracted(surface, some[number])
-            points[:, active] = some
+                    moving_points[number] = _retracted(surface, moving_points[number])
+            points[:, active] = moving_points
             moving = (lengths > _CONVERGED * limits).any(axis=0)
-            active = active[moving & np.isfinite(some).all(axis=(0, 2))]
+            active = active[moving & np.isfinite(moving_points).all(axis=(0, 2))]
         return points
 
     def _newton_steps(self, targets: Targets, points: Floats) -> tuple[Floats, Floats]:

@@ -131,8 +131,8 @@ def _ring_radii_m(surface: Surface, rim_m: float, rings: int, camera_m: Floats) 
         measure = lengths_m / lengths_m[-1]
         if steps.min() > 0.0:
             measure += seen(samples_m) / seen(ends_m)[-1]
-        wanted = _spaced(np.interp(ends_m, samples_m, measure), rings)
-        radii_m = np.interp(wanted, measure, samples_m)
+        ring_measures = _spaced(np.interp(ends_m, samples_m, measure), rings)
+        radii_m = np.interp(ring_measures, measure, samples_m)
     radii_m[[0, -1]] = ends_m  # without rounding errors
     return radii_m
 

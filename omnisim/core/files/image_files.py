@@ -385,9 +385,9 @@ def _quiet() -> Iterator[None]:
             yield
             return
         try:
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, 2)
-            os.close(nowhere)
+            null_device = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(null_device, 2)
+            os.close(null_device)
             yield
         finally:
             os.dup2(kept, 2)

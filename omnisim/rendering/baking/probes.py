@@ -13,7 +13,7 @@ from omnisim.rendering.baking.gathering import Gatherer
 from omnisim.rendering.baking.lamps import lamps_on
 from omnisim.rendering.baking.sampling import Floats, generator, sphere_directions, spread_points
 from omnisim.rendering.baking.transport import INSIDE, SKY, PatchHits, Transport
-from omnisim.scene.light.environment import factors_of_moments, shares_of_normals
+from omnisim.scene.light.environment import factors_of_moments, spherical_harmonics
 from omnisim.scene.model import Scene
 
 PROBE_BUDGET = 16384
@@ -112,7 +112,7 @@ class ProbeBaker:
         directions = sphere_directions((spread_points(_RAYS) + shift) % 1.0)
         moments = np.zeros((len(origins), 9, 3))
         inside = np.zeros(len(origins), dtype=np.intp)
-        for direction, shares in zip(directions, shares_of_normals(directions), strict=True):
+        for direction, shares in zip(directions, spherical_harmonics(directions), strict=True):
             aims = np.broadcast_to(direction, origins.shape)
             hits = self._transport.cast(origins, np.ascontiguousarray(aims))
             inside += (hits.patches == INSIDE) | self._transport.is_back(hits)
@@ -137,4 +137,4 @@ class ProbeBaker:
         for lamp in lamps_on(self._lighting, self._transport, origins):
             towards = np.broadcast_to(lamp.directions, origins.shape)
             light = np.pi * lamp.levels[:, None] * lamp.color
-            moments += shares_of_normals(towards)[:, :, None] * light[:, None]
+            moments += spherical_harmonics(towards)[:, :, None] * light[:, None]

@@ -138,7 +138,7 @@ class Camera(Closing):
         """
         if state is None:
             state = self.state()
-            self._bend()
+            self._deform()
         return self._renderer.render(
             state,
             linear,
@@ -168,12 +168,12 @@ class Camera(Closing):
         geoms: NDArray[np.int32] = self._geoms[frame.channels["instance"]]
         return geoms
 
-    def _bend(self) -> None:
+    def _deform(self) -> None:
         """Update the shapes of skins and flexible bodies."""
         if self._model.nskin or self._model.nflex:
-            from omnisim.scene.formats.mjcf.moving_model import bent
+            from omnisim.scene.formats.mjcf.moving_model import deformed
 
-            self._stage.scene = bent(self._stage.scene, self._model, self._data, self._groups)
+            self._stage.scene = deformed(self._stage.scene, self._model, self._data, self._groups)
 
     def close(self) -> None:
         """Free the GPU memory; a second call does nothing."""

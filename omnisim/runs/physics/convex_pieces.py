@@ -66,8 +66,8 @@ class Region:
     def meets(self, corners_m: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Mask (n,) of the corner sets (n, k, 3) whose bounds meet the region."""
         low, high = corners_m.min(axis=1), corners_m.max(axis=1)
-        met: NDArray[np.bool_] = np.all((low <= self.high_m) & (high >= self.low_m), axis=1)
-        return met
+        overlapping: NDArray[np.bool_] = np.all((low <= self.high_m) & (high >= self.low_m), axis=1)
+        return overlapping
 
 
 def convex_pieces(scene: Scene, region: Region) -> list[ConvexPiece]:
@@ -86,8 +86,8 @@ def convex_pieces(scene: Scene, region: Region) -> list[ConvexPiece]:
             continue
         two_sided = scene.materials[mesh.material].double_sided
         for part in connected_parts(triangles, len(vertices)):
-            found = _pieces_of(vertices, part, two_sided, region)
-            shapes = (Shape.of(points) for points in found)
+            vertex_sets = _pieces_of(vertices, part, two_sided, region)
+            shapes = (Shape.of(points) for points in vertex_sets)
             pieces += [ConvexPiece(instance.name, shape) for shape in shapes if shape is not None]
     return pieces
 

@@ -108,7 +108,7 @@ def background_light(color: tuple[float, float, float]) -> tuple[float, float, f
     return color if max(color) > 1.0 else (0.0, 0.0, 0.0)
 
 
-def around(lighting: Lighting, luminance: NDArray[np.float32]) -> Lighting:
+def with_environment(lighting: Lighting, luminance: NDArray[np.float32]) -> Lighting:
     """Lighting with an environment map, cd/m², in place of its ambient light."""
     radiance = (math.pi * lighting.exposure * luminance).astype(np.float32)
     return replace(lighting, ambient=(0.0, 0.0, 0.0), environment=Environment(radiance))

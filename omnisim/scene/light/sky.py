@@ -26,7 +26,7 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # weights of linear sRGB, Rec. 
 _UP = np.array([[0.0, 0.0, 1.0]])
 
 
-def under_sky(scene: Scene, settings: SceneFile, toml: str, folder: Path) -> Scene:
+def with_sky(scene: Scene, settings: SceneFile, toml: str, folder: Path) -> Scene:
     """Scene with the sky of its TOML file in place of even light; its lamps stay on.
 
     Args:

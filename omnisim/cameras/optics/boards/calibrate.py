@@ -231,13 +231,15 @@ class _Problem:
         sigmas: Floats = (np.sqrt(variances) / scale)[: self._count]
         return sigmas
 
-    def _check(self, untold: NDArray[np.bool_]) -> None:
+    def _check(self, undetermined: NDArray[np.bool_]) -> None:
         """Reject parameters (n,) that the corners do not determine.
 
         Raises:
             OpticsError: a parameter is undetermined; names all that are.
         """
-        if untold.any():
-            names = [self._parameters.names[index] for index in np.flatnonzero(untold).tolist()]
+        if undetermined.any():
+            names = [
+                self._parameters.names[index] for index in np.flatnonzero(undetermined).tolist()
+            ]
             message = "not determined by the corners: expected fewer free parameters"
             raise OpticsError(f"{', '.join(names)}: {message}")

@@ -320,8 +320,8 @@ class TabulatedProfile(Profile):
         if len(radii_m) < MIN_POINTS:
             raise OpticsError(f"expected at least {MIN_POINTS} points, got {len(radii_m)}")
         if len(heights_m) != len(radii_m):
-            words = f"z_m: expected as many numbers as r_m, {len(radii_m)}"
-            raise OpticsError(f"{words}, got {len(heights_m)}")
+            message = f"z_m: expected as many numbers as r_m, {len(radii_m)}"
+            raise OpticsError(f"{message}, got {len(heights_m)}")
         if not (np.abs((radii_m, heights_m)) <= MAX_M).all():  # also rejects NaN
             raise OpticsError("expected finite numbers in meters")
         if radii_m[0] != 0.0 or not (np.diff(radii_m) > 0.0).all():

@@ -40,9 +40,9 @@ class TextTable:
     lines: list[Line]
     separator: str | None
 
-    def fault(self, line: Line, words: str) -> TrajectoryError:
+    def fault(self, line: Line, message: str) -> TrajectoryError:
         """Error at a line of this file."""
-        return TrajectoryError(f"{self.source}:{line.number}: {words}")
+        return TrajectoryError(f"{self.source}:{line.number}: {message}")
 
     def without_header(self) -> TextTable:
         """Table without its first line.

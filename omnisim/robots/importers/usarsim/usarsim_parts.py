@@ -115,14 +115,14 @@ def read_part(entry: Entry, units: Units) -> Part:
     )
 
 
-def check(entry: Entry, is_possible: bool, wanted: str) -> None:
+def check(entry: Entry, is_possible: bool, expected: str) -> None:
     """Raise an error if a value of an entry is impossible.
 
     Raises:
         RobotFileError: the value is impossible; names file, line and the expected value.
     """
     if not is_possible:
-        raise entry.fault(f"{entry.key} = {quote(entry.value)}: expected {wanted}")
+        raise entry.fault(f"{entry.key} = {quote(entry.value)}: expected {expected}")
 
 
 def number(entry: Entry, name: str, value: Value) -> float:
@@ -137,8 +137,8 @@ def number(entry: Entry, name: str, value: Value) -> float:
     except ValueError:
         parsed = math.nan
     if not math.isfinite(parsed):
-        shown = quote(value) if isinstance(value, str) else "(...)"
-        raise entry.fault(f"{name} = {shown}: expected a finite number")
+        quoted = quote(value) if isinstance(value, str) else "(...)"
+        raise entry.fault(f"{name} = {quoted}: expected a finite number")
     return parsed
 
 

@@ -18,7 +18,7 @@ from PIL import Image
 from omnisim.core.errors import SceneError
 from omnisim.scene.files.asset_resolver import AssetResolver
 from omnisim.scene.files.conversions import conversion_hint
-from omnisim.scene.files.imported import ImportedScene
+from omnisim.scene.files.imported_scene import ImportedScene
 from omnisim.scene.formats.mesh.mesh_faults import early_end, mesh_fault
 from omnisim.scene.formats.mesh.obj_text import (
     MATERIAL_FILES,

@@ -20,7 +20,7 @@ from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
 from omnisim.core.errors import SceneError
 from omnisim.core.srgb import linear_from_srgb
-from omnisim.scene.files.imported import (
+from omnisim.scene.files.imported_scene import (
     PLAIN_GRAY,
     ImportedScene,
     colors_rgba,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.files.imported import ImportedScene, make_mesh, translate
+from omnisim.scene.files.imported_scene import ImportedScene, make_mesh, translate
 from omnisim.scene.files.search_path import ResourcePath
 from omnisim.scene.formats.sdf import shapes
 from omnisim.scene.formats.sdf.frames import UnplacedError
@@ -189,7 +189,7 @@ class _Reader:
         key = tuple((one.tag, (one.text or "").strip()) for one in geometry.element.iter())
         if key not in self._shapes:
             self._shapes[key] = shapes.make_shape(
-                geometry, kind, shapes.most_segments(self._library.round_shapes)
+                geometry, kind, shapes.segment_limit(self._library.round_shapes)
             )
         return self._shapes[key]
 
