@@ -24,7 +24,7 @@ VAGUE = (
 # British stems; the other spelling is everywhere the same.
 BRITISH = (
     "colour", "centre", "centring", "metre", "grey", "neighbour", "labell", "rasteris", "normalis",
-    "initialis", "quantis", "favour", "behaviour", "licence", "tyre",
+    "initialis", "quantis", "favour", "behaviour", "licence", "tyre", "castor",
 )  # fmt: skip
 # Words of other formats' files, and the old name that a message tells.
 SPELLED_BY_OTHERS = (
@@ -116,6 +116,16 @@ def _first_comment(path):
     return 1, ""
 
 
+def _comments_without_subject():
+    """Comments beside a shader's code that begin with "of", without the noun."""
+    for path in _files(("shaders",), "*.*"):
+        if path.suffix == ".md":
+            continue
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            if re.search(r"\S\s*// of\b", line):
+                yield f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
+
+
 def _clauses():
     texts = [(path, *found) for path in _files(PYTHON, "*.py") for found in _docstrings(path)]
     texts += [
@@ -170,6 +180,11 @@ def _retired_identifiers():
 def test_docstrings_open_with_their_subject():
     offenders = list(_clauses())
     assert not offenders, "\n".join(("expected a noun or a verb first:", *offenders))
+
+
+def test_comments_beside_shader_code_name_their_subject():
+    offenders = list(_comments_without_subject())
+    assert not offenders, "\n".join(("expected a noun before “of”:", *offenders))
 
 
 def test_retired_names_are_gone():

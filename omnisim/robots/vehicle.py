@@ -34,7 +34,7 @@ from omnisim.sensors.sensor_registry import parse_mounts, sensor_source
 from omnisim.sensors.triggers import sensor_rates
 
 Mounted = TypeVar("Mounted", bound=MountedSensor)
-_PLACES = "source", "folder"  # where the robot file is on this machine
+_PLACES = "source", "folder"  # locations of the robot file on this machine
 
 
 @dataclass(frozen=True, eq=False)

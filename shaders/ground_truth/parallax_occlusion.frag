@@ -1,14 +1,14 @@
-// Occlusion as in occlusion.frag, from the origin of the ray to the point at that time. UNKNOWN is
-// added if the viewpoint does not see the whole ray.
+// Occlusion as in occlusion.frag, between the ray's origin and the point, both at the next pose.
+// UNKNOWN is added if the viewpoint does not see the whole ray.
 #version 450 core
 
-vec3 ray_origin = vec3(0.0);  // from the next viewpoint
+vec3 ray_origin = vec3(0.0);  // frame of the next viewpoint
 #define GUESS
 #include "capture/first_surface.glsl"
 #include "ground_truth/intersect.glsl"
 #include "ground_truth/occluding.glsl"
 
-uniform sampler2D u_origins;  // from the next viewpoint, in its frame
+uniform sampler2D u_origins;  // ray origins, frame of the next viewpoint
 const uint UNKNOWN = 2u;
 const int ROUNDS = 3;
 

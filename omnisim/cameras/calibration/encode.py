@@ -30,10 +30,10 @@ from omnisim.cameras.calibration.metadata import CameraMetadata, embed_metadata
 from omnisim.cameras.models.field_of_view import angles_from_axis, largest_theta_rad, optical_axis
 from omnisim.core.errors import CalibrationError, OmnisimError
 
-MIN_COVERED = 0.95  # share of the image's pixels; a fit that covers less is another camera
-MAX_RESIDUAL = 0.02  # share of the image's shorter side; a worse fit is not a calibration
+MIN_COVERED = 0.95  # minimum share of the image's pixels that a fit covers
+MAX_RESIDUAL = 0.02  # maximum residual of a fit, as a share of the image's shorter side
 GRID = 65
-GRID_MARGIN_RAD = math.radians(5.0)  # a grid misses less than this
+GRID_MARGIN_RAD = math.radians(5.0)  # bound on the angle that a grid misses
 
 
 class EncodedCamera(NamedTuple, Generic[LensT]):

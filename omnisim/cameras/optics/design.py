@@ -28,7 +28,7 @@ from omnisim.core.files.toml_file import toml_text
 
 POINTS = 501
 _TOLERANCE = 1e-12
-_MAX_RADIUS = 100.0  # of a mirror, relative to the distance of its vertex
+_MAX_RADIUS = 100.0  # maximum radius of a mirror, relative to the distance of its vertex
 
 
 class DesignedProfile(NamedTuple):

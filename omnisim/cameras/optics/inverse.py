@@ -28,10 +28,12 @@ _MARGIN = 0.02  # margin around the image, as a share of its side
 _STARTS = 4  # nearest rays by direction, of which the best is used
 _ITERATIONS = 30
 _CONVERGED = 1e-13  # step size, as a share of the path length
-_MAX_STEP = 0.5  # as a share of the surface's radius of curvature, and of its distance
+_MAX_STEP = 0.5  # maximum step relative to the surface's radius of curvature and distance
 _RETRIES = (0, 1, 2, 3, 5, 8, 13, 21)  # ranks among all rays by distance from the point
 _POINTS_PER_BATCH = 1 << 13
-_MISS = 1e-7  # share of a point's distance: a ray that misses the point by more does not show it
+_MISS = (
+    1e-7  # maximum distance between a pixel's ray and its point, relative to the point's distance
+)
 _NEAREST = 64  # nearest rays that start the search for all pixels, besides the local minima
 _SAME_PX = 1e-5
 

@@ -21,7 +21,7 @@ _TURN = np.diag(MIRROR_FROM_OPTICAL)
 _SAMPLES = 4097  # along a profile
 _MAX_SLANT = 2.0  # ratio of the apparent widths of equal parts of a profile
 _BISECTIONS = 64
-_SHARE_OF_TIP = 1e-8  # of the rim's radius: distance from the axis at which a tip takes its normal
+_SHARE_OF_TIP = 1e-8  # distance from the axis where a tip's normal is taken, in rim radii
 
 
 class SurfaceMesh(NamedTuple):

@@ -24,9 +24,9 @@ from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.system import OpticalSystem
 from omnisim.core.errors import OmnisimError, OpticsError
 
-_STEP = 1e-6  # relative to a parameter, absolute for parameters below 1
+_STEP = 1e-6  # step of derivatives, relative to a parameter, or absolute below 1
 _SINGULAR = 1e-7  # smallest singular value of the scaled Jacobian, as a share of the largest
-_UNSEEN_PX = 1e-4  # least motion of corners by a parameter that grows by 1 or doubles
+_UNSEEN_PX = 1e-4  # minimum motion of corners if a parameter grows by 1 or doubles
 _SHARE = 0.1  # component of an undetermined direction above which a parameter is part of it
 _MAX_STEPS = 100
 _WIDER = 1.1  # widens rims, so that a step that moves a rim hides no corner

@@ -19,11 +19,11 @@ from omnisim.cameras.optics.shapes.shape import Floats, Level, Shape
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.parameters import Number, Parameters, Signed
 
-_SAMPLES = 25  # along a ray; between two samples it crosses a surface at most once
+_SAMPLES = 25  # samples along a ray, which crosses a surface at most once between two of them
 _CONVEXITY_SAMPLES = 2049
 _RAYS_PER_BATCH = 1 << 14  # keeps intermediate arrays in the cache
 _NEWTON_STEPS = 60
-_ROUNDING = 4e-16  # as a share of a length
+_ROUNDING = 4e-16  # relative rounding error of a length
 _SLACK = 0.01  # widens a bracket, as a share of the step between samples
 MIN_POINTS, MAX_M = 4, 1e6  # limits of a table
 _TINY_M = 1e-12  # distance from the axis below which f'(r)/r becomes f''

@@ -164,7 +164,7 @@ _ROUND = {
 SHAPES = frozenset((*_FLAT, *_ROUND, "polyline"))
 ROUND = frozenset(_ROUND)
 GEOMETRIES = frozenset((*SHAPES, "mesh", "heightmap", "image"))
-_FEW = 20  # number of round shapes at full resolution
+_FEW = 20  # maximum number of round shapes at full resolution
 
 
 def segment_limit(round_shapes: int) -> int:
