@@ -84,7 +84,7 @@ def numbers(parameters: Mapping[str, Any], key: str) -> tuple[float, ...]:
     return coefficients
 
 
-def word(parameters: Mapping[str, Any], key: str) -> str:
+def text(parameters: Mapping[str, Any], key: str) -> str:
     """String under `key`.
 
     Raises:

@@ -70,7 +70,7 @@ class LocalizationError(OmnisimError):
 
 
 class CalibrationError(OmnisimError):
-    """A calibration file is invalid, or a model cannot have such parameters."""
+    """A calibration file is invalid, or its parameters do not suit the camera model."""
 
 
 class MeasurementError(OmnisimError):

@@ -150,8 +150,8 @@ def find_violation(trajectory: Trajectory, kinematics: Kinematics) -> LimitViola
 def find_drift(trajectory: Trajectory) -> LimitViolation | None:
     """Find the first step whose sideways or vertical motion exceeds what wheels allow, or None.
 
-    Motion in the robot's own frame is accumulated beyond what slip, slopes and turns within a step
-    explain. Noise of recorded poses averages out; a slide in small steps adds up.
+    The sum counts the motion, in the robot's own frame, that slip, slopes and turns within a step
+    do not explain. Noise of recorded poses averages out; a slide in small steps adds up.
 
     Source: cumulative sums with an allowance, Page 1954, "Continuous inspection schemes".
     """

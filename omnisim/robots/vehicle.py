@@ -143,7 +143,7 @@ class Vehicle:
         """Camera of the given name; without a name, the first.
 
         Raises:
-            RobotFileError: no such camera.
+            RobotFileError: the vehicle has no camera of this name, or none at all.
         """
         return _named(self.cameras, name, f"robot {self.name!r}: camera")
 
@@ -151,7 +151,7 @@ class Vehicle:
         """Laser scanner of the given name; without a name, the first.
 
         Raises:
-            RobotFileError: no such scanner.
+            RobotFileError: the vehicle has no scanner of this name, or none at all.
         """
         return _named(self.scanners, name, f"robot {self.name!r}: scanner")
 

@@ -106,7 +106,7 @@ class Drive:
 
         Raises:
             TrajectoryError: the path cannot be driven.
-            OmnisimError: physics without its extra.
+            OmnisimError: physics is set, but its extra is not installed.
             RunError: an invalid seed, or an exposure longer than a step.
         """
         return plan_together({BODY: self}, print_note)[BODY]
@@ -429,11 +429,11 @@ def _check_motion(run: RunFolder, truth: Trajectory) -> None:
 def plan_together(
     drives: Mapping[str, Drive], print_note: Callable[[str], None] | None = None
 ) -> dict[str, PlannedDrive]:
-    """Plan drives through one scene, by the names of their vehicles; in physics they meet.
+    """Plan drives through one scene, by vehicle name; with physics, the vehicles can collide.
 
     Raises:
         TrajectoryError: a path cannot be driven.
-        OmnisimError: physics without its extra.
+        OmnisimError: physics is set, but its extra is not installed.
         RunError: an invalid seed, or an exposure longer than a step.
     """
     if any(drive.physics for drive in drives.values()):

@@ -90,7 +90,7 @@ class RunData:
         return [notice for notice in (self.folder.unfinished(), caveat) if notice is not None]
 
     def images(self) -> Iterator[NDArray[np.uint8]]:
-        """All images in order."""
+        """Images (height, width, 3) of all steps in order, sRGB."""
         return (self.image(step) for step in range(self.steps))
 
 

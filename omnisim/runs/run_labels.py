@@ -81,7 +81,7 @@ class RunLabels:
         return self._class_of_instance[ids]
 
     def pixels(self, track: Track = iter) -> Iterator[LabeledPixels]:
-        """Pixels of the scene and their classes, image by image.
+        """Pixels (n, 3) that show the scene, and their classes (n,), image by image.
 
         Args:
             track: wrapper of the steps, for progress.

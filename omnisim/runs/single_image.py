@@ -40,7 +40,7 @@ class SingleImage:
         return [] if self.mount.caveat is None else [self.mount.caveat]
 
     def image(self, step: int) -> NDArray[np.uint8]:
-        """Image at step 0, the only step."""
+        """Image (height, width, 3) at step 0, the only step, sRGB."""
         return self.pixels
 
 

@@ -25,7 +25,11 @@ def import_arrays(
     base_color: ArrayLike | None,
     double_sided: bool,
 ) -> ImportedScene:
-    """Import one instance; the arguments are those of `Scene.from_arrays`."""
+    """Import one instance; the arguments are those of `Scene.from_arrays`.
+
+    Raises:
+        SceneError: an array is invalid; names the instance, the expected and the actual value.
+    """
     vertices = _numbers(name, "vertices_m", vertices_m, ("n", 3))
     corners = _numbers(name, "triangles", triangles, ("m", 3))
     if not (len(corners) and (corners == np.floor(corners)).all()):
@@ -141,7 +145,7 @@ def _vertex_colors(name: str, colors: ArrayLike, count: int) -> NDArray[np.float
 def _numbers(
     name: str, key: str, values: ArrayLike, shape: tuple[str | int, ...] | None
 ) -> NDArray[np.float64]:
-    """Array of finite numbers, checked against a shape in which letters stand for any length."""
+    """Validated array of finite numbers; letters in `shape` stand for any length."""
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):

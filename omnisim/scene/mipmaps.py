@@ -54,7 +54,7 @@ def _looked_up(
 
 
 def _halved(values: NDArray[np.uint16], axis: int) -> NDArray[np.uint16]:
-    """Averages of two values along an axis; with an odd count, each spans a bit of a third value.
+    """Averages of two values along an axis; of three, suitably weighted, if the count is odd.
 
     Source: Guthe and Heckbert, "Non-power-of-two mipmapping", 2005.
     """

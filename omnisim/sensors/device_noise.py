@@ -21,8 +21,8 @@ def check_number(name: str, number: object) -> None:
         raise OpticsError(f"{name}: expected a whole number of 32 bits, got {number!r}")
 
 
-def rounded(ranges_m: NDArray[np.float64], step_m: float) -> NDArray[np.float64]:
-    """Round ranges to multiples of a step; a step of 0 leaves them unchanged."""
+def round_ranges(ranges_m: NDArray[np.float64], step_m: float) -> NDArray[np.float64]:
+    """Round ranges (...) to multiples of a step; a step of 0 leaves them unchanged."""
     if not step_m:
         return ranges_m
     # Dividing, unlike multiplying, is exact to the last bit: 8190 steps become 8.19.

@@ -91,7 +91,7 @@ class Calibration:
         """Write a calibration file; see `save_calibration`.
 
         Raises:
-            CalibrationError: the format cannot hold one of the cameras, with the reason.
+            CalibrationError: the format cannot hold one of the cameras; states the reason.
             OutputError: the file cannot be written.
         """
         return save_calibration(self, path, format, model)
@@ -158,7 +158,7 @@ def save_calibration(
             the one whose maximum residual is smallest.
 
     Raises:
-        CalibrationError: the format cannot hold one of the cameras, with the reason.
+        CalibrationError: the format cannot hold one of the cameras; states the reason.
         OutputError: the file cannot be written, or its suffix belongs to another kind of file.
     """
     path = Path(path)
@@ -194,7 +194,7 @@ def calibration_text(
     """Text of a calibration file, and the cameras as written.
 
     Raises:
-        CalibrationError: the format cannot hold one of the cameras, with the reason.
+        CalibrationError: the format cannot hold one of the cameras; states the reason.
     """
     form = format_named(format)
     if len(calibration.cameras) > 1 and not form.several:

@@ -62,7 +62,7 @@ def encode_cameras(
         source: name of the cameras' file, for messages.
 
     Raises:
-        CalibrationError: the format cannot hold one of the cameras, with the reason.
+        CalibrationError: the format cannot hold one of the cameras; states the reason.
     """
     parsed, metadata, written = [], [], []
     for camera, named in zip(cameras, _renamed(cameras, form), strict=True):
@@ -88,7 +88,7 @@ def encode(
     """Encode a camera in a model of a format; `place` names file and camera in messages.
 
     Raises:
-        CalibrationError: no model is close enough, with the reason.
+        CalibrationError: no model is close enough; states the reason.
     """
     source = camera.camera
     reasons: list[str] = []
@@ -255,7 +255,7 @@ def nearest_fit(
         reasons: reasons for rejected models so far, for messages; extended in place.
 
     Raises:
-        CalibrationError: no model is close enough, with the reasons.
+        CalibrationError: no model is close enough; states the reasons.
     """
     middle = 0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)
     centered = {"principal_point_px": middle} if form.centered else {}

@@ -217,7 +217,7 @@ def _fitted(
     fixed: Mapping[str, Any],
     axis: _Axis | None,
 ) -> tuple[ParametricCamera, NDArray[np.float64]]:
-    """Camera with the smallest residuals, and its rotation; starts near an axis, if given."""
+    """Camera with the smallest residuals, and its rotation (3, 3); starts near `axis`, if given."""
     rotation = np.eye(3) if axis is None else axis.rotation
     center_px = None if axis is None else axis.center_px
     samples = samples.rotated(rotation)
@@ -246,7 +246,7 @@ def _refined(
     fixed: Mapping[str, Any],
     rotated: bool,
 ) -> tuple[ParametricCamera, NDArray[np.float64]]:
-    """Local minimum of the sum of squared reprojection errors near `start`, and its rotation."""
+    """Camera at the local minimum of the squared errors near `start`, and its rotation (3, 3)."""
     parameters = ParameterVector(
         start, {name: bounds for name, bounds in free.items() if name not in fixed}
     )

@@ -47,7 +47,7 @@ class Design:
         half_angle_deg: angle at the pinhole from the axis to the rim.
 
     Raises:
-        OpticsError: such a mirror cannot exist.
+        OpticsError: a distance or angle is not possible for a mirror.
     """
 
     vertex_m: float
@@ -65,7 +65,7 @@ class Design:
         """Mirror whose incidence θ is proportional to the image radius, with θ_max at the rim.
 
         Raises:
-            OpticsError: such a mirror cannot reach θ_max.
+            OpticsError: a mirror of this size cannot reach θ_max.
         """
         if not self.half_angle_deg < theta_max_deg <= 150.0:
             raise OpticsError(

@@ -199,5 +199,5 @@ def _counted(increments: NDArray[np.float64], tick: float) -> NDArray[np.float64
 
 
 def _chord_per_arc(turns_rad: ArrayLike) -> NDArray[np.float64]:
-    """Chord length per meter of arc, for given turns: sin(turn / 2) / (turn / 2)."""
+    """Chord lengths (n,) per meter of arc, for turns (n,): sin(turn / 2) / (turn / 2)."""
     return np.sinc(np.asarray(turns_rad) / (2.0 * math.pi))

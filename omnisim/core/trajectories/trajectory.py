@@ -116,7 +116,7 @@ class Trajectory:
         return float(self.times_s[-1] - self.times_s[0])
 
     def jumps(self, limit_m: float, max_speed_mps: float | None = None) -> NDArray[np.intp]:
-        """Indices k of steps, from pose k to k + 1, that are longer or faster than allowed."""
+        """Indices k (jumps,) of steps, from pose k to k + 1, that are too long or too fast."""
         lengths = self.step_lengths_m
         far = lengths > limit_m
         if max_speed_mps is not None:
@@ -157,7 +157,11 @@ def check_continuous(
 
 
 def poses_on_ground(positions_m: ArrayLike, yaw_rad: ArrayLike) -> NDArray[np.float64]:
-    """Level poses (n, 4, 4) world_from_base at z = 0, from positions (n, 2) and headings (n,)."""
+    """Level poses (n, 4, 4) world_from_base at z = 0, from positions (n, 2) and headings (n,).
+
+    Raises:
+        TrajectoryError: the shapes do not match, or a heading is not finite.
+    """
     positions = np.asarray(positions_m, dtype=np.float64)
     yaw = np.asarray(yaw_rad, dtype=np.float64)
     if yaw.ndim != 1 or positions.shape != (len(yaw), 2):

@@ -28,7 +28,7 @@ _OBJECTS = mujoco.mjtObj
 
 
 def import_mjcf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRobot:
-    """Import the robot of a model, which must be the only top-level body.
+    """Import the robot of a model: its only top-level body.
 
     Args:
         path: model file.

@@ -105,7 +105,7 @@ def hull_of(scene: Scene) -> Shape | None:
 def _welded(
     positions_m: NDArray[np.float64], triangles: Triangles
 ) -> tuple[NDArray[np.float64], Triangles]:
-    """Merged vertices, and the triangles between them without slivers."""
+    """Merged vertices (n, 3), and the triangles (m, 3) between them, without slivers."""
     cells = np.round(positions_m / WELDED_M).astype(np.int64)
     _, first, number = np.unique(cells, axis=0, return_index=True, return_inverse=True)
     vertices, triangles = positions_m[first], number.reshape(-1)[triangles]
@@ -121,7 +121,7 @@ def _pieces_of(
     two_sided: bool,
     region: Region,
 ) -> list[NDArray[np.float64]]:
-    """Vertices of the pieces of a connected part."""
+    """Vertices (n, 3) of each piece of a connected part."""
     points = vertices_m[np.unique(part)]
     if not region.meets(points[None])[0]:
         return []

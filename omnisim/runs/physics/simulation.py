@@ -133,7 +133,11 @@ class _Robot:
     def check(
         self, world: SimulatedWorld, base: NDArray[np.float64], command: int, time_s: float
     ) -> None:
-        """Reject an invalid state, and a robot that has tipped over or left its path."""
+        """Reject an invalid state, and a robot that has tipped over or left its path.
+
+        Raises:
+            TrajectoryError: the simulation diverges, or the robot has tipped over or left its path.
+        """
         if self._driver.ignores_limits:
             return
         x, y, _, _, i, j, _ = base.tolist()

@@ -109,6 +109,9 @@ def make_mesh(
     positions, are dropped. The mesh is then shaded flat, or in its plain color.
 
     Arrays are those of `Mesh`, with at least one triangle.
+
+    Raises:
+        SceneError: a vertex index is out of range, or a position is not finite or too large.
     """
     points = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
     corners = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)

@@ -110,7 +110,7 @@ class BakedLight:
 def _grown(
     factors: NDArray[np.float32], known: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Extend valid probes by one cell: each new one is the mean of its valid neighbors."""
+    """Coefficients and mask of probes, grown by one cell: new ones are means of valid neighbors."""
     padding = [(1, 1)] * 3
     padded = np.pad(np.where(known[..., None, None], factors, 0.0), [*padding, (0, 0), (0, 0)])
     counted = np.pad(known.astype(np.float32), padding)

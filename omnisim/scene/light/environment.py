@@ -179,7 +179,7 @@ def _halved_to(pixels: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
 
 
 def _halved(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Means of 2 × 2 pixels, weighted by solid angle; an odd last row or column is dropped."""
+    """Means (rows/2, columns/2, 3) of 2 × 2 pixels by solid angle; odd last rows are dropped."""
     height, width = (size // 2 * 2 for size in pixels.shape[:2])
     pixels = pixels[:height, :width]
     weights = map_directions(height, width)[1].astype(np.float32)[:, None, None]

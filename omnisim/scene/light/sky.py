@@ -148,7 +148,7 @@ def _read_map(path: Path) -> NDArray[np.float32]:
 
 
 def _turned(radiance: NDArray[np.float32], yaw_deg: float) -> NDArray[np.float32]:
-    """Map rotated counter-clockwise, seen from above, by whole columns."""
+    """Map (height, width, 3), rotated counter-clockwise seen from above, by whole columns."""
     columns = round(-yaw_deg / 360.0 * radiance.shape[1])
     return np.roll(radiance, columns, axis=1)
 

@@ -193,7 +193,7 @@ class DepthCamera(Parameters, name="depth_camera"):
     def _with_noise(
         self, z_m: NDArray[np.float32], seed: int | str, frame_number: int
     ) -> NDArray[np.float32]:
-        """Depths computed from noisy disparities; +inf if a disparity is not positive."""
+        """Depths (height, width) from noisy disparities; +inf if a disparity is not positive."""
         sigma_px, step_px = self.disparity_sigma_px, self.disparity_step_px
         if not sigma_px and not step_px:
             return z_m
@@ -251,7 +251,7 @@ def _channels(
     world_from_base: NDArray[np.float64],
     world_from_objects: Sequence[NDArray[np.float64]],
 ) -> dict[str, NDArray[np.float32]]:
-    """Ground-truth channels of a view, at the poses of the vehicle and of all objects."""
+    """Ground-truth channels (height, width, …) of a view, by name, at the given poses."""
     world_from_rig = world_from_base @ view.setup.sensor.base_from_rig
     poses = ScenePoses(world_from_rig, world_from_objects)
     return view.ground_truth(names).channels(names, poses)

@@ -102,7 +102,7 @@ class RangeSensor(Parameters, name="range_sensor"):
 
     @property
     def rolls_deg(self) -> NDArray[np.float64]:
-        """Roll angles in degrees of the planes with rays; the first plane is upright."""
+        """Roll angles (planes,) in degrees of the planes with rays; the first plane is upright."""
         if not self.beam_angle_deg:
             return np.zeros(1)
         planes = self.rays_per_cone // (2 if self.rays_per_cone % 2 == 0 else 1)

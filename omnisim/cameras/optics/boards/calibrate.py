@@ -212,7 +212,7 @@ class _Problem:
         ]
 
     def _sigmas(self, jacobian: Floats, errors: Floats) -> Floats:
-        """Standard deviations of the parameters.
+        """Standard deviations (parameters,) of the parameters.
 
         Raises:
             OpticsError: the corners do not determine the parameters.

@@ -90,7 +90,11 @@ class TextTable:
         raise self.fault(line, f"{name} = {quote(cell)!r}: expected a number")
 
     def check_times(self, times_s: NDArray[np.float64], printed: list[str]) -> None:
-        """Reject times (lines,) that do not increase; `printed` holds their text in the file."""
+        """Reject times (lines,) that do not increase; `printed` holds their text in the file.
+
+        Raises:
+            TrajectoryError: two successive times do not increase; names the line and both times.
+        """
         later = np.diff(times_s) > 0.0
         if not np.all(later):
             k = int(np.argmin(later))

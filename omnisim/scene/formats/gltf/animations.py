@@ -224,7 +224,7 @@ def _before(node: JsonObject) -> NDArray[np.float64]:
 def _start(
     node: JsonObject, properties: Properties
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Translation, rotation and scale of a node at 0 s."""
+    """Translation (3,), rotation (4,) and scale (3,) of a node at 0 s."""
     translation, rotation, scale = (
         properties[key].at(0.0)
         if key in properties

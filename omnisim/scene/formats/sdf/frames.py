@@ -118,7 +118,7 @@ class Scope:
         return pose
 
     def _outside(self, name: str, element: XmlElement) -> NDArray[np.float64]:
-        """Pose of the scope itself, or of a frame `model::frame` in a nested model."""
+        """Pose (4, 4) of the scope itself, or of a frame `model::frame` in a nested model."""
         if name in _OWN:
             return np.eye(4)
         name = self._aliases.get(name, name)

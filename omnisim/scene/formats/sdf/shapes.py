@@ -69,7 +69,11 @@ def capsule(element: XmlElement, max_segments: int) -> Shape:
 
 
 def plane(element: XmlElement) -> Shape:
-    """Rectangle perpendicular to its normal."""
+    """Rectangle perpendicular to its normal.
+
+    Raises:
+        SceneError: the normal is zero.
+    """
     normal = np.array(element.vector("normal", (0.0, 0.0, 1.0)))
     length = float(np.linalg.norm(normal))
     if length < 1e-9:
@@ -82,7 +86,11 @@ def plane(element: XmlElement) -> Shape:
 
 
 def polyline(elements: Sequence[XmlElement]) -> Shape:
-    """Extrusion of closed polylines along z, from z = 0 to the first one's height."""
+    """Extrusion of closed polylines along z, from z = 0 to the first one's height.
+
+    Raises:
+        SceneError: the polylines enclose no area.
+    """
     height = elements[0].positive("height", 1.0)
     loops = [_loop(element) for element in elements]
     points, triangles = triangulate(loops)

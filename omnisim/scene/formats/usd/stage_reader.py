@@ -81,7 +81,11 @@ class _Reader:
         self._names: Counter[str] = Counter()
 
     def read(self) -> tuple[ImportedScene, NDArray[np.float64]]:
-        """Read everything that is drawn."""
+        """Read everything that is drawn, and the transform (4, 4) world_from_stage.
+
+        Raises:
+            SceneError: the stage has no triangles, or is damaged.
+        """
         placed = self._placed(self._stage.GetPseudoRoot(), np.eye(4), 0)
         instances = tuple(
             Instance(one.name, one.mesh, one.frame_from_mesh, one.frame_from_object)
@@ -149,7 +153,7 @@ class _Reader:
         ]
 
     def _object(self, site: Site, owners: dict[str, str]) -> tuple[str, NDArray[np.float64], str]:
-        """Name, frame and class of the object that contains a prim.
+        """Name, frame (4, 4) and class of the object that contains a prim.
 
         Without such an object: name and frame of the prim itself, and no class.
         """

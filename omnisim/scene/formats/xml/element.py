@@ -27,7 +27,7 @@ MAX_QUOTE = 80  # characters of a quoted value in a message
 
 
 class XmlElement(NamedTuple):
-    """Element with its location.
+    """Element with its location; its methods raise a SceneError for an invalid value.
 
     Attributes:
         element: element of the XML tree.
