@@ -143,6 +143,10 @@ def first_difference(old: dict[str, Any], new: dict[str, Any], at: str = "") -> 
 
     A missing table counts as empty, so that the message names a key in it instead of the table.
     It also names the values of long lists by their indices.
+
+    Args:
+        old, new: contents of two manifests.
+        at: path of their table in the manifest, with a final dot; empty: the manifest itself.
     """
     for key in dict.fromkeys((*new, *old)):
         if f"{at}{key}" in FOR_THE_RECORD:

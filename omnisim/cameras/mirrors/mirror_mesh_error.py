@@ -70,6 +70,11 @@ def largest_error(
     """Largest error of a mesh within a part of the image, in tangents at the pinhole.
 
     The mesh's straight edges lie inside the round rim; that gap counts as an error, too.
+
+    Args:
+        mirror: mirror shape.
+        sectors, rings: polygons of the mesh around the axis, and from the apex to the rim.
+        annulus: visible part of the mirror.
     """
     corners = _sector(mirror, sectors, rings)
     lattice = _lattice(_STEPS).coordinates

@@ -67,6 +67,12 @@ def write_image(
 
     A fourth channel is alpha; JPEG has none and drops it. Equal images give equal bytes.
 
+    Args:
+        path: output file, whose suffix sets the format.
+        pixels: image.
+        metadata: JSON-compatible values to embed, such as camera and pose; None: none.
+        jpeg_quality: 1 to 100, on libjpeg's scale; for JPEG only.
+
     Raises:
         OutputError: the format is unknown, the pixels do not suit it, or the file cannot be
             written; no partial file is left.

@@ -166,6 +166,11 @@ def simulate_odometry(truth: Trajectory, errors: OdometryErrors, seed: int) -> O
 def with_errors(true: Odometry, errors: OdometryErrors, seed: int) -> Odometry:
     """Add wheel errors to readings, as `simulate_odometry` does.
 
+    Args:
+        true: error-free readings.
+        errors: errors of the wheels.
+        seed: 0 or above.
+
     Raises:
         TrajectoryError: the seed is negative.
     """

@@ -135,6 +135,12 @@ class _Robot:
     ) -> None:
         """Reject an invalid state, and a robot that has tipped over or left its path.
 
+        Args:
+            world: simulated world.
+            base: (7,) position and quaternion wxyz of the robot's base.
+            command: index of the current command.
+            time_s: time of the state.
+
         Raises:
             TrajectoryError: the simulation diverges, or the robot has tipped over or left its path.
         """

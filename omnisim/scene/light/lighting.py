@@ -53,7 +53,12 @@ def expose(
     the frames of a drive match. Beyond `MAX_LIGHTS` lights, only those that light the scene most
     are kept.
 
-    `dome` is the luminance of uniform light from all directions, cd/m². It replaces the fill light.
+
+    Args:
+        lights: lights of the file, world frame.
+        meshes, instances: surfaces of the scene.
+        dome: luminance of uniform light from all directions, cd/m², in place of the fill light;
+            None: the fill light.
     """
     sky_lux = math.pi * np.array(dome or (0.0, 0.0, 0.0))
     if not lights:

@@ -26,7 +26,14 @@ MAX_COUNT = 360
 def find_range_sensor(
     part: Part, section: Section | None, units: Units, notices: list[Notice]
 ) -> ImportedSensor | None:
-    """Read a sonar or an infrared sensor; None for any other part."""
+    """Read a sonar or an infrared sensor; None for any other part.
+
+    Args:
+        part: part of the robot.
+        section: section with the settings of the part's class; None: not in the file.
+        units: units of the file.
+        notices: list to which notices are appended.
+    """
     is_sonar = _SONAR.search(part.short_class)
     if not (is_sonar or _INFRARED.search(part.short_class)):
         return None

@@ -26,7 +26,14 @@ TURN_RAD = 6.2832  # full turn as USARBot.ini rounds it
 def find_scanner(
     part: Part, section: Section | None, units: Units, notices: list[Notice]
 ) -> ImportedSensor | None:
-    """Read a laser scanner; for other parts or missing settings, add a notice and return None."""
+    """Read a laser scanner; for other parts or missing settings, add a notice and return None.
+
+    Args:
+        part: part of the robot.
+        section: section with the settings of the part's class; None: not in the file.
+        units: units of the file.
+        notices: list to which notices are appended.
+    """
     settings = {} if section is None else {entry.key.lower(): entry for entry in section.entries}
     says_how = {"scanfov", "resolution", "maxrange"} <= settings.keys()
     is_sick = _SICK.search(part.short_class)

@@ -59,7 +59,13 @@ def map_plane(
 
 
 def map_cube(shape: Shape, sizes: NDArray[np.float64], is_uniform: bool) -> list[MappedSurface]:
-    """Texture coordinates of a cube projected from the center; triangles are cut at its edges."""
+    """Texture coordinates of a cube projected from the center; triangles are cut at its edges.
+
+    Args:
+        shape: shape of the geom.
+        sizes: (3,) sizes of the geom.
+        is_uniform: True: project positions in meters; False: positions divided by the sizes.
+    """
     ray = shape.scaled * np.where(sizes > 0.0, sizes, 1.0) if is_uniform else shape.scaled
     surface = shape.surface
     has_normals = surface.normals is not None
