@@ -137,7 +137,7 @@ def linear_fit(
 
 
 def _solve(columns: list[NDArray[np.float64]], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Solution (columns,) of a linear least-squares problem, with columns of equal length."""
+    """Solution (columns,) of a linear least-squares problem; scales columns to equal length."""
     matrix = np.stack(columns, axis=-1)
     lengths = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
     solution: NDArray[np.float64] = (

@@ -162,7 +162,12 @@ def _inside(hull: scipy.spatial.ConvexHull, points_m: NDArray[np.float64]) -> ND
 
 
 def _slab(corners_m: NDArray[np.float64], two_sided: bool) -> NDArray[np.float64]:
-    """Vertices of a facet's (n, 3, 3) slab: behind it, below a floor, or about a two-sided wall."""
+    """Vertices (k, 3) of a facet's slab: behind it, below a floor, or about a two-sided wall.
+
+    Args:
+        corners_m: (n, 3, 3) corners of the facet's triangles.
+        two_sided: True if the facet is visible from both sides.
+    """
     normal = area_vectors(corners_m).sum(axis=0)
     normal /= np.linalg.norm(normal)
     points = corners_m.reshape(-1, 3)

@@ -53,7 +53,6 @@ def expose(
     the frames of a drive match. Beyond `MAX_LIGHTS` lights, only those that light the scene most
     are kept.
 
-
     Args:
         lights: lights of the file, world frame.
         meshes, instances: surfaces of the scene.
