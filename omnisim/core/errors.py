@@ -74,7 +74,7 @@ class CalibrationError(OmnisimError):
 
 
 class MeasurementError(OmnisimError):
-    """Images from which a camera cannot be measured."""
+    """Images do not suffice to measure a camera."""
 
 
 def printable(line: str, max_length: int = MAX_LINE) -> str:

@@ -75,7 +75,7 @@ def _check_type(kind: str) -> str:
 
 class _Sensor(_OpenTable):
     type: Annotated[str, AfterValidator(_check_type)]
-    measurements: int | None = Field(default=None, ge=1, le=10**9)  # at a rate of its own
+    measurements: int | None = Field(default=None, ge=1, le=10**9)  # for a sensor with its own rate
 
 
 class Manifest(_OpenTable):

@@ -47,8 +47,8 @@ Ending follow(vec3 rig, vec3 rig_origin, vec3 ray) {
     float start = u_nearest;
     // near and far planes are centered on the ray's origin
     float depth = max(max(abs(rig.x), abs(rig.y)), abs(rig.z));
-    bool goes_on = true;
-    for (int round = 0; round < ROUNDS && goes_on; ++round) {
+    bool continues = true;
+    for (int round = 0; round < ROUNDS && continues; ++round) {
         FirstSurface found = first_surface(rig, rig_origin, start);
         Place place = place_of(rig + found.nearness * rig_origin, rig_origin);
         ending.texel = vec3(place.texel, depth);
@@ -57,7 +57,7 @@ Ending follow(vec3 rig, vec3 rig_origin, vec3 ray) {
         bool is_there = (found.nearness - nearness) * place.texels < STEP_TEXELS;
         ending.known = found.known && is_there && !ending.hit.beside &&
             !is_beside_nearer(ending.hit, place, ray);
-        goes_on = found.known && !is_there;
+        continues = found.known && !is_there;
         start = found.nearness - STEP_TEXELS / place.texels;
     }
     return ending;

@@ -17,15 +17,15 @@ uint follow(vec3 ray, uvec2 primitive, float range) {
     vec3 rig = u_rig_from_viewpoint * ray, rig_origin = u_rig_from_viewpoint * ray_origin;
     float depth = max(max(abs(rig.x), abs(rig.y)), abs(rig.z));
     float start = u_nearest;
-    bool goes_on = true, known = false, is_occluded = false;
-    for (int round = 0; round < ROUNDS && goes_on; ++round) {
+    bool continues = true, known = false, is_occluded = false;
+    for (int round = 0; round < ROUNDS && continues; ++round) {
         FirstSurface found = first_surface(rig, rig_origin, start);
         Place place = place_of(rig + found.nearness * rig_origin, rig_origin);
         vec3 texel = vec3(place.texel, depth);
         is_occluded = occluded(texel, ray, primitive, (1.0 - NEARER) * range);
         bool reaches = (found.nearness - 1.0 / range) * place.texels < STEP_TEXELS;
         known = found.known && (is_occluded || reaches);
-        goes_on = found.known && !known;
+        continues = found.known && !known;
         start = found.nearness - STEP_TEXELS / place.texels;
     }
     return (is_occluded ? 1u : 0u) + (known ? 0u : UNKNOWN);

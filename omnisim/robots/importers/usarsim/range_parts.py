@@ -54,7 +54,7 @@ def find_range_sensor(
     unread = [entry.key for key, entry in entries.items() if key not in used]
     kind = "sonar" if is_sonar else "infrared sensor"
     if section is None:
-        notice = f"{part}: no [{part.class_name}]: taken as USARSim's usual {kind}"
+        notice = f"{part}: no [{part.class_name}]: assumed to be USARSim's {kind}"
         notices.append((part.entry.line, notice))
     elif unread:
         notices.append((section.line, f"[{section.name}] {', '.join(unread)}: left out"))

@@ -66,7 +66,7 @@ def find_scanner(
         values["noise_share"] = 0.0
     _check_scan(settings, values)
     if section is None:
-        notice = f"{part}: no [{part.class_name}]: taken as USARSim's usual SICK LMS200"
+        notice = f"{part}: no [{part.class_name}]: assumed to be USARSim's SICK LMS200"
         notices.append((part.entry.line, notice))
     else:
         unread = [entry.key for key, entry in settings.items() if key not in _USED]

@@ -41,8 +41,8 @@ _NAME = re.compile(r"(?:Part|Pkg|Item)Name\s*=\s*[\"']?([^\"',()]*)", re.IGNOREC
 _HEAD = (
     "Base frame: x forward, y left, z up, origin on the ground. Meters and degrees.",
     'body = "body.glb"  # its mesh, if there is one',
-    "What it cannot say, and a robot can be driven without: [kinematics], [odometry],",
-    "[footprint]. `omnisim robot list` has robots that say it.",
+    "Not in USARBot.ini, and optional: [kinematics], [odometry], [footprint].",
+    "`omnisim robot list` lists robots with these tables.",
 )
 
 
@@ -78,8 +78,8 @@ def import_robot(
         notices.append(
             (
                 section.line,
-                "heights count from USARSim's origin of the robot, taken as on the ground: "
-                "--origin-height says how high it is",
+                "heights are relative to USARSim's robot origin, assumed to be on the ground: "
+                "--origin-height sets its height",
             )
         )
     unique = dict.fromkeys((line, printable(text)) for line, text in notices)
@@ -93,7 +93,7 @@ def import_robot(
         section=f"[{printable(section.name)}]",
         sensors=sensors,
         notices=tuple(f"{path}:{line}: {text}" for line, text in unique_notices),
-        comments=(*_HEAD, *heights, *(("Of the rest of it:", *rest) if rest else ())),
+        comments=(*_HEAD, *heights, *(("Notices:", *rest) if rest else ())),
         base_m=np.array((0.0, 0.0, -raised_m)),
     )
 
@@ -177,7 +177,7 @@ def _sensors(
             notices.append((part.entry.line, f"{part}: {', '.join(part.unread)}: left out"))
         if part.parent:
             notices.append(
-                (part.entry.line, f"{part}: sits on {part.parent!r}, taken as if on the chassis")
+                (part.entry.line, f"{part}: is mounted on {part.parent!r}: placed on the chassis")
             )
     return sorted(sensors, key=lambda item: item[0].line)
 
