@@ -1,7 +1,7 @@
-"""Processor time of ground truth relative to the image: `python -m benchmarks.ground_truth_cost
-[SCENE]`, the soccer field by default.
+"""Processor time of ground truth relative to the image.
 
-Medians of interleaved rounds; processor time, as other programs do not change it much.
+Run `python -m benchmarks.ground_truth_cost [SCENE]`; default: the soccer field. Prints medians of
+interleaved rounds. Processor time is used because other programs hardly change it.
 """
 
 from __future__ import annotations

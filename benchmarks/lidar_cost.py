@@ -1,9 +1,9 @@
-"""Time and exactness of a lidar's revolution, 64 rings × 1024 firings, at rest and in motion:
-`python -m benchmarks.lidar_cost [SCENE]`, mapping by default.
+"""Time and accuracy of a lidar's revolution, 64 rings × 1024 firings, at rest and in motion.
 
-Medians of rounds 1 m above the scene's start pose: wall time, and processor time of all threads,
-as other programs do not change that much. Exactness is the share of beams within 1 mm of the back
-end of rays, in the scene's opaque part.
+Run `python -m benchmarks.lidar_cost [SCENE]`; default: mapping. The lidar is 1 m above the scene's
+start. Prints medians over the rounds of wall-clock time and of the processor time of all threads,
+which other programs hardly change. Accuracy is the share of beams within 1 mm of the ray-casting
+back end, in the scene's opaque part.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ NEAR_M = 1e-3
 
 
 def _ranges_m(cloud: PointCloud) -> NDArray[np.float64]:
-    """Ranges (rings, firings), 0 where there is no point."""
+    """Ranges (rings, firings); 0: no point."""
     ranges_m = np.zeros((cloud.lidar.rings, cloud.lidar.firings))
     firings = np.rint(cloud.points["time"] * cloud.lidar.firings / cloud.lidar.period_s)
     ranges_m[cloud.points["ring"], firings.astype(int)] = cloud.points["range"]
@@ -35,14 +35,14 @@ def _ranges_m(cloud: PointCloud) -> NDArray[np.float64]:
 
 
 class Timed(NamedTuple):
-    """Point cloud, and medians of the times that it takes."""
+    """Point cloud, and the median times of its measurement."""
 
     cloud: PointCloud
     wall_ms: float
     processor_ms: float
 
     def __str__(self) -> str:
-        """Return both times."""
+        """Format both times."""
         return f"{self.wall_ms:.0f} ms, {self.processor_ms:.0f} ms of processors"
 
 
@@ -57,14 +57,14 @@ def _time(renderer: LidarRenderer, motion: Motion) -> Timed:
 
 
 def _opaque_part(scene: Scene) -> Scene:
-    """Scene without the instances that a beam may go through."""
+    """Scene without instances that beams may pass through."""
     modes = [scene.materials[mesh.material].alpha_mode for mesh in scene.meshes]
     kept = (one for one in scene.instances if modes[one.mesh] is AlphaMode.OPAQUE)
     return dataclasses.replace(scene, instances=tuple(kept))
 
 
 def main(source: str) -> None:
-    """Print times and exactness."""
+    """Print times and accuracy."""
     scene = _opaque_part(load_scene(source))
     lidar = dataclasses.replace(SpinningLidar.hdl64e().without_errors(), firings=1024)
     x_m, y_m, z_m = scene.start.position_m

@@ -1,4 +1,4 @@
-"""Rays instead of faces: Embree through embreex, one primary ray a pixel, one thread."""
+"""Embree, through embreex: one primary ray per pixel, on one thread."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from benchmarks.peers.hit_colors import HitColors
 from benchmarks.peers.peer import CAMERA, ImagePeer, Peer
 from omnisim.scene.model import Scene
 
-MAX_LAYERS = 16  # surfaces on one ray that something behind is seen through
-# How far behind a surface a ray continues, as a share of its range: some roundings of a float32.
+MAX_LAYERS = 16  # transparent surfaces along a ray
+# Distance behind a surface at which a ray continues, as a share of its range: a few float32 ULPs.
 _BEYOND = 1e-5
 
 
 class EmbreeGeometry(Peer):
-    """Index of the triangle that each valid pixel's ray hits, and nothing else."""
+    """Ray caster that finds only the index of the triangle hit by each valid pixel's ray."""
 
     name = "Embree, geometry"
 
@@ -25,17 +25,17 @@ class EmbreeGeometry(Peer):
         self.texels = self._rays.count
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.int32]:
-        """Indices (n,) of the triangles that the valid pixels' rays hit; −1: none."""
+        """Indices (n,) of the triangles hit by the valid pixels' rays; −1: no hit."""
         return self._rays.cast(world_from_rig)
 
 
 class EmbreeColors(ImagePeer):
-    """Image by ray casting: hits lit and textured in NumPy.
+    """Image by ray casting, with hits textured and lit in NumPy.
 
-    A ray continues behind holes, backs of single-sided surfaces, and glass.
+    At holes, glass, and the backs of single-sided surfaces the ray continues.
 
     Attributes:
-        rays: one per pixel.
+        rays: one ray per pixel.
     """
 
     name = "Embree, color"
@@ -77,7 +77,7 @@ class EmbreeColors(ImagePeer):
 
 
 def _levels(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Linear RGB (n, 3) as 8-bit sRGB, in float32 throughout."""
+    """8-bit sRGB levels of linear RGB (n, 3), computed in float32."""
     values = np.clip(linear, np.float32(0.0), np.float32(1.0))
     high = np.float32(1.055) * np.power(values, np.float32(1.0 / 2.4)) - np.float32(0.055)
     encoded = np.where(values <= np.float32(0.0031308), np.float32(12.92) * values, high)
