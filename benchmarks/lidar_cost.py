@@ -34,7 +34,7 @@ def _ranges_m(cloud: PointCloud) -> NDArray[np.float64]:
     return ranges_m
 
 
-class Timed(NamedTuple):
+class TimedCloud(NamedTuple):
     """Point cloud, and the median times of its measurement."""
 
     cloud: PointCloud
@@ -46,14 +46,14 @@ class Timed(NamedTuple):
         return f"{self.wall_ms:.0f} ms, {self.processor_ms:.0f} ms of processors"
 
 
-def _time(renderer: LidarRenderer, motion: Motion) -> Timed:
+def _time(renderer: LidarRenderer, motion: Motion) -> TimedCloud:
     times_s = []
     for _ in range(WARM_UP + ROUNDS):
         start_s = time.perf_counter(), time.process_time()
         cloud = renderer.scan(motion)
         times_s.append((time.perf_counter() - start_s[0], time.process_time() - start_s[1]))
     wall_ms, processor_ms = 1e3 * np.median(times_s[WARM_UP:], axis=0)
-    return Timed(cloud, float(wall_ms), float(processor_ms))
+    return TimedCloud(cloud, float(wall_ms), float(processor_ms))
 
 
 def _opaque_part(scene: Scene) -> Scene:
@@ -79,9 +79,9 @@ def main(source: str) -> None:
         open_sensor(scene, lidar, backend="rays") as rays,
     ):
         for name, motion in motions.items():
-            found, exact = _time(renderer, motion), _time(rays, motion)
-            share = np.mean(np.abs(_ranges_m(found.cloud) - _ranges_m(exact.cloud)) <= NEAR_M)
-            print(f"{name:17} cube {found}; rays {exact}; {share:.3%} within 1 mm")
+            cube, traced = _time(renderer, motion), _time(rays, motion)
+            share = np.mean(np.abs(_ranges_m(cube.cloud) - _ranges_m(traced.cloud)) <= NEAR_M)
+            print(f"{name:17} cube {cube}; rays {traced}; {share:.3%} within 1 mm")
 
 
 if __name__ == "__main__":

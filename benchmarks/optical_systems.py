@@ -62,10 +62,10 @@ def places(sensor: OmniCamera, scene: Scene, rays: RayScene) -> dict[str, Pose]:
 
 def accuracy(stage: Stage, rays: RayScene, sensor: OmniCamera, base: Pose) -> str:
     """Line with the shares of pixels."""
-    found = same_triangles(stage, rays, sensor, base)
+    shares = same_triangles(stage, rays, sensor, base)
     return (
-        f"same triangle {found.cast:.3%} with rays, {found.alone:.3%} without, "
-        f"{found.decided:.3%} of those decided; {found.undecided:.2%} undecided"
+        f"same triangle {shares.cast:.3%} with rays, {shares.alone:.3%} without, "
+        f"{shares.decided:.3%} of those decided; {shares.undecided:.2%} undecided"
     )
 
 

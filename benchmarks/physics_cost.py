@@ -34,8 +34,10 @@ def main(scene: str, robot: str, path: str) -> None:
         advance(world, time_s, rates_radps)
         spent_s += time.process_time() - begun_s
 
-    found = load_robot(robot)
-    drive = Drive(load_scene(scene), Vehicle.from_robot(found), Route(path), physics=found.chassis)
+    loaded = load_robot(robot)
+    drive = Drive(
+        load_scene(scene), Vehicle.from_robot(loaded), Route(path), physics=loaded.chassis
+    )
     start_s = time.process_time()
     with patch.object(SimulatedWorld, "advance", timed):
         plan = drive.plan()

@@ -70,8 +70,13 @@ def start_up_rows(scene: str, starts: int, options: Options) -> list[dict[str, A
         for what, done in runs.items()
     ]  # fmt: skip
     rows += [
-        {"kind": "start-up phase", "what": phase, "rounds": starts, **_statistics("seconds", found)}
-        for phase, found in phases.items()
+        {
+            "kind": "start-up phase",
+            "what": phase,
+            "rounds": starts,
+            **_statistics("seconds", seconds),
+        }
+        for phase, seconds in phases.items()
     ]
     return rows
 

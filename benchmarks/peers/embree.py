@@ -53,16 +53,16 @@ class EmbreeColors(ImagePeer):
         rays = np.arange(len(total))
         share = np.ones((len(rays), 1), dtype=np.float32)
         for _ in range(MAX_LAYERS):
-            found = self.rays.mesh.hits(origins_m, directions)
-            hit = np.flatnonzero(found.triangles >= 0)
+            hits = self.rays.mesh.hits(origins_m, directions)
+            hit = np.flatnonzero(hits.triangles >= 0)
             if len(hit) < len(rays):
-                missed = np.flatnonzero(found.triangles < 0)
+                missed = np.flatnonzero(hits.triangles < 0)
                 total[rays[missed]] += share[missed] * self._background
             rays, share, directions = rays[hit], share[hit], directions[hit]
-            ranges_m = found.ranges_m[hit, None]
+            ranges_m = hits.ranges_m[hit, None]
             points_m = origins_m[hit] + ranges_m * directions
             colors, opacity = self._colors.of(
-                found.triangles[hit], found.u[hit], found.v[hit], points_m, directions
+                hits.triangles[hit], hits.u[hit], hits.v[hit], points_m, directions
             )
             total[rays] += share * opacity * colors
             share = share * (1.0 - opacity)

@@ -14,7 +14,7 @@ from benchmarks.peers.peer import SENSOR, ImagePeer, Peer
 from benchmarks.peers.pyrender_faces import PyrenderFaces
 from benchmarks.settings import at_setting
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.shared_scene import Closing
+from omnisim.rendering.shared_scene import Closeable
 from omnisim.rendering.stage import Stage
 from omnisim.validation.oracles import import_failure
 
@@ -37,7 +37,7 @@ def rung(name: str) -> OmniCamera:
     return at_setting(SENSOR, {FAST: "fast", DEFAULT: "default"}[name])
 
 
-class Field(Closing):
+class Field(Closeable):
     """All renderers of the race in one scene; close it at the end.
 
     Attributes:

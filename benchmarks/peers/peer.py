@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from omnisim.cameras import HyperbolicCamera, pixel_grid
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.rendering.camera.omnicamera import PAPER_SIZE_PX, OmniCamera
-from omnisim.rendering.shared_scene import Closing
+from omnisim.rendering.shared_scene import Closeable
 
 # Camera of all renderers: the paper's, 360 × 360 px, rim at 105°.
 CAMERA = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), PAPER_SIZE_PX, PAPER_SIZE_PX)
 SENSOR = OmniCamera(CAMERA, polygons=None)
 
 
-class Peer(Closing):
+class Peer(Closeable):
     """Renderer in the race; data that does not depend on the pose is computed once.
 
     Attributes:

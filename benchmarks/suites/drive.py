@@ -57,7 +57,7 @@ figure = drive_figure
 
 
 @dataclass(frozen=True, eq=False)
-class _Driven:
+class _DriveResult:
     """Measurements of a drive at one setting, by frame."""
 
     setting: str
@@ -141,7 +141,7 @@ def _of_kind(rows: Iterable[dict[str, Any]], kind: str) -> list[dict[str, Any]]:
     return [row for row in rows if row["kind"] == kind]
 
 
-def _drive(options: Options, scene: Scene, setting: str, frames: int) -> _Driven:
+def _drive(options: Options, scene: Scene, setting: str, frames: int) -> _DriveResult:
     vehicle = Vehicle.load(ROBOT).with_cameras(polygons=PAPER_POLYGONS)
     mounted = vehicle.camera()
     poses = plan_route(
@@ -164,7 +164,7 @@ def _drive(options: Options, scene: Scene, setting: str, frames: int) -> _Driven
             {FRAME: step, ALL_THREADS: constant.work, ONE_THREAD: _loop},
             frames, warm_up, options.progress, f"drive, {setting}",
         )  # fmt: skip
-    return _Driven(setting, timings, collector_s[warm_up:], resident[warm_up:])
+    return _DriveResult(setting, timings, collector_s[warm_up:], resident[warm_up:])
 
 
 class _Step:
@@ -197,7 +197,7 @@ def _loop() -> int:
     return total
 
 
-def _frames_row(driven: _Driven) -> dict[str, Any]:
+def _frames_row(driven: _DriveResult) -> dict[str, Any]:
     timings = driven.timings
     seconds = timings.seconds[FRAME]
     busy = timings.processor_seconds[FRAME]
@@ -236,7 +236,7 @@ def running_median(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.median(np.lib.stride_tricks.sliding_window_view(around, 2 * half + 1), axis=-1)
 
 
-def _memory_row(driven: _Driven) -> dict[str, Any]:
+def _memory_row(driven: _DriveResult) -> dict[str, Any]:
     settled = min(SETTLED, len(driven.resident)) - 1
     held = driven.resident / _MIB
     return {
@@ -262,7 +262,7 @@ def _bounds(rows: list[dict[str, Any]]) -> list[Measure]:
     return bounds
 
 
-def _series(driven: _Driven) -> dict[str, list[float]]:
+def _series(driven: _DriveResult) -> dict[str, list[float]]:
     """Milliseconds by frame, for the figure."""
     seconds = {name: driven.timings.seconds[name] for name in (FRAME, ALL_THREADS, ONE_THREAD)}
     seconds["collector"] = driven.collector_s

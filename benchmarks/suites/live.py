@@ -209,16 +209,16 @@ def _row(what: str, times_ms: list[float]) -> dict[str, Any]:
 
 
 def _bounds(rows: list[dict[str, Any]]) -> list[Measure]:
-    found = {row["what"]: float(row["value"]) for row in rows}
+    values = {row["what"]: float(row["value"]) for row in rows}
     rates = [
-        Measure(f"images a second, {name}", found[name], bound=least, at_least=True)
-        for name, least in MIN_RATES.items()
+        Measure(f"images a second, {name}", values[name], bound=min_rate, at_least=True)
+        for name, min_rate in MIN_RATES.items()
     ]
     return [
         *rates,
-        Measure("key to image, median ms", found["key to image"], bound=MAX_KEY_MS),
-        Measure("change of the mirror, median ms", found["change of the mirror"],
+        Measure("key to image, median ms", values["key to image"], bound=MAX_KEY_MS),
+        Measure("change of the mirror, median ms", values["change of the mirror"],
                 bound=MAX_MIRROR_MS),
-        Measure("command to first image, s", found["first image"], bound=MAX_FIRST_S),
-        Measure("page, kB", found["page"], bound=MAX_PAGE_KB),
+        Measure("command to first image, s", values["first image"], bound=MAX_FIRST_S),
+        Measure("page, kB", values["page"], bound=MAX_PAGE_KB),
     ]  # fmt: skip

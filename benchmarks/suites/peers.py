@@ -205,14 +205,14 @@ def _bounds(
     as_good: dict[str, str],
 ) -> list[Measure]:
     """Bounds on time, and on the quality of the default setting."""
-    found = [
+    bounds = [
         Measure(
             f"{scene}: {name} to {as_good[name]}, which is as good",
             timings[name][0].ratio(name, as_good[name]).median,
-            bound=least,
+            bound=min_ratio,
             at_least=True,
         )
-        for name, least in BOUNDS.items()
+        for name, min_ratio in BOUNDS.items()
         if name in timings
     ]
     ours = {*field.LADDER, field.UNLIT, UNLIT_DEFAULT}
@@ -226,8 +226,8 @@ def _bounds(
     if margins:
         nearest = min(margins, key=lambda name: margins[name])
         text = f"{scene}: PSNR of {field.DEFAULT} over that of {nearest}, its nearest, in dB"
-        found.append(Measure(text, margins[nearest], bound=0.0, at_least=True))
-    return found
+        bounds.append(Measure(text, margins[nearest], bound=0.0, at_least=True))
+    return bounds
 
 
 def _margin_db(ours: dict[int, float], theirs: dict[int, float]) -> float:

@@ -22,7 +22,7 @@ _SUN = Light(LightKind.DIRECTIONAL, (1.0, 0.94, 0.84), 0.75, direction=np.array(
 LIGHTING = Lighting(ambient=(0.42, 0.46, 0.52), lights=(_SUN,))
 
 
-class _Placed(NamedTuple):
+class _Placements(NamedTuple):
     """Parts of an object, and the poses of its copies in the town."""
 
     parts: dict[str, Submesh]
@@ -53,13 +53,13 @@ def build_town(triangles: int) -> Scene:
     plots = plots.first(1 + int(np.argmin(np.abs(total - triangles))))
     kind_of_plot = kind_of_plot[: len(plots)]
     facing, at, block = plots.house_from_plot, plots.position_m, plots.block
-    objects = [_Placed(around, facing, at, block)]
+    objects = [_Placements(around, facing, at, block)]
     for index, parts in enumerate(houses):
         of_kind = kind_of_plot == index
-        objects.append(_Placed(parts, facing[of_kind], at[of_kind], block[of_kind]))
+        objects.append(_Placements(parts, facing[of_kind], at[of_kind], block[of_kind]))
     lamp_m = facing @ (4.5, KERB_M + 0.4, 0.0)
-    objects.append(_Placed(lamp_parts, facing, at + lamp_m, block))
-    objects.append(_Placed(tree_parts, *_trees(plots), block))
+    objects.append(_Placements(lamp_parts, facing, at + lamp_m, block))
+    objects.append(_Placements(tree_parts, *_trees(plots), block))
     return _scene(objects, plots)
 
 
@@ -76,7 +76,7 @@ def _trees(plots: Plots) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return grown, plots.position_m + np.einsum("nij,nj->ni", plots.house_from_plot, spot)
 
 
-def _scene(objects: list[_Placed], plots: Plots) -> Scene:
+def _scene(objects: list[_Placements], plots: Plots) -> Scene:
     materials = town_materials()
     number = {name: at for at, name in enumerate(materials)}
     meshes: list[Mesh] = []

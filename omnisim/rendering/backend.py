@@ -154,7 +154,7 @@ class RangeFinder(Protocol):
         world_from_scanner: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> NDArray[np.float64]:
-        """Ranges (n,) in meters from a pose (4, 4), objects at theirs; +inf: no hit."""
+        """Ranges (n,) in m from a pose (4, 4), with the objects at their poses; +inf: no hit."""
 
 
 class BeamCaster(Protocol):

@@ -40,7 +40,7 @@ class DrawnHits(HitSource):
         details: details that its hits can include.
 
     Attributes:
-        details: details that its hits can include.
+        details: see the arguments.
     """
 
     def __init__(

@@ -103,12 +103,12 @@ class Renderer(BatchRenderer):
                 ground_truth = passes.ground_truth(names)
                 there = {other: self._poses_in(others[other]) for other in needed}
                 wanted = check_channels((*names, "position", "instance")) if boxes_3d else names
-                found = ground_truth.channels(wanted, poses, there)
+                computed = ground_truth.channels(wanted, poses, there)
                 labels, has_ray = ground_truth.labels, ground_truth.has_ray
-                channels = {name: found[name] for name in names}
+                channels = {name: computed[name] for name in names}
                 if boxes_3d:
                     full = self._boxes_in(poses, labels)
-                    boxes = visible_boxes(found["position"], found["instance"], labels, full)
+                    boxes = visible_boxes(computed["position"], computed["instance"], labels, full)
         self._last_poses = poses
         metadata = self._frame_metadata(now, poses.world_from_rig) | degradation
         for other in needed:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # OpenGL may be missing
     from omnisim.rendering.opengl.context import Context
 
 
-class Closing(ABC):
+class Closeable(ABC):
     """Base of context managers that free GPU memory when they are closed."""
 
     @abstractmethod
@@ -76,7 +76,7 @@ def open_backend(
     return RayBackend(scene, objects)
 
 
-class SharedScene(Closing, EditableScene):
+class SharedScene(Closeable, EditableScene):
     """Scene and dynamic objects on a back end, shared by a stage's renderers.
 
     Args:

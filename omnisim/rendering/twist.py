@@ -170,14 +170,14 @@ def _px_per_rad(camera: CentralCamera) -> float:
     v = np.linspace(0.0, camera.height_px - 2.0, GRID)
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     here = camera.ray_from_pixel(pixels)
-    found = [0.0]
+    densities = [0.0]
     for step in ((1.0, 0.0), (0.0, 1.0)):
         beside = camera.ray_from_pixel(pixels + step)
         both = here.valid & beside.valid
         apart = np.linalg.norm(beside.directions[both] - here.directions[both], axis=-1)
         # except at the poles of a panorama, where a pixel is no angle
-        found += [1.0 / np.percentile(apart, 10.0)] if len(apart) else []
-    return float(max(found))
+        densities += [1.0 / np.percentile(apart, 10.0)] if len(apart) else []
+    return float(max(densities))
 
 
 def _moved(

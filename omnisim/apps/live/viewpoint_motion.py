@@ -24,13 +24,13 @@ DIGITS_M, DIGITS_DEG = 4, 3
 
 @dataclass(frozen=True)
 class MotionCommand:
-    """Motion requested by keys, each component from −1 to 1.
+    """Motion requested by keys; all components but `fast` range from −1 to 1.
 
     Attributes:
         ahead, left, up: requested velocity, as shares of the full speed.
         turn: requested turn rate, positive to the left.
         tilt: requested pitch rate, positive front down.
-        fast: factor of all components, from 0.1 to 4.
+        fast: factor of all other components, from 0.1 to 4.
     """
 
     ahead: float = 0.0
@@ -188,7 +188,7 @@ class WheelDrive(Pilot):
         if seconds <= 0.0:
             return
         limits = self._limits
-        speed, rate = self._asked()
+        speed, rate = self._requested_speeds()
         self._speed_mps = _towards(self._speed_mps, speed, limits.max_acceleration_mps2 * seconds)
         self._rate_radps = _towards(
             self._rate_radps, rate, limits.max_turn_acceleration_radps2 * seconds
@@ -209,7 +209,7 @@ class WheelDrive(Pilot):
         else:
             self.place = next_place
 
-    def _asked(self) -> tuple[float, float]:
+    def _requested_speeds(self) -> tuple[float, float]:
         """Speed in m/s and turn rate in rad/s requested by the keys or the goal."""
         limits, command = self._limits, self.command
         most_radps = min(limits.max_turn_rate_radps, math.radians(120.0))
@@ -234,6 +234,6 @@ class WheelDrive(Pilot):
         return min(limits.max_speed_mps, braking, 2.0 * length), rate
 
 
-def _towards(value: float, wanted: float, step: float) -> float:
-    """Move `value` towards `wanted` by at most `step`."""
-    return min(value + step, wanted) if wanted > value else max(value - step, wanted)
+def _towards(value: float, target: float, step: float) -> float:
+    """Move `value` toward `target` by at most `step`."""
+    return min(value + step, target) if target > value else max(value - step, target)

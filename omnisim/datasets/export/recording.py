@@ -204,7 +204,12 @@ class Recording:
     def mount(
         self, world_from_sensor: NDArray[np.float64], time_s: float | None = None
     ) -> NDArray[np.float64]:
-        """Pose (4, 4) of a sensor on the base, from its world pose at a time; None: first step."""
+        """Pose (4, 4) of a sensor on the base, from its pose in the world at a time.
+
+        Args:
+            world_from_sensor: (4, 4) pose of the sensor.
+            time_s: time of that pose; None: the first step.
+        """
         world_from_base = self.truth.world_from_base[0]
         if time_s is not None and time_s != self.truth.times_s[0]:
             world_from_base = self.states(np.array([time_s])).world_from_base[0]

@@ -15,7 +15,13 @@ from omnisim.datasets.dataset_manifest import MANIFEST, Manifest
 from omnisim.datasets.free_space_file import PATTERN
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.shard import ShardMaker, ShardSummary, find_shard
-from omnisim.datasets.generate.workers import Job, Made, make_shards, scratch_folder, threads_shared
+from omnisim.datasets.generate.workers import (
+    Job,
+    ShardProgress,
+    make_shards,
+    scratch_folder,
+    threads_shared,
+)
 
 PLAN, SHARDS = "plan.json", "shard-*.tar"
 PROBED_SAMPLES = 12  # per worker, for an estimate
@@ -85,7 +91,7 @@ class Generation:
         self._own_folder()
         self.missing = [number for number in self.shards if self._found(number) is None]
 
-    def run(self) -> Iterator[Made]:
+    def run(self) -> Iterator[ShardProgress]:
         """Generate the missing shards; yield after each sample and each shard.
 
         Raises:
@@ -106,9 +112,9 @@ class Generation:
         try:
             for number in self.missing:
                 for _ in maker.steps(number):
-                    yield Made(number, False)
+                    yield ShardProgress(number, False)
                 self._keep_folder()
-                yield Made(number, True)
+                yield ShardProgress(number, True)
         finally:
             maker.close()
 

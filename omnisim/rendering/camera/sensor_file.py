@@ -34,7 +34,7 @@ from omnisim.core.files.parameters import (
     parse_table,
 )
 from omnisim.core.files.toml_file import read_tables
-from omnisim.rendering.auto_mesh import most_polygons
+from omnisim.rendering.auto_mesh import max_polygons
 from omnisim.rendering.camera.degradations.degradation import Degradation
 from omnisim.rendering.camera.degradations.degradation_file import parse_degradation
 from omnisim.rendering.camera.quality import (
@@ -252,7 +252,7 @@ class LensTable(Table):
 
 
 class OpticsTable(Table):
-    """Optical system that replaces the first and third group: its rays need not meet.
+    """Non-central optical system that replaces the first and third group.
 
     Either a file, or the keys of an optics file as further keys: `[optics.camera]`,
     `[[optics.surfaces]]` and so on.
@@ -275,7 +275,7 @@ class OpticsTable(Table):
             SensorFileError: the count does not make a mesh, or no mirror has one.
         """
         found = _polygon_count(self.polygons, f"{source}: optics")
-        if isinstance(found, int) and most_polygons(camera) is None:
+        if isinstance(found, int) and max_polygons(camera) is None:
             raise SensorFileError(
                 f"{source}: optics.polygons = {found}: expected 'auto' or 'exact', as no mirror "
                 "with a rim is there"

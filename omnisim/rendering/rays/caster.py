@@ -124,9 +124,9 @@ class RayCaster:
             some = rays.take(aimed)
             some = some._replace(far_m=np.minimum(some.far_m, hits.ranges_m[aimed]))
             passed = None if behind is None else behind[aimed]
-            found = self._cast_part(mesh, some, pose, passed, both_sides)
-            nearer = np.flatnonzero(found.triangles != NO_TRIANGLE)
-            hits.put(aimed[nearer], found.take(nearer))
+            part_hits = self._cast_part(mesh, some, pose, passed, both_sides)
+            nearer = np.flatnonzero(part_hits.triangles != NO_TRIANGLE)
+            hits.put(aimed[nearer], part_hits.take(nearer))
         return hits
 
     @property
@@ -207,26 +207,26 @@ class RayCaster:
             starts_m = origins_m[active] + near_m[active, None] * directions[active]
             aims = directions[active].astype(np.float32)
             lengths_m = np.maximum(rays.far_m[active] - near_m[active], 0.0)
-            found = part.mesh.hits(
+            embree_hits = part.mesh.hits(
                 starts_m.astype(np.float32), aims, np.minimum(lengths_m, 1e37).astype(np.float32)
             )
-            is_hit = np.flatnonzero(found.triangles != NO_TRIANGLE)
-            triangles = part.triangles[found.triangles[is_hit]].astype(np.int32)
-            planes = found.normals[is_hit]
+            is_hit = np.flatnonzero(embree_hits.triangles != NO_TRIANGLE)
+            triangles = part.triangles[embree_hits.triangles[is_hit]].astype(np.int32)
+            planes = embree_hits.normals[is_hit]
             is_back = _dot(planes, aims[is_hit]) > 0.0
             rays_hit = active[is_hit]
-            ranges_m = near_m[rays_hit] + found.ranges_m[is_hit]
+            ranges_m = near_m[rays_hit] + embree_hits.ranges_m[is_hit]
             shows = ~is_back | both_sides
             shows |= is_double_sided[self.geometry.surface_of_triangle[triangles]]
             if behind is not None:
                 shows &= behind[rays_hit] != triangles
-            mine, kept = rays_hit[shows], is_hit[shows]
-            hits.triangles[mine] = triangles[shows]
-            hits.ranges_m[mine] = ranges_m[shows]
-            u, v = found.u[kept], found.v[kept]
-            hits.weights[mine] = np.stack((1.0 - u - v, u, v), axis=1)
+            shown_rays, shown_hits = rays_hit[shows], is_hit[shows]
+            hits.triangles[shown_rays] = triangles[shows]
+            hits.ranges_m[shown_rays] = ranges_m[shows]
+            u, v = embree_hits.u[shown_hits], embree_hits.v[shown_hits]
+            hits.weights[shown_rays] = np.stack((1.0 - u - v, u, v), axis=1)
             facing = np.where(is_back[shows], np.float32(-1.0), np.float32(1.0))
-            hits.planes[mine] = _rotated(facing[:, None] * planes[shows], rotation)
+            hits.planes[shown_rays] = _rotated(facing[:, None] * planes[shows], rotation)
             passed = rays_hit[~shows]
             if len(passed):
                 near_m = near_m.copy()

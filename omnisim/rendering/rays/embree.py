@@ -95,8 +95,10 @@ class EmbreeMesh:
             missed = np.full(len(none), NO_TRIANGLE, dtype=np.int32)
             return EmbreeHits(missed, none, none, none, np.zeros((len(none), 3), np.float32))
         ends = None if far is None else np.minimum(far, _FAR_M)
-        found = self._scene.run(origins_m, directions, dists=ends, output=True)
-        return EmbreeHits(found["primID"], found["tfar"], found["u"], found["v"], found["Ng"])
+        columns = self._scene.run(origins_m, directions, dists=ends, output=True)
+        return EmbreeHits(
+            columns["primID"], columns["tfar"], columns["u"], columns["v"], columns["Ng"]
+        )
 
 
 def check_embree(feature: str = "casting rays") -> None:

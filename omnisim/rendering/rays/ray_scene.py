@@ -154,14 +154,14 @@ class RayScene:
                 rays, objects.world_from_objects, objects.hidden, behind, both_sides
             )
 
-        found = cast(rays, behind)
-        active = np.flatnonzero(found.triangles != NO_TRIANGLE)
+        first = cast(rays, behind)
+        active = np.flatnonzero(first.triangles != NO_TRIANGLE)
         for _ in range(MAX_LAYERS):
-            cutoffs = limits[geometry.surface_of_triangle[found.triangles[active]]]
+            cutoffs = limits[geometry.surface_of_triangle[first.triangles[active]]]
             active = active[cutoffs > 0.0]
             if len(active) == 0:
                 break
-            hits, some = found.take(active), rays.take(active)
+            hits, some = first.take(active), rays.take(active)
             widths = None if footprints is None else footprints[active]
             alphas = shading.base_colors(some, hits, objects.world_from_objects, widths)[:, 3]
             clear = np.flatnonzero(alphas < limits[shading.surfaces(hits)])
@@ -169,9 +169,9 @@ class RayScene:
             some = self.caster.behind(some.take(clear), hits.ranges_m[clear])
             hits = hits.take(clear)
             further = cast(some, hits.triangles)
-            found.put(active, further)
+            first.put(active, further)
             active = active[further.triangles != NO_TRIANGLE]
-        return found
+        return first
 
     def _shadow_caster(self, poses: Poses) -> CastShadow:
         """Caster of shadow rays, which hit either side, and hidden instances too."""

@@ -43,7 +43,7 @@ READS_BOUND = 0.8  # correlation of a word with itself seen in a panorama
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Look for the six named sides in images at three headings, and read their words."""
+    """Find the six named sides in images at three headings, and recognize their words."""
     scene = load_scene("compass")
     table = {
         "mirror": {"theta_max_deg": RIM_DEG, "polygons": "exact"},

@@ -52,7 +52,7 @@ def pick_landmarks(
         hand: noise and limits.
         generator: random numbers of the noise.
     """
-    found = []
+    observations = []
     for name, corners in landmarks.corners_m.items():
         offsets = _offsets(pose, mount, np.array(corners))
         distances = np.linalg.norm(offsets, axis=1)
@@ -68,7 +68,7 @@ def pick_landmarks(
         ranges, bearings = picked
         middle = bearings[1] + 0.5 * wrap_angle(bearings[-1] - bearings[1])
         range_sigma_m, bearing_sigma_rad = _sigmas(mount, float(ranges[0]), hand.sigma_px)
-        found.append(
+        observations.append(
             Observation(
                 (name,),
                 float(ranges[0]),
@@ -77,7 +77,7 @@ def pick_landmarks(
                 bearing_sigma_rad / math.sqrt(len(outer)),
             )
         )
-    return found
+    return observations
 
 
 def _offsets(

@@ -24,7 +24,7 @@ from omnisim.core.files.image_files import write_image
 from omnisim.datasets.generate.generate import Generation, estimate
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.sample_renderer import SampleRenderer
-from omnisim.datasets.generate.workers import Made
+from omnisim.datasets.generate.workers import ShardProgress
 from omnisim.validation.plots.sample_sheet import SampleTiles, channel_tile, sample_sheet
 
 SHARDS = re.compile(r"(\d{1,9})(?::(\d{1,9}))?")
@@ -196,8 +196,8 @@ def _run(request: GenerateRequest, generation: Generation) -> None:
 
 
 def _counted(
-    steps: Iterator[Made], done: dict[int, int], each: int, total: int, plan: Path
-) -> Iterator[Made]:
+    steps: Iterator[ShardProgress], done: dict[int, int], each: int, total: int, plan: Path
+) -> Iterator[ShardProgress]:
     """Yield steps while showing a progress bar, which appears on terminals only."""
     columns = (
         TextColumn("{task.description}", markup=False),

@@ -83,7 +83,7 @@ class Patches:
         return self.places + shifts
 
     def kept(self, is_kept: NDArray[np.bool_]) -> Patches:
-        """The same patches with some of the entries of `of_sample`."""
+        """The same patches with only the selected entries of `of_sample`."""
         counts = np.concatenate(([0], np.cumsum(is_kept)))
         return replace(self, of_sample=self.of_sample[is_kept], first=counts[self.first])
 

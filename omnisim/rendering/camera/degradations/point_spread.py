@@ -91,7 +91,7 @@ class PointSpread(OpticalEffect, name="degradation.point_spread"):
 
 
 def _entry(at: NDArray[np.float32], count: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """Entries (...) of a table before positions, and the share (..., 1) of the next ones."""
+    """Indices (...) of the table entries before positions, and weights (..., 1) of the next entries."""
     within = np.minimum(at, np.float32(count - 1))
     entry = np.minimum(within.astype(np.int64), count - 2)
     return entry, (within - entry)[..., None].astype(np.float32)
@@ -134,7 +134,7 @@ def _table(widths_px: tuple[Row, ...]) -> tuple[float, NDArray[np.float32]]:
 
 
 def sampled_widths_px(widths_px: NDArray[np.float64], angle_rad: float) -> NDArray[np.float64]:
-    """Widths (n, 2) of the distributions whose values at whole pixels blur as the given ones do.
+    """Widths (n, 2) of normal distributions that blur like the given ones when sampled at pixels.
 
     Samples of a narrow distribution miss most of it. The widened one halves the modulation of an
     edge on square pixels at the same frequency.
@@ -169,11 +169,11 @@ def _solve(
     across_px: NDArray[np.float64],
     other_px: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Widths (n,) along an axis whose samples have the wanted modulation.
+    """Widths (n,) along an axis whose samples have a given modulation.
 
     Args:
         wanted: (n,) modulation.
-        frequencies: (n,) its frequency along the axis.
+        frequencies: (n,) frequency of the modulation along the axis, cycles per px.
         along_px, across_px: (m,) positions of the samples.
         other_px: (n,) width across the axis.
     """
@@ -190,7 +190,7 @@ def _solve(
 
 
 def _half_modulation(widths_px: NDArray[np.float64], angle_rad: float) -> NDArray[np.float64]:
-    """Frequencies (n, 2) at which distribution and square pixel leave half of the modulation."""
+    """Frequencies (n, 2), cycles per px, at which spread and square pixel halve the modulation."""
     low, high = np.zeros_like(widths_px), np.ones_like(widths_px)
     cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
     for _ in range(_HALVINGS):

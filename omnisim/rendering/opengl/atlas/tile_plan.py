@@ -185,7 +185,7 @@ def plan_densities(
 
 
 def whole_faces(plan: TilePlan) -> TilePlan:
-    """Tiles of the same faces, each whole and padded, as dense as its densest tile."""
+    """Plan with each of the faces in a single padded tile, as dense as the face's densest tile."""
     sizes: dict[int, int] = {}
     for tile in plan.tiles:
         sizes[tile.face] = max(tile.face_size_px, sizes.get(tile.face, 0))

@@ -207,9 +207,9 @@ class VisibilityPass:
         """Program of a bucket's IDs and details."""
         variant = VisibilityVariant(bucket.cutoff, details, bucket.array is not None, True, layered)
         variant = variant.with_maps(bucket.maps, bucket.second_coordinates)
-        found = self._program(variant)
-        found.first_plus_one.value = self.triangle_ids.first_of_clusters + 1
-        return BucketProgram(found.program, found.sampler(bucket.array), found.first_command)
+        program = self._program(variant)
+        program.first_plus_one.value = self.triangle_ids.first_of_clusters + 1
+        return BucketProgram(program.program, program.sampler(bucket.array), program.first_command)
 
     def bind_materials(self, details: HitDetails) -> None:
         """Bind the material tables, if materials are drawn."""

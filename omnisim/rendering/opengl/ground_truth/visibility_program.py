@@ -46,8 +46,8 @@ class VisibilityVariant(NamedTuple):
         """Variant for a material with these maps, see `Reflectance`; None: matte."""
         if maps is None or not self.details.materials:
             return self
-        found = tuple(one is not None for one in maps)
-        return self._replace(maps=found, second_coordinates=second_coordinates)
+        has_maps = tuple(one is not None for one in maps)
+        return self._replace(maps=has_maps, second_coordinates=second_coordinates)
 
     @property
     def defines(self) -> tuple[str, ...]:
