@@ -45,7 +45,7 @@ def surface_points(
     Args:
         corners_m: (m, 3, 3) corners of the triangles.
         spacing_m: maximum edge length of a part.
-        band_m: lowest and highest height of a point.
+        band_m: lowest and highest height; triangles beyond it are skipped.
     """
     while len(corners_m):
         low, high = triangle_bounds(corners_m[..., 2])
@@ -79,7 +79,7 @@ def columns_of(
 def _halved(
     corners_m: NDArray[np.float64], spacing_m: float, axes: int = 3
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Triangles with edges of at most `spacing_m` along the first axes, and halves of all others."""
+    """Triangles with edges up to `spacing_m` along the first axes, and the halves of all others."""
     planned = corners_m[..., :axes]
     edges = planned[:, (1, 2, 0)] - planned
     squares = np.einsum("nij,nij->ni", edges, edges)
