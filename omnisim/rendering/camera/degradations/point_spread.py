@@ -91,7 +91,7 @@ class PointSpread(OpticalEffect, name="degradation.point_spread"):
 
 
 def _entry(at: NDArray[np.float32], count: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """Indices (...) of the table entries at or below positions, and weights (..., 1) of the next."""
+    """Indices (...) of the table entries below positions, and weights (..., 1) of the next."""
     within = np.minimum(at, np.float32(count - 1))
     entry = np.minimum(within.astype(np.int64), count - 2)
     return entry, (within - entry)[..., None].astype(np.float32)

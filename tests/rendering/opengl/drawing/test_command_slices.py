@@ -27,7 +27,7 @@ POSES = np.stack(
 )
 
 
-@pytest.mark.parametrize("most_commands", [10**9, 4000, 640, 1])
+@pytest.mark.parametrize("max_commands", [10**9, 4000, 640, 1])
 def test_slices_are_of_whole_groups_and_fit(max_commands):
     generator = np.random.default_rng(4)
     clusters, of_batch, views = generator.integers(1, 33, 60), np.array([20, 1, 39]), 3
