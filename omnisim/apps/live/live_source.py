@@ -50,8 +50,8 @@ class LiveSettings:
         document: document of the camera.
         vehicle: robot that carries the camera; None: free flight.
         camera_name: name of the robot's camera; None: the first.
-        scene_words: command-line arguments for scene and robot.
-        camera_words: command-line options of the initial camera; None: no options describe the
+        scene_arguments: command-line arguments for scene and robot.
+        camera_options: command-line options of the initial camera; None: no options describe the
             camera, only a sensor file.
         light: scene that can be reloaded in another light; None: the light is fixed.
         device: index of the GPU; None: the first.

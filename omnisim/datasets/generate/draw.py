@@ -63,7 +63,7 @@ class Draw:
     Attributes:
         number: number of the sample.
         attempt: number of the attempt, from 0.
-        which: indices of scene, rig and setups.
+        indices: indices of scene, rig and setups.
         position_m: (3,) viewpoint, before the shift.
         yaw_deg, pitch_deg, roll_deg: attitude of the vehicle.
         shift_m: (3,) shift of the camera along the vehicle's axes.

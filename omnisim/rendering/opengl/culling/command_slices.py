@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 BANDS = 2  # distance bands, in shaders/culling/views.glsl
 RANGE = np.dtype(  # as in shaders/culling/commands.comp
-    [("first_group", "<u4"), ("groups", "<u4"), ("first_command", "<u4"), ("most", "<u4")]
+    [("first_group", "<u4"), ("groups", "<u4"), ("first_command", "<u4"), ("max_count", "<u4")]
 )
 
 
@@ -35,7 +35,7 @@ class CommandSlices(NamedTuple):
     Attributes:
         slices: ranges of each slice, batch by batch.
         table: (ranges,) rows of type `RANGE`.
-        most_commands: maximum number per slice.
+        max_commands: maximum number per slice.
     """
 
     slices: tuple[tuple[CommandRange, ...], ...]
@@ -55,7 +55,7 @@ def command_slices(
         clusters_of_group: (groups,) number of clusters, batch by batch.
         groups_of_batch: (batches,) number of groups.
         views: number of views; each may show every cluster, in either band.
-        most_commands: maximum number per slice; a single group may exceed it.
+        max_commands: maximum number per slice; a single group may exceed it.
     """
     clusters = np.concatenate(([0], np.cumsum(clusters_of_group)))
     of_batch = np.concatenate(([0], np.cumsum(groups_of_batch)))

@@ -64,7 +64,7 @@ class TileRenderer:
         find_program: returns the program of a bucket of clusters.
         depth: depth of the atlas; None if shaders cannot read it.
         samples: samples per texel.
-        most_cameras: maximum number of cameras drawn together, one target layer each.
+        max_cameras: maximum number of cameras drawn together, one target layer each.
 
     Attributes:
         views: views of the tiles.

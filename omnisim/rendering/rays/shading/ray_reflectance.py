@@ -58,7 +58,7 @@ def reflected_light(
     """Light (n, 3), linear RGB, that surfaces emit and reflect along the views.
 
     Args:
-        surface, placed: (n,) surfaces and their directions.
+        surface, directions: (n,) surfaces and their directions.
         lighting: lighting of the scene.
         lamps: light of each lamp on the surfaces.
         surroundings: (n, 3) baked light on white surfaces without that of lamps; None: no baked
