@@ -92,7 +92,7 @@ class CameraBackend(ABC):
         """Render an image without degradation."""
 
     def _degrade(self, render: Callable[[SubFrames], Readback]) -> None:
-        """Degrade all images, which are rendered from sub-frames."""
+        """Degrade all further images, which are rendered from sub-frames."""
         boxes = MovingBoxes(self.world.scene, self.world.objects.values())
         self._degraded = DegradedCamera(self.setup.sensor, self.setup.seed, render, boxes)
 
@@ -117,7 +117,7 @@ class CameraBackend(ABC):
 
     @abstractmethod
     def hit_source(self, details: HitDetails) -> HitSource:
-        """Hits behind its ground truth, with these details; created on first use."""
+        """Source of ground truth's hits, with at least these details; created on first use."""
 
     @abstractmethod
     def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:

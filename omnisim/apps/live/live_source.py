@@ -251,7 +251,7 @@ class LiveSource:
         return SCALES[-1] if self._is_slow else SCALES[self._scale]
 
     def _adapt(self, seconds: float) -> None:
-        """Shrink coarse images after two slow ones in a row; enlarge them after a quick one."""
+        """Make coarse images smaller after two slow ones in a row; larger after a quick one."""
         if self._is_slow:  # changing the size costs more than it saves
             return
         self._slow = self._slow + 1 if seconds > SLOW_S else 0

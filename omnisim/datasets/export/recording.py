@@ -37,7 +37,7 @@ class ImuReadings:
     """Readings of an IMU.
 
     Attributes:
-        times_s: (n,).
+        times_s: (n,) times of the readings.
         values: (n, 6) angular rate in rad/s and specific force in m/s², in the IMU's frame.
         biases: (n, 6) biases of the readings, in their units; None: the run has none.
     """

@@ -45,7 +45,7 @@ class ProbeGrid(NamedTuple):
         return int(np.prod(self.shape))
 
     def positions_m(self, first: int, last: int) -> NDArray[np.float64]:
-        """Positions (n, 3) of some of the probes, z fastest."""
+        """Positions (n, 3) of the probes from index `first` up to `last`, z fastest."""
         indices = np.stack(np.unravel_index(np.arange(first, last), self.shape), axis=1)
         return self.origin_m + indices * self.spacing_m
 

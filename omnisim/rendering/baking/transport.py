@@ -32,7 +32,7 @@ class PatchHits(NamedTuple):
     cosines: Floats
 
     def take(self, indices: NDArray[np.intp]) -> PatchHits:
-        """Some of the hits."""
+        """The selected hits."""
         return PatchHits(self.patches[indices], self.ranges_m[indices], self.cosines[indices])
 
 

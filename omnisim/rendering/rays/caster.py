@@ -31,7 +31,7 @@ class Rays(NamedTuple):
     far_m: NDArray[np.float64]  # (n,): farther surfaces are ignored; may be infinite
 
     def take(self, indices: NDArray[np.intp]) -> Rays:
-        """Some of the rays."""
+        """The selected rays."""
         return Rays(*(values[indices] for values in self))
 
 
@@ -44,11 +44,11 @@ class RayHits(NamedTuple):
     planes: NDArray[np.float32]  # (n, 3) normals of the visible side, world, not of unit length
 
     def take(self, indices: NDArray[np.intp]) -> RayHits:
-        """Some of the hits."""
+        """The selected hits."""
         return RayHits._make(values[indices] for values in self)
 
     def put(self, indices: NDArray[np.intp], hits: RayHits) -> None:
-        """Overwrite some of the hits."""
+        """Overwrite the selected hits."""
         put_rows(self, indices, hits)
 
 
@@ -99,7 +99,7 @@ class RayCaster:
         """Find the nearest triangles that face the rays or are double-sided.
 
         Args:
-            rays: (n,).
+            rays: (n,) rays in the world.
             world_from_objects: (4, 4) each, poses of the dynamic objects.
             hidden: instances to ignore.
             behind: (n,) triangles that the rays have passed and that are not hit again.

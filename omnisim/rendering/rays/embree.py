@@ -31,11 +31,11 @@ class EmbreeHits(NamedTuple):
     normals: NDArray[np.float32]  # (n, 3) plane normals on the front side, not of unit length
 
     def take(self, indices: NDArray[np.intp]) -> EmbreeHits:
-        """Some of the hits."""
+        """The selected hits."""
         return EmbreeHits._make(values[indices] for values in self)
 
     def put(self, indices: NDArray[np.intp], hits: EmbreeHits) -> None:
-        """Overwrite some of the hits."""
+        """Overwrite the selected hits."""
         put_rows(self, indices, hits)
 
 
@@ -86,7 +86,7 @@ class EmbreeMesh:
         """Nearest triangles along rays (n, 3), hit on either side.
 
         Args:
-            origins_m: (n, 3).
+            origins_m: (n, 3) origins of the rays.
             directions: (n, 3) of any length.
             far: (n,) ends of the rays, in lengths of the direction; None: unlimited.
         """

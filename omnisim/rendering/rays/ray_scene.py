@@ -32,7 +32,7 @@ class ObjectState(NamedTuple):
     """Dynamic objects at one time, to one sensor.
 
     Attributes:
-        world_from_objects: (4, 4) each.
+        world_from_objects: (4, 4) each, poses of the objects.
         hidden: instances to ignore.
     """
 
@@ -81,7 +81,7 @@ class RayScene:
         """Linear RGB (n, 3) along rays (n,).
 
         Args:
-            rays: (n,).
+            rays: (n,) rays in the world.
             footprints: (n, 2, 3) changes of direction to the next samples, world, over which
                 textures are filtered; None: rays without width.
             objects: state of the dynamic objects.
@@ -139,7 +139,7 @@ class RayScene:
         """Nearest surfaces along rays (n,), ignoring holes and blended surfaces below half opacity.
 
         Args:
-            rays: (n,).
+            rays: (n,) rays in the world.
             objects: state of the dynamic objects.
             behind: (n,) triangles to ignore.
             footprints: (n, 2, 3) for filtering the textures' holes, see `radiance`.

@@ -102,7 +102,7 @@ def _relative_directions(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
 def _pick(
     mount: CameraMount, offsets: NDArray[np.float64], hand: Hand, generator: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Ranges and bearings of picked points on the ground; None: one is outside the image."""
+    """Ranges and bearings of picked points on the ground; None: a point is outside the image."""
     rotation = mount.base_from_optical[:3, :3]
     rays = np.column_stack((offsets, np.full(len(offsets), -mount.height_m)))
     pixels = mount.camera.pixel_from_ray(rays @ rotation)

@@ -25,7 +25,7 @@ class Samples(NamedTuple):
     weights: NDArray[np.float32]
 
     def take(self, indices: NDArray[np.intp]) -> Samples:
-        """Some of the samples."""
+        """The selected samples."""
         return Samples(self.texels[indices], self.triangles[indices], self.weights[indices])
 
 

@@ -134,7 +134,7 @@ def density_of_camera(
 
     Args:
         camera: camera model.
-        face_from_optical: (3, 3).
+        face_from_optical: (3, 3) rotation from the optical frame to the face.
         seen: tangents (n, 2) that the image looks up.
     """
     grid = _grid()

@@ -61,7 +61,7 @@ def fits_table(sample_count: int) -> bool:
 class RemapPass:
     """Image pass through a UV table, which does not depend on the pose.
 
-    It costs a frame the same for all cameras, also for a mirror's mesh or a model that iterates.
+    A frame takes the same time with all cameras, also with a mirror's mesh or an iterative model.
 
     Args:
         samples, plan, supersampling: see `image_pass`.

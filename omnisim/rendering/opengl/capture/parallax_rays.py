@@ -32,7 +32,7 @@ class ParallaxRays:
         rim_numbers: (height, width) row of each other pixel in the arrays below; −1: no ray.
         rim_directions: (n, samples, 3), samples row by row.
         rim_origins_m: origins of these, same shape.
-        rim_valid: (n, samples).
+        rim_valid: (n, samples) mask of the samples with a ray.
     """
 
     supersampling: int
@@ -74,7 +74,7 @@ class ParallaxRays:
         return bits.ravel()
 
     def valid_shares(self) -> NDArray[np.float32]:
-        """Share of each pixel's (height, width) samples with a ray."""
+        """Share (height, width) of each pixel's samples that have a ray."""
         shares = self.smooth.astype(np.float32)
         rim = self.rim_numbers >= 0
         shares[rim] = self.rim_valid.mean(axis=1)[self.rim_numbers[rim]]

@@ -150,7 +150,7 @@ class TileRenderer:
 
         Args:
             target: cleared by `begin`.
-            world_from_rig: (4, 4).
+            world_from_rig: (4, 4) pose of the camera's rig.
             world_from_objects: (4, 4) each, poses of the dynamic objects.
             drawer: draws the items.
         """

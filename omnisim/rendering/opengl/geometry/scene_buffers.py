@@ -201,7 +201,7 @@ class SceneBuffers:
         """Transforms of the items to the frame of a viewpoint (3,), world.
 
         Args:
-            viewpoint_m: (3,), world.
+            viewpoint_m: (3,) position of the viewpoint, world.
             world_from_objects: (4, 4) each, poses of the dynamic objects.
         """
         world_from_mesh, normal_from_mesh, centers_m = (one.copy() for one in self._rest_transforms)
@@ -308,7 +308,7 @@ class SceneBuffers:
 
         Args:
             item: blended item.
-            viewpoint_from_mesh: (4, 4).
+            viewpoint_from_mesh: (4, 4) transform from the mesh to the viewpoint frame.
             time_s: time for which a deforming mesh is sorted.
         """
         mesh = item.mesh

@@ -94,7 +94,7 @@ class RayHitPass:
         world_from_objects: Sequence[NDArray[np.float64]] = (),
         details: HitDetails = NO_DETAILS,
     ) -> Hits:
-        """Intersect all rays from a pose (4, 4), with the dynamic objects at theirs.
+        """Intersect all rays from a pose (4, 4), with the dynamic objects at their poses.
 
         Details that textures change need a `visibility` that draws them.
         """

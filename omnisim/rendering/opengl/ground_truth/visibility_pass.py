@@ -232,7 +232,7 @@ class VisibilityPass:
         world_from_objects: Sequence[NDArray[np.float64]] = (),
         details: HitDetails = NO_DETAILS,
     ) -> None:
-        """Render all tiles from a pose (4, 4), with the dynamic objects at theirs."""
+        """Render all tiles from a pose (4, 4), with the dynamic objects at their poses."""
         details = details.of_texels
         target, (drawer, tiles) = self._target(details), self.drawers(details)
         self.bind_materials(details)

@@ -43,7 +43,7 @@ class View(NamedTuple):
     footprints: NDArray[np.float32] | None
 
     def take(self, some: NDArray[np.intp]) -> View:
-        """View of some of the rays."""
+        """View of the selected rays."""
         footprints = None if self.footprints is None else self.footprints[some]
         return View(self.rays.take(some), self.hits.take(some), self.world_from_objects, footprints)
 
@@ -122,7 +122,7 @@ class Shading:
         view: View,
         some: NDArray[np.intp],
     ) -> NDArray[np.float32]:
-        """Texels (n, 4) of textures (n,) at some of the hits."""
+        """Texels (n, 4) of textures (n,) at the selected hits."""
         hits, geometry = view.hits.take(some), self._geometry
         corners = self._corner_coordinates(table, textures, hits)
         coordinates = np.einsum("nk,nkc->nc", hits.weights, corners)
@@ -263,7 +263,7 @@ class Shading:
         return light.astype(np.float32)
 
     def _sampler(self, view: View) -> Sampler:
-        """Lookup of maps at some of the hits."""
+        """Function that looks up maps at selected hits."""
         surfaces = self.surfaces(view.hits)
 
         def sampled(slot: int, some: NDArray[np.intp]) -> NDArray[np.float32]:
