@@ -69,10 +69,12 @@ def main(source: str) -> None:
     lidar = dataclasses.replace(SpinningLidar.hdl64e().without_errors(), firings=1024)
     x_m, y_m, z_m = scene.start.position_m
     # not along walls: a beam exactly along an edge hits either side
-    here = pose((x_m, y_m, z_m + 1.0), yaw_deg=scene.start.yaw_deg + 10.0)
+    center = pose((x_m, y_m, z_m + 1.0), yaw_deg=scene.start.yaw_deg + 10.0)
     motions: dict[str, Motion] = {
-        "at rest": lambda _: here,
-        "1 m/s, 0.5 rad/s": lambda time_s: here @ pose((time_s, 0.0, 0.0), yaw_deg=28.65 * time_s),
+        "at rest": lambda _: center,
+        "1 m/s, 0.5 rad/s": lambda time_s: (
+            center @ pose((time_s, 0.0, 0.0), yaw_deg=28.65 * time_s)
+        ),
     }
     with (
         open_sensor(scene, lidar) as renderer,

@@ -19,7 +19,7 @@ _PLAIN = {
 def town_materials() -> dict[str, tuple[Material, float]]:
     """Materials by name, each with the width of its texture in meters."""
     random = np.random.default_rng(_SEED)
-    made = {name: (Material(name, (*color, 1.0)), 1.0) for name, color in _PLAIN.items()}
+    materials = {name: (Material(name, (*color, 1.0)), 1.0) for name, color in _PLAIN.items()}
     images = {
         "brick": (_courses(random, (150, 74, 56), (176, 168, 156), 16, 32), 1.0),
         "cream plaster": (_rough(random, (226, 212, 178), 6.0), 2.0),
@@ -36,8 +36,8 @@ def town_materials() -> dict[str, tuple[Material, float]]:
         "bark": (_rough(random, (98, 78, 60), 14.0), 0.6),
     }
     for name, (pixels, width_m) in images.items():
-        made[name] = (Material(name, texture=Texture(pixels)), width_m)
-    return made
+        materials[name] = (Material(name, texture=Texture(pixels)), width_m)
+    return materials
 
 
 def _rgba(rgb: NDArray[np.float64]) -> NDArray[np.uint8]:

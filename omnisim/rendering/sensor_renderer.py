@@ -131,8 +131,8 @@ class SensorRenderer(Closeable, EditableScene, Generic[SensorT, Passes]):
         names = {} if self.body is None else {one.name: None for one in self.body.instances}
         for name in sorted(self.hidden):
             if name not in names:
-                there = f"it has {', '.join(sorted(names))}" if names else "there is no body"
-                raise SceneError(f"hidden: {name!r}: no part of the body: {there}")
+                available = f"it has {', '.join(sorted(names))}" if names else "there is no body"
+                raise SceneError(f"hidden: {name!r}: no part of the body: {available}")
         if not names:
             return frozenset()
         index = list(self._stage.objects).index(self.vehicle)
@@ -159,8 +159,8 @@ class SensorRenderer(Closeable, EditableScene, Generic[SensorT, Passes]):
             moved = (before or WorldState({})).moved({self.vehicle: given})
             return moved if time_s is None else WorldState(moved.world_from_object, time_s)
         if self.vehicle not in given.world_from_object:
-            got = ", ".join(given.world_from_object) or "none"
-            raise SceneError(f"state: expected a pose of {self.vehicle}, got {got}")
+            actual = ", ".join(given.world_from_object) or "none"
+            raise SceneError(f"state: expected a pose of {self.vehicle}, got {actual}")
         return given
 
     def _world_from_sensor(self, state: WorldState) -> NDArray[np.float64]:

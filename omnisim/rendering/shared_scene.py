@@ -159,8 +159,8 @@ class SharedScene(Closeable, EditableScene):
                 poses[one.name] = one.motion.pose_at(state.time_s)
         missing = [name for name in self.objects if name not in poses]
         if missing:
-            got = ", ".join(poses) or "none"
-            raise SceneError(f"state: expected a pose of {', '.join(missing)}, got {got}")
+            actual = ", ".join(poses) or "none"
+            raise SceneError(f"state: expected a pose of {', '.join(missing)}, got {actual}")
         return ObjectPoses((poses[name] for name in self.objects), state.time_s)
 
     @property

@@ -169,12 +169,12 @@ def _px_per_rad(camera: CentralCamera) -> float:
     u = np.linspace(0.0, camera.width_px - 2.0, GRID)
     v = np.linspace(0.0, camera.height_px - 2.0, GRID)
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-    here = camera.ray_from_pixel(pixels)
+    rays = camera.ray_from_pixel(pixels)
     densities = [0.0]
     for step in ((1.0, 0.0), (0.0, 1.0)):
         beside = camera.ray_from_pixel(pixels + step)
-        both = here.valid & beside.valid
-        apart = np.linalg.norm(beside.directions[both] - here.directions[both], axis=-1)
+        both = rays.valid & beside.valid
+        apart = np.linalg.norm(beside.directions[both] - rays.directions[both], axis=-1)
         # except at the poles of a panorama, where a pixel is no angle
         densities += [1.0 / np.percentile(apart, 10.0)] if len(apart) else []
     return float(max(densities))

@@ -132,10 +132,10 @@ class Engine:
         ):
             self._session.accept(state.document)
             is_new = True
-        wanted = [name for name in state.views if name in source.channel_names]
+        channels = [name for name in state.views if name in source.channel_names]
         if draw.is_fine and "map" in state.views and "position" in source.channel_names:
-            wanted.append("position")
-        frame = self._timed("render", lambda: source.take(draw, tuple(dict.fromkeys(wanted))))
+            channels.append("position")
+        frame = self._timed("render", lambda: source.take(draw, tuple(dict.fromkeys(channels))))
         self._last = frame
         parts = self._parts(draw, frame)
         seen = self._seen(frame) if draw.is_fine and "map" in state.views else None

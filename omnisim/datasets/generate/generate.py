@@ -104,9 +104,9 @@ class Generation:
             for number in range(len(self.prepared.plan.scenes)):
                 self.prepared.find_free_space(number)  # once for all workers
             with threads_shared(self._workers):
-                for made in make_shards(self.job, self.missing, self._workers):
+                for progress in make_shards(self.job, self.missing, self._workers):
                     self._keep_folder()
-                    yield made
+                    yield progress
             return
         maker = ShardMaker(self.prepared, self.job.folder, self.job.device)
         try:
@@ -181,16 +181,16 @@ class Generation:
         self._is_new_folder, self._has_taken_folder = not folder.exists(), False
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            there = sorted(one.name for one in folder.iterdir() if not one.name.startswith("."))
-            before = (folder / PLAN).read_text(encoding="utf-8") if PLAN in there else None
+            names = sorted(one.name for one in folder.iterdir() if not one.name.startswith("."))
+            before = (folder / PLAN).read_text(encoding="utf-8") if PLAN in names else None
         except OSError as reason:
             raise OutputError(f"{folder}: cannot be written: {reason.strerror}") from None
         except UnicodeDecodeError:
             before = ""
         if before == text:
             return
-        is_abandoned = there == [PLAN] and before is not None and before.startswith(text[:10])
-        if there and not is_abandoned:  # a plan without a shard has no claim
+        is_abandoned = names == [PLAN] and before is not None and before.startswith(text[:10])
+        if names and not is_abandoned:  # a plan without a shard has no claim
             what = "another plan, or of other scenes" if before else "no data set"
             raise OutputError(f"{folder}: is of {what}: expected a new folder, or its own plan")
         write_text(folder / PLAN, text)
@@ -214,9 +214,9 @@ def estimate(path: Path, workers: int = 1, device: int | None = None) -> Estimat
         times_s: dict[int, list[float]] = {number: [] for number in range(workers)}
         if workers > 1:
             with threads_shared(workers):
-                for made in make_shards(job, list(times_s), workers):
-                    if not made.is_whole:
-                        times_s[made.shard].append(time.perf_counter() - begin_s)
+                for progress in make_shards(job, list(times_s), workers):
+                    if not progress.is_whole:
+                        times_s[progress.shard].append(time.perf_counter() - begin_s)
         else:
             maker = ShardMaker(prepared, folder, device)
             try:

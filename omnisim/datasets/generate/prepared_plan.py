@@ -182,15 +182,15 @@ class PreparedPlan:
         Raises:
             PlanError: the scene lacks a path.
         """
-        scene, wanted = self.scene(number), self.plan.viewpoints.paths
+        scene, names = self.scene(number), self.plan.viewpoints.paths
         known = {path.name: np.array(path.waypoints_m) for path in scene.paths}
-        for name in wanted:
+        for name in names:
             if name not in known:
                 raise PlanError(
                     f"{self.path}: viewpoints.paths: {name!r} in {scene.name}: "
                     f"{did_you_mean(name, known, 'its paths are')}"
                 )
-        paths = tuple(known[name] for name in wanted or known)
+        paths = tuple(known[name] for name in names or known)
         if not paths:
             raise PlanError(f"{self.path}: viewpoints.where: {scene.name} has no paths")
         return paths

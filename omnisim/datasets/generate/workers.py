@@ -92,11 +92,11 @@ class _Worker:
 
     def __init__(self, job: Job):
         context = multiprocessing.get_context("spawn")  # OpenGL does not survive a fork
-        self.connection, theirs = context.Pipe()
+        self.connection, child = context.Pipe()
         self.shard: int | None = None
-        self._process: BaseProcess = context.Process(target=_work, args=(theirs, job), daemon=True)
+        self._process: BaseProcess = context.Process(target=_work, args=(child, job), daemon=True)
         self._process.start()
-        theirs.close()
+        child.close()
 
     def take(self, todo: deque[int]) -> None:
         """Assign the next shard to the worker, if there is one."""

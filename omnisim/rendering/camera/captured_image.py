@@ -59,8 +59,8 @@ class CapturedImage:
         """
         if not isinstance(self.camera, NonCentralCamera):
             if math.isfinite(distance_m):
-                words = f"expected an optical system, got {summary(self.camera)}"
-                raise OpticsError(f"--right-at: {words}, which is central")
+                fault = f"expected an optical system, got {summary(self.camera)}"
+                raise OpticsError(f"--right-at: {fault}, which is central")
             return self, None
         from omnisim.cameras.optics.central_view import CentralView  # few cameras need it
 

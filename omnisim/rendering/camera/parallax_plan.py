@@ -76,20 +76,22 @@ def _seen_rays(
     whole = valid[:-1, :-1] & valid[:-1, 1:] & valid[1:, :-1]
     if not whole.any():
         raise GraphicsError("camera: the image shows too little of the scene")
-    here = directions[:-1, :-1][whole].astype(np.float64)
-    steps = np.stack((directions[:-1, 1:][whole] - here, directions[1:, :-1][whole] - here), -1)
+    centers = directions[:-1, :-1][whole].astype(np.float64)
+    steps = np.stack(
+        (directions[:-1, 1:][whole] - centers, directions[1:, :-1][whole] - centers), -1
+    )
     # of the samples, because mip levels refer to samples
     along, across = (values / rays.supersampling for values in _singular_values(steps))
     densest = 1.0 / np.maximum(across, along / max_anisotropy)
-    points = [(here, densest)]
-    some = slice(None, None, max(1, len(here) // max_rays))
-    near, densest = here[some], densest[some]
+    points = [(centers, densest)]
+    some = slice(None, None, max(1, len(centers) // max_rays))
+    near, densest = centers[some], densest[some]
     origins_m = origins_m[:-1, :-1][whole][some].astype(np.float64)
     # over all points of a ray
     turn = float(np.linalg.norm(origins_m, axis=1).max()) / near_m
     for nearness in np.linspace(0.0, 1.0 / near_m, 2 + math.ceil(turn / _STEP))[1:]:
         points.append((near + nearness * origins_m, densest))
-    return _SeenRays(here, along, points)
+    return _SeenRays(centers, along, points)
 
 
 def _densities(places: NDArray[np.float64], densest: NDArray[np.float64]) -> list[SamplingDensity]:

@@ -226,8 +226,8 @@ class LensTable(Table):
         if self.calibration is not None:
             return self._calibrated(self.calibration, extra, source)
         if self.camera is not None:
-            words = "is a name in a calibration file: expected calibration"
-            raise SensorFileError(f"{source}: lens.camera: {words}")
+            reason = "is a name in a calibration file: expected calibration"
+            raise SensorFileError(f"{source}: lens.camera: {reason}")
         return camera_from_table({"model": self.model, **extra}, source, "lens")
 
     def _calibrated(self, file: str, extra: dict[str, Any], source: str) -> CentralCamera:
@@ -297,8 +297,8 @@ class OpticsTable(Table):
         if self.file is None:
             return parse_optics(extra, source, "optics")
         if extra:
-            words = "the optics file has it: expected one of them"
-            raise SensorFileError(f"{source}: optics.{min(extra)}: {words}")
+            reason = "the optics file has it: expected one of them"
+            raise SensorFileError(f"{source}: optics.{min(extra)}: {reason}")
         return read_optics_file(Path(source).parent / self.file)
 
 

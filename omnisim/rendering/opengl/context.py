@@ -262,7 +262,7 @@ def _reason(message: str, device: int | None) -> str:
         return f"{_NO_DRIVER}: {INSTALL_HINT}"
     if "requested device index" in message:
         return f"device {device}: {_NO_SUCH_DEVICE} ({message}): see `omnisim info`"
-    wanted = f"OpenGL {REQUIRED_VERSION // 100}.{REQUIRED_VERSION % 100 // 10}"
+    required = f"OpenGL {REQUIRED_VERSION // 100}.{REQUIRED_VERSION % 100 // 10}"
     if "version" in message.lower() or "eglCreateContext" in message:
-        return f"{wanted} or newer is needed and not there ({message}): {INSTALL_HINT}"
+        return f"{required} or newer is needed and not there ({message}): {INSTALL_HINT}"
     return f"OpenGL could not be opened ({message}): {INSTALL_HINT}"

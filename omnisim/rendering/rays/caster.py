@@ -105,8 +105,8 @@ class RayCaster:
             behind: (n,) triangles that the rays have passed and that are not hit again.
             both_sides: treat all triangles as double-sided.
         """
-        rest = np.eye(4)
-        hits = self._cast_part(self._part_mesh(0, frozenset()), rays, rest, behind, both_sides)
+        identity = np.eye(4)
+        hits = self._cast_part(self._part_mesh(0, frozenset()), rays, identity, behind, both_sides)
         others = [
             (self._part_mesh(part, hidden), pose)
             for part, pose in enumerate(world_from_objects, start=1)
@@ -116,7 +116,7 @@ class RayCaster:
                 continue
             gone = frozenset(one for one in hidden if one[0] == part - 1)
             mesh = self._deformed_mesh(part, gone, time_of(world_from_objects))
-            others.append((mesh, world_from_objects[part - 1] if part else rest))
+            others.append((mesh, world_from_objects[part - 1] if part else identity))
         for mesh, pose in others:
             aimed = _near_sphere(rays, mesh, pose)
             if len(aimed) == 0:

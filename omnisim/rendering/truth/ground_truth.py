@@ -77,8 +77,8 @@ class GroundTruth:
             else self._source.batch_hits(current, details)
         )
         for number, (one, image_hits) in enumerate(zip(current, hits, strict=True)):
-            there = {other: some[number] for other, some in others.items()}
-            yield self._channels_of(image_hits, names, one, there)
+            other_poses = {other: some[number] for other, some in others.items()}
+            yield self._channels_of(image_hits, names, one, other_poses)
 
     def _channels_of(
         self,

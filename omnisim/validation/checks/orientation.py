@@ -155,9 +155,9 @@ def _reading(fixture: Fixture, scene: Scene) -> tuple[float, float, NDArray[np.u
         pixel = np.stack(
             ((0.5 + across_m / 6.0) * width - 0.5, (1.0 - up_m / 3.0) * height - 0.5), axis=-1
         )
-        there = sample(paint, pixel)
-        normal = min(normal, _correlation(seen, there))
-        mirrored = max(mirrored, _correlation(seen[:, ::-1], there))
+        value = sample(paint, pixel)
+        normal = min(normal, _correlation(seen, value))
+        mirrored = max(mirrored, _correlation(seen[:, ::-1], value))
     return normal, mirrored, panorama
 
 

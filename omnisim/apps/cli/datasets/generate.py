@@ -208,7 +208,11 @@ def _counted(
     )
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
         task = progress.add_task(plan.stem, total=total)
-        for made in steps:
-            done[made.shard] = each if made.is_whole else min(done.get(made.shard, 0) + 1, each)
+        for progress_of_shard in steps:
+            done[progress_of_shard.shard] = (
+                each
+                if progress_of_shard.is_whole
+                else min(done.get(progress_of_shard.shard, 0) + 1, each)
+            )
             progress.update(task, completed=sum(done.values()))
-            yield made
+            yield progress_of_shard

@@ -64,10 +64,10 @@ def _compare(request: MeasureCompareRequest) -> Comparison:
         search = next(searches)
         view = search.found
         if search.size_px != (sensor.model.width_px, sensor.model.height_px):
-            size, wanted = search.size_px, (sensor.model.width_px, sensor.model.height_px)
+            size = search.size_px
             raise MeasurementError(
-                f"{files[number]}: {size[0]} × {size[1]} px: expected {wanted[0]} × {wanted[1]} px "
-                f"as in {request.sensor}"
+                f"{files[number]}: {size[0]} × {size[1]} px: expected {sensor.model.width_px} × "
+                f"{sensor.model.height_px} px as in {request.sensor}"
             )
         if not isinstance(view, BoardView):
             print_note(f"{view.name} not used: {view.reason}")

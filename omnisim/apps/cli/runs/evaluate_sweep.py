@@ -70,11 +70,11 @@ def _outcomes(
     results: Sequence[PointResult], variation: int | None, label: str, estimator: str
 ) -> list[Outcome]:
     """Outcomes of an estimator at a value, one per seed."""
-    wanted = None if label == BASE else variation
+    index = None if label == BASE else variation
     return [
         outcome
         for result in results
-        if result.point.variation == wanted and result.point.label == label
+        if result.point.variation == index and result.point.label == label
         for outcome in result.outcomes
         if outcome.estimator == estimator
     ]

@@ -128,5 +128,5 @@ def _build(tables: Mapping[str, dict[str, Any]], source: str, prefix: str) -> De
                 parts[name] = EFFECTS[name](**keys)
         return Degradation(**parts)
     except OpticsError as reason:
-        words = str(reason).replace("degradation.", prefix)
-        raise SensorFileError(f"{source}: {words}") from None
+        message = str(reason).replace("degradation.", prefix)
+        raise SensorFileError(f"{source}: {message}") from None

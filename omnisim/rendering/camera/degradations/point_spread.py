@@ -149,11 +149,11 @@ def sampled_widths_px(widths_px: NDArray[np.float64], angle_rad: float) -> NDArr
     )
     axes = (offsets.reshape(-1, 2) @ turn).T
     frequencies = _half_modulation(widths_px, angle_rad)
-    wanted = np.exp(-2.0 * (np.pi * widths_px * frequencies) ** 2)
+    modulation = np.exp(-2.0 * (np.pi * widths_px * frequencies) ** 2)
     sampled = np.maximum(widths_px, _MIN_SAMPLED_PX)
     for _ in range(_ROUNDS):
         solved = [
-            _solve(wanted[:, axis], frequencies[:, axis], axes[axis], axes[1 - axis], other)
+            _solve(modulation[:, axis], frequencies[:, axis], axes[axis], axes[1 - axis], other)
             for axis, other in ((0, sampled[:, 1]), (1, sampled[:, 0]))
         ]
         # the mean with the round before: at 45°, both axes depend on each other alike
@@ -163,7 +163,7 @@ def sampled_widths_px(widths_px: NDArray[np.float64], angle_rad: float) -> NDArr
 
 
 def _solve(
-    wanted: NDArray[np.float64],
+    modulation: NDArray[np.float64],
     frequencies: NDArray[np.float64],
     along_px: NDArray[np.float64],
     across_px: NDArray[np.float64],
@@ -172,18 +172,18 @@ def _solve(
     """Widths (n,) along an axis whose samples have a given modulation.
 
     Args:
-        wanted: (n,) modulation.
+        modulation: (n,) modulation of the samples.
         frequencies: (n,) frequency of the modulation along the axis, cycles per px.
         along_px, across_px: (m,) positions of the samples.
         other_px: (n,) width across the axis.
     """
-    low, high = np.full(len(wanted), _MIN_SAMPLED_PX), np.full(len(wanted), _SMALL_PX)
+    low, high = np.full(len(modulation), _MIN_SAMPLED_PX), np.full(len(modulation), _SMALL_PX)
     waves = np.cos(2.0 * np.pi * frequencies[:, None] * along_px)
     other = np.exp(-0.5 * (across_px / other_px[:, None]) ** 2)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         weights = other * np.exp(-0.5 * (along_px / middle[:, None]) ** 2)
-        is_sharp = (weights * waves).sum(axis=1) > wanted * weights.sum(axis=1)
+        is_sharp = (weights * waves).sum(axis=1) > modulation * weights.sum(axis=1)
         low, high = np.where(is_sharp, middle, low), np.where(is_sharp, high, middle)
     widths: NDArray[np.float64] = 0.5 * (low + high)
     return widths

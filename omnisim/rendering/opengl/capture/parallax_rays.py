@@ -128,9 +128,9 @@ class ParallaxRays:
         for down in range(3):
             for right in range(3):
                 weight = (weights[:, down, 1] * weights[:, right, 0])[:, None]
-                there = at[0] + down - 1, at[1] + right - 1
-                directions += weight * self.directions[there]
-                origins_m += weight * self.origins_m[there]
+                neighbor = at[0] + down - 1, at[1] + right - 1
+                directions += weight * self.directions[neighbor]
+                origins_m += weight * self.origins_m[neighbor]
         for axis, (down, right) in enumerate(((0, 1), (1, 0))):
             before, after = (
                 self.directions[at[0] + sign * down, at[1] + sign * right] for sign in (-1, 1)
