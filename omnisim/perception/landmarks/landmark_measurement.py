@@ -213,11 +213,11 @@ def measure_wide(
     if not 0.0 < range_m < MAX_M:
         return None
     longest, shortest = math.hypot(*landmark.footprint_m), min(landmark.footprint_m)
-    # where it is nearest its top is seen, or behind that the top of its far end
+    # the visible top is that of the nearest corner, or of the far end behind it
     drop_m = panorama.mount.height_m - top_m
     limits = (top_m, panorama.mount.height_m - drop_m * range_m / (range_m + longest))
     slack_m = 0.15 * top_m + 2.0 * range_m / panorama.camera.focal_length_px
-    # three columns, so that their median is none of a post's whose mask begins far below its top
+    # median of three columns, because the mask of a post may begin far below its top
     first = min(max(nearest - 1, 0), width - 3)
     at = slice(first, first + 3)
     seen_m = float(np.median(panorama.heights_m(top[at] - 0.5, range_m)))

@@ -103,7 +103,7 @@ class LidarCaster:
             )
             corners_m = start_m + share * (end_m - start_m)
             exact = scene.caster.exact_at(corners_m, some, hits.take(moving))
-            # one that it leaves meanwhile is hit as in the middle of the slice
+            # a ray that misses the triangle at its own time keeps the hit of the slice's middle
             inside = np.flatnonzero(exact.weights.min(axis=1) > -_BESIDE)
             ranges_m[hit[moving[inside]]] = exact.ranges_m[inside]
         draw_ids[hit] = geometry.surface_of_triangle[hits.triangles] + 1

@@ -135,7 +135,7 @@ def _reading(fixture: Fixture, scene: Scene) -> tuple[float, float, NDArray[np.u
     panorama = unwarp(frame.rgb)
     gray = panorama.astype(np.float64).mean(axis=2)
     normal, mirrored = 1.0, -1.0
-    # reading order: who faces east and turns to the right comes to south, then west, then north
+    # reading order: a turn to the right leads from east to south, west and north
     for quarter, side in enumerate(("east", "south", "west", "north")):
         texture = scene.materials[_mesh(scene, side).material].texture
         assert texture is not None

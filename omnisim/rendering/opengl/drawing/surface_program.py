@@ -372,7 +372,7 @@ def _write_lights(program: moderngl.Program, lighting: Lighting) -> None:
     """Set the uniforms of all lights except positions, which are relative to the viewpoint."""
 
     def write(name: str, values: ArrayLike) -> None:
-        uniform = find_uniform(program, name)  # none of what baked light takes the place of
+        uniform = find_uniform(program, name)  # None: replaced by baked light
         if uniform is not None:
             uniform.write(np.asarray(values, dtype=np.float32))
 
