@@ -17,7 +17,7 @@ FLIGHT_MPS, TURN_DEGPS = 1.0, 70.0  # full speed and turn rate of free flight
 SPEED_UP_S = 0.15  # time constant of acceleration in free flight
 NEAR_M, NEAR_RAD = 0.02, math.radians(2.0)  # tolerances for reaching a point
 MAX_STEP_S = 0.2  # maximum motion time between two images, so that a pause causes no jump
-FARTHEST_M = 1e5
+MAX_POSITION_M = 1e5
 # Decimals of positions in meters and of angles in degrees, so that commands repeat them exactly.
 DIGITS_M, DIGITS_DEG = 4, 3
 
@@ -63,7 +63,7 @@ class Place:
     def rounded(self) -> Place:
         """Copy rounded to the decimals of a command line, with angles wrapped to ±180°."""
         x, y, z = (
-            round(min(max(value, -FARTHEST_M), FARTHEST_M), DIGITS_M) + 0.0
+            round(min(max(value, -MAX_POSITION_M), MAX_POSITION_M), DIGITS_M) + 0.0
             for value in self.position_m
         )
         yaw, pitch, roll = (

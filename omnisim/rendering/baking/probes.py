@@ -19,7 +19,7 @@ from omnisim.scene.model import Scene
 PROBE_BUDGET = 16384
 TILE = 1024
 _MIN_SPACING_M, _MIN_SIZE_M = 0.25, 1e-3
-# The grid has the first of these extents around cameras whose spacing is small enough, else the last.
+# Extents around cameras: the first with a small enough spacing is taken, else the last.
 _MAX_SPACING_M = 0.6
 _AROUND_M = ((np.inf, np.inf), (32.0, 16.0), (16.0, 8.0), (8.0, 4.0))  # level, upwards
 _RAYS = 256
