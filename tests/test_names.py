@@ -20,6 +20,7 @@ CLAUSE_OPENERS = frozenset(
 VAGUE = (
     r": where\.$", r": as given\.", r"that is none\b", r"\b(?:MOST|LEAST|LARGEST)_",
     r"\bthat (?:it|they) (?:is|are) (?:of|in|from)[.,:;]",
+    r"^ +[a-z_, ]+: (?:\([^)]*\) )?(?:which|whether|how|what|that) [a-z]",
 )  # fmt: skip
 # British stems; the other spelling is everywhere the same.
 BRITISH = (

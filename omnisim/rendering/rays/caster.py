@@ -144,7 +144,7 @@ class RayCaster:
 
         Args:
             origins_m: (n, 3) relative to `static_center_m`, along the world's axes.
-            directions: (n, 3) of any length.
+            directions: (n, 3) directions of any length.
             far: (n,) ends of the rays, in lengths of the direction; None: unlimited.
         """
         part = self._part_mesh(0, frozenset())

@@ -87,7 +87,7 @@ class EmbreeMesh:
 
         Args:
             origins_m: (n, 3) origins of the rays.
-            directions: (n, 3) of any length.
+            directions: (n, 3) directions of any length.
             far: (n,) ends of the rays, in lengths of the direction; None: unlimited.
         """
         if self._is_empty:

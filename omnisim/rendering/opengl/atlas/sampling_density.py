@@ -169,7 +169,12 @@ def density_of_camera(
 def density_of_rays(
     tangents: NDArray[np.float64], px_per_tan: NDArray[np.float64]
 ) -> SamplingDensity:
-    """Density of an image whose rays meet a face at tangents (n, 2), pixels per tangent of 1."""
+    """Density of an image from its rays on a face.
+
+    Args:
+        tangents: (n, 2) tangents of the rays.
+        px_per_tan: (n,) pixels per tangent of 1 at each ray.
+    """
     density = np.zeros((GRID, GRID))
     column, row = np.clip(np.floor((tangents.T + 1.0) / GRID_STEP).astype(int), 0, GRID - 2)
     for down in (0, 1):

@@ -41,11 +41,11 @@ class SurfaceVariant(NamedTuple):
 
     Attributes:
         lit, alpha_mode, textured: properties of the material.
-        shading: how the triangles are lit.
+        shading: shading of the triangles.
         clustered: draws clusters; else single items.
         layered: each camera has a layer.
         blended_arrays: number of texture arrays of blended clusters.
-        maps: which maps the material has, in the order of `Material.maps`; None: a matte material.
+        maps: True for each map of the material, in the order of `Material.maps`; None: matte.
         second_coordinates: some maps use the second texture coordinates.
         in_fog: drawn with the scene's fog, if it has one.
         light: source of the light on lit surfaces.

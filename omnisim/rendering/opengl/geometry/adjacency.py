@@ -15,7 +15,7 @@ def neighbors(positions: NDArray[np.float32], triangles: NDArray[np.uint32]) -> 
     than two triangles share an edge, each gets the next one; `NO_NEIGHBOR`: an open edge.
 
     Args:
-        positions: (n, 3) of the vertices.
+        positions: (n, 3) positions of the vertices.
         triangles: (m, 3) vertex indices.
     """
     if not len(triangles):

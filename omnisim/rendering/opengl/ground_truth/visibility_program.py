@@ -27,7 +27,7 @@ class VisibilityVariant(NamedTuple):
         textured: materials may have a texture.
         clustered: draws clusters; else single items.
         layered: several cameras, one target layer each.
-        maps: which maps the material has, in the order of `Material.maps`; None: matte, or
+        maps: True for each map of the material, in the order of `Material.maps`; None: matte, or
             materials are not drawn.
         second_coordinates: some maps use the second texture coordinates.
     """
