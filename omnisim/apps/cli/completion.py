@@ -92,10 +92,7 @@ def complete_channels(incomplete: str) -> list[str]:
 
 
 def _argument(ctx: typer.Context, *names: str) -> Path:
-    """Value of the first argument with one of the names, as a path.
-
-    Arguments before an unfinished option are unparsed: the first that is not an option counts.
-    """
+    """Value of the argument with one of the names; before an unfinished option it is unparsed."""
     parsed = (ctx.params.get(name) for name in names)
     unparsed = (word for word in ctx.args if not word.startswith("-"))
     return Path(next((word for word in (*parsed, *unparsed) if word is not None), ""))

@@ -45,10 +45,10 @@ def trajectories_figure(
 def offsets_figure(
     offsets: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
 ) -> Figure:
-    """Distance from the truth over the distance traveled.
+    """Distance from the truth over the way.
 
     Args:
-        offsets: distance traveled (m,) and distances (m,) from the true positions, by estimator.
+        offsets: traveled way (m,) and distances (m,) from the true positions, by estimator.
     """
     figure = Figure(figsize=(9.0, 4.0), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
@@ -68,7 +68,7 @@ class SweepLine:
 
     Attributes:
         name: name of the estimator.
-        means: absolute trajectory error per value, in percent of the distance traveled; NaN: none.
+        means: absolute trajectory error by value, in percent of the way; NaN: none.
         spreads: standard deviations over the seeds; NaN: unknown.
     """
 
@@ -81,9 +81,9 @@ def sweep_figure(title: str, labels: Sequence[str], lines: Sequence[SweepLine]) 
     """Errors over the values; an estimator without a trajectory leaves a gap.
 
     Args:
-        title: name of the varied quantity.
-        labels: values in order; the first is the unchanged robot.
-        lines: one per estimator, with an error for each value.
+        title: the varied quantity.
+        labels: values, in order; the first is the robot as it is.
+        lines: an estimator each, with as many errors as there are values.
     """
     figure = Figure(figsize=(8.5, 4.5), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()

@@ -82,7 +82,7 @@ def _text(recording: Recording) -> str:
 
 
 def _row(outcome: Outcome) -> tuple[str, ...]:
-    """Table cells of an outcome, in the order of `_COLUMNS`."""
+    """Cells of an outcome, by `_COLUMNS`."""
     seconds = "" if outcome.seconds is None else f"{outcome.seconds:.1f}"
     errors = outcome.errors
     if errors is None:

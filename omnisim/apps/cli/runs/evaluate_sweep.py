@@ -1,4 +1,4 @@
-"""`omnisim evaluate` on a plan: errors of estimators by varied value."""
+"""`omnisim evaluate` on a plan: errors of estimators against what was varied."""
 
 from __future__ import annotations
 
@@ -69,21 +69,21 @@ def _values(results: Sequence[PointResult], variation: int | None) -> Iterator[s
 def _outcomes(
     results: Sequence[PointResult], variation: int | None, label: str, estimator: str
 ) -> list[Outcome]:
-    """Outcomes of an estimator at a value, one per seed."""
-    index = None if label == BASE else variation
+    """Outcomes of an estimator over the seeds of a value."""
+    wanted = None if label == BASE else variation
     return [
         outcome
         for result in results
-        if result.point.variation == index and result.point.label == label
+        if result.point.variation == wanted and result.point.label == label
         for outcome in result.outcomes
         if outcome.estimator == estimator
     ]
 
 
 def _shares(outcomes: Sequence[Outcome]) -> list[float]:
-    """Absolute trajectory errors, in percent of the distance traveled."""
-    errors = [one.errors for one in outcomes if one.errors is not None and one.errors.way_m > 0.0]
-    return [100.0 * one.ate_m / one.way_m for one in errors]
+    """Absolute trajectory errors, in percent of the way."""
+    found = [one.errors for one in outcomes if one.errors is not None and one.errors.way_m > 0.0]
+    return [100.0 * one.ate_m / one.way_m for one in found]
 
 
 def _mean(values: Sequence[float]) -> float:
@@ -91,12 +91,12 @@ def _mean(values: Sequence[float]) -> float:
 
 
 def _spread(values: Sequence[float]) -> float:
-    """Standard deviation over the seeds; NaN for fewer than two values."""
+    """Standard deviation over the seeds; NaN: fewer than two."""
     return statistics.stdev(values) if len(values) > 1 else math.nan
 
 
 def _row(label: str, estimator: str, outcomes: Sequence[Outcome]) -> tuple[str, ...]:
-    """Table cells in the order of `_COLUMNS`."""
+    """Cells by `_COLUMNS`."""
     shares = _shares(outcomes)
     errors = [one.errors for one in outcomes if one.errors is not None]
     failed = [one for one in outcomes if one.errors is None]
