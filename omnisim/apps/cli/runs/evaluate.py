@@ -1,4 +1,4 @@
-"""`omnisim evaluate` on a run: errors of estimators against the truth."""
+"""`omnisim evaluate` on a run: how estimators fare where the truth is known."""
 
 from __future__ import annotations
 
@@ -141,7 +141,7 @@ def _section(recording: Recording, outcomes: Sequence[Outcome], folder: Path) ->
 
 
 def _aligned(outcomes: Sequence[Outcome], folder: Path) -> Mapping[str, Trajectory]:
-    """Aligned trajectories of the successful estimators, by name."""
+    """Aligned trajectories of the estimators that found one."""
     aligned = {}
     for outcome in outcomes:
         if outcome.errors is not None:
@@ -157,7 +157,7 @@ def _offsets(
 ) -> tuple[
     np.ndarray[tuple[int], np.dtype[np.float64]], np.ndarray[tuple[int], np.dtype[np.float64]]
 ]:
-    """Distance traveled (n,) and distance (n,) from the truth, m, at each estimated pose."""
+    """Traveled way, and distances from the truth."""
     used, nearest = match_times(estimate.times_s, truth.times_s)
     way = np.concatenate(([0.0], np.cumsum(step_lengths_m(truth.world_from_base))))
     offsets = estimate.positions_m[used] - truth.positions_m[nearest]
