@@ -20,6 +20,7 @@ CLAUSE_OPENERS = frozenset(
 VAGUE = (
     r": where\.$", r": as given\.", r"that is none\b", r"\b(?:MOST|LEAST|LARGEST)_",
     r"\bthat (?:it|they) (?:is|are) (?:of|in|from)[.,:;]",
+    r"^ +[a-z_, ]+: (?:\([^)]*\) )?(?:which|whether|how|what|that) [a-z]",
 )  # fmt: skip
 # British stems; the other spelling is everywhere the same.
 BRITISH = (
@@ -222,3 +223,41 @@ def test_phrases_are_read_once_and_words_have_one_spelling():
             line = text.count("\n", 0, match.start()) + 1
             offenders.append(f"{name}:{line}: {match.group()}")
     assert not offenders, "\n".join(("expected plain American English:", *offenders))
+
+
+def _parameters(node):
+    """Names of a function's parameters, or of those of a class's constructor."""
+    if isinstance(node, ast.ClassDef):
+        fields = {
+            part.target.id
+            for part in node.body
+            if isinstance(part, ast.AnnAssign) and isinstance(part.target, ast.Name)
+        }
+        makers = [part for part in node.body if getattr(part, "name", "") == "__init__"]
+        return fields.union(*(_parameters(maker) for maker in makers))
+    arguments = node.args
+    named = (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)
+    others = (arguments.vararg, arguments.kwarg)
+    return {one.arg for one in (*named, *others) if one is not None}
+
+
+def _unknown_arguments():
+    for path in _files(("omnisim", "benchmarks"), "*.py"):
+        for node in _nodes(path):
+            if not isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+                continue
+            section = re.search(
+                r"^Args:\n((?:    .*\n?|\n)*)", ast.get_docstring(node) or "", re.MULTILINE
+            )
+            names = re.findall(r"^    ([a-z_][\w, ]*):", section[1], re.M) if section else []
+            described = {name.strip() for group in names for name in group.split(",")}
+            parameters = _parameters(node)
+            if isinstance(node, ast.ClassDef) and not parameters:
+                continue  # the constructor is inherited
+            for name in sorted(described - parameters):
+                yield f"{path.relative_to(ROOT)}:{node.lineno}: {node.name}: {name}"
+
+
+def test_docstrings_describe_arguments_by_their_names():
+    offenders = list(_unknown_arguments())
+    assert not offenders, "\n".join(("expected the name of an argument:", *offenders))

@@ -15,7 +15,7 @@ class HitDetails(NamedTuple):
     """Optional surface properties at hits, in addition to points and triangles.
 
     Attributes:
-        normals, albedos, materials: whether to determine these fields of `Hits`.
+        normals, albedos, materials: True: determine these fields of `Hits`.
     """
 
     normals: bool = False

@@ -25,7 +25,7 @@ from omnisim.core.trajectories.body_motion import BodyMotion
 from omnisim.core.world import Motion
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.sensor_renderer import Mounting
-from omnisim.rendering.shared_scene import Closing, SharedScene
+from omnisim.rendering.shared_scene import Closeable, SharedScene
 from omnisim.rendering.stage import Stage
 from omnisim.sensors.rate import SensorRate
 
@@ -133,7 +133,7 @@ class FileMeasurement(Measurement):
             self.write(target)
 
 
-class Instrument(Closing):
+class Instrument(Closeable):
     """Sensor that is open on a stage.
 
     Args:
@@ -141,7 +141,7 @@ class Instrument(Closing):
         measure: function that measures the moving world at a moment.
     """
 
-    def __init__(self, renderer: Closing, measure: Callable[[Moment], Measurement]):
+    def __init__(self, renderer: Closeable, measure: Callable[[Moment], Measurement]):
         self._renderer, self._measure = renderer, measure
 
     def measure(self, moment: Moment) -> Measurement:

@@ -50,7 +50,7 @@ VALUES = (
     (TRAJECTORIES, r"`\[footprint\]` at most, # cm", (100 * DEFAULT_CLEARANCE_M,)),
     (WHY + "optics.md", r"the image below # px\. The distance", (MAX_ERROR_PX,)),
     (WHY + "non-central-optics.md", r"the largest error below # px", (MAX_ERROR_PX,)),
-    (HOW_TO + "choose.md", r"every pixel right to # px", (MAX_ERROR_PX,)),
+    (HOW_TO + "choose.md", r"error is below # px in every", (MAX_ERROR_PX,)),
     (HOW_TO + "rigs.md", r"by more than # mm or # mrad", (1e3 * MAX_GAP_M, 1e3 * MAX_GAP_RAD)),
     (HOW_TO + "laser-scanner.md", r"# beams over #°, one every #°", (
         SCANNER.beams, SCANNER.field_of_view_deg, SCANNER.resolution_deg)),

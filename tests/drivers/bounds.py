@@ -18,7 +18,7 @@ class Difference(NamedTuple):
     """Difference of the images of one case by two drivers.
 
     Attributes:
-        images: how many were compared.
+        images: number of compared images.
         unlike_itself: images that a driver did not draw the same again, or in a batch.
         levels: largest difference of a color.
         colors, instances, ranges: shares of the pixels whose colors, instance numbers or ranges

@@ -15,7 +15,7 @@ from omnisim.core.world import WorldState
 from omnisim.ground_truth import Labels
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.camera.omnicamera import CameraLike, OmniCamera
-from omnisim.rendering.shared_scene import BackendName, Closing
+from omnisim.rendering.shared_scene import BackendName, Closeable
 from omnisim.rendering.stage import Stage
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ VISIBLE_GROUPS = (0, 1, 2)  # shown by MuJoCo's own renderer
 NO_GEOM = -1
 
 
-class Camera(Closing):
+class Camera(Closeable):
     """Any camera of omnisim in a MuJoCo simulation.
 
     The model's geometry, materials and lights are loaded once; each frame uses the current poses

@@ -201,7 +201,7 @@ def _row(one: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _textures(sizes_px: list[tuple[int, int]]) -> str:
-    """Size of the first texture, and the number of further textures."""
+    """Size of the first texture, and the number of the other ones."""
     if not sizes_px:
         return ""
     width, height = sizes_px[0]

@@ -68,7 +68,7 @@ class CubeLayers:
 
         nothing, count = np.empty(0, dtype=np.intp), atlases.layers
         self._tiles = TileRenderer(
-            buffers, plan, cameras, nothing, find_program, self._depth, most_cameras=count
+            buffers, plan, cameras, nothing, find_program, self._depth, max_cameras=count
         )
         self._blended: BlendedDrawer | None = None
         geometry, culler = buffers.clustered_geometry, self._tiles.culler

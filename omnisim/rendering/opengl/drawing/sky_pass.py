@@ -49,8 +49,7 @@ class SkyPass:
             self._directions = context.buffer(reserve=64 * cameras * len(plan.tiles))
 
     def draw(self, target: moderngl.Framebuffer, worlds_from_rigs: NDArray[np.float64]) -> None:
-        """Draw from poses (cameras, 4, 4), with the state of `GlState.drawing`; leave depth as
-        is."""
+        """Draw from poses (cameras, 4, 4), with the state of `GlState.drawing`; keep the depth."""
         self._sky.use(SKY_UNIT)
         cameras = len(worlds_from_rigs)
         worlds_from_clips = np.einsum(
