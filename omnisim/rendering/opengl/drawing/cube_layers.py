@@ -77,7 +77,9 @@ class CubeLayers:
             program = layered(variant)
             self._blended = BlendedDrawer(buffers.context, geometry, culler, blended, program)
         self._surface_programs, positions = programs, len(programs.positions_m)
-        self._positions = buffers.context.buffer(reserve=16 * max(1, count * positions))
+        self._positions = buffers.context.buffer(
+            reserve=16 * max(1, count * positions), dynamic=True
+        )
         sky = programs.sky_seen(cameras.unlit)
         self._sky = None if sky is None else SkyPass(buffers.context, sky, plan, count)
 
