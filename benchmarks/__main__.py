@@ -21,7 +21,7 @@ from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_target
 from omnisim.validation.report.machine import machine_line
 
-# In the order in which `all` runs them: a module each, imported when it is run.
+# In the order of `all`; each is a module, imported when it runs.
 SUITES = ("fps", "scaling", "limit", "peers", "drive", "lenses", "live")
 ALL = "all"
 DEFAULT_FOLDER = Path("out") / "benchmarks"
@@ -31,7 +31,7 @@ class _Parser(argparse.ArgumentParser):
     """Parser that reports errors in one line."""
 
     def error(self, message: str) -> NoReturn:
-        """End with status 2."""
+        """Print the error, and exit with status 2."""
         print(f"error: {message}", file=sys.stderr)
         sys.exit(2)
 
@@ -40,8 +40,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run suites, print and write their reports.
 
     Returns:
-        The exit status: 1 if a bound does not hold or a suite cannot be run, 2 for wrong
-        arguments.
+        Exit status: 1 if a bound does not hold or a suite cannot run; 2 for invalid arguments.
     """
     parsed = _parser().parse_args(arguments)
     try:
@@ -58,7 +57,7 @@ def main(arguments: list[str] | None = None) -> int:
     except OmnisimError as reason:
         print(f"error: {reason}", file=sys.stderr)
         return 2
-    # every suite is run before the status says that one of them failed
+    # all suites run before the status reports a failure
     return 0 if all([_passes(name, options, parsed.output) for name in names]) else 1
 
 
@@ -98,10 +97,10 @@ def _suite_names(suite: str) -> list[str]:
 
 
 def _make_folder(folder: Path, names: list[str]) -> None:
-    """Refuse a folder that cannot be written to, before the work is done.
+    """Create the output folder, or refuse it before the work is done.
 
     Raises:
-        OutputError: the folder cannot be made or written to.
+        OutputError: the folder cannot be created or written to.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -113,7 +112,7 @@ def _make_folder(folder: Path, names: list[str]) -> None:
 
 
 def _passes(name: str, options: Options, folder: Path) -> bool:
-    """True if a suite could be run and all its bounds hold."""
+    """Run a suite and write its report; True if it ran and all its bounds hold."""
     from benchmarks.report import write_report  # needs the extra
 
     try:

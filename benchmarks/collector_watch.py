@@ -1,4 +1,4 @@
-"""Time that Python's garbage collector takes."""
+"""Time spent in Python's garbage collector."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any
 
 
 class CollectorWatch:
-    """Sum of the collector's time.
+    """Sum of the garbage collector's time.
 
     Attributes:
-        seconds: in all collections since it was made.
-        collections: number of collections.
+        seconds: time of all collections so far.
+        collections: number of collections so far.
     """
 
     def __init__(self) -> None:

@@ -18,10 +18,10 @@ def has_embree() -> bool:
 
 
 class EmbreeRays:
-    """A ray for each pixel of a camera in a scene; everything constant is made once.
+    """Ray caster with one ray per pixel of a camera; constant data is computed once.
 
     Attributes:
-        mesh: triangles of all instances in their order.
+        mesh: triangles of all instances, in the scene's order.
         valid: (height, width) pixels that have a ray.
     """
 
@@ -37,19 +37,19 @@ class EmbreeRays:
 
     @property
     def count(self) -> int:
-        """Number of rays in a frame."""
+        """Number of rays per frame."""
         return len(self._rays_rig)
 
     def cast(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.int32]:
-        """Indices (n,) of the triangles that are hit from a pose (4, 4); −1: none."""
+        """Indices (n,) of the triangles hit from a pose (4, 4); −1: no hit."""
         return self.mesh.triangles_hit(*self.aim(world_from_rig))
 
     def aim(
         self, world_from_rig: NDArray[np.float64]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Origins and directions (n, 3), world, from a pose (4, 4): the same arrays each time."""
-        # No matrix product: of so many rays BLAS makes work for other threads, which then spin and
-        # slow down whatever is timed next.
+        """Origins and directions (n, 3), world, from a pose (4, 4); the arrays are reused."""
+        # No matrix product: for so many rays, BLAS uses other threads, which then spin and slow
+        # down the next measurement.
         rotation = world_from_rig[:3, :3].astype(np.float32)
         np.einsum("nj,ij->ni", self._rays_rig, rotation, out=self._directions)
         self._origins_m[:] = world_from_rig[:3, 3]

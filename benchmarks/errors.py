@@ -4,4 +4,4 @@ from omnisim.core.errors import OmnisimError
 
 
 class BenchmarkError(OmnisimError):
-    """Invalid options, or a report that breaks the schema."""
+    """Invalid options, a failed process, or a report that does not match the schema."""

@@ -1,9 +1,9 @@
-"""Rate and memory of `omnisim export` of a run of 500 images of 720 × 720 px with ranges:
-`python -m benchmarks.export_speed [FORMAT [STEPS]]`, ros2-mcap and 500 by default.
+"""Rate and memory of `omnisim export`, for a run of 500 images of 720 × 720 px with ranges.
 
-Eight images are rendered in courtyard, and linked as many times as there are steps. The rate is
-of the bytes that are written, by the wall's clock and by the processor's, which other programs do
-not slow as much; memory is the process's largest, libraries included.
+Run `python -m benchmarks.export_speed [FORMAT [STEPS]]`; defaults: ros2-mcap, 500. Eight images of
+courtyard are rendered, and linked repeatedly to fill all steps. The rate counts the bytes written,
+per second of wall-clock time and of processor time, which other programs slow less. Memory is the
+maximum resident size of the process, libraries included.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ CAMERA = "camera"
 
 
 def _record(folder: Path, steps: int) -> None:
-    """Record a run, and repeat its images."""
+    """Record a run of a few images, and link them repeatedly to fill all steps."""
     lens = EquidistantCamera(SIZE_PX, SIZE_PX, 240.0, (359.5, 359.5), 1.5)
     camera = MountedCamera("omnicamera", CAMERA, (), OmniCamera(lens).with_quality("fast"))
     vehicle = Vehicle("rig", "rig", None, None, OdometryErrors(), None, (camera,))
@@ -60,10 +60,10 @@ def _line(steps: int) -> Trajectory:
 
 
 def main(name: str, steps: int = STEPS) -> None:
-    """Measure one export."""
+    """Export the run, and print rate and memory."""
     with tempfile.TemporaryDirectory() as folder:
         run, output = Path(folder) / "run", Path(folder) / "export"
-        # not in this process: what it has in memory counts for the processes that it begins
+        # in another process: memory of this one would count for its children
         recorder = multiprocessing.get_context("spawn").Process(target=_record, args=(run, steps))
         recorder.start()
         recorder.join()

@@ -1,4 +1,4 @@
-"""Figures of several panels that say what they were measured on."""
+"""Figures with several panels, headed by the machine of the measurement."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SECOND_LINE_IN = 0.42  # from the figure's top
 def panels(
     report: dict[str, Any], title: str, count: int, share_y: bool = False
 ) -> tuple[Figure, Sequence[Axes]]:
-    """A figure with panels side by side; a line above says what was measured on."""
+    """Figure with panels side by side; a line above names the machine."""
     size = (max(NARROWEST_IN, PANEL_IN * count), HEIGHT_IN)
     figure = Figure(figsize=size, dpi=style.DPI, layout="constrained")
     axes = figure.subplots(1, count, sharey=share_y, squeeze=False)[0]
@@ -34,7 +34,7 @@ def panels(
 
 
 def plain_log(axis: Axis, base: int = 10) -> None:
-    """A logarithmic axis with numbers as people write them."""
+    """Set a logarithmic axis with plain numbers instead of powers."""
     set_scale = axis.axes.set_xscale if isinstance(axis, XAxis) else axis.axes.set_yscale
     set_scale("log")
     steps = (1.0, 2.0, 5.0) if base == 10 else (1.0,)

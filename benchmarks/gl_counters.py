@@ -1,7 +1,7 @@
-"""OpenGL's pipeline statistics: the same numbers in every run.
+"""OpenGL's pipeline statistics, which are equal in every run.
 
-moderngl has two of the counters. The others are OpenGL 4.6's, or an extension's, and are left out
-where a driver has neither.
+moderngl supports two of the counters. The others belong to OpenGL 4.6 or an extension; counters
+that the driver lacks are left out.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ _QUERY_RESULT = 0x8866
 
 @dataclass(frozen=True)
 class Counts:
-    """Pipeline statistics of a draw.
+    """Pipeline statistics of a draw; None: the driver does not count.
 
     Attributes:
-        samples: passed the depth test; with early depth tests, the rule for opaque surfaces, as
-            many as were shaded and kept.
-        triangles: submitted by the vertex stage.
-        triangles_inside: left after clipping; None: the driver does not count them.
-        vertices: invocations of the vertex shader; None likewise.
-        lanes: invocations of the fragment shader as the driver counts them: a software renderer
-            counts whole blocks; None likewise.
+        samples: samples that pass the depth test. With early depth tests, the rule for opaque
+            surfaces, they are the samples that are shaded and kept.
+        triangles: triangles from the vertex stage.
+        triangles_inside: triangles left after clipping.
+        vertices: invocations of the vertex shader.
+        lanes: invocations of the fragment shader, as counted by the driver: a software renderer
+            counts whole blocks.
     """
 
     samples: int
@@ -42,7 +42,7 @@ class Counts:
 
 
 def count(context: moderngl.Context, draw: Callable[[], object]) -> Counts:
-    """Count a draw in the current context; it is drawn once for each of OpenGL's counters."""
+    """Count a draw in the current context; the draw is repeated for each counter."""
     query = context.query(samples=True, primitives=True)
     with query:
         draw()

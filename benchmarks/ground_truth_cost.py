@@ -1,7 +1,7 @@
-"""Processor time of ground truth relative to the image: `python -m benchmarks.ground_truth_cost
-[SCENE]`, the soccer field by default.
+"""Processor time of ground truth relative to the image.
 
-Medians of interleaved rounds; processor time, as other programs do not change it much.
+Run `python -m benchmarks.ground_truth_cost [SCENE]`; default: the soccer field. Prints medians of
+interleaved rounds. Processor time is used because other programs hardly change it.
 """
 
 from __future__ import annotations
@@ -32,18 +32,18 @@ def main(source: str) -> None:
     scene = load_scene(source)
     for quality in ("default", "fast"):
         camera = OmniCamera().with_quality(quality)
-        now = camera.base_pose(scene.start.position_m, scene.start.yaw_deg)
-        there = now @ pose((0.1, 0.0, 0.0), yaw_deg=4.0)
+        current = camera.base_pose(scene.start.position_m, scene.start.yaw_deg)
+        next_pose = current @ pose((0.1, 0.0, 0.0), yaw_deg=4.0)
         times_s: dict[str, list[float]] = {name: [] for name in VARIANTS}
         with open_sensor(scene, camera) as renderer:
             for _ in range(1 + ROUNDS):
                 for name, also in VARIANTS.items():
                     start_s = time.process_time()
                     renderer.render(
-                        now,
+                        current,
                         also=also,
-                        next_state=there,
-                        previous_state=there,
+                        next_state=next_pose,
+                        previous_state=next_pose,
                         boxes_3d=name == "3-D boxes",
                     )
                     times_s[name].append(time.process_time() - start_s)

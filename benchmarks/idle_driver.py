@@ -1,11 +1,11 @@
-"""The processor's part of a frame: all that is left where the driver draws nothing.
+"""Processor time of a frame without the GPU's work, from a driver that draws nothing.
 
-Mesa's `GALLIUM_NOOP=1` swallows every draw, so that frames are those of an infinitely fast GPU. It
-counts for a whole process, so this runs in one of its own:
+Mesa's `GALLIUM_NOOP=1` discards every draw, as if the GPU were infinitely fast. The switch holds
+for a whole process, so this measurement has its own:
 
     GALLIUM_NOOP=1 GALLIUM_THREAD=0 python -m benchmarks.idle_driver ROUNDS WARM_UP DEVICE SCENE ...
 
-prints rows as JSON; "none" is the first device.
+It prints rows as JSON; DEVICE "none" is the first device.
 """
 
 from __future__ import annotations
@@ -36,16 +36,16 @@ from omnisim.validation.report.machine import ROOT
 SETTING, FRAME_PX = "fast", 360
 BATCH, BATCH_PX = 64, 84  # images, and their side
 POSES = 8
-# The second: without a thread of its own, in which this driver of Mesa 22 crashes.
+# The second switch avoids the driver's own thread, in which Mesa 22 crashes.
 ENVIRONMENT = {"GALLIUM_NOOP": "1", "GALLIUM_THREAD": "0"}
 _RENDERER = "NOOP"  # the driver's name then
 _FIRST = "none"
 
 
 def idle_driver_rows(scenes: Sequence[str], options: Options) -> list[dict[str, Any]]:
-    """Rows of a report, one for each scene, from a process of its own.
+    """Rows of a report, one per scene, measured in a separate process.
 
-    Other drivers than Mesa's do not know the switch: then there are no rows.
+    Only Mesa's drivers have the switch; others yield no rows.
 
     Args:
         scenes: names or files.
@@ -69,7 +69,7 @@ def idle_driver_rows(scenes: Sequence[str], options: Options) -> list[dict[str, 
 
 
 def main(rounds: str, warm_up: str, device: str, *scenes: str) -> list[dict[str, Any]]:
-    """Rows, from this process; none where its driver draws."""
+    """Measure in this process and return the rows; no rows if its driver draws."""
     number = None if device == _FIRST else int(device)
     with open_context(number) as context:
         if context.info["GL_RENDERER"] != _RENDERER:
@@ -79,7 +79,7 @@ def main(rounds: str, warm_up: str, device: str, *scenes: str) -> list[dict[str,
 
 
 def _row(scene: str, options: Options) -> dict[str, Any]:
-    """Processor time of single frames and batches of a scene: nothing waits for a GPU."""
+    """Processor time of single frames and batches of a scene, without waiting for a GPU."""
     loaded = load_scene(scene)
     camera = at_setting(OmniCamera(), SETTING)
     with (
@@ -114,7 +114,7 @@ def _render_each(renderer: Renderer, poses: NDArray[np.float64]) -> None:
 
 
 def _poses(scene: Scene, count: int) -> NDArray[np.float64]:
-    """Poses (count, 4, 4) that turn at a scene's start, and move a little."""
+    """Poses (count, 4, 4) that turn at a scene's start, and move slightly."""
     start, camera = scene.start, OmniCamera()
     x, y, z = start.position_m
     poses = [

@@ -1,13 +1,13 @@
-"""Optical systems on the virtual cameras: accuracy against Embree's rays, and time of frames.
+"""Optical systems on the virtual cameras: accuracy against Embree's rays, and frame times.
 
     python -m benchmarks.optical_systems [SCENE ...] [--systems NAME ...] [--rounds N]
 
-By default the soccer field and mapping. Each system of `examples/optics` stands at the scene's
-start, and beside the nearest thing there, 0.2 m away. Ground truth: the share of pixels with the
-same triangle as Embree's exact rays, with undecided pixels cast as rays, without, and of decided
-ones alone; and the share undecided. Images: the time of a frame relative to the paper's mirror,
-both at 360 × 360 px and default quality, in interleaved rounds; of the first frame, opening
-included; and the share of samples undecided.
+Default scenes: the soccer field and mapping. Each system of `examples/optics` is measured at the
+scene's start, and 0.2 m beside the nearest object there. Accuracy is the share of pixels with the
+same triangle as Embree's exact ray: with undecided pixels cast as rays, without casting, and of
+decided pixels alone; and the share of undecided pixels. Frame times are relative to the paper's
+mirror, both at 360 × 360 px and default quality, in interleaved rounds. The time of the first frame
+includes opening the sensor. The share of undecided samples is printed, too.
 """
 
 from __future__ import annotations
@@ -54,23 +54,23 @@ def main() -> None:
 
 
 def places(sensor: OmniCamera, scene: Scene, rays: RayScene) -> dict[str, Pose]:
-    """Poses (4, 4) of the base: at the start of a scene, and beside the nearest thing there."""
+    """Poses (4, 4) of the base: at the start of a scene, and beside the nearest object there."""
     start = sensor.base_pose(scene.start.position_m, scene.start.yaw_deg)
     beside = pose_beside_nearest(sensor, rays, start)
     return {"start": start, f"{BESIDE_M} m beside": beside}
 
 
 def accuracy(stage: Stage, rays: RayScene, sensor: OmniCamera, base: Pose) -> str:
-    """Shares of pixels as a line."""
-    found = same_triangles(stage, rays, sensor, base)
+    """Line with the shares of pixels."""
+    shares = same_triangles(stage, rays, sensor, base)
     return (
-        f"same triangle {found.cast:.3%} with rays, {found.alone:.3%} without, "
-        f"{found.decided:.3%} of those decided; {found.undecided:.2%} undecided"
+        f"same triangle {shares.cast:.3%} with rays, {shares.alone:.3%} without, "
+        f"{shares.decided:.3%} of those decided; {shares.undecided:.2%} undecided"
     )
 
 
 def times(stage: Stage, sensor: OmniCamera, base: Pose, rounds: int) -> str:
-    """Processor time of a frame relative to the paper's mirror's, as a line."""
+    """Line with the processor time of a frame, relative to that of the paper's mirror."""
     paper = OmniCamera()
     with stage.open(paper) as reference:
         reference.render(base)

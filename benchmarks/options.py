@@ -1,4 +1,4 @@
-"""Options of a run, the same for all suites."""
+"""Options shared by all suites."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ class Options:
 
     Attributes:
         rounds: timed runs of each variant.
-        warm_up: rounds before, not timed.
-        device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first.
-        scenes: names of built-in scenes, or files; none: the suite's own choice.
-        progress: iterates over the rounds and may show a bar.
+        warm_up: rounds before the timed ones.
+        device: EGL index of the GPU, as `omnisim info` lists them; None: the first.
+        scenes: names of built-in scenes, or files; empty: the suite's own choice.
+        progress: iterates over the rounds, and may show a progress bar.
 
     Raises:
         BenchmarkError: a number out of range.
@@ -46,7 +46,7 @@ class Options:
             )
 
     def fewer(self, times: int) -> Options:
-        """Options with so many times fewer rounds, for slow variants."""
+        """Options with the number of rounds divided by `times`, for slow variants."""
         return dataclasses.replace(
             self,
             rounds=min(self.rounds, max(MIN_ROUNDS, self.rounds // times)),

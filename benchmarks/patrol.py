@@ -16,16 +16,17 @@ from omnisim.scene import Scene
 
 ROBOT = "p2at"
 VIEWPORT_PX, VIEWPORT_FIELD_RAD = (640, 480), math.radians(90.0)
-# A camera that follows the robot looks at it from behind and above.
+# Camera that follows the robot, from behind and above.
 CHASE_M, CHASE_DOWN_DEG = (-1.2, 0.0, 1.1), 20.0
 
 
 def patrol(scene: Scene, vehicle: Vehicle, count: int) -> NDArray[np.float64]:
-    """Poses (count, 4, 4) of the vehicle's base along the scene's first path, equally many steps
-    apart; in a scene without one it turns on the spot, its camera at the scene's start.
+    """Poses (count, 4, 4) of the vehicle's base, evenly spaced along the scene's first path.
+
+    In a scene without paths, the vehicle turns on the spot with its camera at the scene's start.
 
     Raises:
-        TrajectoryError: a path that this vehicle cannot drive.
+        TrajectoryError: the vehicle cannot drive the path.
     """
     if not scene.paths:
         camera, start = vehicle.camera().sensor, scene.start
@@ -36,7 +37,7 @@ def patrol(scene: Scene, vehicle: Vehicle, count: int) -> NDArray[np.float64]:
 
 
 def viewport() -> OmniCamera:
-    """Camera of a simulator's window: one sample per pixel, as windows are drawn."""
+    """Camera of a simulator's window, with one sample per pixel."""
     lens = PerspectiveCamera.with_field_of_view(*VIEWPORT_PX, VIEWPORT_FIELD_RAD)
     return OmniCamera(
         lens,

@@ -1,7 +1,7 @@
-"""Processor time of physics within a drive: `python -m benchmarks.physics_cost [SCENE ROBOT PATH]`,
-the Pioneer's lap of the soccer field by default.
+"""Processor time of physics within a drive, images included.
 
-Processor time, as other programs do not change it much; of one drive, with its images.
+Run `python -m benchmarks.physics_cost [SCENE ROBOT PATH]`; default: the Pioneer's lap of the soccer
+field. Processor time is used because other programs hardly change it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from omnisim.runs.route import Route
 
 
 def main(scene: str, robot: str, path: str) -> None:
-    """Print the times of the steps, of the plan with them, and of the drive."""
+    """Print the times of the physics steps, of the plan that contains them, and of the drive."""
     advance, spent_s = SimulatedWorld.advance, 0.0
 
     def timed(
@@ -34,8 +34,10 @@ def main(scene: str, robot: str, path: str) -> None:
         advance(world, time_s, rates_radps)
         spent_s += time.process_time() - begun_s
 
-    found = load_robot(robot)
-    drive = Drive(load_scene(scene), Vehicle.from_robot(found), Route(path), physics=found.chassis)
+    loaded = load_robot(robot)
+    drive = Drive(
+        load_scene(scene), Vehicle.from_robot(loaded), Route(path), physics=loaded.chassis
+    )
     start_s = time.process_time()
     with patch.object(SimulatedWorld, "advance", timed):
         plan = drive.plan()

@@ -1,9 +1,9 @@
-"""Parts of a frame: their times, and what is drawn.
+"""Parts of a frame: their times, and counts of what is drawn.
 
-The only module of the benchmarks that depends on how a `Renderer` is made: `CubeCamera.cube`
-draws its virtual cameras, called by its pipeline; all after it, up to the first read from the GPU,
-is the mirror pass and the capture; reads are readback. Reads and draws are patched in moderngl, so
-that it does not matter how the pipeline calls them.
+No other module of the benchmarks depends on the structure of a `Renderer`. The pipeline calls
+`CubeCamera.cube` to draw the virtual cameras. The work from there to the first read from the GPU is
+the mirror pass and the capture; the reads are the readback. Reads and draws are patched in
+moderngl, so it does not matter how the pipeline calls them.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _READS = (
 
 
 class PartSeconds(NamedTuple):
-    """A frame in parts, each with all that the GPU has to do for it."""
+    """Seconds of a frame's parts, each including its work on the GPU."""
 
     virtual_cameras: float  # the faces of the cube
     capture: float  # mirror pass, averaging, encoding
@@ -47,18 +47,18 @@ class PartSeconds(NamedTuple):
 
     @property
     def whole(self) -> float:
-        """The frame, with a wait for the GPU at each boundary."""
+        """Seconds of the frame, with a wait for the GPU at each boundary."""
         return sum(self)
 
 
 @dataclass(frozen=True)
 class FrameCounts:
-    """Draws of a frame.
+    """Numbers of draws in a frame.
 
     Attributes:
         virtual_cameras: pipeline statistics of the faces.
-        calls: draw calls from Python, in the whole frame.
-        draws: in these calls; those of clusters have many.
+        calls: number of draw calls from Python.
+        draws: number of draws in these calls; one call draws many clusters.
     """
 
     virtual_cameras: Counts
@@ -70,7 +70,7 @@ class RepeatedFrame:
     """One renderer's frame from one pose, repeatable.
 
     Args:
-        renderer: of an ideal camera.
+        renderer: renderer of an ideal camera.
         world_from_base: (4, 4) pose of the vehicle.
     """
 
@@ -84,7 +84,7 @@ class RepeatedFrame:
         return cls(stage.open(camera), camera.base_pose(start.position_m, start.yaw_deg))
 
     def render(self) -> NDArray[np.uint8]:
-        """Image (height, width, 4), complete."""
+        """Render the image (height, width, 4), and wait for it."""
         return self.renderer.render(self.world_from_base).rgba
 
     def render_faces(self) -> None:
@@ -94,7 +94,7 @@ class RepeatedFrame:
             self.renderer._stage.context.finish()
 
     def parts(self) -> PartSeconds:
-        """Render, waiting for the GPU at every boundary, and time each part."""
+        """Render, wait for the GPU at every boundary, and time each part."""
         marks = _Marks(self.renderer._stage.context)
         with self.renderer._current() as passes:
             assert isinstance(passes, CubeCamera)
@@ -107,7 +107,7 @@ class RepeatedFrame:
         return PartSeconds(faces, capture, reads, whole - faces - capture - reads)
 
     def count(self) -> FrameCounts:
-        """Render, and count what is drawn."""
+        """Render, and count the draws."""
         with self.renderer._current() as passes:
             counted = count(self.renderer._stage.context, lambda: self._draw_faces(passes))
         calls: list[int] = []
@@ -134,7 +134,7 @@ class RepeatedFrame:
 
 
 class _Marks:
-    """Sums of the times between the boundaries of one frame."""
+    """Sums of the times between the boundaries of a frame's parts."""
 
     def __init__(self, context: moderngl.Context):
         self._context = context
@@ -147,7 +147,7 @@ class _Marks:
         return self._faces, self._capture, self._reads
 
     def faces(self, render: Callable[..., Any]) -> Callable[..., Any]:
-        """Drawing of the faces, timed."""
+        """Function that draws the faces, timed."""
 
         @wraps(render)
         def timed(*arguments: Any, **options: Any) -> Any:
@@ -162,7 +162,7 @@ class _Marks:
         return timed
 
     def read(self, read: Callable[..., Any]) -> Callable[..., Any]:
-        """Read, timed; its wait for the GPU counts as capture."""
+        """Read function, timed; its wait for the GPU counts as capture."""
 
         @wraps(read)
         def timed(*arguments: Any, **options: Any) -> Any:
@@ -208,7 +208,7 @@ def _reads(change: Callable[[Callable[..., Any]], Callable[..., Any]]) -> Iterat
 def _noting_clusters(
     calls: list[int], draw: Callable[[ClusterDrawer, int], None]
 ) -> Callable[[ClusterDrawer, int], None]:
-    """Drawing of clusters that notes the draws of each of its calls, which the GPU has."""
+    """Function that draws clusters, and records the number of draws per call, read from the GPU."""
 
     @wraps(draw)
     def noted(drawer: ClusterDrawer, pass_index: int) -> None:

@@ -1,4 +1,4 @@
-"""Progress bar, drawn between the rounds only: no thread draws while the clock runs."""
+"""Progress bar, drawn only between rounds, so that no thread draws during a measurement."""
 
 from __future__ import annotations
 

@@ -1,16 +1,16 @@
-"""A suite's report: one schema for all suites, which `check` verifies.
+"""Report of a suite: one schema for all suites, verified by `check`.
 
 | key | content |
 | --- | --- |
 | `suite` | name of the suite |
 | `schema` | 1: this table |
-| `rows` | one for each measured variant: names and numbers, nothing nested |
+| `rows` | one per measured variant: names and numbers, nothing nested |
 | `bounds` | measures with a bound: `name`, `value`, `bound`, `sense`, `passed` and more |
 | `passed` | true if all bounds hold |
-| `rounds` | timed rounds; where a row has its own, that one counts |
+| `rounds` | timed rounds; a row's own number takes precedence |
 | `machine` | machine and versions, see `omnisim.validation.report.machine` |
 
-Further results of a suite have keys of their own.
+A suite may add further keys.
 """
 
 from __future__ import annotations
@@ -52,12 +52,12 @@ def make_report(
     bounds: Sequence[Measure] = (),
     **more: Any,
 ) -> dict[str, Any]:
-    """Report of a suite, in the schema above.
+    """Make the report of a suite, in the schema above.
 
     Args:
         suite: name of the suite.
-        options: that it was run with.
-        context: that it was run on.
+        options: options of the run.
+        context: OpenGL context of the run.
         rows: measured variants.
         bounds: measures with a bound.
         more: further results.
@@ -78,7 +78,7 @@ def check(report: Mapping[str, Any]) -> None:
     """Verify a report against the schema.
 
     Raises:
-        BenchmarkError: naming suite, key and what was wanted.
+        BenchmarkError: the message names suite, key and expected value.
     """
     name = report.get("suite", "report")
     for key, kind in _KINDS.items():
@@ -106,7 +106,7 @@ def check(report: Mapping[str, Any]) -> None:
 
 
 def bound_lines(report: Mapping[str, Any]) -> list[str]:
-    """Bounds as text, a line each."""
+    """Bounds as text, one line each."""
     return [
         f"{'holds' if one['passed'] else 'FAILS'}: {one['name']}: {one['value']:.3g}, "
         f"expected {one['sense']} {one['bound']:g}"
@@ -115,10 +115,10 @@ def bound_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def write_report(folder: Path, report: Mapping[str, Any], figure: Figure) -> None:
-    """Write `<suite>.json` and `<suite>.png` into a folder; each appears only when it is whole.
+    """Write `<suite>.json` and `<suite>.png` into a folder; each atomically.
 
     Raises:
-        BenchmarkError: the report is not one.
+        BenchmarkError: the report does not match the schema.
         OutputError: a file cannot be written.
     """
     check(report)
@@ -128,11 +128,11 @@ def write_report(folder: Path, report: Mapping[str, Any], figure: Figure) -> Non
 
 
 def read_report(path: Path) -> dict[str, Any]:
-    """Read a report back.
+    """Read a report.
 
     Raises:
         OutputError: the file cannot be read.
-        BenchmarkError: it is no report.
+        BenchmarkError: the file is not a report.
     """
     try:
         report = json.loads(path.read_text(encoding="utf-8"))

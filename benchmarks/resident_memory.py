@@ -11,10 +11,10 @@ _STATM = Path("/proc/self/statm")  # in pages: all of it, what is resident, …
 
 
 def resident_bytes() -> int:
-    """Bytes of this process that are in memory, what it shares with others included.
+    """Resident size of this process in bytes, including shared memory.
 
     Raises:
-        BenchmarkError: this system does not say.
+        BenchmarkError: the system does not provide the number.
     """
     try:
         pages = int(_STATM.read_text(encoding="ascii").split()[1])

@@ -16,23 +16,24 @@ PAPERS_MAPS = ("soccer", "mapping")
 
 
 def usual_scenes() -> tuple[str, ...]:
-    """The paper's two maps, and the warehouse where it is."""
+    """Names of the default scenes: the paper's two maps, and the warehouse if it is available."""
     return (*PAPERS_MAPS, *([str(WAREHOUSE)] if WAREHOUSE.is_file() else []))
 
 
 def load_scenes(
     options: Options, choice: tuple[str, ...] | None = None, has_own_light: bool = True
 ) -> dict[str, Scene]:
-    """Scenes by a short name: those that are asked for, or a suite's own choice.
+    """Load scenes by short name: the requested ones, or a suite's own choice.
 
     Args:
-        options: which are asked for.
-        choice: of the suite; None: the usual ones.
-        has_own_light: sky, sun or baked light of their TOMLs; other renderers draw plain lamps.
+        options: options with the requested scenes.
+        choice: choice of the suite; None: the default scenes.
+        has_own_light: True: keep the TOML's sky, sun and baked light; False: plain lamps only, as
+            other renderers draw them.
 
     Raises:
-        SceneError: one that cannot be loaded.
-        BenchmarkError: two of one name.
+        SceneError: a scene cannot be loaded.
+        BenchmarkError: two scenes have the same name.
     """
     sky, baked = (None, None) if has_own_light else (NO_SKY, NO_BAKED_LIGHT)
     scenes: dict[str, Scene] = {}

@@ -1,6 +1,6 @@
-"""Number of triangles that an image shows: the least that culling can leave.
+"""Number of triangles that an image shows: the minimum that culling can leave.
 
-Independent of the renderer: a program of its own draws every triangle's ID into whole faces of the
+Independent of the renderer: a separate program draws every triangle's ID into whole faces of the
 cube.
 """
 
@@ -55,18 +55,18 @@ def count_seen_triangles(
     face_px: int,
     near_m: float,
 ) -> int:
-    """Triangles that are nearest in at least one texel that the image shows, once for each face
-    of the cube that shows them.
+    """Count the triangles that are nearest in at least one texel that the image samples.
 
-    Holes count as filled; blended surfaces are left out.
+    A triangle counts once per cube face on which it is seen. Holes count as filled; blended
+    surfaces are ignored.
 
     Args:
-        context: to draw in; becomes the current one.
-        scene: to draw.
-        camera: of the image.
-        world_from_rig: (4, 4).
+        context: OpenGL context, which becomes the current one.
+        scene: scene to draw.
+        camera: camera of the image.
+        world_from_rig: (4, 4) pose of the camera's rig.
         face_px: texels across the 90° of a face.
-        near_m: near plane.
+        near_m: distance of the near plane.
     """
     parts = _triangles(scene, world_from_rig[:3, 3])
     with context:
@@ -107,7 +107,7 @@ def count_seen_triangles(
 
 
 def _shown(camera: CentralCamera, face: int, face_px: int) -> NDArray[np.bool_]:
-    """Mask (size, size) of a whole face's texels that the image shows; first row at the top."""
+    """Mask (size, size) of a face's texels that the image samples; top row first."""
     line = (2.0 * np.arange(face_px) + 1.0) / face_px - 1.0
     right, down = np.meshgrid(line, line)
     local = np.stack((right, down, np.ones_like(right)), axis=-1)

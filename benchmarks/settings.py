@@ -10,5 +10,5 @@ SETTINGS = {name: QUALITIES[name]._asdict() for name in ("fast", "default")}
 
 
 def at_setting(camera: OmniCamera, setting: str) -> OmniCamera:
-    """Camera at one of `SETTINGS`."""
+    """Camera at a quality setting, a key of `SETTINGS`."""
     return camera.with_quality(setting)

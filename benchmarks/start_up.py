@@ -1,4 +1,4 @@
-"""Start-up: time of a fresh process until its first image."""
+"""Start-up: time from a new process to its first image."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CACHED, ANEW = "to an image and the end", "shaders compiled anew"
 
 # The installed command, run on this checkout.
 _COMMAND = "from omnisim.apps.cli.app import main; main()"
-# Drivers keep compiled shaders on disk; these turn that off, Mesa's and NVIDIA's.
+# Disable the shader caches of Mesa and NVIDIA on disk.
 _NO_CACHE = {"MESA_SHADER_CACHE_DISABLE": "true", "__GL_SHADER_DISK_CACHE": "0"}
 _NOW = "NOW"  # stands for the time at which the process is started
 
@@ -39,11 +39,11 @@ class Run(NamedTuple):
 
 
 def start_up_rows(scene: str, starts: int, options: Options) -> list[dict[str, Any]]:
-    """Rows of a report: whole runs, with and without the driver's cache, and their phases.
+    """Rows of a report: whole runs with and without the driver's shader cache, and their phases.
 
     Args:
         scene: name or file.
-        starts: of each; 0: no rows at all. One more before fills the driver's cache.
+        starts: number of starts per variant, after one that fills the cache; 0: no rows.
         options: device and progress.
 
     Raises:
@@ -70,8 +70,13 @@ def start_up_rows(scene: str, starts: int, options: Options) -> list[dict[str, A
         for what, done in runs.items()
     ]  # fmt: skip
     rows += [
-        {"kind": "start-up phase", "what": phase, "rounds": starts, **_statistics("seconds", found)}
-        for phase, found in phases.items()
+        {
+            "kind": "start-up phase",
+            "what": phase,
+            "rounds": starts,
+            **_statistics("seconds", seconds),
+        }
+        for phase, seconds in phases.items()
     ]
     return rows
 
@@ -85,16 +90,16 @@ def _statistics(name: str, values: list[float]) -> dict[str, float]:
 
 
 def render(scene: str, path: Path, device: int | None, cached: bool = True) -> Run:
-    """Run `omnisim render SCENE -o PATH` in a process of its own.
+    """Run `omnisim render SCENE -o PATH` in a new process.
 
     Args:
         scene: name or file.
-        path: of the image.
-        device: number of the GPU, or None.
+        path: path of the image.
+        device: EGL index of the GPU; None: the first.
         cached: let the driver use its shader cache.
 
     Raises:
-        BenchmarkError: it fails.
+        BenchmarkError: the process fails.
     """
     options = [] if device is None else ["--device", str(device)]
     arguments = ["-c", _COMMAND, "render", scene, "-o", str(path), *options]
@@ -102,10 +107,10 @@ def render(scene: str, path: Path, device: int | None, cached: bool = True) -> R
 
 
 def phase_seconds(scene: str, path: Path, device: int | None) -> dict[str, float]:
-    """Seconds of each phase of such a process, see `start_up_phases`.
+    """Seconds of each phase of a new process, see `start_up_phases`.
 
     Raises:
-        BenchmarkError: it fails.
+        BenchmarkError: the process fails.
     """
     numbers = [] if device is None else [str(device)]
     arguments = ["-m", "benchmarks.start_up_phases", _NOW, scene, str(path), *numbers]

@@ -1,7 +1,7 @@
 """Phases of `omnisim render SCENE` until its first frame is written, timed.
 
-Run in a fresh process: `python -m benchmarks.start_up_phases START SCENE FILE [DEVICE]`, START by
-the monotonic clock. Prints seconds by phase as JSON.
+Run in a new process: `python -m benchmarks.start_up_phases START SCENE FILE [DEVICE]`, with START
+the monotonic clock at the start of the process. Prints seconds by phase as JSON.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 BEFORE = "Python itself"
 IMPORTS, SCENE, CONTEXT, UPLOAD = "imports", "scene", "OpenGL", "upload"
 COMPILE, FRAME, WRITE = "shaders and targets", "first frame", "file"
-AFTER = "end"  # of the process: what the parent sees beyond all others
+AFTER = "end"  # end of the process: time that the parent measures beyond all other phases
 PHASES = (BEFORE, IMPORTS, SCENE, CONTEXT, UPLOAD, COMPILE, FRAME, WRITE, AFTER)
 
 

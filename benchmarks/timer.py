@@ -1,4 +1,4 @@
-"""The one timer: interleaved variants in one process, and confidence intervals of their ratios."""
+"""Timer of all suites: interleaved variants in one process, with confidence intervals of ratios."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class MedianInterval:
-    """Median over rounds, and its confidence interval.
+    """Median over the rounds, and its confidence interval.
 
     Attributes:
-        median: of the rounds.
-        low, high: an interval that holds the true median with at least 95 % probability, given
-            six rounds or more.
+        median: median over the rounds.
+        low, high: interval that contains the true median with at least 95 % probability; requires
+            six rounds.
     """
 
     median: float
@@ -30,18 +30,19 @@ class MedianInterval:
     high: float
 
     def flat(self, name: str) -> dict[str, float]:
-        """For a row of a report: `name`, `name_low` and `name_high`."""
+        """Columns for a row of a report: `name`, `name_low` and `name_high`."""
         return {name: self.median, f"{name}_low": self.low, f"{name}_high": self.high}
 
 
 @dataclass(frozen=True, eq=False)
 class Timings:
-    """Seconds of every round, by variant; the same round of two variants is a pair.
+    """Seconds of every round, by variant; ratios pair two variants of the same round.
 
     Attributes:
-        seconds: by the wall clock.
-        processor_seconds: of all threads of this process together; other processes hardly change
-            them. All the work of a software renderer; on a GPU only Python and the driver.
+        seconds: wall-clock time.
+        processor_seconds: processor time of all threads of this process, which other processes
+            hardly change. It includes all work of a software renderer; with a GPU, only that of
+            Python and the driver.
     """
 
     seconds: dict[str, NDArray[np.float64]]
@@ -52,12 +53,12 @@ class Timings:
         return 1e3 * float(np.percentile(self.seconds[variant], percent))
 
     def cheapest(self) -> str:
-        """Variant that is cheapest relative to its rounds' means."""
+        """Variant with the smallest median time, relative to each round's mean."""
         of_round = np.mean(list(self.seconds.values()), axis=0)
         return min(self.seconds, key=lambda name: float(np.median(self.seconds[name] / of_round)))
 
     def row(self, variant: str) -> dict[str, float]:
-        """Columns of a report that concern one variant alone."""
+        """Columns of a report for one variant."""
         return {
             "fps": self.frames_per_second(variant).median,
             **{f"p{percent}_ms": self.percentile_ms(variant, percent) for percent in (50, 95, 99)},
@@ -92,13 +93,13 @@ def time_interleaved(
     progress: Callable[[Iterable[int], str, int], Iterator[int]] = without_progress,
     what: str = "",
 ) -> Timings:
-    """Time variants interleaved, A B C A B C, so that a slow minute of the machine meets them all.
+    """Time variants interleaved, A B C A B C, so that a slow minute affects them all.
 
     Args:
-        variants: each does its work and waits until it is done.
-        rounds: timed runs of each.
-        warm_up: rounds before, not timed: shaders compile at their first use.
-        progress: iterates over all rounds and may show a bar.
+        variants: functions by name; each returns when its work is done.
+        rounds: number of timed runs of each variant.
+        warm_up: number of rounds before the timed ones: shaders compile at their first use.
+        progress: iterates over all rounds, and may show a progress bar.
         what: description of the rounds.
     """
     seconds = {name: np.empty(rounds) for name in variants}
@@ -120,9 +121,9 @@ def _median_interval(values: NDArray[np.float64]) -> MedianInterval:
 
 
 def _outer(count: int) -> int:
-    """Number of sorted values to leave out at either end for a median's interval.
+    """Number of sorted values to exclude at each end for a confidence interval of the median.
 
-    The true median is left of k values with a binomial probability, whatever the distribution.
+    The number of values below the true median is binomially distributed, for any distribution.
     """
     tail, left_out = 0.0, 0
     for k in range(count // 2):

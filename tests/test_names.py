@@ -20,11 +20,12 @@ CLAUSE_OPENERS = frozenset(
 VAGUE = (
     r": where\.$", r": as given\.", r"that is none\b", r"\b(?:MOST|LEAST|LARGEST)_",
     r"\bthat (?:it|they) (?:is|are) (?:of|in|from)[.,:;]",
+    r"^ +[a-z_, ]+: (?:\([^)]*\) )?(?:which|whether|how|what|that) [a-z]",
 )  # fmt: skip
 # British stems; the other spelling is everywhere the same.
 BRITISH = (
     "colour", "centre", "centring", "metre", "grey", "neighbour", "labell", "rasteris", "normalis",
-    "initialis", "quantis", "favour", "behaviour", "licence", "tyre",
+    "initialis", "quantis", "favour", "behaviour", "licence", "tyre", "castor",
 )  # fmt: skip
 # Words of other formats' files, and the old name that a message tells.
 SPELLED_BY_OTHERS = (
@@ -116,6 +117,16 @@ def _first_comment(path):
     return 1, ""
 
 
+def _comments_without_subject():
+    """Comments beside a shader's code that begin with "of", without the noun."""
+    for path in _files(("shaders",), "*.*"):
+        if path.suffix == ".md":
+            continue
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            if re.search(r"\S\s*// of\b", line):
+                yield f"{path.relative_to(ROOT)}:{number}: {line.strip()}"
+
+
 def _clauses():
     texts = [(path, *found) for path in _files(PYTHON, "*.py") for found in _docstrings(path)]
     texts += [
@@ -172,6 +183,11 @@ def test_docstrings_open_with_their_subject():
     assert not offenders, "\n".join(("expected a noun or a verb first:", *offenders))
 
 
+def test_comments_beside_shader_code_name_their_subject():
+    offenders = list(_comments_without_subject())
+    assert not offenders, "\n".join(("expected a noun before “of”:", *offenders))
+
+
 def test_retired_names_are_gone():
     offenders = list(_retired_names())
     assert not offenders, "\n".join(("expected the name after the arrow:", *offenders))
@@ -207,3 +223,41 @@ def test_phrases_are_read_once_and_words_have_one_spelling():
             line = text.count("\n", 0, match.start()) + 1
             offenders.append(f"{name}:{line}: {match.group()}")
     assert not offenders, "\n".join(("expected plain American English:", *offenders))
+
+
+def _parameters(node):
+    """Names of a function's parameters, or of those of a class's constructor."""
+    if isinstance(node, ast.ClassDef):
+        fields = {
+            part.target.id
+            for part in node.body
+            if isinstance(part, ast.AnnAssign) and isinstance(part.target, ast.Name)
+        }
+        makers = [part for part in node.body if getattr(part, "name", "") == "__init__"]
+        return fields.union(*(_parameters(maker) for maker in makers))
+    arguments = node.args
+    named = (*arguments.posonlyargs, *arguments.args, *arguments.kwonlyargs)
+    others = (arguments.vararg, arguments.kwarg)
+    return {one.arg for one in (*named, *others) if one is not None}
+
+
+def _unknown_arguments():
+    for path in _files(("omnisim", "benchmarks"), "*.py"):
+        for node in _nodes(path):
+            if not isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+                continue
+            section = re.search(
+                r"^Args:\n((?:    .*\n?|\n)*)", ast.get_docstring(node) or "", re.MULTILINE
+            )
+            names = re.findall(r"^    ([a-z_][\w, ]*):", section[1], re.M) if section else []
+            described = {name.strip() for group in names for name in group.split(",")}
+            parameters = _parameters(node)
+            if isinstance(node, ast.ClassDef) and not parameters:
+                continue  # the constructor is inherited
+            for name in sorted(described - parameters):
+                yield f"{path.relative_to(ROOT)}:{node.lineno}: {node.name}: {name}"
+
+
+def test_docstrings_describe_arguments_by_their_names():
+    offenders = list(_unknown_arguments())
+    assert not offenders, "\n".join(("expected the name of an argument:", *offenders))

@@ -1,1 +1,1 @@
-"""Other ways to the same frame, made as their own makers would: README.md says how."""
+"""Peers: other renderers' methods for the same frame; README.md describes them."""

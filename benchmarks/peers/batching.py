@@ -13,10 +13,7 @@ from omnisim.scene.model import AlphaMode, Instance, Mesh, Scene
 
 
 def batched(scene: Scene) -> Scene:
-    """Scene with the instances of each material in one mesh; blended ones stay as they are.
-
-    Within a material the instances keep their order.
-    """
+    """Scene with one mesh per material, in the order of the instances, except for blended ones."""
     parts: dict[tuple[int, bool, bool, bool], list[Mesh]] = defaultdict(list)
     meshes: list[Mesh] = []
     instances: list[Instance] = []
@@ -40,7 +37,7 @@ def batched(scene: Scene) -> Scene:
 
 
 def in_world(mesh: Mesh, instance: Instance) -> Mesh:
-    """Mesh of an instance with its positions, normals and winding in world coordinates."""
+    """Mesh of an instance in world coordinates: positions, normals and winding."""
     matrix = instance.world_from_mesh
     linear = matrix[:3, :3]
     triangles, normals = mesh.triangles, mesh.normals
@@ -48,7 +45,7 @@ def in_world(mesh: Mesh, instance: Instance) -> Mesh:
     if determinant < 0.0:
         triangles = triangles[:, ::-1]
     if normals is not None:
-        # cofactors turn normals under any scale, and keep them outside
+        # cofactors transform normals under any scale, and keep them outward
         cofactors = np.array([np.cross(linear[i - 2], linear[i - 1]) for i in range(3)])
         normals = (normals @ (np.sign(determinant) * cofactors).T).astype(np.float32)
     positions = mesh.positions.astype(np.float64) @ linear.T + matrix[:3, 3]

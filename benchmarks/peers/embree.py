@@ -1,4 +1,4 @@
-"""Rays instead of faces: Embree through embreex, one primary ray a pixel, one thread."""
+"""Embree, through embreex: one primary ray per pixel, on one thread."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from benchmarks.peers.hit_colors import HitColors
 from benchmarks.peers.peer import CAMERA, ImagePeer, Peer
 from omnisim.scene.model import Scene
 
-MAX_LAYERS = 16  # surfaces on one ray that something behind is seen through
-# How far behind a surface a ray continues, as a share of its range: some roundings of a float32.
+MAX_LAYERS = 16  # transparent surfaces along a ray
+# Distance behind a surface at which a ray continues, as a share of its range: a few float32 ULPs.
 _BEYOND = 1e-5
 
 
 class EmbreeGeometry(Peer):
-    """Index of the triangle that each valid pixel's ray hits, and nothing else."""
+    """Ray caster that finds only the index of the triangle hit by each valid pixel's ray."""
 
     name = "Embree, geometry"
 
@@ -25,17 +25,17 @@ class EmbreeGeometry(Peer):
         self.texels = self._rays.count
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.int32]:
-        """Indices (n,) of the triangles that the valid pixels' rays hit; −1: none."""
+        """Indices (n,) of the triangles hit by the valid pixels' rays; −1: no hit."""
         return self._rays.cast(world_from_rig)
 
 
 class EmbreeColors(ImagePeer):
-    """Image by ray casting: hits lit and textured in NumPy.
+    """Image by ray casting, with hits textured and lit in NumPy.
 
-    A ray continues behind holes, backs of single-sided surfaces, and glass.
+    At holes, glass, and the backs of single-sided surfaces the ray continues.
 
     Attributes:
-        rays: one per pixel.
+        rays: one ray per pixel.
     """
 
     name = "Embree, color"
@@ -53,16 +53,16 @@ class EmbreeColors(ImagePeer):
         rays = np.arange(len(total))
         share = np.ones((len(rays), 1), dtype=np.float32)
         for _ in range(MAX_LAYERS):
-            found = self.rays.mesh.hits(origins_m, directions)
-            hit = np.flatnonzero(found.triangles >= 0)
+            hits = self.rays.mesh.hits(origins_m, directions)
+            hit = np.flatnonzero(hits.triangles >= 0)
             if len(hit) < len(rays):
-                missed = np.flatnonzero(found.triangles < 0)
+                missed = np.flatnonzero(hits.triangles < 0)
                 total[rays[missed]] += share[missed] * self._background
             rays, share, directions = rays[hit], share[hit], directions[hit]
-            ranges_m = found.ranges_m[hit, None]
+            ranges_m = hits.ranges_m[hit, None]
             points_m = origins_m[hit] + ranges_m * directions
             colors, opacity = self._colors.of(
-                found.triangles[hit], found.u[hit], found.v[hit], points_m, directions
+                hits.triangles[hit], hits.u[hit], hits.v[hit], points_m, directions
             )
             total[rays] += share * opacity * colors
             share = share * (1.0 - opacity)
@@ -77,7 +77,7 @@ class EmbreeColors(ImagePeer):
 
 
 def _levels(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Linear RGB (n, 3) as 8-bit sRGB, in float32 throughout."""
+    """8-bit sRGB levels of linear RGB (n, 3), computed in float32."""
     values = np.clip(linear, np.float32(0.0), np.float32(1.0))
     high = np.float32(1.055) * np.power(values, np.float32(1.0 / 2.4)) - np.float32(0.055)
     encoded = np.where(values <= np.float32(0.0031308), np.float32(12.92) * values, high)

@@ -1,4 +1,4 @@
-"""From square faces side by side to the mirror's image, by OpenCV's remap."""
+"""Remapping of square faces to the mirror's image, by OpenCV's `remap`."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _BANDS = 24  # of the reference's rows, one after the other: its rays take gigab
 
 
 class FaceMaps:
-    """Remap tables from pixels to texels of the faces; made once.
+    """Remap tables from pixels to texels of the faces, computed once.
 
     Args:
-        camera: of the image.
-        face_px: size of a face.
+        camera: camera of the image.
+        face_px: width of a face, px.
         faces: number of faces side by side, in the order of `omnisim.core.cube.FACE_NAMES`.
     """
 
@@ -33,7 +33,7 @@ class FaceMaps:
         self._outside = ~self.valid
 
     def remap(self, faces: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """Image (height, width, 3), bilinear; black where it is not valid."""
+        """Image (height, width, 3), interpolated bilinearly; black where invalid."""
         import cv2
 
         image = cv2.remap(faces, *self._maps, cv2.INTER_LINEAR).astype(np.uint8, copy=False)
@@ -44,11 +44,11 @@ class FaceMaps:
 def _texels(
     camera: HyperbolicCamera, face_px: int, faces: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
-    """Columns and rows (height, width) among the faces' texels, and which pixels are valid."""
+    """Columns and rows (height, width) of the texels, and the mask of valid pixels."""
     rays, valid = mirror_rays(camera)
     index = np.minimum(face_index(rays), faces - 1)
     tangents = face_tangents(rays, index)
-    # at most to the middle of a face's last texel: beyond it another face begins
+    # clamped to the center of a face's last texel: the next face begins beyond it
     texels = np.clip(0.5 * face_px * (tangents + 1.0) - 0.5, 0.0, face_px - 1.0)
     columns = texels[..., 0] + face_px * index
     return columns.astype(np.float32), texels[..., 1].astype(np.float32), valid
@@ -58,7 +58,7 @@ def _texels(
 def _fine_bands(
     face_px: int, faces: int
 ) -> list[tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]]:
-    """Remap tables of the finer image that the reference is averaged from, by bands of rows."""
+    """Remap tables of the supersampled image behind the reference, in bands of rows."""
     import dataclasses
 
     fine = CAMERA.scaled(CAPTURES)
@@ -78,8 +78,8 @@ def averaged(linear_faces: NDArray[np.float32], faces: int) -> NDArray[np.float3
     """Reference (height, width, 3): 8 × 8 samples per pixel, averaged in linear light.
 
     Args:
-        linear_faces: (size, faces * size, 3), side by side.
-        faces: their number.
+        linear_faces: (size, faces * size, 3) faces side by side.
+        faces: number of faces.
     """
     import cv2
 
@@ -100,5 +100,5 @@ def _blocks(fine: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def linear_from_levels(levels: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """8-bit sRGB values in linear light."""
+    """Linear light of 8-bit sRGB levels."""
     return linear_from_srgb(np.arange(256) / 255.0).astype(np.float32)[levels]

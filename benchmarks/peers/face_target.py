@@ -1,4 +1,4 @@
-"""Faces of 90° for the peers on OpenGL: the scene drawn into them object by object."""
+"""Faces of 90° for the OpenGL peers, drawn object by object."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ SHADERS = Path(__file__).parent / "shaders"
 NEAR_M = 0.05
 SRGB8_ALPHA8 = 0x8C43
 FRAMEBUFFER_SRGB = 0x8DB9
-# 90° wide and high, y of the clip space down the image, depth reversed and without an end.
+# 90° wide and high, clip-space y down the image, reversed depth with an infinite far plane.
 CLIP_FROM_FACE: NDArray[np.float64] = np.array(
     [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, NEAR_M], [0.0, 0.0, 1.0, 0.0]]
 )
 
 
 def peer_program(context: moderngl.Context, vertex: str, fragment: str) -> moderngl.Program:
-    """Compile two files of the peers' own shaders."""
+    """Compile a vertex and a fragment shader from the peers' own folder."""
     vertex, fragment = ((SHADERS / name).read_text(encoding="utf-8") for name in (vertex, fragment))
     return context.program(vertex_shader=vertex, fragment_shader=fragment)
 
 
 def srgb_texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:
-    """Texture of 8-bit sRGB colors with bilinear lookups in linear light."""
+    """Texture of 8-bit sRGB colors, filtered bilinearly in linear light."""
     texture = context.texture(size, 4, internal_format=SRGB8_ALPHA8)
     texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
     texture.repeat_x = texture.repeat_y = False
@@ -45,7 +45,7 @@ def srgb_texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.T
 
 
 def face_target(context: moderngl.Context, texture: moderngl.Texture) -> moderngl.Framebuffer:
-    """Framebuffer for one face, with its own depth buffer."""
+    """Framebuffer for one face, with a depth buffer."""
     return context.framebuffer([texture], float_depth(context, texture.size, 0))
 
 
@@ -53,12 +53,12 @@ class ObjectDrawer:
     """Draws a scene's objects one by one with omnisim's surface shaders.
 
     Args:
-        context: to draw in.
-        scene: to draw.
+        context: OpenGL context.
+        scene: scene to draw.
 
     Attributes:
-        opaque, blended: indices of the objects, in the order of their materials.
-        counts: (n,) triangles of each object.
+        opaque, blended: indices of the objects, sorted by material.
+        counts: (n,) number of triangles per object.
     """
 
     def __init__(self, context: moderngl.Context, scene: Scene):
@@ -77,7 +77,7 @@ class ObjectDrawer:
         self.counts = np.array([draw.count // 3 for draw in self.draws])
 
     def set_viewpoint(self, viewpoint_m: NDArray[np.float64]) -> None:
-        """Set the viewpoint (3,), world, of the next faces."""
+        """Set the viewpoint (3,), world, for the next faces."""
         placement = self._buffers.instance_transforms(viewpoint_m)
         self._viewpoint_from_mesh = placement.viewpoint_from_mesh
         self._viewpoint_matrices = columns_first(placement.viewpoint_from_mesh)
@@ -87,12 +87,12 @@ class ObjectDrawer:
             program.set_viewpoint(viewpoint_m)
 
     def back_to_front(self, indices: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Objects from back to front, as blended ones are drawn."""
+        """Indices sorted from back to front, for blending."""
         distances = np.linalg.norm(self.centers_m[indices], axis=1)
         return indices[np.argsort(-distances, kind="stable")]
 
     def front_to_back(self, indices: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Objects from front to back, for least overdraw."""
+        """Indices sorted from front to back, to reduce overdraw."""
         return self.back_to_front(indices)[::-1]
 
     def draw_face(
@@ -101,11 +101,11 @@ class ObjectDrawer:
         face_from_world: NDArray[np.float64],
         order: NDArray[np.intp],
     ) -> None:
-        """Clear a face's framebuffer and draw objects into it, in that order.
+        """Clear a face's framebuffer, and draw objects into it in the given order.
 
         Args:
-            target: the framebuffer.
-            face_from_world: (3, 3) rows: the face's right, down and forward.
+            target: framebuffer of the face.
+            face_from_world: (3, 3), rows: the face's right, down and forward axes.
             order: indices of the objects.
         """
         context = self._context
@@ -149,7 +149,7 @@ class ObjectDrawer:
 
 
 class _SurfaceShader:
-    """Variant of the surface shader with its vertex array; sets no uniform twice."""
+    """Variant of the surface shader with its vertex array; skips uniforms that are already set."""
 
     def __init__(self, buffers: SceneBuffers, surface: SurfaceProgram):
         program = surface.program
@@ -159,7 +159,7 @@ class _SurfaceShader:
         self._clip_from_mesh = uniform(program, "u_clip_from_mesh")
         self._base_color = uniform(program, "u_base_color")
         self._alpha_cutoff = find_uniform(program, "u_alpha_cutoff")
-        # left out where a scene has no punctual lights
+        # removed by the compiler if the scene has no punctual lights
         self._viewpoint_from_mesh = find_uniform(program, "u_viewpoint_from_mesh")
         self._normal_from_mesh = find_uniform(program, "u_normal_from_mesh")
         self._material: Material | None = None
@@ -170,7 +170,7 @@ class _SurfaceShader:
         viewpoint_from_mesh: NDArray[np.float32],
         normal_from_mesh: NDArray[np.float32],
     ) -> None:
-        """Set the next object's matrices (4, 4) and (3, 3), columns first."""
+        """Set the next object's matrices (4, 4) and (3, 3), column-major."""
         self._clip_from_mesh.write(clip_from_mesh)
         if self._viewpoint_from_mesh is not None:
             self._viewpoint_from_mesh.write(viewpoint_from_mesh)

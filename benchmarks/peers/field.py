@@ -1,4 +1,4 @@
-"""Racers in a scene, and the reasons why some are missing."""
+"""Renderers that race in a scene, and the reasons why some are missing."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from benchmarks.peers.peer import SENSOR, ImagePeer, Peer
 from benchmarks.peers.pyrender_faces import PyrenderFaces
 from benchmarks.settings import at_setting
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.shared_scene import Closing
+from omnisim.rendering.shared_scene import Closeable
 from omnisim.rendering.stage import Stage
 from omnisim.validation.oracles import import_failure
 
@@ -22,27 +22,27 @@ FAST, DEFAULT = "omnisim, fast", "omnisim, default"
 PYRENDER, PYRENDER_FLAT, UNLIT = "pyrender", "pyrender, flat", "omnisim, fast, unlit"
 PAPER, GAZEBO = PaperWay.name, GazeboWay.name
 EMBREE, EMBREE_COLOR = EmbreeGeometry.name, EmbreeColors.name
-# Ours at other settings: texels to a side of the image's finest pixels, at 2 × 2 captures.
+# omnisim at other settings: texels per side of the image's finest pixels, with 2 × 2 samples.
 BETWEEN = {f"omnisim, {texels:g} texels": texels for texels in (0.45, 0.6, 0.8, 1.3, 1.7)}
-# From the quickest to the best.
+# From the fastest to the best setting.
 LADDER = (*list(BETWEEN)[:3], FAST, *list(BETWEEN)[3:], DEFAULT)
 NAMES = (*LADDER, UNLIT, PYRENDER, PYRENDER_FLAT, PAPER, GAZEBO, EMBREE, EMBREE_COLOR)
 
 
 def rung(name: str) -> OmniCamera:
-    """Camera of omnisim at a setting of `LADDER`."""
+    """Camera of omnisim at a quality setting, a key of `LADDER`."""
     if name in BETWEEN:
         fast = at_setting(SENSOR, "fast")
         return dataclasses.replace(fast, texels_per_pixel=BETWEEN[name])
     return at_setting(SENSOR, {FAST: "fast", DEFAULT: "default"}[name])
 
 
-class Field(Closing):
-    """The racers in one scene; close it at the end.
+class Field(Closeable):
+    """All renderers of the race in one scene; close it at the end.
 
     Attributes:
-        peers: by name.
-        missing: reasons why others are not available, by name.
+        peers: available renderers by name.
+        missing: reasons why other renderers are unavailable, by name.
     """
 
     def __init__(self, stage: Stage, device: int | None = None):
@@ -77,10 +77,10 @@ class Field(Closing):
 
     @property
     def images(self) -> dict[str, ImagePeer]:
-        """Racers that make an image, by name."""
+        """Renderers that produce an image, by name."""
         return {name: peer for name, peer in self.peers.items() if isinstance(peer, ImagePeer)}
 
     def close(self) -> None:
-        """Release the racers' resources."""
+        """Release the renderers' resources."""
         for peer in self.peers.values():
             peer.close()

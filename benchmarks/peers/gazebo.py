@@ -1,4 +1,4 @@
-"""Gazebo's way: six faces of 512 px, culled, copied into a cube map, warped, read back as RGB.
+"""Gazebo's method: six culled faces of 512 px, copied into a cube map, warped, read back as RGB.
 
 Source: gz-rendering, Ogre2WideAngleCamera.
 """
@@ -28,7 +28,7 @@ FACE_PX = 512
 _TEXTURE_2D, _CUBE_MAP, _CUBE_MAP_SEAMLESS = 0x0DE1, 0x8513, 0x884F
 # OpenGL's cube maps are left-handed: rows are right, up and forward in the rig frame.
 CUBE_FROM_RIG: NDArray[np.float64] = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
-# Each face's right, down and forward in the frame of the cube map: OpenGL 4.5, table 8.19.
+# Right, down and forward axes of each face in the cube map's frame: OpenGL 4.5, table 8.19.
 FACE_FROM_CUBE: NDArray[np.float64] = np.array(
     [
         [[0, 0, -1], [0, -1, 0], [1, 0, 0]],
@@ -45,7 +45,7 @@ _SIDES: NDArray[np.float64] = np.array([[1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1
 
 
 class GazeboWay(ImagePeer):
-    """One texture to draw into, one cube map to look up."""
+    """Renderer with one face texture and one cube map."""
 
     name = "Gazebo's way"
 
@@ -73,7 +73,7 @@ class GazeboWay(ImagePeer):
         self._copy = gl_function("glCopyImageSubData", *[ctypes.c_uint] * 2, *[ctypes.c_int] * 13)
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """Six faces, six copies, the warp, RGB."""
+        """Draw and copy six faces, warp them, and read the image (height, width, 3)."""
         with self._context:
             return self._render(world_from_rig)
 

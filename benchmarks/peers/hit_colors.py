@@ -1,9 +1,8 @@
-"""Colors at the hits of rays: base color, texture and light, in NumPy.
+"""Colors at ray hits: base color, texture and light, in NumPy.
 
-No `matmul`: BLAS would use threads, and the race is on one thread.
-
-The surfaces and lights are those of `shaders/scene/surface.frag` and `shaders/scene/lighting.glsl`,
-but for the textures: four texels of the finest level, whatever the distance.
+Surfaces and lights are those of `shaders/scene/surface.frag` and `shaders/scene/lighting.glsl`.
+Textures differ: lookups use four texels of the finest level at any distance. `matmul` is avoided,
+because BLAS would use threads, and the race is on one thread.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ Floats = NDArray[np.float32]
 
 
 class HitColors:
-    """Colors of points on a scene's triangles; tables are made once."""
+    """Colors of points on a scene's triangles; tables are built once."""
 
     def __init__(self, scene: Scene):
         geometry = build_geometry(scene)
@@ -40,7 +39,7 @@ class HitColors:
         materials = scene.materials
         self._base = np.array([material.base_color for material in materials], dtype=np.float32)
         emissive = np.array([material.emissive for material in materials], dtype=np.float32)
-        self._base[:, :3] += emissive  # what shines is black otherwise, or a screen
+        self._base[:, :3] += emissive  # emissive materials are otherwise black, or screens
         self._two_sided = np.array([material.double_sided for material in materials])
         self._unlit = np.array([material.unlit for material in materials]) | emissive.any(axis=1)
         modes = [material.alpha_mode for material in materials]
@@ -64,9 +63,9 @@ class HitColors:
         """Linear RGB (n, 3) and opacity (n, 1) at hits.
 
         Args:
-            triangles: (n,) indices.
+            triangles: (n,) indices of the triangles.
             u, v: (n,) barycentric coordinates of the second and third corners.
-            points_m, directions: (n, 3) of hits and rays, world.
+            points_m, directions: (n, 3) hit points and ray directions, world.
         """
         weights = np.stack((1.0 - u - v, u, v), axis=1)
 
@@ -97,7 +96,7 @@ class HitColors:
         return color[:, :3] * light, opacity[:, None].astype(np.float32)
 
     def _light(self, points_m: Floats, normals: Floats) -> Floats:
-        """Light (n, 3) that a white surface reflects."""
+        """Light (n, 3) reflected by a white surface."""
         lighting = self._lighting
         total = np.empty_like(normals)
         total[:] = lighting.ambient
@@ -122,7 +121,7 @@ class HitColors:
 
 
 class _TextureTable:
-    """All textures in one table of texels, linear RGBA, so that one lookup serves every hit."""
+    """Linear RGBA texels of all textures in one array, so that one lookup serves every hit."""
 
     def __init__(self, materials: tuple[Material, ...]):
         white = Texture(np.full((1, 1, 4), 255, dtype=np.uint8))
@@ -141,7 +140,7 @@ class _TextureTable:
         self._rows = np.array(rows, dtype=np.int32)
 
     def lookup(self, textures: NDArray[np.int_], coordinates: Floats) -> Floats:
-        """Bilinear colors (n, 4) at coordinates (n, 2) of textures (n,)."""
+        """Bilinearly interpolated colors (n, 4) at coordinates (n, 2) of textures (n,)."""
         first, width, height, clamp_u, clamp_v = self._rows[textures].T
         columns = _linear_weights(coordinates[:, 0], width, clamp_u)
         rows = _linear_weights(coordinates[:, 1], height, clamp_v)
@@ -164,7 +163,7 @@ def _linear(pixels: NDArray[np.uint8]) -> Floats:
 def _linear_weights(
     coordinate: Floats, count: NDArray[np.int32], clamped: NDArray[np.int32]
 ) -> list[tuple[NDArray[np.int32], Floats]]:
-    """Two texels (n,) along one axis of a linear lookup, and their weights."""
+    """Two neighboring texels (n,) along one axis, and their interpolation weights."""
     texel_position = coordinate * count - np.float32(0.5)
     low = np.floor(texel_position)
     share = (texel_position - low).astype(np.float32)

@@ -1,4 +1,4 @@
-"""omnisim itself."""
+"""omnisim itself, as one of the renderers in the race."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Omnisim(ImagePeer):
             self.texels = passes.cube.plan.texels
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """RGBA."""
+        """Image (height, width, 4), RGBA."""
         return self._renderer.render(world_from_rig @ self._rig_from_base).rgba
 
     def close(self) -> None:

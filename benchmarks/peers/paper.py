@@ -1,6 +1,6 @@
-"""The paper's way: five full virtual cameras, the whole scene in each, a textured mirror mesh.
+"""The paper's method: five full virtual cameras and a textured mirror mesh.
 
-Source: Schmits & Visser 2008, section 2.
+The whole scene is drawn in each virtual camera. Source: Schmits & Visser 2008, section 2.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ FACES = tuple(range(5))  # all but the one that looks up
 
 
 class PaperWay(ImagePeer):
-    """Five framebuffers, no culling, no sorting; then the mesh of 1024 polygons."""
+    """Renderer with five framebuffers, without culling or sorting, and a mesh of 1024 polygons."""
 
     name = "the paper's way"
 
@@ -55,11 +55,11 @@ class PaperWay(ImagePeer):
         self._parts = self._mirror_parts()
 
     def _mirror_parts(self) -> list[moderngl.VertexArray]:
-        """Mirror, cut along the edges of the cube: one vertex array per face."""
+        """Mirror mesh, cut along the edges of the cube: one vertex array per face."""
         mirror = CAMERA.mirror
         mesh = unfold(mirror, tessellate(mirror, PAPER_POLYGONS))
         cells = mesh.texture_coordinates * (LAYOUT_COLUMNS, LAYOUT_ROWS)
-        # a triangle's cell is that of its middle: at the seams vertices lie on a cell's edge
+        # a triangle belongs to the cell of its middle: at seams, vertices lie on a cell's edge
         middles = np.floor(cells[mesh.triangles].mean(axis=1)).astype(int)
         positions = mesh.vertices_m / mirror.c_m
         parts = []
@@ -85,7 +85,7 @@ class PaperWay(ImagePeer):
         return parts
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """Five faces, the mirror, RGBA."""
+        """Draw five faces and the mirror, and read the image (height, width, 4)."""
         with self._context:
             return self._render(world_from_rig)
 

@@ -1,4 +1,4 @@
-"""Path of the race: through open space in any scene, the same for all."""
+"""Path of the race, equal for all renderers: through open space in any scene."""
 
 from __future__ import annotations
 
@@ -12,14 +12,16 @@ from omnisim.rendering.stage import Stage
 HEIGHT_M = 1.0  # of the camera above a path's ground
 SHARE, FARTHEST_M = 0.7, 8.0  # of the free way ahead
 YAW_STEP_DEG = 17.0  # from one pose to the next: no peer shall gain from aligned axes
-# The way is free as far as the nearest surface within these angles of its middle, to both sides
-# and up and down; further down there is the ground.
+# The way is free up to the nearest surface within these angles of its direction, to both sides
+# and up and down; farther down is the ground.
 BESIDE_DEG, ABOVE_DEG, LOOK_PX = 15.0, 5.0, 240
 
 
 def race_poses(stage: Stage, count: int) -> NDArray[np.float64]:
-    """Poses (count, 4, 4) world_from_rig, level, along the scene's first path; where it has none,
-    from its start along the longest free way."""
+    """Level poses (count, 4, 4) world_from_rig along the scene's first path.
+
+    In a scene without paths: from the start along the longest free way.
+    """
     scene = stage.scene
     if scene.paths:
         corners = np.array(scene.paths[0].waypoints_m)
@@ -42,7 +44,7 @@ def race_poses(stage: Stage, count: int) -> NDArray[np.float64]:
 
 
 def _along(corners: NDArray[np.float64], count: int) -> list[tuple[NDArray[np.float64], float]]:
-    """Positions (2,) at equal distances along corners (n, 2), and headings in degrees."""
+    """Evenly spaced positions (2,) along corners (n, 2), and headings in degrees."""
     legs = np.diff(corners, axis=0)
     lengths = np.linalg.norm(legs, axis=1)
     ends = np.cumsum(lengths)
@@ -56,7 +58,7 @@ def _along(corners: NDArray[np.float64], count: int) -> list[tuple[NDArray[np.fl
 
 
 def _free_way(stage: Stage) -> tuple[float, float]:
-    """Heading in degrees and length of the longest free way from the scene's start."""
+    """Heading in degrees, and length in m, of the longest free way from the scene's start."""
     sensor = SENSOR.resized(LOOK_PX)
     camera = sensor.model
     pose = sensor.base_pose(stage.scene.start.position_m)

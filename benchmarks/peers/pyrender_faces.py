@@ -1,6 +1,6 @@
-"""pyrender: five faces, each rendered and read back, then remapped by OpenCV.
+"""pyrender: five faces, rendered and read back one by one, then remapped by OpenCV.
 
-pyrender has no wide camera; this is what its users do.
+This is what pyrender's users do, as it has no wide-angle camera.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ REFERENCE_FACE_PX = 4 * FACE_PX  # each texel of four samples, as pyrender alway
 
 
 class PyrenderFaces(ImagePeer):
-    """Five faces by pyrender in a context of its own, and remap tables for OpenCV."""
+    """Five faces rendered by pyrender in its own context, and OpenCV's remap tables."""
 
     def __init__(self, scene: Scene, lit: bool, device: int | None = None):
         import pyrender
@@ -51,7 +51,7 @@ class PyrenderFaces(ImagePeer):
         self.triangles = len(FACES) * scene.triangle_count
 
     def render(self, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
-        """RGB."""
+        """Image (height, width, 3), sRGB."""
         self._draw(world_from_rig, self._faces)
         return self._maps.remap(self._faces)
 
@@ -66,7 +66,7 @@ class PyrenderFaces(ImagePeer):
         return srgb8_from_linear(linear)
 
     def _draw(self, world_from_rig: NDArray[np.float64], faces: NDArray[np.uint8]) -> None:
-        """Render the faces side by side."""
+        """Render the faces, side by side."""
         size = len(faces)
         world_from_face = world_from_rig.copy()
         for column, face in enumerate(FACES):
@@ -78,10 +78,10 @@ class PyrenderFaces(ImagePeer):
 
 @cache
 def _offscreen(lit: bool, device: int | None) -> pyrender.OffscreenRenderer:
-    """Renderer with a context of its own, for all scenes, one after the other.
+    """Renderer with its own context, shared by all scenes in succession.
 
-    Its end would end the EGL display, and with it every other context of this process: it lives as
-    long as the process. What it holds of a scene it gives back when it draws the next.
+    It lives as long as the process: deleting it would terminate the EGL display, and with it every
+    other context of this process. It frees a scene's resources when it draws the next scene.
     """
     import pyrender
 
@@ -91,7 +91,7 @@ def _offscreen(lit: bool, device: int | None) -> pyrender.OffscreenRenderer:
 
 
 def _without_masks(scene: Scene) -> Scene:
-    """Scene with masked surfaces blended: pyrender fills the holes of a mask."""
+    """Scene with masked surfaces blended, because pyrender fills the holes of masks."""
     materials = tuple(
         dataclasses.replace(material, alpha_mode=AlphaMode.BLEND)
         if material.alpha_mode is AlphaMode.MASK

@@ -1,4 +1,4 @@
-"""Quality of the raced images: PSNR against references of 64 samples per pixel."""
+"""Quality of the images in the race: PSNR against references with 64 samples per pixel."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ BEST_DB = 99.0  # of images that are equal: a report holds finite numbers
 def references(
     stage: Stage, poses: NDArray[np.float64], unlit: bool = False
 ) -> list[NDArray[np.uint8]]:
-    """RGBA images with 8 × 8 samples per pixel, from as many texels."""
+    """RGBA images with 8 × 8 samples per pixel, and as many texels."""
     with Omnisim(stage, REFERENCE, "reference", unlit) as reference:
         return [reference.render(pose) for pose in poses]
 
 
 def psnr_db(image: NDArray[np.uint8], reference: NDArray[np.uint8]) -> float:
-    """PSNR of the sRGB values of two images (height, width, 3 or 4) over pixels valid in both.
+    """PSNR of the sRGB levels of two images (height, width, 3 or 4), over pixels valid in both.
 
-    Valid is a pixel whose center shows the mirror, and whose alpha, if any, is not 0.
+    A pixel is valid if its center shows the mirror, and its alpha, if any, is not 0.
     """
     _, where = mirror_rays(CAMERA)
     for one in (image, reference):
@@ -41,7 +41,7 @@ def psnr_db(image: NDArray[np.uint8], reference: NDArray[np.uint8]) -> float:
 def measured_db(
     peer: ImagePeer, poses: NDArray[np.float64], against: list[NDArray[np.uint8]]
 ) -> NDArray[np.float64]:
-    """PSNR (n,) of a peer's images from poses (n, 4, 4)."""
+    """PSNR (n,) of a renderer's images from poses (n, 4, 4), against references."""
     return np.array(
         [
             psnr_db(peer.render(pose), reference)

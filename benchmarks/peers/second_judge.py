@@ -1,6 +1,6 @@
-"""Second reference, by rays of Embree, 8 × 8 per pixel: is the first one fair to all?
+"""Second reference, with 8 × 8 of Embree's rays per pixel: a check of the first reference.
 
-python -m benchmarks.peers.second_judge soccer
+Run `python -m benchmarks.peers.second_judge soccer`.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from omnisim.scene import Scene, load_scene
 from omnisim.scene.files.load import NO_BAKED_LIGHT
 from omnisim.scene.files.source import NO_SKY
 
-POSES, LOOKED_AT = 10, 4
+POSES, POSE_INDEX = 10, 4
 COMPARED = (field.FAST, field.DEFAULT, field.PAPER, field.GAZEBO, field.EMBREE_COLOR)
 
 
 def by_embree(scene: Scene, world_from_rig: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """Image (height, width, 3) of 64 rays per pixel, averaged in linear light."""
+    """Image (height, width, 3) from 64 rays per pixel, averaged in linear light."""
     samples = CAMERA.scaled(CAPTURES)
     image = RayImage(RayScene(scene), samples, None, CAPTURES, DepthLimits(0.0, math.inf))
     return srgb8_from_linear(image.render(world_from_rig, ObjectState())[..., :3])
 
 
 def main(scene: str) -> None:
-    """Print the PSNR of each racer's image against both references."""
+    """Print the PSNR of each renderer's image against both references."""
     with Stage(load_scene(scene, sky=NO_SKY, baked=NO_BAKED_LIGHT)) as stage:
-        pose = race_poses(stage, POSES)[LOOKED_AT]
+        pose = race_poses(stage, POSES)[POSE_INDEX]
         ours = references(stage, pose[None])[0]
         theirs = by_embree(stage.scene, pose)
         with Field(stage) as racers:

@@ -1,5 +1,5 @@
-"""Probes: small programs that measure one rate of the machine.
+"""Probes: small programs that measure single rates of the machine.
 
-What they find is the limit that a frame is held against. None of them knows the renderer, but for
-`surfaces`, which lets it draw an empty room.
+The rates are the limit with which a frame is compared. Probes do not depend on the renderer, except
+`surfaces`, which renders an empty room with it.
 """

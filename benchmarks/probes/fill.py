@@ -13,12 +13,12 @@ BYTES, HALVES_AND_DEPTH = "constant color, RGBA8", "constant color, RGBA16F, dep
 SRGB, ATLAS = "sRGB texture", "RGBA16F atlas"
 _SRGB8_ALPHA8 = 0x8C43
 _TEXTURE_PX = 1024
-# Texels per pixel, and the filter: one level alone, or two levels half and half.
+# Texels per pixel, and the filter: one mip level, or two levels with equal weights.
 _LOOKUPS = {
     "bilinear": (1.0, (moderngl.LINEAR, moderngl.LINEAR)),
     "trilinear": (2.0**0.5, (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)),
 }
-# As scenes are textured: the level follows from the lookups of neighboring pixels.
+# Like scene textures: the level follows from the lookups of neighboring pixels.
 _TEXTURE = """
 #version 430 core
 uniform sampler2D u_texture;
@@ -26,7 +26,7 @@ uniform float u_scale;  // texture coordinates a pixel
 layout(location = 0) out vec4 out_color;
 void main() { out_color = texture(u_texture, gl_FragCoord.xy * u_scale + 0.0003); }
 """
-# As a capture samples the virtual cameras: the level is computed.
+# Like a capture from the virtual cameras: the level is computed.
 _ATLAS = """
 #version 430 core
 uniform sampler2D u_texture;
@@ -40,12 +40,12 @@ void main() {
 
 
 def lookup_name(texture: str, how: str) -> str:
-    """Name of the probe that looks up in a texture, `SRGB` or `ATLAS`, in one of two ways."""
+    """Name of the probe that looks up a texture (`SRGB` or `ATLAS`) by a method of `_LOOKUPS`."""
     return f"{texture}, {how}"
 
 
 def fill_probes(context: moderngl.Context, side_px: int) -> list[Probe]:
-    """Probes of constant colors and lookups, over squares of a side."""
+    """Probes of constant colors and lookups, in squares of `side_px` × `side_px`."""
     with context:
         constant = context.program(vertex_shader=FULL_SCREEN, fragment_shader=CONSTANT)
         works = {
@@ -71,10 +71,9 @@ def _filling(
     targets: list[moderngl.Framebuffer],
     texture: moderngl.Texture | None,
 ) -> Callable[[int], None]:
-    """Fill targets alternately.
+    """Function that fills the targets in turn.
 
-    A software renderer skips what is overdrawn in the same target: with alternating targets
-    nothing is.
+    A software renderer skips overdrawn pixels of one target; alternating targets prevents this.
     """
     vertex_array = context.vertex_array(program, [])
 

@@ -1,4 +1,4 @@
-"""Probe: one operation, repeated often enough to be timed."""
+"""Probe: one operation, repeated until its time is measurable."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-# Long enough that a wait for the GPU of some 10 µs does not count.
+# Long enough that a wait of some 10 µs for the GPU is negligible.
 MIN_SECONDS = 3e-3
 MIN_FILL_SECONDS = 5e-4  # of one draw: several make a probe, and a call costs some 2 µs
 MAX_REPEATS = 4096
@@ -23,10 +23,10 @@ class Probe:
     """Repeated operation.
 
     Attributes:
-        name: in the report.
+        name: name in the report.
         unit: px, triangles, bytes or calls.
-        amount: units of one run.
-        work: runs it and waits for the GPU.
+        amount: number of units per run.
+        work: function that runs the operations and waits for the GPU.
     """
 
     name: str
@@ -35,7 +35,7 @@ class Probe:
     work: Callable[[], None]
 
     def rates(self, seconds: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Units per second, for each run's seconds."""
+        """Units per second, given the seconds of each run."""
         return self.amount / seconds
 
 
@@ -46,13 +46,13 @@ def repeated(
     amount: float,
     once: Callable[[int], object],
 ) -> Probe:
-    """Probe that repeats an operation until it can be timed.
+    """Probe that repeats an operation until its time is measurable.
 
     Args:
-        context: to run in.
-        name, unit: of the probe.
-        amount: units of one operation.
-        once: runs the operation; its argument counts the repetitions.
+        context: OpenGL context.
+        name, unit: name and unit of the probe.
+        amount: number of units per operation.
+        once: runs the operation; its argument is the index of the repetition.
     """
 
     def work_of(times: int) -> Callable[[], None]:
@@ -71,7 +71,7 @@ def repeated(
 
 
 def side_px(context: moderngl.Context) -> int:
-    """Side of a square that takes long enough to fill, if any does."""
+    """Side of a square that takes measurable time to fill, up to a maximum size."""
     side = MIN_SIDE_PX
     with context:
         while side < MAX_SIDE_PX:
@@ -91,7 +91,7 @@ def side_px(context: moderngl.Context) -> int:
 
 
 def quickest(work: Callable[[], None]) -> float:
-    """Rough seconds of a run; too few tries to compare with anything."""
+    """Approximate seconds of a run, from too few tries for a comparison."""
     seconds = []
     for _ in range(_TRIES):
         start = time.perf_counter()

@@ -13,12 +13,12 @@ SIDES_PX = (360, 1024)
 
 
 def readback_name(components: int, side_px: int) -> str:
-    """Name of the probe that reads so many components per pixel of a square."""
+    """Name of the probe that reads squares with a number of components per pixel."""
     return f"readback, {'RGBA8' if components == 4 else 'RGB8'}, {side_px}²"
 
 
 def readback_probes(context: moderngl.Context) -> list[Probe]:
-    """Probes of images with and without alpha, of two sizes, into allocated memory."""
+    """Probes that read images of two sizes, with and without alpha, into allocated memory."""
     return [
         repeated(
             context,

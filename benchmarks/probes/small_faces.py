@@ -1,4 +1,4 @@
-"""Virtual cameras with next to no fill: the cost of triangles and calls."""
+"""Virtual cameras with almost no fill: the cost of triangles and calls."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FACE_PX = 16
 
 
 def small_faces_probe(scene: str, stage: Stage) -> Probe:
-    """Probe of a scene's faces with 16 texels along each side."""
+    """Probe that draws a scene's faces with 16 × 16 texels each."""
     camera = dataclasses.replace(
         at_setting(OmniCamera(polygons=PAPER_POLYGONS), "fast"), face_size_px=FACE_PX
     )

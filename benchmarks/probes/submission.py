@@ -38,7 +38,7 @@ INDIRECT = "draw of an indirect list"
 
 
 def submission_probes(context: moderngl.Context) -> list[Probe]:
-    """Probes of draws of triangles without area, one by one and from a list on the GPU."""
+    """Probes of draws of triangles without area, submitted one by one and as a list on the GPU."""
     with context:
         program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
         target = context.framebuffer([context.renderbuffer((_TARGET_PX, _TARGET_PX), 4)])
@@ -46,7 +46,7 @@ def submission_probes(context: moderngl.Context) -> list[Probe]:
         indices = context.buffer(np.arange(3, dtype="<u4"))
         vertex_array = context.vertex_array(program, [(points, "3f4", "in_position")], indices)
         texture = context.texture((1, 1), 4, bytes(4))
-        # of each draw: indices, instances, first index, first vertex, first instance
+        # per draw: indices, instances, first index, first vertex, first instance
         listed = context.buffer(np.tile(np.array([3, 1, 0, 0, 0], dtype="<u4"), (_DRAWS, 1)))
     uniforms = [uniform(program, f"u_{name}_from_mesh") for name in ("clip", "viewpoint", "normal")]
     matrices = [np.eye(size, dtype=np.float32) for size in (4, 4, 3)]

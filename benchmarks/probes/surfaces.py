@@ -1,8 +1,8 @@
-"""Shading rate: texels per second of the virtual cameras, the ceiling for the faces.
+"""Shading rate: texels per second of the virtual cameras, the upper bound for the faces.
 
-An empty room, drawn by the renderer itself with the lights of a scene: twelve textured triangles,
-each texel shaded once, nothing hidden, next to no vertices; flat-shaded and single-sided, which is
-quickest to draw.
+The renderer draws an empty room with a scene's lights: twelve textured triangles, with each texel
+shaded once, nothing hidden, and few vertices. The room is flat-shaded and single-sided, which is
+fastest to draw.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from omnisim.scene.model import Instance, Material, Mesh, Texture
 HALF_M = 3.0
 _REPEATS = 4.0  # of the texture along a wall: finer than the texels, so that two levels are read
 _TEXTURE_PX = 256
-# Of the image: half a million texels, on a GPU up to eight million.
+# Pixels of the image: half a million texels; up to eight million on a GPU.
 _SIDE_PX, _MAX_SIDE_PX = 512, 2048
 _MIN_SECONDS = 5e-3  # Python's calls are some tenths of a millisecond
 
@@ -44,11 +44,11 @@ def empty_room(scene: Scene) -> Scene:
 
 
 def room_probe(scene: str, room: Stage) -> Probe:
-    """Probe of an empty room, large enough that Python's calls do not count.
+    """Probe of an empty room, with so many texels that the cost of Python's calls is negligible.
 
     Args:
-        scene: name of the scene whose lights it has.
-        room: the room on a stage.
+        scene: name of the scene that provides the lights.
+        room: stage with the room.
     """
     side_px = _SIDE_PX
     while True:
@@ -68,11 +68,11 @@ def room_name(scene: str) -> str:
 
 
 def _walls() -> Mesh:
-    """Box about the origin, seen from within: four corners per side, with normals."""
+    """Box about the origin, seen from inside: four corners per side, with normals."""
     corners, normals, coordinates = [], [], []
     for axis in range(3):
         for side in (-1.0, 1.0):
-            # fronts inwards: the quickest of our shaders asks for that
+            # fronts inward, as the fastest of our shaders is single-sided
             for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1))[:: int(-side)]:
                 corners.append(HALF_M * np.roll((side, u, v), axis))
                 normals.append(np.roll((-side, 0.0, 0.0), axis))

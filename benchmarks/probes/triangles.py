@@ -1,4 +1,4 @@
-"""Triangle rate: triangles per second, each of about one sample."""
+"""Triangle rate: triangles per second, each covering about one sample."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from omnisim.rendering.opengl.uniforms import uniform
 
 _SIDE = 128  # squares of two triangles to a side
 _TARGET_PX = 192  # so nine pixels to four squares
-# What the vertices of a scene carry, and what is made of them: two matrices, four outputs.
+# Inputs and outputs like those of a scene's vertices: two matrices, four outputs.
 _VERTEX = """
 #version 430 core
 uniform mat4 u_clip_from_mesh;
@@ -50,8 +50,7 @@ OUTSIDE, WITHOUT_AREA = "triangles, outside", "triangles, without area"
 
 
 def triangle_probes(context: moderngl.Context) -> list[Probe]:
-    """Probes of visible triangles, and of those that are culled by side, by the image's edges and
-    by area."""  # fmt: skip
+    """Probes of visible triangles, and of culled ones: back faces, outside, or no area."""
     vertices, triangles = _grid()
     with context:
         program = context.program(vertex_shader=_VERTEX, fragment_shader=_FRAGMENT)
@@ -93,7 +92,7 @@ def triangle_probes(context: moderngl.Context) -> list[Probe]:
 
 
 def _grid() -> tuple[NDArray[np.void], NDArray[np.uint32]]:
-    """A square of small triangles over the image, counter-clockwise, neighbors in a row."""
+    """Square of small triangles over the image, counter-clockwise, row by row."""
     line = np.linspace(-1.0, 1.0, _SIDE + 1, dtype=np.float32)
     x, y = np.meshgrid(line, line)
     vertices = np.zeros(x.size, dtype=_RECORD)

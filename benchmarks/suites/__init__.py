@@ -1,1 +1,1 @@
-"""The suites: a module each, with `run(options)`, `lines(report)` and `plot(report, path)`."""
+"""Suites: one module each, with `run(options)`, `lines(report)` and `figure(report)`."""

@@ -1,9 +1,9 @@
-"""Drive through a scene: evenness of frame times, growth of memory, and start-up.
+"""Drive through a scene: variation of frame times, growth of memory, and start-up time.
 
-Beside each frame something constant is done: by all threads, a fill of the same pixels, and by one,
-a loop of Python. What makes these uneven is the machine, not the camera. Processor time, of all
-threads together, is hardly touched by what else the machine does: where the renderer is software it
-says what the view alone makes of a frame.
+Beside each frame a constant workload runs: a fill of equally many pixels, on all threads, and a
+loop of Python, on one thread. Their variation is the machine's. Processor time, summed over all
+threads, is hardly changed by other programs; on a software renderer it shows the variation caused
+by the view alone.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ SCENE, ROBOT = "soccer", "p2at"
 RATE_HZ = 20.0
 HELD = "fast"  # the setting whose bounds count
 FRAMES = {"fast": 500, "default": 100}
-SETTLED = 50  # frames until all that is made once is made
+SETTLED = 50  # frames until all constant data is allocated
 STARTS = 5
 MAX_UNEVEN = 1.3  # p99 to p50
-# Python asks the system for an arena of 1 MiB at a time: less cannot be text from none.
+# Python allocates arenas of 1 MiB: smaller growth is indistinguishable from none.
 MAX_GROWTH_MIB = 1.0
 MAX_START_S = 1.5
 SLOW = 1.3  # times the median
-_NEAR = 31  # frames whose median is what the view costs
+_NEAR = 31  # frames of the running median, which shows the cost of the view
 _FILL_SIDE_PX = 512
 _LOOP = 20_000
 _MIB = 2.0**20
@@ -57,7 +57,7 @@ figure = drive_figure
 
 
 @dataclass(frozen=True, eq=False)
-class _Driven:
+class _DriveResult:
     """Measurements of a drive at one setting, by frame."""
 
     setting: str
@@ -69,12 +69,12 @@ class _Driven:
 def run(
     options: Options, frames: dict[str, int] | None = None, starts: int = STARTS
 ) -> dict[str, Any]:
-    """Start a few times, then drive.
+    """Measure start-up, then drive.
 
     Args:
-        options: the first of its scenes counts; rounds are not used.
-        frames: of the drive, by setting.
-        starts: of fresh processes; 0: none.
+        options: only the first of its scenes is used; rounds are ignored.
+        frames: number of frames, by setting.
+        starts: number of new processes; 0: none.
 
     Raises:
         OmnisimError: no OpenGL, a scene that cannot be loaded or has no path, or a process that
@@ -141,7 +141,7 @@ def _of_kind(rows: Iterable[dict[str, Any]], kind: str) -> list[dict[str, Any]]:
     return [row for row in rows if row["kind"] == kind]
 
 
-def _drive(options: Options, scene: Scene, setting: str, frames: int) -> _Driven:
+def _drive(options: Options, scene: Scene, setting: str, frames: int) -> _DriveResult:
     vehicle = Vehicle.load(ROBOT).with_cameras(polygons=PAPER_POLYGONS)
     mounted = vehicle.camera()
     poses = plan_route(
@@ -164,7 +164,7 @@ def _drive(options: Options, scene: Scene, setting: str, frames: int) -> _Driven
             {FRAME: step, ALL_THREADS: constant.work, ONE_THREAD: _loop},
             frames, warm_up, options.progress, f"drive, {setting}",
         )  # fmt: skip
-    return _Driven(setting, timings, collector_s[warm_up:], resident[warm_up:])
+    return _DriveResult(setting, timings, collector_s[warm_up:], resident[warm_up:])
 
 
 class _Step:
@@ -197,7 +197,7 @@ def _loop() -> int:
     return total
 
 
-def _frames_row(driven: _Driven) -> dict[str, Any]:
+def _frames_row(driven: _DriveResult) -> dict[str, Any]:
     timings = driven.timings
     seconds = timings.seconds[FRAME]
     busy = timings.processor_seconds[FRAME]
@@ -230,13 +230,13 @@ def unevenness(seconds: NDArray[np.float64]) -> float:
 
 
 def running_median(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Median (n,) of the seconds around each frame."""
+    """Running median (n,) of the seconds of neighboring frames."""
     half = min(_NEAR // 2, len(seconds) - 1)
     around = np.pad(seconds, half, mode="reflect")
     return np.median(np.lib.stride_tricks.sliding_window_view(around, 2 * half + 1), axis=-1)
 
 
-def _memory_row(driven: _Driven) -> dict[str, Any]:
+def _memory_row(driven: _DriveResult) -> dict[str, Any]:
     settled = min(SETTLED, len(driven.resident)) - 1
     held = driven.resident / _MIB
     return {
@@ -262,7 +262,7 @@ def _bounds(rows: list[dict[str, Any]]) -> list[Measure]:
     return bounds
 
 
-def _series(driven: _Driven) -> dict[str, list[float]]:
+def _series(driven: _DriveResult) -> dict[str, list[float]]:
     """Milliseconds by frame, for the figure."""
     seconds = {name: driven.timings.seconds[name] for name in (FRAME, ALL_THREADS, ONE_THREAD)}
     seconds["collector"] = driven.collector_s

@@ -1,4 +1,4 @@
-"""Frame times over a drive, and constant work meanwhile below."""
+"""Frame times over a drive, with those of the constant workload below."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from omnisim.validation.plots import style
 
-_MAX_RATIO = 4.0  # times the median: what is above is cut off
+_MAX_RATIO = 4.0  # upper limit of the axis, as a multiple of the median
 
 
 def drive_figure(report: dict[str, Any]) -> Figure:

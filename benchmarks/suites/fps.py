@@ -1,9 +1,9 @@
 """The paper's Fig. 10: frames per second against the mirror's polygons, in two maps.
 
-A frame is what a simulator does for its user: the view that its window shows, 640 × 480 from behind
-the robot, drawn and read back; and with a sensor mounted also what that sensor measures. The robot
-drives a loop, and every variant takes the same poses. Maps with baked light are also timed without
-it, in the paper's size alone.
+A frame has what a simulator's user needs: the view of the window, 640 × 480 px from behind the
+robot, drawn and read back; and with a mounted sensor, also its measurement. The robot drives a
+loop, and all variants use the same poses. Maps with baked light are also timed without it, at the
+paper's size only.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ from omnisim.validation.report.measure import Measure
 
 POLYGONS = (16, 64, 256, 1024, 4096)
 EXACT = "exact"
-PAPERS_POLYGONS = 1024  # what the paper ends up with: the one whose cost is text
+PAPERS_POLYGONS = 1024  # the paper's choice, whose cost it states
 EVEN_LIGHT = ", even light"
 NO_SENSOR, SCANNER = "no sensor", "lms200"
 SIZES_PX = (360, 1024)
 MIN_RATIO = 0.97
 POSES = 10
-# A bound of 3 % asks for more rounds than others: medians of 30 are uncertain by that.
+# A bound of 3 % needs more rounds than others: medians of 30 rounds are uncertain by 3 %.
 TIMES_MORE = 2
-# Slow groups have fewer rounds; of the paper's own size each pose is met more than once.
+# Slow groups have fewer rounds; at the paper's size, each pose occurs more than once.
 TIMES_FEWER = {(360, "fast"): 1, (360, "default"): 2}
 TIMES_FEWER_ELSE = 10
 Take = Callable[[NDArray[np.float64]], object]
@@ -50,11 +50,11 @@ figure = fps_figure
 
 
 def run(options: Options, sizes_px: tuple[int, ...] = SIZES_PX) -> dict[str, Any]:
-    """Time a frame with every sensor; `passed` where the mirror's polygons cost nothing.
+    """Time a frame with every sensor; `passed` if the mirror's polygons cost nothing.
 
     Args:
-        options: how often and where.
-        sizes_px: of the square images; the first is the one whose bound is asked for.
+        options: rounds, device and scenes.
+        sizes_px: widths of the square images; the bound holds for the first.
 
     Raises:
         OmnisimError: no OpenGL, or a scene that cannot be loaded or driven through.
@@ -67,17 +67,17 @@ def run(options: Options, sizes_px: tuple[int, ...] = SIZES_PX) -> dict[str, Any
     remarks: list[str] = []
     for name, scene in _lit_maps(options).items():
         poses = patrol(scene, vehicle, POSES)
-        mine_px = sizes_px[:1] if name.endswith(EVEN_LIGHT) else sizes_px
+        map_sizes_px = sizes_px[:1] if name.endswith(EVEN_LIGHT) else sizes_px
         with Stage(scene, vehicle.body, device=options.device) as stage:
-            for size_px, setting in itertools.product(mine_px, SETTINGS):
+            for size_px, setting in itertools.product(map_sizes_px, SETTINGS):
                 fewer = options.fewer(TIMES_FEWER.get((size_px, setting), TIMES_FEWER_ELSE))
                 timings, covered_px = _timings(
                     stage, vehicle, poses, size_px, setting, fewer, f"fps: {name} {size_px}²"
                 )
-                what = {"scene": name, "size_px": size_px, "setting": setting}
+                group = {"scene": name, "size_px": size_px, "setting": setting}
                 rows += [
                     {
-                        **what,
+                        **group,
                         **_row(timings, variant),
                         "covered_px": covered_px.get(variant),
                         "mesh_error_px": size_px * mesh_errors[variant]
@@ -104,7 +104,7 @@ def run(options: Options, sizes_px: tuple[int, ...] = SIZES_PX) -> dict[str, Any
 
 
 def _lit_maps(options: Options) -> dict[str, Scene]:
-    """Maps as they are, each followed by itself in even light if its own is baked."""
+    """Maps by name; a map with baked light is followed by the same map in even light."""
     plain = load_scenes(options, PAPERS_MAPS, has_own_light=False)
     maps: dict[str, Scene] = {}
     for name, scene in load_scenes(options, PAPERS_MAPS).items():
@@ -124,7 +124,7 @@ def lines(report: dict[str, Any]) -> list[str]:
             f"  {'':16} {'FPS':>7}   {'p50':>9} {'p95':>9} {'p99':>9}   {'costs (95 %)':32}"
             f"{f'FPS/FPS({POLYGONS[0]}) (95 %)':23}{'processor':>9}{'mesh off by':>13}"
         )
-        text += [f"  {_title(row):16} {_told(row)}" for row in rows]
+        text += [f"  {_title(row):16} {_row_text(row)}" for row in rows]
     return [*text, *bound_lines(report), *report["remarks"]]
 
 
@@ -140,7 +140,7 @@ def _timings(
     """Time the view alone, with the scanner, and with the camera by each mesh, interleaved.
 
     Returns:
-        The times, and of each mesh how many pixels it covers: a coarse one covers fewer.
+        The times, and the number of pixels that each mesh covers: coarse meshes cover fewer.
     """
     mounted, laser = vehicle.camera(), vehicle.scanner()
     sensor = at_setting(mounted.sensor.resized(size_px), setting)
@@ -168,7 +168,7 @@ def _timings(
 def _frame(
     stage: Stage, view: Take, sensor: Take | None, poses: NDArray[np.float64]
 ) -> Callable[[], None]:
-    """A frame of the simulator, at the next pose each time: in one round all are at the same."""
+    """Function that renders a frame of the simulator, at the next pose in each call."""
     next_pose = itertools.cycle(poses)
 
     def work() -> None:
@@ -193,8 +193,10 @@ def _mesh_errors(vehicle: Vehicle) -> dict[str, float]:
 
 
 def _row(timings: Timings, variant: str) -> dict[str, Any]:
-    """A variant's times; of a camera's also its frames per second as a share of the first mesh's,
-    by the clock and by the processor's time."""  # fmt: skip
+    """Times of a variant; for a camera, also its frame rate relative to the first mesh.
+
+    The ratio is given by wall-clock time and by processor time.
+    """
     is_camera = variant not in (NO_SENSOR, SCANNER)
     share: dict[str, Any] = dict.fromkeys(("share", "share_low", "share_high", "processor_share"))
     if is_camera:
@@ -210,7 +212,7 @@ def _row(timings: Timings, variant: str) -> dict[str, Any]:
     }
 
 
-def _told(row: dict[str, Any]) -> str:
+def _row_text(row: dict[str, Any]) -> str:
     times = " ".join(f"{row[f'p{p}_ms']:7.1f}ms" for p in (50, 95, 99))
     cost = f"{row['cost_ms']:.1f} ms ({row['cost_ms_low']:.1f} – {row['cost_ms_high']:.1f})"
     text = f"{row['fps']:7.2f}   {times}   {cost:32}"
@@ -221,7 +223,7 @@ def _told(row: dict[str, Any]) -> str:
 
 
 def _remark(scene: str, setting: str, timings: Timings) -> str:
-    """Comparison with the paper's "comparable with an LMS200"."""
+    """Comparison with the paper, where the camera costs as much as an LMS200."""
     camera = timings.cost_ms(str(PAPERS_POLYGONS), NO_SENSOR)
     scanner = timings.cost_ms(SCANNER, NO_SENSOR)
     text = (

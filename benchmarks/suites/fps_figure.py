@@ -1,4 +1,4 @@
-"""Fig. 10's successor: frames per second against the mirror's polygons."""
+"""Counterpart of the paper's Fig. 10: frames per second against the mirror's polygons."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NAMES = {"no sensor": "view alone, no sensor", "lms200": "view and LMS200"}
 
 
 def fps_figure(report: dict[str, Any]) -> Figure:
-    """A panel for each map; bars are intervals that hold the median with 95 % probability."""
+    """Figure with a panel per map; bars are 95 % confidence intervals of the median."""
     rows = report["rows"]
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
     figure, axes_of = panels(report, "What the simulated camera costs", len(scenes), share_y=True)
@@ -62,7 +62,7 @@ def _draw(axes: Axes, rows: list[dict[str, Any]]) -> None:
 
 
 def _fps(rows: list[dict[str, Any]]) -> tuple[list[float], tuple[list[float], list[float]]]:
-    """Medians, and how far their intervals reach down and up."""
+    """Medians, and the lengths of their intervals below and above."""
     below = [row["fps"] - row["fps_low"] for row in rows]
     above = [row["fps_high"] - row["fps"] for row in rows]
     return [row["fps"] for row in rows], (below, above)

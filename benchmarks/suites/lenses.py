@@ -1,7 +1,7 @@
-"""Cost of a lens: a frame by every camera model, from the same faces, in the same image.
+"""Cost of a lens: a frame by each camera model, with equal faces and image.
 
-The frames differ by the cost of a model's rays: faces, image and readback are the same. The
-texels that an image looks up differ with its lens, and with them the cost of lookups, a little.
+Frames differ by the cost of the model's rays; faces, image and readback are equal. The texels
+looked up in the faces depend on the lens, which changes the cost of lookups a little.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ MAX_RATIO = 1.15  # of the cheapest
 
 
 def run(options: Options) -> dict[str, Any]:
-    """Time all lenses; `passed` where none costs more than 1.15 times the cheapest.
+    """Time all lenses; `passed` if none costs more than 1.15 times the cheapest.
 
     Raises:
         GraphicsError: no OpenGL.
         SceneError: the scene cannot be loaded.
     """
-    # one is enough; in even light, as what lamps cost would hide what lenses do
+    # one scene is enough; in even light, because the cost of lamps would hide that of lenses
     scene = load_scene(options.scenes[0] if options.scenes else SCENE, sky="none")
     context = open_context(options.device)
     pipelines = _pipelines(context, scene)
@@ -104,7 +104,7 @@ def lines(report: dict[str, Any]) -> list[str]:
 
 
 def figure(report: dict[str, Any]) -> Figure:
-    """Ratios to the cheapest with their intervals, and the bound."""
+    """Figure of the ratios to the cheapest lens with their intervals, and the bound."""
     rows = report["rows"]
     drawn, axes = style.plot(
         f"A frame through each lens, {report['image_px']}², same faces", "times the cheapest", ""
@@ -122,7 +122,7 @@ def figure(report: dict[str, Any]) -> Figure:
 def _pipelines(context: moderngl.Context, scene: Scene) -> dict[str, Pipeline]:
     buffers = SceneBuffers(context, scene)
     fine = SIZE_PX * SUPERSAMPLING
-    # the faces of an image of the whole sphere: every lens finds all its directions there
+    # faces of an image of the whole sphere: they contain the directions of every lens
     whole = EquidistantCamera(fine, fine, 0.5 * fine / math.pi, _middle(fine))
     cube = CubePass(
         buffers,
@@ -139,7 +139,7 @@ def _pipelines(context: moderngl.Context, scene: Scene) -> dict[str, Pipeline]:
 
 
 def _in_image(camera: CentralCamera, size_px: int) -> CentralCamera:
-    """Camera scaled to the image, its principal point in the middle."""
+    """Camera scaled to the image, with its principal point in the middle."""
     scaled = camera.scaled(size_px / max(camera.width_px, camera.height_px))
     assert dataclasses.is_dataclass(scaled)
     changes: dict[str, Any] = {"width_px": size_px, "height_px": size_px}

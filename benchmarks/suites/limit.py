@@ -1,26 +1,26 @@
-"""Roofline of a frame: its time by parts, and the least that it needs on this machine.
+"""Roofline of a frame: the times of its parts, and their lower bounds on this machine.
 
-Scenes are without baked light, whose maps an empty room has not.
+Scenes are rendered without baked light, which the empty room does not have.
 
-The machine's rates are probed in the same rounds. The least that a frame needs is the sum of its
-parts, each at its probe's rate:
+The machine's rates are probed in the same rounds. The lower bound of a frame is the sum of its
+parts, each at the rate of its probe:
 
-- the texels of the virtual cameras, each shaded once, as fast as those of an empty room with the
+- the texels of the virtual cameras, each shaded once, at the rate of an empty room with the
   scene's lights;
-- the triangles that were submitted: those that the image shows as fast as small triangles that
-  are seen, all others as fast as triangles that turn away or are outside of the image;
-- for each sample of the mirror one bilinear lookup in an atlas of half floats;
-- the bytes of the image, read.
+- the submitted triangles: visible ones at the rate of small visible triangles, all others at the
+  rate of back faces or of triangles outside of the image;
+- one bilinear lookup per sample of the mirror, in an atlas of half floats;
+- readback of the image's bytes.
 
-It is no bound of physics: what is drawn twice and what Python does count as to be saved, but that a
-texel is shaded does not, and probe and frame are interleaved on a machine with other load, too.
-Where the renderer is software, the share by processor time is the surer one.
+It is not a physical limit. Overdraw and Python's work count as avoidable; shading a texel does not.
+Probes and frames are interleaved on a machine that runs other programs, too. On a software
+renderer, the share by processor time is the more reliable one.
 
 The processor's part of a frame is measured in a process whose driver draws nothing, for single
 frames and for batches.
 
-How much of the virtual cameras' time their triangles and calls take shows where they are drawn with
-faces so small that nothing is left to fill.
+A frame with tiny faces, which have almost nothing to fill, shows the share of triangles and calls
+in the time of the virtual cameras.
 """
 
 from __future__ import annotations
@@ -59,8 +59,8 @@ def run(options: Options, size_px: int | None = None) -> dict[str, Any]:
     """Probe and render in interleaved rounds.
 
     Args:
-        options: how often and where.
-        size_px: of the image; None: the paper's.
+        options: rounds, device and scenes.
+        size_px: width of the square image; None: the paper's.
 
     Raises:
         OmnisimError: no OpenGL, or a scene that cannot be loaded.
@@ -95,7 +95,7 @@ def run(options: Options, size_px: int | None = None) -> dict[str, Any]:
 
 
 def lines(report: dict[str, Any]) -> list[str]:
-    """Text of the report: the machine's rates, then the frames by parts beside their limits."""
+    """Text of the report: the machine's rates, then the parts of each frame beside their limits."""
     text = [f"{'what the machine can do':44} a second"]
     probes = [row for row in report["rows"] if row["kind"] == "probe"]
     text += [f"{row['name']:44} {_rate(row['per_second'])} {row['unit']}" for row in probes]
@@ -159,7 +159,7 @@ def _time(probes: Sequence[Probe], frames: Sequence[LimitedFrame], options: Opti
     works: dict[str, Callable[[], object]] = {probe.name: probe.work for probe in probes}
     for frame in frames:
         works[frame.name] = frame.frame.render
-        works[f"{frame.name}, in parts"] = frame.take_apart
+        works[f"{frame.name}, in parts"] = frame.time_parts
     return time_interleaved(works, options.rounds, options.warm_up, options.progress, "limit")
 
 

@@ -1,4 +1,4 @@
-"""Stacked bars of a frame's time by parts, and of the least that it needs."""
+"""Stacked bars of a frame's time by part, and of its lower bound."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _WORDS = {
     "readback": "readback",
     "around": "Python around them",
 }
-# The parts of the limit stand below the matching parts of the frame.
+# The parts of the limit are below the matching parts of the frame.
 _LIMITS = {
     "texels": ("virtual_cameras", "texels"),
     "triangles": ("virtual_cameras", "triangles"),
@@ -65,7 +65,7 @@ def limit_figure(report: dict[str, Any]) -> Figure:
 
 
 def _sorted(axes: Axes) -> tuple[list[Any], list[str]]:
-    """Handles and labels as they are drawn, lines last."""
+    """Legend handles and labels in drawing order, with lines last."""
     handles, labels = axes.get_legend_handles_labels()
     return [*handles[1:], handles[0]], [*labels[1:], labels[0]]
 

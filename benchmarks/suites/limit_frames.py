@@ -1,4 +1,4 @@
-"""Frame and its limit at the rates of the probes."""
+"""Frame of a scene, and its lower bound at the probes' rates."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ _LIMITED = ("texels", "triangles", "lookups", "readback")
 
 @dataclass(frozen=True, eq=False)
 class LimitedFrame:
-    """Frame of a scene at a setting, and its counts.
+    """Frame of a scene at a quality setting, with its counts.
 
     Attributes:
-        scene, setting: names.
-        frame: to be timed.
-        counts: of its draws.
-        texels: of its virtual cameras: samples without overdraw.
-        triangles_seen: triangles that its image shows.
-        mirror_px, captured_px: valid pixels of its image, and of the supersampled one.
-        image_bytes: to read back.
-        taken_apart: seconds of its parts, by round.
+        scene, setting: names of scene and quality setting.
+        frame: frame to be timed.
+        counts: draws of the frame.
+        texels: texels of the virtual cameras: samples without overdraw.
+        triangles_seen: number of triangles that the image shows.
+        mirror_px, captured_px: number of valid pixels of the image, and of the supersampled image.
+        image_bytes: size of the image to read back.
+        part_seconds: seconds of the frame's parts, by round.
     """
 
     scene: str
@@ -49,7 +49,7 @@ class LimitedFrame:
     mirror_px: int
     captured_px: int
     image_bytes: int
-    taken_apart: list[PartSeconds]
+    part_seconds: list[PartSeconds]
 
     @classmethod
     def of(
@@ -61,14 +61,14 @@ class LimitedFrame:
         room: Stage,
         camera: OmniCamera,
     ) -> LimitedFrame:
-        """Render and count.
+        """Render a frame, and count its draws.
 
         Args:
-            context: to count in.
-            name, setting: of it.
-            stage: with the scene.
-            room: with an empty room instead.
-            camera: at the setting.
+            context: OpenGL context.
+            name, setting: names of scene and quality setting.
+            stage: stage with the scene.
+            room: stage with an empty room.
+            camera: camera at the quality setting.
         """
         frame = RepeatedFrame.at_start(stage, camera)
         image = frame.render()
@@ -91,23 +91,23 @@ class LimitedFrame:
 
     @property
     def name(self) -> str:
-        """Name of its timings."""
+        """Name of the frame in the timings."""
         return f"{self.scene}, {self.setting}"
 
-    def take_apart(self) -> None:
+    def time_parts(self) -> None:
         """Render the frame by parts, and record their seconds."""
-        self.taken_apart.append(self.frame.parts())
+        self.part_seconds.append(self.frame.parts())
 
     def row(self, probes: Mapping[str, Probe], timings: Timings) -> dict[str, Any]:
         """Row of the report.
 
         Args:
-            probes: by name.
-            timings: of the probes and of this frame.
+            probes: probes by name.
+            timings: times of the probes and of this frame.
         """
         whole = timings.seconds[self.name]
-        # rounds of the warm-up are recorded, too, and left out here
-        parts = dict(zip(PARTS, np.array(self.taken_apart[-len(whole) :]).T, strict=True))
+        # the rounds of the warm-up are recorded, too, and excluded here
+        parts = dict(zip(PARTS, np.array(self.part_seconds[-len(whole) :]).T, strict=True))
         limits = self._limits(probes, timings.seconds)
         processor_limits = self._limits(probes, timings.processor_seconds)
         paired = Timings(
@@ -157,24 +157,26 @@ class LimitedFrame:
     def _limits(
         self, probes: Mapping[str, Probe], seconds: Mapping[str, NDArray[np.float64]]
     ) -> dict[str, NDArray[np.float64]]:
-        """Seconds (rounds,) that each of `_LIMITED` would take at the rates of the same round.
+        """Minimum seconds (rounds,) of each of `_LIMITED`, at the rates of the same round.
 
         Args:
-            probes: by name.
-            seconds: of the probes, by name.
+            probes: probes by name.
+            seconds: seconds of the probes by round, by name.
         """
 
-        def least(amount: float, name: str) -> NDArray[np.float64]:
+        def min_seconds(amount: float, name: str) -> NDArray[np.float64]:
             return amount / probes[name].rates(seconds[name])
 
         faces = self.counts.virtual_cameras
         inside = faces.triangles if faces.triangles_inside is None else faces.triangles_inside
         unseen = max(0, inside - self.triangles_seen)
         return {
-            "texels": least(self.texels, room_name(self.scene)),
-            "triangles": least(self.triangles_seen, triangles.VISIBLE)
-            + least(unseen, triangles.TURNED_AWAY)
-            + least(max(0, faces.triangles - inside), triangles.OUTSIDE),
-            "lookups": least(self.captured_px, fill.lookup_name(fill.ATLAS, "bilinear")),
-            "readback": least(self.image_bytes, readback.readback_name(4, readback.SIDES_PX[0])),
+            "texels": min_seconds(self.texels, room_name(self.scene)),
+            "triangles": min_seconds(self.triangles_seen, triangles.VISIBLE)
+            + min_seconds(unseen, triangles.TURNED_AWAY)
+            + min_seconds(max(0, faces.triangles - inside), triangles.OUTSIDE),
+            "lookups": min_seconds(self.captured_px, fill.lookup_name(fill.ATLAS, "bilinear")),
+            "readback": min_seconds(
+                self.image_bytes, readback.readback_name(4, readback.SIDES_PX[0])
+            ),
         }

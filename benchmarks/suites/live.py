@@ -1,7 +1,7 @@
-"""Live page: images a second while driving, and times from a wish to its image.
+"""Live page: image rate while driving, and latency from user input to image.
 
-The server is the command itself, in a process of its own; the client asks for the next image as
-soon as it has one, as a page does, but does not draw it.
+The server is the command itself, in its own process. The client requests the next image as soon as
+it has received one, as the page does, but does not display it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _TIMEOUT_S = 60.0
 
 
 def run(options: Options) -> dict[str, Any]:
-    """Start the command, drive, press keys and change the mirror.
+    """Start the command, drive, press keys, and change the mirror.
 
     Raises:
         BenchmarkError: the command fails.
@@ -84,7 +84,7 @@ def lines(report: dict[str, Any]) -> list[str]:
 
 
 def figure(report: dict[str, Any]) -> Figure:
-    """Values as shares of their bounds."""
+    """Figure of the values as shares of their bounds."""
     drawn, axes = style.plot(
         f"Live page, {report['scene']}, {report['size_px']}²", "share of the bound", ""
     )
@@ -98,14 +98,14 @@ def figure(report: dict[str, Any]) -> Figure:
 
 
 class _Client:
-    """A page that draws nothing."""
+    """Client that receives images without displaying them."""
 
     def __init__(self, socket: ClientConnection, process: int):
         self._socket, self._process = socket, process
 
     @property
     def processor_s(self) -> float:
-        """Processor time of the server, all its threads."""
+        """Processor time of the server, all threads included."""
         text = Path(f"/proc/{self._process}/stat").read_text(encoding="utf-8")
         ticks = text.rpartition(")")[2].split()[11:13]
         return sum(map(int, ticks)) / os.sysconf("SC_CLK_TCK")
@@ -115,7 +115,7 @@ class _Client:
         self._socket.send(json.dumps({"type": message_type, **content}))
 
     def frame(self) -> dict[str, Any]:
-        """Ask for the next image, and wait for it.
+        """Request the next image, and wait for it.
 
         Raises:
             BenchmarkError: the server reports an error.
@@ -162,7 +162,7 @@ def _rounds(options: Options, what: str) -> Iterator[int]:
 
 
 def _rate(client: _Client, views: tuple[str, ...]) -> dict[str, float]:
-    """Images a second while a key is held, on a circle, and processor time of each."""
+    """Images per second while a key is held to drive in a circle, and processor time per image."""
     client.send("views", names=views)
     client.rest()
     count, begin_s, processor_s = 0, time.perf_counter(), client.processor_s
@@ -178,7 +178,7 @@ def _rate(client: _Client, views: tuple[str, ...]) -> dict[str, float]:
 
 
 def _key_ms(client: _Client) -> float:
-    """Time from a key to the first image of another place."""
+    """Milliseconds from a key press to the first image from another position."""
     client.send("turn", yaw_deg=1.0)  # or nothing new would be there to wait for
     before = client.rest()
     begin_s = time.perf_counter()
@@ -192,7 +192,7 @@ def _key_ms(client: _Client) -> float:
 
 
 def _mirror_ms(client: _Client, k: float) -> float:
-    """Time from a value of the mirror to its image."""
+    """Milliseconds from a new mirror parameter to its image."""
     begin_s = time.perf_counter()
     client.send("set", path="sensor.mirror.k", value=k)
     client.frame()
@@ -209,16 +209,16 @@ def _row(what: str, times_ms: list[float]) -> dict[str, Any]:
 
 
 def _bounds(rows: list[dict[str, Any]]) -> list[Measure]:
-    found = {row["what"]: float(row["value"]) for row in rows}
+    values = {row["what"]: float(row["value"]) for row in rows}
     rates = [
-        Measure(f"images a second, {name}", found[name], bound=least, at_least=True)
-        for name, least in MIN_RATES.items()
+        Measure(f"images a second, {name}", values[name], bound=min_rate, at_least=True)
+        for name, min_rate in MIN_RATES.items()
     ]
     return [
         *rates,
-        Measure("key to image, median ms", found["key to image"], bound=MAX_KEY_MS),
-        Measure("change of the mirror, median ms", found["change of the mirror"],
+        Measure("key to image, median ms", values["key to image"], bound=MAX_KEY_MS),
+        Measure("change of the mirror, median ms", values["change of the mirror"],
                 bound=MAX_MIRROR_MS),
-        Measure("command to first image, s", found["first image"], bound=MAX_FIRST_S),
-        Measure("page, kB", found["page"], bound=MAX_PAGE_KB),
+        Measure("command to first image, s", values["first image"], bound=MAX_FIRST_S),
+        Measure("page, kB", values["page"], bound=MAX_PAGE_KB),
     ]  # fmt: skip

@@ -1,9 +1,9 @@
 """Race: the same frame by other renderers' methods, and the quality of each image.
 
-360 × 360 px of the paper's mirror from poses on a path through each scene, without baked light,
-which no other racer has.
-benchmarks/peers/README.md names the racers and how they differ from the originals. Speed counts
-only at equal quality: a peer races against the quickest of our settings whose image is no worse.
+Frames are 360 × 360 px of the paper's mirror, from poses on a path through each scene, without
+baked light, which no peer supports. benchmarks/peers/README.md lists the peers and their
+differences from the originals. Speeds are compared at equal quality: a peer is compared with the
+fastest of our settings whose image is no worse.
 """
 
 from __future__ import annotations
@@ -32,33 +32,33 @@ from omnisim.rendering.stage import Stage
 from omnisim.validation.report.measure import Measure
 
 POSES = 10
-# The references are dear: of the poses so many are looked at, and fewer by pyrender's own.
-LOOKED_AT, LOOKED_AT_BY_PYRENDER = 5, 3
+# References are slow to render: quality is measured at few poses, at fewer by pyrender.
+QUALITY_POSES, PYRENDER_QUALITY_POSES = 5, 3
 SLOW = (field.PYRENDER, field.PYRENDER_FLAT)  # timed in rounds of their own with ours
 TIMES_FEWER = 5
-# How many times as long as our setting that is as good each takes at least.
+# Minimum time of each peer, relative to our setting of equal quality.
 BOUNDS = {field.PYRENDER: 20.0, field.PAPER: 2.5, field.GAZEBO: 4.0, field.EMBREE: 1.5}
 TRUTHS = {
     field.PYRENDER: "its own 64 samples",
     field.PYRENDER_FLAT: "64 samples, unlit",
     field.UNLIT: "64 samples, unlit",
 }
-# Flat images are compared with ours without lights.
+# Flat images are compared with our unlit ones.
 UNLIT_DEFAULT = "omnisim, default, unlit"
-# Who makes no image is as good as who asks for as much: one ray a pixel.
+# A peer without an image has the quality of one ray per pixel.
 AS_GOOD_AS = {field.EMBREE: field.EMBREE_COLOR}
 Quality = dict[str, dict[int, float]]  # dB by racer, then by number of the pose
 
 figure = peers_figure
 
 
-def run(options: Options, poses: int = POSES, looked_at: int = LOOKED_AT) -> dict[str, Any]:
-    """Race in each scene; `passed` where ours wins by all bounds.
+def run(options: Options, poses: int = POSES, quality_poses: int = QUALITY_POSES) -> dict[str, Any]:
+    """Race in each scene; `passed` if omnisim meets all bounds.
 
     Args:
-        options: how often and where.
-        poses: on each path.
-        looked_at: number of them at which quality is measured.
+        options: rounds, device and scenes.
+        poses: number of poses on each path.
+        quality_poses: number of these poses at which quality is measured.
 
     Raises:
         OmnisimError: no OpenGL, or a scene that cannot be loaded.
@@ -77,7 +77,7 @@ def run(options: Options, poses: int = POSES, looked_at: int = LOOKED_AT) -> dic
                 for group, fewer in groups:
                     timed = _timings(stage, racers, group, path, fewer, f"peers: {name}")
                     timings |= {one: (timed, fewer.rounds) for one in group if one not in timings}
-                quality = _quality(stage, racers, path, looked_at, options)
+                quality = _quality(stage, racers, path, quality_poses, options)
                 as_good = {one: _as_good(one, quality) for one in racers.peers}
                 rows += [
                     {"scene": name, **_row(one, racers, timings, quality, as_good)}
@@ -94,7 +94,7 @@ def run(options: Options, poses: int = POSES, looked_at: int = LOOKED_AT) -> dic
 
 
 def lines(report: dict[str, Any]) -> list[str]:
-    """Text of the report: a table for each scene, and the bounds."""
+    """Text of the report: a table per scene, and the bounds."""
     text = []
     for scene in dict.fromkeys(row["scene"] for row in report["rows"]):
         text.append(
@@ -106,7 +106,7 @@ def lines(report: dict[str, Any]) -> list[str]:
         )
         for row in report["rows"]:
             if row["scene"] == scene:
-                text.append(f"  {row['racer']:20} {_told(row)}")
+                text.append(f"  {row['racer']:20} {_row_text(row)}")
     return text + bound_lines(report)
 
 
@@ -119,7 +119,7 @@ def _timings(
     what: str,
 ) -> Timings:
     def frame(name: str) -> Callable[[], None]:
-        """A frame, at the next pose each time: in one round all are at the same."""
+        """Function that renders a frame, at the next pose in each call."""
         next_pose = itertools.cycle(path)
         render = racers.peers[name].render
 
@@ -135,11 +135,11 @@ def _timings(
 
 
 def _quality(
-    stage: Stage, racers: Field, path: NDArray[np.float64], looked_at: int, options: Options
+    stage: Stage, racers: Field, path: NDArray[np.float64], quality_poses: int, options: Options
 ) -> Quality:
-    """PSNR of every racer with an image."""
-    numbers = np.arange(looked_at) * len(path) // looked_at
-    few = numbers[:: -(-len(numbers) // LOOKED_AT_BY_PYRENDER)]
+    """PSNR of each renderer that produces an image."""
+    numbers = np.arange(quality_poses) * len(path) // quality_poses
+    few = numbers[:: -(-len(numbers) // PYRENDER_QUALITY_POSES)]
     lit = dict(zip(numbers, references(stage, path[numbers]), strict=True))
     unlit = dict(zip(few, references(stage, path[few], unlit=True), strict=True))
     quality: Quality = {}
@@ -159,7 +159,7 @@ def _quality(
 
 
 def _as_good(name: str, quality: Quality) -> str:
-    """Our quickest setting whose image is no worse than a racer's; our best, if none is."""
+    """Name of our fastest setting whose image is no worse than a peer's; else of our best."""
     if name in field.LADDER or name == field.UNLIT:
         return field.FAST
     if name == field.PYRENDER_FLAT:
@@ -204,15 +204,15 @@ def _bounds(
     quality: Quality,
     as_good: dict[str, str],
 ) -> list[Measure]:
-    """Bounds on time, and on the quality of our default setting."""
-    found = [
+    """Bounds on time, and on the quality of the default setting."""
+    bounds = [
         Measure(
             f"{scene}: {name} to {as_good[name]}, which is as good",
             timings[name][0].ratio(name, as_good[name]).median,
-            bound=least,
+            bound=min_ratio,
             at_least=True,
         )
-        for name, least in BOUNDS.items()
+        for name, min_ratio in BOUNDS.items()
         if name in timings
     ]
     ours = {*field.LADDER, field.UNLIT, UNLIT_DEFAULT}
@@ -226,19 +226,19 @@ def _bounds(
     if margins:
         nearest = min(margins, key=lambda name: margins[name])
         text = f"{scene}: PSNR of {field.DEFAULT} over that of {nearest}, its nearest, in dB"
-        found.append(Measure(text, margins[nearest], bound=0.0, at_least=True))
-    return found
+        bounds.append(Measure(text, margins[nearest], bound=0.0, at_least=True))
+    return bounds
 
 
 def _margin_db(ours: dict[int, float], theirs: dict[int, float]) -> float:
-    """Difference of the medians over the poses that both were measured at."""
+    """Difference of the median PSNR, over the poses at which both were measured."""
     both = [number for number in ours if number in theirs]
     return float(
         np.median([ours[number] for number in both]) - np.median([theirs[n] for n in both])
     )
 
 
-def _told(row: dict[str, Any]) -> str:
+def _row_text(row: dict[str, Any]) -> str:
     if row["missing"] is not None:
         return str(row["missing"])
     times = " ".join(f"{row[f'p{p}_ms']:7.1f}ms" for p in (50, 95, 99))

@@ -1,4 +1,4 @@
-"""Figure of the race: time of a frame against its quality."""
+"""Figure of the race: frame time against quality."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ROOM_DB = 2.0
 
 
 def peers_figure(report: dict[str, Any]) -> Figure:
-    """A panel for each scene; who makes no image is a line."""
+    """Figure with a panel per scene; a peer without an image is a line."""
     scenes = list(dict.fromkeys(row["scene"] for row in report["rows"]))
     title = f"The same frame, {report['image_px']}², by others' ways"
     figure, axes_of = panels(report, title, len(scenes), share_y=True)
@@ -72,10 +72,10 @@ def _draw(axes: Axes, rows: list[dict[str, Any]]) -> None:
 
 
 def _apart(levels: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
-    """Heights of labels for ascending levels (n,), none nearer to the next than is readable."""
+    """Heights of labels for ascending levels (n,), with readable distances between neighbors."""
     step = APART * (limits[1] - limits[0])
     heights = levels.copy()
-    for _ in range(100):  # each pair gives way by half of what is missing
+    for _ in range(100):  # each pair moves apart by half of the missing distance
         missing = np.maximum(step - np.diff(heights), 0.0)
         heights[1:] += 0.5 * missing
         heights[:-1] -= 0.5 * missing

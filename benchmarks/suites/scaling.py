@@ -1,10 +1,10 @@
-"""Cost of a frame by triangles of the scene, pixels of the image, and cameras.
+"""Cost of a frame by triangles of the scene, pixels of the image, and number of cameras.
 
-All at the fast setting, captured exactly. The scene that grows is a town whose houses are equally
-detailed, seen from a street; there Embree casts the same image's rays, on one thread, and races
-against the quickest of our settings whose image is no worse than that of a ray a pixel. The other
-two are measured in one scene: `soccer`, or the first that is asked for; there also batches of small
-images, beside the same images one after the other.
+All frames are at the fast setting, with exact rays. The growing scene is a town of equally detailed
+houses, seen from a street. There, Embree casts the same image's rays on one thread, and is compared
+with the fastest of our settings whose image is no worse than one ray per pixel. Images and cameras
+are measured in one scene: `soccer`, or the first requested scene. Batches of small images are
+compared there with the same images rendered one after the other.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ HELD_BATCH, MAX_BATCH_RATIO = 64, 0.6  # of the time of single frames
 LARGE, MIN_RATIO = 1_000_000, 1.0  # as large as towns are that the bound is asked for
 OURS, AS_GOOD, EMBREE = "omnisim", "omnisim, as good as a ray a pixel", "embree"
 POSES = 6
-# Along the street and across it, and turned: nothing is special about one heading.
+# Headings along the street, across it, and in between, so that none is special.
 STREET = tuple(
     pose((2.0 + 1.8 * step, 0.4 * (step - 2), 1.2), yaw_deg=17.0 * step) for step in range(POSES)
 )
@@ -65,19 +65,21 @@ def run(
     cameras: Sequence[int] = CAMERAS,
     batches: Sequence[int] = BATCHES,
 ) -> dict[str, Any]:
-    """Time frames that grow in four ways; `passed` where Embree is never faster up to a million
-    triangles, and a batch of 64 images is quicker than so many frames.
+    """Time frames as triangles, image size, cameras and batches grow.
+
+    `passed` if Embree is never faster up to a million triangles, and a batch of 64 images takes
+    less time than 64 single frames.
 
     Args:
-        options: how often and where.
-        triangles: about how many the towns have.
-        sizes_px: of the square images.
-        cameras: how many there are at once.
-        batches: how many small images are taken at once.
+        options: rounds, device and scenes.
+        triangles: approximate numbers of triangles of the towns.
+        sizes_px: widths of the square images.
+        cameras: numbers of cameras.
+        batches: numbers of small images per batch.
 
     Raises:
         OmnisimError: no OpenGL, or a scene that cannot be loaded or driven through.
-    """  # fmt: skip
+    """
     rows = [_of_town(count, _town_options(options, count)) for count in triangles]
     bounds = [
         Measure(
@@ -111,11 +113,11 @@ def run(
 
 
 def lines(report: dict[str, Any]) -> list[str]:
-    """Text of the report, a line for each row."""
+    """Text of the report, one line per row."""
     text = [f"{report['setting']}, {SIZE_PX}² where nothing else is said; {report['scene']}"]
     for row in report["rows"]:
         times = " ".join(f"{row[f'p{p}_ms']:8.1f}ms" for p in (50, 95, 99))
-        line = f"{_what(row):>17} {times} {row['fps']:8.2f} FPS {row['rounds']:4} rounds"
+        line = f"{_title(row):>17} {times} {row['fps']:8.2f} FPS {row['rounds']:4} rounds"
         if row["against"] == "triangles":
             line += f"   {row['submitted_triangles']} submitted, {row['seen_triangles']} seen"
         if row["against"] == "cameras":
@@ -162,7 +164,7 @@ def _of_town(triangles: int, options: Options) -> dict[str, Any]:
 
 
 def _as_good_as_rays(stage: Stage) -> dict[str, Any]:
-    """Our quickest setting that is no worse than a ray a pixel, and the PSNR of both."""
+    """Our fastest setting that is no worse than one ray per pixel, and the PSNR of both."""
     eyes = np.stack(STREET[:1])
     truth = references(stage, eyes)
     of_rays = float(measured_db(EmbreeColors(stage.scene), eyes, truth)[0])
@@ -175,7 +177,7 @@ def _as_good_as_rays(stage: Stage) -> dict[str, Any]:
 
 
 def _counts(stage: Stage, renderer: Renderer) -> dict[str, int]:
-    """Triangles that the virtual cameras submit for a frame, and those that it shows."""
+    """Number of triangles submitted by the virtual cameras, and shown by the frame."""
     sensor, eye = renderer.camera, STREET[0]
     submitted = RepeatedFrame(renderer, eye).count().virtual_cameras.triangles
     seen = count_seen_triangles(
@@ -199,16 +201,16 @@ def _of_sizes(
 def _of_cameras(
     stage: Stage, eyes: NDArray[np.float64], cameras: Sequence[int], options: Options
 ) -> list[dict[str, Any]]:
-    """Cameras on one stage that follow each other; a frame is an image of every one."""
+    """Rows for several cameras of one stage; a frame has one image of each camera."""
     with ExitStack() as renderers:
-        takes = [
+        sensors = [
             (
                 renderers.enter_context(stage.open(_sensor(SIZE_PX))).render,
                 np.roll(eyes, -camera, axis=0),
             )
             for camera in range(max(cameras))
         ]
-        variants = {str(count): _frame(stage, takes[:count]) for count in cameras}
+        variants = {str(count): _frame(stage, sensors[:count]) for count in cameras}
         timings = _time(variants, options, "number of cameras")
     rows = [_row("cameras", stage, timings, str(count), cameras=count) for count in cameras]
     return [{**row, "ms_a_camera": row["p50_ms"] / row["cameras"]} for row in rows]
@@ -217,7 +219,7 @@ def _of_cameras(
 def _of_batches(
     stage: Stage, eyes: NDArray[np.float64], batches: Sequence[int], options: Options
 ) -> list[dict[str, Any]]:
-    """Small images in batches, and one after the other by the same renderer."""
+    """Rows for small images in batches, and one after the other by the same renderer."""
     with stage.open(_sensor(BATCH_PX)) as renderer:
         variants: dict[str, Callable[[], None]] = {}
         for count in batches:
@@ -246,10 +248,10 @@ def _sensor(size_px: int) -> OmniCamera:
 
 
 def _frame(
-    stage: Stage, takes: Sequence[tuple[Take, Iterable[NDArray[np.float64]]]]
+    stage: Stage, sensors: Sequence[tuple[Take, Iterable[NDArray[np.float64]]]]
 ) -> Callable[[], None]:
-    """A frame by each of some sensors, each at the next of its poses."""
-    cycles = [(take, itertools.cycle(poses)) for take, poses in takes]
+    """Function that takes a measurement of each sensor, at its next pose in each call."""
+    cycles = [(take, itertools.cycle(poses)) for take, poses in sensors]
 
     def work() -> None:
         for take, poses in cycles:
@@ -268,7 +270,7 @@ def _town_options(options: Options, triangles: int) -> Options:
 
 
 def _slowest(options: Options) -> Options:
-    """Options with the fewest rounds, for frames of seconds."""
+    """Options with the fewest rounds, for frames that take seconds."""
     return dataclasses.replace(options.fewer(5), warm_up=min(options.warm_up, 1))
 
 
@@ -292,7 +294,7 @@ def _row(
     }
 
 
-def _what(row: dict[str, Any]) -> str:
+def _title(row: dict[str, Any]) -> str:
     """Description of a row."""
     if row["against"] == "triangles":
         return f"{row['triangles']} triangles"

@@ -1,4 +1,4 @@
-"""Cost of a frame as the scene, the image and the number of cameras grow, and batches."""
+"""Figure of a frame's cost as scene, image and number of cameras grow, and of batches."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from omnisim.validation.plots import style
 
 
 def scaling_figure(report: dict[str, Any]) -> Figure:
-    """Bars reach from the median to the 95th percentile."""
+    """Figure of the rows; bars extend from the median to the 95th percentile."""
     rows_of = {
         against: [row for row in report["rows"] if row["against"] == against]
         for against in ("triangles", "image", "cameras", "batch")

@@ -1,7 +1,7 @@
-"""A town of any size, procedural: every house, tree and lamp has triangles of its own.
+"""Procedural town of any size, with separate triangles for every house, tree and lamp.
 
-A larger town is a smaller one with more streets around it, equally detailed. Nothing is instanced,
-so that a million triangles are a million triangles in memory, as in an exported file.
+A larger town is a smaller one with more, equally detailed streets around it. Nothing is instanced:
+a million triangles are a million triangles in memory, as in an exported file.
 """
 
 from benchmarks.town.build import build_town

@@ -1,4 +1,4 @@
-"""Houses, trees and lamps on their plots, in blocks, as in an exported file."""
+"""Houses, trees and lamps on their plots, merged into meshes per block."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ _SUN = Light(LightKind.DIRECTIONAL, (1.0, 0.94, 0.84), 0.75, direction=np.array(
 LIGHTING = Lighting(ambient=(0.42, 0.46, 0.52), lights=(_SUN,))
 
 
-class _Placed(NamedTuple):
-    """Parts of an object, and its poses in the town."""
+class _Placements(NamedTuple):
+    """Parts of an object, and the poses of its copies in the town."""
 
     parts: dict[str, Submesh]
     world_from_object: NDArray[np.float64]  # (n, 3, 3), turned and scaled
@@ -32,13 +32,13 @@ class _Placed(NamedTuple):
 
 
 def build_town(triangles: int) -> Scene:
-    """The town whose number of triangles comes nearest to `triangles`.
+    """Town whose number of triangles is nearest to `triangles`.
 
-    The effective viewpoint starts in the middle of a street along x. Towns of all sizes are the
-    same around it.
+    The effective viewpoint starts in the middle of a street along x, where towns of all sizes look
+    the same.
 
     Raises:
-        BenchmarkError: more than the land holds, or much less than a house.
+        BenchmarkError: more triangles than the land has room for, or far fewer than a house has.
     """
     houses = [house(kind) for kind in KINDS]
     around, lamp_parts, tree_parts = ground(), lamp(), tree()
@@ -53,13 +53,13 @@ def build_town(triangles: int) -> Scene:
     plots = plots.first(1 + int(np.argmin(np.abs(total - triangles))))
     kind_of_plot = kind_of_plot[: len(plots)]
     facing, at, block = plots.house_from_plot, plots.position_m, plots.block
-    objects = [_Placed(around, facing, at, block)]
+    objects = [_Placements(around, facing, at, block)]
     for index, parts in enumerate(houses):
         of_kind = kind_of_plot == index
-        objects.append(_Placed(parts, facing[of_kind], at[of_kind], block[of_kind]))
+        objects.append(_Placements(parts, facing[of_kind], at[of_kind], block[of_kind]))
     lamp_m = facing @ (4.5, KERB_M + 0.4, 0.0)
-    objects.append(_Placed(lamp_parts, facing, at + lamp_m, block))
-    objects.append(_Placed(tree_parts, *_trees(plots), block))
+    objects.append(_Placements(lamp_parts, facing, at + lamp_m, block))
+    objects.append(_Placements(tree_parts, *_trees(plots), block))
     return _scene(objects, plots)
 
 
@@ -76,7 +76,7 @@ def _trees(plots: Plots) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return grown, plots.position_m + np.einsum("nij,nj->ni", plots.house_from_plot, spot)
 
 
-def _scene(objects: list[_Placed], plots: Plots) -> Scene:
+def _scene(objects: list[_Placements], plots: Plots) -> Scene:
     materials = town_materials()
     number = {name: at for at, name in enumerate(materials)}
     meshes: list[Mesh] = []
@@ -115,7 +115,7 @@ def _scene(objects: list[_Placed], plots: Plots) -> Scene:
 def _placed(
     part: Submesh, world_from_object: NDArray[np.float64], position_m: NDArray[np.float64]
 ) -> Submesh:
-    """Copies of a part at n poses, each with vertices of its own."""
+    """Copies of a part at n poses, each with its own vertices."""
     count, vertices = len(position_m), len(part.positions)
     positions = part.positions @ world_from_object.transpose(0, 2, 1).astype(np.float32)
     positions += position_m[:, None].astype(np.float32)
@@ -128,7 +128,7 @@ def _placed(
 
 
 def _mesh(name: str, material: int, texture_m: float, parts: list[Submesh]) -> Mesh:
-    """Mesh of a block's parts of one material, whose texture is so wide."""
+    """Mesh of a block's parts of one material, with a texture `texture_m` wide."""
     bases = np.cumsum([0, *(len(part.positions) for part in parts)], dtype=np.uint32)
     triangles = [part.triangles + base for part, base in zip(parts, bases, strict=False)]
     coordinates_m = np.concatenate([part.texture_coordinates for part in parts])
@@ -142,7 +142,7 @@ def _mesh(name: str, material: int, texture_m: float, parts: list[Submesh]) -> M
 
 
 def _outskirts(plots: Plots) -> dict[str, Submesh]:
-    """A meadow below and around the town, and the first street, which goes on across it."""
+    """Meadow below and around the town, and the extension of the first street across it."""
     builder = MeshBuilder()
     x0, y0, _ = plots.position_m.min(axis=0) - OUTSKIRTS_M
     x1, y1, _ = plots.position_m.max(axis=0) + OUTSKIRTS_M

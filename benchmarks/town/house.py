@@ -1,6 +1,6 @@
-"""A house: walls with windows and a door in them, a roof with gutters, a chimney.
+"""House: walls with windows and a door, a roof with gutters, and a chimney.
 
-It stands about the origin on z = 0 and its front looks along −y.
+It is centered on the origin, on z = 0, with its front toward −y.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ class HouseKind:
     """Parameters of a kind of house.
 
     Attributes:
-        wall, roof, door: materials.
-        width_m: of its front.
-        columns: of windows in its front; the door takes one of them.
-        door_column: index of that column.
-        roof_rise_m: of the ridge above the eaves.
+        wall, roof, door: names of the materials.
+        width_m: width of the front.
+        columns: number of window columns in the front; the door replaces one window.
+        door_column: index of the door's column.
+        roof_rise_m: height of the ridge above the eaves.
     """
 
     wall: str
@@ -53,7 +53,7 @@ KINDS = (
 
 @dataclass(frozen=True)
 class _Wall:
-    """A wall's own axes: from its lower left corner to the right and up, seen from outside."""
+    """Frame of a wall: from its lower left corner, right and up as seen from outside."""
 
     builder: MeshBuilder
     corner: NDArray[np.float64]
@@ -71,7 +71,7 @@ class _Wall:
         )  # fmt: skip
 
     def reveals(self, material: str, hole: tuple[float, float, float, float]) -> None:
-        """The four sides of a hole, to its depth."""
+        """Add the four reveals of a hole, to its depth."""
         x0, x1, z0, z1 = hole
         rim = [(x0, z0), (x0, z1), (x1, z1), (x1, z0)]
         for one, other in zip(rim, rim[1:] + rim[:1], strict=True):
@@ -100,7 +100,7 @@ def house(kind: HouseKind) -> dict[str, Submesh]:
 def _pierced(
     wall: _Wall, kind: HouseKind, width_m: float, high_m: float, columns: int, door: int | None
 ) -> None:
-    """A wall with its windows, of two storeys."""
+    """Add a wall of two storeys with its windows and, in column `door`, a door."""
     holes: list[tuple[float, float, float, float]] = []
     for column in range(columns):
         middle = width_m * (column + 0.5) / columns
@@ -115,7 +115,7 @@ def _pierced(
                 _window(wall, hole)
             wall.reveals(kind.wall, hole)
             holes.append(hole)
-    # around its holes a wall is as many strips as they need
+    # strips of the wall around its holes
     lines = sorted({0.0, high_m, *(z for hole in holes for z in hole[2:])})
     for z0, z1 in itertools.pairwise(lines):
         cut = sorted(hole[:2] for hole in holes if hole[2] < z1 and hole[3] > z0)
@@ -125,7 +125,7 @@ def _pierced(
 
 
 def _window(wall: _Wall, hole: tuple[float, float, float, float]) -> None:
-    """A pane with its frame and bars, and a sill that stands out."""
+    """Add a pane with its frame and bars, and a projecting sill."""
     x0, x1, z0, z1 = hole
     pane, frame = REVEAL_M, REVEAL_M - 0.03
     wall.rectangle("glass", x0, x1, z0, z1, pane)
@@ -150,7 +150,7 @@ def _window(wall: _Wall, hole: tuple[float, float, float, float]) -> None:
 
 
 def _door(wall: _Wall, kind: HouseKind, hole: tuple[float, float, float, float]) -> None:
-    """A leaf with panels, a light above them, and a canopy."""
+    """Add a door leaf with panels, a light above them, and a canopy."""
     x0, x1, z0, z1 = hole
     leaf = REVEAL_M - 0.02
     wall.rectangle(kind.door, x0, x1, z0, z1, leaf)
@@ -175,7 +175,7 @@ def _door(wall: _Wall, kind: HouseKind, hole: tuple[float, float, float, float])
 
 
 def _roof(builder: MeshBuilder, kind: HouseKind, half: float, deep: float, high: float) -> None:
-    """Two slopes, the ridge along x, with boards, gutters, gables and a chimney."""
+    """Add two slopes with the ridge along x, boards, gutters, gables and a chimney."""
     rise, reach = kind.roof_rise_m, deep + OVERHANG_M
     low, ridge = high - rise * OVERHANG_M / deep, high + rise
     left, right = -half - OVERHANG_M, half + OVERHANG_M

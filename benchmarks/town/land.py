@@ -19,13 +19,13 @@ _SEED = 11
 
 @dataclass(frozen=True, eq=False)
 class Plots:
-    """Plots without their houses.
+    """Plots for houses.
 
     Attributes:
-        position_m: (n, 3) of the houses' middles, world.
-        side: (n,) of the street: 1, whose houses look along −y, or −1.
-        block: (n,) number of the block of neighbors that a plot belongs to.
-        random: (n, 5) numbers from 0 to 1, which a plot keeps in every town.
+        position_m: (n, 3) middles of the houses, world.
+        side: (n,) side of the street: 1 for houses with their front toward −y, else −1.
+        block: (n,) index of the plot's block of neighbors.
+        random: (n, 5) numbers from 0 to 1, equal for a plot in all towns.
     """
 
     position_m: NDArray[np.float64]
@@ -37,13 +37,13 @@ class Plots:
         return len(self.side)
 
     def first(self, count: int) -> Plots:
-        """Plots nearest to the start."""
+        """The `count` plots nearest to the start."""
         block = np.unique(self.block[:count], return_inverse=True)[1]
         return Plots(self.position_m[:count], self.side[:count], block, self.random[:count])
 
     @property
     def house_from_plot(self) -> NDArray[np.float64]:
-        """Rotations (n, 3, 3): a house across the street is turned by half a turn."""
+        """Rotations (n, 3, 3) of the houses: a half turn on the other side of the street."""
         rotations = np.zeros((len(self), 3, 3))
         rotations[:, 0, 0] = rotations[:, 1, 1] = self.side
         rotations[:, 2, 2] = 1.0
@@ -60,7 +60,7 @@ def land() -> Plots:
     y = street * STREET_PITCH_M - side * ROAD_MIDDLE_M
     random = np.random.default_rng(_SEED).uniform(0.0, 1.0, (len(x), 5))
     block = column // BLOCK_COLUMNS * STREETS + street // BLOCK_STREETS
-    # rounded, so that equal distances are equal on every machine; then side and column decide
+    # rounded, so that ties are equal on every machine; then sorted by side and column
     order = np.lexsort((side, column, np.round(np.hypot(x - START_X_M, y), 6)))
     position_m = np.stack((x, y, np.zeros(len(x))), axis=-1)
     return Plots(position_m[order], side[order], block[order], random[order])

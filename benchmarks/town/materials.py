@@ -1,4 +1,4 @@
-"""The town's materials: small procedural textures that repeat."""
+"""Materials of the town: small procedural textures that repeat."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ _PLAIN = {
 
 
 def town_materials() -> dict[str, tuple[Material, float]]:
-    """Every material by name, and how many meters its texture is wide."""
+    """Materials by name, each with the width of its texture in meters."""
     random = np.random.default_rng(_SEED)
-    made = {name: (Material(name, (*color, 1.0)), 1.0) for name, color in _PLAIN.items()}
+    materials = {name: (Material(name, (*color, 1.0)), 1.0) for name, color in _PLAIN.items()}
     images = {
         "brick": (_courses(random, (150, 74, 56), (176, 168, 156), 16, 32), 1.0),
         "cream plaster": (_rough(random, (226, 212, 178), 6.0), 2.0),
@@ -36,8 +36,8 @@ def town_materials() -> dict[str, tuple[Material, float]]:
         "bark": (_rough(random, (98, 78, 60), 14.0), 0.6),
     }
     for name, (pixels, width_m) in images.items():
-        made[name] = (Material(name, texture=Texture(pixels)), width_m)
-    return made
+        materials[name] = (Material(name, texture=Texture(pixels)), width_m)
+    return materials
 
 
 def _rgba(rgb: NDArray[np.float64]) -> NDArray[np.uint8]:
@@ -49,7 +49,7 @@ def _rgba(rgb: NDArray[np.float64]) -> NDArray[np.uint8]:
 def _rough(
     random: np.random.Generator, color: tuple[int, int, int], sigma: float
 ) -> NDArray[np.uint8]:
-    """A color with grains, fine and coarse."""
+    """Texture of a color with fine and coarse grain."""
     grain = random.normal(0.0, sigma, (SIDE_PX, SIDE_PX))
     coarse = random.normal(0.0, sigma, (SIDE_PX // 8, SIDE_PX // 8)).repeat(8, 0).repeat(8, 1)
     return _rgba(np.array(color) + (grain + 0.6 * coarse)[..., None])
@@ -63,7 +63,7 @@ def _courses(
     wide_px: int,
     shift_px: int | None = None,
 ) -> NDArray[np.uint8]:
-    """Stones in courses, each course shifted by half a stone, with joints of two pixels."""
+    """Texture of stones in courses, each shifted by half a stone, with joints of two pixels."""
     rows, columns = np.mgrid[:SIDE_PX, :SIDE_PX]
     course = rows // high_px
     shifted = columns + course * (wide_px // 2 if shift_px is None else shift_px)
@@ -75,7 +75,7 @@ def _courses(
 
 
 def _sky() -> NDArray[np.uint8]:
-    """Sky reflected in a pane: bright above, dark below."""
+    """Texture of the sky reflected in a pane: bright at the top, dark at the bottom."""
     down = np.linspace(0.0, 1.0, SIDE_PX)[:, None, None]
     rgb = (1.0 - down) * np.array([150.0, 178.0, 200.0]) + down * np.array([52.0, 62.0, 72.0])
     return _rgba(np.broadcast_to(rgb, (SIDE_PX, SIDE_PX, 3)))

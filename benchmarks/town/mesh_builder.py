@@ -17,20 +17,20 @@ class Submesh(NamedTuple):
 
 
 class MeshBuilder:
-    """Quads collected by material; corners run counter-clockwise, seen from outside."""
+    """Builder of quads by material; corners are counter-clockwise, seen from outside."""
 
     def __init__(self) -> None:
         self._corners: dict[str, list[NDArray[np.float64]]] = {}
 
     def quad(self, material: str, *corners: ArrayLike) -> None:
-        """Four corners in a plane; three make a triangle."""
+        """Add a quad with four corners in a plane; three corners make a triangle."""
         points = np.array(corners, dtype=np.float64)
         if len(points) == 3:
             points = np.concatenate((points, points[2:]))
         self._corners.setdefault(material, []).append(points)
 
     def box(self, material: str, low: ArrayLike, high: ArrayLike, open_sides: str = "") -> None:
-        """A box along the axes without some of its sides, each "-x", "+x", ... in `open_sides`."""
+        """Add an axis-aligned box without the sides in `open_sides`, such as "-x" or "+x"."""
         ends = np.array((low, high), dtype=np.float64)
         for axis in range(3):
             for end, sign in enumerate("-+"):
@@ -46,7 +46,7 @@ class MeshBuilder:
         self, material: str, foot: ArrayLike, height_m: float, radii_m: tuple[float, float],
         sides: int = 6,
     ) -> None:  # fmt: skip
-        """An upright prism, or a cone cut off, without its ends."""
+        """Add an upright prism or truncated cone, without its ends."""
         angles = np.arange(sides + 1) * 2.0 * np.pi / sides
         ring = np.stack((np.cos(angles), np.sin(angles), np.zeros(sides + 1)), axis=-1)
         base = np.asarray(foot, dtype=np.float64)
@@ -61,7 +61,7 @@ class MeshBuilder:
 
 
 def _part(quads: NDArray[np.float64]) -> Submesh:
-    """Triangles of quads (n, 4, 3); their textures lie flat on them, as wide as they are."""
+    """Triangles of quads (n, 4, 3), textured flat in meters."""
     right = quads[:, 1] - quads[:, 0]
     width = np.linalg.norm(right, axis=1, keepdims=True)
     right = right / np.maximum(width, 1e-9)

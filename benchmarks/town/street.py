@@ -1,6 +1,7 @@
-"""Surroundings of a house: its ground down to the middle of the road, a tree, a lamp.
+"""Surroundings of a house: its ground up to the middle of the road, a tree, a lamp.
 
-A plot lies about its house; the road is along x at −y, and its middle is the plot's edge.
+A plot is centered on its house. The road runs along x on the −y side; its middle is the plot's
+edge.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ HEDGE_M = (0.5, 0.8)  # thick, high
 
 
 def ground() -> dict[str, Submesh]:
-    """Half the road with its line, kerb, pavement, garden with a path, and a hedge."""
+    """Half of the road with its line, curb, pavement, garden with a path, and hedge."""
     builder = MeshBuilder()
     half = 0.5 * PLOT_WIDTH_M
 
@@ -45,7 +46,7 @@ def ground() -> dict[str, Submesh]:
 
 
 def tree() -> dict[str, Submesh]:
-    """A trunk and five clumps of leaves, each with 20 sides."""
+    """Tree: a trunk and five clumps of leaves, each with 20 sides."""
     builder = MeshBuilder()
     builder.post("bark", (0.0, 0.0, 0.0), 2.4, (0.2, 0.12))
     clumps = (
@@ -59,7 +60,7 @@ def tree() -> dict[str, Submesh]:
 
 
 def lamp() -> dict[str, Submesh]:
-    """A post with an arm over the road, which is at −y."""
+    """Street lamp: a post with an arm over the road, toward −y."""
     builder = MeshBuilder()
     builder.post("metal", (0.0, 0.0, 0.0), 5.0, (0.08, 0.05))
     builder.box("metal", (-0.03, -1.2, 4.9), (0.03, 0.0, 4.96), "+y")
@@ -69,7 +70,7 @@ def lamp() -> dict[str, Submesh]:
 
 
 def _icosahedron(yaw_rad: float) -> NDArray[np.float64]:
-    """Triangles (20, 3, 3) with corners at distance 1, turned about z."""
+    """Triangles (20, 3, 3) of an icosahedron with circumradius 1, rotated about z."""
     g = 0.5 * (1.0 + np.sqrt(5.0))
     corners = np.array(
         [(-1, g, 0), (1, g, 0), (-1, -g, 0), (1, -g, 0), (0, -1, g), (0, 1, g), (0, -1, -g),

@@ -51,7 +51,7 @@ WAYS: dict[str, tuple[str, ...]] = {
         "datasets.generate.prepared_plan:PreparedPlan.read",
         "datasets.generate.generate:Generation.run",
         "datasets.generate.shard:ShardMaker.steps",
-        "datasets.generate.draw:draw_which",
+        "datasets.generate.draw:draw_indices",
         "datasets.generate.draw:draw",
         "rendering.stage:Stage.open",
         "rendering.renderer:Renderer.render",

@@ -16,7 +16,7 @@ _WIDTH = 80  # of the usage, whatever the terminal's
 _HEADER = """# Command line
 
 Every command ends with status 0, or with one line that says what was wrong and status 1; a wrong
-option ends with status 2. `omnisim COMMAND --help` prints what stands here.
+option ends with status 2. `omnisim COMMAND --help` prints the same.
 """
 
 

@@ -63,7 +63,7 @@ def camera_from_parameters(parameters: Mapping[str, Any]) -> CentralCamera:
     """Build a camera from its `parameters()`.
 
     Raises:
-        OpticsError: naming the key, the expected value and the actual one.
+        OpticsError: a parameter is invalid; names the key, the actual and the expected value.
     """
     if not isinstance(parameters, Mapping):  # a damaged file
         raise OpticsError(f"camera: expected its parameters by name, got {parameters!r}")

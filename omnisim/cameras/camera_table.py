@@ -18,7 +18,7 @@ def camera_from_table(parameters: Mapping[str, Any], source: str, key: str) -> C
         key: key of the table in its file.
 
     Raises:
-        SensorFileError: naming the key and what was expected.
+        SensorFileError: the table is invalid; names the key and the expected value.
     """
     try:
         camera = camera_from_parameters(parameters)

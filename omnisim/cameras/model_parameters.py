@@ -22,7 +22,7 @@ def check_limits(
     """Reject a camera whose attribute `name` is outside [lowest, highest], or NaN.
 
     Raises:
-        OpticsError: naming the attribute, the expected value and the actual one.
+        OpticsError: the attribute is outside; names it, its value and the limits.
     """
     value = getattr(camera, name)
     if not lowest <= value <= highest:  # also rejects NaN
@@ -84,7 +84,7 @@ def numbers(parameters: Mapping[str, Any], key: str) -> tuple[float, ...]:
     return coefficients
 
 
-def word(parameters: Mapping[str, Any], key: str) -> str:
+def text(parameters: Mapping[str, Any], key: str) -> str:
     """String under `key`.
 
     Raises:

@@ -53,7 +53,7 @@ def solve_increasing(
 def solve_polynomial(
     coefficients: Coefficients, values: NDArray[np.float64], low: float, high: float
 ) -> NDArray[np.float64]:
-    """`solve_increasing` for a polynomial, constant term first."""
+    """Arguments (...,) as of `solve_increasing`, for a polynomial with its constant term first."""
     slopes = polynomial.polyder(coefficients)
     return solve_increasing(
         partial(polyval, coefficients), partial(polyval, slopes), values, low, high

@@ -18,8 +18,8 @@ from omnisim.cameras.model_parameters import (
     number,
     numbers,
     point,
+    text,
     whole_number,
-    word,
 )
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.errors import OpticsError
@@ -28,7 +28,7 @@ from omnisim.core.short_repr import short_repr
 _READERS: dict[str, Callable[[Mapping[str, Any], str], Any]] = {
     "int": whole_number,
     "float": number,
-    "str": word,
+    "str": text,
     "tuple[float, float]": point,
     "tuple[float, ...]": numbers,
 }
@@ -137,7 +137,7 @@ class ParametricCamera(ABC):
         """Build the camera from its `parameters()`.
 
         Raises:
-            OpticsError: naming the key, its value and the expected one.
+            OpticsError: a parameter is invalid; names the key, the actual and the expected value.
         """
         values: dict[str, Any] = {}
         for field in dataclasses.fields(cls):

@@ -13,8 +13,7 @@ _Number = TypeVar("_Number", bound=np.generic)
 def bounds_of(points: NDArray[_Number]) -> NDArray[_Number]:
     """Minimum and maximum coordinates (2, k) of points (n, k).
 
-    Coordinates are put in rows, because NumPy is about twenty times as fast along rows of memory as
-    across them.
+    The points are transposed first: NumPy is about twenty times as fast along contiguous rows.
     """
     rows: NDArray[Any] = np.ascontiguousarray(points.T)
     return np.stack((rows.min(axis=1), rows.max(axis=1)))

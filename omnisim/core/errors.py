@@ -70,11 +70,11 @@ class LocalizationError(OmnisimError):
 
 
 class CalibrationError(OmnisimError):
-    """A calibration file is invalid, or a model cannot have such parameters."""
+    """A calibration file is invalid, or its parameters do not suit the camera model."""
 
 
 class MeasurementError(OmnisimError):
-    """Images from which a camera cannot be measured."""
+    """Images do not suffice to measure a camera."""
 
 
 def printable(line: str, max_length: int = MAX_LINE) -> str:

@@ -81,7 +81,7 @@ def require_extra(extra: str, feature: str, error: type[OmnisimError] = OmnisimE
         error: exception class to raise.
 
     Raises:
-        OmnisimError: naming the missing packages and the command that installs them.
+        OmnisimError: packages are missing; names them and the command that installs them.
     """
     missing = missing_packages(extra)
     if missing:

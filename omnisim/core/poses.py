@@ -119,9 +119,9 @@ def inverse(pose: NDArray[np.float64]) -> NDArray[np.float64]:
 def interpolate_pose(
     first: NDArray[np.float64], second: NDArray[np.float64], share: float
 ) -> NDArray[np.float64]:
-    """Interpolate poses (4, 4) at a share of the way: linearly, and evenly about one axis.
+    """Interpolate poses (4, 4) at a share in [0, 1]: positions linearly, rotations by slerp.
 
-    Source: Shoemake, Animating rotation with quaternion curves (1985): slerp.
+    Source: Shoemake, Animating rotation with quaternion curves (1985).
     """
     rotations = scipy.spatial.transform.Rotation.from_matrix
     change = rotations(first[:3, :3].T @ second[:3, :3]) ** share

@@ -5,12 +5,12 @@ from __future__ import annotations
 MAX_LENGTH = 190
 
 
-def short_repr(shown: object, *parts: str) -> str:
+def short_repr(instance: object, *parts: str) -> str:
     """Class name of an object and its non-empty parts, truncated if too long."""
     text = ", ".join(" ".join(part.split()) for part in parts if part)
-    room = MAX_LENGTH - len(type(shown).__name__)
+    room = MAX_LENGTH - len(type(instance).__name__)
     text = text if len(text) <= room else text[: room - 1] + "…"
-    return f"{type(shown).__name__}({text})"
+    return f"{type(instance).__name__}({text})"
 
 
 def counted(count: int, singular: str, plural: str = "") -> str:

@@ -20,19 +20,19 @@ ObjectPart = tuple[int | None, str]
 
 
 class ObjectPoses(tuple[Pose, ...]):
-    """Poses (4, 4) of all objects at one time, which also deform meshes.
+    """Poses (4, 4) of all objects at one time; deforming meshes take their shape at that time.
 
     Attributes:
-        time_s: time of the world.
+        time_s: world time.
     """
 
     time_s: float
 
     def __new__(cls, poses: Iterable[Pose], time_s: float) -> Self:
         """Build the tuple from poses in the order of the objects."""
-        made = super().__new__(cls, poses)
-        made.time_s = time_s
-        return made
+        object_poses = super().__new__(cls, poses)
+        object_poses.time_s = time_s
+        return object_poses
 
 
 def time_of(poses: Sequence[Pose]) -> float:

@@ -58,8 +58,8 @@ class FreeSpace:
         """Free area."""
         return float(self.is_free.sum()) * self.cell_m**2
 
-    def places(self) -> NDArray[np.intp]:
-        """Free cells (n, 2), rows and columns."""
+    def free_cells(self) -> NDArray[np.intp]:
+        """Row and column (n, 2) of each free cell."""
         return np.argwhere(self.is_free)
 
     def cell_of(self, point_m: NDArray[np.float64]) -> tuple[int, int] | None:

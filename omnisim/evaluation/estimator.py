@@ -21,7 +21,7 @@ class Estimator(ABC):
         title: name for people, with the sensors that it uses.
         package: package on the index that it needs; "": none.
         module: module of that package.
-        alignment: what the method cannot know: "se3": where its world is, "sim3": its scale, too;
+        alignment: unknowns of the method: "se3": the pose of its world; "sim3": its scale, too;
             "none": it starts at the true pose.
         is_level: the method knows which way is down.
     """

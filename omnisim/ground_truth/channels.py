@@ -200,11 +200,11 @@ def check_channels(names: Iterable[str]) -> tuple[str, ...]:
     """
     if isinstance(names, str):  # iterating would split it into letters
         raise OutputError(f"channels {names!r}: expected a list of names, such as ['range']")
-    wanted = set(names)
-    for name in sorted(wanted - CHANNELS.keys()):
+    requested = set(names)
+    for name in sorted(requested - CHANNELS.keys()):
         hint = did_you_mean(_SYNONYMS.get(name, name), CHANNELS)
         raise OutputError(f"channel {name!r}: there is no such channel; {hint}")
     for pair in FLOWS.items():
-        if wanted.intersection(pair):
-            wanted.update(pair)
-    return tuple(name for name in CHANNELS if name in wanted)
+        if requested.intersection(pair):
+            requested.update(pair)
+    return tuple(name for name in CHANNELS if name in requested)

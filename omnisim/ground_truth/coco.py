@@ -104,7 +104,7 @@ def _runs(instances: NDArray[np.integer[Any]]) -> dict[int, list[int]]:
 
 
 def _box(instances: NDArray[np.integer[Any]], number: int, counts: list[int]) -> NDArray[np.bool_]:
-    """Mask of an instance, cropped to its columns."""
+    """Mask (height, columns) of an instance, cropped to its columns."""
     height = instances.shape[0]
     last = sum(counts[: len(counts) - len(counts) % 2]) - 1
     mask: NDArray[np.bool_] = instances[:, counts[0] // height : last // height + 1] == number

@@ -26,6 +26,13 @@ def write_exr(
     the world's origin, so float32 rounds distant ones: to 0.1 mm at 1 km. The attributes
     `omnisim:<channel>` describe the channels; the label table is in the metadata.
 
+    Args:
+        path: output file.
+        channels: channels by name.
+        labels: labels of the class and instance IDs; None: no labels.
+        metadata: metadata of the image.
+        linear: (height, width, 3 or 4) linear colors; None: no colors.
+
     Raises:
         OutputError: the file cannot be written.
     """

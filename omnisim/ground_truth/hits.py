@@ -15,7 +15,7 @@ class HitDetails(NamedTuple):
     """Optional surface properties at hits, in addition to points and triangles.
 
     Attributes:
-        normals, albedos, materials: whether to determine these fields of `Hits`.
+        normals, albedos, materials: True: determine these fields of `Hits`.
     """
 
     normals: bool = False
@@ -33,7 +33,7 @@ class HitDetails(NamedTuple):
 
     @property
     def of_texels(self) -> HitDetails:
-        """The same details without normals, which do not depend on textures."""
+        """Details that depend on textures: all but the normals."""
         return self._replace(normals=False)
 
     def joined(self, other: HitDetails) -> HitDetails:

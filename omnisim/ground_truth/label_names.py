@@ -15,7 +15,7 @@ if TYPE_CHECKING:  # channel and class names alone do not require NumPy
 
 NOTHING = 0  # class and instance ID of pixels without a hit
 _GOLDEN = 0.61803398875  # hue step that keeps all hues well apart
-_MAX_ID = 2**32 - 1  # of uint32, the channels' type
+_MAX_ID = 2**32 - 1  # maximum of uint32, the channels' type
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ class Unseen:
 
     Attributes:
         name: key of the sensor file, or a name in its style.
-        reason: what the images lack, and which images would determine it.
+        reason: shortcoming of the images, and the images that would determine the quantity.
     """
 
     name: str

@@ -49,13 +49,13 @@ def wrapped_around(panorama: NDArray[Scalar]) -> NDArray[Scalar]:
     return np.concatenate((panorama, panorama[:, : panorama.shape[1] // 2]), axis=1)
 
 
-def find_regions(classes: NDArray[np.uint8], colors: int, smallest_px: int) -> list[Region]:
+def find_regions(classes: NDArray[np.uint8], colors: int, min_area_px: int) -> list[Region]:
     """Regions of a panorama, each once; a region may cross the panorama's left and right edge.
 
     Args:
         classes: (height, width) classes of pixels; 0: no color.
         colors: number of colors.
-        smallest_px: minimum number of pixels of a region.
+        min_area_px: minimum number of pixels of a region.
     """
     width = classes.shape[1]
     colored = np.flatnonzero(classes.any(axis=1))
@@ -70,7 +70,7 @@ def find_regions(classes: NDArray[np.uint8], colors: int, smallest_px: int) -> l
         labels, count = ndimage.label(doubled == color, structure=_EIGHT)
         areas = np.bincount(labels.ravel(), minlength=count + 1)
         for index, slices in enumerate(ndimage.find_objects(labels), start=1):
-            if areas[index] < smallest_px:
+            if areas[index] < min_area_px:
                 continue
             rows, columns = slices
             if not first <= (columns.start + columns.stop) // 2 < first + width:

@@ -20,18 +20,18 @@ def auto_polygons(camera: CentralCamera) -> int | None:
     Returns:
         None: exact rays, because no mesh is fine enough or the camera has no mirror mesh.
     """
-    most = most_polygons(camera)
-    if most is None:
+    limit = max_polygons(camera)
+    if limit is None:
         return None
     if isinstance(camera, HyperbolicCamera):
         max_error = (MAX_ERROR_PX - _RASTER_STEP_PX) / camera.focal_length_px
         return needed_polygons(camera.mirror, max_error, _shown(camera))
     from omnisim.cameras.optics.mesh_error import SystemMeshErrors  # few cameras have one
 
-    return SystemMeshErrors(camera).needed_polygons(MAX_ERROR_PX, most)
+    return SystemMeshErrors(camera).needed_polygons(MAX_ERROR_PX, limit)
 
 
-def most_polygons(camera: CentralCamera) -> int | None:
+def max_polygons(camera: CentralCamera) -> int | None:
     """Maximum number of polygons chosen for a camera; None: it has no mirror mesh."""
     if isinstance(camera, HyperbolicCamera):
         return MAX_POLYGONS
@@ -55,7 +55,7 @@ def mesh_error_px(camera: CentralCamera, polygons: int | None) -> float:
 
 
 def _shown(camera: HyperbolicCamera) -> Annulus:
-    """Circles around the mirror's axis that bound the image."""
+    """Circles around the mirror's axis that enclose the image; radii in focal lengths."""
     first = -0.5 - np.asarray(camera.principal_point_px)
     last = first + (camera.width_px, camera.height_px)
     nearest = np.clip(0.0, first, last)

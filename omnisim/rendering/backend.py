@@ -93,7 +93,7 @@ class CameraBackend(ABC):
         """Render an image without degradation."""
 
     def _degrade(self, render: Callable[[SubFrames], Readback]) -> None:
-        """Degrade all images, which are rendered from sub-frames."""
+        """Degrade all further images, which are rendered from sub-frames."""
         from omnisim.rendering.camera.degraded_camera import DegradedCamera
         from omnisim.rendering.truth.moving_boxes import MovingBoxes
 
@@ -121,7 +121,7 @@ class CameraBackend(ABC):
 
     @abstractmethod
     def hit_source(self, details: HitDetails) -> HitSource:
-        """Hits behind its ground truth, with these details; created on first use."""
+        """Source of ground truth's hits, with at least these details; created on first use."""
 
     @abstractmethod
     def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
@@ -161,7 +161,7 @@ class RangeFinder(Protocol):
         world_from_scanner: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> NDArray[np.float64]:
-        """Ranges (n,) in meters from a pose (4, 4), objects at theirs; +inf: no hit."""
+        """Ranges (n,) in m from a pose (4, 4), with the objects at their poses; +inf: no hit."""
 
 
 class BeamCaster(Protocol):

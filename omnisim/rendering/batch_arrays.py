@@ -50,8 +50,8 @@ def batch_arrays(
             raise OutputError(f"out: expected arrays by name: {', '.join(names)}, got one array")
         return {name: _check("out", out, *_layout(name, size)) for name in names}
     if out.keys() != set(names):
-        got = ", ".join(map(str, out)) or "none"
-        raise OutputError(f"out: expected arrays by name: {', '.join(names)}, got {got}")
+        actual = ", ".join(map(str, out)) or "none"
+        raise OutputError(f"out: expected arrays by name: {', '.join(names)}, got {actual}")
     return {name: _check(f"out[{name!r}]", out[name], *_layout(name, size)) for name in names}
 
 
@@ -75,12 +75,12 @@ def _check(
             "one that is not contiguous": array.flags.c_contiguous,
             "a read-only one": array.flags.writeable,
         }
-        got = next((fault for fault, is_right in faults.items() if not is_right), None)
+        actual = next((fault for fault, is_right in faults.items() if not is_right), None)
     else:
-        got = type(array).__name__
-    if got is None:
+        actual = type(array).__name__
+    if actual is None:
         return array
     raise OutputError(
         f"{what}: expected a writeable, C-contiguous NumPy array of {dtype} and shape {shape}, "
-        f"got {got}"
+        f"got {actual}"
     )

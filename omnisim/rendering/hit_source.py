@@ -70,14 +70,14 @@ class HitSource(ABC):
 
         Args:
             other: poses at the other time.
-            other_from_current: (draws, 3, 4), from the viewpoint frame of the last hits to the
-                other one's, per instance.
+            other_from_current: (draws, 3, 4) transforms of the instances' points, from the
+                viewpoint frame of the last hits to that of the other time.
             deformed: last hits with the points of deformed surfaces; None: no surface deforms.
         """
 
     @abstractmethod
     def occluded(self) -> NDArray[np.bool_]:
-        """Mask (height, width) of the points that are occluded there."""
+        """Mask (height, width) of the points that are occluded from the other viewpoint."""
 
     def objects_of_draws(self) -> NDArray[np.intp]:
         """Object of each instance (n + 1,), after −1 for no hit; 0: the static scene."""

@@ -55,7 +55,7 @@ def surfaces_too_near(
     reach_m = float(np.linalg.norm(origins_m, axis=1).max() + ends_m.max())
     rig_from_world = np.linalg.inv(world_from_base @ sensor.base_from_rig)
     still = scene.at_start()
-    found: dict[str, None] = {}
+    names: dict[str, None] = {}
     for instance in still.instances:
         mesh = still.meshes[instance.mesh]
         rig_from_mesh = rig_from_world @ instance.world_from_mesh
@@ -69,9 +69,9 @@ def surfaces_too_near(
         for first in range(0, len(corners_m), _TRIANGLES_PER_BATCH):
             batch_m = corners_m[first : first + _TRIANGLES_PER_BATCH]
             if _is_hit(batch_m, origins_m, directions, ends_m, both_sides):
-                found[instance.name] = None
+                names[instance.name] = None
                 break
-    return tuple(found)
+    return tuple(names)
 
 
 def _probe_rays(sensor: OmniCamera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -95,7 +95,7 @@ def _is_hit(
     ends_m: NDArray[np.float64],
     both_sides: bool,
 ) -> bool:
-    """Tell whether any ray (n) hits a triangle (k, 3 corners, xyz) before its end.
+    """True if any ray (n) hits a triangle (k, 3 corners, xyz) before the end of the ray.
 
     Source: Möller and Trumbore, "Fast, minimum storage ray-triangle intersection", Journal of
     Graphics Tools 2 (1997).

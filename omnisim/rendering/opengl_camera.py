@@ -36,7 +36,7 @@ class DrawnHits(HitSource):
         details: details that its hits can include.
 
     Attributes:
-        details: details that its hits can include.
+        details: see the arguments.
     """
 
     def __init__(
@@ -102,9 +102,9 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
     def hit_source(self, details: HitDetails) -> HitsT:
         """Source of the hits for ground truth, with at least these details."""
         held = self._hit_source
-        wanted = details.of_texels.joined(NO_DETAILS if held is None else held.details)
-        if held is None or wanted != held.details:
-            self._hit_source = held = self._make_hits(wanted)
+        needed = details.of_texels.joined(NO_DETAILS if held is None else held.details)
+        if held is None or needed != held.details:
+            self._hit_source = held = self._make_hits(needed)
             collect_garbage(self._drawn.buffers.context)
         return held
 

@@ -1,4 +1,7 @@
-"""Non-central cameras on the back end of virtual cameras: one viewpoint, and depth for the rest."""
+"""Non-central cameras on the back end of virtual cameras: one viewpoint, with its depth.
+
+Each pixel's own ray finds its surface by the depth that the viewpoint sees.
+"""
 
 from __future__ import annotations
 

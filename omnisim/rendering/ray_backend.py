@@ -231,7 +231,7 @@ class RayHitSource(HitSource):
         self._occluded = self._pixels.occluded(other.world_from_rig, objects, other_from_current)
 
     def occluded(self) -> NDArray[np.bool_]:
-        """Mask (height, width) of the points that are occluded there."""
+        """Mask (height, width) of the points that are occluded from the other viewpoint."""
         return self._occluded
 
 

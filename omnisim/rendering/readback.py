@@ -44,7 +44,7 @@ class SubFrame(NamedTuple):
     row_weights: NDArray[np.float32] | None
 
 
-class Exposed(NamedTuple):
+class ImageExposure(NamedTuple):
     """Exposure of one image.
 
     Attributes:
@@ -67,7 +67,7 @@ class SubFrames(NamedTuple):
     """
 
     parts: Sequence[SubFrame]
-    expose: Callable[[float | None], Exposed]
+    expose: Callable[[float | None], ImageExposure]
     is_metered: bool
     linear: bool
 

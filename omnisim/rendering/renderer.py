@@ -103,16 +103,18 @@ class Renderer(BatchRenderer):
             )
             if names or boxes_3d:
                 ground_truth = passes.ground_truth(names)
-                there = {other: self._poses_in(others[other]) for other in needed}
-                wanted = check_channels((*names, "position", "instance")) if boxes_3d else names
-                found = ground_truth.channels(wanted, poses, there)
+                other_poses = {other: self._poses_in(others[other]) for other in needed}
+                channel_names = (
+                    check_channels((*names, "position", "instance")) if boxes_3d else names
+                )
+                computed = ground_truth.channels(channel_names, poses, other_poses)
                 labels, has_ray = ground_truth.labels, ground_truth.has_ray
-                channels = {name: found[name] for name in names}
+                channels = {name: computed[name] for name in names}
                 if boxes_3d:
                     full = self._boxes_in(poses, labels)
                     from omnisim.ground_truth.boxes_3d import visible_boxes
 
-                    boxes = visible_boxes(found["position"], found["instance"], labels, full)
+                    boxes = visible_boxes(computed["position"], computed["instance"], labels, full)
         self._last_poses = poses
         metadata = self._frame_metadata(now, poses.world_from_rig) | degradation
         for other in needed:
@@ -127,8 +129,8 @@ class Renderer(BatchRenderer):
         if optical is None and state is not None:
             return state
         if optical is None or state is not None:
-            got = "neither" if optical is None else "both"
-            raise OmnisimError(f"render: expected either state or optical, got {got}")
+            actual = "neither" if optical is None else "both"
+            raise OmnisimError(f"render: expected either state or optical, got {actual}")
         return check_pose(optical) @ inverse(self.camera.base_from_optical)
 
     def faces(self) -> dict[str, NDArray[np.uint8]]:

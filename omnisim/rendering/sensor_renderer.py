@@ -17,7 +17,7 @@ from omnisim.core.short_repr import short_repr
 from omnisim.core.version import __version__
 from omnisim.core.world import ObjectPart, WorldState
 from omnisim.rendering.scene_edits import EditableScene
-from omnisim.rendering.shared_scene import Closing, SharedScene
+from omnisim.rendering.shared_scene import Closeable, SharedScene
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY
 
@@ -48,15 +48,15 @@ class RefreshedPasses(Protocol):
         """Update after the stage changed."""
 
 
-class Summarized(Protocol):
-    """Sensor that describes itself."""
+class HasSummary(Protocol):
+    """Sensor with a summary."""
 
     def summary(self) -> str:
-        """Sensor in a few words."""
+        """Short description of the sensor."""
 
 
 Passes = TypeVar("Passes", bound=RefreshedPasses)
-SensorT = TypeVar("SensorT", bound=Summarized)
+SensorT = TypeVar("SensorT", bound=HasSummary)
 Opened_co = TypeVar("Opened_co", covariant=True, bound="SensorRenderer[Any, Any]")
 
 
@@ -67,7 +67,7 @@ class Sensor(Protocol[Opened_co]):
         """Open its renderer on a stage."""
 
 
-class SensorRenderer(Closing, EditableScene, Generic[SensorT, Passes]):
+class SensorRenderer(Closeable, EditableScene, Generic[SensorT, Passes]):
     """Passes of one sensor on a stage, until it is closed.
 
     `omnisim.Stage.open` and `omnisim.open_sensor` create them. Use it as a context manager, or call
@@ -131,8 +131,8 @@ class SensorRenderer(Closing, EditableScene, Generic[SensorT, Passes]):
         names = {} if self.body is None else {one.name: None for one in self.body.instances}
         for name in sorted(self.hidden):
             if name not in names:
-                there = f"it has {', '.join(sorted(names))}" if names else "there is no body"
-                raise SceneError(f"hidden: {name!r}: no part of the body: {there}")
+                available = f"it has {', '.join(sorted(names))}" if names else "there is no body"
+                raise SceneError(f"hidden: {name!r}: no part of the body: {available}")
         if not names:
             return frozenset()
         index = list(self._stage.objects).index(self.vehicle)
@@ -159,8 +159,8 @@ class SensorRenderer(Closing, EditableScene, Generic[SensorT, Passes]):
             moved = (before or WorldState({})).moved({self.vehicle: given})
             return moved if time_s is None else WorldState(moved.world_from_object, time_s)
         if self.vehicle not in given.world_from_object:
-            got = ", ".join(given.world_from_object) or "none"
-            raise SceneError(f"state: expected a pose of {self.vehicle}, got {got}")
+            actual = ", ".join(given.world_from_object) or "none"
+            raise SceneError(f"state: expected a pose of {self.vehicle}, got {actual}")
         return given
 
     def _world_from_sensor(self, state: WorldState) -> NDArray[np.float64]:

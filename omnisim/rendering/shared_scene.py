@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # OpenGL may be missing
     from omnisim.rendering.opengl.context import Context
 
 
-class Closing(ABC):
+class Closeable(ABC):
     """Base of context managers that free GPU memory when they are closed."""
 
     @abstractmethod
@@ -76,7 +76,7 @@ def open_backend(
     return RayBackend(scene, objects)
 
 
-class SharedScene(Closing, EditableScene):
+class SharedScene(Closeable, EditableScene):
     """Scene and dynamic objects on a back end, shared by a stage's renderers.
 
     Args:
@@ -159,8 +159,8 @@ class SharedScene(Closing, EditableScene):
                 poses[one.name] = one.motion.pose_at(state.time_s)
         missing = [name for name in self.objects if name not in poses]
         if missing:
-            got = ", ".join(poses) or "none"
-            raise SceneError(f"state: expected a pose of {', '.join(missing)}, got {got}")
+            actual = ", ".join(poses) or "none"
+            raise SceneError(f"state: expected a pose of {', '.join(missing)}, got {actual}")
         return ObjectPoses((poses[name] for name in self.objects), state.time_s)
 
     @property

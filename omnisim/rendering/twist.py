@@ -19,7 +19,7 @@ from omnisim.rendering.readback import ScenePoses
 
 # Assumed distance of the nearest surface, because depth is unknown before rendering. Nearer
 # surfaces move farther between sub-frames.
-NEAREST_M = 1.0
+ASSUMED_DISTANCE_M = 1.0
 # Limits of a camera's motion; within them poses are exact to 1e-9 even for an exposure of an hour.
 MAX_MPS, MAX_RADPS = 1e4, 1e3
 GRID = 13  # samples of the motion per image side
@@ -84,7 +84,7 @@ def moved_px(
     v = np.linspace(0.0, camera.height_px - 1.0, GRID)
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
     rays = camera.ray_from_pixel(pixels)
-    pixels, points_m = pixels[rays.valid], NEAREST_M * rays.directions[rays.valid]
+    pixels, points_m = pixels[rays.valid], ASSUMED_DISTANCE_M * rays.directions[rays.valid]
     if rays.origins_m is not None:
         points_m += rays.origins_m[rays.valid]
     is_finite = np.ones(len(points_m), dtype=np.bool_)
@@ -144,7 +144,7 @@ def _object_px(
         for eye in (np.linalg.inv(pose)[:3, 3] for pose in optical_from_object)
     )
     # inside the box, the distance of the surfaces is unknown
-    return float(sum(ways_m)) / (nearest_m or NEAREST_M) * _px_per_rad(camera)
+    return float(sum(ways_m)) / (nearest_m or ASSUMED_DISTANCE_M) * _px_per_rad(camera)
 
 
 def _may_be_seen(
@@ -169,15 +169,15 @@ def _px_per_rad(camera: CentralCamera) -> float:
     u = np.linspace(0.0, camera.width_px - 2.0, GRID)
     v = np.linspace(0.0, camera.height_px - 2.0, GRID)
     pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
-    here = camera.ray_from_pixel(pixels)
-    found = [0.0]
+    rays = camera.ray_from_pixel(pixels)
+    densities = [0.0]
     for step in ((1.0, 0.0), (0.0, 1.0)):
         beside = camera.ray_from_pixel(pixels + step)
-        both = here.valid & beside.valid
-        apart = np.linalg.norm(beside.directions[both] - here.directions[both], axis=-1)
+        both = rays.valid & beside.valid
+        apart = np.linalg.norm(beside.directions[both] - rays.directions[both], axis=-1)
         # except at the poles of a panorama, where a pixel is no angle
-        found += [1.0 / np.percentile(apart, 10.0)] if len(apart) else []
-    return float(max(found))
+        densities += [1.0 / np.percentile(apart, 10.0)] if len(apart) else []
+    return float(max(densities))
 
 
 def _moved(

@@ -1,4 +1,4 @@
-"""Bounding boxes of a vehicle's body: one for standing on the floor, more for contacts."""
+"""Bounding boxes of a vehicle's body: one for the floor below it, several for contacts."""
 
 from __future__ import annotations
 

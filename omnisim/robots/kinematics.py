@@ -27,7 +27,7 @@ TURN_ARM_M = 0.1  # skidding wheels turn about a point ahead of or behind the ba
 
 @dataclass(frozen=True)
 class Kinematics:
-    """Limits of a robot that drives straight and in arcs and turns on the spot, never sideways.
+    """Limits of a robot that drives straight, in arcs or turns on the spot, but never sideways.
 
     Attributes:
         drive: "differential", with two wheels and a caster, or "skid_steer", whose wheels skid in
@@ -143,15 +143,15 @@ def find_violation(trajectory: Trajectory, kinematics: Kinematics) -> LimitViola
     over = [(hit[0], hit[1], name, unit, limit) for name, unit, limit, hit in checks if hit]
     if not over:
         return None
-    step, asked, name, unit, limit = min(over, key=lambda item: item[0])
-    return LimitViolation(name, unit, step, float(trajectory.times_s[step]), asked, limit)
+    step, value, name, unit, limit = min(over, key=lambda item: item[0])
+    return LimitViolation(name, unit, step, float(trajectory.times_s[step]), value, limit)
 
 
 def find_drift(trajectory: Trajectory) -> LimitViolation | None:
     """Find the first step whose sideways or vertical motion exceeds what wheels allow, or None.
 
-    Motion in the robot's own frame is accumulated beyond what slip, slopes and turns within a step
-    explain. Noise of recorded poses averages out; a slide in small steps adds up.
+    The sum counts the motion, in the robot's own frame, that slip, slopes and turns within a step
+    do not explain. Noise of recorded poses averages out; a slide in small steps adds up.
 
     Source: cumulative sums with an allowance, Page 1954, "Continuous inspection schemes".
     """
@@ -185,7 +185,7 @@ def check_drivable(
         lines: (n,) line of each pose in its file; None: no line is named.
 
     Raises:
-        TrajectoryError: names the first violation, its value and the limit.
+        TrajectoryError: a limit is exceeded; names the first violation, its value and the limit.
     """
     checks = (find_violation(trajectory, kinematics), find_drift(trajectory))
     violations = [violation for violation in checks if violation is not None]

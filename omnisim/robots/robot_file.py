@@ -220,7 +220,7 @@ def load_robot(source: str | Path) -> Robot:
     """Read the robot file at a path, in a folder, or of a built-in name.
 
     Raises:
-        RobotFileError: names file and key, the actual value and the expected one.
+        RobotFileError: the file is invalid; names file, key, actual and expected value.
     """
     return read_robot(find_robot(source))
 
@@ -229,7 +229,7 @@ def read_robot(path: Path) -> Robot:
     """Read and check a robot file.
 
     Raises:
-        RobotFileError: names file and key, the actual value and the expected one.
+        RobotFileError: the file is invalid; names file, key, actual and expected value.
     """
     return _robot(read_toml(path, RobotFile, RobotFileError), str(path), path.parent)
 
@@ -238,7 +238,7 @@ def parse_robot(table: dict[str, Any], source: str, folder: Path = Path()) -> Ro
     """Check a table with the keys of a robot file; `source` names it in messages.
 
     Raises:
-        RobotFileError: names source and key, the actual value and the expected one.
+        RobotFileError: the table is invalid; names source, key, actual and expected value.
     """
     return _robot(parse_table(table, RobotFile, RobotFileError, source), source, folder)
 

@@ -34,7 +34,7 @@ from omnisim.sensors.sensor_registry import parse_mounts, sensor_source
 from omnisim.sensors.triggers import sensor_rates
 
 Mounted = TypeVar("Mounted", bound=MountedSensor)
-_PLACES = "source", "folder"  # where the robot file is on this machine
+_PLACES = "source", "folder"  # locations of the robot file on this machine
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +71,8 @@ class Vehicle:
         """Load the vehicle of a robot file, a folder with one, or a built-in name.
 
         Raises:
-            RobotFileError: names file and sensor or key, and what was expected.
-            SensorFileError: names the sensor file and key, the actual value and the expected one.
+            RobotFileError: the robot file is invalid; names file, sensor or key, expected value.
+            SensorFileError: a sensor file is invalid; names file, key, actual and expected value.
         """
         return cls.from_robot(load_robot(source))
 
@@ -87,7 +87,7 @@ class Vehicle:
         Raises:
             RobotFileError: a file is missing or is not a body, a sensor is invalid or inside the
                 body, or a sensor hides a node that the body lacks.
-            SensorFileError: names the sensor file and key, the actual value and the expected one.
+            SensorFileError: a sensor file is invalid; names file, key, actual and expected value.
         """
         with recorded_sources() as sources:
             vehicle = cls._of(robot, cameras)
@@ -143,7 +143,7 @@ class Vehicle:
         """Camera of the given name; without a name, the first.
 
         Raises:
-            RobotFileError: no such camera.
+            RobotFileError: the vehicle has no camera of this name, or none at all.
         """
         return _named(self.cameras, name, f"robot {self.name!r}: camera")
 
@@ -151,7 +151,7 @@ class Vehicle:
         """Laser scanner of the given name; without a name, the first.
 
         Raises:
-            RobotFileError: no such scanner.
+            RobotFileError: the vehicle has no scanner of this name, or none at all.
         """
         return _named(self.scanners, name, f"robot {self.name!r}: scanner")
 
@@ -229,8 +229,8 @@ def _load_body(robot: Robot) -> Scene | None:
         start = default_start(body.bounds_m())
         return body.altered("", name=robot.body, start=start)
     except SceneError as reason:
-        words = str(reason).removeprefix(f"{path}: ")
-        raise RobotFileError(f"{robot.source}: body = {robot.body!r}: {words}") from None
+        message = str(reason).removeprefix(f"{path}: ")
+        raise RobotFileError(f"{robot.source}: body = {robot.body!r}: {message}") from None
 
 
 def _moved(body: Scene, offset_m: tuple[float, float, float]) -> Scene:

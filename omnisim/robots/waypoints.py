@@ -45,7 +45,7 @@ def read_waypoints(path: Path) -> NDArray[np.float64] | None:
     Any other file returns None: with headings or times it is a trajectory.
 
     Raises:
-        TrajectoryError: names file, line, the actual text and the expected one.
+        TrajectoryError: the file is invalid; names file, line, actual and expected text.
     """
     table = read_text_table(path)
     names = table.lines[0].cells

@@ -83,7 +83,8 @@ def check_no_contact(contacts: Sequence[Contact] | None, where: str) -> None:
     """Reject contacts, and robots of unknown size.
 
     Raises:
-        TrajectoryError: names the first contact.
+        TrajectoryError: there is a contact, or the robot's size is unknown; names the first
+            contact.
     """
     if contacts is None:
         raise TrajectoryError(f"{where}: {NO_SIZE}: expected one of them with --no-contact")
@@ -121,10 +122,10 @@ def meet_box(corners_m: NDArray[np.float64], half_m: NDArray[np.float64]) -> NDA
     (2001).
     """
     low, high = bounds_of(corners_m)
-    found: NDArray[np.bool_] = np.all((low <= half_m) & (high >= -half_m), axis=1)
-    near = np.flatnonzero(found)
+    touching: NDArray[np.bool_] = np.all((low <= half_m) & (high >= -half_m), axis=1)
+    near = np.flatnonzero(touching)
     if not len(near):
-        return found
+        return touching
     corners = corners_m[near]
     edges = np.roll(corners, -1, axis=1) - corners
     axes = [np.cross(edges[:, 0], edges[:, 1])]
@@ -132,5 +133,5 @@ def meet_box(corners_m: NDArray[np.float64], half_m: NDArray[np.float64]) -> NDA
     for axis in axes:
         heights = np.einsum("nkj,nj->nk", corners, axis)
         reach = np.abs(axis) @ half_m
-        found[near] &= (heights.min(axis=1) <= reach) & (heights.max(axis=1) >= -reach)
-    return found
+        touching[near] &= (heights.min(axis=1) <= reach) & (heights.max(axis=1) >= -reach)
+    return touching

@@ -73,10 +73,10 @@ class Drive:
         seed: seed of the odometry's and the cameras' noise; a scanner's noise has its own seed in
             the robot file.
         unlit: show plain base colors.
-        device: EGL's number of the GPU, or None.
-        backend: makes images and hits.
-        up_axis, meters_per_unit: options the scene was loaded with, for the record, or None.
-        resources: folders the scene was loaded with, for the record.
+        device: EGL's number of the GPU; None: the default GPU.
+        backend: back end that renders images and casts rays.
+        up_axis, meters_per_unit: loading options of the scene, for the manifest; None: default.
+        resources: search folders of the scene's models and packages, for the manifest.
         channels: ground-truth channels, as `check_channels` returns them.
         channel_format: file format of the channels.
         boxes_3d: also record the oriented boxes of the visible instances.
@@ -106,7 +106,7 @@ class Drive:
 
         Raises:
             TrajectoryError: the path cannot be driven.
-            OmnisimError: physics without its extra.
+            OmnisimError: physics is set, but its extra is not installed.
             RunError: an invalid seed, or an exposure longer than a step.
         """
         return plan_together({BODY: self}, print_note)[BODY]
@@ -253,11 +253,11 @@ class PlannedDrive:
             labels = find_labels(drive.scene, stage.objects, tuple(world.bodies))
             write_labels(run, labels)
             missing = [step for step in range(len(self.truth)) if not run.is_done(step)]
-            there = len(self.truth) - len(missing)
+            finished = len(self.truth) - len(missing)
             if is_new and not missing:  # files of the whole run hold all of the record
                 yield 0
-            yield there
-            for done, step in enumerate(missing, start=there + 1):
+            yield finished
+            for done, step in enumerate(missing, start=finished + 1):
                 for name, instrument in instruments.items():
                     for index in run.indices_at(name, step):
                         if run.missing_at(name, index):
@@ -429,11 +429,11 @@ def _check_motion(run: RunFolder, truth: Trajectory) -> None:
 def plan_together(
     drives: Mapping[str, Drive], print_note: Callable[[str], None] | None = None
 ) -> dict[str, PlannedDrive]:
-    """Plan drives through one scene, by the names of their vehicles; in physics they meet.
+    """Plan drives through one scene, by vehicle name; with physics, the vehicles can collide.
 
     Raises:
         TrajectoryError: a path cannot be driven.
-        OmnisimError: physics without its extra.
+        OmnisimError: physics is set, but its extra is not installed.
         RunError: an invalid seed, or an exposure longer than a step.
     """
     if any(drive.physics for drive in drives.values()):

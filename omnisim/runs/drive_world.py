@@ -47,13 +47,13 @@ class DriveWorld:
 
     Attributes:
         scene: scene with its dynamic objects.
-        own: the vehicle itself.
+        ego: the vehicle and its motion.
         vehicle: name of the vehicle in the world.
         others: other vehicles by name.
     """
 
     scene: Scene
-    own: MovingVehicle
+    ego: MovingVehicle
     vehicle: str = BODY
     others: Mapping[str, MovingVehicle] = field(default_factory=dict)
 
@@ -75,7 +75,7 @@ class DriveWorld:
 
     @property
     def _vehicles(self) -> dict[str, MovingVehicle]:
-        return {self.vehicle: self.own, **self.others}
+        return {self.vehicle: self.ego, **self.others}
 
     def manifest(self) -> dict[str, Any]:
         """Other vehicles for a run's manifest; empty without other vehicles."""
@@ -92,7 +92,7 @@ class DriveWorld:
         Raises:
             OutputError: a file cannot be written.
         """
-        times_s = self.own.truth.times_s
+        times_s = self.ego.truth.times_s
         motions = {name: one.pose_at for name, one in self.others.items()}
         motions |= {one.name: one.motion.pose_at for one in self.scene.objects}
         if motions:

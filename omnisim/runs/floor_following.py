@@ -64,15 +64,15 @@ def follow_floor(scene: Scene, sweep: Sweep, box: BodyBoxes | None, where: str) 
         for k, columns in enumerate(surfaces, start=begin):
             if last is None:
                 last = np.full(len(_PLACES), _nearest_to_zero(columns))
-            found = _floor_heights(columns, last, clearance_m)
-            if found is None:
+            floor_heights = _floor_heights(columns, last, clearance_m)
+            if floor_heights is None:
                 x, y = places[at[k]].tolist()
                 raise TrajectoryError(
                     f"{where}: leaves the floor at step {sweep.steps[at[k]]}, ({x:.2f}, {y:.2f}) m:"
                     f" expected floor within {clearance_m:g} m of {last[_MIDDLE]:.2f} m: "
                     "--ground M drives at one height"
                 )
-            heights[k] = last = found
+            heights[k] = last = floor_heights
     grounded = _on_wheels(poses, yaw, track, heights[-len(poses) :])
     return dataclasses.replace(sweep, world_from_base=grounded)
 

@@ -43,7 +43,7 @@ class Sweep:
 
     @classmethod
     def along(cls, trajectory: Trajectory, reach_m: float) -> Sweep:
-        """Interpolate poses within the steps: straight, about one axis, evenly.
+        """Interpolate poses within the steps: positions linearly, rotations by slerp.
 
         Args:
             trajectory: trajectory to interpolate.

@@ -46,8 +46,8 @@ class Route:
     Attributes:
         path: name of one of the scene's paths, or a file with poses or waypoints.
         step_m, step_deg: maximum step along waypoints and on the spot.
-        rate_hz: steps per second along waypoints instead, or poses per second of a file without
-            times.
+        rate_hz: steps per second along waypoints, in place of `step_m` and `step_deg`; or poses per
+            second of a file without times.
         ignore_limits: allow jumps and motion beyond the robot's limits.
         ground_m: height of the waypoints, or None: on the scene's floor.
         axes: axes of a file's poses, or None: by the convention of the file's format.
@@ -129,7 +129,7 @@ def plan_route(
     else:
         _refuse_axes(route)
         plan = _from_scene(scene, vehicle, route)
-    has_heights = isinstance(plan, _Recorded) and plan.has_heights
+    has_heights = isinstance(plan, _RecordedPath) and plan.has_heights
     trajectory = plan.trajectory
     follows_floor = not has_heights and route.ground_m is None
     if not has_heights and route.ground_m is not None:
@@ -160,7 +160,7 @@ def plan_route(
 
 
 @dataclass(frozen=True, eq=False)
-class _Recorded:
+class _RecordedPath:
     """Trajectory from a file with poses.
 
     Attributes:
@@ -174,7 +174,7 @@ class _Recorded:
     has_times: bool
 
 
-def _motion(plan: Plan | _Recorded, trajectory: Trajectory) -> BodyMotion:
+def _motion(plan: Plan | _RecordedPath, trajectory: Trajectory) -> BodyMotion:
     """Motion through poses from a file, or poses off the floor."""
     if isinstance(plan, Plan):
         return plan.motion.at_height(float(trajectory.positions_m[0, 2]))
@@ -210,11 +210,11 @@ def _from_scene(scene: Scene, vehicle: Vehicle, route: Route) -> Plan:
         raise TrajectoryError(
             f"path {route.path!r}: no such file, and no such path in {scene.name}; {hint}"
         )
-    found = paths[route.path]
-    yaw_deg = found.start_yaw_deg
+    scene_path = paths[route.path]
+    yaw_deg = scene_path.start_yaw_deg
     start_yaw_rad = None if yaw_deg is None else math.radians(yaw_deg)
     where = f"path {route.path!r} of {scene.name}"
-    return _along(np.array(found.waypoints_m), start_yaw_rad, vehicle, route, where)
+    return _along(np.array(scene_path.waypoints_m), start_yaw_rad, vehicle, route, where)
 
 
 def _refuse_axes(route: Route) -> None:
@@ -224,7 +224,7 @@ def _refuse_axes(route: Route) -> None:
 
 def _from_file(
     path: Path, vehicle: Vehicle, route: Route, print_note: Callable[[str], None] | None
-) -> Plan | _Recorded:
+) -> Plan | _RecordedPath:
     """Plan along waypoints or poses from a file."""
     waypoints_m = read_waypoints(path) if path.suffix.lower() == ".csv" else None
     if waypoints_m is not None:
@@ -261,7 +261,7 @@ def _from_file(
         except TrajectoryError as reason:
             raise TrajectoryError(f"{reason}; --ignore-limits drives it all the same") from None
     has_times = recording.times_s is not None or route.rate_hz is not None
-    return _Recorded(trajectory, recording.has_heights, has_times)
+    return _RecordedPath(trajectory, recording.has_heights, has_times)
 
 
 def _check_steps(recording: ParsedTrajectory) -> None:

@@ -75,8 +75,8 @@ class RunData:
         pixels, _ = read_image(path)
         height, width, channels = pixels.shape
         camera = self.mount.camera
-        wanted = (camera.height_px, camera.width_px)
-        if (height, width) != wanted or channels < 3 or pixels.dtype != np.uint8:
+        expected = (camera.height_px, camera.width_px)
+        if (height, width) != expected or channels < 3 or pixels.dtype != np.uint8:
             raise RunError(
                 f"{path}: has {width} × {height} px of {channels} × {pixels.dtype}: expected this "
                 f"camera's {camera.width_px} × {camera.height_px} px of 3 × uint8"
@@ -90,7 +90,7 @@ class RunData:
         return [notice for notice in (self.folder.unfinished(), caveat) if notice is not None]
 
     def images(self) -> Iterator[NDArray[np.uint8]]:
-        """All images in order."""
+        """Images (height, width, 3) of all steps in order, sRGB."""
         return (self.image(step) for step in range(self.steps))
 
 
@@ -118,10 +118,10 @@ def read_run(folder: Path, scene: str | None = None, camera: str | None = None) 
             "where the wheels are read"
         )
     recorded = run.manifest.scene
-    found = recorded.load(scene)
-    if not found.landmarks:
+    run_scene = recorded.load(scene)
+    if not run_scene.landmarks:
         raise RunError(
-            f"{folder}: its scene {found.name} has no [[landmarks]]: expected a scene with some"
+            f"{folder}: its scene {run_scene.name} has no [[landmarks]]: expected a scene with some"
         )
     steps = run.steps_done()
     if steps == 0:
@@ -134,4 +134,4 @@ def read_run(folder: Path, scene: str | None = None, camera: str | None = None) 
     if truth is not None:
         run.check_steps(GROUND_TRUTH, len(truth))
     mount = read_mount(folder / name / CALIBRATION).assuming_viewpoint()
-    return RunData(run, name, mount, found, odometry, truth, steps)
+    return RunData(run, name, mount, run_scene, odometry, truth, steps)

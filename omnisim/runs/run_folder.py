@@ -1,13 +1,13 @@
 """Folder of a run: its files, the missing ones, and whether the run may resume.
 
-    manifest.json               what made the run: versions, contents, settings, seeds
+    manifest.json               provenance: versions, contents, settings, seeds
     ground_truth.tum            poses of the base (TUM: s, meters, quaternion xyzw)
     odometry.csv                readings of the wheels, and dead reckoning by them
     objects/<name>.tum          poses of another vehicle or a dynamic object, at the same times
     states.csv                  true states of the base at the times of all measurements
-    <sensor>/000000.<suffix>    files of a measurement, see `omnisim.sensors`: one per
-                                step, or at the sensor's own rate, by
-    <sensor>/times.csv          times of its measurements
+    <sensor>/000000.<suffix>    files of a measurement, see `omnisim.sensors`; one measurement per
+                                step, or at the sensor's own rate
+    <sensor>/times.csv          times of the measurements, for a sensor with its own rate
     <imu>/readings.csv          all readings; their biases are in biases.csv
     <camera>/sensor.toml        the camera's sensor file
     <camera>/calibration.json   the camera's parameters and its mount on the base
@@ -19,14 +19,14 @@ A rig has no wheels; instead of the odometry it has:
 
     <camera>/poses.tum          poses of the camera's optical frame
 
-With channels of ground truth also (a run with a lidar has labels.json, too):
+With ground-truth channels it also has these files (labels.json also with a lidar):
 
     labels.json                             numbers, names and colors of classes and instances
     <camera>/000000.channels.exr ...        the channels of a step, see omnisim/ground_truth/exr.py
-    <camera>/000000.range.npy ...           or one file per channel, by the format npy, with
-    <camera>/000000.channels.json ...       the channels' units and meanings
+    <camera>/000000.range.npy ...           one file per channel instead, in the format npy
+    <camera>/000000.channels.json ...       the channels' units and meanings, with the format npy
     <camera>/000000.coco.json ...           boxes of the instances at a step, with `instance`
-    <camera>/coco.json                      boxes of all steps, when all are there
+    <camera>/coco.json                      boxes of all steps, once the run is complete
     <camera>/000000.boxes_3d.json ...       oriented 3-D boxes of the instances at a step
 
 Files are written atomically, so every file present is complete. An empty file, left by a power
@@ -199,7 +199,7 @@ class RunFolder:
         """Reject a file of the run with another number of steps.
 
         Raises:
-            RunError: names the file and both numbers.
+            RunError: the numbers differ; names the file and both numbers.
         """
         if count != self.manifest.steps:
             raise RunError(
@@ -262,11 +262,13 @@ class RunFolder:
 
     def channels_at(self, index: int, sensor: str) -> tuple[str, ...]:
         """Channels of a measurement: the first lacks a previous one, the last a next one."""
-        there = {""}
-        there |= {"previous"} if index > 0 else set()
-        there |= {"next"} if index < self.measurements(sensor) - 1 else set()
+        available = {""}
+        available |= {"previous"} if index > 0 else set()
+        available |= {"next"} if index < self.measurements(sensor) - 1 else set()
         names = self.manifest.channels
-        return tuple(name for name in names if name in CHANNELS and CHANNELS[name].other in there)
+        return tuple(
+            name for name in names if name in CHANNELS and CHANNELS[name].other in available
+        )
 
 
 def read_times(path: Path, count: int) -> NDArray[np.float64]:
@@ -352,9 +354,9 @@ def _begin(run: RunFolder, content: dict[str, Any], force: bool) -> None:
                 "or that of a run"
             )
     else:
-        there = parse_manifest(old, f"{path / MANIFEST}: is damaged")
+        existing = parse_manifest(old, f"{path / MANIFEST}: is damaged")
         if force:
-            _clear(RunFolder(path, there))
+            _clear(RunFolder(path, existing))
         elif difference := first_difference(old, content):
             raise RunError(
                 f"{path / MANIFEST}: {difference}: another run is in this folder; choose another, "

@@ -36,13 +36,13 @@ Track = Callable[[Iterable[int]], Iterable[int]]
 
 def landmark_colors(landmarks: Sequence[Landmark]) -> tuple[str, ...]:
     """Names of the saturated colors of landmarks, in alphabetical order."""
-    found = set()
+    colors = set()
     for landmark in landmarks:
         for band in landmark.bands:
             brightest = max(band.linear_rgb)
             if brightest > 0.0 and 1.0 - min(band.linear_rgb) / brightest >= MIN_SATURATION:
-                found.add(band.color)
-    return tuple(sorted(found))
+                colors.add(band.color)
+    return tuple(sorted(colors))
 
 
 class RunLabels:
@@ -81,15 +81,15 @@ class RunLabels:
         return self._class_of_instance[ids]
 
     def pixels(self, track: Track = iter) -> Iterator[LabeledPixels]:
-        """Pixels of the scene and their classes, image by image.
+        """Pixels (n, 3) that show the scene, and their classes (n,), image by image.
 
         Args:
             track: wrapper of the steps, for progress.
         """
         covered = self._run.mount.covered
-        shown = slice(None) if covered is None else covered.ravel()
+        selected = slice(None) if covered is None else covered.ravel()
         for step in track(range(self._run.steps)):
-            yield self._run.image(step).reshape(-1, 3)[shown], self(step).ravel()[shown]
+            yield self._run.image(step).reshape(-1, 3)[selected], self(step).ravel()[selected]
 
 
 def train_on_run(run: RunData, costs: Costs, track: Track = iter) -> Training:

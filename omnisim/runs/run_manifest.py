@@ -75,7 +75,7 @@ def _check_type(kind: str) -> str:
 
 class _Sensor(_OpenTable):
     type: Annotated[str, AfterValidator(_check_type)]
-    measurements: int | None = Field(default=None, ge=1, le=10**9)  # at a rate of its own
+    measurements: int | None = Field(default=None, ge=1, le=10**9)  # for a sensor with its own rate
 
 
 class Manifest(_OpenTable):
@@ -111,7 +111,7 @@ def parse_manifest(content: dict[str, Any], source: str) -> Manifest:
     """Check a manifest.
 
     Raises:
-        RunError: names the first invalid key, in one line.
+        RunError: the manifest is invalid; names the first invalid key, in one line.
     """
     try:
         return parse_table(content, Manifest, RunError, source)
@@ -143,6 +143,10 @@ def first_difference(old: dict[str, Any], new: dict[str, Any], at: str = "") -> 
 
     A missing table counts as empty, so that the message names a key in it instead of the table.
     It also names the values of long lists by their indices.
+
+    Args:
+        old, new: contents of two manifests.
+        at: path of their table in the manifest, with a final dot; empty: the manifest itself.
     """
     for key in dict.fromkeys((*new, *old)):
         if f"{at}{key}" in FOR_THE_RECORD:

@@ -40,7 +40,7 @@ class SingleImage:
         return [] if self.mount.caveat is None else [self.mount.caveat]
 
     def image(self, step: int) -> NDArray[np.uint8]:
-        """Image at step 0, the only step."""
+        """Image (height, width, 3) at step 0, the only step, sRGB."""
         return self.pixels
 
 
@@ -60,26 +60,26 @@ def read_single_image(
         OutputError: not an image, an image of floats, or an image without its camera.
         OpticsError: an invalid height.
     """
-    taken = read_captured_image(path, sensor)
-    if taken.pixels.dtype != np.uint8:
+    captured = read_captured_image(path, sensor)
+    if captured.pixels.dtype != np.uint8:
         raise OutputError(f"{path}: has linear floats: expected an image of 8 bits, .png")
     viewpoint_height_m = height_m
     if height_m is None:
-        height_m = taken.height_m if sensor is None else float(sensor.base_from_optical[2, 3])
+        height_m = captured.height_m if sensor is None else float(sensor.base_from_optical[2, 3])
     if height_m is None or not (math.isfinite(height_m) and height_m > 0.0):
         raise OpticsError(
             f"{path}: camera {height_m} m above the ground: expected more than 0: pass "
             "--height METERS"
         )
     base_from_optical = np.eye(4)
-    base_from_optical[:3, :3] = taken.base_from_optical
+    base_from_optical[:3, :3] = captured.base_from_optical
     if sensor is not None:
         base_from_optical[:3, 3] = sensor.base_from_optical[:3, 3]
-    elif taken.world_from_base is not None and taken.world_from_optical is not None:
-        arm = taken.world_from_optical[:3, 3] - taken.world_from_base[:3, 3]
-        base_from_optical[:3, 3] = taken.world_from_base[:3, :3].T @ arm
+    elif captured.world_from_base is not None and captured.world_from_optical is not None:
+        arm = captured.world_from_optical[:3, 3] - captured.world_from_base[:3, 3]
+        base_from_optical[:3, 3] = captured.world_from_base[:3, :3].T @ arm
     base_from_optical[2, 3] = height_m
-    mount = CameraMount(taken.camera, base_from_optical, taken.covered).assuming_viewpoint()
+    mount = CameraMount(captured.camera, base_from_optical, captured.covered).assuming_viewpoint()
     if viewpoint_height_m is not None:
         mount.base_from_optical[2, 3] = viewpoint_height_m
-    return SingleImage(mount, taken.pixels)
+    return SingleImage(mount, captured.pixels)

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.core.errors import OmnisimError, SceneError
 from omnisim.core.poses import check_pose
 from omnisim.core.srgb import linear_from_srgb8
-from omnisim.scene.files.imported import PLAIN_GRAY, ImportedScene, make_mesh
+from omnisim.scene.files.imported_scene import PLAIN_GRAY, ImportedScene, make_mesh
 from omnisim.scene.parts import AlphaMode, Instance, Material, Texture
 
 _BYTE = np.dtype(np.uint8)
@@ -25,7 +25,11 @@ def import_arrays(
     base_color: ArrayLike | None,
     double_sided: bool,
 ) -> ImportedScene:
-    """Import one instance; the arguments are those of `Scene.from_arrays`."""
+    """Import one instance; the arguments are those of `Scene.from_arrays`.
+
+    Raises:
+        SceneError: an array is invalid; names the instance, the expected and the actual value.
+    """
     vertices = _numbers(name, "vertices_m", vertices_m, ("n", 3))
     corners = _numbers(name, "triangles", triangles, ("m", 3))
     if not (len(corners) and (corners == np.floor(corners)).all()):
@@ -65,7 +69,7 @@ def color_material(
         like: material that supplies the name, `double_sided` and `unlit`.
 
     Raises:
-        SceneError: naming the instance, the expected and the actual value.
+        SceneError: a value is invalid; names the instance, the expected and the actual value.
     """
     rgba = _numbers(name, "base_color", base_color, None)
     if rgba.shape not in ((3,), (4,)) or rgba.min() < 0.0 or rgba.max() > 1.0:
@@ -94,7 +98,7 @@ def instance_pose(name: str, matrix: ArrayLike) -> NDArray[np.float64]:
     """Checked pose (4, 4) of an instance.
 
     Raises:
-        SceneError: naming the instance, the expected and the actual value.
+        SceneError: a value is invalid; names the instance, the expected and the actual value.
     """
     checked = _numbers(name, "pose", matrix, (4, 4))
     try:
@@ -141,7 +145,7 @@ def _vertex_colors(name: str, colors: ArrayLike, count: int) -> NDArray[np.float
 def _numbers(
     name: str, key: str, values: ArrayLike, shape: tuple[str | int, ...] | None
 ) -> NDArray[np.float64]:
-    """Array of finite numbers, checked against a shape in which letters stand for any length."""
+    """Validated array of finite numbers; letters in `shape` stand for any length."""
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):

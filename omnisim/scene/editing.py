@@ -113,8 +113,8 @@ def add(content: Content, name: str, part: Content, world_from_part: ArrayLike) 
 
 def free_name(content: Content, name: str) -> str:
     """Name with underscores appended until no instance has it."""
-    taken = {one.name for one in content.instances}
-    while name in taken:
+    used_names = {one.name for one in content.instances}
+    while name in used_names:
         name += "_"
     return name
 

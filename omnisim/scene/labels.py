@@ -44,15 +44,15 @@ def read_label_file(path: Path) -> tuple[LabelRule, ...]:
     """Read the label rules of a TOML file that contains only `[[labels]]`.
 
     Raises:
-        SceneError: naming file, key, value and the expected value.
+        SceneError: the file is invalid; names file, key, actual and expected value.
     """
     return label_rules(read_toml(path, LabelFile, SceneError).labels)
 
 
 def label_rules(tables: tuple[LabelTable, ...]) -> tuple[LabelRule, ...]:
     """Label rules of the tables, with missing IDs and colors assigned."""
-    taken = {table.id for table in tables}
-    free = (number for number in itertools.count(1) if number not in taken)
+    used_ids = {table.id for table in tables}
+    free = (number for number in itertools.count(1) if number not in used_ids)
     ids = [next(free) if table.id is None else table.id for table in tables]
     return tuple(
         LabelRule(number, table.name, table.color or distinct_color(number), table.nodes)

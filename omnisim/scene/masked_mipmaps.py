@@ -13,9 +13,9 @@ _SEARCH_STEPS = 12  # bisections of [0, 16], down to 4/1000: one 8-bit step
 def masked_mipmaps(pixels: NDArray[np.uint8], cutoff: float) -> list[NDArray[np.uint8]]:
     """Mip levels 1, 2, … down to one texel, for a texture (height, width, 4) uint8 sRGB.
 
-    Plain averages of alpha make a fence vanish, once none reaches the cutoff, or close the gaps of
-    a hedge. Each level's alpha is therefore scaled until the same share of texels passes the cutoff
-    as at the first level. Colors are averaged in linear light and weighted by alpha.
+    With plain averages of alpha, a fence vanishes once no texel reaches the cutoff, and the gaps of
+    a hedge close. Each level's alpha is therefore scaled until the same share of texels passes the
+    cutoff as at the first level. Colors are averaged in linear light and weighted by alpha.
 
     Source: Castaño, "Computing alpha mipmaps", 2010.
     """

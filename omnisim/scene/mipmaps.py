@@ -1,6 +1,6 @@
 """Mip levels of textures, averaged in linear light.
 
-A software driver compiles one program per kind of size before it generates levels itself, which
+Software drivers also generate levels, but first compile a program per class of texture sizes. That
 takes longer than averaging all textures of a scene here.
 """
 
@@ -54,7 +54,7 @@ def _looked_up(
 
 
 def _halved(values: NDArray[np.uint16], axis: int) -> NDArray[np.uint16]:
-    """Averages of two values along an axis; with an odd count, each spans a bit of a third value.
+    """Averages of two values along an axis; of three, suitably weighted, if the count is odd.
 
     Source: Guthe and Heckbert, "Non-power-of-two mipmapping", 2005.
     """

@@ -15,8 +15,8 @@ from omnisim.ground_truth.boxes_3d import OrientedBox
 from omnisim.scene import editing
 from omnisim.scene.arrays import import_arrays
 from omnisim.scene.files.file_axes import world_from_axes
-from omnisim.scene.files.given import Given
-from omnisim.scene.files.imported import ImportedScene, place
+from omnisim.scene.files.imported_scene import ImportedScene, place
+from omnisim.scene.files.source_digests import SourceDigests
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, expose, is_even
 from omnisim.scene.motion.object_motion import ObjectMotion
 from omnisim.scene.parts import (
@@ -126,7 +126,7 @@ class Scene:
     labels: tuple[LabelRule, ...] = ()
     objects: tuple[DynamicObject, ...] = ()
     cameras: tuple[CameraPose, ...] = ()
-    given: Given | None = field(default=None, init=False)
+    given: SourceDigests | None = field(default=None, init=False)
 
     def __repr__(self) -> str:
         return short_repr(
@@ -217,7 +217,7 @@ class Scene:
         content = editing.add(self._content, name, part._still, pose)
         given = part.given
         if given is None:  # built from arrays: identified by its content
-            given = Given(fingerprint(part), fingerprint(part))
+            given = SourceDigests(fingerprint(part), fingerprint(part))
         return self._edited(content, "added", name, given, pose)
 
     def at_start(self) -> Scene:
@@ -362,7 +362,7 @@ class Scene:
         edited = self._with(content)
         return edited if self.given is None else edited.identified(self.given.edited(*change))
 
-    def identified(self, given: Given) -> Scene:
+    def identified(self, given: SourceDigests) -> Scene:
         """Same scene with another identity."""
         scene = copy.copy(self)
         object.__setattr__(scene, "given", given)

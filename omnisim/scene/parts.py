@@ -245,7 +245,7 @@ class Light:
             light.
         range_m: distance at which the light of a point or spot light ends.
         cone_cosines: cosines of a spot light's inner and outer half-angles.
-        casts_shadow: whether surfaces block the light; those within `LAMP_NEAR_M` never do.
+        casts_shadow: True: surfaces block the light, except those within `LAMP_NEAR_M`.
 
     Source: glTF extension KHR_lights_punctual.
     """

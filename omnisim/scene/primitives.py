@@ -2,8 +2,8 @@
 
 On round surfaces, every point of a triangle is within `MAX_DEVIATION` of the radius, or within
 `MIN_DEVIATION_M`, of the true surface. Corners lie slightly outside it and triangle centers
-slightly inside, so that ranges are unbiased. `most` is the maximum number of segments of a circle,
-for scenes with many solids.
+slightly inside, so that ranges are unbiased. `max_segments` limits the segments of a circle, for
+scenes with many solids.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ class Surface(NamedTuple):
     normals: NDArray[np.float64] | None
 
 
-def segments(radius_m: float, most: int = MAX_SEGMENTS) -> int:
+def segments(radius_m: float, max_segments: int = MAX_SEGMENTS) -> int:
     """Number of segments of a circle, a multiple of four."""
     deviation = max(MAX_DEVIATION, MIN_DEVIATION_M / max(radius_m, MIN_DEVIATION_M))
     count = 4 * math.ceil(math.pi / math.acos(1.0 - min(deviation, 1.0)) / 4.0)
-    return min(max(count, MIN_SEGMENTS), most)
+    return min(max(count, MIN_SEGMENTS), max_segments)
 
 
 def rectangle(half_x: float, half_y: float) -> Surface:
@@ -66,10 +66,10 @@ def box(half_sizes: ArrayLike) -> Surface:
     )
 
 
-def ellipsoid(radii: ArrayLike, most: int = MAX_SEGMENTS) -> Surface:
+def ellipsoid(radii: ArrayLike, max_segments: int = MAX_SEGMENTS) -> Surface:
     """Ellipsoid at the origin, with radii (3,)."""
     sizes = np.asarray(radii, dtype=np.float64)
-    count = segments(float(sizes.max()), most)
+    count = segments(float(sizes.max()), max_segments)
     unit = _dome(count, 0.0, math.pi)
     normals = unit.positions / sizes
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -77,18 +77,18 @@ def ellipsoid(radii: ArrayLike, most: int = MAX_SEGMENTS) -> Surface:
     return Surface(unit.positions * sizes * outside, unit.triangles, normals)
 
 
-def cylinder(radius_m: float, half_length_m: float, most: int = MAX_SEGMENTS) -> Surface:
+def cylinder(radius_m: float, half_length_m: float, max_segments: int = MAX_SEGMENTS) -> Surface:
     """Closed cylinder around the z axis."""
-    count = segments(radius_m, most)
+    count = segments(radius_m, max_segments)
     outer = radius_m * _outside(count)
     side = _tube(count, outer, half_length_m)
     caps = [_disc(count, outer, sign * half_length_m) for sign in (-1.0, 1.0)]
     return join(side, *caps)
 
 
-def capsule(radius_m: float, half_length_m: float, most: int = MAX_SEGMENTS) -> Surface:
+def capsule(radius_m: float, half_length_m: float, max_segments: int = MAX_SEGMENTS) -> Surface:
     """Capsule around the z axis; the half length excludes the hemispheres."""
-    count = segments(radius_m, most)
+    count = segments(radius_m, max_segments)
     top = _dome(count, 0.0, 0.5 * math.pi)
     bottom = _dome(count, 0.5 * math.pi, math.pi)
     offset = np.array([0.0, 0.0, half_length_m])
@@ -100,9 +100,9 @@ def capsule(radius_m: float, half_length_m: float, most: int = MAX_SEGMENTS) -> 
     )
 
 
-def cone(radius_m: float, half_length_m: float, most: int = MAX_SEGMENTS) -> Surface:
+def cone(radius_m: float, half_length_m: float, max_segments: int = MAX_SEGMENTS) -> Surface:
     """Closed cone around the z axis, tip up."""
-    count = segments(radius_m, most)
+    count = segments(radius_m, max_segments)
     outer = radius_m * _outside(count)
     side = _tube(count, outer, half_length_m)
     positions = side.positions.copy()

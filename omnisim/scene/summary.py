@@ -58,7 +58,7 @@ class Floor:
 
 
 @dataclass(frozen=True)
-class Place:
+class StartSummary:
     """Start pose of the camera or of a vehicle.
 
     Attributes:
@@ -126,12 +126,14 @@ def floors(scene: Scene) -> tuple[Floor, ...]:
     return tuple(sorted(large_floors, key=lambda one: -one.area_m2))
 
 
-def start_places(scene: Scene) -> tuple[Place, ...]:
+def start_summaries(scene: Scene) -> tuple[StartSummary, ...]:
     """Start poses: the camera's, then those of vehicles."""
     starts = [("", scene.start.position_m, scene.start.yaw_deg)]
     starts += [(one.name, one.position_m, one.yaw_deg) for one in scene.starts]
     return tuple(
-        Place(name, position_m, yaw_deg, floor_height_m(scene, position_m[:2], position_m[2]))
+        StartSummary(
+            name, position_m, yaw_deg, floor_height_m(scene, position_m[:2], position_m[2])
+        )
         for name, position_m, yaw_deg in starts
     )
 

@@ -88,7 +88,7 @@ def _body(
 def smith_visibility(
     light: NDArray[np.floating], view: NDArray[np.floating], squared: NDArray[np.floating]
 ) -> NDArray[np.floating]:
-    """Height-correlated visibility of microfacets, from cosines and the squared alpha.
+    """Height-correlated visibility of microfacets, from two cosines and alpha squared; broadcasts.
 
     Source: Heitz, 2014, as in glTF 2.0, appendix B.3.2.
     """

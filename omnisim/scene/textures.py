@@ -49,8 +49,13 @@ class TextureStore:
     ) -> Texture | None:
         """Texture of an image, or None if it cannot be decoded.
 
-        Mirroring along u or v appends the mirror image on that axis. A linear texture holds values,
-        not colors.
+
+        Args:
+            image: opened image.
+            used_by: name of the material, for notices.
+            wraps: wrapping modes along u and v.
+            mirrored: True along u or v: append the mirror image along that axis.
+            is_linear: True for values, False for sRGB-encoded colors.
         """
         key = (id(image), wraps, mirrored, is_linear)
         if key not in self._textures:

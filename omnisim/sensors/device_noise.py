@@ -14,15 +14,15 @@ def check_number(name: str, number: object) -> None:
     """Raise an error unless a measurement number is a whole number of 32 bits.
 
     Raises:
-        OpticsError: names the measurement and the invalid number.
+        OpticsError: the number is invalid; names the measurement and the number.
     """
     is_whole = isinstance(number, int | np.integer) and not isinstance(number, bool)
     if not (is_whole and 0 <= number <= MAX_SEED):  # type: ignore[operator]
         raise OpticsError(f"{name}: expected a whole number of 32 bits, got {number!r}")
 
 
-def rounded(ranges_m: NDArray[np.float64], step_m: float) -> NDArray[np.float64]:
-    """Round ranges to multiples of a step; a step of 0 leaves them unchanged."""
+def round_ranges(ranges_m: NDArray[np.float64], step_m: float) -> NDArray[np.float64]:
+    """Round ranges (...) to multiples of a step; a step of 0 leaves them unchanged."""
     if not step_m:
         return ranges_m
     # Dividing, unlike multiplying, is exact to the last bit: 8190 steps become 8.19.

@@ -1,8 +1,8 @@
 """Protocol of sensors: mounted on a vehicle, opened on a stage, measuring the moving world.
 
-sensor = MountedCamera(...)                    # by its table in the robot file
+sensor = MountedCamera(...)                    # from its table in the robot file
 with sensor.instrument(stage, settings) as instrument:
-    measurement = instrument.measure(moment)   # of the world's motion
+    measurement = instrument.measure(moment)   # at a moment of the world's motion
 measurement.save(Path("run/omnicam/000000"))   # run/omnicam/000000.png, ...
 """
 
@@ -25,7 +25,7 @@ from omnisim.core.trajectories.body_motion import BodyMotion
 from omnisim.core.world import Motion
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.sensor_renderer import Mounting
-from omnisim.rendering.shared_scene import Closing, SharedScene
+from omnisim.rendering.shared_scene import Closeable, SharedScene
 from omnisim.rendering.stage import Stage
 from omnisim.sensors.rate import SensorRate
 
@@ -100,7 +100,7 @@ class Measurement(ABC):
 
     @abstractmethod
     def save(self, stem: Path) -> None:
-        """Write the files of the measurement that are missing.
+        """Write the missing files of the measurement.
 
         Args:
             stem: output path without suffix.
@@ -133,7 +133,7 @@ class FileMeasurement(Measurement):
             self.write(target)
 
 
-class Instrument(Closing):
+class Instrument(Closeable):
     """Sensor that is open on a stage.
 
     Args:
@@ -141,7 +141,7 @@ class Instrument(Closing):
         measure: function that measures the moving world at a moment.
     """
 
-    def __init__(self, renderer: Closing, measure: Callable[[Moment], Measurement]):
+    def __init__(self, renderer: Closeable, measure: Callable[[Moment], Measurement]):
         self._renderer, self._measure = renderer, measure
 
     def measure(self, moment: Moment) -> Measurement:
@@ -206,8 +206,8 @@ class MountedSensor(ABC):
 
     def summary(self) -> str:
         """Short description of the sensor."""
-        words: str = self.sensor.summary()
-        return words
+        text: str = self.sensor.summary()
+        return text
 
     def times_s(self, step_times_s: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
         """Times (n,) of the measurements in a drive with steps at times (m,).
@@ -260,7 +260,7 @@ class MountedSensor(ABC):
         """Raise an error if the sensor cannot measure a trajectory at times (n,).
 
         Raises:
-            RunError: names sensor and step, and what is expected.
+            RunError: the trajectory is unsuitable; names sensor, step and expected value.
         """
 
     def note(self, times_s: NDArray[np.float64]) -> str | None:

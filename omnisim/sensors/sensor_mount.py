@@ -71,7 +71,7 @@ class SensorMount(Table):
 
         Raises:
             RobotFileError: the sensor is invalid, or a file is missing.
-            SensorFileError: names the sensor file and key, the actual value and the expected one.
+            SensorFileError: a sensor file is invalid; names file, key, actual and expected value.
         """
         try:
             parameters = self.parameters()

@@ -22,8 +22,8 @@ def sensor_rates(
         sources: names of the sensors in messages.
 
     Raises:
-        RobotFileError: names sensor and key: the rates on a trigger differ, or a phase, jitter or
-            trigger has no rate.
+        RobotFileError: the rates on a trigger differ, or a phase, jitter or trigger has no rate;
+            names sensor and key.
     """
     triggers: dict[str, SensorMount] = {}
     for mount, source in zip(mounts, sources, strict=True):
@@ -31,10 +31,10 @@ def sensor_rates(
             continue
         first = triggers.setdefault(mount.trigger, mount)
         for key in TIMING:
-            ours, theirs = getattr(mount, key), getattr(first, key)
-            if ours != theirs:
+            value, expected = getattr(mount, key), getattr(first, key)
+            if value != expected:
                 raise RobotFileError(
-                    f"{source}: {key} = {ours:g}: expected {theirs:g}, that of {first.name!r} "
+                    f"{source}: {key} = {value:g}: expected {expected:g}, that of {first.name!r} "
                     f"on trigger {mount.trigger!r}"
                 )
     return [_timed(*one, triggers) for one in zip(mounts, sources, strict=True)]

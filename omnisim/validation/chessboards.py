@@ -48,15 +48,13 @@ def board_poses(count: int, seed: int = 11) -> list[NDArray[np.float64]]:
     return poses
 
 
-def board_poses_in_front(
-    count: int, largest_rad: float, seed: int = 7
-) -> list[NDArray[np.float64]]:
-    """Random poses (4, 4) optical_from_board of tilted boards, up to `largest_rad` off the axis."""
+def board_poses_in_front(count: int, max_rad: float, seed: int = 7) -> list[NDArray[np.float64]]:
+    """Random poses (4, 4) optical_from_board of tilted boards, up to `max_rad` off the axis."""
     random = np.random.default_rng(seed)
     poses = []
     for index in range(count):
         azimuth = 2.0 * math.pi * (index * 0.381966 + 0.03 * random.normal())
-        theta = largest_rad * math.sqrt((index + 0.5) / count)
+        theta = max_rad * math.sqrt((index + 0.5) / count)
         across = math.sin(theta)
         outward = np.array(
             [across * math.cos(azimuth), across * math.sin(azimuth), math.cos(theta)]

@@ -17,14 +17,14 @@ WINDOW_PX = 12
 
 
 def marker_positions(
-    viewpoint_m: ArrayLike, axis: ArrayLike, largest_rad: float, count: int
+    viewpoint_m: ArrayLike, axis: ArrayLike, max_rad: float, count: int
 ) -> NDArray[np.float64]:
-    """Points (count, 3) in directions up to `largest_rad` from an axis (3,), 0.6 to 12 m away.
+    """Points (count, 3) in directions up to `max_rad` from an axis (3,), 0.6 to 12 m away.
 
     Source: a spiral by the golden angle, so that no two directions are close together.
     """
     index = np.arange(count) + 0.5
-    cosines = 1.0 - index / count * (1.0 - math.cos(largest_rad))
+    cosines = 1.0 - index / count * (1.0 - math.cos(max_rad))
     azimuths = index * math.pi * (3.0 - math.sqrt(5.0))
     sines = np.sqrt(1.0 - cosines**2)
     local = np.stack((sines * np.cos(azimuths), sines * np.sin(azimuths), cosines), axis=1)

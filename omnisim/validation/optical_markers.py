@@ -13,7 +13,7 @@ from omnisim.validation.plain_scenes import WHITE, plain_scene
 
 RADIUS_PX = 6.0  # longer half axis of a marker in the image
 STRETCH = 3.0  # maximum ratio of a marker's axes in the image
-_NEAREST_M, _FARTHEST_M = 0.4, 8.0
+_MIN_M, _MAX_M = 0.4, 8.0
 _CORNERS = 96
 
 
@@ -39,7 +39,7 @@ def markers_on_rays(
     rays = system.rays(pixels_px)
     generator = np.random.default_rng(7)
     share = generator.random(len(pixels_px))
-    ranges_m = _NEAREST_M * (_FARTHEST_M / _NEAREST_M) ** share
+    ranges_m = _MIN_M * (_MAX_M / _MIN_M) ** share
     radii_m = RADIUS_PX * _sizes(system, pixels_px, ranges_m)[:, 1]
     middles_m = rays.origins_m + ranges_m[:, None] * rays.directions
     frames = _frames(rays.directions)

@@ -60,9 +60,9 @@ def edge_distance_px(
     finer = [_edges(values) for values in (one, other)]
     counted = ndimage.zoom(where, _FINER, order=0, grid_mode=True, mode="nearest")
     distances = []
-    for mine, theirs in (finer, finer[::-1]):
-        away = ndimage.distance_transform_edt(~theirs)
-        distances.append(away[mine & counted] / _FINER)
+    for edges, other_edges in (finer, finer[::-1]):
+        away = ndimage.distance_transform_edt(~other_edges)
+        distances.append(away[edges & counted] / _FINER)
     nearest_px = np.concatenate(distances)
     return float(nearest_px.mean()) if len(nearest_px) else float("nan")
 

@@ -33,8 +33,8 @@ def run_checks(fixture: Fixture, checks: Sequence[Check]) -> Iterator[Section]:
         except Exception as broken:
             if not check.oracles:
                 raise  # a defect of omnisim
-            words = " ".join(f"{type(broken).__name__}: {broken}".split())
-            section = dataclasses.replace(section, failure=words[:300])
+            message = " ".join(f"{type(broken).__name__}: {broken}".split())
+            section = dataclasses.replace(section, failure=message[:300])
         yield dataclasses.replace(section, seconds=time.perf_counter() - start)
 
 

@@ -33,7 +33,7 @@ def sensor_of(camera: str, size_px: int) -> OmniCamera:
 
 
 def samples_of(samples: Mapping[str, int]) -> list[Measure]:
-    """Rays per pixel of both cameras, from the `samples` of `traced_light` by camera name."""
+    """Rays per pixel for each camera, by name, from the `samples` of `traced_light`."""
     measures = [Measure("rays per pixel of the mirror", samples["mirror"])]
     return [*measures, Measure("rays per pixel of the fisheye", 16 * samples["fisheye"])]
 

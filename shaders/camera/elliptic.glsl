@@ -9,7 +9,7 @@ uniform float u_rim_half_tangent;  // tan(theta_max/2)
 
 bool ray_from_pixel(vec2 pixel_px, out vec3 ray) {
     vec2 tangent = (pixel_px - u_principal_point_px) / u_focal_length_px;
-    // half: tan(theta/2) toward the point of the mirror, away from the point it shows
+    // half: tan(theta/2) toward the mirror point, opposite to the scene point that it shows
     vec2 half_tangent =
         tangent * (u_half_angle_ratio / (1.0 + sqrt(1.0 + dot(tangent, tangent))));
     float radius = length(half_tangent);

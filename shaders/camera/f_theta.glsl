@@ -7,7 +7,7 @@
 const int COEFFICIENTS = 8;
 
 uniform vec2 u_principal_point_px;
-uniform float u_aspect_ratio;  // of lengths along v to lengths along u
+uniform float u_aspect_ratio;  // ratio of lengths along v to lengths along u
 uniform float u_coefficients_px[COEFFICIENTS];  // k1 ... k8
 uniform float u_theta_edge_rad;
 uniform float u_radius_max_px;

@@ -7,7 +7,7 @@
 const int COEFFICIENTS = 8;
 
 uniform vec2 u_principal_point_px;
-uniform float u_coefficients[COEFFICIENTS];  // of the powers of r/r_max
+uniform float u_coefficients[COEFFICIENTS];  // coefficients of the powers of r/r_max
 uniform float u_radius_max_px;
 
 bool ray_from_pixel(vec2 pixel_px, out vec3 ray) {

@@ -6,7 +6,7 @@ const int COEFFICIENTS = 8;
 
 uniform vec2 u_principal_point_px;
 uniform mat2 u_axes_from_pixels;
-uniform float u_polynomial[COEFFICIENTS];  // a0 ... a7, of the powers of rho/rho_max
+uniform float u_polynomial[COEFFICIENTS];  // a0 ... a7: coefficients of the powers of rho/rho_max
 uniform float u_radius_max_px;
 
 bool ray_from_pixel(vec2 pixel_px, out vec3 ray) {

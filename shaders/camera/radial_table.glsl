@@ -7,7 +7,7 @@
 const int NODES = 64;
 
 uniform vec2 u_principal_point_px;
-uniform float u_thetas_rad[NODES];  // rising; the last one again to the array's end
+uniform float u_thetas_rad[NODES];  // increasing; the last angle pads the array
 uniform float u_radii_px[NODES];
 uniform float u_slopes_px[NODES];   // dr/dtheta
 
@@ -22,7 +22,7 @@ vec4 cubic() {
                 slopes.x + slopes.y - 2.0 * rise);
 }
 
-// share of the interval's width in, radius beyond its beginning out
+// radius increase since the interval's start, at a fraction of the interval's width
 float radius_from_theta(float share) {
     vec4 c = cubic();
     return share * (c.y + share * (c.z + share * c.w));

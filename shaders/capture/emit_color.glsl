@@ -6,7 +6,7 @@ uniform sampler2D u_atlas;
 layout(location = 0) out vec4 out_color;
 
 void emit(bool valid, vec3 ray) {
-    // for every pixel, so that derivatives exist at the border too
+    // sample for every pixel, so that derivatives also exist at the border
     vec3 uv_level = uv_level_from_ray(ray);
     vec3 color = textureLod(u_atlas, uv_level.xy, uv_level.z).rgb;
     out_color = valid ? vec4(color, 1.0) : vec4(0.0);

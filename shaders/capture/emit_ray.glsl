@@ -1,4 +1,4 @@
-// void emit(bool valid, vec3 ray): writes the unit ray, optical frame, and 1 where it is valid.
+// void emit(bool valid, vec3 ray): writes the ray as a unit vector, optical frame, and 1 if valid.
 
 layout(location = 0) out vec4 out_ray;
 

@@ -1,5 +1,5 @@
-// void emit(bool valid, vec3 ray): writes texture coordinates in the atlas, below 0 where the ray
-// is invalid, and the mip level.
+// void emit(bool valid, vec3 ray): writes the atlas's texture coordinates, negative for an invalid
+// ray, and the mip level.
 
 #include "capture/uv.glsl"
 layout(location = 0) out vec2 out_uv;

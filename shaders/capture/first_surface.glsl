@@ -1,39 +1,39 @@
-// FirstSurface first_surface(vec3 ray, vec3 origin, float start): the end of a ray from beside the
-//     viewpoint, no nearer than a nearness to start at; u_nearest is that of the nearest of all.
+// FirstSurface first_surface(vec3 ray, vec3 origin, float start): first surface along a ray from
+//     beside the viewpoint, at a nearness of at most start.
 // Place place_of(vec3 direction, vec3 origin): texel of the atlas that shows a direction.
-// float nearness_at(Place place): of what that texel shows.
-// All in the rig frame, the viewpoint at 0; rays and origins are not long against what they meet.
+// float nearness_at(Place place): nearness of the surface in that texel.
+// Vectors are in the rig frame, with the viewpoint at 0. Origins are short compared with ranges.
 //
-// A point of the ray, s from its origin, is seen along ray + w origin from the viewpoint, where
-// w = 1/s is its nearness. What a texel shows along that has a nearness m on the same scale. While
-// m < w the viewpoint sees past the point, so that nothing is there; at the ray's end m = w. If m
-// leaps above w the ray continues behind something, where the viewpoint sees nothing of it: not
-// known.
-// Largest m of blocks of texels let the search, which begins at the nearest of all, pass through
-// empty space in few steps. With GUESS there is a likely end also where none is known.
+// From the viewpoint, the point of the ray at distance s appears in the direction ray + w origin,
+// where w = 1/s is the point's nearness. The texel in that direction shows a surface of nearness m
+// on the same scale. If m < w, the viewpoint sees past the point, so the ray continues. At the
+// first surface, m = w. If m leaps above w, the ray continues hidden from the viewpoint, and its
+// first surface is unknown; with GUESS the result is then a likely one.
+// The search starts at u_nearest. Upper bounds of m over blocks of texels let it cross empty space
+// in few steps.
 // Source: Uludag, "Hi-Z screen-space cone-traced reflections", GPU Pro 5, 2014.
 
-uniform sampler2D u_depth;   // of the atlas's texels
+uniform sampler2D u_depth;   // depth of the atlas's texels
 uniform sampler2D u_blocks;  // largest inverse depth within BLOCK texels, and within GROUP texels
-uniform sampler2D u_cells;   // of each face: texel = xy + tangent * zw; 0: no tile has it
-uniform vec2 u_inverse_z_from_depth;  // factor and offset; 0 is what is cleared
-uniform float u_nearest;     // largest nearness of all
-uniform float u_near_m;      // of a cube about a ray's origin, as the virtual cameras' planes are
+uniform sampler2D u_cells;   // cells per face: texel = xy + tangent * zw; 0: in no tile
+uniform vec2 u_inverse_z_from_depth;  // factor and offset; a depth of 0 is empty
+uniform float u_nearest;     // largest nearness of any surface
+uniform float u_near_m;      // distance of the near planes, which form a cube about a ray's origin
 uniform mat3 u_face_from_rig[6];
 
 const int CELLS = 64;  // per side of a face
 const int BLOCK = 8, GROUP = 64;  // as in depth_pyramid.py
 const int MAX_LOOK_UPS = 48, GUESSES = 4;
-const float STEP_TEXELS = 1.5;  // of the search where something may be
-const float SAME_TEXELS = 1.0;  // a lookup that moves by less stays
+const float STEP_TEXELS = 1.5;  // step of the search near surfaces
+const float SAME_TEXELS = 1.0;  // lookups that differ by less show the same surface
 
 struct Place {
     vec2 texel;
-    vec2 tangent;      // on its face
+    vec2 tangent;      // position on the face
     int face;
-    vec4 cell;         // see u_cells
-    float depth;       // of the direction, as long as it is, in its face
-    float texels;      // that it moves by if w grows by 1
+    vec4 cell;         // entry of u_cells
+    float depth;       // z of the direction vector in the face's frame
+    float texels;      // motion in the atlas per unit of w
 };
 
 struct FirstSurface {
@@ -69,8 +69,8 @@ float nearness_at(Place place) {
 
 FirstSurface first_surface(vec3 ray, vec3 origin, float start) {
     float w = start, before = w;
-    bool leapt = false;    // by more texels than one
-    bool careful = false;  // near the edge of a tile, beyond which blocks tell nothing
+    bool leapt = false;    // the last step exceeded a texel
+    bool careful = false;  // near a tile's edge, beyond which the bounds of blocks are invalid
     vec2 tile = vec2(-1.0);
     float limit = max(max(abs(ray.x), abs(ray.y)), abs(ray.z)) / u_near_m;
     FirstSurface found = FirstSurface(0.0, false);
@@ -88,16 +88,16 @@ FirstSurface first_surface(vec3 ray, vec3 origin, float start) {
         tile = place.cell.xy;
         before = w;
         vec2 bounds = texelFetch(u_blocks, ivec2(place.texel) / BLOCK, 0).rg * place.depth;
-        // depths are those of faces: along a ray they differ a little over a block
+        // within a block, depths in the face differ slightly from those along the ray
         bounds *= 1.0 + vec2(BLOCK, GROUP) / place.cell.z;
         float seen = nearness_at(place);
         float texels = (w - seen) * place.texels;
         if (texels < SAME_TEXELS) {
-            // a surface before the ray's near plane is not there for it
+            // surfaces in front of the ray's near plane do not count
             found = FirstSurface(seen, texels > -STEP_TEXELS && seen <= limit);
             break;
         }
-        // as far as any of the three lets it go
+        // the longest step that a texel, its block or its group allows
         vec3 steps = vec3(STEP_TEXELS, BLOCK, GROUP) / place.texels;
         vec3 ends = max(vec3(seen, bounds), w - steps);
         float leap = min(ends.y, ends.z);
@@ -105,7 +105,7 @@ FirstSurface first_surface(vec3 ray, vec3 origin, float start) {
         w = leapt ? leap : ends.x;
     }
 #ifdef GUESS
-    // from infinity on, as if what hides the ray were thin
+    // iterate from infinity, as if the surface that hides the ray were thin
     float guess = 0.0;
     for (int i = 0; i < GUESSES; ++i) guess = nearness_at(place_of(ray + guess * origin, origin));
     if (!found.known) found.nearness = guess;

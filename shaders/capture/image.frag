@@ -1,8 +1,8 @@
-// Image pixels: the mean of their valid samples, linear, or encoded in sRGB. A pixel is valid
-// if at least half of its samples are.
-// With REMAP a sample is the atlas's at a UV of a table, with MIP_LEVELS at a level of another.
-// Without, samples were drawn into a finer image.
-// With BATCH images are stacked vertically, each from its own layer of the atlas.
+// Image pixels: mean of their valid samples, linear and encoded in sRGB. A pixel is valid if at
+// least half of its samples are.
+// With REMAP, a table has the atlas's texture coordinates of each sample, and with MIP_LEVELS
+// another one its mip level. Without REMAP, samples are the pixels of a finer image.
+// With BATCH, images are stacked vertically; each reads its own layer of the atlas.
 // SUPERSAMPLING: samples per pixel side; a constant, so that the loops unroll.
 #version 450 core
 
@@ -12,11 +12,11 @@ uniform sampler2DArray u_samples;
 flat in int v_image;
 #define at_layer(uv) vec3(uv, float(v_image))
 #else
-uniform sampler2D u_samples;  // the atlas, or the finer image
+uniform sampler2D u_samples;  // atlas, or finer image
 #define at_layer(uv) uv
 #endif
 #ifdef REMAP
-// UVs of a pixel's samples, row by row; below 0 if invalid.
+// Texture coordinates of the samples, pixel by pixel; negative: invalid.
 layout(std430, binding = 5) readonly buffer Uvs { vec2 uvs[]; };
 #ifdef MIP_LEVELS
 layout(std430, binding = 6) readonly buffer Levels { float levels[]; };
@@ -34,7 +34,7 @@ vec4 sample_at(ivec2 pixel, ivec2 part) {
 #ifdef MIP_LEVELS
     vec3 color = textureLod(u_samples, at_layer(uvs[at]), levels[at]).rgb;
 #else
-    vec3 color = texture(u_samples, at_layer(uvs[at])).rgb;  // has no levels, and is quicker so
+    vec3 color = texture(u_samples, at_layer(uvs[at])).rgb;  // faster than textureLod
 #endif
     return uvs[at].x < 0.0 ? vec4(0.0) : vec4(color, 1.0);
 #else

@@ -1,12 +1,12 @@
 // Vertex of the rectangles that cover the image's valid pixels.
-// With BATCH an instance is an image, below the one before.
-// in_corner_px  counted from the corner of the first row's first pixel
+// With BATCH, each instance is an image; images are stacked downwards.
+// in_corner_px  position from the outer corner of pixel (0, 0)
 #version 450 core
 
 uniform vec2 u_image_size_px;
 in vec2 in_corner_px;
 #ifdef BATCH
-uniform int u_images;  // capacity of the target
+uniform int u_images;  // number of images that the target can hold
 flat out int v_image;
 #endif
 

@@ -1,6 +1,6 @@
-// Exact capture: each pixel's ray by the camera model, no mesh. CAMERA_MODEL is the model's file;
-// MIRRORED negates its depth (`cameras/mirrored.py`). EMIT is the output's file. The
-// target's first row is the top row of the image.
+// Exact capture: the camera model gives each pixel's ray, without a mesh. CAMERA_MODEL is the
+// model's file, and EMIT that of the output. MIRRORED negates the ray's z (`cameras/mirrored.py`).
+// The target's first row is the top row of the image.
 #version 450 core
 
 #include CAMERA_MODEL

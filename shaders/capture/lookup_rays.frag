@@ -1,7 +1,7 @@
-// Exact capture by precomputed rays, for camera models that compute them by iteration.
+// Exact capture from precomputed rays, for camera models that compute rays by iteration.
 #version 450 core
 
-uniform sampler2D u_rays;  // xyz, and 1 where valid
+uniform sampler2D u_rays;  // direction, and 1 if valid
 #include EMIT
 
 void main() {

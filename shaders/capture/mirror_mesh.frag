@@ -1,5 +1,5 @@
-// Capture by the mirror mesh: the point on the flat polygon seen by the pixel, projected from
-// the effective viewpoint onto the cube (the paper's section 2.3). EMIT is the output's file.
+// Capture by the mirror's mesh: the point of the flat polygon that a pixel sees, projected from the
+// effective viewpoint onto the cube (the paper's section 2.3). EMIT is the output's file.
 #version 450 core
 
 in vec3 v_ray;

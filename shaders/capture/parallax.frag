@@ -1,30 +1,30 @@
-// Pixels of a camera whose rays do not meet in one point, from the atlas of one viewpoint: colors
-// of those of their samples whose surfaces lie, more or less, on the plane of those that the pixels
-// around meet, if the atlas shows each there; and which samples are left (parallax_samples.frag).
-// Without branches: software drivers go through all of them.
-// With MIP_LEVELS the atlas has some.
+// Pixels of a non-central camera, from the atlas of one viewpoint. The surface of each sample is
+// predicted on the plane through the surfaces of the pixel and its four neighbors. A sample whose
+// prediction agrees with the atlas gets its color here; parallax_samples.frag renders the others.
+// There are no branches, because software drivers execute all of them.
+// With MIP_LEVELS, the atlas has mip levels.
 #version 450 core
 
-uniform sampler2D u_surfaces;  // of pixels, as surfaces.frag has them
+uniform sampler2D u_surfaces;  // output of surfaces.frag
 
-layout(location = 0) out vec4 out_color;  // sum as a share of all samples; share that has rays
-layout(location = 1) out uvec2 out_left;  // bits of the samples, row by row
+layout(location = 0) out vec4 out_color;  // sum of colors / SAMPLES; share of samples with a ray
+layout(location = 1) out uvec2 out_left;  // bit mask of the samples without a color, row by row
 
 #include "capture/first_surface.glsl"
 #include "capture/parallax_rays.glsl"
 #include "capture/parallax_color.glsl"
 
 const int SAMPLES = SUPERSAMPLING * SUPERSAMPLING;
-// Past a tile of which look-ups still find its own, by the gutter of parallax_plan.py less what
-// they mix.
+// Width of the gutter around a tile within which a filtered lookup reads the tile's own texels: the
+// gutter of parallax_plan.py minus the filter's reach.
 #ifdef MIP_LEVELS
 const float GUTTER_TEXELS = 1.0;
 #else
 const float GUTTER_TEXELS = 1.5;
 #endif
-const float STRAIGHT_TEXELS = 1.0;  // surfaces that differ from a plane by less, per pixel
+const float STRAIGHT_TEXELS = 1.0;  // maximum deviation from a plane, per pixel
 
-// Tangents and inverse depth of the surface of a neighbor, as the pixel's own face has them.
+// Tangents and inverse depth of a neighbor's surface on the face of the pixel.
 vec3 beside(ivec2 pixel, int face, inout bool straight) {
     vec4 surface = texelFetch(u_surfaces, pixel, 0);
     vec3 local = u_face_from_rig[face] * surface.xyz;
@@ -32,7 +32,7 @@ vec3 beside(ivec2 pixel, int face, inout bool straight) {
     return vec3(local.xy, surface.w) / local.z;
 }
 
-// A tangent of the place's face is in the place's own tile.
+// True if a tangent on the place's face is in the place's tile.
 bool in_tile(Place place, vec2 tangent) {
     ivec2 cell = clamp(ivec2(0.5 * float(CELLS) * (tangent + 1.0)), 0, CELLS - 1);
     vec4 there = texelFetch(u_cells, ivec2(cell.x + CELLS * place.face, cell.y), 0);
@@ -57,7 +57,7 @@ void main() {
     vec2 bends = max(abs(ends[0].xy + ends[1].xy - 2.0 * here.xy),
                      abs(ends[2].xy + ends[3].xy - 2.0 * here.xy));
     straight = straight && max(bends.x, bends.y) * place.cell.z < STRAIGHT_TEXELS;
-    // past its gutter a tile has nothing: where the sky is seen, no depth tells
+    // beyond its gutter a tile has no texels, and depth cannot reveal that in the sky
     vec2 reach = abs(offset_of(0).x) * (abs(right.xy) + abs(down.xy));
     vec2 past = max(reach - GUTTER_TEXELS / abs(place.cell.zw), 0.0);
     straight = straight && in_tile(place, here.xy + past) && in_tile(place, here.xy - past);

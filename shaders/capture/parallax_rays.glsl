@@ -1,13 +1,12 @@
-// Ray ray_of(ivec2 pixel, int part): a sample's ray.
-// float level_at(ivec2 pixel, Place place): with MIP_LEVELS, level at which samples look up.
-// Rays of pixels' centers have one texel each, and MARGIN more around: unit directions, rig frame,
-// and the share of the pixel's samples that have a ray; origins from the viewpoint, and 1 + first
-// texel of the samples' own rays, which those at the rim have, else 0: theirs are interpolated.
+// Ray ray_of(ivec2 pixel, int part): ray of a sample.
+// float level_at(ivec2 pixel, Place place): mip level of a pixel's samples; 0 without MIP_LEVELS.
+// Textures with one texel per pixel center, plus MARGIN texels on each side, have the center's ray.
+// The samples' rays are interpolated between them, except at the rim, where samples have their own.
 // SUPERSAMPLING: samples per pixel side.
 
-uniform sampler2D u_rays;
-uniform sampler2D u_origins;
-uniform sampler2D u_rim_rays;  // of each sample direction, then origin
+uniform sampler2D u_rays;      // unit direction in the rig frame; share of samples with a ray
+uniform sampler2D u_origins;   // origin; 1 + first texel in u_rim_rays, or 0
+uniform sampler2D u_rim_rays;  // per sample: direction, then origin
 #ifdef MIP_LEVELS
 uniform float u_max_level;
 uniform float u_level_bias;
@@ -28,7 +27,7 @@ vec3 rim_ray(int at) {
     return texelFetch(u_rim_rays, ivec2(at & ((1 << RIM_ROW_BITS) - 1), at >> RIM_ROW_BITS), 0).xyz;
 }
 
-// Interpolation between pixels by a parabola along each side.
+// Interpolates between pixel centers by a parabola along each axis.
 Ray ray_of(ivec2 pixel, int part) {
     ivec2 at = pixel + MARGIN;
     int rim = int(texelFetch(u_origins, at, 0).w) - 1;

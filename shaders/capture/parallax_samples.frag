@@ -1,9 +1,9 @@
-// Single samples of a camera whose rays do not meet in one point, each along its own ray: linear
-// color, and 1 where it is known what the ray meets.
+// Single samples of a non-central camera, each along its own ray: linear color, and 1 if the ray's
+// first surface is known.
 #version 450 core
 
-uniform usampler2D u_samples;  // one a texel of the target: 64 * pixel, row by row, + part of it
-uniform int u_width_px;        // of the image
+uniform usampler2D u_samples;  // sample per target texel: 64 * pixel number + sample in the pixel
+uniform int u_width_px;        // image width
 
 layout(location = 0) out vec4 out_color;
 
@@ -12,8 +12,8 @@ layout(location = 0) out vec4 out_color;
 #include "capture/parallax_rays.glsl"
 #include "capture/parallax_color.glsl"
 
-// Texels that a color is mixed of show what the ray meets, or something whose parallax is less
-// than a texel from it: beside an edge, what is behind or before it would shine through.
+// True if all texels of a filtered color show surfaces within a texel of parallax from the ray's
+// surface. Beside an edge, the background or the foreground would otherwise shine through.
 bool is_unmixed(Place place, float nearness, float level) {
     float reach = level > 0.0 ? exp2(ceil(level)) : 0.5;
     vec2 first = place.texel - reach, last = place.texel + reach;

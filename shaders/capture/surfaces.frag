@@ -1,5 +1,5 @@
-// Ends of the rays of pixels' centers: direction from the viewpoint, ray + w origin, and w; below
-// 0 where that is not known, or where there is no ray.
+// First surface of each pixel center's ray: its direction from the viewpoint, ray + w origin, and
+// its nearness w (first_surface.glsl); w is negative if it is unknown or there is no ray.
 #version 450 core
 
 uniform sampler2D u_rays;  // as in parallax_rays.glsl

@@ -1,21 +1,22 @@
-// int face_of(vec3 rig): face of the cube in a direction in the rig frame.
-// int tile_of(int face, vec2 tangent): tile of the atlas with this part of the face.
+// int face_of(vec3 rig): cube face in a direction, rig frame.
+// int tile_of(int face, vec2 tangent): tile of the atlas that contains a tangent of the face, or
+//     the nearest tile.
 //
-// Handedness: u_face_from_rig holds the faces' own optical frames (right, down, forward), as
-// omnisim/core/cube.py states them. A face's image has its first row at the top, so tangents to
-// the right and down are texture coordinates without any flip.
+// Handedness: u_face_from_rig has the optical frame of each face (right, down, forward), as defined
+// in omnisim/core/cube.py. The first row of a face's image is at the top, so tangents to the right
+// and down become texture coordinates without a flip.
 
 const int FACES = 6;
 const int MAX_TILES = 64;  // as in omnisim/rendering/opengl/atlas/tile_plan.py
-const float MIN_DEPTH = 1e-30;  // of a ray in its face: of none, and along a face without tiles, 0
+const float MIN_DEPTH = 1e-30;  // replaces 0: no ray, or one parallel to a face without tiles
 
 uniform mat3 u_rig_from_optical;
 uniform mat3 u_face_from_rig[FACES];
-uniform int u_first_tile[FACES + 1];            // of each face; the next one's is past its last
-uniform vec4 u_tile_region[MAX_TILES];         // tangents that it is read at: first two, last two
-uniform vec4 u_tile_padded_region[MAX_TILES];  // tangents that are drawn: first two, last two
+uniform int u_first_tile[FACES + 1];           // first tile of each face, and the number of tiles
+uniform vec4 u_tile_region[MAX_TILES];         // tangents that are read: minima, then maxima
+uniform vec4 u_tile_padded_region[MAX_TILES];  // tangents that are drawn: minima, then maxima
 uniform vec4 u_uv_from_tangent[MAX_TILES];     // offset, then scale
-uniform float u_tile_px_per_tan[MAX_TILES];    // texels per tangent of 1
+uniform float u_tile_px_per_tan[MAX_TILES];    // texels per unit tangent
 
 int face_of(vec3 rig) {
     vec3 size = abs(rig);
@@ -25,9 +26,9 @@ int face_of(vec3 rig) {
     return is_end ? end : side;
 }
 
-// The nearest tile, where none has the tangent in its region: no ray of a valid pixel asks for it.
+// Rays of valid pixels are always inside a tile's region.
 int tile_of(int face, vec2 tangent) {
-    int nearest = min(u_first_tile[face], MAX_TILES - 1);  // of a face without any: the next one's
+    int nearest = min(u_first_tile[face], MAX_TILES - 1);  // without tiles: the next face's first
     float least = 1e30;
     for (int tile = nearest; tile < u_first_tile[face + 1]; ++tile) {
         vec2 outside = max(u_tile_region[tile].xy - tangent, tangent - u_tile_region[tile].zw);

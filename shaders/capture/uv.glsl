@@ -1,15 +1,15 @@
-// vec3 uv_level_from_ray(vec3 ray): texture coordinates in the atlas, and mip level, of a ray in
-// the optical frame, of any length; from its derivatives.
-// The tiles lie beside each other in one atlas. Each is drawn slightly wider than its region, so
-// that no fetch crosses into its neighbor.
+// vec3 uv_level_from_ray(vec3 ray): texture coordinates in the atlas and mip level of a ray of any
+// length, optical frame. The level follows from the ray's derivatives.
+// Each tile of the atlas is drawn slightly wider than its region, so that filtering does not reach
+// into the next tile.
 
 #include "capture/tiles.glsl"
 
-uniform float u_max_level;   // of the atlas's mip levels
-uniform float u_level_bias;  // added to the level at which a texel is as wide as the pixel
+uniform float u_max_level;   // coarsest mip level of the atlas
+uniform float u_level_bias;  // offset from the level whose texels are as wide as a pixel
 
 vec3 uv_level_from_ray(vec3 ray) {
-    // Derivatives of the ray are smooth across the cube's edges, those of coordinates are not.
+    // The ray's derivatives are smooth across the cube's edges; those of coordinates are not.
     vec3 rig = u_rig_from_optical * ray;
     vec3 rig_dx = dFdx(rig), rig_dy = dFdy(rig);
     int face = face_of(rig);

@@ -1,4 +1,4 @@
-// Triangle that covers the target. No inputs, and no outputs except the position.
+// Triangle that covers the target; without inputs, and without outputs except the position.
 #version 450 core
 
 void main() {

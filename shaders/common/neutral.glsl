@@ -1,4 +1,4 @@
-// vec3 neutral(vec3 linear): light by Khronos's PBR Neutral tone curve, in [0, 1].
+// vec3 neutral(vec3 linear): linear light mapped to [0, 1] by Khronos's PBR Neutral tone curve.
 // Twin of omnisim/rendering/camera/degradations/encoding.py.
 // Source: Khronos Group, "PBR Neutral Tone Mapper Specification", 2024.
 

@@ -1,7 +1,7 @@
 // uvec4 pcg4d(uvec4 v): four hashes of four coordinates.
-// float uniform_number(uint hash): a number in (0, 1), without the ends; exact.
-// float normal_number(uint first, uint second): mean 0, variance 1.
-// The reference with the same bits is omnisim/rendering/camera/degradations/random_numbers.py.
+// float uniform_number(uint hash): uniformly distributed number in (0, 1), ends excluded; exact.
+// float normal_number(uint first, uint second): normally distributed number, mean 0, variance 1.
+// Bit-identical twin of omnisim/rendering/camera/degradations/random_numbers.py.
 // Source: Jarzynski and Olano, "Hash Functions for GPU Rendering", JCGT 9(3), 2020; Box and Muller.
 
 uvec4 pcg4d(uvec4 v) {
@@ -12,7 +12,7 @@ uvec4 pcg4d(uvec4 v) {
     return v;
 }
 
-// 23 bits and a half: all of a float's, so that nothing rounds up to 1
+// 23 bits plus one half: they fit in a float's mantissa, so that nothing rounds up to 1
 float uniform_number(uint hash) { return (float(hash >> 9u) + 0.5) * 1.1920928955078125e-7; }
 
 float normal_number(uint first, uint second) {

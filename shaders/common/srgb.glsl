@@ -1,4 +1,4 @@
-// vec3 srgb_from_linear(vec3 linear): colors in [0, 1] to the sRGB transfer function.
+// vec3 srgb_from_linear(vec3 linear): linear color in [0, 1], encoded in sRGB.
 // Source: IEC 61966-2-1.
 
 vec3 srgb_from_linear(vec3 linear) {

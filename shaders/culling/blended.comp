@@ -1,6 +1,6 @@
-// Draw commands of a camera's blended items, back to front, and their triangles, back to front.
-// One work group per item and camera. Ranks are counted: items and their triangles are
-// few, see omnisim/rendering/opengl/drawing/blended_drawer.py.
+// Back-to-front draw commands of a camera's blended items, and back-to-front triangles of each
+// item. One work group per item and camera. Ranks are found by counting, because items and
+// triangles are few, see omnisim/rendering/opengl/drawing/blended_drawer.py.
 #version 450 core
 
 layout(local_size_x = 32) in;
@@ -8,24 +8,24 @@ layout(local_size_x = 32) in;
 #include "culling/views.glsl"
 
 struct Item {
-    vec3 center;  // of its bounding sphere, in the frame of its object
+    vec3 center;  // center of the bounding sphere, object's frame
     float radius;
     uint first_triangle, triangles, object, unused;
 };
 
-struct Command {  // of glMultiDrawElementsIndirect
+struct Command {  // arguments of glMultiDrawElementsIndirect
     uint indices, instances, first_index, base_vertex, base_instance;
 };
 
 // [camera][rank][tile]
 layout(std430, binding = 7) writeonly buffer Commands { Command commands[]; };
 layout(std430, binding = 8) readonly buffer Items { Item items[]; };
-layout(std430, binding = 9) readonly buffer Centers { vec4 centers[]; };        // of the triangles
+layout(std430, binding = 9) readonly buffer Centers { vec4 centers[]; };        // triangle centers
 layout(std430, binding = 10) readonly buffer Indices { uint indices[]; };
 layout(std430, binding = 11) writeonly buffer Sorted { uint sorted_indices[]; };  // [camera]
 
 uniform uint u_items;
-uniform uint u_triangles;  // of all items
+uniform uint u_triangles;  // triangles of all items
 
 vec4[3] rows_of(uint object, uint camera) {
     return instances[(object * u_cameras + camera) * u_tiles].viewpoint_from_object;
@@ -36,7 +36,7 @@ float squared_distance(vec4 rows[3], vec3 point) {
     return dot(at, at);
 }
 
-// False: the sphere is completely outside of the view.
+// False if the sphere is completely outside the view.
 bool may_be_seen(Item item, uint view) {
     Instance instance = instances[item.object * u_cameras * u_tiles + view];
     mat4 rows = transpose(instance.clip_from_object);

@@ -1,6 +1,5 @@
 // Table of the bounds of groups and clusters, as a texture: software drivers fetch textures faster
-// than buffers. The layout is that of
-// omnisim/rendering/opengl/culling/cluster_buffers.py.
+// than buffers. The layout is that of omnisim/rendering/opengl/culling/cluster_buffers.py.
 // Group group_at(uint index), Cluster cluster_at(uint index).
 
 uniform usampler2D u_bounds;
@@ -17,8 +16,8 @@ struct Group {
 struct Cluster {
     vec3 aabb_min, aabb_max;
     vec3 cone_axis;
-    float cone_sine;  // above 1: at least one triangle is visible from everywhere
-    float width;      // of its triangles, for occlusion
+    float cone_sine;  // above 1: from everywhere, at least one triangle faces the viewer
+    float width;      // width of the triangles, for occlusion
 };
 
 uvec4 entry_at(uint at) {

@@ -1,7 +1,8 @@
-// Boxes of a view's clip space, and lists of candidates for the passes.
-// Boxes are projected as floats: each is enlarged by this share of its distance.
+// Boxes in the clip space of a view, and lists of candidates for the passes.
+
+// Share of its distance by which a box is enlarged, because floats round its projection.
 const float TOLERANCE = 2e-6;
-const uint WORK_GROUP = 64u;  // of the shader that reads a list
+const uint WORK_GROUP = 64u;  // work group size of the shader that reads a list
 
 float reach(vec3 edges) {
     return dot(abs(edges), vec3(1.0));
@@ -12,7 +13,7 @@ struct ClipBox {
     vec3 x_edges, y_edges, w_edges;
 };
 
-// Box of an instance, in the frame of its object.
+// Box of an instance, in the object's frame.
 ClipBox clip_box(mat4 rows, vec3 center, vec3 extent, float margin) {
     vec4 at = vec4(center, 1.0);
     extent += TOLERANCE * (margin + reach(center) + reach(extent));
@@ -21,7 +22,7 @@ ClipBox clip_box(mat4 rows, vec3 center, vec3 extent, float margin) {
         rows[0].xyz * extent, rows[1].xyz * extent, rows[3].xyz * extent);
 }
 
-// False: completely outside of one plane of the frustum.
+// False if the box is completely outside one plane of the frustum.
 bool is_inside(ClipBox box) {
     float depth = reach(box.w_edges), x = box.center.x, y = box.center.y, w = box.center.z;
     return w + depth >= u_depths_m.x && w - depth <= u_depths_m.y

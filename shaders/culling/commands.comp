@@ -1,8 +1,8 @@
-// Draw commands of the visible clusters of one range and one camera, front to back: a stable
-// counting sort by distance. One work group per range, of one bucket, and camera. Consecutive
-// clusters of a group, visible in a tile and in the same bin, are a run and share a
-// command: drivers spend more time on a command than on a few triangles. The order of clusters
-// within a tile is kept.
+// Front-to-back draw commands of the visible clusters of one range and one camera, by a stable
+// counting sort of distances. One work group per range and camera; a range is part of one bucket.
+// Consecutive clusters of a group that are visible in a tile and in the same bin form a run, which
+// is one command: drivers spend more time on a command than on a few triangles. The order of
+// clusters within a tile does not change.
 #version 450 core
 
 #define THREADS 32u
@@ -11,26 +11,26 @@ layout(local_size_x = 32) in;
 #include "culling/views.glsl"
 #include "culling/bounds.glsl"
 
-struct Command {  // of glMultiDrawElementsIndirect
+struct Command {  // arguments of glMultiDrawElementsIndirect
     uint indices, instances, first_index, base_vertex, base_instance;
 };
 
-struct Range {  // of a bucket's clusters
-    uint first_group, groups, first_command, most_commands;  // per band
+struct Range {  // range of a bucket's clusters
+    uint first_group, groups, first_command, most_commands;  // commands: per band
 };
 
 layout(std430, binding = 7) writeonly buffer Commands { Command commands[]; };
-layout(std430, binding = 8) buffer Counts { uint counts[]; };  // of commands: [pass][band][range]
+layout(std430, binding = 8) buffer Counts { uint counts[]; };  // commands: [pass][band][range]
 layout(std430, binding = 9) readonly buffer CommandRanges { Range ranges[]; };
 
 shared uint s_counts[BINS * THREADS];  // [bin][thread]
 shared uint s_sums[THREADS];
-shared uint s_first[2];  // by band, without the commands of the band before
+shared uint s_first[2];  // first command by band, without those of the previous band
 
 struct Child {
     uint cluster;
     uint bin;
-    uint tiles;  // tiles where it is visible, of one word
+    uint tiles;  // one word of the tiles where the child is visible
 };
 
 const Child NONE = Child(0xFFFFFFFEu, BINS, 0u);

@@ -1,9 +1,8 @@
-// Culling of the clusters of a candidate, a group in a view: outside of the frustum, back-facing,
-// or
-// too small to cover a sample.
-// PASS 0: the only one; 1: draw large occluders, defer the rest; 2: draw the deferred clusters that
-// pass the test against the depth of the passes before. Bounds are conservative: culling never
-// changes the image.
+// Culling of the clusters of a candidate (a group in a view) that are outside the frustum,
+// back-facing, or too small to cover a sample.
+// PASS 0: the only pass; 1: draw large occluders, defer the rest; 2: draw the deferred clusters
+// that pass the depth test against earlier passes. Bounds are conservative: culling never changes
+// the image.
 #version 450 core
 
 layout(local_size_x = 64) in;
@@ -17,9 +16,9 @@ const float CONE_TOLERANCE = 1e-5;
 
 // Bounds of a box on the screen.
 struct Bounds {
-    bool crosses;  // crosses the near plane: the bounds are the whole tile
-    float nearest; // depth
-    vec2 first_px, last_px;  // texels of the tile whose centers it covers
+    bool crosses;   // the box crosses the near plane; the bounds are the whole tile
+    float nearest;  // nearest depth of the box
+    vec2 first_px, last_px;  // first and last texels of the tile whose centers the box covers
 };
 
 Bounds bounds_of(ClipBox box, vec2 size_px) {
@@ -34,11 +33,11 @@ Bounds bounds_of(ClipBox box, vec2 size_px) {
         low = min(low, at);
         high = max(high, at);
     }
-    // a texel is covered where its center is, half a texel after its edge
+    // a texel is covered if its center is, which is half a texel from its edge
     Bounds bounds;
     bounds.crosses = nearest_m < u_depths_m.x;
     bounds.nearest = u_depth.x + u_depth.y / nearest_m;
-    // at most a texel off the tile, so that the values fit into integers
+    // at most a texel outside the tile, so that the values fit into integers
     bounds.first_px =
         clamp(ceil(0.5 * size_px * (low + 1.0) - (0.5 + u_radius_px)), vec2(0.0), size_px);
     bounds.last_px = clamp(
@@ -54,10 +53,10 @@ bool covers_texel(Bounds bounds) {
 #include "culling/hi_z.glsl"
 layout(std430, binding = 11) readonly buffer HiZ { float farthest[]; };
 
-const float DEPTH_TOLERANCE = 1e-4;  // share of a depth: geometry this close behind is drawn
-const int MAX_CELLS = 4;             // per side
+const float DEPTH_TOLERANCE = 1e-4;  // relative depth within which geometry behind another is drawn
+const int MAX_CELLS = 4;             // tested cells per side
 
-// True: the depth in all covered cells is nearer than the whole box.
+// True if the depth in all covered cells is nearer than the whole box.
 bool is_occluded(Bounds bounds, vec2 corner_px, uint camera) {
     if (bounds.crosses) return false;
     ivec2 first_px = ivec2(corner_px + bounds.first_px);

@@ -6,7 +6,7 @@ layout(local_size_x = 64) in;
 #include "culling/views.glsl"
 #include "culling/bounds.glsl"
 #include "culling/boxes.glsl"
-layout(std430, binding = 10) readonly buffer Shown { uint shown[]; };  // clusters of each group
+layout(std430, binding = 10) readonly buffer Shown { uint shown[]; };  // drawn clusters: [group]
 
 void main() {
     uint index = gl_GlobalInvocationID.x, view = gl_GlobalInvocationID.y;

@@ -1,8 +1,8 @@
 // Farthest depth in square cells of an atlas, whose sides double from level to level. Depth is
-// reversed: the farthest is the smallest. With COARSE levels 2 to 4, from level 1; otherwise levels
-// 0 and 1, from the depth. An invocation makes a cell of the last level and all cells in it:
-// software drivers are slow if many invocations wait for each other.
-// Source: hierarchical z buffers, Greene, Kass & Miller 1993.
+// reversed: the farthest is the smallest. With COARSE, levels 2 to 4 are computed from level 1;
+// otherwise levels 0 and 1 from the depth buffer. An invocation computes a cell of the last of
+// these levels and all cells in it, because software drivers are slow if invocations wait for each
+// other. Source: hierarchical z buffers, Greene, Kass & Miller 1993.
 #version 450 core
 
 #include "culling/settings.glsl"
@@ -11,7 +11,7 @@
 layout(local_size_x = 8, local_size_y = 8) in;
 
 layout(std430, binding = 11) buffer HiZ { float farthest[]; };
-// With LAYERED each camera has a layer, and the z of an invocation is its camera.
+// With LAYERED, each camera has a layer, and an invocation's z is the camera's index.
 
 uint place(uvec2 cell, int level) {
     uvec2 cells = last_cells();
@@ -51,7 +51,7 @@ uniform sampler2D u_atlas_depth;
 #define at_layer(uv) uv
 #endif
 
-// Four texels around a corner; at the edge they repeat.
+// Depths of the four texels around a corner; texels at the edge repeat.
 vec4 around(uvec2 corner) {
     vec2 size = vec2(textureSize(u_atlas_depth, 0).xy);
     return textureGather(u_atlas_depth, at_layer(vec2(corner) / size));

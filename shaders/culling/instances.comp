@@ -1,5 +1,5 @@
-// Matrices of each object in each view, from the poses of the cameras and objects; no
-// commands yet, and no candidates.
+// Matrices of each object in each view, from the poses of cameras and objects. Also resets commands
+// and candidates.
 #version 450 core
 
 layout(local_size_x = 64) in;
@@ -10,7 +10,7 @@ layout(std430, binding = 0) readonly buffer Poses { vec4 poses[]; };
 layout(std430, binding = 1) readonly buffer Tiles { mat4 clip_from_rig[]; };
 layout(std430, binding = 2) readonly buffer Rectangles { vec4 rectangles_px[]; };  // [view]
 
-layout(std430, binding = 8) buffer Counts { uint counts[]; };  // of commands: [pass][band][range]
+layout(std430, binding = 8) buffer Counts { uint counts[]; };  // commands: [pass][band][range]
 
 const uint MAX_PASSES = 3u;
 
@@ -33,7 +33,7 @@ void main() {
     vec2 scale = rectangle.zw / u_atlas_px;
     instances[at].placement = vec4(scale, 2.0 * rectangle.xy / u_atlas_px + scale - 1.0);
     instances[at].viewpoint_from_object = rows;
-    // its pose is rigid
+    // the pose is rigid
     vec3 viewpoint =
         -(rows[0].xyz * rows[0].w + rows[1].xyz * rows[1].w + rows[2].xyz * rows[2].w);
     instances[at].viewpoint = vec4(viewpoint, dot(abs(viewpoint), vec3(1.0)));

@@ -1,21 +1,19 @@
-// Buffers shared by several culling shaders. A view is one tile of one camera, counted
-// camera by camera. An object is a frame of rigid geometry: the static scene, then each
-// dynamic object.
+// Buffers shared by the culling shaders. A view is one tile of one camera, counted camera by
+// camera. An object is a frame of rigid geometry: the static scene, then each dynamic object.
 // vec3 transformed(vec4 rows[3], vec3 point): point in another frame.
-// The layouts are those in omnisim/rendering/opengl/culling/.
+// The layouts are those of omnisim/rendering/opengl/culling/.
 
-#define LISTS 4u  // of candidates: one per possible pass, and one more
+#define LISTS 4u  // lists of candidates: one per possible pass, and one more
 
 struct Instance {
-    mat4 clip_from_object;         // of the tile alone
-    vec4 placement;                // scale and shift of the tile in the clip space of the atlas
-    vec4 viewpoint_from_object[3]; // rows
-    vec4 viewpoint;                // in the frame of the object, and the sum of its distances along
-                                   // the axes
+    mat4 clip_from_object;         // clip space of the tile alone
+    vec4 placement;                // scale and shift of the tile in the atlas's clip space
+    vec4 viewpoint_from_object[3]; // rows of the transform
+    vec4 viewpoint;                // viewpoint in the object's frame, and its L1 norm
 };
 
 layout(std430, binding = 3) buffer Instances { Instance instances[]; };  // [object][view]
-// First index of a cluster, and the number of its indices.
+// First index of a cluster, and its number of indices.
 layout(std430, binding = 5) readonly buffer Ranges { uvec2 index_ranges[]; };
 // Bits of the tiles where a cluster is visible: [camera][cluster][word].
 layout(std430, binding = 6) buffer Visible { uint visible_tiles[]; };
@@ -26,8 +24,8 @@ layout(std430, binding = 12) buffer Bins { uint bins[]; };
 layout(std430, binding = 13) buffer VisibleOfGroup { uint visible_of_group[]; };
 
 #define BINS 32u
-#define BANDS 2u  // of distance: all buckets are drawn band by band
-#define FAR_BIN 10u  // first of the far band, from 8 m on
+#define BANDS 2u     // bands of distance: all buckets are drawn band by band
+#define FAR_BIN 10u  // first bin of the far band, which starts at 8 m
 
 #include "culling/settings.glsl"
 
@@ -35,21 +33,21 @@ layout(std430, binding = 13) buffer VisibleOfGroup { uint visible_of_group[]; };
 struct Candidate {
     uint group;
     uint view;
-    uint clusters;  // bits of its clusters
+    uint clusters;  // bits of the group's clusters
 };
 
-// Each pass reads the list written by the one before. Its order has no effect.
+// Each pass reads the list that the previous pass has written. The order has no effect.
 struct List {
-    uint work_groups, work_groups_y, work_groups_z;  // of the pass that reads it
+    uint work_groups, work_groups_y, work_groups_z;  // dispatch of the pass that reads the list
     uint candidates;
 };
 
 layout(std430, binding = 4) buffer Lists {
     List lists[LISTS];
-    Candidate candidates[];  // of the lists with even numbers, then of those with odd ones
+    Candidate candidates[];  // lists with even numbers, then lists with odd numbers
 };
 
-// Words of a cluster's tiles.
+// Number of words of a cluster's tile bits.
 uint tile_words() {
     return (u_tiles + 31u) / 32u;
 }

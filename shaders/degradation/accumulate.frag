@@ -1,9 +1,10 @@
-// Adds a sub-frame to the sum of those before it, row by row. Validity is that of the sub-frame.
+// Sum of sub-frames, weighted row by row: the previous sum plus one sub-frame, which also
+// determines which pixels are valid.
 #version 450 core
 
 uniform sampler2D u_image;
 uniform sampler2D u_sum;
-uniform sampler2D u_row_weights;  // one column: share of the row's exposure
+uniform sampler2D u_row_weights;  // one column: the sub-frame's share of each row's exposure
 layout(location = 0) out vec4 out_value;
 
 void main() {

@@ -1,5 +1,5 @@
-// Demosaicing: Malvar's 5 x 5 filters if all their pixels are valid, otherwise the mean of the
-// valid ones among the nearest pixels of the color.
+// Demosaicing: Malvar's 5 x 5 filters if all their pixels are valid, else the mean of the valid
+// pixels among the nearest ones of the color.
 // Source: Malvar, He and Cutler, ICASSP 2004.
 #version 450 core
 
@@ -15,7 +15,7 @@ vec2 raw_at(ivec2 pixel) {
     return value.y > 0.5 ? value : vec2(0.0);
 }
 
-// Mean of the valid nearest pixels of a color: at the sides or, if none is, at the corners.
+// Mean of the valid pixels of a color at the sides, or else at the corners.
 float nearest_mean(ivec2 pixel, int color, float own) {
     for (int corners = 0; corners <= 1; ++corners) {
         vec2 total = vec2(0.0);

@@ -1,4 +1,4 @@
-// Bayer's mosaic: every pixel keeps the color of its filter, in all three channels.
+// Bayer mosaic: each pixel has the color of its filter in all three channels.
 #version 450 core
 
 uniform sampler2D u_image;

@@ -1,5 +1,5 @@
-// Lateral chromatic aberration: each color is sampled where its own image shows the pixel,
-// bilinearly among the valid neighbors (the hardware's filter has only 8 bits of weight).
+// Lateral chromatic aberration: each color is sampled at its own radius, bilinearly among valid
+// neighbors. (The hardware's filter has weights of only 8 bits.)
 #version 450 core
 
 uniform sampler2D u_image;
@@ -7,7 +7,7 @@ uniform vec2 u_center_px;
 uniform float u_inverse_radius_unit;
 uniform float u_red_inverse_scale;
 uniform float u_blue_inverse_scale;
-uniform vec4 u_red_offsets;  // shares of the radius, by powers of the relative radius
+uniform vec4 u_red_offsets;  // relative offsets, coefficients of powers of the relative radius
 uniform vec4 u_blue_offsets;
 layout(location = 0) out vec4 out_value;
 

@@ -1,4 +1,4 @@
-// Reflectance and tint, or white balance: each color times its factor.
+// Mirror reflectance and tint, or white balance: each color times its factor.
 #version 450 core
 
 uniform sampler2D u_image;

@@ -1,19 +1,19 @@
-// Defocus: the mean of the valid pixels in a disc whose radius grows toward the rim.
+// Defocus: mean of the valid pixels in a disc whose radius grows toward the rim.
 #version 450 core
 
 uniform sampler2D u_image;
 uniform float u_center_defocus_px;
 uniform float u_rim_defocus_px;
-uniform vec2 u_limits_px;  // of the radius
-uniform int u_strips;     // per pixel on the disc's edge
+uniform vec2 u_limits_px;  // minimum and maximum radius
+uniform int u_strips;      // strips per pixel on the disc's edge
 #include "degradation/squared_radius.glsl"
 layout(location = 0) out vec4 out_value;
 
-// Share of a pixel in the disc around another one: strips along the shorter offset, and
-// across them the exact chord.
+// Share of a pixel inside the disc around another pixel: numerical integration over strips, with
+// the exact chord in each strip.
 float covered_share(vec2 offset_px, float radius_px) {
     float away = length(offset_px);
-    if (abs(away - radius_px) > 0.7072)  // farther than a pixel's corner from its middle
+    if (abs(away - radius_px) > 0.7072)  // beyond the distance from a pixel's middle to its corner
         return away < radius_px ? 1.0 : 0.0;
     float far = max(abs(offset_px.x), abs(offset_px.y));
     float near = min(abs(offset_px.x), abs(offset_px.y));

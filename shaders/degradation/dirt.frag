@@ -1,8 +1,8 @@
-// Dust and scratches: they absorb a share of the light, and scatter a little light themselves.
+// Dust and scratches: absorb a share of the light, and scatter a little light themselves.
 #version 450 core
 
 uniform sampler2D u_image;
-uniform sampler2D u_dirt;  // share of the light absorbed, and light added
+uniform sampler2D u_dirt;  // absorbed share of the light, and added light
 layout(location = 0) out vec4 out_value;
 
 void main() {

@@ -1,12 +1,12 @@
-// Tone curve, gamma and quantization, from linear light to the values of the file. Alpha is kept.
+// Tone curve, gamma and quantization, from linear light to file values. Alpha is unchanged.
 #version 450 core
 
 uniform sampler2D u_image;
-uniform sampler2D u_curve;   // points of light and level
-uniform float u_last_point;  // index
-uniform float u_exponent;    // 1/gamma; 0: sRGB; below 0: the curve
-uniform float u_largest;     // 2 to the power of the bit depth, less 1
-uniform float u_neutral;     // 1: by the neutral tone curve; 0: clipped
+uniform sampler2D u_curve;   // points of a tone curve: light and level
+uniform float u_last_point;  // index of the last point
+uniform float u_exponent;    // 1/gamma; 0: sRGB; negative: tone curve
+uniform float u_largest;     // largest value, 2^(bit depth) - 1
+uniform float u_neutral;     // 1: neutral tone curve; 0: clipping
 layout(location = 0) out vec4 out_value;
 #include "common/neutral.glsl"
 #include "common/srgb.glsl"

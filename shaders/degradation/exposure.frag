@@ -1,4 +1,4 @@
-// Exposure, and the sensor's response to the three colors: factors of this frame.
+// Exposure and the sensor's response to R, G and B, as factors per frame.
 #version 450 core
 
 uniform sampler2D u_image;

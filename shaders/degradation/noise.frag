@@ -1,10 +1,10 @@
 // Shot noise, dark current, fixed pattern, read noise and A/D conversion, per pixel and color.
-// Names and units are those of omnisim/rendering/camera/degradations/noise.py, which has the
+// Names and units are those of omnisim/rendering/camera/degradations/noise.py, which names the
 // sources.
 #version 450 core
 
 uniform sampler2D u_image;
-uniform sampler2D u_pattern;  // deviations of gain and dark signal; one texel: none
+uniform sampler2D u_pattern;  // deviations of gain and dark signal; a single texel: no pattern
 uniform uint u_key;
 uniform uint u_frame;
 uniform float u_white_e;
@@ -20,7 +20,7 @@ uniform float u_smallest_term;
 #include "common/random.glsl"
 layout(location = 0) out vec4 out_value;
 
-// Inverse of the Poisson distribution's cumulative sum.
+// Inverse of the Poisson distribution's cumulative distribution function.
 float poisson_quantile(float mean, float probability) {
     float term = exp(-mean), total = term, count = 0.0;
     for (int number = 1; number < u_most_counted; ++number) {

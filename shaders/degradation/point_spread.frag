@@ -1,15 +1,15 @@
-// Point spread: the mean of the valid pixels, weighted by a normal distribution whose radial and
+// Point spread: mean of the valid pixels, weighted by a normal distribution whose radial and
 // tangential widths depend on the image radius.
 #version 450 core
 
 uniform sampler2D u_image;
-uniform sampler2D u_widths_px;  // radial, tangential; by the image radius and its direction
+uniform sampler2D u_widths_px;  // radial and tangential widths, by image radius and its direction
 uniform vec2 u_center_px;
-uniform float u_radius_scale;  // entries of the table per pixel
-uniform float u_reach;  // widths to the end of the kernel
+uniform float u_radius_scale;  // table entries per pixel of radius
+uniform float u_reach;         // radius of the kernel, in widths
 layout(location = 0) out vec4 out_value;
 
-// Entry of a table before a position, and the share of the next one.
+// Table entry before a position, and weight of the next entry.
 float split(float at, int count, out int entry) {
     float within = min(at, float(count - 1));
     entry = min(int(within), count - 2);

@@ -1,4 +1,4 @@
-// Encodes linear light in sRGB, as an ideal camera does. Alpha is kept.
+// Encoding of linear light in sRGB, as in an ideal camera. Alpha is unchanged.
 #version 450 core
 
 uniform sampler2D u_image;

@@ -2,8 +2,8 @@
 #version 450 core
 
 uniform sampler2D u_image;
-uniform vec3 u_coefficients;  // of r², r⁴, r⁶
-uniform vec3 u_higher;        // of r⁸, r¹⁰, r¹²
+uniform vec3 u_coefficients;  // coefficients of r², r⁴, r⁶
+uniform vec3 u_higher;        // coefficients of r⁸, r¹⁰, r¹²
 #include "degradation/squared_radius.glsl"
 layout(location = 0) out vec4 out_value;
 

@@ -1,11 +1,11 @@
 // Hit of each laser's beam: 1 + draw item, and range as bits of a float; 0: no hit.
-// Lidar and objects move during the revolution. A draw item's two matrices are those at the start
-// and the end of a slice, each about the lidar's origin at that time; a firing interpolates between
-// them by its time. So triangles are intersected at their poses at
-// the firing; the atlas, drawn in the middle of the slice, only selects candidates.
+// Lidar and objects move during the revolution. A draw item has two matrices, relative to the
+// lidar's origin at the start and at the end of a slice. A firing interpolates between them by its
+// time, so triangles are intersected at their poses at the firing. The atlas, drawn in the middle
+// of the slice, only selects candidates.
 #version 450 core
 
-uniform sampler2D u_rays;  // unit, the world's axes; and the firing's share of its slice, 0 to 1
+uniform sampler2D u_rays;  // unit direction, world axes; and the firing's time in its slice, 0 to 1
 uniform mat3 u_rig_from_viewpoint;
 uniform vec3 u_path_m;  // motion of the lidar's origin from the slice's start to its end
 

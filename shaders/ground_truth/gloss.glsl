@@ -1,6 +1,5 @@
-// void write_gloss(): with MATERIALS roughness, metalness and emission; matte values without
-// REFLECTANCE. Call it before any discard: derivatives need the whole 2 x 2
-// block.
+// void write_gloss(): with MATERIALS, writes roughness, metalness and emission; without REFLECTANCE
+// those of a matte surface. Call it before any discard: derivatives need the whole 2 x 2 block.
 
 #ifdef MATERIALS
 layout(location = 1 + ALBEDO_OUTPUTS) out vec2 out_gloss;  // roughness, metalness

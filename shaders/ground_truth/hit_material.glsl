@@ -1,5 +1,5 @@
-// void write_material(vec3 texel, Hit hit): with ALBEDO the base color of the hit, with MATERIALS
-// its roughness, metalness and emission: the atlas values nearest to the ray.
+// void write_material(vec3 texel, Hit hit): writes the atlas values nearest to the ray: with ALBEDO
+// the base color, with MATERIALS roughness, metalness and emission.
 
 #include "ground_truth/nearest_texel.glsl"
 
@@ -33,7 +33,7 @@ void write_albedo(ivec2 nearest) {}
 #endif
 
 #ifdef MATERIALS
-uniform ATLAS u_gloss;  // written by visibility.frag
+uniform ATLAS u_gloss;  // output of visibility.frag
 uniform ATLAS u_emission;
 layout(location = FIRST_DETAIL + NORMAL_OUTPUTS + ALBEDO_OUTPUTS) out vec4 out_gloss;
 layout(location = FIRST_DETAIL + NORMAL_OUTPUTS + ALBEDO_OUTPUTS + 1) out vec4 out_emission;

@@ -1,6 +1,6 @@
-// void write_normal(Hit hit): normal of the visible side, interpolated as in
-// scene/surface_normal.glsl, or the plane's. With NORMALS, else nothing. NORMAL_OUTPUTS: number of
-// its outputs.
+// void write_normal(Hit hit): with NORMALS, writes the normal of the visible side, interpolated as
+// in scene/surface_normal.glsl, or the plane's normal without vertex normals. NORMAL_OUTPUTS:
+// number of outputs.
 
 #ifdef NORMALS
 #define NORMAL_OUTPUTS 1
@@ -14,7 +14,7 @@ void write_no_normal() {
 void write_normal(Hit hit) {
     uint item = hit.primitive.x - 1u;
     uint first = draw_item_at(item).x + 3u * hit.primitive.y;
-    // of any length: the weights need not be normalized
+    // normalized below, so the weights need not be
     vec3 mesh = hit.weights.x * normal_at(vertex_at(first)) +
                 hit.weights.y * normal_at(vertex_at(first + 1u)) +
                 hit.weights.z * normal_at(vertex_at(first + 2u));

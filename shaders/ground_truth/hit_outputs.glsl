@@ -1,9 +1,9 @@
-// Outputs of a ray: point, range, primitive, and the requested details.
-// void write_nothing(vec3 ray): no hit, or no ray.
-// void write_hit(vec3 ray, vec3 start, vec3 texel, Hit hit): start is the ray's
-// origin from the viewpoint, texel the position in the atlas that shows its end.
+// Outputs per ray: point, range, primitive, and the requested details.
+// void write_nothing(vec3 ray): outputs without a hit, or without a ray.
+// void write_hit(vec3 ray, vec3 start, vec3 texel, Hit hit): outputs of a hit. start: the ray's
+//     origin in the viewpoint frame; texel: atlas position that shows the ray's end.
 
-// Viewpoint frame; and range. Infinite: no hit, and the point is a direction.
+// Point in the viewpoint frame, and range. Range infinite: no hit, and the point is a direction.
 layout(location = 0) out vec4 out_point;
 layout(location = 1) out uvec2 out_primitive;  // 1 + draw item, and triangle in it; 0: no hit
 #define FIRST_DETAIL 2

@@ -1,4 +1,4 @@
-// Hit of each pixel's ray from the viewpoint.
+// Hit of each pixel's ray, which starts at the viewpoint.
 #version 450 core
 
 #ifdef BATCH

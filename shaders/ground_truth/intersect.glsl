@@ -1,40 +1,41 @@
 // Hit intersect(vec3 texel, vec3 ray): nearest triangle that a ray from the viewpoint hits.
 // bool occluded(vec3 texel, vec3 ray, uvec2 ignored, float max_range): true if any triangle except
 //     the ignored primitive is nearer than max_range.
-// Texels are those of `texel.glsl`; rays are of unit length, in the viewpoint frame.
+// texel: atlas position as in `texel.glsl`; ray: unit direction in the viewpoint frame.
 //
-// The atlas gives the triangles visible around the ray. These, and adjacent ones where the ray
-// just misses, are intersected with the ray itself, and the nearest one counts. Nothing is blended,
-// no texel edges appear, and the distance has float precision. With SLICE the triangles stand at
-// the share `slice_share` between a draw item's two matrices.
+// Candidates are the triangles that the atlas shows around the ray, and their neighbors where the
+// ray just misses. They are intersected with the ray itself; the nearest hit counts. So nothing is
+// blended, no texel edges appear, and ranges have float precision. With SLICE, triangles are
+// interpolated at `slice_share` between a draw item's two matrices.
 
 #include "ground_truth/texel_block.glsl"
 #include "ground_truth/triangle.glsl"
 
 const uint NO_TRIANGLE = 0xFFFFFFFFu;
-const uint MAX_STEPS = 3u;  // over edges, from a triangle that the ray misses
-// Triangles adjacent to one whose plane is farther than this behind a hit are not searched.
+const uint MAX_STEPS = 3u;  // steps to adjacent triangles, after a miss
+// The search does not continue from a triangle whose plane is farther than this times the hit.
 const float FARTHER = 1.1;
 #define INFINITE uintBitsToFloat(0x7F800000u)  // some compilers lack it as a constant
-// A ray between two triangles may miss both by rounding, a micrometer at 20 m: it hits the nearer.
+// By rounding, a ray may miss both triangles at an edge, by a micrometer at 20 m; it hits the
+// nearer.
 const float EDGE_RAD = 2e-7;
 
-uniform vec2 u_depth_limits_m;  // near and far plane of the faces
+uniform vec2 u_depth_limits_m;  // near and far planes of the faces
 
 struct Hit {
     uvec2 primitive;   // 1 + draw item, and triangle in it; 0: no hit
-    uint triangle_id;  // where a texel shows it, else 0
-    bool beside;       // the ray just misses it, and hits nothing
+    uint triangle_id;  // ID of the triangle if a texel shows it, else 0
+    bool beside;       // the ray just misses this triangle, and hits no other
     float range;       // infinite: no hit
-    vec3 weights;      // of the corners, not normalized
-    vec3 normal;       // of the plane, toward the viewpoint, not of unit length
+    vec3 weights;      // weights of the corners, not normalized
+    vec3 normal;       // normal of the plane, toward the viewpoint, not of unit length
 };
 
-// any_hit, a constant: return the first hit nearer than max_range, except the ignored primitive.
+// any_hit (a constant): return the first hit nearer than max_range, except the ignored primitive.
 Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
     ivec2 own_texel = ivec2(floor(texel.xy));
-    vec2 limits = u_depth_limits_m / texel.z;  // along the ray
-    Hit hit, miss;  // the nearest that the ray hits; the one it misses by least
+    vec2 limits = u_depth_limits_m / texel.z;  // ranges along the ray
+    Hit hit, miss;  // nearest hit; triangle that the ray misses by least
     hit.primitive = miss.primitive = uvec2(0u);
     hit.triangle_id = miss.triangle_id = 0u;
     hit.range = max_range;
@@ -46,11 +47,11 @@ Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
     uint ids[TEXELS] = ids_around(own_texel);
     uint candidates = distinct_texels(ids);
     uvec2 own_primitive = primitive_at(ids[OWN]);
-    if (any_hit && own_primitive == ignored) {  // it does not occlude itself
+    if (any_hit && own_primitive == ignored) {  // a triangle does not occlude itself
         candidates &= ~1u;
         hits = true;
     }
-    uvec2 adjacent = uvec2(0u);  // beyond the edge by which the last one was missed
+    uvec2 adjacent = uvec2(0u);  // triangle beyond the edge that the ray passed last
     uint steps = 0u;
     while (candidates != 0u || adjacent.x != 0u) {
         uvec2 primitive = adjacent;
@@ -68,7 +69,7 @@ Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
         }
         adjacent = uvec2(0u);
         uvec4 draw_item = draw_item_at(primitive.x - 1u);
-        // a masked triangle has holes: it is hit where its own texel shows it
+        // a masked triangle has holes: only the ray's own texel can show a hit
         if ((draw_item.y & MASKED) != 0u && !is_own) continue;
         vec4 viewpoint_from_mesh[3] = matrix_at(primitive.x - 1u, VIEWPOINT_FROM_MESH);
 #ifdef SLICE
@@ -83,7 +84,7 @@ Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
         bool may_be_nearer = crossing.range < FARTHER * hit.range;
         if (crossing.outside_rad >= EDGE_RAD && steps < MAX_STEPS && may_be_nearer) {
             uvec2 next = uvec2(primitive.x, crossing.adjacent);
-            // triangles intersected before add nothing
+            // skip triangles that have been intersected already
             if (crossing.adjacent != NO_TRIANGLE && next != own_primitive && next != hit.primitive)
                 adjacent = next;
             ++steps;
@@ -107,7 +108,7 @@ Hit trace(vec3 texel, vec3 ray, uvec2 ignored, float max_range, bool any_hit) {
     }
     bool shows_nothing = false;
     for (uint at = 0u; at < TEXELS; ++at) shows_nothing = shows_nothing || ids[at] == 0u;
-    // A triangle too small to show in any texel: the adjacent one that the ray misses by least.
+    // The hit triangle is too small for any texel: take the one that the ray misses by least.
     if (!hits && !shows_nothing && miss.primitive.x != 0u) hit = miss;
     return hit;
 }

@@ -1,7 +1,7 @@
-// ivec2 nearest_texel(vec3 texel, Hit hit): nearest texel around a ray's own that shows the hit
-// triangle, otherwise its draw item, otherwise any surface.
+// ivec2 nearest_texel(vec3 texel, Hit hit): texel nearest to a ray's own that shows the hit
+// triangle, else the triangle's draw item, else any surface.
 
-// Squares of texels, more than there are around: the rest is as far away as that.
+// Penalties on the squared distance, in texels², larger than any distance within the block.
 const float OTHER_TRIANGLE = 16.0, OTHER_ITEM = 32.0;
 
 ivec2 nearest_texel(vec3 texel, Hit hit) {
@@ -9,10 +9,10 @@ ivec2 nearest_texel(vec3 texel, Hit hit) {
     uint ids[TEXELS] = ids_around(own_texel);
     float least = INFINITE;
     for (uint at = 0u; at < TEXELS; ++at) {
-        if (ids[at] == 0u) continue;  // nothing is shown there
+        if (ids[at] == 0u) continue;  // no surface
         vec2 away = vec2(own_texel + texel_offset(at)) + 0.5 - texel.xy;
-        float distance = at == OWN ? 0.0 : dot(away, away);  // its own is the nearest
-        // too small to show, or just beyond an edge: one of the same draw item, or else any
+        float distance = at == OWN ? 0.0 : dot(away, away);  // the ray's own texel is the nearest
+        // no texel may show a triangle that is small or just beyond an edge
         if (ids[at] != hit.triangle_id)
             distance += primitive_at(ids[at]).x == hit.primitive.x ? OTHER_TRIANGLE : OTHER_ITEM;
         if (distance < least) {

@@ -1,5 +1,5 @@
-// Occlusion of the point hit by the ray of a pixel, from the next viewpoint: 1, else 0. Without a
-// hit, the point is infinitely far.
+// Occlusion, seen from the next viewpoint, of the point that a pixel's ray hits: 1 occluded, 0
+// visible. Without a hit, the point is infinitely far.
 #version 450 core
 
 const vec3 ray_origin = vec3(0.0);

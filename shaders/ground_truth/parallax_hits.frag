@@ -1,20 +1,20 @@
-// Hit of each pixel's ray, with an origin beside the viewpoint: candidates are the triangles that
-// the viewpoint sees at the ray's end, by depth (first_surface.glsl).
+// Hit of each pixel's ray, whose origin is beside the viewpoint. Candidates are the triangles that
+// the viewpoint sees at the ray's end, which is found by depth (first_surface.glsl).
 #version 450 core
 
-vec3 ray_origin = vec3(0.0);  // from the viewpoint
+vec3 ray_origin = vec3(0.0);  // viewpoint frame
 #define GUESS
 #include "capture/first_surface.glsl"
 #include "ground_truth/intersect.glsl"
 #include "ground_truth/pixel_rays.glsl"
 #include "ground_truth/hit_outputs.glsl"
 
-uniform sampler2D u_origins;  // of the rays, from the viewpoint, optical frame
+uniform sampler2D u_origins;  // ray origins relative to the viewpoint, optical frame
 uniform mat3 u_rig_from_optical;
 // Bit of a draw item's number: the viewpoint does not see the ray's end.
 const uint UNKNOWN = 0x80000000u;
 const int ROUNDS = 3;
-const float IN_FRONT = 1.005;  // inverse depths this much larger are not of the same plane
+const float IN_FRONT = 1.005;  // ratio of inverse depths above which a texel is in front of a plane
 
 struct Ending {
     Hit hit;
@@ -22,8 +22,8 @@ struct Ending {
     bool known;
 };
 
-// Tests whether a texel around shows something in front of the hit plane. It may extend to the
-// ray, too thin to show there.
+// True if a neighboring texel shows something in front of the hit plane. It may extend to the ray,
+// but be too thin for the ray's own texel.
 bool is_beside_nearer(Hit hit, Place place, vec3 ray) {
     vec3 normal = u_face_from_rig[place.face] * u_rig_from_optical *
         (transpose(viewpoint_from_optical()) * hit.normal);
@@ -39,15 +39,16 @@ bool is_beside_nearer(Hit hit, Place place, vec3 ray) {
     return is_nearer;
 }
 
-// Texel depths give the end to within a texel, triangles give it exactly. A ray that just misses
-// the surface in a texel continues.
+// Texel depths give the ray's end to within a texel, triangles give it exactly. If a ray just
+// misses the surface of its texel, the search continues.
 Ending follow(vec3 rig, vec3 rig_origin, vec3 ray) {
     Ending ending;
     ending.known = false;
     float start = u_nearest;
-    float depth = max(max(abs(rig.x), abs(rig.y)), abs(rig.z));  // planes are about its origin
-    bool goes_on = true;
-    for (int round = 0; round < ROUNDS && goes_on; ++round) {
+    // near and far planes are centered on the ray's origin
+    float depth = max(max(abs(rig.x), abs(rig.y)), abs(rig.z));
+    bool continues = true;
+    for (int round = 0; round < ROUNDS && continues; ++round) {
         FirstSurface found = first_surface(rig, rig_origin, start);
         Place place = place_of(rig + found.nearness * rig_origin, rig_origin);
         ending.texel = vec3(place.texel, depth);
@@ -56,7 +57,7 @@ Ending follow(vec3 rig, vec3 rig_origin, vec3 ray) {
         bool is_there = (found.nearness - nearness) * place.texels < STEP_TEXELS;
         ending.known = found.known && is_there && !ending.hit.beside &&
             !is_beside_nearer(ending.hit, place, ray);
-        goes_on = found.known && !is_there;
+        continues = found.known && !is_there;
         start = found.nearness - STEP_TEXELS / place.texels;
     }
     return ending;

@@ -1,14 +1,14 @@
-// Occlusion as in occlusion.frag, from the origin of the ray to the point at that time. UNKNOWN is
-// added if the viewpoint does not see the whole ray.
+// Occlusion as in occlusion.frag, between the ray's origin and the point, both at the next pose.
+// UNKNOWN is added if the viewpoint does not see the whole ray.
 #version 450 core
 
-vec3 ray_origin = vec3(0.0);  // from the next viewpoint
+vec3 ray_origin = vec3(0.0);  // frame of the next viewpoint
 #define GUESS
 #include "capture/first_surface.glsl"
 #include "ground_truth/intersect.glsl"
 #include "ground_truth/occluding.glsl"
 
-uniform sampler2D u_origins;  // from the next viewpoint, in its frame
+uniform sampler2D u_origins;  // ray origins, frame of the next viewpoint
 const uint UNKNOWN = 2u;
 const int ROUNDS = 3;
 
@@ -17,15 +17,15 @@ uint follow(vec3 ray, uvec2 primitive, float range) {
     vec3 rig = u_rig_from_viewpoint * ray, rig_origin = u_rig_from_viewpoint * ray_origin;
     float depth = max(max(abs(rig.x), abs(rig.y)), abs(rig.z));
     float start = u_nearest;
-    bool goes_on = true, known = false, is_occluded = false;
-    for (int round = 0; round < ROUNDS && goes_on; ++round) {
+    bool continues = true, known = false, is_occluded = false;
+    for (int round = 0; round < ROUNDS && continues; ++round) {
         FirstSurface found = first_surface(rig, rig_origin, start);
         Place place = place_of(rig + found.nearness * rig_origin, rig_origin);
         vec3 texel = vec3(place.texel, depth);
         is_occluded = occluded(texel, ray, primitive, (1.0 - NEARER) * range);
         bool reaches = (found.nearness - 1.0 / range) * place.texels < STEP_TEXELS;
         known = found.known && (is_occluded || reaches);
-        goes_on = found.known && !known;
+        continues = found.known && !known;
         start = found.nearness - STEP_TEXELS / place.texels;
     }
     return (is_occluded ? 1u : 0u) + (known ? 0u : UNKNOWN);

@@ -1,9 +1,9 @@
-// Rays of an image's pixels; with BATCH of several images, stacked vertically.
-// ivec2 pixel(): the fragment's, of its own image.
-// mat3 viewpoint_from_optical(): rotation of its camera, stored after the last draw item in a
-// batch.
+// Rays of an image's pixels; with BATCH, of several images stacked vertically.
+// ivec2 pixel(): pixel of the fragment in its own image.
+// mat3 viewpoint_from_optical(): rotation of the image's camera; in a batch, the entry after the
+// image's last draw item.
 
-uniform sampler2D u_rays;  // unit, optical frame; and 1 where the pixel has one
+uniform sampler2D u_rays;  // unit direction in the optical frame, and 1 if the pixel has a ray
 
 #ifdef BATCH
 mat3 viewpoint_from_optical() {

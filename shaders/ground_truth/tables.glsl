@@ -1,11 +1,11 @@
 // Tables of triangles and draw items, as textures: software drivers fetch textures faster than they
 // read buffers by index.
-// uvec4 corner_at(uint index): for an entry of the index buffer, the position as float bits, in
-//     the frame of its mesh, and the triangle beyond the opposite edge.
-// uvec4 draw_item_at(uint item): first index of a draw item, its flags, unused.
-// vec4[3] matrix_at(uint item, uint which): rows of one of its matrices.
-// uvec2 primitive_at(uint triangle_id): 1 + draw item, and triangle in it; 0 for 0.
-// With BATCH draw items are those of an image, and one past its last is the camera.
+// uvec4 corner_at(uint index): position of an entry of the index buffer, as float bits in the
+//     mesh's frame, and the triangle beyond the opposite edge.
+// uvec4 draw_item_at(uint item): first index of a draw item, flags, and two unused entries.
+// vec4[3] matrix_at(uint item, uint which): rows of one of a draw item's matrices.
+// uvec2 primitive_at(uint triangle_id): 1 + draw item, and triangle in it; 0 for ID 0.
+// With BATCH, each image has its own draw items; the entry after the last one is its camera.
 // The layout is that of triangle_table.py, hit_tables.py and triangle_ids.py.
 
 uniform usampler2D u_corners;
@@ -14,12 +14,12 @@ uniform usampler2D u_primitives;
 
 const uint ROW_BITS = 12u;  // entries per row of any table
 const uint ITEM_ENTRIES = 8u;
-// First entries of an item's matrices, counted from its own.
+// Offsets of an item's matrices from its first entry.
 const uint VIEWPOINT_FROM_MESH = 1u, SECOND_MATRIX = 4u;
 const uint MASKED = 1u, DOUBLE_SIDED = 2u, FLIPS_WINDING = 4u;  // flags
 
 #ifdef BATCH
-uniform uint u_draw_item_count;  // of an image, with the camera
+uniform uint u_draw_item_count;  // draw items per image, camera included
 
 uint first_entry_of(uint item) {
     return ITEM_ENTRIES * (uint(v_image) * u_draw_item_count + item);

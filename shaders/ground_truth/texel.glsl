@@ -1,5 +1,5 @@
-// vec3 texel_of_ray(vec3 rig): position in the atlas, in texels, of a unit direction in the rig
-// frame; and the depth in its face of one meter along it.
+// vec3 texel_of_ray(vec3 rig): atlas position, in texels, of a unit direction in the rig frame; and
+// depth in the face per meter along the direction.
 
 #include "capture/tiles.glsl"
 

@@ -1,10 +1,10 @@
-// uint[TEXELS] ids_around(ivec2 texel): triangle IDs of the 3 × 3 texels around one; 0: nothing.
-// uint id_at(ivec2 texel): triangle ID of a texel; with BATCH of the image's own layer.
-// uint distinct_texels(uint ids[TEXELS]): bits of texels whose triangle no earlier texel shows. Bit
-//     0 is the block's middle, then come all texels, row by row: a hit of the middle's triangle
-//     saves the search behind it.
+// uint[TEXELS] ids_around(ivec2 texel): triangle IDs of the 3 × 3 texels around a texel; 0: none.
+// uint id_at(ivec2 texel): triangle ID of a texel; with BATCH, in the image's own layer.
+// uint distinct_texels(uint ids[TEXELS]): bit mask of the texels whose triangle no earlier texel
+//     shows. Bit 0 is the block's middle, then all texels follow row by row. The middle comes first
+//     because its triangle is the likeliest hit, which shortens the search.
 
-// Written by visibility.frag.
+// Output of visibility.frag.
 #ifdef BATCH
 uniform usampler2DArray u_triangle_ids;
 #else

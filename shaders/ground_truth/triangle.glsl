@@ -1,24 +1,25 @@
-// Triangle triangle_of(uvec4 draw_item, vec4 viewpoint_from_mesh[3], uint index): a triangle in the
-// viewpoint frame: the world's axes, the origin is the viewpoint, meters.
+// Triangle triangle_of(uvec4 draw_item, vec4 viewpoint_from_mesh[3], uint index): triangle in the
+//     viewpoint frame (world axes, meters), relative to the rays' origin.
 // Crossing intersect_triangle(Triangle t, vec3 ray): intersection with a unit ray.
-// vec3 weights_beside(Triangle t, uint edge, vec3 ray): weights of an edge's nearest point.
-// A program declares `ray_origin`, from the viewpoint, before: rays start there.
+// vec3 weights_beside(Triangle t, uint edge, vec3 ray): corner weights of the point of an edge that
+//     is nearest to the ray.
+// Declare `vec3 ray_origin`, the rays' origin in the viewpoint frame, before this file.
 
 #include "ground_truth/tables.glsl"
 
 struct Triangle {
     vec3 a, b, c;       // corners
-    vec3 normal;        // of its plane, toward the viewpoint, not of unit length
-    bool is_clockwise;  // seen from the viewpoint
+    vec3 normal;        // normal of its plane, toward the viewpoint, not of unit length
+    bool is_clockwise;  // winding as seen from the viewpoint
     uvec3 adjacent;     // triangles beyond the edges opposite to the corners
 };
 
 struct Crossing {
     float outside_rad;  // angle by which the ray misses the triangle; negative: inside
-    float range;        // to the triangle's plane
-    vec3 weights;       // of the corners, not normalized
-    uint edge;          // edge that the ray passes by most: number of the opposite corner
-    uint adjacent;      // triangle beyond it
+    float range;        // distance along the ray to the triangle's plane
+    vec3 weights;       // weights of the corners, not normalized
+    uint edge;          // edge that the ray passes farthest outside: number of the opposite corner
+    uint adjacent;      // triangle beyond that edge
 };
 
 Triangle triangle_of(uvec4 draw_item, vec4 viewpoint_from_mesh[3], uint index) {
@@ -38,8 +39,8 @@ Triangle triangle_of(uvec4 draw_item, vec4 viewpoint_from_mesh[3], uint index) {
     return t;
 }
 
-// An edge and the viewpoint span a plane; the ray's sine to it tells the side that it passes on.
-// Differences of corners, which are exact enough where the corners themselves are far away.
+// An edge and the viewpoint span a plane; the sign of the ray's sine to this plane is the side on
+// which the ray passes the edge. Differences of corners stay precise for distant triangles.
 Crossing intersect_triangle(Triangle t, vec3 ray) {
     vec3 ab = cross(t.a, t.b - t.a), bc = cross(t.b, t.c - t.b), ca = cross(t.c, t.a - t.c);
     vec3 sides = vec3(dot(ray, bc), dot(ray, ca), dot(ray, ab));
@@ -55,8 +56,8 @@ Crossing intersect_triangle(Triangle t, vec3 ray) {
     return crossing;
 }
 
-// The point of the passed edge that is nearest to the ray: in the plane of the ray and the normal
-// of the plane that the edge and the viewpoint span, or an end.
+// The nearest point is where the edge crosses a plane, or an end of the edge. That plane contains
+// the ray and the normal of the plane through the edge and the viewpoint.
 vec3 weights_beside(Triangle t, uint edge, vec3 ray) {
     vec3 start = edge == 0u ? t.b : (edge == 1u ? t.c : t.a);
     vec3 along = (edge == 0u ? t.c : (edge == 1u ? t.a : t.b)) - start;

@@ -1,7 +1,7 @@
-// Triangle ID of a texel: 1 + the ID, see triangle_ids.py; 0: nothing visible.
-// With ALPHA_MASK only where alpha reaches the cutoff, which blended surfaces have too.
-// With ALBEDO also the plain base color as its square root: 8 bits are then as fine as sRGB.
-// With MATERIALS roughness, metalness and emission, see gloss.glsl.
+// Triangle ID of a texel, plus 1, see triangle_ids.py; 0: nothing visible.
+// With ALPHA_MASK, only where alpha reaches the cutoff; blended surfaces have a cutoff, too.
+// With ALBEDO, also the square root of the plain base color: 8 bits are then as fine as sRGB.
+// With MATERIALS, also roughness, metalness and emission, see gloss.glsl.
 #version 450 core
 
 #include "scene/material.glsl"

@@ -9,11 +9,11 @@
 #include "scene/vertex_details.glsl"
 
 out vec4 v_color;
-flat out uint v_first_plus_one;  // 1 + ID of the call's first triangle
+flat out uint v_first_plus_one;  // 1 + ID of the draw call's first triangle
 
 #ifdef CLUSTERED
 layout(std430, binding = 7) readonly buffer Commands { uint commands[]; };
-uniform uint u_first_command;  // of the multi-draw
+uniform uint u_first_command;  // first command of the multi-draw
 const uint COMMAND_WORDS = 5u, FIRST_INDEX_WORD = 2u;
 
 uint first_triangle() {

@@ -1,9 +1,9 @@
 // Baked light of a scene: its lamps, sky and bounces, with their shadows.
-// vec3 baked_light(vec3 position, vec3 normal): on a white surface, linear RGB; position in meters
-// from the effective viewpoint, normal a unit vector, both in axes of the world.
-// LIGHTMAP: for static surfaces, by lightmap coordinates; with BOTH_SIDES by those of the visible
-// side. PROBES: for all other surfaces, by spherical harmonics of order 2 between grid probes.
-// With both: the lightmap, unless its coordinate is negative.
+// vec3 baked_light(vec3 position, vec3 normal): light on a white surface, linear RGB. position:
+//     meters from the effective viewpoint; normal: unit vector; both in world axes.
+// LIGHTMAP: static surfaces read a lightmap; with BOTH_SIDES, at the coordinates of the visible
+// side. PROBES: other surfaces interpolate spherical harmonics of order 2 between grid probes. With
+// both, a negative lightmap coordinate selects the probes.
 // Twin of omnisim/scene/light/baked_light.py.
 
 #ifdef LIGHTMAP
@@ -14,7 +14,7 @@ in vec4 v_light_coordinate;
 in vec2 v_light_coordinate;
 #define LIGHT_PLACE v_light_coordinate
 #endif
-uniform sampler2D u_lightmap;  // of one level: a lookup needs no derivatives
+uniform sampler2D u_lightmap;  // a single mip level, so that lookups need no derivatives
 
 vec3 lightmap_light() {
     return texture(u_lightmap, LIGHT_PLACE).rgb;
@@ -22,13 +22,13 @@ vec3 lightmap_light() {
 #endif
 
 #ifdef PROBES
-// Blocks along z, of four numbers each: factors times weights, and weights.
+// Blocks along z, with four numbers each: weighted coefficients, then weights.
 uniform sampler3D u_probes;
 uniform vec3 u_probes_per_m;
 #ifdef LAYERED
 #define PROBES_VIEWPOINT (-light_positions[v_camera * POSITIONS + PROBES_POSITION].xyz)
 #else
-uniform vec3 u_probes_viewpoint;  // meters from the first probe
+uniform vec3 u_probes_viewpoint;  // viewpoint, in meters from the first probe
 #define PROBES_VIEWPOINT u_probes_viewpoint
 #endif
 const float PROBE_BLOCKS = 7.0;

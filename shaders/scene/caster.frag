@@ -1,5 +1,5 @@
-// Depth of shadow casters. With ALPHA_MASK only where alpha reaches the cutoff, which blended
-// surfaces have too.
+// Depth of shadow casters. With ALPHA_MASK, only where alpha reaches the cutoff; blended surfaces
+// have a cutoff, too.
 #version 450 core
 
 #include "scene/material.glsl"

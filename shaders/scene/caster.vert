@@ -1,4 +1,4 @@
-// Vertex of a shadow caster, see scene/vertex.glsl; with ALPHA_MASK also the inputs of its holes.
+// Vertex of a shadow caster, see scene/vertex.glsl; with ALPHA_MASK, also the inputs of its holes.
 #version 450 core
 
 #include "scene/vertex.glsl"

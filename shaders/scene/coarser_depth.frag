@@ -1,7 +1,7 @@
-// Depth of a coarser level of the shadow maps: depth of the first of four texels.
+// Coarser level of the shadow maps: depth of the first of four texels.
 #version 450 core
 
-uniform sampler2D u_finer;  // bound with a single level, unfiltered
+uniform sampler2D u_finer;  // finer level only, unfiltered
 
 void main() {
     vec2 size = vec2(textureSize(u_finer, 0));

@@ -1,19 +1,19 @@
-// Deforms vertices: morph targets, then linear blend skinning. The twin of
+// Deformation of vertices: morph targets, then linear blend skinning. Twin of
 // omnisim/scene/motion/deformation.py.
 // The layouts are those of omnisim/rendering/opengl/geometry/mesh_deformer.py and vertex_format.py.
-// Source: glTF 2.0, sections 3.7.2.2 and 3.7.3.3; normals by the matrix of cofactors.
+// Source: glTF 2.0, sections 3.7.2.2 and 3.7.3.3; normals use the cofactor matrix.
 #version 450 core
 
 layout(local_size_x = 64) in;
 
 struct Bound {
-    vec3 position;     // as bound
-    uint vertex;       // in the buffer of vertices
-    vec3 normal;       // zero: flat
-    uint first_offset; // of the first target
+    vec3 position;     // bind pose
+    uint vertex;       // index in the vertex buffer
+    vec3 normal;       // bind pose; 0: flat shading
+    uint first_offset; // index of the first target's offset
     uvec4 joints[2];
-    vec4 shares[2];    // of the joints, with sum 1
-    uvec4 targets;     // first weight, number, step between targets
+    vec4 shares[2];    // weights of the joints, with sum 1
+    uvec4 targets;     // first weight, number of targets, stride between their offsets
 };
 
 struct Offset {
@@ -23,7 +23,7 @@ struct Offset {
 layout(std430, binding = 0) buffer Vertices { uint vertex_words[]; };
 layout(std430, binding = 1) readonly buffer Bounds { Bound bounds[]; };
 layout(std430, binding = 2) readonly buffer Offsets { Offset offsets[]; };
-layout(std430, binding = 3) readonly buffer Matrices { vec4 rows_of_joints[]; };  // three per joint
+layout(std430, binding = 3) readonly buffer Matrices { vec4 rows_of_joints[]; };  // 3 per joint
 layout(std430, binding = 4) readonly buffer Weights { float weights[]; };
 
 const uint VERTEX_WORDS = 10u, NORMAL_WORD = 3u;

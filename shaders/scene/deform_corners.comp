@@ -1,10 +1,10 @@
-// Copies positions of deformed vertices into the table of triangles (ground_truth/tables.glsl).
+// Copy of the deformed vertices' positions to the table of triangles (ground_truth/tables.glsl).
 #version 450 core
 
 layout(local_size_x = 64) in;
 
 layout(std430, binding = 0) readonly buffer Vertices { uint vertex_words[]; };
-layout(std430, binding = 1) readonly buffer Corners { uvec2 corners[]; };  // entry, and its vertex
+layout(std430, binding = 1) readonly buffer Corners { uvec2 corners[]; };  // table entry, vertex
 layout(rgba32ui, binding = 0) uniform uimage2D u_corners;
 
 const uint VERTEX_WORDS = 10u, ROW_BITS = 12u;

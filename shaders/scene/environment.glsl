@@ -1,13 +1,13 @@
 // Light of an environment map.
-// vec3 ambient_light(vec3 normal): on a white surface, by spherical harmonics of order 2.
-// vec3 environment_light(vec3 direction, float roughness): its radiance, filtered for a roughness.
-// Directions are unit vectors in axes of the world, radiance is linear RGB.
+// vec3 ambient_light(vec3 normal): light on a white surface, by spherical harmonics of order 2.
+// vec3 environment_light(vec3 direction, float roughness): radiance, filtered for a roughness.
+// Directions are unit vectors in world axes; radiance is linear RGB.
 // Twin of omnisim/scene/light/environment.py.
 // Source: Ramamoorthi and Hanrahan, "An efficient representation for irradiance environment maps",
 // 2001; Karis, "Real shading in Unreal Engine 4", 2013.
 
 uniform vec3 u_irradiance[9];
-uniform sampler2D u_filtered_sky;  // one level per step of roughness
+uniform sampler2D u_filtered_sky;  // one level per roughness step
 
 #include "scene/sky_coordinates.glsl"
 

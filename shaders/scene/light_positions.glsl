@@ -1,6 +1,7 @@
-// Positions relative to the effective viewpoint, meters.
+// Positions of lights, in meters from the effective viewpoint.
 // PUNCTUAL_POSITION(i): position of a point or spot light. SHADOW_VIEWPOINT: viewpoint relative to
-// the shadow maps' origin. With LAYERED each camera has its own; v_camera is the camera's index.
+// the shadow maps' origin. With LAYERED, they differ between cameras; v_camera is the camera's
+// index.
 
 #ifdef SHADOWS
 const int PROBES_POSITION = PUNCTUAL_LIGHTS + 1;
@@ -13,7 +14,7 @@ const int POSITIONS = PROBES_POSITION + 1;
 const int POSITIONS = PROBES_POSITION;
 #endif
 #ifdef LAYERED
-// Punctual lights, shadow maps' origin and first probe: [camera].
+// Per camera: punctual lights, shadow maps' origin, first probe.
 layout(std430, binding = 15) readonly buffer LightPositions { vec4 light_positions[]; };
 #define PUNCTUAL_POSITION(i) light_positions[v_camera * POSITIONS + i].xyz
 #define SHADOW_VIEWPOINT (-light_positions[v_camera * POSITIONS + PUNCTUAL_LIGHTS].xyz)

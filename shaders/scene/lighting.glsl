@@ -1,32 +1,33 @@
 // vec3 light_on_surface(vec3 position, vec3 normal): light on a white surface, linear RGB.
-// Lamp directional_lamp(int i, vec3 position), punctual_lamp(int i, vec3 position, vec3 area): one
-// light, for any reflectance; the area is surface_area(position), of scene/shadow.glsl.
+// Lamp directional_lamp(int i, vec3 position), punctual_lamp(int i, vec3 position, vec3 area):
+//     light i at a surface, for any reflectance; area: surface_area(position), see
+//     scene/shadow.glsl.
 // vec3 ambient_light(vec3 normal): light of the environment on a white surface.
 // vec3 environment_light(vec3 direction, float roughness): radiance of the environment around a
-// direction, as a surface of this roughness reflects it.
-// vec3 with_lamps(vec3 light, vec3 position, vec3 normal): light and that of all lamps on a white
-// surface.
-// With BAKED_LIGHT, set by LIGHTMAP or PROBES, light_on_surface comes from scene/baked_light.glsl.
-// position in meters from the effective viewpoint, normal a unit vector, both in axes of the
-// world. Twin of the illuminance in omnisim/scene/light/lighting.py.
+//     direction, as a surface of this roughness reflects it.
+// vec3 with_lamps(vec3 light, vec3 position, vec3 normal): light plus that of all lamps on a white
+//     surface.
+// position: meters from the effective viewpoint; normal: unit vector; both in world axes.
+// With BAKED_LIGHT, set by LIGHTMAP or PROBES, light_on_surface is that of scene/baked_light.glsl.
 // DIRECTIONAL_LIGHTS, PUNCTUAL_LIGHTS: numbers of directional, and of point and spot lights.
-// EACH_DIRECTIONAL, EACH_PUNCTUAL: expand a macro for each light. A loop with a large body may not
-// be unrolled, which hides the light's constants from the compiler. A point light is a spot light
-// whose cone covers every direction.
+// EACH_DIRECTIONAL, EACH_PUNCTUAL: expand a macro once per light. A loop with a large body might
+// not be unrolled, which would hide the light's constants from the compiler. A point light is a
+// spot light whose cone covers every direction.
+// Twin of the illuminance in omnisim/scene/light/lighting.py.
 // Source: glTF extension KHR_lights_punctual (falloff and cone).
 
 uniform vec3 u_ambient;
 #if DIRECTIONAL_LIGHTS > 0
-uniform vec3 u_directional_color[DIRECTIONAL_LIGHTS];      // intensity and exposure multiplied in
-uniform vec3 u_directional_direction[DIRECTIONAL_LIGHTS];  // unit, the way the light travels
+uniform vec3 u_directional_color[DIRECTIONAL_LIGHTS];      // color × intensity × exposure
+uniform vec3 u_directional_direction[DIRECTIONAL_LIGHTS];  // unit direction of travel
 #endif
 #ifdef LAYERED
 flat in int v_camera;
 #endif
 #include "scene/light_positions.glsl"
 #if PUNCTUAL_LIGHTS > 0
-uniform vec3 u_punctual_color[PUNCTUAL_LIGHTS];  // intensity and exposure multiplied in
-uniform vec3 u_punctual_direction[PUNCTUAL_LIGHTS];  // unit, the way the light travels
+uniform vec3 u_punctual_color[PUNCTUAL_LIGHTS];  // color × intensity × exposure
+uniform vec3 u_punctual_direction[PUNCTUAL_LIGHTS];  // unit direction of travel
 uniform vec3 u_punctual_limits[PUNCTUAL_LIGHTS];  // range in meters, cosines of the two cones
 #endif
 
@@ -46,8 +47,8 @@ vec3 environment_light(vec3 direction, float roughness) {
 
 struct Lamp {
     vec3 color;
-    float level;     // factor of the color, on a surface that faces the lamp
-    vec3 direction;  // unit, toward the lamp
+    float level;     // factor of the color on a surface that faces the lamp
+    vec3 direction;  // unit vector toward the lamp
 };
 
 #if DIRECTIONAL_LIGHTS > 0

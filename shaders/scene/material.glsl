@@ -1,9 +1,9 @@
 // Color, holes and hidden sides of a fragment's material.
-// vec2 texture_coordinate(): with TEXTURED or TEXTURE_COORDINATES; else 0.
-// vec4 texture_color(): of the material's texture, with TEXTURED; else 1.
-// void discard_hole(float alpha): with ALPHA_MASK, below the material's cutoff.
-// void discard_hidden_side(), bool is_unlit(): of blended materials, which one program draws.
-// With CLUSTERED the texture is a layer of an array, because many materials share a draw call.
+// vec2 texture_coordinate(): texture coordinate, with TEXTURED or TEXTURE_COORDINATES; else 0.
+// vec4 texture_color(): color of the material's texture, with TEXTURED; else 1.
+// void discard_hole(float alpha): with ALPHA_MASK, discards fragments below the material's cutoff.
+// void discard_hidden_side(), bool is_unlit(): flags of blended materials, which share a program.
+// With CLUSTERED, the texture is a layer of an array, because many materials share a draw call.
 
 #if defined(TEXTURED) || defined(TEXTURE_COORDINATES)
 in vec2 v_texture_coordinate;
@@ -18,11 +18,11 @@ vec2 texture_coordinate() {
 #endif
 
 #if defined(CLUSTERED) && (defined(TEXTURED) || defined(ALPHA_MASK) || defined(ALPHA_BLEND))
-flat in vec2 v_material;  // layer, and cutoff of alpha
+flat in vec2 v_material;  // texture layer, and alpha cutoff
 #endif
 
 #ifdef BLENDED_ARRAYS
-// Replaces the cutoff: number of the array and flags, as in blended_drawer.py.
+// In place of the cutoff: number of the texture array and flags, as in blended_drawer.py.
 #define ARRAY_BITS 7
 #define UNLIT_BIT 8
 #define DOUBLE_SIDED_BIT 16

@@ -1,5 +1,5 @@
-// Material factors of a fragment, times its maps.
-// SurfaceValues surface_values(vec2 uv): texture coordinates as in scene/surface.frag.
+// Material values of a fragment: factors from a table times maps.
+// SurfaceValues surface_values(vec2 uv): values at texture coordinates as in scene/surface.frag.
 // vec4 material_texel(int index): texel of the material's record.
 // vec3 map_coordinates(int map, vec2 uv): texture coordinates and layer of a map.
 // The table has MATERIAL_TEXELS texels per material, see

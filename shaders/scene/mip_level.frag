@@ -1,16 +1,16 @@
-// Texel of a mip level: the mean of the texels of the finer level that it covers.
-// With ARRAY it is a texel of an array's layer: u_layer, or with LAYERED the target's layer.
+// Texel of a mip level: mean of the finer level's texels that it covers.
+// With ARRAY, the texture is an array; its layer is u_layer, or with LAYERED the target's layer.
 #version 450 core
 
 #ifdef ARRAY
-uniform sampler2DArray u_finer;  // linear filter, only the finer level
+uniform sampler2DArray u_finer;  // finer level only, linear filter
 #ifdef LAYERED
 flat in float v_layer;
 #else
 uniform float u_layer;
 #endif
 #else
-uniform sampler2D u_finer;  // linear filter, only the finer level
+uniform sampler2D u_finer;  // finer level only, linear filter
 #endif
 uniform vec2 u_texels;  // 1 / size of the target
 

@@ -1,4 +1,4 @@
-// One triangle that covers the target; with LAYERED, each instance covers a layer of it.
+// Triangle that covers the target; with LAYERED, each instance covers one of its layers.
 #version 450 core
 #ifdef LAYERED
 #extension GL_ARB_shader_viewport_layer_array : require

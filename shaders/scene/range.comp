@@ -1,22 +1,22 @@
-// Ranges of a scanner's beams to the triangles of one draw; one invocation per triangle.
-// The scan plane, z = 0 of the scanner's frame, cuts a triangle in a segment. The hit of each beam
-// that crosses the segment depends on the segment's ends alone. So a range is
-// exact up to the rounding of floats: no pixels, no depth buffer, no near plane. Both sides of a
-// surface reflect. A triangle that lies in the plane is not hit.
+// Ranges of a scanner's beams to the triangles of one draw call; one invocation per triangle.
+// The scan plane, z = 0 of the scanner's frame, cuts a triangle along a segment. The hits of all
+// beams that cross the segment follow from its ends, so a range is exact up to float rounding:
+// there are no pixels, no depth buffer and no near plane. Both sides of a surface reflect. A
+// triangle that lies in the plane is not hit.
 //
-// u_scanner_from_mesh  x forward, y left, z up, meters; origin where the beams start
-// u_first              first index of the draw
-// u_triangles          number of triangles of the draw
-// u_angle_min, u_angle_increment  of the beams, radians, counter-clockwise
+// u_scanner_from_mesh  transform to the scanner's frame: x forward, y left, z up, meters
+// u_first              first index of the draw call
+// u_triangles          number of triangles of the draw call
+// u_angle_min, u_angle_increment  angles of the beams, radians, counter-clockwise
 //
-// With HOLES the beam continues where alpha is below u_alpha_cutoff.
+// With HOLES, beams pass where alpha is below u_alpha_cutoff.
 #version 450 core
 
 layout(local_size_x = 64) in;
 
 #include "scene/vertex_words.glsl"
 layout(std430, binding = 2) readonly buffer Beams { vec2 beams[]; };  // unit directions
-layout(std430, binding = 3) buffer Ranges { uint range_bits[]; };     // the order of floats >= 0
+layout(std430, binding = 3) buffer Ranges { uint range_bits[]; };     // ordered like floats >= 0
 
 uniform mat4 u_scanner_from_mesh;
 uniform uint u_first;
@@ -25,13 +25,13 @@ uniform float u_angle_min;
 uniform float u_angle_increment;
 
 const float PI = 3.14159265358979;
-// GLSL allows atan an error of 4096 units in the last place, 1e-3 of pi: more beams than the
-// segment spans are tried, and the exact test below decides.
+// GLSL allows atan an error of 4096 units in the last place, 1e-3 of pi. Beams slightly outside the
+// segment are therefore tried as well; the exact test below decides.
 const float ATAN_ERROR = 2e-3;
 
 struct Corner {
-    vec3 position;  // scanner
-    vec3 surface;   // texture coordinate and alpha, for holes
+    vec3 position;  // scanner frame
+    vec3 surface;   // texture coordinates and alpha, for holes
 };
 
 Corner corner(uint index) {
@@ -47,7 +47,7 @@ Corner corner(uint index) {
 }
 
 #ifdef HOLES
-uniform sampler2D u_texture;  // white where the material has none
+uniform sampler2D u_texture;  // white for a material without a texture
 uniform float u_base_alpha;
 uniform float u_alpha_cutoff;
 
@@ -58,8 +58,8 @@ bool is_hole(vec3 surface) {
 }
 #endif
 
-// Crossing of the plane by the edge between a corner above and one below. This order makes the
-// result bit-identical for both triangles at the edge: nothing slips between.
+// Point where the edge between a corner above and a corner below crosses the plane. This order
+// makes the point bit-identical for both triangles at the edge, so no beam slips between them.
 Corner crossing(Corner above, Corner below) {
     precise float t = above.position.z / (above.position.z - below.position.z);
     precise vec3 position = above.position + t * (below.position - above.position);
@@ -76,7 +76,7 @@ void try_beam(uint beam, Corner start, Corner end) {
     float side_start = cross2(direction, start.position.xy);
     float side_end = cross2(direction, end.position.xy);
     bool misses = min(side_start, side_end) > 0.0 || max(side_start, side_end) < 0.0;
-    if (misses || side_start == side_end) return;  // equal: edge-on, without width
+    if (misses || side_start == side_end) return;  // equal: the segment is seen end-on
     float t = side_start / (side_start - side_end);
     float range = mix(dot(direction, start.position.xy), dot(direction, end.position.xy), t);
     if (!(range >= 0.0)) return;
@@ -97,7 +97,7 @@ void main() {
     bvec3 above = greaterThanEqual(vec3(a.position.z, b.position.z, c.position.z), vec3(0.0));
     if (all(above) || !any(above)) return;
 
-    // rotate the corners until its first corner is alone on its side
+    // rotate the corners until the first is alone on its side of the plane
     if (above.x == above.y) {
         Corner last = c;
         c = b;

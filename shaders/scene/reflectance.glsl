@@ -1,11 +1,12 @@
 // Reflectance of metals and dielectrics.
 // struct Reflectance: reflectance of a fragment's surface.
 // vec3 reflected_light(Reflectance surface, vec3 position, vec3 normal, vec3 coat_normal,
-// vec3 shape_normal, vec3 view): linear RGB that a lit surface reflects and emits. Position,
-// normals and view in axes of the world; the view is a unit vector toward the viewpoint. The
-// normals are those of the surface and its clear coat after normal mapping, and of the bare shape.
-// With BAKED_LIGHT the light of the surroundings is the baked light minus that of the lamps; the
-// reflection of an environment map is scaled by the share of its light that reaches the surface.
+//     vec3 shape_normal, vec3 view): linear RGB that a lit surface reflects and emits. Vectors are
+//     in world axes; view is a unit vector toward the viewpoint. normal and coat_normal are after
+//     normal mapping, shape_normal is before it.
+// With BAKED_LIGHT, the light of the surroundings is the baked light minus that of the lamps. The
+// reflection of an environment map is then scaled by the share of its light that reaches the
+// surface.
 // Twin of omnisim/rendering/rays/shading/ray_reflectance.py. Includes scene/lighting.glsl.
 // Source: glTF 2.0, appendix B; KHR_materials_specular, KHR_materials_clearcoat; for baked light
 // beside maps: Lazarov, "Getting more physical in Call of Duty: Black Ops II", 2013.
@@ -17,13 +18,13 @@ const float MIN_COSINE = 1e-3;
 struct Reflectance {
     vec3 body;          // light scattered below the surface of a dielectric
     vec3 dielectric_f0;
-    vec3 f0;            // of the dielectric and the metal together
+    vec3 f0;            // mean of dielectric and metal, weighted by metalness
     float dielectric_f90;
     float f90;
     float roughness;
     float coat;
     float coat_roughness;
-    float occlusion;    // of environment light
+    float occlusion;    // factor of environment light
     vec3 emissive;
 };
 
@@ -39,7 +40,7 @@ float largest(vec3 color) {
     return max(color.r, max(color.g, color.b));
 }
 
-// Distribution times visibility, times PI.
+// Microfacet distribution times visibility times PI.
 float microfacets(float roughness, vec3 normal, vec3 halfway, float light, float view) {
     float alpha = roughness * roughness, squared = alpha * alpha;
     vec3 across = cross(normal, halfway);
@@ -54,7 +55,7 @@ vec3 reflected_lamp(
     Reflectance surface, Lamp lamp, vec3 normal, vec3 coat_normal, vec3 view, float coat) {
     float light = max(dot(normal, lamp.direction), 0.0);
     float view_cosine = clamp(abs(dot(normal, view)), MIN_COSINE, 1.0);
-    vec3 middle = lamp.direction + view;  // 0 where the lamp is exactly opposite to the view
+    vec3 middle = lamp.direction + view;  // 0 if the lamp is exactly opposite to the view
     vec3 halfway = middle * inversesqrt(max(dot(middle, middle), 1e-30));
     float grazing = pow(1.0 - clamp(dot(view, halfway), 0.0, 1.0), 5.0);
     vec3 gloss = mix(surface.f0, vec3(surface.f90), grazing)
@@ -70,8 +71,8 @@ vec3 reflected_lamp(
     return lamp.color * lamp.level * total;
 }
 
-// Dominant direction of reflected light: on a rough surface nearer to the normal than the mirror
-// direction. Source: Lagarde and de Rousiers, "Moving Frostbite to PBR", 2014, listing 22.
+// Dominant direction of reflected light: the rougher the surface, the nearer to the normal.
+// Source: Lagarde and de Rousiers, "Moving Frostbite to PBR", 2014, listing 22.
 vec3 dominant_direction(vec3 normal, vec3 view, float roughness) {
     float alpha = roughness * roughness;
     float share = (1.0 - alpha) * (sqrt(1.0 - alpha) + alpha);
@@ -90,7 +91,7 @@ vec3 surroundings(vec3 direction, float roughness, vec3 normal, vec3 light) {
 #endif
 }
 
-// Light of the surroundings on a white surface; shape_normal: without normal map.
+// Light of the surroundings on a white surface; shape_normal: normal before normal mapping.
 vec3 light_of_surroundings(vec3 position, vec3 normal, vec3 shape_normal) {
 #ifdef BAKED_LIGHT
     vec3 lamps = with_lamps(vec3(0.0), position, shape_normal);

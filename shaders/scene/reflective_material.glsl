@@ -1,7 +1,8 @@
-// Reflectance of a fragment's material: factors from a table, times its maps.
-// Reflectance reflectance_of(vec3 base_color, vec2 uv): base color as in scene/surface.frag.
-// vec3 shading_normal(vec3 normal, vec3 position, vec2 uv, float side), and coat_shading_normal
-// with the same arguments: unit normal of the surface and of its clear coat, by their normal maps.
+// Reflectance of a fragment's material: factors from a table times maps.
+// Reflectance reflectance_of(vec3 base_color, vec2 uv): reflectance, given the base color.
+// vec3 shading_normal(vec3 normal, vec3 position, vec2 uv, float side): unit normal of the surface
+//     after normal mapping.
+// vec3 coat_shading_normal(…), with the same arguments: that of the clear coat.
 // NORMAL_MAP, SPECULAR_MAP, CLEARCOAT_MAP, CLEARCOAT_NORMAL_MAP: the material has such a map.
 // Includes scene/material_values.glsl.
 // Source: glTF 2.0, section 3.9; KHR_materials_specular, KHR_materials_clearcoat.
@@ -17,11 +18,11 @@ vec3 mapped_normal(
     vec3 along_u = (right * down_uv.y - down * right_uv.y) * sign(area);
     vec3 along_v = (down * right_uv.x - right * down_uv.x) * sign(area);
     along_u -= normal * dot(normal, along_u);
-    vec3 bump = 2.0 * texture(map, place).rgb - 1.0;  // before any return: it needs derivatives
+    vec3 bump = 2.0 * texture(map, place).rgb - 1.0;  // needs derivatives: before any return
     if (dot(along_u, along_u) == 0.0) return normal;
     vec3 tangent = normalize(along_u);
     vec3 bitangent = cross(normal, tangent);
-    bitangent *= dot(bitangent, along_v) > 0.0 ? -1.0 : 1.0;  // v points down in a texture
+    bitangent *= dot(bitangent, along_v) > 0.0 ? -1.0 : 1.0;  // v points down in textures
     bump.xy *= side * scale;
     return normalize(bump.x * tangent + bump.y * bitangent + bump.z * normal);
 }

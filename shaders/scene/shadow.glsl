@@ -1,15 +1,15 @@
 // float directional_visibility(int i, vec3 position): share of a light that reaches a surface at a
-// position in meters from the effective viewpoint; 1 without SHADOWS.
-// float punctual_visibility(int i, vec3 away, vec3 area): the same for a punctual light; `away` in
-// meters from the light.
-// vec3 surface_area(vec3 position): area of the surface in a texel of the image, times its normal.
+//     position in meters from the effective viewpoint; 1 without SHADOWS.
+// float punctual_visibility(int i, vec3 away, vec3 area): the same for a punctual light; away:
+//     meters from the light.
+// vec3 surface_area(vec3 position): area of the surface within an image texel, times its normal.
 // DIRECTIONAL_CASTERS, PUNCTUAL_CASTERS: bit masks of the lights that cast shadows. CUBE_CASTERS:
-// punctual ones with a cube of maps. DIRECTIONAL_SHADOWS, PUNCTUAL_SHADOWS: number of lights that
-// cast shadows. SHADOW_CASCADES: maps per directional light.
-// SHADOW_REGIONS: middle and half size of each caster's first map, in the texture. SHADOW_TEXELS:
-// size of their texels, on maps from -1 to 1. SHADOW_SCALES: inverse of the tangent of half the
-// field of view; for directional lights depth of half a map's width. These are constants: a buffer
-// load would cost more than the arithmetic.
+// bit mask of punctual casters with a cube of maps. DIRECTIONAL_SHADOWS, PUNCTUAL_SHADOWS: numbers
+// of casters. SHADOW_CASCADES: maps per directional light.
+// SHADOW_REGIONS: middle and half size of each caster's first map in the texture. SHADOW_TEXELS:
+// texel sizes, on maps from -1 to 1. SHADOW_SCALES: 1 over the tangent of half the field of view;
+// for directional lights, depth of half a map's width. These are constants, because a buffer load
+// would cost more than the arithmetic.
 // Surfaces are offset along their triangles' normals, because vertex normals may differ.
 // Source of the normal offset: Holbert, "Saying Goodbye to Shadow Acne", GDC 2011.
 
@@ -43,8 +43,8 @@ struct MapLevel {
     float texel;  // texel size, on maps from -1 to 1
 };
 
-// Level whose texels are at most twice as large as one of the image; area: of an image texel, on
-// the map.
+// Level whose texels are at most twice as large as an image texel; area: area of that texel on the
+// map.
 MapLevel level_for(float area, float finest) {
     float texels = area / (finest * finest);
     return texels < 1.0 ? MapLevel(0.0, finest)
@@ -52,21 +52,21 @@ MapLevel level_for(float area, float finest) {
         : texels < 16.0 ? MapLevel(2.0, 4.0 * finest) : MapLevel(3.0, 8.0 * finest);
 }
 
-// Offset from a surface to its lookup, in texels: in front of it by more than its depth varies
-// within the filter, one texel to each side. area: along the axes of the map, and toward the
-// light.
+// Offset from a surface to its lookup, in texels. It exceeds the surface's variation of depth
+// within the filter, which reaches one texel to each side. area: components along the map's axes
+// and toward the light.
 vec3 offset_texels(vec3 area) {
     vec3 normal = area * inversesqrt(max(dot(area, area), 1e-37));
     return normal * (0.2 + abs(normal.x) + abs(normal.y));
 }
 
-// slope: change of depth on the surface, along x and y together. The offset is that of the finest
-// level, because it also moves the shadow's edge; coarser levels compare with a nearer depth.
+// slope: sum of the depth changes along x and y. The offset suits the finest level, because it also
+// moves the shadow's edge; coarser levels compare with a nearer depth instead.
 float visibility_at(
     vec2 local, float depth, float slope, vec4 region, MapLevel level, float finest) {
     float coarser = level.texel - finest, most = 1.0 - 0.5 * level.texel;
     depth += coarser * slope;
-    // a coarse texel takes the first of the texels that it covers
+    // a coarse texel has the depth of the first texel that it covers
     local = clamp(local + 0.5 * coarser, -most, most);
     return textureLod(u_shadow_maps, vec3(region.xy + local * region.zw, depth), level.number);
 }
@@ -105,7 +105,7 @@ float directional_visibility(int i, vec3 position) {
 #endif
 
 #if PUNCTUAL_SHADOWS > 0
-// at: position from the light, along the axes of the map.
+// at: position relative to the light, in the map's axes.
 float perspective_visibility(vec3 at, vec3 area, vec4 region, float scale, float finest) {
     float volume = dot(area, at), inverse = 1.0 / max(at.z, 1e-6);
     float on_map = abs(volume) * inverse * inverse * inverse * scale * scale;
@@ -132,7 +132,7 @@ float punctual_visibility(int i, vec3 away, vec3 area) {
 #endif
     vec3 size = abs(away);
     bool is_z = size.z >= max(size.x, size.y), is_x = size.x >= size.y;
-    // x, y and forward of the face, see lamp_views.py
+    // right, down and forward of the face, see lamp_views.py
     vec3 at = is_z ? away : is_x ? away.yzx : away.zxy;
     area = is_z ? area : is_x ? area.yzx : area.zxy;
     vec2 tile = vec2(is_z ? 0.0 : is_x ? 1.0 : 2.0, at.z > 0.0 ? 0.0 : 1.0);

@@ -1,4 +1,4 @@
-// The environment map behind all surfaces.
+// Environment map behind all surfaces.
 #version 450 core
 
 in vec3 v_direction;
@@ -9,7 +9,7 @@ uniform sampler2D u_sky;
 
 void main() {
     vec3 direction = normalize(v_direction);
-    // mip level from the angle: texture coordinates jump at the seam of the map
+    // mip level from the angle, because texture coordinates jump at the map's seam
     float radians = max(length(dFdx(direction)), length(dFdy(direction)));
     float texel = 0.5 * TURN / float(textureSize(u_sky, 0).y);
     float level = radians > texel ? log2(radians / texel) : 0.0;

@@ -1,10 +1,10 @@
-// Triangle that covers a tile, with its view directions in axes of the world.
-// With LAYERED each instance is a camera, with a layer of the target.
+// Triangle that covers a tile, with view directions in world axes.
+// With LAYERED, each instance is a camera, which has a layer of the target.
 #version 450 core
 #ifdef LAYERED
 #extension GL_ARB_shader_viewport_layer_array : require
 layout(std430, binding = 15) readonly buffer Directions { mat4 directions_from_clip[]; };
-uniform int u_first_direction;  // of the tile, one per camera
+uniform int u_first_direction;  // index of the tile's first direction, for the first camera
 #else
 uniform mat3 u_direction_from_clip;
 #endif

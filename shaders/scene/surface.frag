@@ -1,5 +1,5 @@
-// A surface of the scene: linear base color, lit or not. Colors are linear throughout; the
-// texture is stored as sRGB and decoded by the sampler.
+// Surface of the scene: linear base color, lit or not. All colors are linear; textures are stored
+// as sRGB, which the sampler decodes.
 #version 450 core
 
 #include "scene/material.glsl"
@@ -10,10 +10,10 @@
 #ifdef BAKED
 flat
 #endif
-in vec4 v_color;  // base color, and light if computed at the vertices
+in vec4 v_color;  // base color, times light if it is computed at the vertices
 layout(location = 0) out vec4 out_color;
 
-// Maps are sampled after the first hole, if at all, and need derivatives of the whole 2 x 2 block.
+// Light from maps needs derivatives of the whole 2 x 2 block, so it is computed before any discard.
 #if defined(REFLECTANCE) || defined(SHADOWS)
 const bool LIGHT_NEEDS_DERIVATIVES = true;
 #else
@@ -34,6 +34,6 @@ void main() {
     vec3 light = lit_color(color.rgb, triangle_normal);
     if (LIGHT_NEEDS_DERIVATIVES) discard_hole(color.a);
     light = fogged(light, length(surface_position()));
-    // near a punctual light the value is unbounded, and infinity spoils mip levels
+    // near a punctual light the value is unbounded; infinity would spoil mip levels
     out_color = vec4(min(light, vec3(MAX_HALF_FLOAT)), IS_BLENDED ? color.a : 1.0);
 }

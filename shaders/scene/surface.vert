@@ -10,7 +10,7 @@
 #ifdef BAKED
 flat
 #endif
-out vec4 v_color;  // base color, and light if computed at the vertices
+out vec4 v_color;  // base color, times light if it is computed at the vertices
 
 void main() {
     gl_Position = clip_position();

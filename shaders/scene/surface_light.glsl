@@ -1,8 +1,8 @@
 // vec3 lit_color(vec3 base_color, vec3 triangle_normal): linear RGB from a surface toward the
-// viewpoint.
-// Without LIT and LIGHTMAP: base color; light is computed at the vertices, or ignored.
-// With REFLECTANCE the surface has metal, gloss, maps or emission. With LIGHTMAP but without LIT it
-// is matte, and the lightmap has all of its light.
+//     viewpoint.
+// REFLECTANCE: the surface has metal, gloss, maps or emission. LIGHTMAP without LIT: the surface is
+// matte, and the lightmap contains all of its light. Neither LIT nor LIGHTMAP: the result is the
+// base color; light is computed at the vertices, or ignored.
 
 #if defined(LIT) && defined(REFLECTANCE)
 #include "scene/lighting.glsl"

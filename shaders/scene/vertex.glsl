@@ -1,12 +1,14 @@
 // Position of a vertex of the scene.
-// vec4 clip_position(): also sets, for clusters, the distances to the edges of the tile.
-// With CLUSTERED it is for an object in a view, given by the draw call's base instance: all tiles
-// of the atlas are drawn at once. Otherwise for one item in one tile, which is the viewport.
-// With LAYERED each camera has a layer of the target. Include this first, for its extensions.
-// u_clip_from_mesh  pose and projection of the face, y of the clip space down the image
-// Attributes of clusters have the same locations in all programs, which share their vertex arrays:
-// those of CLUSTER_VERTEX and INSTANCE in omnisim/rendering/opengl/geometry/vertex_format.py, in
-// order.
+// vec4 clip_position(): position in clip space; for clusters, it also sets the clip distances to
+//     the edges of the tile.
+// With CLUSTERED, all tiles of the atlas are drawn at once; the draw call's base instance selects
+// object and view. Otherwise one item is drawn in one tile, which is the viewport.
+// With LAYERED, each camera has a layer of the target. Include this file first: it enables
+// extensions.
+// u_clip_from_mesh  pose and projection of the face; y of clip space points down the image
+// All programs share the vertex arrays of clusters, so attributes have the same locations
+// everywhere: the order of CLUSTER_VERTEX and INSTANCE in
+// omnisim/rendering/opengl/geometry/vertex_format.py.
 
 #ifdef LAYERED
 #extension GL_ARB_shader_draw_parameters : require
@@ -15,7 +17,7 @@
 flat out int v_camera;
 #endif
 
-invariant gl_Position;  // identical vertices in batches and in single frames
+invariant gl_Position;  // bit-identical vertices in batches and in single frames
 
 layout(location = 0) in vec3 in_position;
 

@@ -1,6 +1,6 @@
-// Vertex details that few materials need, from a table beside the vertex buffer.
-// void pass_details(): with REFLECTANCE the material record of clusters; also with
-// SECOND_COORDINATES the second texture coordinates.
+// Vertex details that few materials need, in a table besides the vertex buffer.
+// void pass_details(): with REFLECTANCE, passes the material record of clusters, and with
+//     SECOND_COORDINATES also the second texture coordinates.
 // The table has one texel per vertex, see omnisim/rendering/opengl/materials/material_table.py.
 
 #if defined(REFLECTANCE) && defined(CLUSTERED)

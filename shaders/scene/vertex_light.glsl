@@ -1,8 +1,8 @@
-// Light on a surface that is computed at its vertices.
-// vec3 vertex_light(): on a white surface, linear RGB, with BAKED; else 1.
-// void pass_light_coordinate(): lightmap coordinates of each side, with LIGHTMAP.
-// u_light_rectangles: left, top, width and height of an item's sides in the lightmap; those of
-// clusters are already applied.
+// Light on a surface, computed at its vertices.
+// vec3 vertex_light(): light on a white surface, linear RGB, with BAKED; else 1.
+// void pass_light_coordinate(): with LIGHTMAP, passes the lightmap coordinates of each side.
+// u_light_rectangles  lightmap regions (left, top, width, height) of an item's sides; coordinates
+//     of clusters already include them
 
 #ifdef BAKED
 layout(location = 1) in vec3 in_light;
@@ -24,7 +24,7 @@ vec3 vertex_light() {
 #define SIDES 1
 #define LIGHT_COORDINATE vec2
 #endif
-layout(location = 5) in LIGHT_COORDINATE in_light_coordinate;  // of the front, and of the back
+layout(location = 5) in LIGHT_COORDINATE in_light_coordinate;  // front side, then back side
 out LIGHT_COORDINATE v_light_coordinate;
 #ifdef CLUSTERED
 void pass_light_coordinate() {

@@ -1,6 +1,6 @@
 // Inputs of a fragment's material, see scene/material.glsl.
-// void pass_material(): texture coordinates, with TEXTURED or TEXTURE_COORDINATES; and of clusters,
-// whose draw calls have many materials, layer of the texture array and cutoff of alpha.
+// void pass_material(): passes texture coordinates, with TEXTURED or TEXTURE_COORDINATES; for
+//     clusters, whose draw calls have many materials, also texture layer and alpha cutoff.
 // vec4 vertex_color(): linear base color.
 
 #if defined(TEXTURED) || defined(TEXTURE_COORDINATES)
@@ -30,7 +30,7 @@ void pass_material() {
     pass_layer_and_cutoff();
 }
 
-layout(location = 3) in vec4 in_color;  // of clusters, times the material's
+layout(location = 3) in vec4 in_color;  // for clusters, multiplied by the material's color
 #ifdef CLUSTERED
 vec4 vertex_color() {
     return in_color;

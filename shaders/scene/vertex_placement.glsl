@@ -1,11 +1,11 @@
-// Placement of a vertex in axes of the world about the effective viewpoint: position and normal.
-// void pass_placement(): v_position in meters, with POSITION; v_normal of any length, with LIT; and
-// with VERTEX_PLACES its places on the shadow maps.
-// u_viewpoint_from_mesh  of single items, from their mesh
-// u_normal_from_mesh  cofactors of the above: normals under any scale
+// Position and normal of a vertex in the viewpoint frame.
+// void pass_placement(): passes v_position in meters, with POSITION; v_normal of any length, with
+//     LIT; and its places on the shadow maps, with VERTEX_PLACES.
+// u_viewpoint_from_mesh  transform of a single item's mesh
+// u_normal_from_mesh     cofactor matrix of it, for normals under any scale
 
 #if defined(CLUSTERED) && (defined(LIT) || defined(POSITION))
-layout(location = 11) in mat3x4 in_viewpoint_from_object;  // its rows are columns here; rigid
+layout(location = 11) in mat3x4 in_viewpoint_from_object;  // rows of a rigid transform
 #endif
 
 #ifdef POSITION

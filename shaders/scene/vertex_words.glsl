@@ -1,11 +1,10 @@
-// Triangles of the scene for shaders that fetch them directly: both buffers, word by word.
-// uint vertex_at(uint index): first word of the vertex at an entry of the index buffer.
-// vec3 position_at(uint at), normal_at(uint at): values of that vertex, in the frame of its mesh.
+// Vertex and index buffers as 4-byte words, for shaders that fetch the scene's triangles directly.
+// uint vertex_at(uint index): first word of the vertex of an entry of the index buffer.
+// vec3 position_at(uint at), normal_at(uint at): position and normal of that vertex, mesh frame.
 // uint vertex_word(uint at), index_word(uint at): words of the buffers.
-// The layout of a vertex is that in omnisim/rendering/opengl/geometry/vertex_format.py, in words of
-// 4 bytes.
-// With WINDOW_WORD_BITS the buffers exceed the size of a binding, and are bound in windows of that
-// number of words, see omnisim/rendering/opengl/geometry/triangle_windows.py.
+// The layout of a vertex is that of omnisim/rendering/opengl/geometry/vertex_format.py.
+// With WINDOW_WORD_BITS, the buffers exceed the size limit of a binding. They are bound in windows
+// of 2^WINDOW_WORD_BITS words, see omnisim/rendering/opengl/geometry/triangle_windows.py.
 
 layout(std430, binding = 0) readonly buffer Vertices { uint vertex_words[]; };
 layout(std430, binding = 1) readonly buffer Indices { uint indices[]; };

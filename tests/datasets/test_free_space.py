@@ -44,7 +44,7 @@ def _distances(scene, points, low_z, high_z):
 
 
 def _drawn(free, count=300):
-    stream, places = Stream(1), free.places()
+    stream, places = Stream(1), free.free_cells()
     cells = [places[stream.whole(len(places))] for _ in range(count)]
     return np.array([free.point_in(cell, (stream.share(), stream.share())) for cell in cells])
 
@@ -99,9 +99,11 @@ def test_a_window_has_what_the_whole_floor_plan_has(monkeypatch):
     whole, *windows = found
     for one in windows:
         assert one.is_free.shape != whole.is_free.shape
-        places = [free.low_m + free.cell_m * free.places()[:, ::-1] for free in (whole, one)]
-        np.testing.assert_allclose(places[1], places[0], atol=1e-12)
-        for cell, same in zip(one.places(), whole.places(), strict=True):
+        positions_m = [
+            free.low_m + free.cell_m * free.free_cells()[:, ::-1] for free in (whole, one)
+        ]
+        np.testing.assert_allclose(positions_m[1], positions_m[0], atol=1e-12)
+        for cell, same in zip(one.free_cells(), whole.free_cells(), strict=True):
             assert one.floor_m[tuple(cell)] == whole.floor_m[tuple(same)]
             assert one.clearance_m[tuple(cell)] <= whole.clearance_m[tuple(same)]
 

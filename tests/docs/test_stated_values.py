@@ -22,7 +22,7 @@ from omnisim.rendering.near_plane import NEAR_PER_SIZE
 from omnisim.rendering.opengl.culling.cluster_culling import MAX_COMMAND_BYTES
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.robots.robot_file import DEFAULT_CLEARANCE_M, Chassis
-from omnisim.runs.physics.rover import CASTOR, CASTOR_LOAD
+from omnisim.runs.physics.rover import CASTER, CASTER_LOAD
 from omnisim.runs.physics.world_model import FRICTION, ROLLING_RESISTANCE
 from omnisim.scene.files.scene_file import ObjectTable
 from omnisim.scene.parts import BLENDED_CUTOFF
@@ -44,13 +44,13 @@ VALUES = (
     (ASSUMPTIONS, r"cameras, #° and #°", (KINECT.max_incidence_deg, D435.max_incidence_deg)),
     (ASSUMPTIONS, r"is # for tires and # for every", (Chassis().friction, FRICTION[0])),
     (ASSUMPTIONS, r"resistance of balls is #\. ", (ROLLING_RESISTANCE,)),
-    (ASSUMPTIONS, r"castor is # of the length .* carries # of", (CASTOR, CASTOR_LOAD)),
+    (ASSUMPTIONS, r"caster is # of the length .* carries # of", (CASTER, CASTER_LOAD)),
     (ASSUMPTIONS, r"Lidars see nothing within # m", (LIDAR_NEAR_M,)),
     (WHY + "physics.md", r"clearance, # cm by default", (100.0 * DEFAULT_CLEARANCE_M,)),
     (TRAJECTORIES, r"`\[footprint\]` at most, # cm", (100 * DEFAULT_CLEARANCE_M,)),
     (WHY + "optics.md", r"the image below # px\. The distance", (MAX_ERROR_PX,)),
     (WHY + "non-central-optics.md", r"the largest error below # px", (MAX_ERROR_PX,)),
-    (HOW_TO + "choose.md", r"every pixel right to # px", (MAX_ERROR_PX,)),
+    (HOW_TO + "choose.md", r"error is below # px in every", (MAX_ERROR_PX,)),
     (HOW_TO + "rigs.md", r"by more than # mm or # mrad", (1e3 * MAX_GAP_M, 1e3 * MAX_GAP_RAD)),
     (HOW_TO + "laser-scanner.md", r"# beams over #°, one every #°", (
         SCANNER.beams, SCANNER.field_of_view_deg, SCANNER.resolution_deg)),

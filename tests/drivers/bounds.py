@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -18,12 +19,13 @@ class Difference(NamedTuple):
     """Difference of the images of one case by two drivers.
 
     Attributes:
-        images: how many were compared.
+        images: number of compared images.
         unlike_itself: images that a driver did not draw the same again, or in a batch.
         levels: largest difference of a color.
         colors, instances, ranges: shares of the pixels whose colors, instance numbers or ranges
             differ; ranges by more than rounding, where the instance is the same.
         lost: pixels with a range by one driver only.
+        psnr_db: PSNR of the colors; infinite if they are equal.
     """
 
     images: int = 0
@@ -33,6 +35,7 @@ class Difference(NamedTuple):
     instances: float = 0.0
     ranges: float = 0.0
     lost: int = 0
+    psnr_db: float = math.inf
 
     @property
     def is_within_bounds(self) -> bool:
@@ -49,16 +52,17 @@ class Difference(NamedTuple):
     def __str__(self) -> str:
         return (
             f"{self.images} images, {self.unlike_itself} unlike themselves; colors differ in "
-            f"{self.colors:.4%} of the pixels, by {self.levels} levels at most; instances in "
+            f"{self.colors:.4%} of the pixels, by {self.levels} levels at most "
+            f"({self.psnr_db:.1f} dB); instances in "
             f"{self.instances:.4%}, ranges in {self.ranges:.4%}, {self.lost} ranges lost"
         )
 
 
 def compare(one: Path, other: Path, print_line: Callable[[str], None]) -> bool:
     """Compare two folders of drawings, case by case; tell whether all are within the bounds."""
-    names = sorted(path.name for path in one.glob("*.npz"))
+    names = sorted(path.name for path in one.glob("*.npz") if (other / path.name).is_file())
     if not names:
-        raise FileNotFoundError(f"{one}: there is nothing drawn in it")
+        raise FileNotFoundError(f"{one}, {other}: there is no case drawn in both")
     all_within = True
     for name in names:
         found = difference(one / name, other / name)
@@ -75,7 +79,12 @@ def difference(one: Path, other: Path) -> Difference:
         result = Difference(int(first["images"]), unlike)
         if "rgb" in first:
             levels = np.abs(first["rgb"].astype(int) - second["rgb"]).max(axis=-1)
-            result = result._replace(levels=int(levels.max()), colors=float((levels > 0).mean()))
+            errors = first["rgb"].astype(float) - second["rgb"]
+            mean_square = float(np.mean(errors**2))
+            psnr_db = 10.0 * math.log10(255.0**2 / mean_square) if mean_square else math.inf
+            result = result._replace(
+                levels=int(levels.max()), colors=float((levels > 0).mean()), psnr_db=psnr_db
+            )
         same = first["instance"] == second["instance"]
         near, far = first["range"].astype(float), second["range"].astype(float)
         both = np.isfinite(near) & np.isfinite(far)

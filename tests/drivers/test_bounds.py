@@ -64,5 +64,5 @@ def test_an_image_that_is_unlike_itself_is_too_much(files):
 
 
 def test_a_folder_without_drawings_says_so(tmp_path):
-    with pytest.raises(FileNotFoundError, match="nothing drawn"):
+    with pytest.raises(FileNotFoundError, match="no case drawn in both"):
         compare(tmp_path, tmp_path, print)

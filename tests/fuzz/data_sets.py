@@ -8,7 +8,7 @@ import numpy as np
 
 from omnisim.core.files.image_files import write_image
 from omnisim.datasets.dataset_manifest import MANIFEST, Manifest
-from omnisim.datasets.generate.distributions import Even
+from omnisim.datasets.generate.distributions import ConstantShares
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.samples import Shards
 from omnisim.datasets.generate.shard import ShardSummary, shard_stem
@@ -54,7 +54,7 @@ def read_plan(folder: Path) -> None:
     prepared = PreparedPlan.read(folder / "plan.toml")
     for share in (0.1, 0.5, 0.9):
         for file in prepared.rig_files:
-            file.rig(Even(share))
+            file.rig(ConstantShares(share))
 
 
 def write_data_set(folder: Path) -> None:

@@ -24,7 +24,7 @@ class _Worker:
 
     Attributes:
         connection: takes batches; gives findings, and None at a batch's end.
-        batch: what it reads now.
+        batch: inputs that it reads now.
     """
 
     def __init__(self, samples: Samples, folder: Path):

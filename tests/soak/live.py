@@ -56,7 +56,7 @@ def _act(client, page, chance):
     if kind == "drive":
         client.send("drive", ahead=chance.uniform(-1, 1), turn=chance.uniform(-1, 1))
     elif kind == "set":
-        document = page.session.shown.document
+        document = page.session.state.document
         with contextlib.suppress(Exception):  # a camera that cannot be: the page is told
             group = chance.choice(control_groups(document, document.camera()))
             control = chance.choice(group["controls"])

@@ -92,8 +92,8 @@ class Command(TyperCommand):
             if result is False:
                 raise typer.Exit(1)
 
-        made = {} if request is None else parameters(request)
-        call.__signature__ = inspect.Signature(list(made.values()))  # type: ignore[attr-defined]
+        options = {} if request is None else parameters(request)
+        call.__signature__ = inspect.Signature(list(options.values()))  # type: ignore[attr-defined]
         app = typer.Typer(add_completion=False)
         app.command()(call)
         return typer.main.get_command(app)

@@ -27,7 +27,7 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
             "runs.drive.run", "runs.requests.DriveRequest",
         ),
         "evaluate": Entry(
-            "Apply odometry and SLAM of others to a run, and report their errors.",
+            "Apply odometry and SLAM methods to a run, and report their errors.",
             "runs.evaluate.run", "runs.requests.EvaluateRequest",
         ),
         "plot": Entry(

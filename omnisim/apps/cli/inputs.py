@@ -232,7 +232,7 @@ def checked_backend(options: BackendOptions) -> BackendName:
 
 
 def load_requested_scene(world: SceneOptions, light: LightOptions | None = None) -> Scene:
-    """Load a scene with the axes and the unit of the options; print its notices.
+    """Load a scene with the requested axes and unit; print its notices.
 
     Raises:
         SceneError: the scene cannot be read.

@@ -120,47 +120,47 @@ class Engine:
             return
         self._publish("error", message, 0)
         if not work.is_fine:  # if only the fine image fails, the camera is kept
-            self._session.reject(work.shown.document)
+            self._session.reject(work.state.document)
         self._session.drawn(work)
         self._session.ask()  # the page that asked has received no image
 
     def _draw(self, draw: Draw) -> None:
         self._times_ms, begin_s, is_new = {}, time.perf_counter(), False
-        source, shown = self._source, draw.shown
+        source, state = self._source, draw.state
         if isinstance(source, LiveSource) and self._timed(
-            "camera", lambda: source.use(shown.document)
+            "camera", lambda: source.use(state.document)
         ):
-            self._session.accept(shown.document)
+            self._session.accept(state.document)
             is_new = True
-        wanted = [name for name in shown.views if name in source.channel_names]
-        if draw.is_fine and "map" in shown.views and "position" in source.channel_names:
-            wanted.append("position")
-        frame = self._timed("render", lambda: source.take(draw, tuple(dict.fromkeys(wanted))))
+        channels = [name for name in state.views if name in source.channel_names]
+        if draw.is_fine and "map" in state.views and "position" in source.channel_names:
+            channels.append("position")
+        frame = self._timed("render", lambda: source.take(draw, tuple(dict.fromkeys(channels))))
         self._last = frame
         parts = self._parts(draw, frame)
-        seen = self._seen(frame) if draw.is_fine and "map" in shown.views else None
-        self._truth = (shown.change, frame) if draw.is_fine else None
+        seen = self._seen(frame) if draw.is_fine and "map" in state.views else None
+        self._truth = (state.change, frame) if draw.is_fine else None
         viewpoint = frame.viewpoint
         content = {
-            "change": shown.change,
+            "change": state.change,
             "is_fine": draw.is_fine,
-            "place": _place(shown.place),
+            "place": _place(state.place),
             "viewpoint": _place(viewpoint),
-            "time_s": shown.time_s,
-            "step": shown.step,
-            "look": dict(shown.gaze),
+            "time_s": state.time_s,
+            "step": state.step,
+            "look": dict(state.gaze),
             "seen_m": seen,
             "blocked_by": self._session.blocked_by,
             "history": self._session.history,
             "times_ms": {name: round(ms, 1) for name, ms in self._times_ms.items()},
         }
         if draw.is_fine:
-            content["command"] = source.command(shown, frame)
-        self._publish("frame", pack("frame", content, parts), shown.change)
+            content["command"] = source.command(state, frame)
+        self._publish("frame", pack("frame", content, parts), state.change)
         self._session.drawn(draw, time.perf_counter() - begin_s)
         if is_new:  # after the image, which the page is waiting for
             self._publish_camera(draw)
-        if draw.is_fine and "map" in shown.views:
+        if draw.is_fine and "map" in state.views:
             self._renew_map(frame)
 
     def _parts(self, draw: Draw, frame: LiveFrame) -> list[Part]:
@@ -170,7 +170,7 @@ class Engine:
         else:
             first = self._timed("encode", lambda: _jpeg("camera", frame.rgb, COARSE_JPEG))
         parts = [first]
-        for name in draw.shown.views:
+        for name in draw.state.views:
             try:
                 if name in UNWARPED:
                     parts.append(self._timed(name, partial(self._view, name, draw, frame)))
@@ -182,7 +182,7 @@ class Engine:
 
     def _view(self, name: str, draw: Draw, frame: LiveFrame) -> Part:
         height_m = frame.viewpoint.position_m[2] - self._ground_m
-        gaze = draw.shown.gaze
+        gaze = draw.state.gaze
         return _jpeg(name, self._views.image(name, frame, gaze, height_m, draw.is_fine), VIEW_JPEG)
 
     @property
@@ -229,10 +229,10 @@ class Engine:
         model = source.camera.model
         content = {
             "groups": control_groups(
-                draw.shown.document, source.camera, source.scene if source.has_light else None
+                draw.state.document, source.camera, source.scene if source.has_light else None
             ),
             "profile": profile(model),
-            "text": draw.shown.document.text,
+            "text": draw.state.document.text,
             "width_px": model.width_px,
             "height_px": model.height_px,
             "model": model.model_name,
@@ -242,12 +242,12 @@ class Engine:
 
     def _answer(self, job: Job) -> None:
         source = self._source
-        draw = Draw(job.shown, True)
+        draw = Draw(job.state, True)
         if isinstance(job.message, Save):
             if job.message.what == "toml":
-                files = {FILE_NAME: job.shown.document.checked_text().encode()}
-                if isinstance(source, LiveSource) and job.shown.document.light:
-                    files[SCENE_FILE] = source.scene_text(job.shown.document).encode()
+                files = {FILE_NAME: job.state.document.checked_text().encode()}
+                if isinstance(source, LiveSource) and job.state.document.light:
+                    files[SCENE_FILE] = source.scene_text(job.state.document).encode()
             else:
                 files = source.files(draw)
             name, media_type, data = _bundle(files)
@@ -258,7 +258,7 @@ class Engine:
         if frame is None:
             return
         height_m = frame.viewpoint.position_m[2] - self._ground_m
-        answer = probe(job.message, frame, self._views, job.shown.gaze, height_m)
+        answer = probe(job.message, frame, self._views, job.state.gaze, height_m)
         job.reply(pack("probe", answer))
         if job.message.follow and "yaw_deg" in answer and job.message.view != "perspective":
             self._session.look_at(answer["yaw_deg"], answer["pitch_deg"])
@@ -268,12 +268,12 @@ class Engine:
 
         None: no image yet.
         """
-        if self._truth is None or self._truth[0] != job.shown.change:
+        if self._truth is None or self._truth[0] != job.state.change:
             return self._last
         change, frame = self._truth
         names = [name for name in PROBED if name in self._source.channel_names]
         if not set(names) <= set(frame.channels):
-            frame = self._source.take(Draw(job.shown, True), (*names, *frame.channels))
+            frame = self._source.take(Draw(job.state, True), (*names, *frame.channels))
             self._truth = (change, frame)
         return frame
 

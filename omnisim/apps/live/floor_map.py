@@ -29,7 +29,7 @@ class FloorMap:
 
     Attributes:
         rgb: (height, width, 3) uint8 sRGB.
-        low_m, high_m: (2,) smallest and largest x and y of the image in the world.
+        low_m, high_m: (2,) minimum and maximum x and y of the image in the world.
         ground_m: height (z) of the ground in the world.
     """
 
@@ -82,7 +82,7 @@ def ground_height_m(scene: Scene, near_m: tuple[float, float, float]) -> float:
 def _corners(
     scene: Scene, near_m: tuple[float, float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Smallest and largest (x, y) of the map: around starts, landmarks, paths and the viewpoint.
+    """Minimum and maximum (x, y) of the map: around starts, landmarks, paths and the viewpoint.
 
     Around the viewpoint alone if the scene has none of these, or if they are far apart.
     """

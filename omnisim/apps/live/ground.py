@@ -17,7 +17,7 @@ from omnisim.scene.space.triangles import TriangleBvh, Triangles, triangles_with
 MAX_TRIANGLES = 500_000  # larger scenes would delay the first step by seconds
 
 
-class _Posed(Protocol):
+class _HasPose(Protocol):
     @property
     def pose(self) -> NDArray[np.float64]: ...
 
@@ -61,11 +61,14 @@ class Ground:
         near = heights[np.abs(heights - near_m) <= reach_m]
         return float(near.max()) if len(near) else near_m
 
-    def contact(self, now: _Posed, there: _Posed) -> str:
-        """Name of an instance that the body touches at `there` but not at `now`; "": none."""
+    def contact(self, current: _HasPose, target: _HasPose) -> str:
+        """Name of an instance that the body touches at the target pose but not at the current one.
+
+        Empty without such an instance.
+        """
         if self._boxes is None or not self._is_small:
             return ""
-        new = self._touched(there.pose) - self._touched(now.pose)
+        new = self._touched(target.pose) - self._touched(current.pose)
         return min((self._scene.instances[one].name for one in new), default="")
 
     def _touched(self, world_from_base: NDArray[np.float64]) -> set[int]:

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.apps.live.session import Draw, Shown
+from omnisim.apps.live.session import Draw, PageState
 from omnisim.apps.live.viewpoint_motion import Place
 from omnisim.cameras import CentralCamera
 from omnisim.core.poses import roll_pitch_yaw_from_rotation
@@ -48,7 +48,7 @@ class LiveFrame:
 
     @property
     def viewpoint(self) -> Place:
-        """Position of the effective viewpoint, angles of the vehicle; as `render --at --yaw …`."""
+        """Position of the effective viewpoint and attitude of the vehicle, as for `render`."""
         x, y, z = self.world_from_optical[:3, 3].tolist()
         angles = np.degrees(roll_pitch_yaw_from_rotation(self.world_from_base[:3, :3]))
         roll, pitch, yaw = (float(angle) + 0.0 for angle in angles)
@@ -82,7 +82,7 @@ class Source(Protocol):
         """
         ...
 
-    def command(self, shown: Shown, taken: LiveFrame) -> str:
+    def command(self, state: PageState, taken: LiveFrame) -> str:
         """Shell commands that produce the same image."""
         ...
 

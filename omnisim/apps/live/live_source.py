@@ -14,8 +14,13 @@ from typing import Any
 
 from omnisim.apps.live.camera_document import FILE_NAME, CameraDocument
 from omnisim.apps.live.live_frame import LiveFrame
-from omnisim.apps.live.scene_in_light import SCENE_FILE, SceneInLight, scene_text, without_overruled
-from omnisim.apps.live.session import Draw, Shown
+from omnisim.apps.live.scene_in_light import (
+    SCENE_FILE,
+    SceneInLight,
+    scene_text,
+    without_overridden,
+)
+from omnisim.apps.live.session import Draw, PageState
 from omnisim.apps.live.viewpoint_motion import DIGITS_M, Place
 from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import OmnisimError, SceneError
@@ -45,8 +50,8 @@ class LiveSettings:
         document: document of the camera.
         vehicle: robot that carries the camera; None: free flight.
         camera_name: name of the robot's camera; None: the first.
-        scene_words: command-line arguments for scene and robot.
-        camera_words: command-line options of the initial camera; None: no options describe the
+        scene_arguments: command-line arguments for scene and robot.
+        camera_options: command-line options of the initial camera; None: no options describe the
             camera, only a sensor file.
         light: scene that can be reloaded in another light; None: the light is fixed.
         device: index of the GPU; None: the first.
@@ -57,8 +62,8 @@ class LiveSettings:
     document: CameraDocument
     vehicle: Vehicle | None = None
     camera_name: str | None = None
-    scene_words: tuple[str, ...] = ()
-    camera_words: tuple[str, ...] | None = ()
+    scene_arguments: tuple[str, ...] = ()
+    camera_options: tuple[str, ...] | None = ()
     device: int | None = None
     unlit: bool = False
     light: SceneInLight | None = None
@@ -148,7 +153,7 @@ class LiveSource:
 
     def take(self, draw: Draw, channels: Collection[str]) -> LiveFrame:
         """Render the image of a state."""
-        self.use(draw.shown.document)
+        self.use(draw.state.document)
         begin_s = time.monotonic()
         scale = None if draw.is_fine else self._coarse_scale
         renderer = self._renderer(scale)
@@ -157,7 +162,7 @@ class LiveSource:
             self._adapt(time.monotonic() - begin_s)
         camera = renderer.camera
         png = image_bytes(Path("image.png"), frame.rgb, frame.metadata) if draw.is_fine else None
-        base = self._base(renderer, draw.shown.place)
+        base = self._base(renderer, draw.state.place)
         return LiveFrame(
             camera.model, camera.base_from_optical, base, frame.rgb, png, frame.channels,
             frame.labels,
@@ -165,22 +170,22 @@ class LiveSource:
 
     def files(self, draw: Draw) -> dict[str, bytes]:
         """Image files with all channels, as `omnisim render --also all` writes them."""
-        self.use(draw.shown.document)
+        self.use(draw.state.document)
         frame = self._render(self._renderer(None), draw, tuple(CHANNELS))
         with tempfile.TemporaryDirectory() as folder:
             frame.save(Path(folder) / "image.png", previews=True)
             return {path.name: path.read_bytes() for path in sorted(Path(folder).iterdir())}
 
-    def command(self, shown: Shown, frame: LiveFrame) -> str:
+    def command(self, state: PageState, frame: LiveFrame) -> str:
         """Shell commands that render the same image; they first write edited files."""
-        document = shown.document
-        scene_words, lines = self._settings.scene_words, []
+        document = state.document
+        scene_arguments, lines = self._settings.scene_arguments, []
         if document.light:
             text = self.scene_text(document)
             lines.append(f"cat > {SCENE_FILE} <<'END'\n{text.rstrip()}\nEND\n")
-            scene_words = (SCENE_FILE, *without_overruled(scene_words[1:], document.light))
-        arguments = ["omnisim", "render", *scene_words]
-        given = self._settings.camera_words
+            scene_arguments = (SCENE_FILE, *without_overridden(scene_arguments[1:], document.light))
+        arguments = ["omnisim", "render", *scene_arguments]
+        given = self._settings.camera_options
         if replace(document, light={}) == self._settings.document and given is not None:
             arguments += given
         else:
@@ -188,7 +193,7 @@ class LiveSource:
             arguments += ["--sensor", FILE_NAME]
             if document.size_px is not None:
                 arguments += ["--size", str(document.size_px)]
-        at = self._viewpoint(shown.place)
+        at = self._viewpoint(state.place)
         arguments += ["--at", *(f"{value!r}" for value in at.position_m)]
         for option, angle in (
             ("--yaw", at.yaw_deg),
@@ -197,8 +202,8 @@ class LiveSource:
         ):
             if angle or option == "--yaw":
                 arguments += [option, f"{angle!r}"]
-        if shown.time_s:
-            arguments += ["--time", f"{shown.time_s!r}"]
+        if state.time_s:
+            arguments += ["--time", f"{state.time_s!r}"]
         arguments += ["-o", "image.png"]
         return "".join(lines) + shlex.join(arguments)
 
@@ -246,7 +251,7 @@ class LiveSource:
         return SCALES[-1] if self._is_slow else SCALES[self._scale]
 
     def _adapt(self, seconds: float) -> None:
-        """Shrink coarse images after two slow ones in a row; enlarge them after a quick one."""
+        """Make coarse images smaller after two slow ones in a row; larger after a quick one."""
         if self._is_slow:  # changing the size costs more than it saves
             return
         self._slow = self._slow + 1 if seconds > SLOW_S else 0
@@ -269,7 +274,7 @@ class LiveSource:
         return dataclasses.replace(place, position_m=(x, y, z))
 
     def _render(self, renderer: Renderer, draw: Draw, channels: Collection[str]) -> Frame:
-        base, time_s = self._base(renderer, draw.shown.place), draw.shown.time_s
+        base, time_s = self._base(renderer, draw.state.place), draw.state.time_s
         states = {}
         for other, way_m in (("next", ADVANCE_M), ("previous", -ADVANCE_M)):
             moved = base.copy()

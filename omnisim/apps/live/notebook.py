@@ -96,7 +96,7 @@ def live(
     document = document.with_value("size_px", size_px)
     light = None if isinstance(scene, Scene) else SceneInLight(str(scene), _read_in_light)
     settings = LiveSettings(
-        loaded, document, vehicle, scene_words=(loaded.name,), device=device, light=light
+        loaded, document, vehicle, scene_arguments=(loaded.name,), device=device, light=light
     )
     return LiveView(BackgroundPage(LivePage(settings, port=port)), height_px)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.apps.live.live_source import LiveSettings, LiveSource, start_place
-from omnisim.apps.live.session import Draw, Shown
+from omnisim.apps.live.session import Draw, PageState
 from omnisim.apps.live.view_maker import ViewMaker
 from omnisim.apps.live.viewpoint_motion import Place
 from omnisim.ground_truth.previews import preview
@@ -54,11 +54,11 @@ def _images(
             z,
         )
         place = Place(position_m, start.yaw_deg + math.degrees(angle)).rounded()
-        draw = Draw(Shown(settings.document, place), True)
+        draw = Draw(PageState(settings.document, place), True)
         frame = source.take(draw, ("range",))
         depth = preview("range", frame.channels["range"], frame.labels)
         top = np.concatenate((frame.rgb, depth), axis=1)
-        panorama = views.image("panorama", frame, draw.shown.gaze, z, True)
+        panorama = views.image("panorama", frame, draw.state.gaze, z, True)
         yield np.concatenate((top, _fitted(panorama, top.shape[1])))
 
 
@@ -66,7 +66,7 @@ def _fitted(image: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
     """Pad an image with black on both sides to a width, or crop it on both sides if wider."""
     height, own = image.shape[:2]
     rows = np.zeros((height, width, 3), dtype=np.uint8)
-    shown = min(width, own)
-    left, from_left = (width - shown) // 2, (own - shown) // 2
-    rows[:, left : left + shown] = image[:, from_left : from_left + shown]
+    common = min(width, own)
+    left, from_left = (width - common) // 2, (own - common) // 2
+    rows[:, left : left + common] = image[:, from_left : from_left + common]
     return rows

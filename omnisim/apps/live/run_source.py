@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.apps.live.live_frame import LiveFrame
-from omnisim.apps.live.session import Draw, Shown
+from omnisim.apps.live.session import Draw, PageState
 from omnisim.core.errors import RunError
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.trajectories import read_trajectory
@@ -55,7 +55,7 @@ class RunSource:
 
     def take(self, draw: Draw, channels: Collection[str]) -> LiveFrame:
         """Read the image of a step, with the requested channels that were recorded."""
-        path = self._image(min(draw.shown.step, self.steps - 1))
+        path = self._image(min(draw.state.step, self.steps - 1))
         frame = read_captured_image(path)
         stored = StoredChannels(path, frame.metadata)
         names = [name for name in stored.names if name in set(channels)]
@@ -75,12 +75,12 @@ class RunSource:
 
     def files(self, draw: Draw) -> dict[str, bytes]:
         """Contents of the camera's files at a step, by file name."""
-        stem = self._run.stem(self._camera_name, min(draw.shown.step, self.steps - 1))
+        stem = self._run.stem(self._camera_name, min(draw.state.step, self.steps - 1))
         return {path.name: path.read_bytes() for path in sorted(stem.parent.glob(f"{stem.name}.*"))}
 
-    def command(self, shown: Shown, frame: LiveFrame) -> str:
+    def command(self, state: PageState, frame: LiveFrame) -> str:
         """Name of the image's file, as a shell comment."""
-        return f"# {self._image(min(shown.step, self.steps - 1))}"
+        return f"# {self._image(min(state.step, self.steps - 1))}"
 
     def about(self) -> dict[str, Any]:
         """Title, steps and driven path of the run."""

@@ -18,7 +18,7 @@ Table = dict[str, Any]
 # Required keys of a table, with clearly visible values: indoor mist.
 _COMPLETE = {"fog": {"color": [0.7, 0.75, 0.8], "visibility_m": 20.0}}
 # Command-line options that the tables override.
-_OVERRULED = {"--sky": {"sky"}, "--baked": {"sky", "light"}}
+_OVERRIDDEN_BY = {"--sky": {"sky"}, "--baked": {"sky", "light"}}
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class SceneInLight:
 
     Attributes:
         source: name or path of the scene.
-        read: function that reads a TOML file that extends the scene; of the command line's options,
-            it applies those that the file's tables, its second argument, do not override.
+        read: function that reads a TOML file that extends the scene, given its path and its
+            tables. The tables take precedence over the command line's options.
     """
 
     source: str
@@ -66,14 +66,14 @@ def scene_text(source: str, tables: Mapping[str, Any]) -> str:
     return toml_text({"extends": source, **tables})
 
 
-def without_overruled(words: Sequence[str], tables: Mapping[str, Any]) -> tuple[str, ...]:
+def without_overridden(arguments: Sequence[str], tables: Mapping[str, Any]) -> tuple[str, ...]:
     """Arguments of a command line without the options that the tables override."""
-    kept: list[str] = []
+    remaining: list[str] = []
     at = 0
-    while at < len(words):
-        if _OVERRULED.get(words[at], set()) & tables.keys():
+    while at < len(arguments):
+        if _OVERRIDDEN_BY.get(arguments[at], set()) & tables.keys():
             at += 1  # skips the option's value as well
         else:
-            kept.append(words[at])
+            remaining.append(arguments[at])
         at += 1
-    return tuple(kept)
+    return tuple(remaining)

@@ -100,9 +100,9 @@ class LiveServer:
     def url(self) -> str:
         """URL for a browser, including the token."""
         host = "localhost" if self._host in ("", "0.0.0.0", "::") else self._host
-        shown = f"[{host}]" if ":" in host else host
+        address = f"[{host}]" if ":" in host else host
         token = "" if self._token is None else f"?token={self._token}"
-        return f"http://{shown}:{self._port}/{token}"
+        return f"http://{address}:{self._port}/{token}"
 
     async def open(self) -> None:
         """Start listening.
@@ -224,7 +224,7 @@ class LiveServer:
             self._tell_roles()
 
     def _take(self, page: _Page, text: str | bytes) -> None:
-        """Handle a message from a page; the answer to an invalid message is an error message."""
+        """Handle a message from a page, with an error message as the answer to an invalid one."""
         try:
             message = messages.parse_message(text)
             reply = functools.partial(self._reply, page)
@@ -252,7 +252,7 @@ class LiveServer:
             self._loop.call_soon_threadsafe(self._send, page, data)
 
     def _ask(self, page: _Page) -> None:
-        if page.has_seen < self._frames and self._change == self._session.shown.change:
+        if page.has_seen < self._frames and self._change == self._session.state.change:
             self._send_frame(page)
         else:
             page.is_ready = True

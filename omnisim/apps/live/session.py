@@ -25,8 +25,8 @@ MAX_JOBS = 8
 
 
 @dataclass(frozen=True)
-class Shown:
-    """State that determines an image.
+class PageState:
+    """State of the page, which determines an image.
 
     Attributes:
         document: document of the camera.
@@ -51,7 +51,7 @@ class Shown:
 class Draw:
     """Image to draw: coarse during motion, or fine."""
 
-    shown: Shown
+    state: PageState
     is_fine: bool
 
 
@@ -60,7 +60,7 @@ class Job:
     """Request that a page waits for: files, or a probe."""
 
     message: messages.Message
-    shown: Shown
+    state: PageState
     reply: Callable[[bytes], None]
 
 
@@ -83,8 +83,8 @@ class Session:
     ):
         self._condition = threading.Condition()
         self._first = self._good = document
-        self._shown = Shown(document, pilot.place.rounded(), time_s=time_s)
-        pilot.place = self._shown.place
+        self._state = PageState(document, pilot.place.rounded(), time_s=time_s)
+        pilot.place = self._state.place
         self._pilot, self._last_step = pilot, last_step
         self._is_running = False
         self._undo: deque[CameraDocument] = deque(maxlen=UNDO_STEPS)
@@ -95,13 +95,13 @@ class Session:
         self._coarse = self._fine = -1  # numbers of the last drawn states
         self._rest_s = REST_S
         self._changed_s = self._advanced_s = self._driven_s = time.monotonic()
-        self._is_asked = self._is_stopping = False
+        self._is_requested = self._is_stopping = False
 
     @property
-    def shown(self) -> Shown:
+    def state(self) -> PageState:
         """Current state."""
         with self._condition:
-            return self._shown
+            return self._state
 
     @property
     def history(self) -> tuple[int, int]:
@@ -117,7 +117,7 @@ class Session:
     def ask(self) -> None:
         """Request the next image for a page that has displayed the last one."""
         with self._condition:
-            self._is_asked = True
+            self._is_requested = True
             self._condition.notify()
 
     def rest(self) -> None:
@@ -151,7 +151,7 @@ class Session:
             OutputError: too many requests are waiting.
         """
         with self._condition:
-            job = Job(message, self._shown, reply)
+            job = Job(message, self._state, reply)
             if isinstance(message, messages.Probe):
                 self._probe = job  # replaces the previous one, as the mouse has moved
             elif len(self._jobs) >= MAX_JOBS:
@@ -170,7 +170,7 @@ class Session:
         with self._condition:
             if self._undo and self._undo[-1] == self._good:
                 self._undo.pop()
-            if self._shown.document == document:
+            if self._state.document == document:
                 self._change(document=self._good)
 
     def next_work(self) -> Draw | Job | None:
@@ -184,18 +184,18 @@ class Session:
             return None
 
     def drawn(self, draw: Draw, seconds: float = 0.0) -> None:
-        """Record a drawn image; the slower fine images are, the later the next one starts."""
+        """Record a drawn image; slow fine images delay the start of the next one."""
         with self._condition:
             if draw.is_fine:
                 self._rest_s = min(max(REST_S, 0.3 * seconds), MAX_REST_S)
-            self._coarse = max(self._coarse, draw.shown.change)
+            self._coarse = max(self._coarse, draw.state.change)
             if draw.is_fine:
-                self._fine = draw.shown.change
+                self._fine = draw.state.change
 
     def look_at(self, yaw_deg: float, pitch_deg: float) -> None:
         """Turn the perspective view, which follows the mouse."""
         with self._condition:
-            old = self._shown.gaze
+            old = self._state.gaze
             gaze = messages.Gaze(
                 yaw_deg=round(yaw_deg, 2), pitch_deg=round(pitch_deg, 2), fov_deg=old.fov_deg
             )
@@ -209,21 +209,21 @@ class Session:
         if now_s - self._driven_s > HELD_S and not self._pilot.command.is_rest:
             self._pilot.command = MotionCommand()
         is_moving = self._pilot.is_moving or self._is_running
-        if self._is_asked and (is_moving or self._coarse < self._shown.change):
+        if self._is_requested and (is_moving or self._coarse < self._state.change):
             self._advance(now_s, is_moving)
-            self._is_asked = False
-            return Draw(self._shown, False), None
+            self._is_requested = False
+            return Draw(self._state, False), None
         if not is_moving:
             self._advanced_s = now_s
         wait_s: float | None = None
-        if not is_moving and self._is_asked and self._fine < self._shown.change:
+        if not is_moving and self._is_requested and self._fine < self._state.change:
             wait_s = self._changed_s + self._rest_s - now_s
             if wait_s <= 0.0:
-                self._is_asked = False
-                return Draw(self._shown, True), None
-        if self._probe is not None and (self._fine == self._shown.change or is_moving):
+                self._is_requested = False
+                return Draw(self._state, True), None
+        if self._probe is not None and (self._fine == self._state.change or is_moving):
             job, self._probe = self._probe, None
-            return replace(job, shown=self._shown), None
+            return replace(job, state=self._state), None
         return None, wait_s
 
     def _advance(self, now_s: float, is_moving: bool) -> None:
@@ -232,20 +232,20 @@ class Session:
         if not is_moving:
             return
         self._pilot.advance(seconds)
-        time_s = self._shown.time_s
+        time_s = self._state.time_s
         if self._is_running:
             time_s = round(time_s + min(seconds, 0.2), 3)
-        if self._pilot.place != self._shown.place or time_s != self._shown.time_s:
+        if self._pilot.place != self._state.place or time_s != self._state.time_s:
             self._change(place=self._pilot.place, time_s=time_s)
         else:
             self._change()  # a robot that pushes against a wall
 
     def _change(self, **changes: object) -> None:
-        self._shown = replace(self._shown, change=self._shown.change + 1, **changes)  # type: ignore[arg-type]
+        self._state = replace(self._state, change=self._state.change + 1, **changes)  # type: ignore[arg-type]
         self._changed_s = time.monotonic()
 
     def _apply(self, message: messages.Message) -> None:
-        pilot, shown = self._pilot, self._shown
+        pilot, state = self._pilot, self._state
         match message:
             case messages.Drive():
                 # a key that is pressed and released during a single image has an effect as well
@@ -269,10 +269,10 @@ class Session:
                 if message.path.endswith("lens.model") or message.path.endswith("camera.model"):
                     raise OutputError(f"{message.path}: choose a preset of the model")
                 self._edit_camera(
-                    shown.document.with_value(message.path, message.value), message.path
+                    state.document.with_value(message.path, message.value), message.path
                 )
             case messages.Preset():
-                self._edit_camera(with_preset(shown.document, message.kind, message.name), "")
+                self._edit_camera(with_preset(state.document, message.kind, message.name), "")
             case messages.Reset():
                 self._edit_camera(self._first, "")
             case messages.Undo():
@@ -299,7 +299,7 @@ class Session:
                 raise SceneError(f"{type(message).__name__}: not a message of the driver")
 
     def _edit_camera(self, document: CameraDocument, key: str) -> None:
-        old = self._shown.document
+        old = self._state.document
         if document == old:
             return
         now_s = time.monotonic()
@@ -317,6 +317,6 @@ class Session:
     ) -> None:
         if not taken:
             return
-        kept.append(self._shown.document)
+        kept.append(self._state.document)
         self._edit = ("", 0.0)
         self._change(document=taken.pop())

@@ -17,20 +17,20 @@ FLIGHT_MPS, TURN_DEGPS = 1.0, 70.0  # full speed and turn rate of free flight
 SPEED_UP_S = 0.15  # time constant of acceleration in free flight
 NEAR_M, NEAR_RAD = 0.02, math.radians(2.0)  # tolerances for reaching a point
 MAX_STEP_S = 0.2  # maximum motion time between two images, so that a pause causes no jump
-FARTHEST_M = 1e5
+MAX_POSITION_M = 1e5
 # Decimals of positions in meters and of angles in degrees, so that commands repeat them exactly.
 DIGITS_M, DIGITS_DEG = 4, 3
 
 
 @dataclass(frozen=True)
 class MotionCommand:
-    """Motion requested by keys, each component from −1 to 1.
+    """Motion requested by keys; all components but `fast` range from −1 to 1.
 
     Attributes:
         ahead, left, up: requested velocity, as shares of the full speed.
         turn: requested turn rate, positive to the left.
         tilt: requested pitch rate, positive front down.
-        fast: factor of all components, from 0.1 to 4.
+        fast: factor of all other components, from 0.1 to 4.
     """
 
     ahead: float = 0.0
@@ -63,7 +63,7 @@ class Place:
     def rounded(self) -> Place:
         """Copy rounded to the decimals of a command line, with angles wrapped to ±180°."""
         x, y, z = (
-            round(min(max(value, -FARTHEST_M), FARTHEST_M), DIGITS_M) + 0.0
+            round(min(max(value, -MAX_POSITION_M), MAX_POSITION_M), DIGITS_M) + 0.0
             for value in self.position_m
         )
         yaw, pitch, roll = (
@@ -188,7 +188,7 @@ class WheelDrive(Pilot):
         if seconds <= 0.0:
             return
         limits = self._limits
-        speed, rate = self._asked()
+        speed, rate = self._requested_speeds()
         self._speed_mps = _towards(self._speed_mps, speed, limits.max_acceleration_mps2 * seconds)
         self._rate_radps = _towards(
             self._rate_radps, rate, limits.max_turn_acceleration_radps2 * seconds
@@ -209,7 +209,7 @@ class WheelDrive(Pilot):
         else:
             self.place = next_place
 
-    def _asked(self) -> tuple[float, float]:
+    def _requested_speeds(self) -> tuple[float, float]:
         """Speed in m/s and turn rate in rad/s requested by the keys or the goal."""
         limits, command = self._limits, self.command
         most_radps = min(limits.max_turn_rate_radps, math.radians(120.0))
@@ -234,6 +234,6 @@ class WheelDrive(Pilot):
         return min(limits.max_speed_mps, braking, 2.0 * length), rate
 
 
-def _towards(value: float, wanted: float, step: float) -> float:
-    """Move `value` towards `wanted` by at most `step`."""
-    return min(value + step, wanted) if wanted > value else max(value - step, wanted)
+def _towards(value: float, target: float, step: float) -> float:
+    """Move `value` toward `target` by at most `step`."""
+    return min(value + step, target) if target > value else max(value - step, target)

@@ -27,7 +27,7 @@ class NamedPose:
 
     Attributes:
         target, source: frame names.
-        target_from_source: (4, 4), meters.
+        target_from_source: (4, 4) pose in meters.
     """
 
     target: str

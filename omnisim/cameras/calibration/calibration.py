@@ -91,7 +91,7 @@ class Calibration:
         """Write a calibration file; see `save_calibration`.
 
         Raises:
-            CalibrationError: the format cannot hold one of the cameras, with the reason.
+            CalibrationError: the format cannot hold one of the cameras; states the reason.
             OutputError: the file cannot be written.
         """
         return save_calibration(self, path, format, model)
@@ -130,7 +130,7 @@ def load_calibration(
             the file, and False without metadata.
 
     Raises:
-        CalibrationError: naming file, key, the expected value and the actual one.
+        CalibrationError: the file is invalid; names file, key, actual and expected value.
     """
     path = Path(path)
     try:
@@ -158,7 +158,7 @@ def save_calibration(
             the one whose maximum residual is smallest.
 
     Raises:
-        CalibrationError: the format cannot hold one of the cameras, with the reason.
+        CalibrationError: the format cannot hold one of the cameras; states the reason.
         OutputError: the file cannot be written, or its suffix belongs to another kind of file.
     """
     path = Path(path)
@@ -178,7 +178,7 @@ def check_calibration_suffix(path: Path, format: str) -> None:
 
     Raises:
         CalibrationError: the format is unknown.
-        OutputError: naming the file and its format's suffixes; a name without a suffix passes.
+        OutputError: the suffix belongs to another format; a name without a suffix passes.
     """
     form = format_named(format)
     known = (form.suffix, *_ALSO.get(form.suffix, ()))
@@ -194,7 +194,7 @@ def calibration_text(
     """Text of a calibration file, and the cameras as written.
 
     Raises:
-        CalibrationError: the format cannot hold one of the cameras, with the reason.
+        CalibrationError: the format cannot hold one of the cameras; states the reason.
     """
     form = format_named(format)
     if len(calibration.cameras) > 1 and not form.several:

@@ -59,13 +59,13 @@ def detect_format(text: str, source: str, name: str | None = None) -> Format[Any
     Raises:
         CalibrationError: the name is unknown, no signature matches, or another format's does.
     """
-    alike = [form for form in FORMATS.values() if form.looks_like(text)]
+    candidates = [form for form in FORMATS.values() if form.looks_like(text)]
     if name is None:
-        if alike:
-            reason = alike[0].ambiguity(text, source)
+        if candidates:
+            reason = candidates[0].ambiguity(text, source)
             if reason is not None:
                 raise CalibrationError(f"{source}: {reason}")
-            return alike[0]
+            return candidates[0]
         if _is_sensor_file(text):
             raise CalibrationError(
                 f"{source}: this looks like a sensor file: pass --sensor {source}"
@@ -75,8 +75,8 @@ def detect_format(text: str, source: str, name: str | None = None) -> Format[Any
         )
     form = format_named(name)
     # the name that the user gives tells OpenCV's three formats apart
-    foreign = [one for one in alike if _family(one) != _family(form)]
-    if foreign and not form.looks_like(text) and len(foreign) == len(alike):
+    foreign = [one for one in candidates if _family(one) != _family(form)]
+    if foreign and not form.looks_like(text) and len(foreign) == len(candidates):
         raise CalibrationError(
             f"{source}: this looks like a {foreign[0].name} file ({foreign[0].title}): "
             f"pass --format {foreign[0].name}"

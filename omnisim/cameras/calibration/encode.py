@@ -30,13 +30,13 @@ from omnisim.cameras.calibration.metadata import CameraMetadata, embed_metadata
 from omnisim.cameras.models.field_of_view import angles_from_axis, largest_theta_rad, optical_axis
 from omnisim.core.errors import CalibrationError, OmnisimError
 
-MIN_COVERED = 0.95  # share of the image's pixels; a fit that covers less is another camera
-MAX_RESIDUAL = 0.02  # share of the image's shorter side; a worse fit is not a calibration
+MIN_COVERED = 0.95  # minimum share of the image's pixels that a fit covers
+MAX_RESIDUAL = 0.02  # maximum residual of a fit, as a share of the image's shorter side
 GRID = 65
-GRID_MARGIN_RAD = math.radians(5.0)  # a grid misses less than this
+GRID_MARGIN_RAD = math.radians(5.0)  # bound on the angle that a grid misses
 
 
-class Encoded(NamedTuple, Generic[LensT]):
+class EncodedCamera(NamedTuple, Generic[LensT]):
     """A camera in a model of a format.
 
     Attributes:
@@ -62,7 +62,7 @@ def encode_cameras(
         source: name of the cameras' file, for messages.
 
     Raises:
-        CalibrationError: the format cannot hold one of the cameras, with the reason.
+        CalibrationError: the format cannot hold one of the cameras; states the reason.
     """
     parsed, metadata, written = [], [], []
     for camera, named in zip(cameras, _renamed(cameras, form), strict=True):
@@ -84,11 +84,11 @@ def encode_cameras(
 
 def encode(
     camera: CalibratedCamera, form: Format[LensT], place: str, model: str | None = None
-) -> Encoded[LensT]:
+) -> EncodedCamera[LensT]:
     """Encode a camera in a model of a format; `place` names file and camera in messages.
 
     Raises:
-        CalibrationError: no model is close enough, with the reason.
+        CalibrationError: no model is close enough; states the reason.
     """
     source = camera.camera
     reasons: list[str] = []
@@ -108,12 +108,12 @@ def encode(
         fit.residuals, source_model=source.model_name, at_distances=at_distances
     )
     metadata = camera_metadata(camera.name, source, limit_rad, fitted)
-    return Encoded(fit.camera, metadata, fitted)
+    return EncodedCamera(fit.camera, metadata, fitted)
 
 
 def encode_exactly(
     camera: CalibratedCamera, form: Format[LensT], place: str
-) -> Encoded[LensT] | None:
+) -> EncodedCamera[LensT] | None:
     """Encode a camera in a format's model that is the same lens, or return None."""
     try:
         return _encode_exactly(camera, form, place, None, [])
@@ -123,7 +123,7 @@ def encode_exactly(
 
 def _encode_exactly(
     camera: CalibratedCamera, form: Format[LensT], place: str, model: str | None, reasons: list[str]
-) -> Encoded[LensT] | None:
+) -> EncodedCamera[LensT] | None:
     """Encode the lens exactly, or return None and add the reasons to `reasons`.
 
     Raises:
@@ -133,7 +133,7 @@ def _encode_exactly(
     native = form.native(source)
     if native is not None and model in (None, source.model_name):
         metadata = camera_metadata(camera.name, None, None, camera.residuals)
-        return Encoded(native, metadata, camera.residuals)
+        return EncodedCamera(native, metadata, camera.residuals)
     target = model_named(model, form)
     _check_cone(source, form, place)
     lens = lens_of(source)
@@ -143,7 +143,7 @@ def _encode_exactly(
         if same is not None and reason is None:
             limit_rad, residuals = source.domain_limit_rad, camera.residuals
             metadata = camera_metadata(camera.name, source, limit_rad, residuals)
-            return Encoded(same, metadata, residuals)
+            return EncodedCamera(same, metadata, residuals)
         if reason is not None and reason not in reasons:
             reasons.append(reason)
     return None
@@ -255,7 +255,7 @@ def nearest_fit(
         reasons: reasons for rejected models so far, for messages; extended in place.
 
     Raises:
-        CalibrationError: no model is close enough, with the reasons.
+        CalibrationError: no model is close enough; states the reasons.
     """
     middle = 0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)
     centered = {"principal_point_px": middle} if form.centered else {}

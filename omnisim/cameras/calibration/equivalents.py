@@ -44,7 +44,7 @@ from omnisim.cameras.fisheye import FisheyeCamera
 from omnisim.cameras.focal_camera import FocalCamera
 
 CameraT = TypeVar("CameraT", bound=CentralCamera)
-# c1, c2 and fun of r = c1 f fun(θ/c2)
+# c1, c2 and fun in r = c1 f fun(θ/c2)
 IDEAL_FISHEYES: Mapping[type[FocalCamera], tuple[float, float, str]] = {
     PerspectiveCamera: (1.0, 1.0, "tan"),
     StereographicCamera: (2.0, 2.0, "tan"),

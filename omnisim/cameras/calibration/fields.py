@@ -29,7 +29,7 @@ def check_choice(value: str, choices: Iterable[str], place: str) -> None:
     """Reject a word that is not among the choices.
 
     Raises:
-        CalibrationError: naming the place, the choices and the word.
+        CalibrationError: the word is invalid; names the place, the choices and the word.
     """
     choices = list(choices)
     if value not in choices:
@@ -58,7 +58,7 @@ def parse(data: Any, model: type[TableT], source: str) -> TableT:
     """Validate `data` against `model`; `source` names file and place in messages.
 
     Raises:
-        CalibrationError: naming place, key, the expected value and the actual one.
+        CalibrationError: the data is invalid; names place, key, actual and expected value.
     """
     if not isinstance(data, Mapping):
         raise unexpected(source, "keys with values", data)
@@ -99,10 +99,10 @@ def parse_size(word: str, place: str) -> int:
 
 
 def counted(values: Sequence[float], names: str, source: str) -> list[float]:
-    """Values, checked to be as many as the space-separated names.
+    """Check that there is one value per space-separated name, and return the values.
 
     Raises:
-        CalibrationError: there are more or fewer.
+        CalibrationError: there are more or fewer values than names.
     """
     expected = names.split()
     if len(values) != len(expected):

@@ -44,10 +44,10 @@ from omnisim.core.errors import CalibrationError, OpticsError
 
 EXACT_PX = 1e-10  # rounding of a projection
 MARGIN_RAD = 1e-9  # keeps the source's edge visible in spite of rounding
-MIN_COVERED = 0.05  # share of the source's pixels; less is not an image of it
-MAX_RMS = 0.02  # share of the image's longer side; more is another kind of image
+MIN_COVERED = 0.05  # minimum share of the source's pixels that a fit covers
+MAX_RMS = 0.02  # maximum residual, as a share of the image's longer side
 WIDEST_DEG = (30.0, 60.0, 90.0, 120.0, 150.0, 180.0)  # angles from the axis of the first guesses
-INNER = 0.85  # share of the image's radius
+INNER = 0.85  # share of the image's radius within which the axis is fitted
 MIN_SHARE = 0.3  # valid share of the samples over the image; below it, more are drawn
 AREA_SAMPLES, EDGE_SAMPLES = 1000, 120
 PLASTIC = 1.32471795724474602596  # the plastic number: its powers fill the plane evenly
@@ -217,7 +217,7 @@ def _fitted(
     fixed: Mapping[str, Any],
     axis: _Axis | None,
 ) -> tuple[ParametricCamera, NDArray[np.float64]]:
-    """Camera with the smallest residuals, and its rotation; starts near an axis, if given."""
+    """Camera with the smallest residuals, and its rotation (3, 3); starts near `axis`, if given."""
     rotation = np.eye(3) if axis is None else axis.rotation
     center_px = None if axis is None else axis.center_px
     samples = samples.rotated(rotation)
@@ -246,7 +246,7 @@ def _refined(
     fixed: Mapping[str, Any],
     rotated: bool,
 ) -> tuple[ParametricCamera, NDArray[np.float64]]:
-    """Local minimum of the sum of squared reprojection errors near `start`, and its rotation."""
+    """Camera at the local minimum of the squared errors near `start`, and its rotation (3, 3)."""
     parameters = ParameterVector(
         start, {name: bounds for name, bounds in free.items() if name not in fixed}
     )

@@ -56,8 +56,8 @@ class Samples:
     """Source pixels and their rays, in the target's optical frame.
 
     Attributes:
-        pixels_px: (n, 2).
-        directions: (n, 3), unit.
+        pixels_px: (n, 2) positions in the image.
+        directions: (n, 3) unit directions.
         on_area: (n,) True for samples spread over the image, False on its edge.
     """
 
@@ -131,13 +131,13 @@ def linear_fit(
     """Initial camera of a model in `FITTED`; a unified one with ξ = 0 for a pinhole.
 
     Raises:
-        OpticsError: no such camera exists.
+        OpticsError: no camera of this model is near the profile.
     """
     return _pinhole(profile) if is_pinhole else FITTED[model].initialize(profile)
 
 
 def _solve(columns: list[NDArray[np.float64]], values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Solution of a linear least-squares problem with columns scaled to equal length."""
+    """Solution (columns,) of a linear least-squares problem; scales columns to equal length."""
     matrix = np.stack(columns, axis=-1)
     lengths = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
     solution: NDArray[np.float64] = (

@@ -143,6 +143,11 @@ def embed_metadata(text: str, metadata: Sequence[CameraMetadata], place: Metadat
 def read_metadata(text: str, place: MetadataPlace, source: str) -> dict[str, CameraMetadata]:
     """Metadata in a file, by camera name.
 
+    Args:
+        text: content of the file.
+        place: location of the metadata in its format.
+        source: file name, for messages.
+
     Raises:
         CalibrationError: the metadata is malformed.
     """

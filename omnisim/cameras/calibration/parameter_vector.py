@@ -57,7 +57,7 @@ class ParameterVector(Generic[CameraT]):
         """Camera with other numbers (n,).
 
         Raises:
-            OpticsError: they are no valid camera's.
+            OpticsError: the numbers do not make a valid camera.
         """
         if not self._names:
             return self._camera

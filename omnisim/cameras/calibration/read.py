@@ -40,7 +40,7 @@ def read_cameras(
         mirrored: True if the cameras look into mirrors; None to take it from their metadata.
 
     Raises:
-        CalibrationError: naming file, key, the expected value and the actual one.
+        CalibrationError: the file is invalid; names file, key, actual and expected value.
     """
     text, source = read_text(path), str(path)
     form = detect_format(text, source, format)
@@ -127,7 +127,7 @@ def _check_camera(camera: CentralCamera, place: str) -> None:
     """Reject a camera with an empty image, or with an axis far outside it.
 
     Raises:
-        CalibrationError: with the center, or with what the image shows.
+        CalibrationError: the camera is such; names the center or the empty image.
     """
     size = np.array([camera.width_px, camera.height_px], dtype=np.float64)
     center = np.asarray(camera.principal_point_px)

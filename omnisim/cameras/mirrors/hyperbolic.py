@@ -103,7 +103,7 @@ class HyperbolicCamera(FocalCamera):
         """Build the camera from its `parameters()`.
 
         Raises:
-            OpticsError: naming the key, the expected value and the actual one.
+            OpticsError: a parameter is invalid; names the key, the actual and the expected value.
         """
         mirror = HyperbolicMirror(
             number(parameters, "k"),
@@ -222,5 +222,10 @@ def image_radius_eq2_px(theta_rad: ArrayLike, horizon_radius_px: float) -> NDArr
 def theta_from_image_radius_eq2_rad(
     radius_px: ArrayLike, horizon_radius_px: float
 ) -> NDArray[np.float64]:
-    """Incidence θ (...,) by the inverse of Eq. 2."""
+    """Incidence θ (...,) by the inverse of Eq. 2.
+
+    Args:
+        radius_px: (...,) image radii.
+        horizon_radius_px: radius h of the 90° circle.
+    """
     return 2.0 * np.arctan(np.asarray(radius_px, dtype=np.float64) / horizon_radius_px)

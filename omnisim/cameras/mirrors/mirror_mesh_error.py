@@ -65,17 +65,22 @@ def mesh_error(mirror: HyperbolicMirror, polygons: int, rim_radius_px: float) ->
 
 
 def largest_error(
-    mirror: HyperbolicMirror, sectors: int, rings: int, shown: Annulus = WHOLE_MIRROR
+    mirror: HyperbolicMirror, sectors: int, rings: int, annulus: Annulus = WHOLE_MIRROR
 ) -> float:
     """Largest error of a mesh within a part of the image, in tangents at the pinhole.
 
     The mesh's straight edges lie inside the round rim; that gap counts as an error, too.
+
+    Args:
+        mirror: mirror shape.
+        sectors, rings: polygons of the mesh around the axis, and from the apex to the rim.
+        annulus: visible part of the mirror.
     """
     corners = _sector(mirror, sectors, rings)
     lattice = _lattice(_STEPS).coordinates
     samples = _sample(mirror, corners, lattice)
-    is_shown = (samples.radii.max(axis=1) >= shown.inner) & (
-        samples.radii.min(axis=1) <= shown.outer
+    is_shown = (samples.radii.max(axis=1) >= annulus.inner) & (
+        samples.radii.min(axis=1) <= annulus.outer
     )
     peaks = np.where(is_shown, samples.errors.max(axis=1), 0.0)
     high = np.flatnonzero(peaks > 0.9 * peaks.max())  # candidates for the largest error
@@ -84,26 +89,28 @@ def largest_error(
     near /= near.sum(axis=-1, keepdims=True)
     largest = _sample(mirror, corners[high], near).errors.max(initial=0.0)
     rim = _rim_tangent(mirror)
-    lost = min(rim, shown.outer) - rim * math.cos(math.pi / sectors) if rim > shown.inner else 0.0
+    lost = (
+        min(rim, annulus.outer) - rim * math.cos(math.pi / sectors) if rim > annulus.inner else 0.0
+    )
     return max(float(largest), lost)
 
 
 def needed_polygons(
-    mirror: HyperbolicMirror, max_error: float, shown: Annulus = WHOLE_MIRROR
+    mirror: HyperbolicMirror, max_error: float, annulus: Annulus = WHOLE_MIRROR
 ) -> int | None:
     """Smallest polygon count within an error bound, with four sectors per ring.
 
     Args:
         mirror: mirror shape.
         max_error: tolerance in tangents at the pinhole: pixels over the focal length.
-        shown: visible part of the mirror.
+        annulus: visible part of the mirror.
 
     Returns:
         Number of polygons, or None if `MAX_POLYGONS` are not enough.
     """
 
     def suffices(rings: int) -> bool:
-        return largest_error(mirror, 4 * rings, rings, shown) <= max_error
+        return largest_error(mirror, 4 * rings, rings, annulus) <= max_error
 
     return fewest_polygons(suffices, _MAX_RINGS)
 
@@ -172,8 +179,8 @@ def _sample(
     points = (weights @ corners) / weights.sum(axis=-1, keepdims=True)
     across = np.hypot(points[..., 0], points[..., 1])
     radii = across / (1.0 - points[..., 2])
-    shown = mirror.tangent_from_theta(np.arctan2(across, points[..., 2]))
-    return _Samples(np.abs(shown - radii), radii)
+    annulus = mirror.tangent_from_theta(np.arctan2(across, points[..., 2]))
+    return _Samples(np.abs(annulus - radii), radii)
 
 
 def _areas(corners: NDArray[np.float64]) -> NDArray[np.float64]:

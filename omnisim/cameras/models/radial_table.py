@@ -91,7 +91,7 @@ class RadialTableCamera(RadialCamera):
         return np.array([first, *inner, last])
 
     def _local(self, theta: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """Position t in an interval, interval width, end radii, and end slopes times width."""
+        """Position t (...,) in an interval; its width, end radii, and end slopes times width."""
         nodes, radii = np.array(self.thetas_rad), np.array(self.radii_px)
         left = np.clip(np.searchsorted(nodes, theta, side="right") - 1, 0, len(nodes) - 2)
         width = nodes[left + 1] - nodes[left]

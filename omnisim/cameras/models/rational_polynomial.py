@@ -107,7 +107,7 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
 
     @cached_property
     def _ratio(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Numerator and denominator of g as polynomials of r, constant term first."""
+        """Coefficients (7,) of the numerator and the denominator of g, by powers of r from 0."""
         k1, k2, _, _, k3, k4, k5, k6 = self.distortion[:8]
         above = np.array([1.0, 0.0, k1, 0.0, k2, 0.0, k3])
         return above, np.array([1.0, 0.0, k4, 0.0, k5, 0.0, k6])

@@ -50,8 +50,8 @@ def fit_central(
         source: name of the system, for messages.
 
     Raises:
-        CalibrationError: no model is close enough, with the reasons, or a format or model is
-            unknown.
+        CalibrationError: a format or model is unknown, or no model is close enough; states the
+            reasons.
         OpticsError: a distance is not positive, or the system sees nothing.
     """
     check_distances(distances_m)

@@ -95,7 +95,7 @@ def check_distances(distances_m: Sequence[float]) -> None:
     """Reject distances that are not positive and finite.
 
     Raises:
-        OpticsError: naming the first invalid distance.
+        OpticsError: a distance is invalid; names the first.
     """
     for distance_m in distances_m:
         if not 0.0 < distance_m <= 1e9:

@@ -28,7 +28,7 @@ from omnisim.core.files.toml_file import toml_text
 
 POINTS = 501
 _TOLERANCE = 1e-12
-_MAX_RADIUS = 100.0  # of a mirror, relative to the distance of its vertex
+_MAX_RADIUS = 100.0  # maximum radius of a mirror, relative to the distance of its vertex
 
 
 class DesignedProfile(NamedTuple):
@@ -47,7 +47,7 @@ class Design:
         half_angle_deg: angle at the pinhole from the axis to the rim.
 
     Raises:
-        OpticsError: such a mirror cannot exist.
+        OpticsError: a distance or angle is not possible for a mirror.
     """
 
     vertex_m: float
@@ -65,7 +65,7 @@ class Design:
         """Mirror whose incidence θ is proportional to the image radius, with θ_max at the rim.
 
         Raises:
-            OpticsError: such a mirror cannot reach θ_max.
+            OpticsError: a mirror of this size cannot reach θ_max.
         """
         if not self.half_angle_deg < theta_max_deg <= 150.0:
             raise OpticsError(

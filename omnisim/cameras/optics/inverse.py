@@ -28,10 +28,12 @@ _MARGIN = 0.02  # margin around the image, as a share of its side
 _STARTS = 4  # nearest rays by direction, of which the best is used
 _ITERATIONS = 30
 _CONVERGED = 1e-13  # step size, as a share of the path length
-_MAX_STEP = 0.5  # as a share of the surface's radius of curvature, and of its distance
+_MAX_STEP = 0.5  # maximum step relative to the surface's radius of curvature and distance
 _RETRIES = (0, 1, 2, 3, 5, 8, 13, 21)  # ranks among all rays by distance from the point
 _POINTS_PER_BATCH = 1 << 13
-_MISS = 1e-7  # share of a point's distance: a ray that misses the point by more does not show it
+_MISS = (
+    1e-7  # maximum distance between a pixel's ray and its point, relative to the point's distance
+)
 _NEAREST = 64  # nearest rays that start the search for all pixels, besides the local minima
 _SAME_PX = 1e-5
 
@@ -190,17 +192,17 @@ class Inverse:
         for _ in range(_ITERATIONS if len(points) else 0):
             if len(active) == 0:
                 break
-            some = points[:, active]
+            moving_points = points[:, active]
             with np.errstate(all="ignore"):  # points that diverge; tracing their rays rejects them
-                steps, limits = self._newton_steps(targets.take(active), some)
+                steps, limits = self._newton_steps(targets.take(active), moving_points)
                 lengths = np.linalg.norm(steps, axis=2)
                 shares = np.minimum(1.0, (limits / np.maximum(lengths, 1e-300)).min(axis=0))
-                some = some + shares[:, None] * steps
+                moving_points = moving_points + shares[:, None] * steps
                 for number, surface in enumerate(self._system.surfaces):
-                    some[number] = _retracted(surface, some[number])
-            points[:, active] = some
+                    moving_points[number] = _retracted(surface, moving_points[number])
+            points[:, active] = moving_points
             moving = (lengths > _CONVERGED * limits).any(axis=0)
-            active = active[moving & np.isfinite(some).all(axis=(0, 2))]
+            active = active[moving & np.isfinite(moving_points).all(axis=(0, 2))]
         return points
 
     def _newton_steps(self, targets: Targets, points: Floats) -> tuple[Floats, Floats]:

@@ -57,19 +57,19 @@ class SystemMeshErrors:
         largest_px = max(_MISSED * float(errors_px.max()), lost_px)
         return MeshError(float(errors_px.mean()), percentile_95_px, largest_px)
 
-    def needed_polygons(self, max_error_px: float, most: int) -> int | None:
+    def needed_polygons(self, max_error_px: float, max_polygons: int) -> int | None:
         """Smallest polygon count within an error bound, with four sectors per ring.
 
         Args:
             max_error_px: tolerance.
-            most: maximum number of polygons.
+            max_polygons: maximum number of polygons.
 
         Returns:
-            Number of polygons, or None if `most` are not enough.
+            Number of polygons, or None if `max_polygons` are not enough.
         """
         return fewest_polygons(
             lambda rings: self.of(4 * rings * rings).max_px <= max_error_px,
-            math.isqrt(most // 4),
+            math.isqrt(max_polygons // 4),
         )
 
     @cached_property

@@ -14,8 +14,8 @@ from omnisim.core.files.atomic_file import write_text
 from omnisim.core.trajectories.formats.text_table import read_text_table
 
 _COLUMNS = ["r_m", "z_m"]
-_SAMPLES = 1 << 14  # along a profile
-_NEAR, _MIN_SLOPE = 1e-6, 1e-3  # share of the radius; slope there that makes a tip pointed
+_SAMPLES = 1 << 14  # number of samples along a profile
+_NEAR, _MIN_SLOPE = 1e-6, 1e-3  # share of the radius; minimum slope there of a conical tip
 
 
 def read_profile(path: Path, pointed: bool = False) -> TabulatedProfile:
@@ -26,7 +26,7 @@ def read_profile(path: Path, pointed: bool = False) -> TabulatedProfile:
         pointed: True if the tip may be conical; False: the profile is level on the axis.
 
     Raises:
-        SensorFileError: naming file, line, the actual value and the expected one.
+        SensorFileError: the file is invalid; names file, line, actual and expected value.
     """
     try:
         table = read_text_table(path)

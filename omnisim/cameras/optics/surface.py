@@ -17,7 +17,7 @@ from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.core.errors import OpticsError
 from omnisim.core.poses import check_pose
 
-_SHARE_OFF = 1e-9  # of a ray's scale: offset from the surface that it leaves
+_SHARE_OFF = 1e-9  # offset of a ray from the surface that it leaves, relative to the ray's scale
 
 
 class Hits(NamedTuple):

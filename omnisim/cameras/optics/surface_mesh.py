@@ -21,7 +21,7 @@ _TURN = np.diag(MIRROR_FROM_OPTICAL)
 _SAMPLES = 4097  # along a profile
 _MAX_SLANT = 2.0  # ratio of the apparent widths of equal parts of a profile
 _BISECTIONS = 64
-_SHARE_OF_TIP = 1e-8  # of the rim's radius: distance from the axis at which a tip takes its normal
+_SHARE_OF_TIP = 1e-8  # distance from the axis where a tip's normal is taken, in rim radii
 
 
 class SurfaceMesh(NamedTuple):
@@ -131,8 +131,8 @@ def _ring_radii_m(surface: Surface, rim_m: float, rings: int, camera_m: Floats) 
         measure = lengths_m / lengths_m[-1]
         if steps.min() > 0.0:
             measure += seen(samples_m) / seen(ends_m)[-1]
-        wanted = _spaced(np.interp(ends_m, samples_m, measure), rings)
-        radii_m = np.interp(wanted, measure, samples_m)
+        ring_measures = _spaced(np.interp(ends_m, samples_m, measure), rings)
+        radii_m = np.interp(ring_measures, measure, samples_m)
     radii_m[[0, -1]] = ends_m  # without rounding errors
     return radii_m
 

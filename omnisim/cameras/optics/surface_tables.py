@@ -217,7 +217,7 @@ class SurfaceTable(AlignmentTable):
             key: key of this table in the file.
 
         Raises:
-            SensorFileError: naming the key and what was expected.
+            SensorFileError: the table is invalid; names the key and the expected value.
         """
         try:
             return self._make_surfaces(source, key)
@@ -250,12 +250,12 @@ class SurfaceTable(AlignmentTable):
         values = dict(table)
         kind = Conic if isinstance(table, SphereShape) else _PARAMETRIC[self.shape]
         try:
-            made = kind(**values)
+            shape = kind(**values)
         except OpticsError as reason:
             message = str(reason).removeprefix("shape.")
             raise SensorFileError(f"{source}: {key}.{message}") from None
-        assert isinstance(made, Shape)
-        return made
+        assert isinstance(shape, Shape)
+        return shape
 
     def _window(self, window: PortShape | DomeShape, medium: Medium, where: str) -> list[Surface]:
         """Boundaries of a port or dome, the camera's side first."""

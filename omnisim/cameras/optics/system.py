@@ -153,7 +153,7 @@ class OpticalSystem:
         return dataclasses.replace(self, color=color, chromatic=False)
 
     def by_color(self) -> tuple[Self, ...]:
-        """Systems for R, G and B if it is chromatic and refracts; otherwise the system itself."""
+        """Systems for R, G and B if the system is chromatic and refracts; otherwise itself."""
         if not self.chromatic or all(surface.is_mirror for surface in self.surfaces):
             return (self,)
         return tuple(self.of_color(color) for color in WAVELENGTHS_UM)

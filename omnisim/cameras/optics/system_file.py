@@ -54,7 +54,7 @@ class CameraTable(AlignmentTable):
             key: key of this table in the file.
 
         Raises:
-            SensorFileError: naming the key and what was expected.
+            SensorFileError: the table is invalid; names the key and the expected value.
         """
         extra = dict(self.__pydantic_extra__ or {})
         if self.calibration is not None:
@@ -137,7 +137,7 @@ def read_optics_file(path: str | Path) -> OpticalSystem:
     """Read an optical system from an optics file or from a sensor file with `[optics]`.
 
     Raises:
-        SensorFileError: naming file, key, value and the expected value.
+        SensorFileError: the file is invalid; names file, key, actual and expected value.
     """
     if Path(path).suffix.lower() == ".csv":
         raise SensorFileError(
@@ -164,7 +164,7 @@ def parse_optics(table: Mapping[str, Any], source: str = "optics", at: str = "")
         at: key of the table in the file; empty: the file itself.
 
     Raises:
-        SensorFileError: naming `source`, key, value and the expected value.
+        SensorFileError: the table is invalid; names `source`, key, actual and expected value.
     """
     if table.get("model") == OpticalSystem.model_name:
         table = {key: value for key, value in table.items() if key != "model"}

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from omnisim.core.errors import OutputError
 
-partials: set[Path] = set()  # being written; code that kills the process removes them first
+partials: set[Path] = set()  # files being written, for code that kills the process to remove
 
 
 @contextmanager

@@ -1,6 +1,6 @@
 """Fingerprints of plain data: equal contents have equal fingerprints.
 
-An object with an attribute `given`, which names what it was made from, is fingerprinted by it.
+An object with an attribute `given`, the digest of its sources, is fingerprinted by that digest.
 """
 
 from __future__ import annotations

@@ -67,6 +67,12 @@ def write_image(
 
     A fourth channel is alpha; JPEG has none and drops it. Equal images give equal bytes.
 
+    Args:
+        path: output file, whose suffix sets the format.
+        pixels: image.
+        metadata: JSON-compatible values to embed, such as camera and pose; None: none.
+        jpeg_quality: 1 to 100, on libjpeg's scale; for JPEG only.
+
     Raises:
         OutputError: the format is unknown, the pixels do not suit it, or the file cannot be
             written; no partial file is left.
@@ -377,7 +383,7 @@ def _utf8_header(path: Path) -> Iterator[None]:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Discard the process's standard error for some milliseconds, because libpng prints to it."""
+    """Discard the process's standard error within the block, because libpng prints to it."""
     with _QUIET:
         try:
             kept = os.dup(2)
@@ -385,9 +391,9 @@ def _quiet() -> Iterator[None]:
             yield
             return
         try:
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, 2)
-            os.close(nowhere)
+            null_device = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(null_device, 2)
+            os.close(null_device)
             yield
         finally:
             os.dup2(kept, 2)

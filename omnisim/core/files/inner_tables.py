@@ -33,7 +33,13 @@ def table_in(annotation: Any) -> InnerTable | None:
 
 
 def headers_with(model: type[pydantic.BaseModel], key: str, path: str = "") -> Iterator[str]:
-    """Headers of nested tables that have a key, such as `[light]` and `[[lamps]]`."""
+    """Headers of nested tables that have a key, such as `[light]` and `[[lamps]]`.
+
+    Args:
+        model: schema of the outer table.
+        key: name of the key.
+        path: path of the outer table in its file; empty: the file itself.
+    """
     for name, field in model.model_fields.items():
         inner = table_in(field.annotation)
         if inner is None:

@@ -21,7 +21,7 @@ def read_arrays(
     expected: str,
     names: Collection[str] | None = None,
 ) -> dict[str, NDArray[Any]]:
-    """Read all arrays of an archive, or those in `names` that it has; nothing is unpickled.
+    """Read all arrays of an archive, or those of the given names that exist; nothing is unpickled.
 
     Args:
         path: archive file.
@@ -37,10 +37,10 @@ def read_arrays(
     try:
         quiet = warnings.catch_warnings(action="ignore")
         with quiet, np.load(path, allow_pickle=False) as stored:
-            wanted = (
+            selected_names = (
                 stored.files if names is None else [one for one in stored.files if one in names]
             )
-            arrays = {name: stored[name] for name in wanted}
+            arrays = {name: stored[name] for name in selected_names}
     except OSError as reason:
         message = reason.strerror or f"not a {kind}"
         raise error(f"{path}: cannot be read: {message}: {expected}") from None

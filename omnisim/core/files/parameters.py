@@ -125,7 +125,7 @@ def _make_table(kind: type[Parameters]) -> type[Table]:
 
 
 def described(expected: str) -> pydantic.WrapValidator:
-    """Validator with one message for all errors of a union, such as `Literal["auto"] | Number`."""
+    """Validator of a union, such as `Literal["auto"] | Number`, with one message for all errors."""
 
     def check(value: Any, parse: pydantic.ValidatorFunctionWrapHandler) -> Any:
         try:

@@ -14,7 +14,7 @@ from contextvars import ContextVar
 from pathlib import Path
 from typing import Any
 
-VERSION = 1  # of the record; a new version gives new digests
+VERSION = 1  # version of the record; a new one gives new digests
 
 
 class Sources:

@@ -83,7 +83,7 @@ def _expected(
             return f"tables, [[{key}]]"
         return (
             'a list of words, ["a", "b"]'
-            if _holds_words(model, names)
+            if _holds_strings(model, names)
             else ("a list of numbers, [x, y, z]")
         )
     if kind in _RELATIONS:
@@ -113,13 +113,13 @@ def _table_at(model: type[pydantic.BaseModel], names: list[str]) -> type[pydanti
 
 
 def _holds_tables(model: type[pydantic.BaseModel], names: list[str]) -> bool:
-    """True if `names` is the path of a list of tables, which may allow any keys."""
+    """True if `names` is the path of a list of tables, with fixed or with arbitrary keys."""
     field = model.model_fields.get(names[-1]) if len(names) == 1 else None
     is_open = field is not None and any(get_origin(a) is dict for a in get_args(field.annotation))
     return is_open or _table_at(model, names) is not None
 
 
-def _holds_words(model: type[pydantic.BaseModel], names: list[str]) -> bool:
+def _holds_strings(model: type[pydantic.BaseModel], names: list[str]) -> bool:
     """True if `names` is the path of a list of strings."""
     table = _table_at(model, names[:-1])
     field = table.model_fields.get(names[-1]) if table else None

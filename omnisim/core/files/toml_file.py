@@ -48,6 +48,12 @@ def read_tables(path: Path, error: type[OmnisimError]) -> dict[str, Any]:
 def find_beside(folder: Path, name: str, key: str, error: type[OmnisimError]) -> Path:
     """Find a file named in a TOML file; `key` names file and key in messages.
 
+    Args:
+        folder: folder of the TOML file.
+        name: path relative to the folder, or absolute.
+        key: file and key, for messages.
+        error: exception class to raise.
+
     Raises:
         error: the file is missing, or cannot be read.
     """

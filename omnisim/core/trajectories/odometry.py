@@ -166,6 +166,11 @@ def simulate_odometry(truth: Trajectory, errors: OdometryErrors, seed: int) -> O
 def with_errors(true: Odometry, errors: OdometryErrors, seed: int) -> Odometry:
     """Add wheel errors to readings, as `simulate_odometry` does.
 
+    Args:
+        true: error-free readings.
+        errors: errors of the wheels.
+        seed: 0 or above.
+
     Raises:
         TrajectoryError: the seed is negative.
     """
@@ -199,5 +204,5 @@ def _counted(increments: NDArray[np.float64], tick: float) -> NDArray[np.float64
 
 
 def _chord_per_arc(turns_rad: ArrayLike) -> NDArray[np.float64]:
-    """Chord length per meter of arc, for given turns: sin(turn / 2) / (turn / 2)."""
+    """Chord lengths (n,) per meter of arc, for turns (n,): sin(turn / 2) / (turn / 2)."""
     return np.sinc(np.asarray(turns_rad) / (2.0 * math.pi))

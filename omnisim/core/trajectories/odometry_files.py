@@ -41,8 +41,8 @@ def read_odometry(path: Path) -> Odometry:
     """Read a file written by `write_odometry`.
 
     Raises:
-        TrajectoryError: naming file, line, the actual value and the expected one; also if poses do
-            not follow from the readings.
+        TrajectoryError: the file is invalid, or its poses do not follow from its readings; names
+            file, line, actual and expected value.
     """
     table = read_text_table(path)
     if table.lines[0].cells != COLUMNS:

@@ -116,7 +116,7 @@ class Trajectory:
         return float(self.times_s[-1] - self.times_s[0])
 
     def jumps(self, limit_m: float, max_speed_mps: float | None = None) -> NDArray[np.intp]:
-        """Indices k of steps, from pose k to k + 1, that are longer or faster than allowed."""
+        """Indices k (jumps,) of steps, from pose k to k + 1, that are too long or too fast."""
         lengths = self.step_lengths_m
         far = lengths > limit_m
         if max_speed_mps is not None:
@@ -141,7 +141,7 @@ def check_continuous(
         lines: (n,) line of each pose in the file, if there is a file.
 
     Raises:
-        TrajectoryError: naming the first jump, its size and the limit.
+        TrajectoryError: the trajectory jumps; names the first jump, its size and the limit.
     """
     jumps = trajectory.jumps(limit_m, max_speed_mps)
     if not len(jumps):
@@ -157,7 +157,11 @@ def check_continuous(
 
 
 def poses_on_ground(positions_m: ArrayLike, yaw_rad: ArrayLike) -> NDArray[np.float64]:
-    """Level poses (n, 4, 4) world_from_base at z = 0, from positions (n, 2) and headings (n,)."""
+    """Level poses (n, 4, 4) world_from_base at z = 0, from positions (n, 2) and headings (n,).
+
+    Raises:
+        TrajectoryError: the shapes do not match, or a heading is not finite.
+    """
     positions = np.asarray(positions_m, dtype=np.float64)
     yaw = np.asarray(yaw_rad, dtype=np.float64)
     if yaw.ndim != 1 or positions.shape != (len(yaw), 2):
@@ -182,7 +186,7 @@ def check_poses(poses: NDArray[np.float64]) -> None:
     """Reject poses (n, 4, 4) that are not rotations and translations.
 
     Raises:
-        TrajectoryError: naming the first such pose.
+        TrajectoryError: a pose is invalid; names the first.
     """
     finite = np.all(np.abs(poses) < MAX_M, axis=(1, 2))  # also rejects NaN
     if not np.all(finite):

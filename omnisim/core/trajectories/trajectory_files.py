@@ -56,7 +56,7 @@ def parse_trajectory(
         axes: axes of the poses in the file; None: KITTI's for a KITTI file, the world's otherwise.
 
     Raises:
-        TrajectoryError: naming file, line, the actual value and the expected one.
+        TrajectoryError: the file is invalid; names file, line, actual and expected value.
     """
     table = read_text_table(path)
     name = _known(format_name) if format_name else _format_of(path, table)
@@ -86,7 +86,7 @@ def read_trajectory(
         axes: axes of the poses in the file; None: the format's convention.
 
     Raises:
-        TrajectoryError: naming file, line, the actual value and the expected one.
+        TrajectoryError: the file is invalid; names file, line, actual and expected value.
     """
     recording = parse_trajectory(path, format_name, axes)
     trajectory = recording.trajectory(rate_hz)

@@ -16,13 +16,13 @@ def deskewed_points_m(
 ) -> NDArray[np.float64]:
     """Points (n, 3) in the lidar's frame at the revolution's end, as if all were measured then.
 
-    Assumes straight and uniform motion from the pose at the revolution's start through each of the
-    true poses during the revolution to the pose at its end.
+    Assumes straight, uniform motion between successive poses: the pose at the revolution's start,
+    the true poses during the revolution, and the pose at its end.
 
     Args:
         cloud: point cloud of a revolution.
         truth: true poses of the base.
-        base_from_lidar: (4, 4).
+        base_from_lidar: (4, 4) pose of the lidar on the base.
 
     Raises:
         RunError: the header lacks poses or times.

@@ -24,7 +24,7 @@ def export_run(
     camera_name: str | None = None,
     print_note: PrintNote = lambda note: None,
 ) -> Iterator[int]:
-    """Export a run to a folder; yield the number of steps, then of finished steps after each.
+    """Export a run to a folder; yield the number of steps, then the number of finished steps.
 
     The folder appears when it is complete. If a format has no stamps per sensor, the steps are
     frames, see `Recording.in_frames`.

@@ -155,7 +155,7 @@ class RecordedCamera:
         """Points (n, 3) in the optical frame for pixels with a hit, and a mask of these pixels.
 
         Args:
-            ranges_m: (height, width).
+            ranges_m: (height, width) length of each pixel's ray; +inf: no hit.
         """
         directions, origins_m, valid = self._rays
         hit = np.isfinite(ranges_m) & valid

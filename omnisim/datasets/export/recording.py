@@ -37,7 +37,7 @@ class ImuReadings:
     """Readings of an IMU.
 
     Attributes:
-        times_s: (n,).
+        times_s: (n,) times of the readings.
         values: (n, 6) angular rate in rad/s and specific force in m/s², in the IMU's frame.
         biases: (n, 6) biases of the readings, in their units; None: the run has none.
     """
@@ -204,7 +204,12 @@ class Recording:
     def mount(
         self, world_from_sensor: NDArray[np.float64], time_s: float | None = None
     ) -> NDArray[np.float64]:
-        """Pose (4, 4) of a sensor on the base, from its world pose at a time; None: first step."""
+        """Pose (4, 4) of a sensor on the base, from its pose in the world at a time.
+
+        Args:
+            world_from_sensor: (4, 4) pose of the sensor.
+            time_s: time of that pose; None: the first step.
+        """
         world_from_base = self.truth.world_from_base[0]
         if time_s is not None and time_s != self.truth.times_s[0]:
             world_from_base = self.states(np.array([time_s])).world_from_base[0]

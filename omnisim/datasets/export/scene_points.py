@@ -52,21 +52,21 @@ class ScenePoints:
 
 
 def sample_points(
-    recording: Recording, cameras: list[LensCamera], most: int = MAX_POINTS
+    recording: Recording, cameras: list[LensCamera], max_points: int = MAX_POINTS
 ) -> ScenePoints:
-    """Points seen by evenly spaced pixels of all images; no point without ranges.
+    """Points seen by evenly spaced pixels of all images; empty if no image has ranges.
 
     Args:
         recording: run to export.
         cameras: cameras that see the points.
-        most: approximate number of points.
+        max_points: approximate maximum number of points.
 
     Raises:
         OmnisimError: a file is missing or damaged.
     """
     ranged = [camera for camera in cameras if camera.recorded.has("range")]
     pixels = recording.steps * sum(math.prod(camera.recorded.size_px) for camera in ranged)
-    step_px = max(1, math.ceil(math.sqrt(pixels / most)))
+    step_px = max(1, math.ceil(math.sqrt(pixels / max_points)))
     positions: list[NDArray[Any]] = [np.zeros((0, 3))]
     colors: list[NDArray[Any]] = [np.zeros((0, 3), dtype=np.uint8)]
     for step in range(recording.steps):

@@ -23,7 +23,7 @@ class StoredCloud:
 
     Attributes:
         header: parameters and poses of the lidar.
-        points: (n,) of type `omnisim.sensors.lidar.point_files.POINT`.
+        points: (n,) records of type `omnisim.sensors.lidar.point_files.POINT`.
     """
 
     header: FileHeader

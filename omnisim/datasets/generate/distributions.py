@@ -91,8 +91,8 @@ class Shares(Protocol):
 
 
 @dataclass(frozen=True)
-class Even:
-    """Source of one constant share; a share near 0 or 1 draws an end of a distribution."""
+class ConstantShares:
+    """Source of one constant share; with a share near 0 or 1, a distribution yields an end."""
 
     value: float
 

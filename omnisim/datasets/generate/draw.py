@@ -20,12 +20,12 @@ from omnisim.datasets.generate.plan import Plan
 from omnisim.datasets.generate.prepared_plan import PlanObject, PreparedPlan
 
 # Purposes of streams: drawing one more number for one purpose changes no other.
-_WHICH, _PLACE, _VARY, _COLORS, _OBJECTS = range(5)
+_INDICES, _VIEWPOINT, _VARY, _COLORS, _OBJECTS = range(5)
 MAX_TRIES = 200  # for an object's place at the required distances
 
 
 @dataclass(frozen=True)
-class Which:
+class SampleIndices:
     """Indices of a sample's scene, rig and setups, the same for all attempts.
 
     Attributes:
@@ -42,13 +42,13 @@ class Which:
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
-    """Placed object.
+class ObjectPlacement:
+    """Object of a sample, with its pose.
 
     Attributes:
         name: name of its instance.
         object: index of the object's table in the plan.
-        world_from_object: (4, 4).
+        world_from_object: (4, 4) pose.
     """
 
     name: str
@@ -63,7 +63,7 @@ class Draw:
     Attributes:
         number: number of the sample.
         attempt: number of the attempt, from 0.
-        which: indices of scene, rig and setups.
+        indices: indices of scene, rig and setups.
         position_m: (3,) viewpoint, before the shift.
         yaw_deg, pitch_deg, roll_deg: attitude of the vehicle.
         shift_m: (3,) shift of the camera along the vehicle's axes.
@@ -75,7 +75,7 @@ class Draw:
 
     number: int
     attempt: int
-    which: Which
+    indices: SampleIndices
     position_m: NDArray[np.float64]
     yaw_deg: float
     pitch_deg: float
@@ -84,17 +84,17 @@ class Draw:
     time_s: float
     exposure_ev: float
     colors: dict[str, tuple[float, float, float]]
-    objects: tuple[Placed, ...]
+    objects: tuple[ObjectPlacement, ...]
 
 
-def draw_which(plan: Plan, number: int) -> Which:
+def draw_indices(plan: Plan, number: int) -> SampleIndices:
     """Draw the scene and the rig of a sample, and find its setups."""
-    stream = Stream(plan.seed, number, 0, _WHICH)
+    stream = Stream(plan.seed, number, 0, _INDICES)
     scene = stream.choose(range(len(plan.scenes)), [one.weight for one in plan.scenes])
     rig = stream.choose(range(len(plan.cameras)), [one.weight for one in plan.cameras])
     setup = number // plan.vary.images_per_setup
     varies = plan.cameras[rig].varies
-    return Which(scene, rig, setup if plan.vary.lights else 0, setup if varies else 0)
+    return SampleIndices(scene, rig, setup if plan.vary.lights else 0, setup if varies else 0)
 
 
 def draw(prepared: PreparedPlan, number: int, attempt: int) -> Draw:
@@ -104,12 +104,12 @@ def draw(prepared: PreparedPlan, number: int, attempt: int) -> Draw:
         OmnisimError: a faulty file of the plan, no free floor, or no room for an object.
     """
     plan = prepared.plan
-    which = draw_which(plan, number)
+    indices = draw_indices(plan, number)
 
     def stream(purpose: int) -> Stream:
         return Stream(plan.seed, number, attempt, purpose)
 
-    place = _place(prepared, which.scene, stream(_PLACE))
+    place = _place(prepared, indices.scene, stream(_VIEWPOINT))
     vary, own = plan.vary, stream(_VARY)
     yaw_deg = vary.yaw_deg.draw(own)
     pitch_deg, roll_deg = vary.pitch_deg.draw(own), vary.roll_deg.draw(own)
@@ -119,7 +119,7 @@ def draw(prepared: PreparedPlan, number: int, attempt: int) -> Draw:
     drawn = Draw(
         number=number,
         attempt=attempt,
-        which=which,
+        indices=indices,
         position_m=place.position_m,
         yaw_deg=place.yaw_deg + yaw_deg,
         pitch_deg=place.pitch_deg + pitch_deg,
@@ -127,7 +127,7 @@ def draw(prepared: PreparedPlan, number: int, attempt: int) -> Draw:
         shift_m=shift_m,
         time_s=vary.time_s.draw(own),
         exposure_ev=vary.exposure_ev.draw(own),
-        colors=_colors(prepared, which.scene, stream(_COLORS)),
+        colors=_colors(prepared, indices.scene, stream(_COLORS)),
         objects=(),
     )
     if not prepared.objects:
@@ -136,10 +136,14 @@ def draw(prepared: PreparedPlan, number: int, attempt: int) -> Draw:
 
 
 @dataclass(frozen=True, eq=False)
-class _Place:
-    """Position (3,) of a viewpoint, and the attitude to which drawn angles are added.
+class _Viewpoint:
+    """Viewpoint, with the attitude to which drawn angles are added.
 
-    `turns_along`: True: a yaw is added only if the plan sets `yaw_deg`.
+    Attributes:
+        position_m: (3,) position in the world.
+        yaw_deg, pitch_deg, roll_deg: attitude.
+        turns_along: the attitude follows a path, an object or a file; a drawn yaw is added only if
+            the plan sets `yaw_deg`.
     """
 
     position_m: NDArray[np.float64]
@@ -149,12 +153,12 @@ class _Place:
     turns_along: bool = False
 
 
-def _place(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
+def _place(prepared: PreparedPlan, scene: int, stream: Stream) -> _Viewpoint:
     table = prepared.plan.viewpoints
     match table.where:
         case "free":
             on_floor = _on_floor(prepared.free_space(scene), stream)
-            return _Place(on_floor + (0.0, 0.0, table.height_m.draw(stream)))
+            return _Viewpoint(on_floor + (0.0, 0.0, table.height_m.draw(stream)))
         case "path":
             return _along(prepared, scene, stream)
         case "around":
@@ -164,12 +168,12 @@ def _place(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
 
 
 def _on_floor(free: FreeSpace, stream: Stream) -> NDArray[np.float64]:
-    places = free.places()
-    cell = places[stream.whole(len(places))]
+    cells = free.free_cells()
+    cell = cells[stream.whole(len(cells))]
     return free.point_in(cell, (stream.share(), stream.share()))
 
 
-def _along(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
+def _along(prepared: PreparedPlan, scene: int, stream: Stream) -> _Viewpoint:
     """Viewpoint on or beside a path, uniform along the paths' length, with the path's heading."""
     table, paths = prepared.plan.viewpoints, prepared.paths(scene)
     legs = np.concatenate([np.stack((path[:-1], path[1:]), axis=1) for path in paths])
@@ -179,23 +183,26 @@ def _along(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
     left = np.array((-direction[1], direction[0]))
     point = begin + stream.share() * (end - begin) + table.beside_m.draw(stream) * left
     yaw_deg = math.degrees(math.atan2(direction[1], direction[0]))
-    return _Place(_above(prepared, scene, point, stream), yaw_deg, turns_along=True)
+    return _Viewpoint(_above(prepared, scene, point, stream), yaw_deg, turns_along=True)
 
 
-def _around(prepared: PreparedPlan, scene: int, stream: Stream) -> _Place:
+def _around(prepared: PreparedPlan, scene: int, stream: Stream) -> _Viewpoint:
     """Viewpoint at a drawn distance from an object, with the heading toward the object."""
     middle = stream.choose(prepared.middles(scene))
     distance_m = prepared.plan.viewpoints.distance_m.draw(stream)
     angle = 2.0 * math.pi * stream.share()
     point = middle[:2] + distance_m * np.array((math.cos(angle), math.sin(angle)))
     position_m = _above(prepared, scene, point, stream)
-    return _Place(position_m, math.degrees(angle) - 180.0, turns_along=True)
+    return _Viewpoint(position_m, math.degrees(angle) - 180.0, turns_along=True)
 
 
 def _above(
     prepared: PreparedPlan, scene: int, point_m: NDArray[np.float64], stream: Stream
 ) -> NDArray[np.float64]:
-    """Viewpoint (3,) above the floor at a point (2,); without floor there, above the lowest."""
+    """Viewpoint (3,) above the floor at a point (2,).
+
+    Without floor at the point, above the scene's lowest floor.
+    """
     free = prepared.free_space(scene)
     cell = free.cell_of(point_m)
     floor_m = math.nan if cell is None else float(free.floor_m[cell])
@@ -204,10 +211,10 @@ def _above(
     return np.array((*point_m, floor_m + prepared.plan.viewpoints.height_m.draw(stream)))
 
 
-def _of_file(world_from_base: NDArray[np.float64]) -> _Place:
+def _of_file(world_from_base: NDArray[np.float64]) -> _Viewpoint:
     """Viewpoint from a pose (4, 4) of a file, as position, yaw, pitch and roll."""
     roll, pitch, yaw = map(math.degrees, roll_pitch_yaw_from_rotation(world_from_base[:3, :3]))
-    return _Place(world_from_base[:3, 3], yaw, pitch, roll, turns_along=True)
+    return _Viewpoint(world_from_base[:3, 3], yaw, pitch, roll, turns_along=True)
 
 
 def _colors(
@@ -230,33 +237,41 @@ def _unit(value: float) -> float:
     return min(max(value, 0.0), 1.0)
 
 
-def _objects(prepared: PreparedPlan, drawn: Draw, stream: Stream) -> tuple[Placed, ...]:
+def _objects(prepared: PreparedPlan, drawn: Draw, stream: Stream) -> tuple[ObjectPlacement, ...]:
     """Objects on the free floor, apart from each other and from the viewpoint."""
-    free = prepared.free_space(drawn.which.scene)
+    free = prepared.free_space(drawn.indices.scene)
     own_m = prepared.plan.viewpoints.radius_m
-    taken = [(drawn.position_m[:2], own_m)]
+    occupied = [(drawn.position_m[:2], own_m)]
     placed = []
     for index, (table, shape) in enumerate(
         zip(prepared.plan.objects, prepared.objects, strict=True)
     ):
-        least, most = table.count
-        for number in range(least + stream.whole(most - least + 1)):
-            point = _apart(free, taken, shape, drawn.position_m[:2], table.distance_m, stream)
-            taken.append((point[:2], shape.radius_m))
-            world_from_object = _standing(shape, point, table.yaw_deg.draw(stream))
-            placed.append(Placed(f"{shape.title}_{number}", index, world_from_object))
+        min_count, max_count = table.count
+        for number in range(min_count + stream.whole(max_count - min_count + 1)):
+            point = _apart(free, occupied, shape, drawn.position_m[:2], table.distance_m, stream)
+            occupied.append((point[:2], shape.radius_m))
+            world_from_object = _pose_on_floor(shape, point, table.yaw_deg.draw(stream))
+            placed.append(ObjectPlacement(f"{shape.title}_{number}", index, world_from_object))
     return tuple(placed)
 
 
 def _apart(
     free: FreeSpace,
-    taken: Sequence[tuple[NDArray[np.float64], float]],
+    occupied: Sequence[tuple[NDArray[np.float64], float]],
     shape: PlanObject,
     viewpoint_m: NDArray[np.float64],
     distance_m: Distribution,
     stream: Stream,
 ) -> NDArray[np.float64]:
-    """Point (3,) on the floor for an object.
+    """Draw a point (3,) on the floor, apart from occupied ones.
+
+    Args:
+        free: free floor for the object.
+        occupied: centers (2,) and radii in m of placed objects and the viewpoint.
+        shape: object to place.
+        viewpoint_m: (2,) position of the viewpoint.
+        distance_m: distance from the viewpoint.
+        stream: stream of random numbers.
 
     Raises:
         PlanError: no such point was found.
@@ -267,7 +282,7 @@ def _apart(
         cell = free.cell_of(point)
         if cell is None or not free.clears(cell, shape.radius_m):
             continue
-        if all(np.hypot(*(point - other)) > radius + shape.radius_m for other, radius in taken):
+        if all(np.hypot(*(point - other)) > radius + shape.radius_m for other, radius in occupied):
             return np.array((*point, free.floor_m[cell]))
     raise PlanError(
         f"objects: {shape.title}: no free place of {shape.radius_m:.2g} m in {MAX_TRIES} draws: "
@@ -275,7 +290,7 @@ def _apart(
     )
 
 
-def _standing(
+def _pose_on_floor(
     shape: PlanObject, point_m: NDArray[np.float64], yaw_deg: float
 ) -> NDArray[np.float64]:
     """Pose (4, 4) that rotates an object about its middle and puts it on the floor."""

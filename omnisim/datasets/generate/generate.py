@@ -15,7 +15,13 @@ from omnisim.datasets.dataset_manifest import MANIFEST, Manifest
 from omnisim.datasets.free_space_file import PATTERN
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.shard import ShardMaker, ShardSummary, find_shard
-from omnisim.datasets.generate.workers import Job, Made, make_shards, scratch_folder, threads_shared
+from omnisim.datasets.generate.workers import (
+    Job,
+    ShardProgress,
+    make_shards,
+    scratch_folder,
+    threads_shared,
+)
 
 PLAN, SHARDS = "plan.json", "shard-*.tar"
 PROBED_SAMPLES = 12  # per worker, for an estimate
@@ -85,7 +91,7 @@ class Generation:
         self._own_folder()
         self.missing = [number for number in self.shards if self._found(number) is None]
 
-    def run(self) -> Iterator[Made]:
+    def run(self) -> Iterator[ShardProgress]:
         """Generate the missing shards; yield after each sample and each shard.
 
         Raises:
@@ -98,17 +104,17 @@ class Generation:
             for number in range(len(self.prepared.plan.scenes)):
                 self.prepared.find_free_space(number)  # once for all workers
             with threads_shared(self._workers):
-                for made in make_shards(self.job, self.missing, self._workers):
+                for progress in make_shards(self.job, self.missing, self._workers):
                     self._keep_folder()
-                    yield made
+                    yield progress
             return
         maker = ShardMaker(self.prepared, self.job.folder, self.job.device)
         try:
             for number in self.missing:
                 for _ in maker.steps(number):
-                    yield Made(number, False)
+                    yield ShardProgress(number, False)
                 self._keep_folder()
-                yield Made(number, True)
+                yield ShardProgress(number, True)
         finally:
             maker.close()
 
@@ -175,16 +181,16 @@ class Generation:
         self._is_new_folder, self._has_taken_folder = not folder.exists(), False
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            there = sorted(one.name for one in folder.iterdir() if not one.name.startswith("."))
-            before = (folder / PLAN).read_text(encoding="utf-8") if PLAN in there else None
+            names = sorted(one.name for one in folder.iterdir() if not one.name.startswith("."))
+            before = (folder / PLAN).read_text(encoding="utf-8") if PLAN in names else None
         except OSError as reason:
             raise OutputError(f"{folder}: cannot be written: {reason.strerror}") from None
         except UnicodeDecodeError:
             before = ""
         if before == text:
             return
-        is_abandoned = there == [PLAN] and before is not None and before.startswith(text[:10])
-        if there and not is_abandoned:  # a plan without a shard has no claim
+        is_abandoned = names == [PLAN] and before is not None and before.startswith(text[:10])
+        if names and not is_abandoned:  # a plan without a shard has no claim
             what = "another plan, or of other scenes" if before else "no data set"
             raise OutputError(f"{folder}: is of {what}: expected a new folder, or its own plan")
         write_text(folder / PLAN, text)
@@ -208,9 +214,9 @@ def estimate(path: Path, workers: int = 1, device: int | None = None) -> Estimat
         times_s: dict[int, list[float]] = {number: [] for number in range(workers)}
         if workers > 1:
             with threads_shared(workers):
-                for made in make_shards(job, list(times_s), workers):
-                    if not made.is_whole:
-                        times_s[made.shard].append(time.perf_counter() - begin_s)
+                for progress in make_shards(job, list(times_s), workers):
+                    if not progress.is_whole:
+                        times_s[progress.shard].append(time.perf_counter() - begin_s)
         else:
             maker = ShardMaker(prepared, folder, device)
             try:

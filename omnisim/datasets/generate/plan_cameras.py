@@ -115,10 +115,10 @@ class RigFile:
         known = {key: _numbers(value) for key, value in wanted.items()}
         for key, distribution in parameters.items():
             if not (numbers := known.get(key, [])):
-                there = [key for key, numbers in known.items() if numbers]
+                existing = [key for key, numbers in known.items() if numbers]
                 raise PlanError(
                     f"{self._place(f'parameters.{key}')}: of model {model.model_name!r}: "
-                    f"{did_you_mean(key, there, 'expected one of')}"
+                    f"{did_you_mean(key, existing, 'expected one of')}"
                 )
             known[key] = [one + distribution.draw(stream) for one in numbers]
             wanted[key] = known[key] if isinstance(wanted[key], list) else known[key][0]

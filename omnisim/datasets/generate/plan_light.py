@@ -16,7 +16,7 @@ from omnisim.datasets.generate.distributions import Shares
 from omnisim.datasets.generate.plan_vary import VaryLightTable, VarySkyTable, VaryTable
 from omnisim.scene import Scene
 from omnisim.scene.files.scene_file import SceneFile
-from omnisim.scene.light.sky import under_sky
+from omnisim.scene.light.sky import with_sky
 from omnisim.scene.light.sun import sun_position
 from omnisim.scene.parts import Light, LightKind
 
@@ -97,7 +97,7 @@ def _under_sky(scene: Scene, sky: dict[str, Any], plan: Path) -> Scene:
     scene = dataclasses.replace(scene, lighting=lighting)
     read = {"file": scene.name, "sky": sky}
     settings = parse_table(read, SceneFile, PlanError, f"{plan}: vary")
-    return under_sky(scene, settings, f"{plan}: vary", plan.parent)
+    return with_sky(scene, settings, f"{plan}: vary", plan.parent)
 
 
 def _draw_lamps(table: VaryLightTable, count: int, stream: Shares) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from omnisim.core.trajectories import parse_trajectory
 from omnisim.core.version import __version__
 from omnisim.datasets.free_space import FreeSpace, find_free_space
 from omnisim.datasets.free_space_file import free_space_path, read_free_space, write_free_space
-from omnisim.datasets.generate.distributions import Even
+from omnisim.datasets.generate.distributions import ConstantShares
 from omnisim.datasets.generate.plan import Plan, PlanObjectTable, PlanSceneTable, read_plan
 from omnisim.datasets.generate.plan_cameras import PlanRig, RigFile
 from omnisim.datasets.generate.plan_light import draw_light
@@ -164,16 +164,16 @@ class PreparedPlan:
         return self._free[number]
 
     def _find_free_space(self, number: int) -> FreeSpace:
-        places = self.plan.viewpoints
+        free_cells = self.plan.viewpoints
         tallest = max((one.height_m for one in self.objects), default=0.0)
         return find_free_space(
             self.scene(number),
-            places.radius_m,
-            max(_top(places.height_m.high), min(tallest, 2.0)),
-            places.step_m,
+            free_cells.radius_m,
+            max(_top(free_cells.height_m.high), min(tallest, 2.0)),
+            free_cells.step_m,
             self.plan.scenes[number].floor_m,
             # along paths and around objects, the floor is needed everywhere
-            places.where == "free" and places.region == "start",
+            free_cells.where == "free" and free_cells.region == "start",
         )
 
     def paths(self, number: int) -> tuple[NDArray[np.float64], ...]:
@@ -182,21 +182,21 @@ class PreparedPlan:
         Raises:
             PlanError: the scene lacks a path.
         """
-        scene, wanted = self.scene(number), self.plan.viewpoints.paths
+        scene, names = self.scene(number), self.plan.viewpoints.paths
         known = {path.name: np.array(path.waypoints_m) for path in scene.paths}
-        for name in wanted:
+        for name in names:
             if name not in known:
                 raise PlanError(
                     f"{self.path}: viewpoints.paths: {name!r} in {scene.name}: "
                     f"{did_you_mean(name, known, 'its paths are')}"
                 )
-        paths = tuple(known[name] for name in wanted or known)
+        paths = tuple(known[name] for name in names or known)
         if not paths:
             raise PlanError(f"{self.path}: viewpoints.where: {scene.name} has no paths")
         return paths
 
     def middles(self, number: int) -> tuple[NDArray[np.float64], ...]:
-        """Middles (3,) of the bounding boxes of a scene's objects with viewpoints around them."""
+        """Centers (3,) of the bounding boxes of objects that viewpoints surround."""
         scene = self.scene(number)
         names = self.instances(number, self.plan.viewpoints.nodes, "viewpoints.nodes")
         boxes = [scene.instance_boxes[name] for name in names if name in scene.instance_boxes]
@@ -238,7 +238,7 @@ class PreparedPlan:
         Raises:
             OmnisimError: the first fault.
         """
-        for share in map(Even, TRIED):
+        for share in map(ConstantShares, TRIED):
             for file in self.rig_files:
                 if file.table.varies:
                     file.rig(share)

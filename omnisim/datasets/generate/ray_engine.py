@@ -12,7 +12,7 @@ import ray
 from omnisim.core.errors import OmnisimError, PlanError
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.shard import ShardMaker
-from omnisim.datasets.generate.workers import Job, Made
+from omnisim.datasets.generate.workers import Job, ShardProgress
 
 RESTARTS = 3  # of an actor after its process ends
 
@@ -34,7 +34,7 @@ class _Maker:
 
 def make_shards_on_ray(
     job: Job, shards: Sequence[int], address: str | None = None
-) -> Iterator[Made]:
+) -> Iterator[ShardProgress]:
     """Generate shards on a cluster whose machines share the plan and the folder; yield after each.
 
     Args:
@@ -68,7 +68,7 @@ def make_shards_on_ray(
         for result in steps:
             if isinstance(result, str):
                 raise PlanError(result)
-            yield Made(result, True)
+            yield ShardProgress(result, True)
     except ray.exceptions.RayError as reason:
         raise PlanError(f"ray: {str(reason).partition(chr(10))[0]}") from None
     finally:

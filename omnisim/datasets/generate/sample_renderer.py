@@ -10,7 +10,7 @@ import numpy as np
 
 from omnisim.core.errors import PlanError
 from omnisim.core.world import WorldState
-from omnisim.datasets.generate.draw import Draw, Which, draw, draw_which
+from omnisim.datasets.generate.draw import Draw, SampleIndices, draw, draw_indices
 from omnisim.datasets.generate.plan import RejectTable
 from omnisim.datasets.generate.plan_cameras import PlanRig
 from omnisim.datasets.generate.plan_light import DrawnLight
@@ -61,8 +61,8 @@ class SampleRenderer:
         """Numbers of samples in rendering order: equal scenes, lights and cameras in succession."""
 
         def key(number: int) -> tuple[int, ...]:
-            which = draw_which(self._prepared.plan, number)
-            return which.scene, which.light, which.rig, which.camera, number
+            indices = draw_indices(self._prepared.plan, number)
+            return indices.scene, indices.light, indices.rig, indices.camera, number
 
         return sorted(numbers, key=key)
 
@@ -96,7 +96,7 @@ class SampleRenderer:
     def _attempt(self, drawn: Draw) -> RenderedSample | str:
         """Render an attempt; return the reason if it is rejected."""
         plan = self._prepared.plan
-        stage, rig = self._open(drawn.which)
+        stage, rig = self._open(drawn.indices)
         assert self._light is not None
         scene, first = self._light.scene, rig.cameras.first
         base = first.base_pose(drawn.position_m, drawn.yaw_deg, drawn.pitch_deg, drawn.roll_deg)
@@ -135,19 +135,21 @@ class SampleRenderer:
             }
         return RenderedSample(drawn, frames, self._light.values, shares)
 
-    def _open(self, which: Which) -> tuple[Stage, _OpenRig]:
+    def _open(self, indices: SampleIndices) -> tuple[Stage, _OpenRig]:
         prepared = self._prepared
-        if self._stage is None or self._opened != (which.scene, which.light):
+        if self._stage is None or self._opened != (indices.scene, indices.light):
             self.close()
-            self._light = setup_light(prepared, which.scene, which.light)
+            self._light = setup_light(prepared, indices.scene, indices.light)
             self._stage = Stage(self._light.scene, device=self._device)
-            self._opened = which.scene, which.light
-        if which.rig in self._rigs and self._rigs[which.rig].setup != which.camera:
-            self._rigs.pop(which.rig).close()
-        if which.rig not in self._rigs:
-            cameras = setup_rig(prepared, which.rig, which.camera)
-            self._rigs[which.rig] = _OpenRig(self._stage, cameras, which.camera, prepared.plan.seed)
-        return self._stage, self._rigs[which.rig]
+            self._opened = indices.scene, indices.light
+        if indices.rig in self._rigs and self._rigs[indices.rig].setup != indices.camera:
+            self._rigs.pop(indices.rig).close()
+        if indices.rig not in self._rigs:
+            cameras = setup_rig(prepared, indices.rig, indices.camera)
+            self._rigs[indices.rig] = _OpenRig(
+                self._stage, cameras, indices.camera, prepared.plan.seed
+            )
+        return self._stage, self._rigs[indices.rig]
 
 
 class _OpenRig:

@@ -142,7 +142,7 @@ class Shards:
         Args:
             row: index of the sample.
             folder: existing folder.
-            only: end of the name, after the number, of the only file to write; empty: all files.
+            only: suffix of the only file to write, after the sample's number; empty: all files.
 
         Raises:
             IndexError: beyond the last sample.

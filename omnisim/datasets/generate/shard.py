@@ -160,8 +160,8 @@ class ShardMaker:
             statistics.add_frame(frame)
         statistics.samples += 1
         statistics.redrawn += drawn.attempt
-        scene = self._prepared.scene(drawn.which.scene)
-        rig = self._prepared.rigs[drawn.which.rig]
+        scene = self._prepared.scene(drawn.indices.scene)
+        rig = self._prepared.rigs[drawn.indices.rig]
         statistics.scenes[scene.name] += 1
         statistics.cameras[rig.title] += 1
         metadata = {name or "camera": frame.metadata for name, frame in frames.items()}

@@ -37,10 +37,15 @@ def surface_points(
     spacing_m: float,
     band_m: tuple[float, float] = (-np.inf, np.inf),
 ) -> Iterator[NDArray[np.float64]]:
-    """Points (n, 3) on triangles (m, 3, 3) between two heights, in batches.
+    """Points (n, 3) on triangles (m, 3, 3) within a band of heights, in batches.
 
     Triangles are halved across their longest edge until it is at most `spacing_m` long. Each point
     of a triangle is then within `spacing_m` of a returned point.
+
+    Args:
+        corners_m: (m, 3, 3) corners of the triangles.
+        spacing_m: maximum edge length of a part.
+        band_m: lowest and highest height; triangles beyond it are skipped.
     """
     while len(corners_m):
         low, high = triangle_bounds(corners_m[..., 2])
@@ -55,12 +60,14 @@ def columns_of(
     low_m: NDArray[np.float64],
     high_m: NDArray[np.float64],
 ) -> Iterator[NDArray[np.float64]]:
-    """Parts (n, 3, 3) of triangles in a box, small on the floor plan, of any height, in batches.
+    """Parts (n, 3, 3) of triangles in a box, in batches; each is small on the floor plan.
+
+    The height of a part is not limited.
 
     Args:
-        corners_m: corners of the triangles.
+        corners_m: (m, 3, 3) corners of the triangles.
         spacing_m: maximum edge length of a part on the floor plan.
-        low_m, high_m: (3,) opposite corners of the box; parts outside of it are left out.
+        low_m, high_m: (3,) opposite corners of the box; parts outside are excluded.
     """
     while len(corners_m):
         low, high = triangle_bounds(corners_m)
@@ -72,7 +79,7 @@ def columns_of(
 def _halved(
     corners_m: NDArray[np.float64], spacing_m: float, axes: int = 3
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Triangles with edges up to `spacing_m` in the first axes, and the halves of all others."""
+    """Triangles with edges up to `spacing_m` along the first axes, and the halves of all others."""
     planned = corners_m[..., :axes]
     edges = planned[:, (1, 2, 0)] - planned
     squares = np.einsum("nij,nij->ni", edges, edges)

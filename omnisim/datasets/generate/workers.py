@@ -40,14 +40,14 @@ class Job(NamedTuple):
     samples: int | None = None
 
 
-class Made(NamedTuple):
-    """Progress of a shard: one more sample is rendered, or the whole shard is written."""
+class ShardProgress(NamedTuple):
+    """Progress of a shard: another sample is rendered, or the whole shard is written."""
 
     shard: int
     is_whole: bool
 
 
-def make_shards(job: Job, shards: Sequence[int], workers: int) -> Iterator[Made]:
+def make_shards(job: Job, shards: Sequence[int], workers: int) -> Iterator[ShardProgress]:
     """Generate shards in several processes; yield after each sample and each shard.
 
     A killed worker loses only its unfinished shard, which another worker generates again.
@@ -92,11 +92,11 @@ class _Worker:
 
     def __init__(self, job: Job):
         context = multiprocessing.get_context("spawn")  # OpenGL does not survive a fork
-        self.connection, theirs = context.Pipe()
+        self.connection, child = context.Pipe()
         self.shard: int | None = None
-        self._process: BaseProcess = context.Process(target=_work, args=(theirs, job), daemon=True)
+        self._process: BaseProcess = context.Process(target=_work, args=(child, job), daemon=True)
         self._process.start()
-        theirs.close()
+        child.close()
 
     def take(self, todo: deque[int]) -> None:
         """Assign the next shard to the worker, if there is one."""
@@ -108,7 +108,7 @@ class _Worker:
         except OSError:
             return  # it is dead: the end of its messages shows that
 
-    def receive(self) -> Iterator[Made]:
+    def receive(self) -> Iterator[ShardProgress]:
         """Receive a message.
 
         Raises:
@@ -118,7 +118,7 @@ class _Worker:
         message = self.connection.recv()
         if isinstance(message, OmnisimError):
             raise message
-        assert isinstance(message, Made)
+        assert isinstance(message, ShardProgress)
         if message.is_whole:
             self.shard = None
         yield message
@@ -142,8 +142,8 @@ def _work(connection: Connection, job: Job) -> None:
         maker = ShardMaker(PreparedPlan.read(job.plan, job.folder), job.folder, job.device)
         while True:
             shard: int = connection.recv()
-            maker.make(shard, lambda: connection.send(Made(shard, False)), job.samples)  # noqa: B023
-            connection.send(Made(shard, True))
+            maker.make(shard, lambda: connection.send(ShardProgress(shard, False)), job.samples)  # noqa: B023
+            connection.send(ShardProgress(shard, True))
     except OmnisimError as error:
         connection.send(type(error)(str(error)))
     except (EOFError, BrokenPipeError, ConnectionResetError):

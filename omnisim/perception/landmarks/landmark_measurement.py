@@ -147,15 +147,18 @@ def _edge_between(profile: NDArray[np.float64], one: slice, other: slice) -> flo
 def _fit_range(
     panorama: Panorama, edges: list[tuple[float, float, float, float]]
 ) -> tuple[float, float, float] | None:
-    """Fit ranges by the exact relation and by Eq. 2, and the standard deviation, in m, to edges.
+    """Fit ranges along the ground to the rows of edges at known heights.
 
-    The edge that disagrees most is dropped while edges disagree: it may be hidden. None: fewer than
-    two edges agree, or an edge is out of range.
+    The edge with the largest residual is dropped while edges disagree, since it may be hidden.
 
     Args:
         panorama: geometry of the panorama.
         edges: height in m, row, standard deviation of the row in px, and distance in m in front of
             the pillar's axis, of each edge.
+
+    Returns:
+        Range by the exact relation, range by Eq. 2, and standard deviation, in m. None: fewer than
+            two edges agree, or an edge is out of range.
     """
     while len(edges) >= 2:
         ranges, paper, sigmas = [], [], []
@@ -210,11 +213,11 @@ def measure_wide(
     if not 0.0 < range_m < MAX_M:
         return None
     longest, shortest = math.hypot(*landmark.footprint_m), min(landmark.footprint_m)
-    # where it is nearest its top is seen, or behind that the top of its far end
+    # the visible top is that of the nearest corner, or of the far end behind it
     drop_m = panorama.mount.height_m - top_m
     limits = (top_m, panorama.mount.height_m - drop_m * range_m / (range_m + longest))
     slack_m = 0.15 * top_m + 2.0 * range_m / panorama.camera.focal_length_px
-    # three columns, so that their median is none of a post's whose mask begins far below its top
+    # median of three columns, because the mask of a post may begin far below its top
     first = min(max(nearest - 1, 0), width - 3)
     at = slice(first, first + 3)
     seen_m = float(np.median(panorama.heights_m(top[at] - 0.5, range_m)))
@@ -237,9 +240,12 @@ def measure_wide(
 def _lower_edges(
     pixels: NDArray[np.uint8], bottom: NDArray[np.intp], columns: NDArray[np.intp]
 ) -> NDArray[np.float64]:
-    """Rows (n,), with fractions, of a region's lower edge; `bottom` are its lowest whole rows.
+    """Rows (n,), with fractions, of a region's lower edge.
 
-    Both are at the given columns (n,) of the panorama.
+    Args:
+        pixels: sRGB pixels of the panorama.
+        bottom: (n,) lowest whole row of the region in each column.
+        columns: (n,) columns of the panorama.
     """
     steps = np.arange(-2, 3)  # no farther: the next thing, a line, may be narrow
     rows = np.clip(bottom[:, None] + steps, 0, len(pixels) - 1)

@@ -57,13 +57,13 @@ class ChannelUnwarping:
         grid = pixel_grid(camera.width_px, camera.height_px)
         own_rays = camera.ray_from_pixel(grid)
         rays = view.ray_from_pixel(pixel_grid(view.width_px, view.height_px))
-        there = camera.pixel_from_ray(rays.directions @ self._camera_from_view.T)
-        nearest = np.rint(np.where(there.valid[..., None], there.positions_px, -1.0))
+        pixels = camera.pixel_from_ray(rays.directions @ self._camera_from_view.T)
+        nearest = np.rint(np.where(pixels.valid[..., None], pixels.positions_px, -1.0))
         column, row = np.moveaxis(nearest, -1, 0)
         inside = (column >= 0) & (column < camera.width_px) & (row >= 0) & (row < camera.height_px)
         self._nearest = np.where(inside, row * camera.width_px + column, 0).astype(np.intp)
         has_ray = own_rays.valid if covered is None else covered & own_rays.valid
-        self.valid: NDArray[np.bool_] = rays.valid & there.valid & inside
+        self.valid: NDArray[np.bool_] = rays.valid & pixels.valid & inside
         self.valid &= has_ray.take(self._nearest)
         if not self.valid.any():
             raise OpticsError("the image shows nothing of this view")
@@ -87,18 +87,18 @@ class ChannelUnwarping:
             for name, occlusion in FLOWS.items()
             if name in channels
         }
-        made = {name: values for pair in flows.values() for name, values in pair.items()}
+        unwarped = {name: values for pair in flows.values() for name, values in pair.items()}
         for name, values in channels.items():
             self._check_size(name, values)
             if name == "z":
-                made[name] = self._depths(channels, world_from_view)
-            elif name not in made:
-                made[name] = self._take(values)
+                unwarped[name] = self._depths(channels, world_from_view)
+            elif name not in unwarped:
+                unwarped[name] = self._take(values)
             if name in _DIRECTIONS:
-                made[name] = made[name] @ self._camera_from_view.astype(np.float32)
-        if "valid" in made:
-            made["valid"] = made["valid"] & self.valid
-        return {name: self._filled(name, made[name]) for name in channels}
+                unwarped[name] = unwarped[name] @ self._camera_from_view.astype(np.float32)
+        if "valid" in unwarped:
+            unwarped["valid"] = unwarped["valid"] & self.valid
+        return {name: self._filled(name, unwarped[name]) for name in channels}
 
     def _take(self, values: NDArray[Any]) -> NDArray[Any]:
         flat = values.reshape(-1, *values.shape[2:])
@@ -137,13 +137,13 @@ class ChannelUnwarping:
             moved_px[..., 0] -= period * np.round(moved_px[..., 0] / period)
         known = start[1] & end[1] & np.isfinite(self._take(flow_px)).all(axis=-1)
         moved_px[~known] = np.nan
-        made = {name: moved_px for name, pair in FLOWS.items() if pair == occlusion}
+        result = {name: moved_px for name, pair in FLOWS.items() if pair == occlusion}
         if occluded is not None:
             u, v = np.moveaxis(end[0], -1, 0)
             inside = known & (u >= -0.5) & (u < view.width_px - 0.5)
             inside &= (v >= -0.5) & (v < view.height_px - 0.5)
-            made[occlusion] = np.where(inside, self._take(occluded), np.uint8(_OUTSIDE))
-        return made
+            result[occlusion] = np.where(inside, self._take(occluded), np.uint8(_OUTSIDE))
+        return result
 
     def _seen(
         self, positions_px: NDArray[np.float64]

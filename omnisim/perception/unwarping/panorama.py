@@ -176,9 +176,9 @@ def _horizon_px(camera: CentralCamera, base_from_optical: NDArray[np.float64]) -
         level /= np.linalg.norm(level, axis=-1, keepdims=True)
         return camera.pixel_from_ray(level @ base_from_optical)
 
-    here, there = pixels(0.0), pixels(step_rad)
-    seen = here.valid & there.valid
+    start, end = pixels(0.0), pixels(step_rad)
+    seen = start.valid & end.valid
     if not seen.any():
         raise LocalizationError("camera: sees nothing of the horizon: no landmark can be found")
-    steps = np.linalg.norm(there.positions_px - here.positions_px, axis=-1)[seen]
+    steps = np.linalg.norm(end.positions_px - start.positions_px, axis=-1)[seen]
     return max(64, math.ceil(2.0 * math.pi * float(np.median(steps)) / step_rad))

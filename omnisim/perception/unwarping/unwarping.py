@@ -166,12 +166,12 @@ def _samples_needed(
             view.ray_from_pixel(grid + step).directions @ camera_from_view.T
         )
 
-    here, right, down = pixels((0.0, 0.0)), pixels((0.5, 0.0)), pixels((0.0, 0.5))
-    seen = here.valid & right.valid & down.valid
+    center, right, down = pixels((0.0, 0.0)), pixels((0.5, 0.0)), pixels((0.0, 0.5))
+    seen = center.valid & right.valid & down.valid
     if not seen.any():
         return 1
     steps = np.stack(
-        (right.positions_px - here.positions_px, down.positions_px - here.positions_px)
+        (right.positions_px - center.positions_px, down.positions_px - center.positions_px)
     )
     longest = 2.0 * np.linalg.norm(steps, axis=-1)[:, seen].max()
     return int(min(MAX_SAMPLES, max(1, math.ceil(longest - 0.5))))

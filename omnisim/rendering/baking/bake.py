@@ -99,14 +99,14 @@ class Bake:
         def gather(tile: int) -> Arrays:
             return self._gather(tile, others, emitters)
 
-        found = _joined(in_tiles(folder, "bounces", gather, self.tiles, jobs, progress))
+        bounced = _joined(in_tiles(folder, "bounces", gather, self.tiles, jobs, progress))
         return BakedPatches(
             self.patches,
             direct["lamps"],
-            found["light"],
-            found["halves"],
-            self.patches.albedo * (direct["lamps"] + found["light"]),
-            found["is_valid"],
+            bounced["light"],
+            bounced["halves"],
+            self.patches.albedo * (direct["lamps"] + bounced["light"]),
+            bounced["is_valid"],
         )
 
     def try_tile(self, tile: int) -> None:
@@ -114,22 +114,25 @@ class Bake:
         self._direct(tile)
         self._gather(tile, np.zeros_like(self.patches.emission), self._coarse_emitters)
 
-    def light(self, found: BakedPatches) -> Floats:
+    def light(self, baked: BakedPatches) -> Floats:
         """Denoised light (p, 3) of patches."""
-        surfaces = self.surfaces(found.is_valid)
-        return found.lamps + denoised(self.patches, surfaces, found.gathered, found.halves)
+        surfaces = self.surfaces(baked.is_valid)
+        return baked.lamps + denoised(self.patches, surfaces, baked.gathered, baked.halves)
 
     def probes(
-        self, folder: TileFolder, found: BakedPatches, jobs: int | None, progress: Progress
+        self, folder: TileFolder, baked: BakedPatches, jobs: int | None, progress: Progress
     ) -> tuple[ProbeGrid, Arrays]:
-        """Grid of probes, spherical harmonics (nx, ny, nz, 9, 3) and validity (nx, ny, nz)."""
-        baker = self.prober(found.radiosity + self.patches.emission)
+        """Grid of probes, and their arrays by name.
+
+        The arrays are spherical harmonics (nx, ny, nz, 9, 3) and validity (nx, ny, nz).
+        """
+        baker = self.prober(baked.radiosity + self.patches.emission)
         tiles = _joined(in_tiles(folder, "probes", baker.bake, baker.tiles, jobs, progress))
         shape = baker.grid.shape
         return baker.grid, {key: one.reshape(*shape, *one.shape[1:]) for key, one in tiles.items()}
 
     def prober(self, seen: Floats) -> ProbeBaker:
-        """Bake of the probes, from the light (p, 3) of visible patches."""
+        """Baker of the probes, from the light (p, 3) that leaves the patches."""
         return ProbeBaker(self.scene, self.transport, self.gatherer, seen, self.settings.seed)
 
     def surfaces(self, is_valid: NDArray[np.bool_]) -> TexelSurfaces:
@@ -158,7 +161,10 @@ class Bake:
         return tile * TILE, min((tile + 1) * TILE, self.patches.count)
 
     def _places(self, first: int, last: int) -> tuple[NDArray[np.intp], list[Points]]:
-        """Patches of a range that have samples, and their points, used in turn."""
+        """Patches with samples in a range, and sets of points, each with one sample per patch.
+
+        Rays use the sets in turn.
+        """
         starts = self.patches.first[first : last + 1]
         counts = np.diff(starts)
         some = np.flatnonzero(counts)
@@ -202,20 +208,23 @@ class Bake:
         return total / np.float32(len(places))
 
     def _focused(self, emitters: Emitters, places: list[Points], shifts: Floats) -> Emitters:
-        """Emitters chosen by the light that they give these places."""
+        """Emitters chosen by their light at these points."""
         tried = slice(None, None, _TRIED_PATCHES)
         at = Points(*(values[tried] for values in places[0]))
         return emitters.focused(self.transport, at, shifts[tried])
 
     def _aimed(self, emitters: Emitters, places: list[Points], shifts: Floats) -> Floats:
-        """Light (n, 2, 3) of emitters by every other ray to them, divided among the places."""
+        """Light (n, 2, 3) of emitters, in two halves of the rays aimed at them.
+
+        The rays are divided among the sets of points.
+        """
         total = np.zeros((len(shifts), 2, 3), dtype=np.float32)
         points = spread_points(emitters.aimed)
         for number, at in enumerate(places):
             for half in (0, 1):
-                mine = points[half::2][number :: len(places)]
-                if len(mine):
-                    total[:, half] += emitters.light(self.transport, at, mine, shifts)
+                part = points[half::2][number :: len(places)]
+                if len(part):
+                    total[:, half] += emitters.light(self.transport, at, part, shifts)
         return total
 
     def _solve(self, direct: Arrays) -> Floats:
@@ -246,14 +255,14 @@ class Bake:
             random = generator(self.settings.seed, _GATHER, tile)
             shifts = random.random((count, 6), dtype=np.float32)[some]
             focused = self._focused(emitters, places, shifts[:, 4:])
-            found = self.gatherer.gather(places, shifts[:, :2], radiosity, focused)
+            gathered = self.gatherer.gather(places, shifts[:, :2], radiosity, focused)
             aimed = self._aimed(focused, places, shifts[:, 2:4])
-            light[some] = found.light + aimed.sum(axis=1)
-            halves[some] = found.halves + 2.0 * aimed
-            is_valid[some] = found.is_valid
+            light[some] = gathered.light + aimed.sum(axis=1)
+            halves[some] = gathered.halves + 2.0 * aimed
+            is_valid[some] = gathered.is_valid
         return {"light": light, "halves": halves, "is_valid": is_valid}
 
 
 def _joined(tiles: Iterator[Arrays]) -> Arrays:
-    found = list(tiles)
-    return {key: np.concatenate([one[key] for one in found]) for key in found[0]}
+    arrays = list(tiles)
+    return {key: np.concatenate([one[key] for one in arrays]) for key in arrays[0]}

@@ -35,7 +35,7 @@ VERSION = 1
 _UV_STEPS = np.float32(1 << 16)
 
 
-class Baked(NamedTuple):
+class BakeSizes(NamedTuple):
     """Sizes of a bake.
 
     Attributes:
@@ -57,7 +57,7 @@ def bake_scene(
     progress: Progress = no_progress,
     force: bool = False,
     start: Callable[[Bake], None] = lambda bake: None,
-) -> Baked | None:
+) -> BakeSizes | None:
     """Bake the light of a scene's static surfaces into a folder; None: already baked.
 
     Unfinished work stays in a folder beside it; the same bake resumes it, on any machine.
@@ -91,9 +91,9 @@ def bake_scene(
     }
     start(bake)
     folder = TileFolder(output, plan)
-    found = bake.run(folder, jobs, progress)
-    grid, probes = bake.probes(folder, found, jobs, progress)
-    pixels = lightmap(bake.patches, bake.light(found), found.is_valid)
+    baked = bake.run(folder, jobs, progress)
+    grid, probes = bake.probes(folder, baked, jobs, progress)
+    pixels = lightmap(bake.patches, bake.light(baked), baked.is_valid)
     document = plan | {
         "version": VERSION,
         "texel_m": bake.texel_m,
@@ -117,7 +117,7 @@ def bake_scene(
         (partial / "baked.json").write_text(text, encoding="utf-8", newline="\n")
         clear(output)
     folder.remove()
-    return Baked(bake.atlas.size_px, bake.texel_m, int(probes["valid"].sum()))
+    return BakeSizes(bake.atlas.size_px, bake.texel_m, int(probes["valid"].sum()))
 
 
 def bake_of(scene: Scene, settings: BakeSettings) -> Bake:

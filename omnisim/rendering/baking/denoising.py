@@ -80,9 +80,9 @@ def denoised(patches: Patches, surfaces: TexelSurfaces, light: Floats, halves: F
     variances = _filtered(maps, variances[..., None], None, 1, margin)[0][..., 0]
     for step in _STEPS:
         pixels, variances = _filtered(maps, pixels, variances, step, margin)
-    found = light.copy()
-    found[some] = pixels[at]
-    return found
+    result = light.copy()
+    result[some] = pixels[at]
+    return result
 
 
 def _filtered(

@@ -58,16 +58,16 @@ class Emitters:
         self.aimed = aimed if total > 0.0 else 0
         self._gathered = gathered
         self._emission, self._areas_m2 = emission, patches.areas_m2
-        mine = np.flatnonzero(power > 0.0)
+        bright = np.flatnonzero(power > 0.0)
         # sorted by emitting side, so that rays are divided among them evenly
-        triangles = patches.samples.triangles[patches.of_sample[patches.first[mine]]]
-        order = np.lexsort((mine, triangles, patches.sides[mine]))
-        self._mine = mine[order]
-        sides = 2 * triangles[order].astype(np.intp) + patches.sides[self._mine]
+        triangles = patches.samples.triangles[patches.of_sample[patches.first[bright]]]
+        order = np.lexsort((bright, triangles, patches.sides[bright]))
+        self._by_power = bright[order]
+        sides = 2 * triangles[order].astype(np.intp) + patches.sides[self._by_power]
         self._side_of = np.unique(sides, return_inverse=True)[1].ravel()
         self._first, self._counts = patches.first, np.diff(patches.first)
         self._points = points
-        powers = power[self._mine].astype(np.float64)
+        powers = power[self._by_power].astype(np.float64)
         of_sides = np.bincount(self._side_of, weights=powers)
         evenly = powers / of_sides[self._side_of] / max(len(of_sides), 1)
         self._choose_by(0.5 * (powers / max(total, 1e-300) + evenly))
@@ -76,7 +76,7 @@ class Emitters:
         """Set the shares of rays that the emitters get."""
         self._shares, self._ends = shares, np.cumsum(shares)
         density = np.zeros(len(self._emission))
-        density[self._mine] = shares / np.maximum(self._areas_m2[self._mine], 1e-12)
+        density[self._by_power] = shares / np.maximum(self._areas_m2[self._by_power], 1e-12)
         self._density = density.astype(np.float32)  # per square meter
 
     def focused(self, transport: Transport, at: Points, shifts: Floats) -> Emitters:
@@ -121,8 +121,8 @@ class Emitters:
     def _aim(self, transport: Transport, at: Points, points: Floats, shifts: Floats) -> _AimedRays:
         chosen, rays = turned(points, shifts), len(points)
         picked = np.searchsorted(self._ends, chosen[..., 0].ravel() * self._ends[-1], side="right")
-        picked = np.minimum(picked, len(self._mine) - 1)
-        patches = self._mine[picked]
+        picked = np.minimum(picked, len(self._by_power) - 1)
+        patches = self._by_power[picked]
         within = (chosen[..., 1].ravel() * self._counts[patches]).astype(np.intp)
         entries = self._first[patches] + np.minimum(within, self._counts[patches] - 1)
         origins = np.repeat(at.origins_m, rays, axis=0)
@@ -152,6 +152,6 @@ class Emitters:
         if self.aimed and len(shining):
             density = self._density[hits.patches[shining]] * hits.ranges_m[shining] ** 2
             density /= np.maximum(hits.cosines[shining], np.float32(1e-6))
-            mine = self._gathered * cosines[shining] / np.pi
-            emission[shining] *= (mine / (mine + self.aimed * density))[:, None]
+            gathered = self._gathered * cosines[shining] / np.pi
+            emission[shining] *= (gathered / (gathered + self.aimed * density))[:, None]
         return emission

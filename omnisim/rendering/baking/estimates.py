@@ -24,8 +24,8 @@ def estimate(bake: Bake, jobs: int | None = None) -> str:
     seconds = _seconds(bake.try_tile, bake.tiles, threads)
     seconds += _seconds(probes.bake, probes.tiles, threads)
     width, height = bake.atlas.size_px
-    words = f"{seconds:.0f} seconds" if seconds < 100.0 else f"{seconds / 60.0:.0f} minutes"
-    return f"about {words} for {width} × {height} texels of {bake.texel_m:g} m"
+    duration = f"{seconds:.0f} seconds" if seconds < 100.0 else f"{seconds / 60.0:.0f} minutes"
+    return f"about {duration} for {width} × {height} texels of {bake.texel_m:g} m"
 
 
 def _seconds(compute: Callable[[int], object], tiles: int, threads: int) -> float:

@@ -1,4 +1,4 @@
-"""Even light, the substitute for lamps that a file lacks, and its removal."""
+"""Even light, which replaces the lamps of a file without any, and its removal for baking."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from omnisim.scene.model import Lighting
 _RAYS_AT_ONCE = 1 << 17
 
 
-class Gathered(NamedTuple):
+class GatheredLight(NamedTuple):
     """Gathered light at points, on white surfaces.
 
     Attributes:
@@ -67,18 +67,18 @@ class Gatherer:
         cosines = np.empty((len(shifts), count), dtype=np.float32)
         points = turned(self._points[first:last], shifts)
         for number, at in enumerate(places):
-            mine = slice((number - first) % len(places), None, len(places))
-            origins[:, mine] = at.origins_m[:, None]
-            towards, cosines[:, mine] = cosine_directions(points[:, mine], at.normals)
+            part = slice((number - first) % len(places), None, len(places))
+            origins[:, part] = at.origins_m[:, None]
+            towards, cosines[:, part] = cosine_directions(points[:, part], at.normals)
             below = np.einsum("nkc,nc->nk", towards, at.planes)
             towards -= 2.0 * np.minimum(below, 0.0)[..., None] * at.planes[:, None]
-            directions[:, mine] = towards
+            directions[:, part] = towards
         aims = directions.reshape(-1, 3)
         return self._transport.cast(origins.reshape(-1, 3), aims), aims, cosines.ravel()
 
     def gather(
         self, places: list[Points], shifts: Floats, radiosity: Floats, emitters: Emitters
-    ) -> Gathered:
+    ) -> GatheredLight:
         """Light at places (n,) from patches of radiosity (p, 3), emitters and sky."""
         count = len(shifts)
         halves = np.zeros((count, 2, 3), dtype=np.float32)
@@ -95,7 +95,7 @@ class Gatherer:
                 numbers[:, half] += valid[:, half::2].sum(axis=1)
         light = halves.sum(axis=1) / np.maximum(numbers.sum(axis=1), 1.0)[:, None]
         halves /= np.maximum(numbers, 1.0)[..., None]
-        return Gathered(light, halves, numbers.sum(axis=1) > 0.0)
+        return GatheredLight(light, halves, numbers.sum(axis=1) > 0.0)
 
     def seen(
         self,
@@ -110,6 +110,6 @@ class Gatherer:
         free = np.flatnonzero(hits.patches == SKY)
         light[free] = self.sky(directions[free])
         some = np.flatnonzero(hits.patches >= 0)
-        mine = hits.take(some)
-        light[some] = radiosity[mine.patches] + emitters.seen(mine, cosines[some])
+        on_patches = hits.take(some)
+        light[some] = radiosity[on_patches.patches] + emitters.seen(on_patches, cosines[some])
         return light

@@ -57,10 +57,9 @@ def points_at(
 
 
 def usable(rays: RayScene, transport: Transport, patches: Patches) -> Patches:
-    """Patches without samples inside of a solid or close below a surface.
+    """Patches without the samples that are inside a solid or close below a surface.
 
-    Light of such a sample, such as at the foot of a wall or below a rug, would darken the texel's
-    edge.
+    Light of such samples, as at the foot of a wall or below a rug, would darken the texel's edge.
     """
     kept = [np.empty(0, np.bool_)]
     spacing_m = np.repeat(patches.spacing_m, np.diff(patches.first))

@@ -13,14 +13,14 @@ from omnisim.rendering.baking.gathering import Gatherer
 from omnisim.rendering.baking.lamps import lamps_on
 from omnisim.rendering.baking.sampling import Floats, generator, sphere_directions, spread_points
 from omnisim.rendering.baking.transport import INSIDE, SKY, PatchHits, Transport
-from omnisim.scene.light.environment import factors_of_moments, shares_of_normals
+from omnisim.scene.light.environment import factors_of_moments, spherical_harmonics
 from omnisim.scene.model import Scene
 
 PROBE_BUDGET = 16384
 TILE = 1024
 _MIN_SPACING_M, _MIN_SIZE_M = 0.25, 1e-3
-# Around places of cameras the grid is as large as spacings of this width allow, or the least of it.
-_WIDEST_SPACING_M = 0.6
+# Extents around cameras: the first with a small enough spacing is taken, else the last.
+_MAX_SPACING_M = 0.6
 _AROUND_M = ((np.inf, np.inf), (32.0, 16.0), (16.0, 8.0), (8.0, 4.0))  # level, upwards
 _RAYS = 256
 _MAX_INSIDE = 0.25  # share of rays that hit backs
@@ -45,7 +45,7 @@ class ProbeGrid(NamedTuple):
         return int(np.prod(self.shape))
 
     def positions_m(self, first: int, last: int) -> NDArray[np.float64]:
-        """Positions (n, 3) of some of the probes, z fastest."""
+        """Positions (n, 3) of the probes from index `first` up to `last`, z fastest."""
         indices = np.stack(np.unravel_index(np.arange(first, last), self.shape), axis=1)
         return self.origin_m + indices * self.spacing_m
 
@@ -62,7 +62,7 @@ def probe_grid(scene: Scene) -> ProbeGrid:
         first = np.maximum(low, places.min(axis=0) - around)
         last = np.minimum(high, places.max(axis=0) + around)
         spacing_m, shape = _spacing(last - first)
-        if spacing_m <= _WIDEST_SPACING_M:
+        if spacing_m <= _MAX_SPACING_M:
             break
     steps = np.maximum(last - first, _MIN_SIZE_M) / shape
     nx, ny, nz = (int(number) for number in shape)
@@ -112,7 +112,7 @@ class ProbeBaker:
         directions = sphere_directions((spread_points(_RAYS) + shift) % 1.0)
         moments = np.zeros((len(origins), 9, 3))
         inside = np.zeros(len(origins), dtype=np.intp)
-        for direction, shares in zip(directions, shares_of_normals(directions), strict=True):
+        for direction, shares in zip(directions, spherical_harmonics(directions), strict=True):
             aims = np.broadcast_to(direction, origins.shape)
             hits = self._transport.cast(origins, np.ascontiguousarray(aims))
             inside += (hits.patches == INSIDE) | self._transport.is_back(hits)
@@ -137,4 +137,4 @@ class ProbeBaker:
         for lamp in lamps_on(self._lighting, self._transport, origins):
             towards = np.broadcast_to(lamp.directions, origins.shape)
             light = np.pi * lamp.levels[:, None] * lamp.color
-            moments += shares_of_normals(towards)[:, :, None] * light[:, None]
+            moments += spherical_harmonics(towards)[:, :, None] * light[:, None]

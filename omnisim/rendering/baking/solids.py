@@ -17,12 +17,12 @@ def hollow_triangles(scene: Scene) -> NDArray[np.bool_]:
     """
     parts = {one: _closed_parts(scene.meshes[one]) for one in {i.mesh for i in scene.instances}}
     places = [scene.start.position_m, *(start.position_m for start in scene.starts)]
-    found = [np.empty(0, np.bool_)]
+    hollow = [np.empty(0, np.bool_)]
     for instance in scene.instances:
         part_of, closed = parts[instance.mesh]
         mesh = scene.meshes[instance.mesh]
         if not scene.materials[mesh.material].double_sided:
-            found.append(np.zeros(len(part_of), dtype=np.bool_))
+            hollow.append(np.zeros(len(part_of), dtype=np.bool_))
             continue
         corners = mesh.positions.astype(np.float64) @ instance.world_from_mesh[:3, :3].T
         corners = (corners + instance.world_from_mesh[:3, 3])[mesh.triangles]
@@ -32,8 +32,8 @@ def hollow_triangles(scene: Scene) -> NDArray[np.bool_]:
         holds = np.zeros(len(closed), dtype=np.bool_)
         for place in places:
             holds |= ((low < place) & (high > place)).all(axis=1)
-        found.append(~(closed & ~holds)[part_of])
-    return np.concatenate(found)
+        hollow.append(~(closed & ~holds)[part_of])
+    return np.concatenate(hollow)
 
 
 def instances_of(scene: Scene, is_chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:

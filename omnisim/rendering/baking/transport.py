@@ -32,7 +32,7 @@ class PatchHits(NamedTuple):
     cosines: Floats
 
     def take(self, indices: NDArray[np.intp]) -> PatchHits:
-        """Some of the hits."""
+        """The selected hits."""
         return PatchHits(self.patches[indices], self.ranges_m[indices], self.cosines[indices])
 
 
@@ -65,17 +65,17 @@ class Transport:
         """Patches hit by rays (n, 3) with unit directions."""
         hits = self._hits(origins_m, directions, None)
         count = len(origins_m)
-        found = np.flatnonzero(hits.triangles != NO_TRIANGLE)
+        is_hit = np.flatnonzero(hits.triangles != NO_TRIANGLE)
         patches = np.full(count, SKY, dtype=np.int32)
         cosines = np.zeros(count, dtype=np.float32)
-        triangles, normals = hits.triangles[found], hits.normals[found]
-        along = np.einsum("nc,nc->n", normals, directions[found])
+        triangles, normals = hits.triangles[is_hit], hits.normals[is_hit]
+        along = np.einsum("nc,nc->n", normals, directions[is_hit])
         is_back = along > 0.0
         lengths = np.sqrt(np.einsum("nc,nc->n", normals, normals))
-        cosines[found] = np.abs(along) / np.maximum(lengths, np.float32(1e-30))
-        mine = self._patch_of(triangles, hits.u[found], hits.v[found], is_back)
-        mine[is_back & ~self._patches.is_hollow[triangles]] = INSIDE
-        patches[found] = mine
+        cosines[is_hit] = np.abs(along) / np.maximum(lengths, np.float32(1e-30))
+        patches_hit = self._patch_of(triangles, hits.u[is_hit], hits.v[is_hit], is_back)
+        patches_hit[is_back & ~self._patches.is_hollow[triangles]] = INSIDE
+        patches[is_hit] = patches_hit
         return PatchHits(patches, hits.ranges_m, cosines)
 
     def is_back(self, hits: PatchHits) -> NDArray[np.bool_]:
@@ -149,5 +149,5 @@ class Transport:
         without = ~patches.has_rect[surfaces]
         places[without] = width * height + surfaces[without]
         side = np.where(is_back, BACK, FRONT)
-        found: NDArray[np.int32] = patches.of_place[side, places]
-        return found
+        result: NDArray[np.int32] = patches.of_place[side, places]
+        return result

@@ -51,15 +51,16 @@ class CapturedImage:
         Args:
             distance_m: distance from the viewpoint at which points are exact.
 
-        Returns the image, and the assumption with its errors, or None.
+        Returns:
+            The image; and a note on the assumption and its errors, or None without an assumption.
 
         Raises:
-            OpticsError: the distance is not positive, or the camera is central.
+            OpticsError: the distance is not positive, or is given for a central camera.
         """
         if not isinstance(self.camera, NonCentralCamera):
             if math.isfinite(distance_m):
-                words = f"expected an optical system, got {summary(self.camera)}"
-                raise OpticsError(f"--right-at: {words}, which is central")
+                fault = f"expected an optical system, got {summary(self.camera)}"
+                raise OpticsError(f"--right-at: {fault}, which is central")
             return self, None
         from omnisim.cameras.optics.central_view import CentralView  # few cameras need it
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.readback import Exposed, FrameRequest, Readback, SubFrame, SubFrames
+from omnisim.rendering.readback import FrameRequest, ImageExposure, Readback, SubFrame, SubFrames
 from omnisim.rendering.truth.moving_boxes import MovingBoxes
 from omnisim.rendering.twist import moved_px
 
@@ -40,13 +40,13 @@ class DegradedCamera:
             "sub_frames": len(sub_frames),
         }
 
-        def expose(luminance: float | None) -> Exposed:
+        def expose(luminance: float | None) -> ImageExposure:
             ev = 0.0 if exposure_ev is None else exposure_ev
             if degradation.exposure is not None:
                 metered_ev = degradation.exposure.metered_ev(luminance or 0.0)
                 ev = metered_ev if exposure_ev is None else exposure_ev
                 metadata["exposure"] = {"ev": ev, "metered_ev": metered_ev}
-            return Exposed(degradation.exposure_factors(ev), request.frame_number % 2**32)
+            return ImageExposure(degradation.exposure_factors(ev), request.frame_number % 2**32)
 
         image = self._render(SubFrames(sub_frames, expose, degradation.is_metered, request.linear))
         if degradation.noise is not None:

@@ -18,7 +18,7 @@ from omnisim.cameras.mirrors.tessellation import sectors_and_rings
 from omnisim.core import poses
 from omnisim.core.errors import NoticeWarning, OpticsError
 from omnisim.core.short_repr import short_repr
-from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons, mesh_error_px, most_polygons
+from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons, max_polygons, mesh_error_px
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.quality import (
     DEFAULT_NEAR_M,
@@ -103,7 +103,7 @@ class OmniCamera:
                     f"polygons: expected a whole number, 'auto' or None, got {self.polygons!r}"
                 )
             sectors_and_rings(self.polygons)
-            if most_polygons(self.model) is None:
+            if max_polygons(self.model) is None:
                 raise OpticsError(
                     f"polygons = {self.polygons}: a camera of model {self.model.model_name!r} has "
                     "no mirror with a mesh: expected 'auto' or 'exact'"
@@ -162,14 +162,14 @@ class OmniCamera:
         # imported late: only users of calibrations need formats and fits
         from omnisim.cameras.calibration import CalibratedCamera, Calibration, load_calibration
 
-        found = load_calibration(camera) if isinstance(camera, str | Path) else camera
-        if isinstance(found, Calibration):
-            for note in found.notes if found is not camera else ():
+        source = load_calibration(camera) if isinstance(camera, str | Path) else camera
+        if isinstance(source, Calibration):
+            for note in source.notes if source is not camera else ():
                 warnings.warn(f"{camera}: {note}", NoticeWarning, stacklevel=3)
-            found = found.only_camera()
-        if isinstance(found, CalibratedCamera):
-            return cls(found.camera, polygons=None)
-        return cls(found)
+            source = source.only_camera()
+        if isinstance(source, CalibratedCamera):
+            return cls(source.camera, polygons=None)
+        return cls(source)
 
     @classmethod
     def from_file(cls, path: str | Path) -> OmniCamera:
@@ -275,7 +275,7 @@ class OmniCamera:
         if self.mesh_polygons is not None:
             chosen = " (auto)" if self.polygons == "auto" else ""
             return f"{self.mesh_polygons} polygons{chosen}"
-        most = None if self.polygons is None else most_polygons(self.model)
+        most = None if self.polygons is None else max_polygons(self.model)
         if most is None:
             return "exact"
         return f"exact (auto: {MAX_ERROR_PX} px need more than {most} polygons)"
@@ -319,8 +319,11 @@ class OmniCamera:
         pitch_deg: float = 0.0,
         roll_deg: float = 0.0,
     ) -> NDArray[np.float64]:
-        """Pose (4, 4) world_from_base of a vehicle at a heading, by default level, such that the
-        effective viewpoint is at `viewpoint_m` (3,), world.
+        """Pose (4, 4) world_from_base that puts the effective viewpoint at a position.
+
+        Args:
+            viewpoint_m: (3,) position in the world.
+            yaw_deg, pitch_deg, roll_deg: attitude of the vehicle, by default level.
 
         Raises:
             OmnisimError: a position or angle is not finite.

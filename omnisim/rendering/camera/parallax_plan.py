@@ -29,7 +29,7 @@ _STEP = 2.0 * GRID_STEP  # tangents between points: neighborhoods of points coun
 
 
 class _SeenRays(NamedTuple):
-    """Rays of pixels with neighbors, and the visible parts of their points."""
+    """Rays of pixels with valid neighbors, and directions of the points on them."""
 
     directions: NDArray[np.float64]  # (n, 3)
     along: NDArray[np.float64]  # (n,) radians between samples, in the longer direction
@@ -42,10 +42,10 @@ def parallax_tiles(
     near_m: float,
     max_anisotropy: float = IMAGE_ANISOTROPY,
 ) -> TilePlan:
-    """Plan the tiles that show all points of rays, in the rig frame, to the viewpoint at 0.
+    """Plan the tiles in which a viewpoint at the rig's origin sees all points on the rays.
 
     Args:
-        colors: rays of the samples, one entry per color with its own rays.
+        colors: rays of the samples, rig frame, one entry per color with its own rays.
         texels_per_pixel: texels per pixel side.
         near_m: minimum distance of points.
         max_anisotropy: stretch limit of pixels; more stretched ones are drawn with this limit.
@@ -76,20 +76,22 @@ def _seen_rays(
     whole = valid[:-1, :-1] & valid[:-1, 1:] & valid[1:, :-1]
     if not whole.any():
         raise GraphicsError("camera: the image shows too little of the scene")
-    here = directions[:-1, :-1][whole].astype(np.float64)
-    steps = np.stack((directions[:-1, 1:][whole] - here, directions[1:, :-1][whole] - here), -1)
+    centers = directions[:-1, :-1][whole].astype(np.float64)
+    steps = np.stack(
+        (directions[:-1, 1:][whole] - centers, directions[1:, :-1][whole] - centers), -1
+    )
     # of the samples, because mip levels refer to samples
     along, across = (values / rays.supersampling for values in _singular_values(steps))
     densest = 1.0 / np.maximum(across, along / max_anisotropy)
-    found = [(here, densest)]
-    some = slice(None, None, max(1, len(here) // max_rays))
-    near, densest = here[some], densest[some]
+    points = [(centers, densest)]
+    some = slice(None, None, max(1, len(centers) // max_rays))
+    near, densest = centers[some], densest[some]
     origins_m = origins_m[:-1, :-1][whole][some].astype(np.float64)
     # over all points of a ray
     turn = float(np.linalg.norm(origins_m, axis=1).max()) / near_m
     for nearness in np.linspace(0.0, 1.0 / near_m, 2 + math.ceil(turn / _STEP))[1:]:
-        found.append((near + nearness * origins_m, densest))
-    return _SeenRays(here, along, found)
+        points.append((near + nearness * origins_m, densest))
+    return _SeenRays(centers, along, points)
 
 
 def _densities(places: NDArray[np.float64], densest: NDArray[np.float64]) -> list[SamplingDensity]:

@@ -34,7 +34,7 @@ from omnisim.core.files.parameters import (
     parse_table,
 )
 from omnisim.core.files.toml_file import read_tables
-from omnisim.rendering.auto_mesh import most_polygons
+from omnisim.rendering.auto_mesh import max_polygons
 from omnisim.rendering.camera.degradations.degradation import Degradation
 from omnisim.rendering.camera.degradations.degradation_file import parse_degradation
 from omnisim.rendering.camera.quality import (
@@ -226,8 +226,8 @@ class LensTable(Table):
         if self.calibration is not None:
             return self._calibrated(self.calibration, extra, source)
         if self.camera is not None:
-            words = "is a name in a calibration file: expected calibration"
-            raise SensorFileError(f"{source}: lens.camera: {words}")
+            reason = "is a name in a calibration file: expected calibration"
+            raise SensorFileError(f"{source}: lens.camera: {reason}")
         return camera_from_table({"model": self.model, **extra}, source, "lens")
 
     def _calibrated(self, file: str, extra: dict[str, Any], source: str) -> CentralCamera:
@@ -252,7 +252,7 @@ class LensTable(Table):
 
 
 class OpticsTable(Table):
-    """Optical system that replaces the first and third group: its rays need not meet.
+    """Non-central optical system that replaces the first and third group.
 
     Either a file, or the keys of an optics file as further keys: `[optics.camera]`,
     `[[optics.surfaces]]` and so on.
@@ -275,7 +275,7 @@ class OpticsTable(Table):
             SensorFileError: the count does not make a mesh, or no mirror has one.
         """
         found = _polygon_count(self.polygons, f"{source}: optics")
-        if isinstance(found, int) and most_polygons(camera) is None:
+        if isinstance(found, int) and max_polygons(camera) is None:
             raise SensorFileError(
                 f"{source}: optics.polygons = {found}: expected 'auto' or 'exact', as no mirror "
                 "with a rim is there"
@@ -297,8 +297,8 @@ class OpticsTable(Table):
         if self.file is None:
             return parse_optics(extra, source, "optics")
         if extra:
-            words = "the optics file has it: expected one of them"
-            raise SensorFileError(f"{source}: optics.{min(extra)}: {words}")
+            reason = "the optics file has it: expected one of them"
+            raise SensorFileError(f"{source}: optics.{min(extra)}: {reason}")
         return read_optics_file(Path(source).parent / self.file)
 
 

@@ -36,11 +36,11 @@ _idle: deque[tuple[threading.Thread, moderngl.Context]] = deque()  # emptied, wi
 _MAX_IDLE = 2  # an idle context may still hold driver memory
 
 
-class _Opened(NamedTuple):
-    """Device of a context, and the objects that live as long as it does.
+class _ContextResources(NamedTuple):
+    """Device of a context, and the objects with the context's lifetime.
 
     Attributes:
-        device: number that the caller asked for; None: the default.
+        device: requested number of the device; None: the default.
         handle: EGL's handle of the context.
         dropped_textures: names of textures to delete that moderngl does not own.
         lasting_target: never deleted, because moderngl keeps rebinding the last target it used.
@@ -91,8 +91,8 @@ def open_context(device: int | None = None) -> moderngl.Context:
         return _open(device)
     except GraphicsError as reason:
         if device is None:
-            for number, found in list_devices():
-                if isinstance(found, GraphicsInfo):
+            for number, result in list_devices():
+                if isinstance(result, GraphicsInfo):
                     return _open(number)
         raise reason from None
 
@@ -134,20 +134,18 @@ def collect_garbage(context: moderngl.Context) -> None:
 
 def _take_idle(device: int | None) -> moderngl.Context | None:
     """Take this thread's idle context of a device; discard those of threads that have ended."""
-    found = None
+    idle = None
     for _ in range(len(_idle)):
         thread, context = _idle.popleft()
         if not thread.is_alive():
             context.release()
         elif (
-            found is None
-            and thread is threading.current_thread()
-            and context.extra.device == device
+            idle is None and thread is threading.current_thread() and context.extra.device == device
         ):
-            found = context
+            idle = context
         else:
             _idle.append((thread, context))
-    return found
+    return idle
 
 
 def _is_here(thread: threading.Thread) -> bool:
@@ -219,7 +217,7 @@ def _open(device: int | None) -> moderngl.Context:
     lasting_target = context.framebuffer([context.renderbuffer((1, 1))])
     lasting_target.use()
     fences = Fences() if "llvmpipe" in context.info["GL_RENDERER"] else None
-    context.extra = _Opened(device, _current_handle(), [], lasting_target, fences)
+    context.extra = _ContextResources(device, _current_handle(), [], lasting_target, fences)
     context.gc_mode = "context_gc"  # `collect_garbage` frees unreferenced objects
     return context
 
@@ -264,7 +262,7 @@ def _reason(message: str, device: int | None) -> str:
         return f"{_NO_DRIVER}: {INSTALL_HINT}"
     if "requested device index" in message:
         return f"device {device}: {_NO_SUCH_DEVICE} ({message}): see `omnisim info`"
-    wanted = f"OpenGL {REQUIRED_VERSION // 100}.{REQUIRED_VERSION % 100 // 10}"
+    required = f"OpenGL {REQUIRED_VERSION // 100}.{REQUIRED_VERSION % 100 // 10}"
     if "version" in message.lower() or "eglCreateContext" in message:
-        return f"{wanted} or newer is needed and not there ({message}): {INSTALL_HINT}"
+        return f"{required} or newer is needed and not there ({message}): {INSTALL_HINT}"
     return f"OpenGL could not be opened ({message}): {INSTALL_HINT}"

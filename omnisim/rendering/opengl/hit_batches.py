@@ -77,12 +77,12 @@ class HitBatches:
             image_bytes += _MATERIAL_TEXEL_BYTES * texels
             image_bytes += _MATERIAL_PIXEL_BYTES * width * height
         image_bytes += visibility.culling_bytes + passes.tables.image_bytes
-        most_bytes = int(limits["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
+        max_bytes = int(limits["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
         return max(
             1,
             min(
                 MAX_SLICE_BYTES // image_bytes,
-                most_bytes // max(1, visibility.culling_bytes),
+                max_bytes // max(1, visibility.culling_bytes),
                 int(limits["GL_MAX_TEXTURE_SIZE"]) // height,
                 int(limits["GL_MAX_ARRAY_TEXTURE_LAYERS"]),
             ),
@@ -118,8 +118,10 @@ class HitBatches:
 
     def _reserve(self, count: int, details: HitDetails) -> _Variant:
         """Program and layers for `count` to 2 `count` images."""
-        found = self._variant
-        if found is None or not (found.details == details and count <= found.count <= 2 * count):
+        variant = self._variant
+        if variant is None or not (
+            variant.details == details and count <= variant.count <= 2 * count
+        ):
             self._variant = None  # frees its memory first
-            self._variant = found = _Variant(self._passes, details, count)
-        return found
+            self._variant = variant = _Variant(self._passes, details, count)
+        return variant

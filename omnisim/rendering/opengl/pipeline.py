@@ -121,7 +121,7 @@ def check_image_size(context: moderngl.Context, width_px: int, height_px: int) -
     """Refuse an image larger than the GPU allows.
 
     Raises:
-        GraphicsError: naming the size and the limit.
+        GraphicsError: the message names the size and the limit.
     """
     limit = int(context.info["GL_MAX_TEXTURE_SIZE"])
     if max(width_px, height_px) > limit:

@@ -23,17 +23,17 @@ def uniform(program: moderngl.Program | moderngl.ComputeShader, name: str) -> mo
     Raises:
         KeyError: no uniform of that name.
     """
-    found = find_uniform(program, name)
-    if found is None:
+    member = find_uniform(program, name)
+    if member is None:
         raise KeyError(name)
-    return found
+    return member
 
 
 def set_sampler(program: moderngl.Program, name: str, unit: int) -> None:
     """Set the texture unit of a sampler, unless the compiler removed it."""
-    found = find_uniform(program, name)
-    if found is not None:
-        found.value = unit
+    member = find_uniform(program, name)
+    if member is not None:
+        member.value = unit
 
 
 def write_fog(program: moderngl.Program, fog: Fog) -> None:
@@ -41,9 +41,9 @@ def write_fog(program: moderngl.Program, fog: Fog) -> None:
     for name, value in (
         ("u_fog_color", fog.color), ("u_fog_attenuation_per_m", fog.attenuation_per_m)
     ):  # fmt: skip
-        found = find_uniform(program, name)
-        if found is not None:
-            found.value = value
+        member = find_uniform(program, name)
+        if member is not None:
+            member.value = value
 
 
 def columns_first(matrices: NDArray[np.float64]) -> NDArray[np.float32]:

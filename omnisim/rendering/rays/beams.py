@@ -54,9 +54,9 @@ class Beams:
             np.full(count, self._max_range_m),
         )
         objects = ObjectState(world_from_objects, self._hidden)
-        found = scene.first_hits(rays, objects, both_sides=True)
+        hits = scene.first_hits(rays, objects, both_sides=True)
         ranges_m = np.full(count, np.inf)
-        hit = np.flatnonzero(found.triangles != NO_TRIANGLE)
-        exact = scene.caster.exact(rays.take(hit), found.take(hit), world_from_objects)
+        hit = np.flatnonzero(hits.triangles != NO_TRIANGLE)
+        exact = scene.caster.exact(rays.take(hit), hits.take(hit), world_from_objects)
         ranges_m[hit] = exact.ranges_m
         return ranges_m

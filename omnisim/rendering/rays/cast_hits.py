@@ -79,11 +79,11 @@ def cast_hits(
         "albedos": lambda: shading.base_colors(*view)[:, :3],
         "materials": lambda: shading.materials(view),
     }
-    found = {name: np.empty((0, 0), dtype=np.float32) for name in find}
+    values = {name: np.empty((0, 0), dtype=np.float32) for name in find}
     for name, numbers in details.components.items():
-        found[name] = np.zeros((len(points), numbers), dtype=np.float32)
-        found[name][hit] = find[name]()
-    return CastHits(Hits(points, draw_ids, triangles, **found), first.triangles)
+        values[name] = np.zeros((len(points), numbers), dtype=np.float32)
+        values[name][hit] = find[name]()
+    return CastHits(Hits(points, draw_ids, triangles, **values), first.triangles)
 
 
 def moved_points(seen: SeenPoints, other_from_current: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -119,8 +119,8 @@ def cast_occlusion(
     rig = np.einsum("nj,ji->ni", ways_m / lengths_m[:, None], world_from_rig[:3, :3])
     rays = limits.aim(rig, world_from_rig)
     rays = rays._replace(origins_m=rays.origins_m + starts_m, far_m=np.minimum(rays.far_m, ends_m))
-    found = scene.first_hits(rays, objects, moved.triangles)
-    is_hit: NDArray[np.bool_] = found.triangles != NO_TRIANGLE
+    hits = scene.first_hits(rays, objects, moved.triangles)
+    is_hit: NDArray[np.bool_] = hits.triangles != NO_TRIANGLE
     return is_hit
 
 

@@ -31,7 +31,7 @@ class Rays(NamedTuple):
     far_m: NDArray[np.float64]  # (n,): farther surfaces are ignored; may be infinite
 
     def take(self, indices: NDArray[np.intp]) -> Rays:
-        """Some of the rays."""
+        """The selected rays."""
         return Rays(*(values[indices] for values in self))
 
 
@@ -44,11 +44,11 @@ class RayHits(NamedTuple):
     planes: NDArray[np.float32]  # (n, 3) normals of the visible side, world, not of unit length
 
     def take(self, indices: NDArray[np.intp]) -> RayHits:
-        """Some of the hits."""
+        """The selected hits."""
         return RayHits._make(values[indices] for values in self)
 
     def put(self, indices: NDArray[np.intp], hits: RayHits) -> None:
-        """Overwrite some of the hits."""
+        """Overwrite the selected hits."""
         put_rows(self, indices, hits)
 
 
@@ -99,14 +99,14 @@ class RayCaster:
         """Find the nearest triangles that face the rays or are double-sided.
 
         Args:
-            rays: (n,).
+            rays: (n,) rays in the world.
             world_from_objects: (4, 4) each, poses of the dynamic objects.
             hidden: instances to ignore.
             behind: (n,) triangles that the rays have passed and that are not hit again.
             both_sides: treat all triangles as double-sided.
         """
-        rest = np.eye(4)
-        hits = self._cast_part(self._part_mesh(0, frozenset()), rays, rest, behind, both_sides)
+        identity = np.eye(4)
+        hits = self._cast_part(self._part_mesh(0, frozenset()), rays, identity, behind, both_sides)
         others = [
             (self._part_mesh(part, hidden), pose)
             for part, pose in enumerate(world_from_objects, start=1)
@@ -116,7 +116,7 @@ class RayCaster:
                 continue
             gone = frozenset(one for one in hidden if one[0] == part - 1)
             mesh = self._deformed_mesh(part, gone, time_of(world_from_objects))
-            others.append((mesh, world_from_objects[part - 1] if part else rest))
+            others.append((mesh, world_from_objects[part - 1] if part else identity))
         for mesh, pose in others:
             aimed = _near_sphere(rays, mesh, pose)
             if len(aimed) == 0:
@@ -124,9 +124,9 @@ class RayCaster:
             some = rays.take(aimed)
             some = some._replace(far_m=np.minimum(some.far_m, hits.ranges_m[aimed]))
             passed = None if behind is None else behind[aimed]
-            found = self._cast_part(mesh, some, pose, passed, both_sides)
-            nearer = np.flatnonzero(found.triangles != NO_TRIANGLE)
-            hits.put(aimed[nearer], found.take(nearer))
+            part_hits = self._cast_part(mesh, some, pose, passed, both_sides)
+            nearer = np.flatnonzero(part_hits.triangles != NO_TRIANGLE)
+            hits.put(aimed[nearer], part_hits.take(nearer))
         return hits
 
     @property
@@ -144,7 +144,7 @@ class RayCaster:
 
         Args:
             origins_m: (n, 3) relative to `static_center_m`, along the world's axes.
-            directions: (n, 3) of any length.
+            directions: (n, 3) directions of any length.
             far: (n,) ends of the rays, in lengths of the direction; None: unlimited.
         """
         part = self._part_mesh(0, frozenset())
@@ -207,26 +207,26 @@ class RayCaster:
             starts_m = origins_m[active] + near_m[active, None] * directions[active]
             aims = directions[active].astype(np.float32)
             lengths_m = np.maximum(rays.far_m[active] - near_m[active], 0.0)
-            found = part.mesh.hits(
+            embree_hits = part.mesh.hits(
                 starts_m.astype(np.float32), aims, np.minimum(lengths_m, 1e37).astype(np.float32)
             )
-            is_hit = np.flatnonzero(found.triangles != NO_TRIANGLE)
-            triangles = part.triangles[found.triangles[is_hit]].astype(np.int32)
-            planes = found.normals[is_hit]
+            is_hit = np.flatnonzero(embree_hits.triangles != NO_TRIANGLE)
+            triangles = part.triangles[embree_hits.triangles[is_hit]].astype(np.int32)
+            planes = embree_hits.normals[is_hit]
             is_back = _dot(planes, aims[is_hit]) > 0.0
             rays_hit = active[is_hit]
-            ranges_m = near_m[rays_hit] + found.ranges_m[is_hit]
+            ranges_m = near_m[rays_hit] + embree_hits.ranges_m[is_hit]
             shows = ~is_back | both_sides
             shows |= is_double_sided[self.geometry.surface_of_triangle[triangles]]
             if behind is not None:
                 shows &= behind[rays_hit] != triangles
-            mine, kept = rays_hit[shows], is_hit[shows]
-            hits.triangles[mine] = triangles[shows]
-            hits.ranges_m[mine] = ranges_m[shows]
-            u, v = found.u[kept], found.v[kept]
-            hits.weights[mine] = np.stack((1.0 - u - v, u, v), axis=1)
+            shown_rays, shown_hits = rays_hit[shows], is_hit[shows]
+            hits.triangles[shown_rays] = triangles[shows]
+            hits.ranges_m[shown_rays] = ranges_m[shows]
+            u, v = embree_hits.u[shown_hits], embree_hits.v[shown_hits]
+            hits.weights[shown_rays] = np.stack((1.0 - u - v, u, v), axis=1)
             facing = np.where(is_back[shows], np.float32(-1.0), np.float32(1.0))
-            hits.planes[mine] = _rotated(facing[:, None] * planes[shows], rotation)
+            hits.planes[shown_rays] = _rotated(facing[:, None] * planes[shows], rotation)
             passed = rays_hit[~shows]
             if len(passed):
                 near_m = near_m.copy()

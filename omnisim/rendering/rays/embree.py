@@ -31,11 +31,11 @@ class EmbreeHits(NamedTuple):
     normals: NDArray[np.float32]  # (n, 3) plane normals on the front side, not of unit length
 
     def take(self, indices: NDArray[np.intp]) -> EmbreeHits:
-        """Some of the hits."""
+        """The selected hits."""
         return EmbreeHits._make(values[indices] for values in self)
 
     def put(self, indices: NDArray[np.intp], hits: EmbreeHits) -> None:
-        """Overwrite some of the hits."""
+        """Overwrite the selected hits."""
         put_rows(self, indices, hits)
 
 
@@ -86,8 +86,8 @@ class EmbreeMesh:
         """Nearest triangles along rays (n, 3), hit on either side.
 
         Args:
-            origins_m: (n, 3).
-            directions: (n, 3) of any length.
+            origins_m: (n, 3) origins of the rays.
+            directions: (n, 3) directions of any length.
             far: (n,) ends of the rays, in lengths of the direction; None: unlimited.
         """
         if self._is_empty:
@@ -95,8 +95,10 @@ class EmbreeMesh:
             missed = np.full(len(none), NO_TRIANGLE, dtype=np.int32)
             return EmbreeHits(missed, none, none, none, np.zeros((len(none), 3), np.float32))
         ends = None if far is None else np.minimum(far, _FAR_M)
-        found = self._scene.run(origins_m, directions, dists=ends, output=True)
-        return EmbreeHits(found["primID"], found["tfar"], found["u"], found["v"], found["Ng"])
+        columns = self._scene.run(origins_m, directions, dists=ends, output=True)
+        return EmbreeHits(
+            columns["primID"], columns["tfar"], columns["u"], columns["v"], columns["Ng"]
+        )
 
 
 def check_embree(feature: str = "casting rays") -> None:

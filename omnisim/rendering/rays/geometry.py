@@ -148,12 +148,12 @@ class Geometry:
     ) -> NDArray[np.float64]:
         """Corners (n, 3, 3) of triangles (n,), world, with the dynamic objects at poses (4, 4)."""
         corners_m = self.positions_m[self.corners[triangles]]
-        for mine, one in self.deformed(triangles):
+        for selected, one in self.deformed(triangles):
             positions_m = one.at(time_of(world_from_objects)).positions_m
-            corners_m[mine] = positions_m[self.corners[triangles[mine]] - one.first_vertex]
-        for mine, pose in self.moved(triangles, world_from_objects):
-            rotated = np.einsum("nkj,ij->nki", corners_m[mine], pose[:3, :3])
-            corners_m[mine] = rotated + pose[:3, 3]
+            corners_m[selected] = positions_m[self.corners[triangles[selected]] - one.first_vertex]
+        for selected, pose in self.moved(triangles, world_from_objects):
+            rotated = np.einsum("nkj,ij->nki", corners_m[selected], pose[:3, :3])
+            corners_m[selected] = rotated + pose[:3, 3]
         return corners_m
 
     def corner_normals(
@@ -161,10 +161,12 @@ class Geometry:
     ) -> NDArray[np.float32]:
         """Normals (n, 3, 3) at the corners of triangles (n,), each in the frame of its part."""
         normals: NDArray[np.float32] = self.normals[self.corners[triangles]]
-        for mine, one in self.deformed(triangles):
-            found = one.at(time_of(world_from_objects)).normals
-            if found is not None:
-                normals[mine] = found[self.corners[triangles[mine]] - one.first_vertex]
+        for selected, one in self.deformed(triangles):
+            deformed_normals = one.at(time_of(world_from_objects)).normals
+            if deformed_normals is not None:
+                normals[selected] = deformed_normals[
+                    self.corners[triangles[selected]] - one.first_vertex
+                ]
         return normals
 
     def deformed(
@@ -175,9 +177,9 @@ class Geometry:
             return
         surfaces = self.surface_of_triangle[triangles]
         for one in self.deforming:
-            mine = np.flatnonzero(surfaces == one.number)
-            if len(mine):
-                yield mine, one
+            selected = np.flatnonzero(surfaces == one.number)
+            if len(selected):
+                yield selected, one
 
     def moved(
         self, triangles: NDArray[np.int32], world_from_objects: Poses
@@ -187,9 +189,9 @@ class Geometry:
             return
         parts = self.part_of_triangles(triangles)
         for number, pose in enumerate(world_from_objects, start=1):
-            mine = np.flatnonzero(parts == number)
-            if len(mine):
-                yield mine, pose
+            selected = np.flatnonzero(parts == number)
+            if len(selected):
+                yield selected, pose
 
 
 def build_geometry(scene: Scene, dynamic_objects: Sequence[Scene] = ()) -> Geometry:

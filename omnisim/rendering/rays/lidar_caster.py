@@ -38,7 +38,7 @@ class LidarCaster:
 
     @property
     def draws(self) -> Sequence[ObjectPart]:
-        """Dynamic object and name of each instance, as indexed by `BeamHits.draws_plus_one`."""
+        """Dynamic object and name of each instance, indexed by `BeamHits.draw_ids` − 1."""
         return self._scene().caster.geometry.draws
 
     def refresh(self) -> None:
@@ -80,33 +80,33 @@ class LidarCaster:
     ) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
         """Ranges and 1 + instance (n,) of rays (n,) in a slice."""
         poses = one.middle.world_from_objects
-        found = scene.first_hits(rays, ObjectState(poses, self._hidden), both_sides=True)
-        hit = np.flatnonzero(found.triangles != NO_TRIANGLE)
-        found, rays = found.take(hit), rays.take(hit)
+        hits = scene.first_hits(rays, ObjectState(poses, self._hidden), both_sides=True)
+        hit = np.flatnonzero(hits.triangles != NO_TRIANGLE)
+        hits, rays = hits.take(hit), rays.take(hit)
         geometry = scene.caster.geometry
-        bent = [(mine, rays.take(mine)) for mine, _ in geometry.deformed(found.triangles)]
-        for mine, number in _moving(one, geometry.part_of_triangles(found.triangles)):
+        bent = [(moving, rays.take(moving)) for moving, _ in geometry.deformed(hits.triangles)]
+        for moving, number in _moving(one, geometry.part_of_triangles(hits.triangles)):
             _follow(
                 rays,
-                mine,
-                shares[hit[mine]],
+                moving,
+                shares[hit[moving]],
                 *(pose.world_from_objects[number] for pose in (one.start, one.middle, one.end)),
             )
         ranges_m = np.full(len(shares), np.inf)
         draw_ids = np.zeros(len(shares), dtype=np.uint32)
-        ranges_m[hit] = scene.caster.exact(rays, found, poses).ranges_m
-        for mine, some in bent:
-            share = shares[hit[mine], None, None]
+        ranges_m[hit] = scene.caster.exact(rays, hits, poses).ranges_m
+        for moving, some in bent:
+            share = shares[hit[moving], None, None]
             start_m, end_m = (
-                geometry.corners_m(found.triangles[mine], pose.world_from_objects)
+                geometry.corners_m(hits.triangles[moving], pose.world_from_objects)
                 for pose in (one.start, one.end)
             )
             corners_m = start_m + share * (end_m - start_m)
-            exact = scene.caster.exact_at(corners_m, some, found.take(mine))
-            # one that it leaves meanwhile is hit as in the middle of the slice
+            exact = scene.caster.exact_at(corners_m, some, hits.take(moving))
+            # a ray that misses the triangle at its own time keeps the hit of the slice's middle
             inside = np.flatnonzero(exact.weights.min(axis=1) > -_BESIDE)
-            ranges_m[hit[mine[inside]]] = exact.ranges_m[inside]
-        draw_ids[hit] = geometry.surface_of_triangle[found.triangles] + 1
+            ranges_m[hit[moving[inside]]] = exact.ranges_m[inside]
+        draw_ids[hit] = geometry.surface_of_triangle[hits.triangles] + 1
         return ranges_m, draw_ids
 
 
@@ -129,7 +129,14 @@ def _follow(
     middle: NDArray[np.float64],
     end: NDArray[np.float64],
 ) -> None:
-    """Move rays as if the object, moving between poses (4, 4), stood still at its middle pose."""
+    """Move rays into the frame of a moving object's middle pose.
+
+    Args:
+        rays: rays of the slice, which are changed.
+        indices: indices of the rays to move.
+        shares: times of these rays, as shares of the slice.
+        start, middle, end: (4, 4) poses of the object during the slice.
+    """
     world_from_object = start + shares[:, None, None] * (end - start)
     moves = middle @ np.linalg.inv(world_from_object)
     origins_m, directions = rays.origins_m[indices], rays.directions[indices]

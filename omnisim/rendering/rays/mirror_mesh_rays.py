@@ -34,9 +34,9 @@ class MirrorMeshRays:
         seen = np.concatenate((offsets, np.ones((*offsets.shape[:-1], 1))), axis=-1)
         seen = seen.reshape(-1, 3) * np.diag(MIRROR_FROM_OPTICAL)
         origins = np.tile(_PINHOLE.astype(np.float32), (len(seen), 1))
-        found = self._mesh.triangles_hit(origins, seen.astype(np.float32))
-        valid = found != NO_TRIANGLE
-        first, second, third = np.moveaxis(self._corners[found], 1, 0)
+        polygons = self._mesh.triangles_hit(origins, seen.astype(np.float32))
+        valid = polygons != NO_TRIANGLE
+        first, second, third = np.moveaxis(self._corners[polygons], 1, 0)
         planes = np.cross(second - first, third - first)
         along = np.einsum("nc,nc->n", planes, seen)
         share = np.einsum("nc,nc->n", planes, first - _PINHOLE) / np.where(valid, along, 1.0)

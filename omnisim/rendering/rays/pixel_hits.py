@@ -67,14 +67,14 @@ class PixelHits:
         self._draws_plus_one = np.concatenate([one.draw_ids for one in hits])
         self._points_m = np.concatenate([one.points_m for one in hits]).astype(np.float64)
         none = np.empty((0, self.has_ray.shape[1], 3), dtype=np.float32)
-        found = dict.fromkeys(details._fields, none)
+        arrays = dict.fromkeys(details._fields, none)
         for name in details.components:
-            found[name] = self._placed([getattr(one, name) for one in hits], 0.0)
+            arrays[name] = self._placed([getattr(one, name) for one in hits], 0.0)
         return Hits(
             self._placed([one.points_and_ranges_m for one in hits], (0.0, 0.0, 0.0, np.inf)),
             self._placed([one.draw_ids for one in hits], 0),
             self._placed([one.triangles for one in hits], 0),
-            **found,
+            **arrays,
         )
 
     def put_points(self, hits: Hits) -> None:

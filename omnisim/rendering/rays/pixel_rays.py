@@ -107,8 +107,10 @@ class PixelRays:
 def _steps(
     directions: NDArray[np.float64], valid: NDArray[np.bool_], axis: int
 ) -> NDArray[np.float64]:
-    """Steps (height, width, 3) to the next direction along an axis, or from the one before; 0
-    where neither is valid."""  # fmt: skip
+    """Steps (height, width, 3) from each direction to its neighbor along an axis.
+
+    The step to the next direction, else from the previous one; 0 without a valid neighbor.
+    """
     ahead = np.roll(directions, -1, axis) - directions
     has_next, has_last = np.roll(valid, -1, axis), np.roll(valid, 1, axis)
     back = np.roll(ahead, 1, axis)

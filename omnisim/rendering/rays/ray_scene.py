@@ -32,7 +32,7 @@ class ObjectState(NamedTuple):
     """Dynamic objects at one time, to one sensor.
 
     Attributes:
-        world_from_objects: (4, 4) each.
+        world_from_objects: (4, 4) each, poses of the objects.
         hidden: instances to ignore.
     """
 
@@ -81,7 +81,7 @@ class RayScene:
         """Linear RGB (n, 3) along rays (n,).
 
         Args:
-            rays: (n,).
+            rays: (n,) rays in the world.
             footprints: (n, 2, 3) changes of direction to the next samples, world, over which
                 textures are filtered; None: rays without width.
             objects: state of the dynamic objects.
@@ -139,7 +139,7 @@ class RayScene:
         """Nearest surfaces along rays (n,), ignoring holes and blended surfaces below half opacity.
 
         Args:
-            rays: (n,).
+            rays: (n,) rays in the world.
             objects: state of the dynamic objects.
             behind: (n,) triangles to ignore.
             footprints: (n, 2, 3) for filtering the textures' holes, see `radiance`.
@@ -154,14 +154,14 @@ class RayScene:
                 rays, objects.world_from_objects, objects.hidden, behind, both_sides
             )
 
-        found = cast(rays, behind)
-        active = np.flatnonzero(found.triangles != NO_TRIANGLE)
+        first = cast(rays, behind)
+        active = np.flatnonzero(first.triangles != NO_TRIANGLE)
         for _ in range(MAX_LAYERS):
-            cutoffs = limits[geometry.surface_of_triangle[found.triangles[active]]]
+            cutoffs = limits[geometry.surface_of_triangle[first.triangles[active]]]
             active = active[cutoffs > 0.0]
             if len(active) == 0:
                 break
-            hits, some = found.take(active), rays.take(active)
+            hits, some = first.take(active), rays.take(active)
             widths = None if footprints is None else footprints[active]
             alphas = shading.base_colors(some, hits, objects.world_from_objects, widths)[:, 3]
             clear = np.flatnonzero(alphas < limits[shading.surfaces(hits)])
@@ -169,9 +169,9 @@ class RayScene:
             some = self.caster.behind(some.take(clear), hits.ranges_m[clear])
             hits = hits.take(clear)
             further = cast(some, hits.triangles)
-            found.put(active, further)
+            first.put(active, further)
             active = active[further.triangles != NO_TRIANGLE]
-        return found
+        return first
 
     def _shadow_caster(self, poses: Poses) -> CastShadow:
         """Caster of shadow rays, which hit either side, and hidden instances too."""

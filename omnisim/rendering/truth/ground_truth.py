@@ -76,9 +76,9 @@ class GroundTruth:
             if flows
             else self._source.batch_hits(current, details)
         )
-        for number, (one, found) in enumerate(zip(current, hits, strict=True)):
-            there = {other: some[number] for other, some in others.items()}
-            yield self._channels_of(found, names, one, there)
+        for number, (one, image_hits) in enumerate(zip(current, hits, strict=True)):
+            other_poses = {other: some[number] for other, some in others.items()}
+            yield self._channels_of(image_hits, names, one, other_poses)
 
     def _channels_of(
         self,
@@ -119,13 +119,13 @@ class GroundTruth:
         ]
         motion = self._flow.begin(hits, current, flows[0][1]) if flows else None
         # the GPU renders the occlusion meanwhile
-        found = {name: np.ascontiguousarray(make[name]()) for name in names if name in make}
+        channels = {name: np.ascontiguousarray(make[name]()) for name in names if name in make}
         for pair, other in flows:
             if motion is None:
                 motion = self._flow.begin(hits, current, other)
-            found |= zip(pair, self._flow.end(hits, motion), strict=True)
+            channels |= zip(pair, self._flow.end(hits, motion), strict=True)
             motion = None
-        return {name: found[name] for name in names}
+        return {name: channels[name] for name in names}
 
     def _scene_flow(
         self,

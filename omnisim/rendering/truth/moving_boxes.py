@@ -70,7 +70,7 @@ class MovingBoxes:
 
     def poses(self, world_from_objects: Sequence[Pose]) -> list[Pose]:
         """Transforms (4, 4) of the boxes at the objects' poses and time; nearly rigid."""
-        found, time_s = list(world_from_objects), time_of(world_from_objects)
+        poses, time_s = list(world_from_objects), time_of(world_from_objects)
         for index, instance, deformation, joint, bind_from_object in self._joints:
             matrix = deformation.matrices_at(time_s)[joint] @ bind_from_object
             shift = np.eye(4)
@@ -79,8 +79,8 @@ class MovingBoxes:
                 change = deformation.weights_at(time_s) - deformation.weights_at(0.0)
                 shift[0, 3] = np.abs(change) @ deformation.targets.longest
             matrix = instance.world_from_mesh @ shift @ matrix
-            found.append(matrix if index is None else world_from_objects[index] @ matrix)
-        return found
+            poses.append(matrix if index is None else world_from_objects[index] @ matrix)
+        return poses
 
 
 def _corners_m(box_m: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -144,7 +144,7 @@ class ParallaxHits(DrawnHits):
             footprints=rays.footprints[some],
         )
         rig_from_optical = self.camera.rig_from_optical
-        found, _ = cast_hits(
+        cast, _ = cast_hits(
             scene,
             band.aim(self._limits, rig_from_optical, poses.world_from_rig),
             band.world_footprints(poses.world_from_rig[:3, :3] @ rig_from_optical),
@@ -152,11 +152,11 @@ class ParallaxHits(DrawnHits):
             ObjectState(poses.world_from_objects, self._cameras.hidden),
             details,
         )
-        hits.points_and_ranges_m[undecided] = found.points_and_ranges_m
-        hits.draw_ids[undecided] = self._draw_of_surface[found.draw_ids]
-        hits.triangles[undecided] = found.triangles
+        hits.points_and_ranges_m[undecided] = cast.points_and_ranges_m
+        hits.draw_ids[undecided] = self._draw_of_surface[cast.draw_ids]
+        hits.triangles[undecided] = cast.triangles
         for name in details.components:
-            getattr(hits, name)[undecided] = getattr(found, name)
+            getattr(hits, name)[undecided] = getattr(cast, name)
 
     def begin_occlusion(
         self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
@@ -183,9 +183,9 @@ class ParallaxHits(DrawnHits):
 
     def occluded(self) -> NDArray[np.bool_]:
         """Mask (height, width) of points that are occluded from the other pose."""
-        found = self._occlusion_pass.read()
-        occluded = found & ~UNKNOWN_OCCLUSION > 0
-        undecided = self.has_ray & (found & UNKNOWN_OCCLUSION > 0)
+        bits = self._occlusion_pass.read()
+        occluded = bits & ~UNKNOWN_OCCLUSION > 0
+        undecided = self.has_ray & (bits & UNKNOWN_OCCLUSION > 0)
         if self._ray_scene is not None and undecided.any():
             occluded[undecided] = self._cast_occlusion(undecided)
         return occluded
@@ -226,8 +226,8 @@ class ParallaxHits(DrawnHits):
         shown = self._buffers.shown()
         numbers = {part: 1 + k for k, part in enumerate(self.draws) if shown[k]}
         surfaces = self._scene().caster.geometry.surfaces
-        found = [numbers.get((one.object_index, one.name), 0) for one in surfaces]
-        return np.array([0, *found], dtype=np.uint32)
+        draws = [numbers.get((one.object_index, one.name), 0) for one in surfaces]
+        return np.array([0, *draws], dtype=np.uint32)
 
     def _viewpoint_pose(self, poses: ScenePoses) -> NDArray[np.float64]:
         """Pose (4, 4) of the virtual cameras."""

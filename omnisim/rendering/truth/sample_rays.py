@@ -37,25 +37,27 @@ def sample_rays(
     inner = slice(MARGIN_PX, -MARGIN_PX), slice(MARGIN_PX, -MARGIN_PX)
     smooth, near = _all_around(valid, _SMOOTH_PX)[inner], ~_all_around(~valid, 1)[inner]
     beside = _all_around(valid, 1)[inner]  # pixels with all neighbors valid: interpolation possible
-    found = ParallaxRays.interpolated(supersampling, directions, origins_m, smooth)
+    rays = ParallaxRays.interpolated(supersampling, directions, origins_m, smooth)
     rim = np.argwhere(near if polygons is not None else near & ~smooth)
     offsets = (pixel_grid(supersampling, supersampling).reshape(-1, 2) + 0.5) / supersampling - 0.5
     own = trace(rim[:, None, ::-1] + offsets)
-    bent = ~beside[tuple(rim.T)] | ~own[2].all(axis=1) | _bent(found, rim, own[0])
-    found.smooth[tuple(rim.T)] = ~bent
+    bent = ~beside[tuple(rim.T)] | ~own[2].all(axis=1) | _bent(rays, rim, own[0])
+    rays.smooth[tuple(rim.T)] = ~bent
     kept = bent & own[2].any(axis=1)
     rim = rim[kept]
-    found.rim_numbers[tuple(rim.T)] = np.arange(len(rim))
+    rays.rim_numbers[tuple(rim.T)] = np.arange(len(rim))
     return replace(
-        found, rim_directions=own[0][kept], rim_origins_m=own[1][kept], rim_valid=own[2][kept]
+        rays, rim_directions=own[0][kept], rim_origins_m=own[1][kept], rim_valid=own[2][kept]
     )
 
 
 def _bent(
     rays: ParallaxRays, pixels: NDArray[np.intp], own: NDArray[np.float32]
 ) -> NDArray[np.bool_]:
-    """Mask of pixels (n, 2), row and column, whose samples' directions (n, samples, 3) differ from
-    those interpolated between neighboring pixels."""  # fmt: skip
+    """Mask of pixels (n, 2), row and column, whose sample directions cannot be interpolated.
+
+    The directions (n, samples, 3) differ from those interpolated between neighboring pixels.
+    """
     count = rays.supersampling**2
     rows, columns = np.repeat(pixels, count, axis=0).T
     between = rays.of(rows, columns, np.tile(np.arange(count), len(pixels)))

@@ -33,8 +33,7 @@ def moved_from_current(current: ScenePoses, other: ScenePoses) -> NDArray[np.flo
 
 
 def other_from_current(current: ScenePoses, other: ScenePoses) -> NDArray[np.float64]:
-    """Transforms (objects, 3, 4) of points on each object, from the current viewpoint frame to
-    that of another time."""  # fmt: skip
+    """Transforms (objects, 3, 4) of each object's points to the viewpoint frame of another time."""
     transforms = moved_from_current(current, other)
     transforms[:, :3, 3] += current.world_from_rig[:3, 3] - other.world_from_rig[:3, 3]
     return transforms

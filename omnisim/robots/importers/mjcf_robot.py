@@ -28,7 +28,7 @@ _OBJECTS = mujoco.mjtObj
 
 
 def import_mjcf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRobot:
-    """Import the robot of a model, which must be the only top-level body.
+    """Import the robot of a model: its only top-level body.
 
     Args:
         path: model file.
@@ -137,7 +137,7 @@ def _cameras(
     model: mujoco.MjModel, data: mujoco.MjData, notices: list[str]
 ) -> Iterator[ImportedSensor]:
     """Cameras with lenses of their own; cameras fixed to the world are skipped."""
-    taken: set[str] = set()
+    used_names: set[str] = set()
     for number in range(model.ncam):
         name = _name(model, _OBJECTS.mjOBJ_CAMERA, number)
         if not name or model.cam_bodyid[number] == 0:
@@ -148,7 +148,7 @@ def _cameras(
             notices.append(f"left out: {reason}")
             continue
         pose = Mount("camera", number).pose(data)
-        unique = unique_name(folder_name(name), taken)
+        unique = unique_name(folder_name(name), used_names)
         yield ImportedSensor.at(unique, "omnicamera", pose, {}, camera)
 
 

@@ -88,7 +88,7 @@ def _wheels(robot: XmlElement, poses: Poses, body: Scene | None) -> Iterator[Whe
 
 
 def _ends_at(robot: XmlElement, link: str) -> Iterator[bool]:
-    """Yields True for each joint whose child is the given link."""
+    """Yield True for each joint whose child is the given link."""
     return (True for joint in robot.children("joint") if _link(joint, "child") == link)
 
 
@@ -141,13 +141,13 @@ def _sensors(
 ) -> Iterator[ImportedSensor]:
     """Sensors of the `<gazebo>` elements, placed on their links; notices count the others."""
     others: Counter[str] = Counter()
-    taken: set[str] = set()
+    used_names: set[str] = set()
     for extension in XmlElement(root, "robot", path).children("gazebo"):
         link = extension.attribute("reference")
         for sensor in extension.children("sensor") if link in poses else ():
             read = list(read_sensors(sensor, poses[link] @ sensor.pose()))
             for one in read:
-                yield one._replace(name=unique_name(folder_name(one.name), taken))
+                yield one._replace(name=unique_name(folder_name(one.name), used_names))
             if not read:
                 others[sensor.attribute("type") or "sensor"] += 1
     notices += [f"{kind}: left out ({counted(n, 'sensor')})" for kind, n in others.items()]

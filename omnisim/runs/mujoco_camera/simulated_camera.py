@@ -15,7 +15,7 @@ from omnisim.core.world import WorldState
 from omnisim.ground_truth import Labels
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.camera.omnicamera import CameraLike, OmniCamera
-from omnisim.rendering.shared_scene import BackendName, Closing
+from omnisim.rendering.shared_scene import BackendName, Closeable
 from omnisim.rendering.stage import Stage
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ VISIBLE_GROUPS = (0, 1, 2)  # shown by MuJoCo's own renderer
 NO_GEOM = -1
 
 
-class Camera(Closing):
+class Camera(Closeable):
     """Any camera of omnisim in a MuJoCo simulation.
 
     The model's geometry, materials and lights are loaded once; each frame uses the current poses
@@ -138,7 +138,7 @@ class Camera(Closing):
         """
         if state is None:
             state = self.state()
-            self._bend()
+            self._deform()
         return self._renderer.render(
             state,
             linear,
@@ -168,12 +168,12 @@ class Camera(Closing):
         geoms: NDArray[np.int32] = self._geoms[frame.channels["instance"]]
         return geoms
 
-    def _bend(self) -> None:
+    def _deform(self) -> None:
         """Update the shapes of skins and flexible bodies."""
         if self._model.nskin or self._model.nflex:
-            from omnisim.scene.formats.mjcf.moving_model import bent
+            from omnisim.scene.formats.mjcf.moving_model import deformed
 
-            self._stage.scene = bent(self._stage.scene, self._model, self._data, self._groups)
+            self._stage.scene = deformed(self._stage.scene, self._model, self._data, self._groups)
 
     def close(self) -> None:
         """Free the GPU memory; a second call does nothing."""

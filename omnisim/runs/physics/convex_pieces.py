@@ -66,8 +66,8 @@ class Region:
     def meets(self, corners_m: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Mask (n,) of the corner sets (n, k, 3) whose bounds meet the region."""
         low, high = corners_m.min(axis=1), corners_m.max(axis=1)
-        met: NDArray[np.bool_] = np.all((low <= self.high_m) & (high >= self.low_m), axis=1)
-        return met
+        overlapping: NDArray[np.bool_] = np.all((low <= self.high_m) & (high >= self.low_m), axis=1)
+        return overlapping
 
 
 def convex_pieces(scene: Scene, region: Region) -> list[ConvexPiece]:
@@ -86,8 +86,8 @@ def convex_pieces(scene: Scene, region: Region) -> list[ConvexPiece]:
             continue
         two_sided = scene.materials[mesh.material].double_sided
         for part in connected_parts(triangles, len(vertices)):
-            found = _pieces_of(vertices, part, two_sided, region)
-            shapes = (Shape.of(points) for points in found)
+            vertex_sets = _pieces_of(vertices, part, two_sided, region)
+            shapes = (Shape.of(points) for points in vertex_sets)
             pieces += [ConvexPiece(instance.name, shape) for shape in shapes if shape is not None]
     return pieces
 
@@ -105,7 +105,7 @@ def hull_of(scene: Scene) -> Shape | None:
 def _welded(
     positions_m: NDArray[np.float64], triangles: Triangles
 ) -> tuple[NDArray[np.float64], Triangles]:
-    """Merged vertices, and the triangles between them without slivers."""
+    """Merged vertices (n, 3), and the triangles (m, 3) between them, without slivers."""
     cells = np.round(positions_m / WELDED_M).astype(np.int64)
     _, first, number = np.unique(cells, axis=0, return_index=True, return_inverse=True)
     vertices, triangles = positions_m[first], number.reshape(-1)[triangles]
@@ -121,7 +121,7 @@ def _pieces_of(
     two_sided: bool,
     region: Region,
 ) -> list[NDArray[np.float64]]:
-    """Vertices of the pieces of a connected part."""
+    """Vertices (n, 3) of each piece of a connected part."""
     points = vertices_m[np.unique(part)]
     if not region.meets(points[None])[0]:
         return []
@@ -162,7 +162,12 @@ def _inside(hull: scipy.spatial.ConvexHull, points_m: NDArray[np.float64]) -> ND
 
 
 def _slab(corners_m: NDArray[np.float64], two_sided: bool) -> NDArray[np.float64]:
-    """Vertices of a facet's (n, 3, 3) slab: behind it, below a floor, or about a two-sided wall."""
+    """Vertices (k, 3) of a facet's slab: behind it, below a floor, or about a two-sided wall.
+
+    Args:
+        corners_m: (n, 3, 3) corners of the facet's triangles.
+        two_sided: True if the facet is visible from both sides.
+    """
     normal = area_vectors(corners_m).sum(axis=0)
     normal /= np.linalg.norm(normal)
     points = corners_m.reshape(-1, 3)

@@ -78,7 +78,7 @@ def _is_convex(vertices_m: NDArray[np.float64], region: Triangles) -> bool:
 
 
 def _neighbors(triangles: Triangles) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Pairs of triangles that share an edge, ordered by edge."""
+    """Pairs of triangles that share an edge: two index arrays (pairs,), ordered by edge."""
     edges = np.sort(triangles[:, ((0, 1), (1, 2), (2, 0))].reshape(-1, 2), axis=1)
     order = np.lexsort((edges[:, 1], edges[:, 0]))
     same = np.flatnonzero(np.all(edges[order[1:]] == edges[order[:-1]], axis=1))

@@ -21,7 +21,7 @@ WHEEL_PER_CLEARANCE = 4.0
 # Assumptions about all robots.
 WHEEL_WIDTH = 0.4  # share of the diameter
 WHEEL_MASS = 0.03  # share of the robot's mass
-CASTOR, CASTOR_LOAD = 0.35, 0.4  # share of the length behind the axle; share of the weight on it
+CASTER, CASTER_LOAD = 0.35, 0.4  # share of the length behind the axle; share of the weight on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class Rover:
         friction: friction coefficient of the tires.
         wheels_m: (n, 3) centers of the driven wheels in the base frame: left ones, then right ones.
         wheel_radius_m: radius of the driven wheels.
-        castor_m: (3,) center of the castor, whose radius is its height; None: no castor.
+        caster_m: (3,) center of the caster, whose radius is its height; None: no caster.
         parts_m: (n, 2, 3) corners of the body's boxes.
     """
 
@@ -49,7 +49,7 @@ class Rover:
     friction: float
     wheels_m: NDArray[np.float64]
     wheel_radius_m: float
-    castor_m: NDArray[np.float64] | None
+    caster_m: NDArray[np.float64] | None
     parts_m: NDArray[np.float64]
 
     def __repr__(self) -> str:
@@ -73,11 +73,11 @@ class Rover:
         center = np.array((*middle[:2], chassis.center_height_m or CENTER_HEIGHT * height_m))
         half_track_m = 0.5 * (chassis.track_m or TRACK * width_m)
         if kinematics.drive == "skid_steer":
-            half_base_m, castor = 0.5 * (chassis.wheelbase_m or WHEELBASE * length_m), None
+            half_base_m, caster = 0.5 * (chassis.wheelbase_m or WHEELBASE * length_m), None
         else:
-            half_base_m, behind_m = 0.0, CASTOR * length_m
-            castor = np.array((-behind_m, 0.0, min(radius_m, CASTOR * length_m)))
-            center[0] = -CASTOR_LOAD * behind_m
+            half_base_m, behind_m = 0.0, CASTER * length_m
+            caster = np.array((-behind_m, 0.0, min(radius_m, CASTER * length_m)))
+            center[0] = -CASTER_LOAD * behind_m
         axles = (half_base_m, -half_base_m) if half_base_m > 0.0 else (0.0,)
         wheels = [(x, y, radius_m) for y in (half_track_m, -half_track_m) for x in axles]
         return cls(
@@ -89,7 +89,7 @@ class Rover:
             chassis.friction,
             np.array(wheels),
             radius_m,
-            castor,
+            caster,
             boxes.parts_m,
         )
 

@@ -48,11 +48,11 @@ class SimulatedMotion:
 
     Attributes:
         base: poses of the robot's base.
-        wheels_m: (n, 2) distances rolled by the left and the right tires at the base's times, from
-            0.
+        wheels_m: (n, 2) distances that the left and the right tires have rolled by the base's
+            times.
         effective_track_m: track that converts differences of the wheels' distances into turns.
         objects: poses of the free objects, by name, at the same times.
-        touched_s: contact times by the touched object's name, ordered by first contact.
+        contact_times_s: contact times by the touched object's name, ordered by first contact.
         engine: name and version of the physics engine.
         step_s: time step of the engine.
     """
@@ -61,7 +61,7 @@ class SimulatedMotion:
     wheels_m: NDArray[np.float64]
     effective_track_m: float
     objects: Mapping[str, Trajectory]
-    touched_s: Mapping[str, NDArray[np.float64]]
+    contact_times_s: Mapping[str, NDArray[np.float64]]
     engine: str
     step_s: float
 
@@ -88,13 +88,13 @@ class SimulatedMotion:
 
     def contacts_at(self, truth: Trajectory) -> tuple[Contact, ...]:
         """Contacts by object, at the steps of a trajectory, in the order in which they begin."""
-        found = []
-        for name, touched_s in self.touched_s.items():
-            steps = np.searchsorted(truth.times_s, touched_s, side="right") - 1
-            first_s = float(touched_s[0])
+        contacts = []
+        for name, contact_times_s in self.contact_times_s.items():
+            steps = np.searchsorted(truth.times_s, contact_times_s, side="right") - 1
+            first_s = float(contact_times_s[0])
             x, y = self.base.pose_at(first_s)[:2, 3].tolist()
-            found.append(Contact(name, int(steps[0]), first_s, (x, y), len(np.unique(steps))))
-        return tuple(found)
+            contacts.append(Contact(name, int(steps[0]), first_s, (x, y), len(np.unique(steps))))
+        return tuple(contacts)
 
     @property
     def slip(self) -> Slip:

@@ -65,7 +65,7 @@ class SimulatedWorld:
         self._owners = [model.owners[name] for name in names]
         robots = {name: number for number, name in enumerate(rovers)}
         self._robots = np.array([robots.get(model.robots.get(name, ""), -1) for name in names])
-        self._is_round = np.array([name in model.rounds for name in names])
+        self._is_round = np.array([name in model.wheel_geoms for name in names])
 
     def _address(self, joint: str) -> int:
         return int(self._model.joint(joint).qposadr[0])
@@ -73,8 +73,8 @@ class SimulatedWorld:
     @property
     def bodies(self) -> NDArray[np.float64]:
         """Positions and quaternions wxyz (n, 7) of the robots' bases and of the free objects."""
-        found: NDArray[np.float64] = self._data.qpos[self._bodies]
-        return found
+        bodies: NDArray[np.float64] = self._data.qpos[self._bodies]
+        return bodies
 
     @property
     def wheels_rad(self) -> NDArray[np.float64]:
@@ -114,19 +114,19 @@ class SimulatedWorld:
         effective track of a rotation on the spot then follows from the torque balance, at any
         speed.
         """
-        wanted, contact = self._data.efc_aref, self._data.contact
-        if len(wanted) == 3 * len(contact):  # usually each contact has three rows
-            along, across = wanted[1::3], wanted[2::3]
+        demanded, contact = self._data.efc_aref, self._data.contact
+        if len(demanded) == 3 * len(contact):  # usually each contact has three rows
+            along, across = demanded[1::3], demanded[2::3]
             share = SLIDING_MPS2 / np.maximum(np.hypot(along, across), SLIDING_MPS2)
             along *= share
             across *= share
             return
         rows = contact.efc_address[(contact.dim > 1) & (contact.efc_address >= 0)]
         share = SLIDING_MPS2 / np.maximum(
-            np.hypot(wanted[rows + 1], wanted[rows + 2]), SLIDING_MPS2
+            np.hypot(demanded[rows + 1], demanded[rows + 2]), SLIDING_MPS2
         )
-        wanted[rows + 1] *= share
-        wanted[rows + 2] *= share
+        demanded[rows + 1] *= share
+        demanded[rows + 2] *= share
 
     def touched(self) -> list[set[str]]:
         """Names of the objects touched by each robot's body, or by its wheels from the side."""
@@ -135,10 +135,10 @@ class SimulatedWorld:
         robots = self._robots[geoms]
         aslant = np.abs(contact.frame[:, 2]) < SIDE_COSINE
         hits = (robots >= 0) & (~self._is_round[geoms] | aslant[:, None])
-        found: list[set[str]] = [set() for _ in self._wheels]
+        touched: list[set[str]] = [set() for _ in self._wheels]
         for row, side in np.argwhere(hits & (robots != robots[:, ::-1])).tolist():
-            found[int(robots[row, side])].add(self._owners[int(geoms[row, 1 - side])])
-        return found
+            touched[int(robots[row, side])].add(self._owners[int(geoms[row, 1 - side])])
+        return touched
 
     @property
     def has_diverged(self) -> bool:

@@ -42,8 +42,8 @@ def simulate(scene: Scene, drivers: Mapping[str, Driver]) -> dict[str, Simulated
         Motion of each robot, from the first start to the last end.
 
     Raises:
-        TrajectoryError: a robot cannot follow its path, or tips over; a path is too long, or the
-            scene that is too large.
+        TrajectoryError: a robot cannot follow its path or tips over, a path is too long, or the
+            scene is too large.
     """
     start_s = min(one.motion.start_s for one in drivers.values())
     for one in drivers.values():
@@ -82,7 +82,7 @@ def _drive(
     for k, time_s in enumerate(times_s.tolist()):
         bodies[k], wheels[k] = world.bodies, world.wheels_rad
         for robot, names in zip(robots, world.touched(), strict=True):
-            robot.touch(names, time_s)
+            robot.record_contacts(names, time_s)
         if k % PERIODS_PER_COMMAND == 0:
             for robot, base in zip(robots, bodies[k], strict=False):
                 robot.check(world, base, k, time_s)
@@ -100,7 +100,9 @@ def _drive(
             wheels_m=robot.rover.wheel_radius_m * (wheels[:, k] - wheels[0, k]),
             effective_track_m=robot.rover.effective_track_m,
             objects=objects,
-            touched_s={name: np.array(times) for name, times in robot.touched_s.items()},
+            contact_times_s={
+                name: np.array(times) for name, times in robot.contact_times_s.items()
+            },
             engine=f"mujoco {mujoco.__version__}",
             step_s=STEP_S,
         )
@@ -115,23 +117,33 @@ class _Robot:
         name: name in the world.
         rover: robot on wheels.
         follower: controller that follows the trajectory.
-        touched_s: contact times by the touched object's name.
+        contact_times_s: contact times by the touched object's name.
     """
 
     def __init__(self, name: str, driver: Driver, times_s: NDArray[np.float64]):
         self.name, self.rover, self._driver = name, driver.rover, driver
         self.follower = PathFollower(driver.motion, driver.rover, times_s)
-        self.touched_s: dict[str, list[float]] = {}
+        self.contact_times_s: dict[str, list[float]] = {}
 
-    def touch(self, names: set[str], time_s: float) -> None:
+    def record_contacts(self, names: set[str], time_s: float) -> None:
         """Record contacts."""
         for name in sorted(names):
-            self.touched_s.setdefault(name, []).append(time_s)
+            self.contact_times_s.setdefault(name, []).append(time_s)
 
     def check(
         self, world: SimulatedWorld, base: NDArray[np.float64], command: int, time_s: float
     ) -> None:
-        """Reject an invalid state, and a robot that has tipped over or left its path."""
+        """Reject an invalid state, and a robot that has tipped over or left its path.
+
+        Args:
+            world: simulated world.
+            base: (7,) position and quaternion wxyz of the robot's base.
+            command: index of the current command.
+            time_s: time of the state.
+
+        Raises:
+            TrajectoryError: the simulation diverges, or the robot has tipped over or left its path.
+        """
         if self._driver.ignores_limits:
             return
         x, y, _, _, i, j, _ = base.tolist()
@@ -141,7 +153,7 @@ class _Robot:
                 f"{at}: MuJoCo diverges: expected lighter or slower things to collide"
             )
         recent_s = time_s - 2.0 * PERIOD_S
-        touching = [name for name, times in self.touched_s.items() if times[-1] > recent_s]
+        touching = [name for name, times in self.contact_times_s.items() if times[-1] > recent_s]
         against = f" against {', '.join(touching)}" if touching else ""
         hint = "--ignore-limits drives on all the same"
         if 1.0 - 2.0 * (i * i + j * j) < TIPPED_COSINE:

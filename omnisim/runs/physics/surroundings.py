@@ -61,7 +61,7 @@ def static_pieces(
 
 
 def _bounds(driver: Driver) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Corners of the box within a robot's reach."""
+    """Corners (3,) of the box within a robot's reach, lowest first."""
     size_m, places = driver.rover.size_m, driver.planned.positions_m
     reach_m = PATH_REACH_M + 0.5 * float(np.hypot(*size_m[:2]))
     top_m = float(size_m[2]) + HEADROOM_M

@@ -19,7 +19,7 @@ from omnisim.sensors.imu.imu import STANDARD_GRAVITY_MPS2
 
 STEP_S = 1e-3
 # Names of a robot, then of its parts.
-ROBOT, PART, WHEEL, CASTOR = "robot {}", "robot {} part {}", "robot {} wheel {}", "robot {} castor"
+ROBOT, PART, WHEEL, CASTER = "robot {}", "robot {} part {}", "robot {} wheel {}", "robot {} caster"
 MAX_HULL = 64  # maximum number of a hull's vertices
 # Contacts yield by less than 0.2 mm under a robot's weight, and do not bounce.
 CONTACT_S, IMPEDANCE = 0.005, 0.3
@@ -27,8 +27,8 @@ FRICTION_IMPEDANCE = 100.0  # ratio of friction's impedance to that of contacts:
 SERVO_RADPS = 100.0  # natural frequency of the wheels' servos, which are critically damped
 FRICTION = (0.5, 5e-3, 1e-4)  # everything but tires: sliding; torsional and rolling, in meters
 ROLLING_RESISTANCE = 0.02  # for balls
-CASTOR_FRICTION = 1e-3
-TIRE_PRIORITY, CASTOR_PRIORITY = 1, 2  # the higher one's friction applies
+CASTER_FRICTION = 1e-3
+TIRE_PRIORITY, CASTER_PRIORITY = 1, 2  # the higher one's friction applies
 
 GEOMS = {
     "ball": mujoco.mjtGeom.mjGEOM_SPHERE,
@@ -60,13 +60,13 @@ class WorldModel:
         spec: specification to compile.
         owners: names of the instances, objects and robots, by the names of their geoms.
         robots: names of the robots, by the names of their geoms.
-        rounds: names of the wheels' and castors' geoms.
+        wheel_geoms: names of the wheels' and casters' geoms.
     """
 
     spec: mujoco.MjSpec = field(default_factory=mujoco.MjSpec)
     owners: dict[str, str] = field(default_factory=dict)
     robots: dict[str, str] = field(default_factory=dict)
-    rounds: set[str] = field(default_factory=set)
+    wheel_geoms: set[str] = field(default_factory=set)
 
     def __repr__(self) -> str:
         return short_repr(self, counted(len(self.owners), "piece"))
@@ -160,16 +160,16 @@ class WorldModel:
                 pos=0.5 * (low + high),
                 size=np.maximum(0.5 * (high - low), 1e-4),
             )
-        if rover.castor_m is not None:
-            castor = CASTOR.format(owner)
-            self._own(castor, owner, is_round=True)
+        if rover.caster_m is not None:
+            caster = CASTER.format(owner)
+            self._own(caster, owner, is_round=True)
             base.add_geom(
-                name=castor,
+                name=caster,
                 type=mujoco.mjtGeom.mjGEOM_SPHERE,
-                pos=rover.castor_m,
-                size=np.full(3, rover.castor_m[2]),
-                friction=(CASTOR_FRICTION, *FRICTION[1:]),
-                priority=CASTOR_PRIORITY,
+                pos=rover.caster_m,
+                size=np.full(3, rover.caster_m[2]),
+                friction=(CASTER_FRICTION, *FRICTION[1:]),
+                priority=CASTER_PRIORITY,
             )
         for number, middle_m in enumerate(rover.wheels_m):
             wheel = WHEEL.format(owner, number)
@@ -179,7 +179,7 @@ class WorldModel:
     def _own(self, geom: str, robot: str, is_round: bool = False) -> None:
         self.owners[geom] = self.robots[geom] = robot
         if is_round:
-            self.rounds.add(geom)
+            self.wheel_geoms.add(geom)
 
     def _add_wheel(
         self,

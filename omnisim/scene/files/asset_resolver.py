@@ -24,13 +24,13 @@ class AssetResolver(Mapping[str, bytes]):
         faults: reasons for the files that were requested but cannot be read, by name.
     """
 
-    def __init__(self, scene_file: Path, also: Sequence[Path] = ()):
-        """Resolve names in the scene file's folder, then in the folders of `also`."""
+    def __init__(self, scene_file: Path, further_folders: Sequence[Path] = ()):
+        """Resolve names in the scene file's folder, then in further folders."""
         self.file_name = scene_file.name
         self.given: dict[str, bytes] = {}
         self.read: set[str] = set()
         self.faults: dict[str, str] = {}
-        self._folders = (scene_file.parent, *also)
+        self._folders = (scene_file.parent, *further_folders)
 
     def __contains__(self, name: object) -> bool:
         try:

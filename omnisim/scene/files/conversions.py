@@ -17,7 +17,7 @@ class Conversion:
     Attributes:
         suffixes: suffixes of the format's files, lower case.
         format: format name.
-        advice: how to convert, as a sentence.
+        advice: sentence that explains the conversion.
         command: shell command with `{source}` and `{target}` for the two files; empty: no command.
         target_suffix: suffix of the file that the command writes.
     """

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import inverse
-from omnisim.scene.files.imported import ImportedObject
+from omnisim.scene.files.imported_scene import ImportedObject
 from omnisim.scene.model import DynamicObject, Instance, Landmark, NamedStart, Scene, ScenePath
 
 Named = Sequence[NamedStart | ScenePath | Landmark | DynamicObject]
@@ -50,13 +50,13 @@ def with_objects(scene: Scene, objects: tuple[DynamicObject, ...], source: str) 
     return dataclasses.replace(scene, objects=(*scene.objects, *objects))
 
 
-def apart(scene: Scene, objects: Sequence[ImportedObject]) -> Scene:
+def with_moving_instances(scene: Scene, objects: Sequence[ImportedObject]) -> Scene:
     """Scene in which a file's moving instances become dynamic objects."""
     if not objects:
         return scene
     moving = {number for one in objects for number in one.instances}
-    still = [number for number in range(len(scene.instances)) if number not in moving]
-    made = tuple(
+    static_numbers = [number for number in range(len(scene.instances)) if number not in moving]
+    new_objects = tuple(
         DynamicObject(
             one.name,
             dataclasses.replace(
@@ -68,7 +68,7 @@ def apart(scene: Scene, objects: Sequence[ImportedObject]) -> Scene:
         )
         for one in objects
     )  # fmt: skip
-    return dataclasses.replace(_part(scene, still, np.eye(4)), objects=made)
+    return dataclasses.replace(_part(scene, static_numbers, np.eye(4)), objects=new_objects)
 
 
 def _part(scene: Scene, numbers: Sequence[int], part_from_world: NDArray[np.float64]) -> Scene:

@@ -29,7 +29,7 @@ class FileAxes(NamedTuple):
     meters_per_unit: float | None = None
 
 
-def overruled(settings: SceneFile, axes: FileAxes) -> FileAxes:
+def axes_overrides(settings: SceneFile, axes: FileAxes) -> FileAxes:
     """Overrides for a file, from `axes` or else from `settings`."""
     unit = settings.meters_per_unit if axes.meters_per_unit is None else axes.meters_per_unit
     return FileAxes(axes.up_axis or settings.up_axis, unit)

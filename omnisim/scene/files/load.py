@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import NoticeWarning, SceneError, printable
 from omnisim.core.files.sources import recorded_sources, source_digest
-from omnisim.scene.files.extension import apart, extend, with_objects
-from omnisim.scene.files.file_axes import FileAxes, overruled
-from omnisim.scene.files.given import Given
-from omnisim.scene.files.imported import ImportedScene, place
+from omnisim.scene.files.extension import extend, with_moving_instances, with_objects
+from omnisim.scene.files.file_axes import FileAxes, axes_overrides
+from omnisim.scene.files.imported_scene import ImportedScene, place
 from omnisim.scene.files.readers import check_format, read_file
 from omnisim.scene.files.scene_file import SceneFile
 from omnisim.scene.files.source import NO_SKY, SceneSource, resolve_source, shining_sun, sky_table
+from omnisim.scene.files.source_digests import SourceDigests
 from omnisim.scene.formats.gltf.animations import NO_ANIMATION, AnimationChoice
 from omnisim.scene.labels import label_rules
 from omnisim.scene.light.light_tables import SkyTable
-from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, around, expose
+from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, expose, with_environment
 from omnisim.scene.light.lit_scene import lit_scene
 from omnisim.scene.model import (
     MAX_LIGHTS,
@@ -109,7 +109,7 @@ def read_scene(
         scene = _load_source(source, options, ())
     assert scene.given is not None
     content = source_digest(sources.digest(_folder(source)), options)
-    scene = scene.identified(Given(content, scene.given.light))
+    scene = scene.identified(SourceDigests(content, scene.given.light))
     if baked is None or str(baked) == NO_BAKED_LIGHT:
         return scene
     return _with_baked_light(scene, Path(baked))
@@ -153,7 +153,7 @@ def _load_source(
     except OSError as reason:  # a name too long, or a folder without permission
         raise SceneError(f"{source}: cannot be read: {reason.strerror}") from None
     if not options.keeps_sky:
-        files = _under_option(files, None if outer else options.sky)
+        files = _with_sky_option(files, None if outer else options.sky)
     folder = Path() if options.sky is not None or files.toml is None else files.toml.parent
     if files.toml is None:
         return _lit(_load_mesh_file(source, files, options), files, folder)
@@ -184,13 +184,13 @@ def _load_source(
     return _with_baked_light(scene, files.toml.parent / files.settings.light.baked)
 
 
-def _under_option(files: SceneSource, sky: SkyTable | None) -> SceneSource:
+def _with_sky_option(files: SceneSource, sky: SkyTable | None) -> SceneSource:
     """Source with another sky, which also replaces the skies of its base scenes.
 
     A clear sky keeps the sun of the TOML files.
     """
     is_clear = sky is not None and sky.file is None
-    return files.under(sky, shining_sun(files) if is_clear else None)
+    return files.with_sky(sky, shining_sun(files) if is_clear else None)
 
 
 def _with_baked_light(scene: Scene, folder: Path) -> Scene:
@@ -200,7 +200,9 @@ def _with_baked_light(scene: Scene, folder: Path) -> Scene:
     assert given is not None
     with recorded_sources() as sources:
         lit = with_baked_light(scene, folder)
-    return lit.identified(Given(source_digest(given.content, sources.digest(folder)), given.light))
+    return lit.identified(
+        SourceDigests(source_digest(given.content, sources.digest(folder)), given.light)
+    )
 
 
 def _lit(scene: Scene, files: SceneSource, folder: Path) -> Scene:
@@ -208,12 +210,12 @@ def _lit(scene: Scene, files: SceneSource, folder: Path) -> Scene:
     given = scene.given
     assert given is not None
     with recorded_sources() as sources:
-        lit = _under_sky(lit_scene(scene, files.settings), files, folder)
+        lit = _with_sky(lit_scene(scene, files.settings), files, folder)
     keys = _light_keys(files.settings)
     if not keys:
         return lit.identified(given)
     light = source_digest(given.light, keys, sources.digest(folder))
-    return lit.identified(Given(light, light))
+    return lit.identified(SourceDigests(light, light))
 
 
 def _light_keys(settings: SceneFile) -> dict[str, Any]:
@@ -229,13 +231,13 @@ def _light_keys(settings: SceneFile) -> dict[str, Any]:
     return {key: value for key, value in keys.items() if value or key == "sky"}
 
 
-def _under_sky(scene: Scene, files: SceneSource, folder: Path) -> Scene:
+def _with_sky(scene: Scene, files: SceneSource, folder: Path) -> Scene:
     """Scene under the sky of its settings, if there is one; `folder` resolves the map's path."""
     if files.settings.sky is None:
         return scene
-    from omnisim.scene.light.sky import under_sky  # reads images, slow to import
+    from omnisim.scene.light.sky import with_sky  # reads images, slow to import
 
-    return under_sky(scene, files.settings, str(files.toml or files.mesh_file), folder)
+    return with_sky(scene, files.settings, str(files.toml or files.mesh_file), folder)
 
 
 def _load_extended(
@@ -287,7 +289,7 @@ def _load_mesh_file(
         if path.stat().st_size == 0:
             raise SceneError(f"{path}: is an empty file")
         try:
-            axes, animation = overruled(settings, options.axes), settings.animation
+            axes, animation = axes_overrides(settings, options.axes), settings.animation
             if options.animation is not None:
                 animation = options.animation
             choice = AnimationChoice(animation, moves_objects=not options.is_shape)
@@ -296,7 +298,9 @@ def _load_mesh_file(
             scene = _scene(str(source), path, read, matrix, settings, options.is_shape)
             moving = choice.name or True if read.objects else None
             given = source_digest(sources.digest(path.parent), axes, moving)
-            return apart(scene, read.objects).identified(Given(given, given))
+            return with_moving_instances(scene, read.objects).identified(
+                SourceDigests(given, given)
+            )
         except SceneError as reason:
             raise SceneError(f"{path}: {reason}") from None
     except OSError as reason:  # no permission, or a name too long
@@ -326,7 +330,7 @@ def _scene(
     lighting = read.lighting or expose(read.lights, read.meshes, instances, read.dome)
     background = read.background or (lighting.ambient if read.dome else DEFAULT_BACKGROUND)
     if read.environment is not None:
-        lighting = around(lighting, read.environment)
+        lighting = with_environment(lighting, read.environment)
     return Scene(
         name=name,
         meshes=read.meshes,

@@ -41,7 +41,7 @@ class SceneSource(NamedTuple):
         beside = self.toml.parent / self.settings.extends
         return beside if beside.exists() else self.settings.extends
 
-    def under(self, sky: SkyTable | None, sun: SunTable | None) -> SceneSource:
+    def with_sky(self, sky: SkyTable | None, sun: SunTable | None) -> SceneSource:
         """Source with its sky and sun replaced or removed."""
         return self._replace(settings=self.settings.model_copy(update={"sky": sky, "sun": sun}))
 

@@ -235,17 +235,17 @@ def _array(
     shape: tuple[int | None, ...],
     path: Path,
 ) -> NDArray[Any]:
-    """Checked array of an archive, by its NumPy kinds and shape; None in the shape: any length."""
+    """Array of an archive, after a check of kind and shape; None in `shape` allows any length."""
     if name not in stored:
         raise SceneError(f"{path}: {name}: missing: {_EXPECTED}")
     array = stored[name]
     fits = array.ndim == len(shape) and all(
-        wanted in (None, got) for wanted, got in zip(shape, array.shape, strict=True)
+        expected in (None, got) for expected, got in zip(shape, array.shape, strict=True)
     )
     if array.dtype.kind not in kinds or not fits:
-        wanted = " × ".join("n" if one is None else str(one) for one in shape)
+        expected = " × ".join("n" if one is None else str(one) for one in shape)
         raise SceneError(
-            f"{path}: {name}: expected {wanted} {_KINDS[kinds]}, "
+            f"{path}: {name}: expected {expected} {_KINDS[kinds]}, "
             f"got {array.dtype} of shape {array.shape}"
         )
     return array

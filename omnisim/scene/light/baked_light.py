@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.short_repr import short_repr
-from omnisim.scene.light.environment import shares_of_normals
+from omnisim.scene.light.environment import spherical_harmonics
 
 MAX_HALF = 65504.0  # largest half float
 # Weight of a probe inside a wall, which takes its neighbors' light: small next to a valid probe.
@@ -31,7 +31,7 @@ class Probes:
         origin_m: (3,) position of the first probe, world frame.
         spacing_m: (3,) distances between probes.
         factors: (nx, ny, nz, 9, 3) float32 coefficients of the polynomials in
-            `environment.shares_of_normals`.
+            `environment.spherical_harmonics`.
         valid: (nx, ny, nz) mask of the probes outside walls.
     """
 
@@ -71,7 +71,7 @@ class Probes:
             weights = np.where(corner, shares, 1.0 - shares).prod(axis=1, dtype=np.float32)
             total += weights[:, None] * self.texels[at[:, 0], at[:, 1], at[:, 2]]
         factors = total[:, :-1].reshape(-1, FACTORS, 3) / total[:, -1, None, None]
-        shares = shares_of_normals(normals).astype(np.float32)
+        shares = spherical_harmonics(normals).astype(np.float32)
         light: NDArray[np.float32] = np.einsum("nk,nkc->nc", shares, factors)
         return np.maximum(light, np.float32(0.0), out=light)
 
@@ -92,13 +92,13 @@ class BakedLight:
         height, width = self.irradiance.shape[:2]
         return short_repr(self, f"{width} × {height} px", repr(self.probes))
 
-    def light(self, places: NDArray[np.floating]) -> NDArray[np.float32]:
+    def light(self, uv: NDArray[np.floating]) -> NDArray[np.float32]:
         """Light (n, 3) at lightmap coordinates (n, 2), with (0, 0) at the top left."""
         height, width = self.irradiance.shape[:2]
-        at = np.clip(places * (width, height) - 0.5, 0.0, (width - 1, height - 1))
+        at = np.clip(uv * (width, height) - 0.5, 0.0, (width - 1, height - 1))
         first = np.minimum(np.floor(at).astype(np.intp), (max(width - 2, 0), max(height - 2, 0)))
         shares = (at - first).astype(np.float32)
-        total = np.zeros((len(places), 3), dtype=np.float32)
+        total = np.zeros((len(uv), 3), dtype=np.float32)
         for down, right in np.ndindex(2, 2):
             rows = np.minimum(first[:, 1] + down, height - 1)
             columns = np.minimum(first[:, 0] + right, width - 1)
@@ -110,7 +110,7 @@ class BakedLight:
 def _grown(
     factors: NDArray[np.float32], known: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Extend valid probes by one cell: each new one is the mean of its valid neighbors."""
+    """Coefficients and mask of probes, grown by one cell: new ones are means of valid neighbors."""
     padding = [(1, 1)] * 3
     padded = np.pad(np.where(known[..., None, None], factors, 0.0), [*padding, (0, 0), (0, 0)])
     counted = np.pad(known.astype(np.float32), padding)

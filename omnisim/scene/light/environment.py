@@ -43,10 +43,10 @@ class Environment:
 
     @cached_property
     def irradiance(self) -> NDArray[np.float64]:
-        """Light on white surfaces: coefficients (9, 3) of the terms of `shares_of_normals`."""
+        """Light on white surfaces: coefficients (9, 3) of the terms of `spherical_harmonics`."""
         pixels = _halved_to(self.radiance, 128).astype(np.float64)
         directions, weights = map_directions(*pixels.shape[:2])
-        shares = shares_of_normals(directions.reshape(-1, 3))
+        shares = spherical_harmonics(directions.reshape(-1, 3))
         return factors_of_moments(shares.T @ (pixels * weights[:, None, None]).reshape(-1, 3))
 
     @cached_property
@@ -62,7 +62,7 @@ class Environment:
 
     def ambient(self, normals: NDArray[np.floating]) -> NDArray[np.float64]:
         """Light (n, 3) on white surfaces with unit normals (n, 3)."""
-        light: NDArray[np.float64] = np.maximum(shares_of_normals(normals) @ self.irradiance, 0.0)
+        light: NDArray[np.float64] = np.maximum(spherical_harmonics(normals) @ self.irradiance, 0.0)
         return light
 
     def light(
@@ -81,11 +81,11 @@ class Environment:
         self, directions: NDArray[np.floating], widths_rad: NDArray[np.floating] | None = None
     ) -> NDArray[np.float32]:
         """Radiance (n, 3) in directions (n, 3), averaged over widths (n,); None: not averaged."""
-        places = coordinates_of(directions)
+        uv = coordinates_of(directions)
         if widths_rad is None:
-            return lookup(self.radiance, places)
+            return lookup(self.radiance, uv)
         texels = np.maximum(widths_rad, 1e-12) * (self.radiance.shape[0] / np.pi)
-        return _between_levels(self.pyramid, places, np.maximum(np.log2(texels), 0.0))
+        return _between_levels(self.pyramid, uv, np.maximum(np.log2(texels), 0.0))
 
 
 # Per polynomial: squared normalization constant times the cosine lobe's coefficient of its order,
@@ -105,7 +105,7 @@ def factors_of_moments(moments: NDArray[np.float64]) -> NDArray[np.float64]:
     return factors
 
 
-def shares_of_normals(normals: NDArray[np.floating]) -> NDArray[np.float64]:
+def spherical_harmonics(normals: NDArray[np.floating]) -> NDArray[np.float64]:
     """Unnormalized spherical harmonics (n, 9) up to order 2, of unit vectors (n, 3)."""
     x, y, z = np.asarray(normals, dtype=np.float64).T
     return np.stack(
@@ -120,10 +120,10 @@ def coordinates_of(directions: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.stack((across, np.arccos(np.clip(z, -1.0, 1.0)) / np.pi), axis=-1)
 
 
-def lookup(pixels: NDArray[np.float32], places: NDArray[np.float64]) -> NDArray[np.float32]:
+def lookup(pixels: NDArray[np.float32], uv: NDArray[np.float64]) -> NDArray[np.float32]:
     """Bilinear lookup (n, 3) in a map at texture coordinates (n, 2)."""
     height, width = pixels.shape[:2]
-    column, row = places[:, 0] * width - 0.5, places[:, 1] * height - 0.5
+    column, row = uv[:, 0] * width - 0.5, uv[:, 1] * height - 0.5
     left, top = np.floor(column).astype(np.intp), np.floor(row).astype(np.intp)
     right_share = (column - left).astype(np.float32)[:, None]
     down_share = (row - top).astype(np.float32)[:, None]
@@ -139,17 +139,17 @@ def lookup(pixels: NDArray[np.float32], places: NDArray[np.float64]) -> NDArray[
 
 def _between_levels(
     levels: tuple[NDArray[np.float32], ...],
-    places: NDArray[np.float64],
+    uv: NDArray[np.float64],
     steps: NDArray[np.floating],
 ) -> NDArray[np.float32]:
     """Values (n, 3) at texture coordinates (n, 2), interpolated between levels at steps (n,)."""
     steps = np.minimum(steps, len(levels) - 1)
-    total = np.zeros((len(places), 3), dtype=np.float32)
+    total = np.zeros((len(uv), 3), dtype=np.float32)
     for level, pixels in enumerate(levels):
         weights = np.maximum(1.0 - np.abs(steps - level), 0.0)
-        some = np.flatnonzero(weights)
-        if len(some):
-            total[some] += weights[some, None] * lookup(pixels, places[some])
+        selected = np.flatnonzero(weights)
+        if len(selected):
+            total[selected] += weights[selected, None] * lookup(pixels, uv[selected])
     return total
 
 
@@ -174,12 +174,12 @@ def _halved_to(pixels: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
     if pixels.shape[:2] == (rows, 2 * rows):
         return pixels
     down, across = (np.arange(rows) + 0.5) / rows, (np.arange(2 * rows) + 0.5) / (2 * rows)
-    places = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
-    return lookup(pixels, places).reshape(rows, 2 * rows, 3)
+    uv = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
+    return lookup(pixels, uv).reshape(rows, 2 * rows, 3)
 
 
 def _halved(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Means of 2 × 2 pixels, weighted by solid angle; an odd last row or column is dropped."""
+    """Means (rows/2, columns/2, 3) of 2 × 2 pixels by solid angle; odd last rows are dropped."""
     height, width = (size // 2 * 2 for size in pixels.shape[:2])
     pixels = pixels[:height, :width]
     weights = map_directions(height, width)[1].astype(np.float32)[:, None, None]

@@ -53,7 +53,11 @@ def expose(
     the frames of a drive match. Beyond `MAX_LIGHTS` lights, only those that light the scene most
     are kept.
 
-    `dome` is the luminance of uniform light from all directions, cd/m². It replaces the fill light.
+    Args:
+        lights: lights of the file, world frame.
+        meshes, instances: surfaces of the scene.
+        dome: luminance of uniform light from all directions, cd/m², in place of the fill light;
+            None: the fill light.
     """
     sky_lux = math.pi * np.array(dome or (0.0, 0.0, 0.0))
     if not lights:
@@ -108,7 +112,7 @@ def background_light(color: tuple[float, float, float]) -> tuple[float, float, f
     return color if max(color) > 1.0 else (0.0, 0.0, 0.0)
 
 
-def around(lighting: Lighting, luminance: NDArray[np.float32]) -> Lighting:
+def with_environment(lighting: Lighting, luminance: NDArray[np.float32]) -> Lighting:
     """Lighting with an environment map, cd/m², in place of its ambient light."""
     radiance = (math.pi * lighting.exposure * luminance).astype(np.float32)
     return replace(lighting, ambient=(0.0, 0.0, 0.0), environment=Environment(radiance))

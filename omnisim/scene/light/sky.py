@@ -26,7 +26,7 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # weights of linear sRGB, Rec. 
 _UP = np.array([[0.0, 0.0, 1.0]])
 
 
-def under_sky(scene: Scene, settings: SceneFile, toml: str, folder: Path) -> Scene:
+def with_sky(scene: Scene, settings: SceneFile, toml: str, folder: Path) -> Scene:
     """Scene with the sky of its TOML file in place of even light; its lamps stay on.
 
     Args:
@@ -148,7 +148,7 @@ def _read_map(path: Path) -> NDArray[np.float32]:
 
 
 def _turned(radiance: NDArray[np.float32], yaw_deg: float) -> NDArray[np.float32]:
-    """Map rotated counter-clockwise, seen from above, by whole columns."""
+    """Map (height, width, 3), rotated counter-clockwise seen from above, by whole columns."""
     columns = round(-yaw_deg / 360.0 * radiance.shape[1])
     return np.roll(radiance, columns, axis=1)
 

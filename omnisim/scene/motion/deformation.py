@@ -151,12 +151,12 @@ class Deformation:
 
     def positions_at(self, time_s: float, vertices: NDArray[np.intp] | None = None) -> Matrix:
         """Positions (n, 3) of all vertices, or of a subset, at a world time."""
-        some = slice(None) if vertices is None else vertices
-        positions = self.positions[some].astype(np.float64)
+        subset = slice(None) if vertices is None else vertices
+        positions = self.positions[subset].astype(np.float64)
         if self.targets is not None:
-            offsets = self.targets.positions[:, some]
+            offsets = self.targets.positions[:, subset]
             positions += np.einsum("t,tnc->nc", self.weights_at(time_s), offsets)
-        blended = self._blended(time_s, some)
+        blended = self._blended(time_s, subset)
         moved: Matrix = np.einsum("nab,nb->na", blended[:, :, :3], positions) + blended[:, :, 3]
         return moved
 
@@ -227,10 +227,10 @@ class Deformation:
         np.maximum.at(radii, joints, np.linalg.norm(self.positions[rows] - centers[joints], axis=1))
         return centers, radii
 
-    def _blended(self, time_s: float, some: slice | NDArray[np.intp]) -> Matrix:
+    def _blended(self, time_s: float, subset: slice | NDArray[np.intp]) -> Matrix:
         """Weighted mean of the joints' transforms (n, 3, 4) per vertex."""
         matrices = self.matrices_at(time_s)[:, :3]
         blended: Matrix = np.einsum(
-            "nj,njab->nab", self.shares[some].astype(np.float64), matrices[self.joints[some]]
+            "nj,njab->nab", self.shares[subset].astype(np.float64), matrices[self.joints[subset]]
         )
         return blended

@@ -39,7 +39,7 @@ def load_objects(
         load_shape: loader for a mesh file or a scene TOML file.
 
     Raises:
-        SceneError: naming object, key, value and the expected value.
+        SceneError: an object is invalid; names object, key, actual and expected value.
     """
     return tuple(_load_object(table, folder, load_shape) for table in tables)
 

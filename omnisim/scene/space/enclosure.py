@@ -29,7 +29,7 @@ def enclosing_nodes(
         ignored: names of nodes that do not count.
     """
     point = np.asarray(point_m, dtype=np.float64)
-    windings: dict[str, NDArray[np.float64]] = {}  # of all triangles, and of the rendered ones
+    windings: dict[str, NDArray[np.float64]] = {}  # for all triangles, and for the rendered ones
     for instance in scene.instances:
         if instance.name in ignored:
             continue

@@ -96,7 +96,7 @@ def _search(
     scale: float,
     clearance: float,
 ) -> tuple[bool, NDArray[np.float64]] | None:
-    """Best clear point, if any, with a flag that is true if it is not inside an object."""
+    """Best clear point (3,), if any, after a flag: True if it is not inside an object."""
     radius = min(surroundings.half_m, 0.5 * float(np.linalg.norm(bounds[1, :2] - bounds[0, :2])))
     plan = _rings(middle[:2], 2.0 * clearance, radius, 0.01 * clearance)
     plan = plan[np.all((plan >= bounds[0, :2]) & (plan <= bounds[1, :2]), axis=1)]
@@ -121,7 +121,7 @@ def _search(
 def _clear_points(
     surroundings: _Surroundings, plan: NDArray[np.float64], z: float, clearance: float
 ) -> Iterator[NDArray[np.float64]]:
-    """Clear points at a height: every one at first, then ever fewer."""
+    """Clear points (3,) at a height, with growing gaps between the chosen ones."""
     count = wanted = 0
     for first in range(0, len(plan), RING_POINTS):
         batch = plan[first : first + RING_POINTS]
@@ -188,7 +188,7 @@ class _Surroundings:
             self._high[axis] = np.maximum(np.maximum(a, b), c)
 
     def affordable_sights(self) -> int:
-        """Number of sight tests whose total time goes unnoticed."""
+        """Number of sight tests within the time budget."""
         count = COMPARISONS // max(1, len(self._triangles))
         return min(max(count, MIN_SIGHTS), MAX_SIGHTS)
 

@@ -99,11 +99,9 @@ class DepthCamera(Parameters, name="depth_camera"):
         """Microsoft's Kinect of 2010, with structured light.
 
         The focal length of 580 px, the baseline of 75 mm and the step of 1/8 px are from Konolige
-        and
-        Mihelich. A sigma of half a step and the range of 0.5 to 5 m are from Khoshelham and
-        Elberink;
-        their σ_z = 1.425e-3 z² agrees to 1 %. 80° is an assumption, based on the angles at which
-        Nguyen et al. measure depth.
+        and Mihelich. A sigma of half a step and the range of 0.5 to 5 m are from Khoshelham and
+        Elberink; their σ_z = 1.425e-3 z² agrees to 1 %. The limit of 80° is an assumption, based on
+        the angles at which Nguyen et al. measure depth.
         """
         return cls()
 
@@ -112,8 +110,8 @@ class DepthCamera(Parameters, name="depth_camera"):
         """Intel's RealSense D435 at 848 × 480: stereo with a projected texture.
 
         The 90° field of view, the baseline of 50 mm, the noise of 0.08 px and the steps of 1/32 px
-        are Intel's. The minimum depth follows from the maximum disparity of 126 px. The
-        range of 10 m is the maker's; 85° is an assumption.
+        are Intel's, and so is the range of 10 m. The minimum depth follows from the maximum
+        disparity of 126 px. The limit of 85° is an assumption.
         """
         focal_length_px, baseline_m = 424.0, 0.05
         return cls(
@@ -195,7 +193,7 @@ class DepthCamera(Parameters, name="depth_camera"):
     def _with_noise(
         self, z_m: NDArray[np.float32], seed: int | str, frame_number: int
     ) -> NDArray[np.float32]:
-        """Depths computed from noisy disparities; +inf if a disparity is not positive."""
+        """Depths (height, width) from noisy disparities; +inf if a disparity is not positive."""
         sigma_px, step_px = self.disparity_sigma_px, self.disparity_step_px
         if not sigma_px and not step_px:
             return z_m
@@ -253,7 +251,7 @@ def _channels(
     world_from_base: NDArray[np.float64],
     world_from_objects: Sequence[NDArray[np.float64]],
 ) -> dict[str, NDArray[np.float32]]:
-    """Ground-truth channels of a view, at the poses of the vehicle and of all objects."""
+    """Ground-truth channels (height, width, …) of a view, by name, at the given poses."""
     world_from_rig = world_from_base @ view.setup.sensor.base_from_rig
     poses = ScenePoses(world_from_rig, world_from_objects)
     return view.ground_truth(names).channels(names, poses)

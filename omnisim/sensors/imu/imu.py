@@ -54,7 +54,13 @@ class ImuErrors:
     accel_bias_sigma_mps2: float = 0.0
 
     def biases(self, count: int, rate_hz: float, key: int) -> NDArray[np.float64]:
-        """Biases (count, 6) of the first `count` readings: three rates, then three forces."""
+        """Biases (count, 6) of the first `count` readings: three rates, then three forces.
+
+        Args:
+            count: number of readings.
+            rate_hz: readings per second.
+            key: key of the random numbers.
+        """
         walk = self._six(
             self.gyro_bias_walk_radps2_per_sqrt_hz, self.accel_bias_walk_mps3_per_sqrt_hz
         )
@@ -67,7 +73,13 @@ class ImuErrors:
         return np.cumsum(biases, axis=0, out=biases)
 
     def noise(self, indices: NDArray[np.int64], rate_hz: float, key: int) -> NDArray[np.float64]:
-        """White noise (n, 6) of readings (n,): three rates, then three forces."""
+        """White noise (n, 6) of readings (n,): three rates, then three forces.
+
+        Args:
+            indices: (n,) indices of the readings.
+            rate_hz: readings per second.
+            key: key of the random numbers.
+        """
         density = self._six(self.gyro_noise_radps_per_sqrt_hz, self.accel_noise_mps2_per_sqrt_hz)
         noise: NDArray[np.float64] = (
             density * math.sqrt(rate_hz) * _numbers(indices, _READING, key)[0]

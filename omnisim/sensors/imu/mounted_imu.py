@@ -78,7 +78,7 @@ class MountedImu(MountedSensor):
         """Raise an error if the turn between two poses is too wide.
 
         Raises:
-            RunError: names sensor and step, the turn and its limit.
+            RunError: a turn is too wide; names sensor, step, turn and limit.
         """
         rotations = truth.world_from_base[:, :3, :3]
         turns_deg = np.abs(np.degrees(rotation_angles(rotations[:-1], rotations[1:])))

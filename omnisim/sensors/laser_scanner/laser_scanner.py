@@ -26,7 +26,7 @@ from omnisim.rendering.backend import RangeFinder
 from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
 from omnisim.rendering.shared_scene import SharedScene
 from omnisim.sensors.commented_csv import write_commented_csv
-from omnisim.sensors.device_noise import check_number, rounded
+from omnisim.sensors.device_noise import check_number, round_ranges
 
 LMS200_MODES = {"mm": (8.19, 0.001), "cm": (81.9, 0.01)}  # range_max_m and step_m: 13 bits
 _LMS200_FIELDS_DEG = {1.0: 180.0, 0.5: 180.0, 0.25: 100.0}  # by resolution
@@ -51,7 +51,7 @@ class LaserScanner(Parameters, name="scanner"):
         seed: seed of the device, which sets its constant error and all its noise.
 
     Raises:
-        OpticsError: names the parameter, the expected value and the actual one.
+        OpticsError: a parameter is invalid; names it, the actual and the expected value.
     """
 
     field_of_view_deg: Annotated[Number, Field(gt=0.0, le=360.0)] = 180.0
@@ -216,7 +216,7 @@ class LaserScanner(Parameters, name="scanner"):
             noise = random.standard_normal(self.beams)[hit]  # independent of which beams hit
             ranges = ranges + noise * np.hypot(self.sigma_m, self.sigma_per_m * ranges)
         ranges = ranges + self.device_error_m
-        ranges = rounded(ranges, self.step_m)
+        ranges = round_ranges(ranges, self.step_m)
         measured = np.full(len(true_ranges_m), np.inf)
         measured[hit] = np.where(ranges > self.range_max_m, np.inf, ranges)
         measured[measured < self.range_min_m] = -np.inf

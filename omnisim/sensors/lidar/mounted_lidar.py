@@ -41,7 +41,7 @@ class MountedLidar(RenderedSensor):
     has_instances: ClassVar[bool] = True
 
     def state_times_s(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Times within all revolutions, dense enough for removing a cloud's skew."""
+        """Times (m,) within all revolutions, dense enough for removing a cloud's skew."""
         since_s = np.arange(STATES) / (STATES * self.sensor.rate_hz)
         return (times_s[:, None] - since_s).ravel()
 

@@ -43,14 +43,14 @@ def plan_revolution(
         OmnisimError: the lidar turns too fast.
     """
     ends = [poses_at(start_s + share * period_s) for share in (0.0, 0.3, 0.7, 1.0)]
-    if all(_is_same(ends[0], one, boxes) for one in ends[1:]):
+    if all(_is_same(ends[0], part, boxes) for part in ends[1:]):
         whole = Slice(0, firings, ends[0], ends[0], ends[0])
         return _revolution(firings, (whole,))
     for count in SLICES:
         slices = _cut(firings, period_s, poses_at, start_s, count)
-        if all(_is_short(one, boxes) for one in slices):
+        if all(_is_short(part, boxes) for part in slices):
             break
-    turn_rad = max(_turn_rad(one) for one in slices)
+    turn_rad = max(_turn_rad(part) for part in slices)
     if turn_rad > MAX_TURN_RAD:
         raise OmnisimError(
             f"lidar: expected to be turned by at most {MAX_TURN_RAD:g} rad in 1/{count} of a "
@@ -78,12 +78,12 @@ def _revolution(count: int, slices: tuple[Slice, ...]) -> Revolution:
     firings = np.arange(count)
     width = slices[0].last
     index = firings // width
-    first = np.array([one.first for one in slices])[index]
-    shares = (firings - first) / np.array([one.last - one.first for one in slices])[index]
+    first = np.array([part.first for part in slices])[index]
+    shares = (firings - first) / np.array([part.last - part.first for part in slices])[index]
     if len(slices) == 1 and slices[0].start is slices[0].end:
         rotation = slices[0].start.world_from_lidar[:3, :3]
         return Revolution(slices, shares, np.broadcast_to(rotation, (count, 3, 3)))
-    poses = [pose for one in slices for pose in (one.start, one.middle)] + [slices[-1].end]
+    poses = [pose for part in slices for pose in (part.start, part.middle)] + [slices[-1].end]
     knots = np.stack([pose.world_from_lidar[:3, :3] for pose in poses])
     half = 2 * index + (shares >= 0.5)
     return Revolution(slices, shares, _rotations(knots, half, 2.0 * shares % 1.0))
@@ -101,21 +101,21 @@ def _rotations(
     return rotations
 
 
-def _is_same(one: LidarPoses, other: LidarPoses, boxes: MovingBoxes) -> bool:
+def _is_same(part: LidarPoses, other: LidarPoses, boxes: MovingBoxes) -> bool:
     pairs = zip(
-        (one.world_from_lidar, *boxes.poses(one.world_from_objects)),
+        (part.world_from_lidar, *boxes.poses(part.world_from_objects)),
         (other.world_from_lidar, *boxes.poses(other.world_from_objects)),
         strict=True,
     )
     return all(np.array_equal(a, b) for a, b in pairs)
 
 
-def _is_short(one: Slice, boxes: MovingBoxes) -> bool:
+def _is_short(part: Slice, boxes: MovingBoxes) -> bool:
     """True if the motion within a slice is within the limits."""
-    moving = [(np.zeros((1, 3)), *(pose.world_from_lidar for pose in _poses(one)))]
-    moved = (boxes.poses(pose.world_from_objects) for pose in _poses(one))
+    moving = [(np.zeros((1, 3)), *(pose.world_from_lidar for pose in _poses(part)))]
+    moved = (boxes.poses(pose.world_from_objects) for pose in _poses(part))
     moving += zip(boxes.corners_m, *moved, strict=True)
-    if _turn_rad(one) > MAX_TURN_RAD:
+    if _turn_rad(part) > MAX_TURN_RAD:
         return False
     for corners_m, *poses in moving:
         start, middle, end = (corners_m @ pose[:3, :3].T + pose[:3, 3] for pose in poses)
@@ -127,13 +127,13 @@ def _is_short(one: Slice, boxes: MovingBoxes) -> bool:
     return True
 
 
-def _poses(one: Slice) -> tuple[LidarPoses, LidarPoses, LidarPoses]:
-    return one.start, one.middle, one.end
+def _poses(part: Slice) -> tuple[LidarPoses, LidarPoses, LidarPoses]:
+    return part.start, part.middle, part.end
 
 
-def _turn_rad(one: Slice) -> float:
+def _turn_rad(part: Slice) -> float:
     """Angle by which the lidar turns during a slice."""
-    start, end = one.start.world_from_lidar[:3, :3], one.end.world_from_lidar[:3, :3]
+    start, end = part.start.world_from_lidar[:3, :3], part.end.world_from_lidar[:3, :3]
     # the chord between two rotations is accurate for small angles as well
     chord = float(np.linalg.norm(end - start)) / np.sqrt(8.0)
     return float(2.0 * np.arcsin(min(chord, 1.0)))

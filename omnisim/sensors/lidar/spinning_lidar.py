@@ -29,7 +29,7 @@ from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
 from omnisim.rendering.shared_scene import SharedScene
 from omnisim.rendering.truth.ground_truth import instances_of_draws
 from omnisim.rendering.truth.moving_boxes import MovingBoxes
-from omnisim.sensors.device_noise import check_number, rounded
+from omnisim.sensors.device_noise import check_number, round_ranges
 from omnisim.sensors.lidar.point_files import POINT, write_points
 from omnisim.sensors.lidar.revolution import plan_revolution
 
@@ -58,7 +58,7 @@ class SpinningLidar(Parameters, name="lidar"):
         seed: seed of the device, which sets all its noise.
 
     Raises:
-        OpticsError: names the parameter, the expected value and the actual one.
+        OpticsError: a parameter is invalid; names it, the actual and the expected value.
     """
 
     elevations_deg: Annotated[tuple[Elevation, ...], Field(min_length=1, max_length=MAX_RINGS)] = (
@@ -177,7 +177,7 @@ class SpinningLidar(Parameters, name="lidar"):
         if self.sigma_m:
             random = np.random.default_rng((self.seed, revolution))
             ranges_m += self.sigma_m * random.standard_normal(ranges_m.shape)
-        ranges_m = rounded(ranges_m, self.step_m)
+        ranges_m = round_ranges(ranges_m, self.step_m)
         ranges_m[(ranges_m < self.range_min_m) | (ranges_m > self.range_max_m)] = np.inf
         return ranges_m
 

@@ -48,7 +48,7 @@ class CalibratedCamerasMount(SensorMount):
         path = find_beside(folder, self.file, f"{source}: file", RobotFileError)
         try:
             rig = Rig.of(load_calibration(path), self.camera)
-            taken = rig if self.camera is None else rig.only(self.camera)
+            selected_rig = rig if self.camera is None else rig.only(self.camera)
         except CalibrationError as reason:
             fault = str(reason).partition("\n")[0].replace("--camera-name takes", "camera takes")
             raise RobotFileError(f"{source}: {fault}") from None
@@ -57,14 +57,14 @@ class CalibratedCamerasMount(SensorMount):
             ahead = rig.cameras[0].model.rig_from_optical
             base_from_body = base_from_body @ pose_from_rotation(ahead, (0.0, 0.0, 0.0))
         cameras = []
-        for camera in taken.cameras:
+        for camera in selected_rig.cameras:
             upright = pose_from_rotation(camera.model.rig_from_optical, (0.0, 0.0, 0.0))
             sensor = OmniCamera(
                 camera.model,
                 polygons=None,
                 base_from_rig=base_from_body @ camera.body_from_camera @ inverse(upright),
             )
-            name = self._name(camera.name, len(taken.cameras))
+            name = self._name(camera.name, len(selected_rig.cameras))
             cameras.append(
                 MountedCamera(self.type, name, self.hides, sensor, time_shift_s=camera.time_shift_s)
             )

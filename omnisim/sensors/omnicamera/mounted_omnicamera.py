@@ -142,7 +142,7 @@ class MountedCamera(RenderedSensor):
         """Raise an error if an exposure lasts longer than the time to the next image.
 
         Raises:
-            RunError: names camera and step, the exposure and its limit.
+            RunError: an exposure is too long; names camera, step, exposure and limit.
         """
         exposure_s = self.sensor.degradation.exposure_s
         periods_s = np.diff(times_s)

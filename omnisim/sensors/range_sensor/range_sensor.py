@@ -49,7 +49,7 @@ class RangeSensor(Parameters, name="range_sensor"):
         seed: seed of the device, which determines its noise.
 
     Raises:
-        OpticsError: names the parameter, the expected value and the actual one.
+        OpticsError: a parameter is invalid; names it, the actual and the expected value.
     """
 
     beam_angle_deg: Annotated[float, Field(strict=True, ge=0.0, lt=180.0)] = 20.0
@@ -102,7 +102,7 @@ class RangeSensor(Parameters, name="range_sensor"):
 
     @property
     def rolls_deg(self) -> NDArray[np.float64]:
-        """Roll angles in degrees of the planes with rays; the first plane is upright."""
+        """Roll angles (planes,) in degrees of the planes with rays; the first plane is upright."""
         if not self.beam_angle_deg:
             return np.zeros(1)
         planes = self.rays_per_cone // (2 if self.rays_per_cone % 2 == 0 else 1)

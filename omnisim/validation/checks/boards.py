@@ -130,9 +130,10 @@ def check(fixture: Fixture, title: str) -> Section:
 def _off_px(
     fixture: Fixture, board_camera: BoardCamera, count: int
 ) -> tuple[NDArray[np.float64], int, NDArray[np.uint8] | None]:
-    """Distances (n,) in px between detected and projected corners, number of boards, and an image.
+    """Distances between detected and projected corners, over the boards that OpenCV detects.
 
-    Only boards that OpenCV detects count. The image is that of the last one; None: no board.
+    Returns:
+        Distances (n,) in px; number of boards; and the image of the last board, or None.
     """
     camera = board_camera.camera
     is_mirror = isinstance(camera, HyperbolicCamera)

@@ -23,8 +23,8 @@ from omnisim.validation.report.report import CaptionedFigure, Section
 SIZE_PX = 360
 # Plain bilinear, as other simulators sample a cube: faces of this size, one lookup per pixel.
 PLAIN_FACE_PX = 512
-FINEST = 8  # captures per pixel side; four shifted ones make 256 samples
-SHIFTS = ((-0.25, -0.25), (0.25, 0.25), (0.25, -0.25), (-0.25, 0.25))  # in captures
+SAMPLES_PER_SIDE = 8  # samples per pixel side; four shifted images make 256 samples
+SHIFTS = ((-0.25, -0.25), (0.25, 0.25), (0.25, -0.25), (-0.25, 0.25))  # in samples
 QUICK_SHIFTS = SHIFTS[:2]
 PAN_STEPS, QUICK_PAN_STEPS = 3, 2
 PAN_STEP_DEG = 0.1  # slow pan: a third of a pixel at the rim
@@ -55,7 +55,7 @@ def measure_quality(
         plain = _plain(stage, dataclasses.replace(sensor, face_size_px=PLAIN_FACE_PX), poses)
     seen: NDArray[np.bool_] = np.all(np.isfinite([truth[0], ours[0], plain[0]]), axis=(0, -1))
     shimmer, plain_shimmer = _shimmer(ours, truth, seen), _shimmer(plain, truth, seen)
-    samples = len(shifts) * FINEST**2
+    samples = len(shifts) * SAMPLES_PER_SIDE**2
     images = {
         f"{samples} samples a pixel": truth[0],
         "omnisim": ours[0],
@@ -100,11 +100,13 @@ def _truth(
 
     The texels are as fine as the samples, and are drawn again for each shift.
     """
-    finest = dataclasses.replace(sensor, supersampling=FINEST, texels_per_pixel=float(FINEST))
+    finest = dataclasses.replace(
+        sensor, supersampling=SAMPLES_PER_SIDE, texels_per_pixel=float(SAMPLES_PER_SIDE)
+    )
     model = mirror_camera(sensor)
     total = [np.zeros((model.height_px, model.width_px, 3)) for _ in poses]
     for shift in shifts:
-        u, v = np.add(model.principal_point_px, np.divide(shift, FINEST)).tolist()
+        u, v = np.add(model.principal_point_px, np.divide(shift, SAMPLES_PER_SIDE)).tolist()
         camera = dataclasses.replace(model, principal_point_px=(u, v))
         images = _linear_images(stage, dataclasses.replace(finest, model=camera), poses)
         total = [one + other for one, other in zip(total, images, strict=True)]

@@ -34,7 +34,7 @@ _TILTS = ("surfaces.0.tilt_deg.0", "surfaces.0.tilt_deg.1")
 _PARAMETERS = (*_ASIDE, _ALONG, *_TILTS)
 
 
-class _Seen(NamedTuple):
+class _DetectedBoards(NamedTuple):
     """Boards detected by OpenCV through one mirror."""
 
     images: list[NDArray[np.uint8]]
@@ -130,9 +130,9 @@ def _table(tilt_deg: float, shift_m: float) -> dict[str, Any]:
     }
 
 
-def _seen(fixture: Fixture, table: dict[str, Any]) -> _Seen:
+def _seen(fixture: Fixture, table: dict[str, Any]) -> _DetectedBoards:
     """Render the boards through a mirror, and detect their corners."""
-    seen = _Seen([], [])
+    seen = _DetectedBoards([], [])
     sensor = OmniCamera(parse_optics(table))
     count = QUICK_BOARDS if fixture.is_quick else BOARDS
     with open_sensor(board_scene(), sensor, unlit=True, device=fixture.device) as renderer:

@@ -43,7 +43,7 @@ READS_BOUND = 0.8  # correlation of a word with itself seen in a panorama
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Look for the six named sides in images at three headings, and read their words."""
+    """Find the six named sides in images at three headings, and recognize their words."""
     scene = load_scene("compass")
     table = {
         "mirror": {"theta_max_deg": RIM_DEG, "polygons": "exact"},
@@ -135,7 +135,7 @@ def _reading(fixture: Fixture, scene: Scene) -> tuple[float, float, NDArray[np.u
     panorama = unwarp(frame.rgb)
     gray = panorama.astype(np.float64).mean(axis=2)
     normal, mirrored = 1.0, -1.0
-    # reading order: who faces east and turns to the right comes to south, then west, then north
+    # reading order: a turn to the right leads from east to south, west and north
     for quarter, side in enumerate(("east", "south", "west", "north")):
         texture = scene.materials[_mesh(scene, side).material].texture
         assert texture is not None
@@ -155,9 +155,9 @@ def _reading(fixture: Fixture, scene: Scene) -> tuple[float, float, NDArray[np.u
         pixel = np.stack(
             ((0.5 + across_m / 6.0) * width - 0.5, (1.0 - up_m / 3.0) * height - 0.5), axis=-1
         )
-        there = sample(paint, pixel)
-        normal = min(normal, _correlation(seen, there))
-        mirrored = max(mirrored, _correlation(seen[:, ::-1], there))
+        value = sample(paint, pixel)
+        normal = min(normal, _correlation(seen, value))
+        mirrored = max(mirrored, _correlation(seen[:, ::-1], value))
     return normal, mirrored, panorama
 
 

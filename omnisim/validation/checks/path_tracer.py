@@ -26,7 +26,7 @@ from omnisim.validation.report.report import CaptionedFigure, Section
 
 SIZE_PX, QUICK_SIZE_PX = 512, 256
 SAMPLES, QUICK_SAMPLES = 144, 64  # squares, as its sampler wants
-FINE = 4  # supersampling of the image that shows what of the difference is antialiasing
+FINE = 4  # supersampling of the image that shows the share of antialiasing in the difference
 MARKERS = 60
 BOUND_DB, FINE_BOUND_DB = 32.0, 40.0
 MARKER_BOUND_PX, SHIFT_BOUND_PX = 0.1, 0.1

@@ -85,7 +85,7 @@ def check(fixture: Fixture, title: str) -> Section:
 def _evenly_lit(name: str) -> Scene:
     """Scene in even light, with emitted light clipped to white.
 
-    A single sample of a brighter surface would saturate its whole pixel.
+    A single sample of a brighter surface would otherwise saturate its whole pixel.
     """
     scene = load_scene(name, baked="none", sky="none")
     materials = [

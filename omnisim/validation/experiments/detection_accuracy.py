@@ -60,7 +60,7 @@ def compare(
         detections: detections of each step.
         true_poses: (steps, 3) x, y, yaw of the base.
         landmarks: landmarks at their true positions.
-        camera_m: (x, y) of the camera in the base frame.
+        camera_m: position (x, y) of the camera in the base frame.
     """
     matches = []
     for step, (pose, of_step) in enumerate(zip(true_poses.tolist(), detections, strict=True)):

@@ -39,12 +39,12 @@ class Experiment:
         self.run = run
         self.detector = LandmarkDetector(trained.model, run.landmarks, run.mount)
         self.detections, self.milliseconds = _timed(run, self.detector, progress)
-        self.found = _compared(run, self.detections)
+        self.matches = _compared(run, self.detections)
         self.pixels = _pixel_rates(run, trained, progress)
         self.odometry_errors = Vehicle.load(robot).odometry
 
 
-class Simulated(Experiment):
+class SimulationExperiment(Experiment):
     """Experiment 1, with the tracks of all seeds."""
 
     def __init__(
@@ -57,11 +57,12 @@ class Simulated(Experiment):
         self.seeds = run_seeds(run, self.odometry_errors, self.observations, parameters)
 
 
-class Real(Experiment):
+class RealExperiment(Experiment):
     """Experiment 2, with the tracks of all seeds of three variants.
 
-    `seeds` has landmarks picked by hand, and the parameters of the real setting; `honest` the same
-    landmarks with experiment 1's parameters; `automatic` detected landmarks and the true start.
+    `seeds` has landmarks picked by hand and the parameters of the real setting. `honest` has the
+    same landmarks and experiment 1's parameters. `automatic` has detected landmarks and the true
+    start.
     """
 
     def __init__(

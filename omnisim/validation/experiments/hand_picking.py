@@ -52,7 +52,7 @@ def pick_landmarks(
         hand: noise and limits.
         generator: random numbers of the noise.
     """
-    found = []
+    observations = []
     for name, corners in landmarks.corners_m.items():
         offsets = _offsets(pose, mount, np.array(corners))
         distances = np.linalg.norm(offsets, axis=1)
@@ -68,7 +68,7 @@ def pick_landmarks(
         ranges, bearings = picked
         middle = bearings[1] + 0.5 * wrap_angle(bearings[-1] - bearings[1])
         range_sigma_m, bearing_sigma_rad = _sigmas(mount, float(ranges[0]), hand.sigma_px)
-        found.append(
+        observations.append(
             Observation(
                 (name,),
                 float(ranges[0]),
@@ -77,7 +77,7 @@ def pick_landmarks(
                 bearing_sigma_rad / math.sqrt(len(outer)),
             )
         )
-    return found
+    return observations
 
 
 def _offsets(
@@ -102,7 +102,7 @@ def _relative_directions(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
 def _pick(
     mount: CameraMount, offsets: NDArray[np.float64], hand: Hand, generator: np.random.Generator
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Ranges and bearings of picked points on the ground; None: one is outside the image."""
+    """Ranges and bearings of picked points on the ground; None: a point is outside the image."""
     rotation = mount.base_from_optical[:3, :3]
     rays = np.column_stack((offsets, np.full(len(offsets), -mount.height_m)))
     pixels = mount.camera.pixel_from_ray(rays @ rotation)

@@ -14,7 +14,7 @@ from omnisim.perception.landmarks.landmark_detector import Detection
 from omnisim.perception.localization.filter_parameters import FilterParameters
 from omnisim.runs.run_labels import RunLabels
 from omnisim.validation.experiments.detection_accuracy import DetectionMatch, accuracy
-from omnisim.validation.experiments.experiment_runs import Real, Simulated
+from omnisim.validation.experiments.experiment_runs import RealExperiment, SimulationExperiment
 from omnisim.validation.experiments.recordings import Recordings
 from omnisim.validation.experiments.seeds import Progress
 from omnisim.validation.experiments.sweep import CAUSES, Outcome, sweep
@@ -32,7 +32,9 @@ from omnisim.validation.report.report import CaptionedFigure, ResultTable, Secti
 EDGES_M = np.arange(0.0, 6.01, 0.5)
 
 
-def images(runs: Recordings, trained: Training, simulated: Simulated, real: Real) -> Section:
+def images(
+    runs: Recordings, trained: Training, simulated: SimulationExperiment, real: RealExperiment
+) -> Section:
     """Fig. 11: both settings side by side, with detections."""
     steps = (4, 20, 47)
     shown = {f"real setting, step {step}": runs.real.image(step) for step in steps}
@@ -68,7 +70,7 @@ def _steps_with_most(detections: Sequence[Sequence[Detection]]) -> list[int]:
     return [int(counts[:half].argmax()), half + int(counts[half:].argmax())]
 
 
-def colors(trained: Training, simulated: Simulated, real: Real) -> Section:
+def colors(trained: Training, simulated: SimulationExperiment, real: RealExperiment) -> Section:
     """Eq. 3: pixel classification by histograms, clean and degraded."""
     model = trained.model
     numbers, rows = [], []
@@ -112,15 +114,15 @@ def colors(trained: Training, simulated: Simulated, real: Real) -> Section:
     )  # fmt: skip
 
 
-def detection(simulated: Simulated, real: Real) -> Section:
+def detection(simulated: SimulationExperiment, real: RealExperiment) -> Section:
     """Recall, precision, and errors of range and bearing."""
-    near, three = accuracy(simulated.found, 0.0, 4.0), accuracy(simulated.found, 0.0, 3.0)
-    names = {each.landmark for each in simulated.found}
+    near, three = accuracy(simulated.matches, 0.0, 4.0), accuracy(simulated.matches, 0.0, 3.0)
+    names = {each.landmark for each in simulated.matches}
     each_name = {
-        name: accuracy([each for each in simulated.found if each.landmark == name], 0.0, 4.0)
+        name: accuracy([each for each in simulated.matches if each.landmark == name], 0.0, 4.0)
         for name in sorted(names)
     }
-    worst = accuracy(real.found, 0.0, 4.0)
+    worst = accuracy(real.matches, 0.0, 4.0)
     numbers = [
         Measure("recall within 4 m, of the landmark that has least",
                min(each.recall for each in each_name.values()), "", 0.95, True),
@@ -151,8 +153,8 @@ def detection(simulated: Simulated, real: Real) -> Section:
         numbers,
         (ResultTable("Within 4 m, clean.",
                ("landmark", "recall", "precision", "bearing, RMS", "range, RMS", "found"), rows),),
-        (CaptionedFigure("recall", rates_figure({"clean": _rates(simulated.found),
-                                         "real setting": _rates(real.found)}),
+        (CaptionedFigure("recall", rates_figure({"clean": _rates(simulated.matches),
+                                         "real setting": _rates(real.matches)}),
                  "Clean, nearly everything to 4 m is found, and nothing else; in the real setting "
                  "little is, and some of it is a box."),),
     )  # fmt: skip
@@ -168,7 +170,10 @@ def _rates(matches: Sequence[DetectionMatch]) -> Rates:
 
 
 def degradations(
-    simulated: Simulated, trained: Training, parameters: FilterParameters, progress: Progress
+    simulated: SimulationExperiment,
+    trained: Training,
+    parameters: FilterParameters,
+    progress: Progress,
 ) -> Section:
     """One degradation at a time, with increasing strength."""
     clean, outcomes = sweep(

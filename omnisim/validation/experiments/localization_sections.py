@@ -10,7 +10,11 @@ import numpy as np
 from omnisim.perception.localization.filter import LocalizationFilter
 from omnisim.perception.localization.observations import LandmarkMap
 from omnisim.perception.localization.track import notices
-from omnisim.validation.experiments.experiment_runs import SEEDS, Real, Simulated
+from omnisim.validation.experiments.experiment_runs import (
+    SEEDS,
+    RealExperiment,
+    SimulationExperiment,
+)
 from omnisim.validation.experiments.seeds import SeedRuns, in_field_of_view, run_seeds
 from omnisim.validation.plots.localization_plots import (
     PathPanel,
@@ -28,7 +32,7 @@ DIAGONAL_STEPS = 12  # at the end of the lap
 FORWARD_RAD = math.radians(90.0)
 
 
-def first_experiment(simulated: Simulated) -> Section:
+def first_experiment(simulated: SimulationExperiment) -> Section:
     """The paper's simulation: 20 seeds against the bounds."""
     seeds = simulated.seeds
     late = seeds.errors_m[:, LATE_STEP:]
@@ -76,7 +80,7 @@ def first_experiment(simulated: Simulated) -> Section:
     )  # fmt: skip
 
 
-def second_experiment(real: Real) -> Section:
+def second_experiment(real: RealExperiment) -> Section:
     """The paper's real setting: 20 seeds against the bounds."""
     seeds = real.seeds
     opens = seeds.gate_opening_steps
@@ -129,7 +133,7 @@ def second_experiment(real: Real) -> Section:
     )  # fmt: skip
 
 
-def side_by_side(simulated: Simulated, real: Real) -> Section:
+def side_by_side(simulated: SimulationExperiment, real: RealExperiment) -> Section:
     """Fig. 12 and 13: one seed of each experiment."""
     chosen = _typical(real.seeds)
     first, second = simulated.seeds.tracks[0], real.seeds.tracks[chosen]
@@ -163,7 +167,7 @@ def _typical(seeds: SeedRuns) -> int:
     return int(np.abs(known - np.median(opens)).argmin())
 
 
-def gains(simulated: Simulated) -> Section:
+def gains(simulated: SimulationExperiment) -> Section:
     """Errors of odometry alone, with a 90° camera facing ahead, and an omnidirectional camera."""
     full = simulated.seeds
     ahead = run_seeds(
@@ -207,7 +211,7 @@ def gains(simulated: Simulated) -> Section:
     )  # fmt: skip
 
 
-def _step_microseconds(simulated: Simulated) -> float:
+def _step_microseconds(simulated: SimulationExperiment) -> float:
     """Median time of a filter step with all its observations, in microseconds."""
     run = simulated.run
     robot = LocalizationFilter(

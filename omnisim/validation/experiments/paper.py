@@ -9,7 +9,11 @@ from omnisim.perception.landmarks.color_model_file import save_model
 from omnisim.perception.localization.filter_parameters import read_parameters
 from omnisim.runs.run_labels import train_on_run
 from omnisim.validation.experiments import landmark_sections, localization_sections
-from omnisim.validation.experiments.experiment_runs import SEEDS, Real, Simulated
+from omnisim.validation.experiments.experiment_runs import (
+    SEEDS,
+    RealExperiment,
+    SimulationExperiment,
+)
 from omnisim.validation.experiments.recordings import record_all
 from omnisim.validation.experiments.seeds import Progress
 from omnisim.validation.report.machine import machine_of_device
@@ -28,8 +32,8 @@ def run_experiments(folder: Path, device: int | None, progress: Progress) -> Rep
     trained = train_on_run(runs.learning, Costs(), progress("colors", runs.learning.steps))
     save_model(folder / "model.npz", trained.model, runs.learning.landmarks)
     parameters = read_parameters()
-    simulated = Simulated(runs.simulated, trained, parameters, progress)
-    real = Real(runs.real, trained, parameters, progress)
+    simulated = SimulationExperiment(runs.simulated, trained, parameters, progress)
+    real = RealExperiment(runs.real, trained, parameters, progress)
     sections = (
         landmark_sections.images(runs, trained, simulated, real),
         landmark_sections.colors(trained, simulated, real),

@@ -153,7 +153,7 @@ def sweep(
     parameters: FilterParameters,
     progress: Progress,
 ) -> tuple[Outcome, Mapping[str, list[Outcome]]]:
-    """Outcome without degradation, and by name of each cause, the outcomes of its levels."""
+    """Outcome without degradation; and for each cause, by name, the outcomes of its levels."""
     detector = LandmarkDetector(model, run.landmarks, run.mount)
     geometry = ImageGeometry.of_camera(run.mount.camera)
     images = list(run.images())

@@ -25,10 +25,10 @@ def import_failure(name: str) -> str:
         hint = " (on Python 3.11 only)" if name == "pyrender" else ""
         return f"{name} is not installed: {install_hint('oracles')}{hint}"
     except Exception as broken:  # any error of a broken installation
-        words = " ".join(f"{type(broken).__name__}: {broken}".split())
+        message = " ".join(f"{type(broken).__name__}: {broken}".split())
         library = SYSTEM_LIBRARIES.get(module)
         hint = f"; sudo apt-get install {library} may help" if library else ""
-        return f"{name} is installed and cannot be imported{hint}: {words[:200]}"
+        return f"{name} is installed and cannot be imported{hint}: {message[:200]}"
     if attribute and not hasattr(imported, attribute):
         return f"{name} is not in this {module}: {install_hint('oracles')}"
     return ""

@@ -123,11 +123,11 @@ Frames = Sequence[NDArray[Any]]
 
 
 def reference_results(exposures: Mapping[float, tuple[Frames, Frames]]) -> ReferenceResults:
-    """Evaluation of raw frames.
+    """Evaluate raw frames.
 
     Args:
-        exposures: dark and flat frames by exposure time in seconds; the frames of the exposure that
-            has the most also determine the nonuniformities.
+        exposures: dark and flat frames by exposure time in seconds. The exposure with the most
+            frames also determines the nonuniformities.
     """
     from emva1288.process.data import Data1288
     from emva1288.process.results import Results1288

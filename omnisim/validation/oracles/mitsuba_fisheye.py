@@ -65,14 +65,14 @@ def trace_lit_fisheye(
     with scalar_variant():
         loaded = mi.load_dict(lit_world(scene, pose[:3, 3], UNITS_PER_M, depth))
         for number in np.unique(faces).tolist():
-            mine = faces == number
-            low, high = texels[mine].min(axis=0), texels[mine].max(axis=0) + 1
+            on_face = faces == number
+            low, high = texels[on_face].min(axis=0), texels[on_face].max(axis=0) + 1
             sensor = mi.load_dict(
                 _face(_FACES[number] @ pose[:3, :3].T, size_px, low, high - low, samples)
             )
             image = mi.render(loaded, sensor=sensor, spp=samples, seed=mi.UInt32(seed + number))
-            column, row = (texels[mine] - low).T
-            samples_rgb[mine] = np.array(image, dtype=np.float32)[row, column, :3]
+            column, row = (texels[on_face] - low).T
+            samples_rgb[on_face] = np.array(image, dtype=np.float32)[row, column, :3]
     height, width, side = camera.height_px, camera.width_px, 2 * TEXELS
     means: NDArray[np.float32] = samples_rgb.reshape(height, side, width, side, 3).mean(axis=(1, 3))
     return means

@@ -82,7 +82,7 @@ def find_corners(image: NDArray[np.uint8], pattern: tuple[int, int]) -> NDArray[
 
     Args:
         image: (height, width) uint8.
-        pattern: inner corners along a row, and rows.
+        pattern: numbers of inner corners per row and per column.
     """
     import cv2
 

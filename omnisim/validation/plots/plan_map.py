@@ -10,7 +10,7 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from omnisim.datasets.free_space import FreeSpace
-from omnisim.datasets.generate.draw import Draw, draw, draw_which
+from omnisim.datasets.generate.draw import Draw, draw, draw_indices
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.validation.plots.scene_map import draw_scene_map
 from omnisim.validation.plots.style import BLUE, DPI, GREEN, ORANGE, label_axes
@@ -29,7 +29,7 @@ def plan_figure(prepared: PreparedPlan) -> Figure:
     plan = prepared.plan
     drawn: list[list[Draw]] = [[] for _ in plan.scenes]
     for number in range(min(plan.images, MAX_SAMPLES)):
-        drawn[draw_which(plan, number).scene].append(draw(prepared, number, 0))
+        drawn[draw_indices(plan, number).scene].append(draw(prepared, number, 0))
     columns = min(len(plan.scenes), 3)
     rows = -(-len(plan.scenes) // columns)
     size_in = (columns * SIDE_IN, rows * SIDE_IN)
@@ -47,10 +47,10 @@ def _draw_scene(
 ) -> None:
     scene = prepared.scene(number)
     points = np.array([one.position_m[:2] for one in samples]).reshape(-1, 2)
-    places = points if free is None else np.concatenate((points, _ends(free)))
-    if not len(places):
-        places = np.array([scene.start.position_m[:2]])
-    low, high = places.min(axis=0) - AROUND_M, places.max(axis=0) + AROUND_M
+    free_cells = points if free is None else np.concatenate((points, _ends(free)))
+    if not len(free_cells):
+        free_cells = np.array([scene.start.position_m[:2]])
+    low, high = free_cells.min(axis=0) - AROUND_M, free_cells.max(axis=0) + AROUND_M
     title = f"{scene.name}: {len(samples)} samples"
     ground_m = scene.bounds_m()[0][2]
     if free is not None:
@@ -80,7 +80,7 @@ def _draw_scene(
 
 def _ends(free: FreeSpace) -> NDArray[np.float64]:
     """Corners (2, 2) of the free cells' bounds."""
-    places = free.places()[:, ::-1]
-    ends = np.stack((places.min(axis=0), places.max(axis=0) + 1))
+    free_cells = free.free_cells()[:, ::-1]
+    ends = np.stack((free_cells.min(axis=0), free_cells.max(axis=0) + 1))
     corners_m: NDArray[np.float64] = free.low_m + free.cell_m * ends
     return corners_m

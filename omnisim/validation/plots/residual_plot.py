@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from omnisim.validation.plots.style import BLUE, DPI, GRAY, ORANGE, label_axes
 
-_LONGEST = 0.04  # of the image's width: length of the 99th percentile's arrow
+_MAX_ARROW = 0.04  # of the image's width: length of the 99th percentile's arrow
 
 
 def residual_figure(
@@ -30,7 +30,7 @@ def residual_figure(
     field, cloud = figure.subplots(1, 2, width_ratios=(1.6, 1.0))
     lengths = np.linalg.norm(errors_px, axis=1)
     longest = max(float(np.percentile(lengths, 99.0)), 1e-9)
-    scale = _LONGEST * width / longest
+    scale = _MAX_ARROW * width / longest
     label_axes(field, f"{title}; arrows × {scale:.0f}", "u (px)", "v (px)")
     ends = pixels_px + scale * errors_px
     field.plot(

@@ -96,12 +96,12 @@ def run_figure(
 
 def _draw_run(axes: Axes, run: RunDrawing, color: str) -> None:
     """Draw the true path with headings, dead reckoning, and the steps of the images."""
-    truth, whose = run.truth, f"{run.name}: " if run.name else ""
+    truth, prefix = run.truth, f"{run.name}: " if run.name else ""
     x, y = truth.positions_m[:, 0], truth.positions_m[:, 1]
     if run.reckoned is not None:
         reckoned_color = color if run.name else RECKONED
-        axes.plot(*run.reckoned.T, "--", color=reckoned_color, lw=1.6, label=f"{whose}odometry")
-    axes.plot(x, y, "-", color=color, lw=2.2, label=f"{whose}true path")
+        axes.plot(*run.reckoned.T, "--", color=reckoned_color, lw=1.6, label=f"{prefix}odometry")
+    axes.plot(x, y, "-", color=color, lw=2.2, label=f"{prefix}true path")
     label = None if run.name else "start"
     axes.plot(x[0], y[0], "o", color=color, markersize=9, markerfacecolor="white", label=label)
     yaw = truth.yaw_rad
@@ -121,11 +121,11 @@ def _draw_run(axes: Axes, run: RunDrawing, color: str) -> None:
 def _draw_strip(figure: Figure, place: SubplotSpec, run: RunDrawing) -> None:
     """Draw the images of a run side by side."""
     columns = place.subgridspec(1, len(run.images))
-    whose = f"{run.name}, " if run.name else ""
+    prefix = f"{run.name}, " if run.name else ""
     for column, (step, image) in enumerate(run.images.items()):
         strip = figure.add_subplot(columns[column])
         strip.set_axis_off()
-        strip.set_title(f"{whose}step {step}, {run.truth.times_s[step]:.1f} s", fontsize=8)
+        strip.set_title(f"{prefix}step {step}, {run.truth.times_s[step]:.1f} s", fontsize=8)
         strip.imshow(image)
 
 

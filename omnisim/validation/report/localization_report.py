@@ -51,7 +51,7 @@ def write_localized(
     write_track(folder, track)
     write_detections(
         folder / "detections.csv",
-        ((step, each) for step, found in enumerate(detections) for each in found),
+        ((step, each) for step, at_step in enumerate(detections) for each in at_step),
     )
     report = Report(
         f"Localization of {run.name}",

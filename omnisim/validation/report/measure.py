@@ -31,7 +31,7 @@ class Measure:
 
     @property
     def passed(self) -> bool | None:
-        """True if the bound holds, never for NaN; None: no bound."""
+        """True if the bound holds, False for NaN; None without a bound."""
         if self.bound is None:
             return None
         return self.value >= self.bound if self.at_least else self.value <= self.bound

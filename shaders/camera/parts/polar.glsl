@@ -1,5 +1,5 @@
-// Rays by angle and azimuth, for lenses that are alike all around their axis.
-// vec2 azimuth_of(vec2 plane, float radius): unit vector; (1, 0) at the axis.
+// Rays by angle and azimuth, for radially symmetric lenses.
+// vec2 azimuth_of(vec2 plane, float radius): azimuth as a unit vector; (1, 0) at the axis.
 // vec3 polar_ray(vec2 plane, float radius, float theta_rad): unit ray in the optical frame.
 // Twin of RadialCamera in omnisim/cameras/plane_camera.py.
 

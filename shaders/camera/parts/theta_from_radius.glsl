@@ -1,9 +1,9 @@
-// float theta_from_radius(float radius, float low_rad, float high_rad): angle between two
-// bounds at which a lens has a radius. Include it after
+// float theta_from_radius(float radius, float low_rad, float high_rad): angle between two bounds at
+// which a lens has a given radius. Include this file after
 //     float radius_from_theta(float theta_rad), increasing between the bounds, and
 //     float slope_from_theta(float theta_rad), its derivative.
-// Newton's method from the radius itself, in focal lengths nearly the angle; a bisection where a
-// step leads out of the bracket.
+// Newton's method starts at the radius itself, which in focal lengths is nearly the angle. A step
+// that leaves the bracket is replaced by a bisection.
 // Twin of omnisim/cameras/monotone.py.
 
 const int STEPS = 24;  // bisections alone reach the last bit of a float

@@ -1,5 +1,5 @@
-// vec3 lift_alpha(vec2 plane, float alpha): vector, not of unit length, that the unified model
-// in its alpha form has at a point of the normalized plane; within 1/sqrt(2 alpha - 1).
+// vec3 lift_alpha(vec2 plane, float alpha): ray, not of unit length, of a point of the normalized
+// plane by the alpha form of the unified model; radius up to 1/sqrt(2 alpha - 1) if alpha > 0.5.
 // Twin of omnisim/cameras/unified_sphere.py.
 
 vec3 lift_alpha(vec2 plane, float alpha) {

@@ -69,7 +69,7 @@ def test_coarse_ranges_are_said(omnisim, tmp_path, needs_opengl):
     arguments = ["far.obj", "--up", "z", *SMALL, "--at", 0, 0, 0, "--also", "range"]
     status, _, err = omnisim("render", *arguments, "-o", "f.png")
     assert status == 0, err
-    assert "f.range.png: 2 mm a step, not 1, to hold what is beyond 65.534 m" in err
+    assert "f.range.png: 2 mm per step instead of 1, to hold ranges beyond 65.534 m" in err
     steps = read_image(tmp_path / "f.range.png")[0]
     assert {0, 65535} < set(np.unique(steps).tolist())
     hit = (steps > 0) & (steps < 65535)

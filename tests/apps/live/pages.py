@@ -29,7 +29,7 @@ def served(settings=None, **options):
 def live_settings(scene="rings", **changes):
     document = CameraDocument().with_value("size_px", SIZE_PX)
     words = ("--size", str(SIZE_PX))
-    found = {"document": document, "scene_words": (scene,), "camera_words": words} | changes
+    found = {"document": document, "scene_arguments": (scene,), "camera_options": words} | changes
     return LiveSettings(load_scene(scene), **found)
 
 

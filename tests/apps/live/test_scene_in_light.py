@@ -8,8 +8,8 @@ import pytest
 from omnisim.apps.cli.app import main
 from omnisim.apps.live.camera_document import CameraDocument
 from omnisim.apps.live.live_source import LiveSource
-from omnisim.apps.live.scene_in_light import SceneInLight, without_overruled
-from omnisim.apps.live.session import Draw, Shown
+from omnisim.apps.live.scene_in_light import SceneInLight, without_overridden
+from omnisim.apps.live.session import Draw, PageState
 from omnisim.apps.live.viewpoint_motion import Place
 from omnisim.core.errors import SceneError
 from omnisim.core.files.image_files import read_image
@@ -22,7 +22,7 @@ def _light():
 
 
 def _take(source, document):
-    return source.take(Draw(Shown(document, Place((0.0, 0.0, 0.5))), True), ())
+    return source.take(Draw(PageState(document, Place((0.0, 0.0, 0.5))), True), ())
 
 
 def test_fog_begins_with_the_keys_that_it_must_have():
@@ -46,9 +46,9 @@ def test_a_value_that_cannot_be_names_its_key():
 
 def test_options_give_way_to_tables():
     words = ("--sky", "clear", "--baked", "light", "--up-axis", "y")
-    assert without_overruled(words, {"fog": {}}) == words
-    assert without_overruled(words, {"light": {}}) == ("--sky", "clear", "--up-axis", "y")
-    assert without_overruled(words, {"sky": {}}) == ("--up-axis", "y")
+    assert without_overridden(words, {"fog": {}}) == words
+    assert without_overridden(words, {"light": {}}) == ("--sky", "clear", "--up-axis", "y")
+    assert without_overridden(words, {"sky": {}}) == ("--up-axis", "y")
 
 
 @pytest.mark.usefixtures("needs_opengl")
@@ -61,7 +61,7 @@ def test_the_command_renders_the_same_image(tmp_path, monkeypatch):
     try:
         before = _take(source, own).rgb
         taken = _take(source, document)
-        command = source.command(Shown(document, Place((0.0, 0.0, 0.5))), taken)
+        command = source.command(PageState(document, Place((0.0, 0.0, 0.5))), taken)
         with pytest.raises(SceneError):
             source.use(document.with_value("scene.fog.visibility_m", -1.0))
         np.testing.assert_array_equal(_take(source, document).rgb, taken.rgb)  # it stays

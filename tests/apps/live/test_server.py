@@ -109,7 +109,7 @@ def test_a_robots_image_is_that_of_the_command_that_is_shown(tmp_path, monkeypat
     vehicle = Vehicle.load("p2at")
     document = CameraDocument.of_camera(vehicle.camera().sensor).with_value("size_px", SIZE_PX)
     settings = live_settings(
-        vehicle=vehicle, document=document, scene_words=("rings", "--robot", "p2at")
+        vehicle=vehicle, document=document, scene_arguments=("rings", "--robot", "p2at")
     )
     with served(settings) as page, Client(page) as client:
         client.send("place", x=0.31, y=-0.17, z=0.0, yaw_deg=33.3)

@@ -44,7 +44,7 @@ def test_only_the_newest_of_many_wishes_is_drawn(live):
         live.apply(messages.SetValue(path="sensor.mirror.k", value=3.0 + k))
     draw = _next(live)
     assert not draw.is_fine
-    assert draw.shown.document.value("sensor.mirror.k") == 102.0
+    assert draw.state.document.value("sensor.mirror.k") == 102.0
     assert _next(live).is_fine
 
 
@@ -68,7 +68,7 @@ def test_images_are_coarse_while_a_key_is_held_and_fine_after(live):
     until = time.monotonic() + 120.0
     while not (draw := _next(live)).is_fine:
         assert time.monotonic() < until
-    assert draw.shown.place.position_m[0] > 0.0
+    assert draw.state.place.position_m[0] > 0.0
 
 
 def test_a_key_pressed_and_let_go_during_a_image_counts(live):
@@ -76,7 +76,7 @@ def test_a_key_pressed_and_let_go_during_a_image_counts(live):
     live.apply(messages.Drive(turn=1.0))
     time.sleep(0.05)
     live.apply(messages.Drive())
-    assert _next(live).shown.place.yaw_deg > 0.0
+    assert _next(live).state.place.yaw_deg > 0.0
 
 
 def test_keys_are_let_go_when_the_page_is_silent(live, monkeypatch):
@@ -90,31 +90,31 @@ def test_keys_are_let_go_when_the_page_is_silent(live, monkeypatch):
 def test_changes_of_a_camera_are_undone_and_done_again(live):
     for k in (3.0, 4.0, 5.0):  # a slider that moves: one step
         live.apply(messages.SetValue(path="sensor.mirror.k", value=k))
-        live.accept(_next(live).shown.document)
+        live.accept(_next(live).state.document)
     live.apply(messages.SetValue(path="sensor.mirror.c", value=2.0))
-    live.accept(_next(live).shown.document)
+    live.accept(_next(live).state.document)
     assert live.history == (2, 0)
     live.apply(messages.Undo())
-    assert live.shown.document.sensor == {"mirror": {"k": 5.0}}
+    assert live.state.document.sensor == {"mirror": {"k": 5.0}}
     live.apply(messages.Undo())
-    assert live.shown.document == CameraDocument()
+    assert live.state.document == CameraDocument()
     live.apply(messages.Undo())  # nothing is left
     assert live.history == (0, 2)
     live.apply(messages.Redo())
     live.apply(messages.Redo())
-    assert live.shown.document.sensor == {"mirror": {"k": 5.0, "c": 2.0}}
+    assert live.state.document.sensor == {"mirror": {"k": 5.0, "c": 2.0}}
 
 
 def test_a_camera_that_cannot_be_is_taken_back(live):
-    live.accept(_next(live).shown.document)
+    live.accept(_next(live).state.document)
     live.apply(messages.SetValue(path="sensor.mirror.k", value=1.0))
-    live.reject(_next(live).shown.document)
-    assert live.shown.document == CameraDocument()
+    live.reject(_next(live).state.document)
+    assert live.state.document == CameraDocument()
     assert live.history == (0, 0)
 
 
 def test_an_impossible_message_changes_nothing(live):
-    before = live.shown
+    before = live.state
     for message in (
         messages.SetValue(path="size_px", value=100_000),
         messages.Preset(kind="lens", name="none"),
@@ -123,12 +123,12 @@ def test_an_impossible_message_changes_nothing(live):
     ):
         with pytest.raises(OmnisimError):
             live.apply(message)
-    assert live.shown == before
+    assert live.state == before
 
 
 def test_places_are_rounded_to_what_a_command_line_repeats(live):
     live.apply(messages.SetPlace(x=1 / 3, y=-2e-9, z=1.0, yaw_deg=725.12345))
-    assert live.shown.place == Place((0.3333, 0.0, 1.0), 5.123)
+    assert live.state.place == Place((0.3333, 0.0, 1.0), 5.123)
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ def report(monkeypatch):
     )
     coarse = dataclasses.replace(quality.REFERENCE, supersampling=4, texels_per_pixel=4.0)
     monkeypatch.setattr(quality, "REFERENCE", coarse)
-    return peers.run(Options(rounds=1, warm_up=0, scenes=("rings",)), poses=2, looked_at=1)
+    return peers.run(Options(rounds=1, warm_up=0, scenes=("rings",)), poses=2, quality_poses=1)
 
 
 @pytest.mark.slow

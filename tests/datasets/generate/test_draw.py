@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.errors import PlanError
-from omnisim.datasets.generate.draw import draw, draw_which
+from omnisim.datasets.generate.draw import draw, draw_indices
 from omnisim.datasets.generate.plan import read_plan
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.scene import load_scene
@@ -112,5 +112,5 @@ def test_colors_are_drawn_for_their_share(tmp_path):
 def test_weights_part_the_samples(tmp_path):
     text = '[[scenes]]\nfile = "courtyard"\nweight = 3.0\n'
     plan = read_plan(write_plan(tmp_path, text))
-    shares = np.mean([draw_which(plan, number).scene for number in range(2000)])
+    shares = np.mean([draw_indices(plan, number).scene for number in range(2000)])
     assert shares == pytest.approx(0.75, abs=0.03)

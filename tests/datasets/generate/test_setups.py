@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from omnisim.apps.cli.app import app
 from omnisim.core.errors import OmnisimError
 from omnisim.core.srgb import linear_from_srgb8
-from omnisim.datasets.generate.draw import draw_which
+from omnisim.datasets.generate.draw import draw_indices
 from omnisim.datasets.generate.plan_light import black_body_rgb
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.sample_renderer import SampleRenderer
@@ -66,7 +66,7 @@ def test_shards_are_the_same_whatever_was_made_before(tmp_path):
 
 def test_without_setups_all_samples_have_the_first(tmp_path):
     plan = _prepared(tmp_path).plan
-    assert {(one.light, one.camera) for one in (draw_which(plan, n) for n in range(200))} == {
+    assert {(one.light, one.camera) for one in (draw_indices(plan, n) for n in range(200))} == {
         (0, 0)
     }
 

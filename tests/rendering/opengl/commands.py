@@ -14,7 +14,7 @@ def submitted_commands(culler, pass_index=0):
     commands = np.frombuffer(culler.commands.read(), "<u4").reshape(-1, 5)
     return np.concatenate(
         [
-            commands[one.first + band * one.most :][:count]
+            commands[one.first + band * one.max_count :][:count]
             for band in range(BANDS)
             for one, count in zip(ranges, counts[pass_index, band], strict=True)
         ]

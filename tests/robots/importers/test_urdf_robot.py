@@ -82,10 +82,10 @@ def test_four_wheels_skid(tmp_path):
         wheel("lidar", 0.1, 0.0, 0.3, axis="0 0 1"),
         wheel("flipper", 0.1, 0.3, 0.1, kind="revolute", limit="<limit lower='-1' upper='1'/>"),
         wheel("swivel", 0.3, 0.0, 0.1, axis="0 0 1")
-        + wheel("castor", 0.0, 0.0, -0.05, 0.05, parent="swivel"),
+        + wheel("caster", 0.0, 0.0, -0.05, 0.05, parent="swivel"),
         wheel("fan", 0.0, 0.1, 0.5, 0.05),
     ],
-    ids=["lidar", "flipper", "castor", "above the ground"],
+    ids=["lidar", "flipper", "caster", "above the ground"],
 )
 def test_what_turns_otherwise_is_no_wheel(tmp_path, other):
     pair = wheel("left", 0.0, 0.2, 0.1) + wheel("right", 0.0, -0.2, 0.1)

@@ -104,18 +104,18 @@ def design(request: OpticsDesignRequest) -> None:
     profile_file = request.output.with_suffix(".csv") if is_system else request.output
     for path in dict.fromkeys((request.output, profile_file)):
         check_target(path)
-    wanted = Design(request.distance_m, request.half_angle_deg)
+    target = Design(request.distance_m, request.half_angle_deg)
     if (request.equi_angular_deg is None) == (request.equi_ground_m is None):
         raise OpticsError("design: expected either --equi-angular or --equi-ground")
     if request.equi_angular_deg is not None:
         if request.height_m is not None:
             raise OpticsError("--height: expected --equi-ground beside it")
-        profile = wanted.equi_angular(request.equi_angular_deg)
+        profile = target.equi_angular(request.equi_angular_deg)
     else:
         assert request.equi_ground_m is not None
         if request.height_m is None:
             raise OpticsError("--equi-ground: expected --height beside it")
-        profile = wanted.equi_ground(request.height_m, request.equi_ground_m)
+        profile = target.equi_ground(request.height_m, request.equi_ground_m)
     write_profile(profile_file, *profile)
     out.print(
         f"{profile_file}: {pluralize(len(profile.radii_m), 'point')}, rim radius "
@@ -124,7 +124,7 @@ def design(request: OpticsDesignRequest) -> None:
     )
     if is_system:
         size_px = request.size_px or DESIGN_SIZE_PX
-        text = wanted.system_toml(profile_file.name, size_px)
+        text = target.system_toml(profile_file.name, size_px)
         write_text(request.output, text)
         out.print(f"{request.output}: {_summary(read_optics_file(request.output))}", markup=False)
 
@@ -183,5 +183,9 @@ def _shares(system: OpticalSystem) -> str:
     """Summarize the shares of pixels by the outcome of their rays."""
     fates = system.all_rays().fates
     shares = {fate: 100.0 * float(np.mean(fates == fate)) for fate in Fate}
-    others = [f"{shares[fate]:.1f} % {words}" for fate, words in _FATES.items() if shares[fate]]
+    others = [
+        f"{shares[fate]:.1f} % {description}"
+        for fate, description in _FATES.items()
+        if shares[fate]
+    ]
     return "; ".join([f"{shares[Fate.SEEN]:.1f} % of the pixels see something", *others])

@@ -50,7 +50,7 @@ def calibrate(request: OpticsCalibrateRequest) -> None:
 
 
 def _rms(errors_px: Floats) -> float:
-    """Root mean square of errors (n, 2) per image axis."""
+    """Root mean square of errors (n, 2) along each image axis, px."""
     return float(np.sqrt(np.mean(errors_px * errors_px)))
 
 

@@ -24,7 +24,7 @@ from omnisim.core.files.image_files import write_image
 from omnisim.datasets.generate.generate import Generation, estimate
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.sample_renderer import SampleRenderer
-from omnisim.datasets.generate.workers import Made
+from omnisim.datasets.generate.workers import ShardProgress
 from omnisim.validation.plots.sample_sheet import SampleTiles, channel_tile, sample_sheet
 
 SHARDS = re.compile(r"(\d{1,9})(?::(\d{1,9}))?")
@@ -196,8 +196,8 @@ def _run(request: GenerateRequest, generation: Generation) -> None:
 
 
 def _counted(
-    steps: Iterator[Made], done: dict[int, int], each: int, total: int, plan: Path
-) -> Iterator[Made]:
+    steps: Iterator[ShardProgress], done: dict[int, int], each: int, total: int, plan: Path
+) -> Iterator[ShardProgress]:
     """Yield steps while showing a progress bar, which appears on terminals only."""
     columns = (
         TextColumn("{task.description}", markup=False),
@@ -208,7 +208,11 @@ def _counted(
     )
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
         task = progress.add_task(plan.stem, total=total)
-        for made in steps:
-            done[made.shard] = each if made.is_whole else min(done.get(made.shard, 0) + 1, each)
+        for progress_of_shard in steps:
+            done[progress_of_shard.shard] = (
+                each
+                if progress_of_shard.is_whole
+                else min(done.get(progress_of_shard.shard, 0) + 1, each)
+            )
             progress.update(task, completed=sum(done.values()))
-            yield made
+            yield progress_of_shard

@@ -96,35 +96,37 @@ def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
         refuse_given(request.viewpoint, reason, "pitch_deg")
         vehicle = Vehicle.load(request.robot)
         document = CameraDocument.of_camera(vehicle.camera(request.camera.camera_name).sensor)
-        camera_words: tuple[str, ...] | None = _robot_words(request, vehicle, document)
+        camera_options: tuple[str, ...] | None = _robot_options(request, vehicle, document)
     else:
-        document, camera_words = _document(request.camera)
+        document, camera_options = _document(request.camera)
     if request.image.preset is not None:
         document = document.with_degradation(request.image.preset)
-        camera_words = (
-            None if camera_words is None else (*camera_words, "--preset", request.image.preset)
+        camera_options = (
+            None if camera_options is None else (*camera_options, "--preset", request.image.preset)
         )
     size_px = request.image.size_px or SIZE_PX
     document = dataclasses.replace(document.with_value("size_px", size_px))
-    camera_words = None if camera_words is None else (*camera_words, "--size", str(size_px))
+    camera_options = None if camera_options is None else (*camera_options, "--size", str(size_px))
     if request.image.quality is not None:
         document = document.with_value("sensor.camera.quality", request.image.quality)
         document.camera()  # raises an error for an unknown quality
-        camera_words = (
-            None if camera_words is None else (*camera_words, "--quality", request.image.quality)
+        camera_options = (
+            None
+            if camera_options is None
+            else (*camera_options, "--quality", request.image.quality)
         )
     name = request.world.scene or SCENE
     in_light = SceneInLight(name, partial(_read_in_light, request.world, request.light))
     return LiveSettings(
-        scene, document, vehicle, request.camera.camera_name, _scene_words(request), camera_words,
-        request.gpu.device, request.light.unlit, in_light,
+        scene, document, vehicle, request.camera.camera_name, _scene_arguments(request),
+        camera_options, request.gpu.device, request.light.unlit, in_light,
     )  # fmt: skip
 
 
-def _scene_words(request: LiveRequest) -> tuple[str, ...]:
-    """Command-line arguments that show the same scene and robot in the same light."""
+def _scene_arguments(request: LiveRequest) -> tuple[str, ...]:
+    """Command-line arguments that select the same scene, robot and light."""
     world, light = request.world, request.light
-    words = [world.scene or SCENE]
+    arguments = [world.scene or SCENE]
     for option, value in (
         ("--up", world.up_axis),
         ("--meters-per-unit", world.meters_per_unit and repr(world.meters_per_unit)),
@@ -134,8 +136,8 @@ def _scene_words(request: LiveRequest) -> tuple[str, ...]:
         ("--robot", request.robot),
     ):
         if value is not None:
-            words += [option, str(value)]
-    return (*words, "--unlit") if light.unlit else tuple(words)
+            arguments += [option, str(value)]
+    return (*arguments, "--unlit") if light.unlit else tuple(arguments)
 
 
 def _read_in_light(
@@ -153,7 +155,7 @@ def _read_in_light(
     )
 
 
-def _robot_words(
+def _robot_options(
     request: LiveRequest, vehicle: Vehicle, document: CameraDocument
 ) -> tuple[str, ...] | None:
     """Options that select the robot's camera; None if rounding has changed its document."""
@@ -178,12 +180,12 @@ def _document(files: CameraFileOptions) -> tuple[CameraDocument, tuple[str, ...]
         raise OutputError(f"{', '.join(given)}: expected one of them, got {len(given)}")
     if files.calibration_file is not None:
         check_calibration_path(files.calibration_file, None)
-        words = ["--camera", str(files.calibration_file)]
+        arguments = ["--camera", str(files.calibration_file)]
         if files.camera_name is not None:
-            words += ["--camera-name", files.camera_name]
+            arguments += ["--camera-name", files.camera_name]
         if files.mirrored is not None:
-            words += ["--mirrored" if files.mirrored else "--not-mirrored"]
-        return CameraDocument.of_camera(read_camera(files)), tuple(words)
+            arguments += ["--mirrored" if files.mirrored else "--not-mirrored"]
+        return CameraDocument.of_camera(read_camera(files)), tuple(arguments)
     refuse_given(files, "requires --camera", "camera_name", "mirrored")
     if files.optics is not None:
         return CameraDocument.of_optics_file(files.optics), None

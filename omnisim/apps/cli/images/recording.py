@@ -70,7 +70,7 @@ def drive_of(request: DriveRequest | RenderRequest, vehicle: Vehicle, route: Rou
 
 
 def as_requested(vehicle: Vehicle, image: MeshImageOptions) -> Vehicle:
-    """Vehicle whose cameras have the requested settings."""
+    """Vehicle whose cameras have the settings of the options."""
     return vehicle.with_cameras(
         size_px=image.size_px,
         polygons="same" if image.polygons is None else parse_polygons(image.polygons),
@@ -99,10 +99,10 @@ def record(plan: PlannedDrive, folder: Path, force: bool) -> None:
             for done in steps:
                 progress.update(task, completed=done)
         except KeyboardInterrupt:
-            how = "the same command without --force" if force else "the same command"
+            command = "the same command without --force" if force else "the same command"
             if done:
                 steps_done = f"{done} of {total} steps are done"
-                err.print(f"{folder}: {steps_done}: {how} resumes the run", markup=False)
+                err.print(f"{folder}: {steps_done}: {command} resumes the run", markup=False)
             raise
     objects = len(plan.contacts or ())
     touched = f"; contact with {pluralize(objects, 'object')}" if objects else ""

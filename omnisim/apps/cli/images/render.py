@@ -185,6 +185,6 @@ def _note_coarse_ranges(image: Path, ranges_m: NDArray[np.float32]) -> None:
     steps_per_m = range_steps_per_m(ranges_m)
     if steps_per_m < FINEST_RANGE_STEPS_PER_M:
         print_note(
-            f"{sidecar_path(image, 'range.png')}: {1000 / steps_per_m:g} mm a step, not 1, to "
-            "hold what is beyond 65.534 m"
+            f"{sidecar_path(image, 'range.png')}: {1000 / steps_per_m:g} mm per step instead "
+            "of 1, to hold ranges beyond 65.534 m"
         )

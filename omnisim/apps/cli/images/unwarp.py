@@ -117,8 +117,8 @@ def _channels(
     sources = {"position"} if "z" in names and "position" in stored.names else set()
     channels = stored.read(check_channels({*names, *sources}))
     unwarp = ChannelUnwarping(taken.camera, view.camera, camera_from_view, taken.covered)
-    made = unwarp(channels, metadata.get("world_from_optical"))
-    return {name: made[name] for name in names}, stored.labels, unwarp.valid
+    unwarped = unwarp(channels, metadata.get("world_from_optical"))
+    return {name: unwarped[name] for name in names}, stored.labels, unwarp.valid
 
 
 def _check_options(request: UnwarpRequest) -> None:

@@ -62,19 +62,19 @@ def _compare(request: MeasureCompareRequest) -> Comparison:
     compared: list[ImageComparison] = []
     for number in track(range(len(files)), "Images", len(files)):
         search = next(searches)
-        found = search.found
+        view = search.found
         if search.size_px != (sensor.model.width_px, sensor.model.height_px):
-            size, wanted = search.size_px, (sensor.model.width_px, sensor.model.height_px)
+            size = search.size_px
             raise MeasurementError(
-                f"{files[number]}: {size[0]} × {size[1]} px: expected {wanted[0]} × {wanted[1]} px "
-                f"as in {request.sensor}"
+                f"{files[number]}: {size[0]} × {size[1]} px: expected {sensor.model.width_px} × "
+                f"{sensor.model.height_px} px as in {request.sensor}"
             )
-        if not isinstance(found, BoardView):
-            print_note(f"{found.name} not used: {found.reason}")
+        if not isinstance(view, BoardView):
+            print_note(f"{view.name} not used: {view.reason}")
             continue
         image = read_gray(files[number])
         try:
-            compared.append(compare_image(sensor, board, found, image, board_m, request.mirrored))
+            compared.append(compare_image(sensor, board, view, image, board_m, request.mirrored))
         except MeasurementError as reason:
             print_note(f"{reason}: not compared")
     if not compared:
@@ -101,12 +101,12 @@ def _board_shape(sensor: Path) -> NDArray[np.float64] | None:
 
 
 def _level_error(comparison: Comparison) -> float:
-    """Gray levels within which nine squares of ten agree."""
+    """90th percentile of the squares' absolute differences, gray levels."""
     return float(np.percentile(np.abs(comparison.level_errors), 90.0))
 
 
 def _rise_error(comparison: Comparison) -> float:
-    """Largest relative difference of a ring's edges; NaN: no edge was long enough."""
+    """Maximum relative difference of the edge rise over the rings; NaN: no edge was long enough."""
     ratios = [ring.twin_rise_px / ring.rise_px - 1.0 for ring in comparison.rings]
     finite = [abs(ratio) for ratio in ratios if math.isfinite(ratio)]
     return max(finite, default=math.nan)

@@ -75,10 +75,10 @@ def geometry(request: MeasureGeometryRequest) -> None:
 
 
 def _models(names: Sequence[str] | None) -> Sequence[str]:
-    """Models to fit.
+    """Names of the models to fit.
 
     Raises:
-        MeasurementError: an unknown one.
+        MeasurementError: an unknown name.
     """
     for name in names or ():
         if name not in CANDIDATES:
@@ -123,7 +123,7 @@ def _read_views(path: Path) -> list[BoardView]:
 
 
 def _with_camera(tables: dict[str, Any], measured: MeasuredGeometry) -> dict[str, Any]:
-    """Tables of a sensor file with the measured camera in place of another one."""
+    """Tables of a sensor file in which the measured camera replaces the old one."""
     written = tomllib.loads(sensor_toml(OmniCamera(measured.camera)))
     old: dict[str, Any] = next(
         (tables[key] for key in ("lens", "mirror", "optics") if key in tables), {}

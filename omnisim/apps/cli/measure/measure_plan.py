@@ -97,10 +97,10 @@ def plan(request: MeasurePlanRequest) -> None:
 
 
 def _read_plan(path: Path, output: Path) -> dict[str, dict[str, Any]]:
-    """Arguments of each part.
+    """Read the arguments of each part.
 
     Raises:
-        MeasurementError: naming file, key and value.
+        MeasurementError: the message names file, key and value.
     """
     read = read_tables(path, MeasurementError)
     kinds = {name: part.request for name, part in _PARTS.items()} | {
@@ -120,7 +120,7 @@ def _read_plan(path: Path, output: Path) -> dict[str, dict[str, Any]]:
 
 
 def _with_board(read: Mapping[str, Any], output: Path) -> dict[str, Any]:
-    """Tables in which sharpness and comparison use the geometry's images if they name none."""
+    """Tables in which sharpness and comparison default to the geometry's images."""
     tables = dict(read)
     board = read.get("geometry")
     if not isinstance(board, Mapping) or "images" not in board:
@@ -151,7 +151,7 @@ def _schema(kind: type) -> type[Table]:
 
 
 def _below(folder: Path, table: dict[str, Any]) -> dict[str, Any]:
-    """Table whose relative paths start at the plan's folder."""
+    """Table with relative paths resolved from the plan's folder."""
     return {
         key: folder / value if isinstance(value, Path) else value for key, value in table.items()
     }

@@ -115,7 +115,7 @@ def _response(request: MeasureResponseRequest) -> MeasuredResponse:
 def _vignetting(
     folder: Path, request: MeasureResponseRequest, measured: MeasuredResponse
 ) -> dict[str, MeasuredVignetting]:
-    """Vignetting of each channel; of gray images, of one."""
+    """Vignetting of each channel, by name; a gray image has a single channel."""
     files = image_files(folder)
     center = None
     if request.sensor is not None:

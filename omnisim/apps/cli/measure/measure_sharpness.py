@@ -101,10 +101,10 @@ def _encoding(text: str | None, tables: dict[str, Any]) -> Encoding | None:
 def _files_with_board(
     request: MeasureSharpnessRequest, files: Sequence[Path], boards: Sequence[BoardCorners]
 ) -> Sequence[Path]:
-    """Files of the images that the corners are of, which the geometry's report may list.
+    """Image files in which the corners were found; the report of the geometry may list them.
 
     Raises:
-        MeasurementError: the corners are those of another number of images.
+        MeasurementError: the number of files differs from the number of boards.
     """
     if len(boards) != len(files) and request.sensor is not None:
         images = read_reports(request.sensor).get("geometry", {}).get("images", ())
@@ -129,7 +129,7 @@ def _check_size(
 
 
 def _degradation(tables: dict[str, Any], measured: MeasuredSharpness) -> dict[str, Any]:
-    """Tables of a sensor file, the measured ones in place of those that draw the same."""
+    """Tables of a sensor file in which measured effects replace those of the same kind."""
     result = dict(tables)
     if measured.point_spread is not None:
         result.pop("defocus", None)

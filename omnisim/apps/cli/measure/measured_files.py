@@ -47,10 +47,10 @@ def report_path(output: Path) -> Path:
 
 
 def sensor_tables(sensor: Path | None) -> dict[str, Any]:
-    """Tables of a sensor file to complete, without what its defaults say; empty without one.
+    """Tables of a sensor file to complete, without values at their defaults; empty without a file.
 
     Raises:
-        SensorFileError: a fault in the file.
+        SensorFileError: the file is invalid.
     """
     return {} if sensor is None else tomllib.loads(sensor_toml(OmniCamera.from_file(sensor)))
 
@@ -92,7 +92,7 @@ def write_measured(
 
 
 def mark_inputs(output: Path, part: str, digest: str) -> None:
-    """Note in a part's report which arguments and files it was measured from.
+    """Store a digest of a part's arguments and files in its report.
 
     Raises:
         OutputError: the report cannot be written.
@@ -103,10 +103,10 @@ def mark_inputs(output: Path, part: str, digest: str) -> None:
 
 
 def read_reports(sensor: Path | None) -> dict[str, dict[str, Any]]:
-    """Reports of the parts beside a sensor file, by the part's name; empty without one.
+    """Reports of the parts beside a sensor file, by name of the part; empty without a report.
 
     Raises:
-        MeasurementError: the file is no report.
+        MeasurementError: the file is not a report.
     """
     path = None if sensor is None else report_path(sensor)
     if path is None or not path.exists():
@@ -134,10 +134,10 @@ def unseen_of(report: Mapping[str, Any]) -> list[Unseen]:
 
 
 def _check_texts(rows: Sequence[Quantity | Unseen]) -> None:
-    """Reject rows whose names are no text.
+    """Reject rows with a name that is not a string.
 
     Raises:
-        TypeError: naming one.
+        TypeError: names the first such value.
     """
     for row in rows:
         if not isinstance(row.name, str):
@@ -145,14 +145,14 @@ def _check_texts(rows: Sequence[Quantity | Unseen]) -> None:
 
 
 def _comments(part: str, report: Mapping[str, Any]) -> list[str]:
-    """Comments of a sensor file on a part's quantities."""
+    """Comments of a sensor file about a part's quantities."""
     known = [one for one in quantities_of(report) if math.isfinite(one.sigma)]
     lines = [f"{part}: {one.name} = {_number(one)} ({one.basis})" for one in known]
     return lines + [f"{part}: {one.name} not measured: {one.reason}" for one in unseen_of(report)]
 
 
 def print_measured(output: Path, quantities: Sequence[Quantity], unseen: Sequence[Unseen]) -> None:
-    """Print the measured quantities as a table, and why others are missing."""
+    """Print the measured quantities as a table, and the reasons why others are missing."""
     table = Table(box=None, pad_edge=False)
     for heading in ("", "value", "±", "unit", "from"):
         table.add_column(heading, justify="right" if heading in ("value", "±") else "left")

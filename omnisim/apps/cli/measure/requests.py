@@ -19,7 +19,7 @@ class MeasureNoiseRequest:
     """Sensor file to write: .toml; a report and the fixed pattern are written beside it."""
     sensor: Annotated[Path | None, Option(default="none")] = None
     """Sensor file to add the noise to."""
-    bit_depth: Annotated[int | None, Option(metavar="BITS", default="those that values use")] = None
+    bit_depth: Annotated[int | None, Option(metavar="BITS", default="as the values use")] = None
     """Bits of the converter."""
     bayer: bool = False
     """The frames are a Bayer mosaic."""
@@ -87,13 +87,13 @@ class MeasureTimingRequest:
     """Parameters of `omnisim measure timing`."""
 
     images: Annotated[Path, Argument(metavar="FRAMES")]
-    """Folder of frames of an unmoved surface under a flickering lamp."""
+    """Folder of frames of a still surface under a flickering lamp."""
     flicker: Annotated[float, Option(metavar="HZ")]
     """Frequency of the light: twice the mains', such as 100, or a driven LED's."""
     output: Path
     """Sensor file to write: .toml; a report is written beside it."""
     modulation: Annotated[float | None, Option(metavar="SHARE", default="unknown")] = None
-    """Half of the lamp's change over its mean, from 0 to 1, for the exposure time."""
+    """Amplitude of the lamp's light over its mean, from 0 to 1, for the exposure time."""
     sensor: Annotated[Path | None, Option(default="none")] = None
     """Sensor file to add readout and exposure to; its transfer function applies to the frames."""
 
@@ -114,7 +114,7 @@ class MeasureSharpnessRequest:
     response: Annotated[str | None, Option(metavar="srgb|GAMMA", default="the sensor file's")] = (
         None
     )
-    """Encoding of the images, such as srgb or 2.2; 1: linear; without one: linear, checked."""
+    """Encoding of the images, such as srgb or 2.2; 1: linear; if unknown: linear, with a check."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -219,13 +219,13 @@ class EvaluateRequest:
     run: Annotated[Path, Argument(metavar="RUN|PLAN")]
     """Folder of a finished run, or the plan of a sweep (.toml)."""
     output: Annotated[Path, Option(metavar="DIR")]
-    """Folder of the report and the trajectories; outcomes that it has already are kept."""
+    """Folder of the report and the trajectories; existing outcomes in it are kept."""
     estimators: Annotated[
         list[str] | None,
         Option(flags=("--with",), metavar="NAME", default="all", names=lambda: ESTIMATORS),
     ] = None
     """Estimator: {names}, or command:… with {run} and {out}; repeatable; a plan has its own."""
     limit_s: Annotated[float, Option(min=1.0, max=86400.0)] = 600.0
-    """Time after which an estimator is ended; a plan has its own."""
+    """Time limit of each estimator; a plan has its own."""
     processes: Annotated[int, Option(min=1, max=256)] = 1
     """Drives of a plan at the same time."""

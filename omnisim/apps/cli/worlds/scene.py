@@ -25,7 +25,7 @@ from omnisim.scene.summary import (
     instance_summaries,
     memory_bytes,
     scene_textures,
-    start_places,
+    start_summaries,
 )
 
 SHOWN = 20  # maximum number of instances in the table
@@ -77,7 +77,7 @@ def describe(scene: Scene) -> dict[str, Any]:
         "texture_bytes": texture_bytes,
         "gpu_bytes": gpu_bytes(scene),
         "floors": [dataclasses.asdict(one) for one in floors(scene)],
-        "starts": [dataclasses.asdict(one) for one in start_places(scene)],
+        "starts": [dataclasses.asdict(one) for one in start_summaries(scene)],
         "cameras": [dataclasses.asdict(one) for one in scene.cameras],
         "paths": [
             {
@@ -201,7 +201,7 @@ def _row(one: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _textures(sizes_px: list[tuple[int, int]]) -> str:
-    """Size of the first texture, and the number of further textures."""
+    """Size of the first texture, and the number of the other ones."""
     if not sizes_px:
         return ""
     width, height = sizes_px[0]

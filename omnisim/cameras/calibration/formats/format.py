@@ -98,7 +98,7 @@ class Format(ABC, Generic[LensT]):
         """Parse the cameras of a text; `source` names the file in messages.
 
         Raises:
-            CalibrationError: naming file, key, the expected value and the actual one.
+            CalibrationError: the file is invalid; names file, key, actual and expected value.
         """
 
     @abstractmethod

@@ -9,8 +9,8 @@
 | orthographic | f sin θ | orthographic |
 | custom | by `<custom_function>` | gazebo |
 
-Radii are in half widths of the image. With `scale_to_hfov`, f follows from `horizontal_fov`, half
-of which reaches the left and right edges; without it, f is that of the custom function.
+Radii are in half widths of the image. With `scale_to_hfov`, f is such that half of `horizontal_fov`
+reaches the left and the right edge; without it, f is that of the custom function.
 `cutoff_angle` is θ_max. The axis is at the image center. `<intrinsics>`, allowed for pinhole
 cameras, counts pixels from the corner of the first pixel.
 
@@ -143,7 +143,7 @@ def read_lens(camera: Element, place: str) -> CentralCamera:
     """Lens of a `<camera>`.
 
     Raises:
-        CalibrationError: naming the place, the expected value and the actual one.
+        CalibrationError: the lens is invalid; names place, actual and expected value.
     """
     size = _size(camera, "image/width", place), _size(camera, "image/height", place)
     fov = _number(camera, "horizontal_fov", None, place)

@@ -2,7 +2,7 @@
 
     N a0 a1 … a_{N−1}        the polynomial F(ρ)
     M p0 p1 … p_{M−1}        its inverse: ρ as a polynomial of atan(z/ρ), for cam2world's callers
-    row column               of the center, from 0 unless a comment says MATLAB or "starting from 1"
+    row column               the center, from 0 unless a comment says MATLAB or "starting from 1"
     c d e                    the affine map
     height width
 

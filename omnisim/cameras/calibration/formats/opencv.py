@@ -95,7 +95,7 @@ class _File(NamedTuple):
     intrinsics: Intrinsics
     skew_px: float
     coefficients: list[float]
-    place: str  # of the coefficients, for messages
+    place: str  # file and key of the coefficients, for messages
 
 
 class _Opencv(Format[LensT]):

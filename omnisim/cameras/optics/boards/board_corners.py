@@ -54,7 +54,7 @@ def read_corners(path: Path) -> list[BoardCorners]:
     """Read the corners of each image from a file.
 
     Raises:
-        OpticsError: naming file, line, the actual value and the expected one.
+        OpticsError: the file is invalid; names file, line, actual and expected value.
     """
     try:
         table = read_text_table(path)

@@ -14,6 +14,11 @@ from omnisim.core.errors import OpticsError
 def first_pose(system: OpticalSystem, viewpoint_m: Floats, board: BoardCorners) -> Floats:
     """Pose (4, 4) of a board in the sensor's optical frame, as if all rays met in one point.
 
+    Args:
+        system: optical system.
+        viewpoint_m: (3,) point nearest to all rays, in the sensor's optical frame.
+        board: corners in the image.
+
     Raises:
         OpticsError: the system sees too few of the corners.
     """

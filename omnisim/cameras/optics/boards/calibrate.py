@@ -24,9 +24,9 @@ from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.system import OpticalSystem
 from omnisim.core.errors import OmnisimError, OpticsError
 
-_STEP = 1e-6  # relative to a parameter, absolute for parameters below 1
+_STEP = 1e-6  # step of derivatives, relative to a parameter, or absolute below 1
 _SINGULAR = 1e-7  # smallest singular value of the scaled Jacobian, as a share of the largest
-_UNSEEN_PX = 1e-4  # least motion of corners by a parameter that grows by 1 or doubles
+_UNSEEN_PX = 1e-4  # minimum motion of corners if a parameter grows by 1 or doubles
 _SHARE = 0.1  # component of an undetermined direction above which a parameter is part of it
 _MAX_STEPS = 100
 _WIDER = 1.1  # widens rims, so that a step that moves a rim hides no corner
@@ -212,7 +212,7 @@ class _Problem:
         ]
 
     def _sigmas(self, jacobian: Floats, errors: Floats) -> Floats:
-        """Standard deviations of the parameters.
+        """Standard deviations (parameters,) of the parameters.
 
         Raises:
             OpticsError: the corners do not determine the parameters.
@@ -231,13 +231,15 @@ class _Problem:
         sigmas: Floats = (np.sqrt(variances) / scale)[: self._count]
         return sigmas
 
-    def _check(self, untold: NDArray[np.bool_]) -> None:
+    def _check(self, undetermined: NDArray[np.bool_]) -> None:
         """Reject parameters (n,) that the corners do not determine.
 
         Raises:
-            OpticsError: naming them.
+            OpticsError: a parameter is undetermined; names all that are.
         """
-        if untold.any():
-            names = [self._parameters.names[index] for index in np.flatnonzero(untold).tolist()]
+        if undetermined.any():
+            names = [
+                self._parameters.names[index] for index in np.flatnonzero(undetermined).tolist()
+            ]
             message = "not determined by the corners: expected fewer free parameters"
             raise OpticsError(f"{', '.join(names)}: {message}")

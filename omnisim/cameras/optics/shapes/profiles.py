@@ -19,11 +19,11 @@ from omnisim.cameras.optics.shapes.shape import Floats, Level, Shape
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.parameters import Number, Parameters, Signed
 
-_SAMPLES = 25  # along a ray; between two samples it crosses a surface at most once
+_SAMPLES = 25  # samples along a ray, which crosses a surface at most once between two of them
 _CONVEXITY_SAMPLES = 2049
 _RAYS_PER_BATCH = 1 << 14  # keeps intermediate arrays in the cache
 _NEWTON_STEPS = 60
-_ROUNDING = 4e-16  # as a share of a length
+_ROUNDING = 4e-16  # relative rounding error of a length
 _SLACK = 0.01  # widens a bracket, as a share of the step between samples
 MIN_POINTS, MAX_M = 4, 1e6  # limits of a table
 _TINY_M = 1e-12  # distance from the axis below which f'(r)/r becomes f''
@@ -64,7 +64,7 @@ class Profile(Shape):
         return int((signs >= 0.0).all()) or -int((signs <= 0.0).all())
 
     def sag_m(self, radii_m: Floats) -> Floats:
-        """z(r), within its domain."""
+        """Heights z(r) at distances from the axis; NaN outside the domain."""
         return np.where(radii_m <= self.domain_m, self.derivatives(radii_m).heights_m, np.nan)
 
     def level(self, points_m: Floats) -> Level:
@@ -76,7 +76,7 @@ class Profile(Shape):
         return Level(points_m[:, 2] - profile.heights_m, gradients)
 
     def hessians(self, points_m: Floats) -> Floats:
-        """Hessians from the curvature along the meridian and slope over radius across it."""
+        """Hessians (n, 3, 3): curvature along the meridian, slope over radius across it."""
         radii = np.hypot(points_m[:, 0], points_m[:, 1])
         profile = self.derivatives(radii)
         across = _over_radius(radii, profile)
@@ -89,7 +89,7 @@ class Profile(Shape):
         return hessians
 
     def intersections(self, origins_m: Floats, directions: Floats, radius_m: float) -> Floats:
-        """First two crossings within the radius."""
+        """Lengths (n, 2) to the first two crossings within the radius; NaN: no crossing."""
         batches = range(0, len(origins_m), _RAYS_PER_BATCH)
         bulge, table = self._bulge(radius_m), HeightTable(self.sag_m, radius_m)
         crossings_m = np.full((len(origins_m), 2), np.nan)
@@ -232,7 +232,7 @@ def _is_moving(steps: Floats, before: Floats, lengths: Floats) -> NDArray[np.boo
 
 
 def _series(coefficients: tuple[float, ...], radii_m: Floats) -> tuple[Floats, Floats, Floats]:
-    """Power series from r⁰ upwards, and its first two derivatives."""
+    """Values (n,) of a power series from r⁰ upwards, and of its first two derivatives."""
     orders = (coefficients, polyder(coefficients), polyder(coefficients, 2))
     heights, slopes, curvatures = (
         np.asarray(polyval(radii_m, order), dtype=np.float64) for order in orders
@@ -241,7 +241,7 @@ def _series(coefficients: tuple[float, ...], radii_m: Floats) -> tuple[Floats, F
 
 
 def _over_radius(radii: Floats, profile: Derivatives) -> Floats:
-    """Ratio f'(r)/r, whose limit on the axis is f''."""
+    """Ratios f'(r)/r (n,), whose limit on the axis is f''."""
     near = radii < _TINY_M
     return np.where(near, profile.curvatures, profile.slopes / np.where(near, 1.0, radii))
 
@@ -320,8 +320,8 @@ class TabulatedProfile(Profile):
         if len(radii_m) < MIN_POINTS:
             raise OpticsError(f"expected at least {MIN_POINTS} points, got {len(radii_m)}")
         if len(heights_m) != len(radii_m):
-            words = f"z_m: expected as many numbers as r_m, {len(radii_m)}"
-            raise OpticsError(f"{words}, got {len(heights_m)}")
+            message = f"z_m: expected as many numbers as r_m, {len(radii_m)}"
+            raise OpticsError(f"{message}, got {len(heights_m)}")
         if not (np.abs((radii_m, heights_m)) <= MAX_M).all():  # also rejects NaN
             raise OpticsError("expected finite numbers in meters")
         if radii_m[0] != 0.0 or not (np.diff(radii_m) > 0.0).all():

@@ -42,7 +42,7 @@ class Quadric(Shape):
         return self.coefficients[0] >= 0.0
 
     def intersections(self, origins_m: Floats, directions: Floats, radius_m: float) -> Floats:
-        """Both roots of the quadratic, free of cancellation and polished by one Newton step."""
+        """Both roots (n, 2) of the quadratic, without cancellation, after one Newton step."""
         a, b, c = self.coefficients
         scale = np.array([a, a, b])
         square = np.einsum("nj,j,nj->n", directions, scale, directions)
@@ -73,14 +73,14 @@ class Quadric(Shape):
         return Level(values, 2.0 * half - (0.0, 0.0, c))
 
     def hessians(self, points_m: Floats) -> Floats:
-        """Diagonal Hessians with 2 A, 2 A and 2 B."""
+        """Diagonal Hessians (n, 3, 3) with 2 A, 2 A and 2 B."""
         a, b, _ = self.coefficients
         hessians = np.zeros((len(points_m), 3, 3))
         hessians[:, range(3), range(3)] = 2.0 * a, 2.0 * a, 2.0 * b
         return hessians
 
     def sag_m(self, radii_m: Floats) -> Floats:
-        """Smaller root of B z² − C z + A r² = 0, free of cancellation: 2 A r²/(C + √…)."""
+        """Smaller root z of B z² − C z + A r² = 0, without cancellation: 2 A r²/(C + √…)."""
         a, b, c = self.coefficients
         inside = c * c - 4.0 * a * b * radii_m**2
         # at the equator itself, rounding may make the radicand negative
@@ -169,7 +169,7 @@ class Cone(Parameters, Quadric, name="shape"):
         return 1.0, -(math.tan(math.radians(self.half_angle_deg)) ** 2), 0.0
 
     def sag_m(self, radii_m: Floats) -> Floats:
-        """Height: r over the tangent of the half angle."""
+        """Heights z: r over the tangent of the half angle."""
         return radii_m / math.tan(math.radians(self.half_angle_deg))
 
 

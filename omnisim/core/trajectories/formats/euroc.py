@@ -43,7 +43,7 @@ def read(table: TextTable) -> ParsedTrajectory:
     """Read a table of 17 columns, with or without a header.
 
     Raises:
-        TrajectoryError: naming file, line, the actual value and the expected one.
+        TrajectoryError: the file is invalid; names file, line, actual and expected value.
     """
     if not is_number(table.lines[0].cells[0]):
         table = table.without_header()

@@ -24,7 +24,7 @@ def read(table: TextTable) -> ParsedTrajectory:
     """Read a table of 12 columns.
 
     Raises:
-        TrajectoryError: naming file, line, the actual value and the expected one.
+        TrajectoryError: the file is invalid; names file, line, actual and expected value.
     """
     matrices = table.numbers(COLUMNS).reshape(-1, 3, 4)
     return parsed_trajectory(

@@ -142,7 +142,7 @@ def read_rotations(table: TextTable, matrices: NDArray[np.float64]) -> NDArray[n
     return nearest_rotation(matrices)
 
 
-def _refuse(table: TextTable, good: NDArray[np.bool_], words: Callable[[int], str]) -> None:
+def _refuse(table: TextTable, good: NDArray[np.bool_], message: Callable[[int], str]) -> None:
     if not np.all(good):
         k = int(np.argmin(good))
-        raise table.fault(table.lines[k], words(k))
+        raise table.fault(table.lines[k], message(k))

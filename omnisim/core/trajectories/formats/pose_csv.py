@@ -30,7 +30,7 @@ def read(table: TextTable) -> ParsedTrajectory:
     """Read a table whose first line names its columns.
 
     Raises:
-        TrajectoryError: naming file, line, the actual value and the expected one.
+        TrajectoryError: the file is invalid; names file, line, actual and expected value.
     """
     names = _header(table)
     table = table.without_header()

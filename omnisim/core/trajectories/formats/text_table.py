@@ -40,9 +40,9 @@ class TextTable:
     lines: list[Line]
     separator: str | None
 
-    def fault(self, line: Line, words: str) -> TrajectoryError:
+    def fault(self, line: Line, message: str) -> TrajectoryError:
         """Error at a line of this file."""
-        return TrajectoryError(f"{self.source}:{line.number}: {words}")
+        return TrajectoryError(f"{self.source}:{line.number}: {message}")
 
     def without_header(self) -> TextTable:
         """Table without its first line.
@@ -90,7 +90,11 @@ class TextTable:
         raise self.fault(line, f"{name} = {quote(cell)!r}: expected a number")
 
     def check_times(self, times_s: NDArray[np.float64], printed: list[str]) -> None:
-        """Reject times (lines,) that do not increase; `printed` holds their text in the file."""
+        """Reject times (lines,) that do not increase; `printed` holds their text in the file.
+
+        Raises:
+            TrajectoryError: two successive times do not increase; names the line and both times.
+        """
         later = np.diff(times_s) > 0.0
         if not np.all(later):
             k = int(np.argmin(later))
@@ -139,7 +143,7 @@ def check_printed_times(times_s: NDArray[np.float64]) -> None:
     """Reject times (n,) that become equal when printed to the nanosecond.
 
     Raises:
-        TrajectoryError: naming the first two equal times.
+        TrajectoryError: two times become equal; names the first two.
     """
     same = np.diff(np.rint(times_s * 1e9)) <= 0.0
     if np.any(same):

@@ -26,7 +26,7 @@ def read(table: TextTable) -> ParsedTrajectory:
     """Read a table of 8 columns.
 
     Raises:
-        TrajectoryError: naming file, line, the actual value and the expected one.
+        TrajectoryError: the file is invalid; names file, line, actual and expected value.
     """
     numbers = table.numbers(COLUMNS)
     times_s = read_times(table, numbers[:, 0])

@@ -60,7 +60,7 @@ class Image(NamedTuple):
         id: number of the image, from 1.
         camera_id: number of its camera, from 1.
         name: path below the folder of images.
-        lens_from_world: (4, 4).
+        lens_from_world: (4, 4) pose of the world in the lens's frame.
         seen: visible points.
     """
 

@@ -33,7 +33,7 @@ def write_rig_text(
     Args:
         folder: folder of the model.
         lens_from_rig: (4, 4) for each camera.
-        rig_from_world: (steps, 4, 4).
+        rig_from_world: (steps, 4, 4) pose of the world in the rig's frame at each step.
     """
     sensors = f"{RIG_ID} {len(lens_from_rig)} CAMERA {REFERENCE_ID}"
     for camera_id, pose in enumerate(lens_from_rig[1:], start=2):

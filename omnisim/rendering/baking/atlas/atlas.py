@@ -14,7 +14,7 @@ from omnisim.rendering.baking.atlas.texel_sizes import (
     MAX_GIVEN_TEXELS,
     areas_m2,
     first_texel_m,
-    most_texels,
+    max_texels,
     texel_sizes_m,
 )
 from omnisim.rendering.baking.atlas.unwrapping import Unwrapping, unwrap
@@ -55,15 +55,15 @@ class Atlas(NamedTuple):
         Args:
             mesh_of: (n,) mesh of each instance.
         """
-        found = np.full(self.size_px[::-1], -1, dtype=np.int32)
+        charts = np.full(self.size_px[::-1], -1, dtype=np.int32)
         number = 0
         for rects_px in (self.rects_px, self.back_rects_px):
             for index in np.flatnonzero(rects_px[:, 2]).tolist():
                 for left, top, wide, high in self.unwrappings[mesh_of[index]].charts_px:
                     x, y = rects_px[index, :2] + (left, top)
-                    found[y : y + high, x : x + wide] = number
+                    charts[y : y + high, x : x + wide] = number
                     number += 1
-        return found
+        return charts
 
 
 def automatic_atlas(scene: Scene, has_back: NDArray[np.bool_], texels: int) -> tuple[float, Atlas]:
@@ -71,7 +71,7 @@ def automatic_atlas(scene: Scene, has_back: NDArray[np.bool_], texels: int) -> t
     texel_m = first_texel_m(scene, has_back, texels)
     while True:
         texel_m = float(f"{texel_m:.2g}")
-        atlas = build_atlas(scene, texel_m, has_back, most_texels(texels))
+        atlas = build_atlas(scene, texel_m, has_back, max_texels(texels))
         needed = atlas.size_px[0] * atlas.size_px[1]
         if needed <= texels:
             return texel_m, atlas
@@ -155,6 +155,6 @@ def corner_pixels(scene: Scene, atlas: Atlas, swapped: Sequence[bool]) -> NDArra
             continue
         page = atlas.unwrappings[instance.mesh]
         placed = page.uv.astype(np.float64) * (wide, high) + (left, top)
-        mine = placed[page.triangles].astype(np.float32)
-        corners.append(mine[:, [0, 2, 1]] if swapped[index] else mine)
+        triangles_px = placed[page.triangles].astype(np.float32)
+        corners.append(triangles_px[:, [0, 2, 1]] if swapped[index] else triangles_px)
     return np.concatenate(corners)

@@ -41,9 +41,9 @@ def _spread(pixels: Floats, known: NDArray[np.bool_], charts: NDArray[np.int32])
             some = known[of] & (charts[to] == charts[of])
             sums[to] += np.where(some[..., None], pixels[of], 0.0)
             counts[to] += some
-        found = ~known & (counts > 0.0)
-        if not found.any():
+        filled = ~known & (counts > 0.0)
+        if not filled.any():
             break
-        pixels[found] = sums[found] / counts[found][:, None]
-        known = known | found
+        pixels[filled] = sums[filled] / counts[filled][:, None]
+        known = known | filled
     return pixels

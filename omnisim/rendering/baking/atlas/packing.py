@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 
 
 def pack(sizes_px: NDArray[np.intp]) -> tuple[NDArray[np.intp], tuple[int, int]]:
-    """Rectangles (n, 4) of sizes (n, 2), side by side, and the size of the page around them.
+    """Place rectangles of sizes (n, 2) side by side; return them (n, 4) and the page's size.
 
-    The highest rectangles come first, each as near to the top as the others leave room.
+    Taller rectangles are placed first; each is as near to the top as earlier ones allow.
     """
     rects = np.zeros((len(sizes_px), 4), dtype=np.intp)
     used = np.flatnonzero(sizes_px.min(axis=1, initial=1))

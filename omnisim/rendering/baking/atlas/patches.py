@@ -18,7 +18,7 @@ _SAMPLES_WITHOUT_TEXELS = 32
 _MAX_STEPS = 8  # from a texel without a patch to one with a patch
 _FIRST, _LAST, _ALL = slice(None, -1), slice(1, None), slice(None)
 _ALONG = {-1: (_LAST, _FIRST), 0: (_ALL, _ALL), 1: (_FIRST, _LAST)}
-# Parts of an atlas and those beside them, each way: (to, of).
+# Slices of an atlas and of its neighbors in each of eight directions: (texels, neighbors).
 NEIGHBORS = tuple(
     ((_ALONG[down][0], _ALONG[right][0]), (_ALONG[down][1], _ALONG[right][1]))
     for down, right in ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (-1, 1), (1, -1), (1, 1))
@@ -83,7 +83,7 @@ class Patches:
         return self.places + shifts
 
     def kept(self, is_kept: NDArray[np.bool_]) -> Patches:
-        """The same patches with some of the entries of `of_sample`."""
+        """The same patches with only the selected entries of `of_sample`."""
         counts = np.concatenate(([0], np.cumsum(is_kept)))
         return replace(self, of_sample=self.of_sample[is_kept], first=counts[self.first])
 

@@ -25,7 +25,7 @@ class Samples(NamedTuple):
     weights: NDArray[np.float32]
 
     def take(self, indices: NDArray[np.intp]) -> Samples:
-        """Some of the samples."""
+        """The selected samples."""
         return Samples(self.texels[indices], self.triangles[indices], self.weights[indices])
 
 
@@ -41,7 +41,7 @@ def rasterize(
         triangles: (k,) indices of the triangles in the atlas.
         width_px: width of the atlas.
     """
-    found = [Samples(np.empty(0, np.intp), np.empty(0, np.int32), np.empty((0, 3), np.float32))]
+    samples = [Samples(np.empty(0, np.intp), np.empty(0, np.int32), np.empty((0, 3), np.float32))]
     corners = corners_px[triangles].astype(np.float64) * GRID - 0.5
     low = np.ceil(corners.min(axis=1) - 1e-9).astype(np.intp)
     high = np.floor(corners.max(axis=1) + 1e-9).astype(np.intp)
@@ -54,20 +54,20 @@ def rasterize(
         some = np.arange(first, last)
         if len(some) == 0:
             continue
-        mine, points = _candidates(low[some], spans[some])
-        inside, weights = _weights(corners[some][mine], points)
-        mine = some[mine[inside]]
-        has_sample[mine] = True
+        owner, points = _candidates(low[some], spans[some])
+        inside, weights = _weights(corners[some][owner], points)
+        owner = some[owner[inside]]
+        has_sample[owner] = True
         texels = points[inside] // GRID
-        found.append(
+        samples.append(
             Samples(
                 texels[:, 1] * width_px + texels[:, 0],
-                triangles[mine].astype(np.int32),
+                triangles[owner].astype(np.int32),
                 weights.astype(np.float32),
             )
         )
-    found.append(_slim_samples(corners_px, triangles, has_sample, width_px))
-    return Samples(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+    samples.append(_slim_samples(corners_px, triangles, has_sample, width_px))
+    return Samples(*(np.concatenate(parts) for parts in zip(*samples, strict=True)))
 
 
 def _slim_samples(
@@ -85,15 +85,15 @@ def _slim_samples(
     slim = np.flatnonzero(is_slim)
     apex = lengths[slim].argmin(axis=1)
     counts = np.ceil(GRID * lengths[slim].max(axis=1)).astype(np.intp) + 1
-    mine = np.repeat(np.arange(len(slim)), counts)
-    within = np.arange(len(mine)) - np.repeat(np.cumsum(counts) - counts, counts)
-    away = (within + 0.5) / counts[mine]
+    owner = np.repeat(np.arange(len(slim)), counts)
+    within = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    away = (within + 0.5) / counts[owner]
     weights = np.repeat(0.5 * away[:, None], 3, axis=1)
-    weights[np.arange(len(mine)), apex[mine]] = 1.0 - away
-    points = np.floor(np.einsum("nk,nkc->nc", weights, corners[slim[mine]])).astype(np.intp)
+    weights[np.arange(len(owner)), apex[owner]] = 1.0 - away
+    points = np.floor(np.einsum("nk,nkc->nc", weights, corners[slim[owner]])).astype(np.intp)
     return Samples(
         points[:, 1] * width_px + points[:, 0],
-        triangles[slim[mine]].astype(np.int32),
+        triangles[slim[owner]].astype(np.int32),
         weights.astype(np.float32),
     )
 
@@ -103,10 +103,10 @@ def _candidates(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Triangles (n,) and grid points (n, 2) within the triangles' bounds."""
     counts = spans.prod(axis=1)
-    mine = np.repeat(np.arange(len(low)), counts)
-    within = np.arange(len(mine)) - np.repeat(np.cumsum(counts) - counts, counts)
-    wide = spans[mine, 0]
-    return mine, low[mine] + np.stack((within % wide, within // wide), axis=1)
+    owner = np.repeat(np.arange(len(low)), counts)
+    within = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+    wide = spans[owner, 0]
+    return owner, low[owner] + np.stack((within % wide, within // wide), axis=1)
 
 
 def _weights(

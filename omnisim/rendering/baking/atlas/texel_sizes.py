@@ -38,7 +38,7 @@ def coarseness(scene: Scene) -> NDArray[np.float64]:
     return factors
 
 
-def most_texels(texels: int) -> int:
+def max_texels(texels: int) -> int:
     """Maximum number of texels per instance in an atlas, if the texel size is not given."""
     return texels // 16
 
@@ -48,7 +48,7 @@ def first_texel_m(scene: Scene, has_back: NDArray[np.bool_], texels: int) -> flo
     areas, factors = areas_m2(scene) * (1 + has_back), coarseness(scene)
     texel_m = _FINEST_M
     for _ in range(20):  # the share of the largest instance depends on the size
-        needed = float((areas / _limited(areas, factors, texel_m, most_texels(texels)) ** 2).sum())
+        needed = float((areas / _limited(areas, factors, texel_m, max_texels(texels)) ** 2).sum())
         if needed <= texels:
             break
         texel_m *= max(float(np.sqrt(needed / texels)), 1.02)

@@ -30,9 +30,9 @@ Offsets = Annotated[tuple[Offset, ...], Field(max_length=MAX_COEFFICIENTS)]
 class ChromaticAberration(OpticalEffect, name="degradation.chromatic_aberration"):
     """Red and blue images, moved along the radius by bilinear interpolation.
 
-    The offsets are polynomials of the image radius, relative to half of the image's shorter side,
-    at which the red or blue light is. They are added to the scales. Only valid neighbors of a
-    sampled position count. Without any, at the border of the image, the pixel keeps its own color.
+    The offsets are polynomials of the distorted image radius, in units of half of the image's
+    shorter side. They are added to the scales. Only valid neighbors of a sampled position count.
+    Without any, at the border of the image, the pixel keeps its own color.
     """
 
     red_scale: Scale = 1.0
@@ -81,7 +81,7 @@ class ChromaticAberration(OpticalEffect, name="degradation.chromatic_aberration"
 
 
 def _relative(offsets_px: tuple[float, ...], geometry: ImageGeometry) -> tuple[float, ...]:
-    """Coefficients (4,) of the radius's share by which a color lies farther out."""
+    """Coefficients (4,) of the outward offset of a color, divided by the radius."""
     missing = (0.0,) * (MAX_COEFFICIENTS - len(offsets_px))
     return tuple(offset / geometry.radius_unit_px for offset in (*offsets_px, *missing))
 

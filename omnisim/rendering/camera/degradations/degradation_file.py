@@ -108,7 +108,7 @@ def _read_preset(path: Path) -> dict[str, dict[str, Any]]:
 def _with_paths(
     tables: Mapping[str, dict[str, Any]], source: str, prefix: str, folder: Path
 ) -> dict[str, dict[str, Any]]:
-    """Tables whose files have paths in place of their names beside the file."""
+    """Tables in which names of files become paths from the folder of the tables' file."""
     result = {name: dict(values) for name, values in tables.items()}
     for name, values in result.items():
         for key in EFFECTS[name].files:
@@ -128,5 +128,5 @@ def _build(tables: Mapping[str, dict[str, Any]], source: str, prefix: str) -> De
                 parts[name] = EFFECTS[name](**keys)
         return Degradation(**parts)
     except OpticsError as reason:
-        words = str(reason).replace("degradation.", prefix)
-        raise SensorFileError(f"{source}: {words}") from None
+        message = str(reason).replace("degradation.", prefix)
+        raise SensorFileError(f"{source}: {message}") from None

@@ -44,7 +44,7 @@ class Effect(Parameters):
 
 
 def _scaled(lengths: Any, scale: float) -> Any:
-    """A length, or rows of lengths, times a scale."""
+    """Length, or rows of lengths, times a scale."""
     if isinstance(lengths, tuple):
         return tuple(_scaled(length, scale) for length in lengths)
     return scale * lengths

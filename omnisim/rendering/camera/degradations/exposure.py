@@ -56,8 +56,8 @@ class Exposure(SensorEffect, name="degradation.exposure"):
             return self.ev
         if mean_luminance <= 0.0:
             return self.max_ev
-        wanted = math.log2(self.target / mean_luminance) + self.ev
-        return min(max(wanted, self.min_ev), self.max_ev)
+        metered = math.log2(self.target / mean_luminance) + self.ev
+        return min(max(metered, self.min_ev), self.max_ev)
 
     def next_ev(self, ev: float, metered_ev: float, later_s: float) -> float:
         """Exposure of the next image.

@@ -4,7 +4,7 @@ Without `gain_e_per_dn`, a full well gives the converter's largest number.
 
 A linear value of 1 fills the well or gives the converter's largest number, whichever comes first:
 `white_e` electrons. Caught photons are Poisson distributed. Below a mean of 32 electrons their
-number is found by inversion of the distribution function, exact except for float32. From 32 on
+number is found by inversion of the distribution function, exact up to float32. From 32 on
 it is λ + z√λ + (z² − 1)/6, rounded, z normal: the Cornish-Fisher expansion, which has
 the first-order skewness of the Poisson distribution. The largest difference of the distribution
 functions is 4e-4 there (12e-3 for a plain normal number), and shrinks with the mean; one step of

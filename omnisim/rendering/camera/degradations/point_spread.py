@@ -91,7 +91,7 @@ class PointSpread(OpticalEffect, name="degradation.point_spread"):
 
 
 def _entry(at: NDArray[np.float32], count: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """Entries (...) of a table before positions, and the share (..., 1) of the next ones."""
+    """Indices (...) of the table entries below positions, and weights (..., 1) of the next."""
     within = np.minimum(at, np.float32(count - 1))
     entry = np.minimum(within.astype(np.int64), count - 2)
     return entry, (within - entry)[..., None].astype(np.float32)
@@ -134,7 +134,7 @@ def _table(widths_px: tuple[Row, ...]) -> tuple[float, NDArray[np.float32]]:
 
 
 def sampled_widths_px(widths_px: NDArray[np.float64], angle_rad: float) -> NDArray[np.float64]:
-    """Widths (n, 2) of the distributions whose values at whole pixels blur as the given ones do.
+    """Widths (n, 2) of normal distributions that blur like the given ones when sampled at pixels.
 
     Samples of a narrow distribution miss most of it. The widened one halves the modulation of an
     edge on square pixels at the same frequency.
@@ -149,11 +149,11 @@ def sampled_widths_px(widths_px: NDArray[np.float64], angle_rad: float) -> NDArr
     )
     axes = (offsets.reshape(-1, 2) @ turn).T
     frequencies = _half_modulation(widths_px, angle_rad)
-    wanted = np.exp(-2.0 * (np.pi * widths_px * frequencies) ** 2)
+    modulation = np.exp(-2.0 * (np.pi * widths_px * frequencies) ** 2)
     sampled = np.maximum(widths_px, _MIN_SAMPLED_PX)
     for _ in range(_ROUNDS):
         solved = [
-            _solve(wanted[:, axis], frequencies[:, axis], axes[axis], axes[1 - axis], other)
+            _solve(modulation[:, axis], frequencies[:, axis], axes[axis], axes[1 - axis], other)
             for axis, other in ((0, sampled[:, 1]), (1, sampled[:, 0]))
         ]
         # the mean with the round before: at 45°, both axes depend on each other alike
@@ -163,34 +163,34 @@ def sampled_widths_px(widths_px: NDArray[np.float64], angle_rad: float) -> NDArr
 
 
 def _solve(
-    wanted: NDArray[np.float64],
+    modulation: NDArray[np.float64],
     frequencies: NDArray[np.float64],
     along_px: NDArray[np.float64],
     across_px: NDArray[np.float64],
     other_px: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Widths (n,) along an axis whose samples have the wanted modulation.
+    """Widths (n,) along an axis whose samples have a given modulation.
 
     Args:
-        wanted: (n,) modulation.
-        frequencies: (n,) its frequency along the axis.
+        modulation: (n,) modulation of the samples.
+        frequencies: (n,) frequency of the modulation along the axis, cycles per px.
         along_px, across_px: (m,) positions of the samples.
         other_px: (n,) width across the axis.
     """
-    low, high = np.full(len(wanted), _MIN_SAMPLED_PX), np.full(len(wanted), _SMALL_PX)
+    low, high = np.full(len(modulation), _MIN_SAMPLED_PX), np.full(len(modulation), _SMALL_PX)
     waves = np.cos(2.0 * np.pi * frequencies[:, None] * along_px)
     other = np.exp(-0.5 * (across_px / other_px[:, None]) ** 2)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         weights = other * np.exp(-0.5 * (along_px / middle[:, None]) ** 2)
-        is_sharp = (weights * waves).sum(axis=1) > wanted * weights.sum(axis=1)
+        is_sharp = (weights * waves).sum(axis=1) > modulation * weights.sum(axis=1)
         low, high = np.where(is_sharp, middle, low), np.where(is_sharp, high, middle)
     widths: NDArray[np.float64] = 0.5 * (low + high)
     return widths
 
 
 def _half_modulation(widths_px: NDArray[np.float64], angle_rad: float) -> NDArray[np.float64]:
-    """Frequencies (n, 2) at which distribution and square pixel leave half of the modulation."""
+    """Frequencies (n, 2), cycles per px, at which spread and square pixel halve the modulation."""
     low, high = np.zeros_like(widths_px), np.ones_like(widths_px)
     cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
     for _ in range(_HALVINGS):

@@ -1,6 +1,6 @@
 """Reflectance and tint of a mirror.
 
-Source: manufacturers' data of coated mirrors for the ranges; an assumption for any single mirror.
+Source: manufacturers' ranges for coated mirrors; the value of a particular mirror is assumed.
 """
 
 from __future__ import annotations

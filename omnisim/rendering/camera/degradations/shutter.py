@@ -6,7 +6,7 @@
 The pose of an image, and of its ground truth, is that of the middle of its frame: the middle row's
 exposure. The frame lasts readout_s + exposure_s, first row first. This time is divided into equal
 sub-frames, each rendered at the pose in its middle. A row averages the sub-frames, weighted by
-their overlap with its exposure window. Without exposure it takes the one at its instant.
+their overlap with its exposure window. Without exposure, it is that of a single instant.
 
 Source: Meingast, Geyer and Sastry, "Geometric models of rolling-shutter cameras", 2005.
 """

@@ -42,19 +42,25 @@ class SamplingDensity:
     """Sampling density of the image on a face, from samples all over it.
 
     Args:
-        tangents: (n, 2) of the samples, grid first, row by row.
+        tangents: (n, 2) tangents of the samples; the grid comes first, row by row.
         seen: (n,) samples that the image looks up.
-        most, least: (n,) pixels per tangent of 1, along and across; 0 and infinity: unknown.
+        max_px_per_tan, min_px_per_tan: (n,) pixels per tangent of 1, in the directions of the
+            largest and smallest density; 0 and infinity: unknown.
     """
 
     def __init__(
         self,
         tangents: NDArray[np.float64],
         seen: NDArray[np.bool_],
-        most: NDArray[np.float64],
-        least: NDArray[np.float64],
+        max_px_per_tan: NDArray[np.float64],
+        min_px_per_tan: NDArray[np.float64],
     ):
-        self._tangents, self._seen, self._max, self._min = tangents, seen, most, least
+        self._tangents, self._seen, self._max, self._min = (
+            tangents,
+            seen,
+            max_px_per_tan,
+            min_px_per_tan,
+        )
         self._is_seen = bool(seen.any())
 
     def whole(self) -> list[RegionDensity]:
@@ -62,16 +68,15 @@ class SamplingDensity:
         return self._densities([WHOLE_FACE]) if self._is_seen else []
 
     def subdivide(self, texels_per_pixel: float, tile_texels: float) -> list[RegionDensity]:
-        """Densities of the regions to cut the face into, where cutting saves texels.
+        """Densities of the regions into which the face is cut where that saves texels.
 
-        The density of an image varies over a face: 45° below the horizon, a mirror shows the same
-            angle
-        in half as many pixels as above it. The cuts are greedy: the one that saves the most comes
+        The density of an image varies over a face: 45° below the horizon, a mirror shows an angle
+        in half as many pixels as above it. The cuts are greedy: the cut that saves the most comes
         first, and each half is cut again.
 
         Args:
             texels_per_pixel: texels per pixel side.
-            tile_texels: cost of an additional tile.
+            tile_texels: cost of an additional tile, texels.
         """
         if not self._is_seen:
             return []
@@ -81,8 +86,8 @@ class SamplingDensity:
         return self._densities([-1.0 + GRID_STEP * np.array(cell, dtype=float) for cell in cells])
 
     def _densities(self, regions: list[NDArray[np.float64]]) -> list[RegionDensity]:
-        """Densities within tangent bounds (2, 2) each, where the image sees some samples."""
-        return [found for one in regions if (found := self._density(one)) is not None]
+        """Densities within tangent bounds (2, 2), for the regions that the image sees."""
+        return [density for one in regions if (density := self._density(one)) is not None]
 
     def _density(self, region: NDArray[np.float64]) -> RegionDensity | None:
         # the visible part may begin anywhere between two samples
@@ -129,7 +134,7 @@ def density_of_camera(
 
     Args:
         camera: camera model.
-        face_from_optical: (3, 3).
+        face_from_optical: (3, 3) rotation from the optical frame to the face.
         seen: tangents (n, 2) that the image looks up.
     """
     grid = _grid()
@@ -143,9 +148,9 @@ def density_of_camera(
     at, valid = pixels(0.0, 0.0)
     size = (camera.width_px, camera.height_px)
     valid = valid & np.all((at >= -1.0) & (at <= size), axis=-1)
-    most, least = np.zeros(len(valid)), np.full(len(valid), np.inf)
+    max_px_per_tan, min_px_per_tan = np.zeros(len(valid)), np.full(len(valid), np.inf)
     if not valid.any():
-        return SamplingDensity(tangents, valid, most, least)
+        return SamplingDensity(tangents, valid, max_px_per_tan, min_px_per_tan)
     right, right_valid = pixels(_STEP, 0.0)
     down, down_valid = pixels(0.0, _STEP)
     steps = np.stack((right - at, down - at), axis=-1)
@@ -155,16 +160,21 @@ def density_of_camera(
     smooth = inner & np.all(np.abs(steps) < 1.0, axis=(-2, -1))
     inner = smooth if smooth.any() else inner
     largest, smallest = _singular_values(steps[inner] / _STEP)
-    most[inner] = np.minimum(largest, MAX_ANISOTROPY * smallest)
-    least[inner] = smallest
+    max_px_per_tan[inner] = np.minimum(largest, MAX_ANISOTROPY * smallest)
+    min_px_per_tan[inner] = smallest
     valid[len(grid) :] = True
-    return SamplingDensity(tangents, valid, most, least)
+    return SamplingDensity(tangents, valid, max_px_per_tan, min_px_per_tan)
 
 
 def density_of_rays(
     tangents: NDArray[np.float64], px_per_tan: NDArray[np.float64]
 ) -> SamplingDensity:
-    """Density of an image whose rays meet a face at tangents (n, 2), pixels per tangent of 1."""
+    """Density of an image from its rays on a face.
+
+    Args:
+        tangents: (n, 2) tangents of the rays.
+        px_per_tan: (n,) pixels per tangent of 1 at each ray.
+    """
     density = np.zeros((GRID, GRID))
     column, row = np.clip(np.floor((tangents.T + 1.0) / GRID_STEP).astype(int), 0, GRID - 2)
     for down in (0, 1):
@@ -212,7 +222,7 @@ def _cut_cell(
     first: tuple[int, int],
     last: tuple[int, int],
 ) -> list[Cell]:
-    """Cells to cut the range between two samples into, without unseen ones."""
+    """Cells of a range between two samples after the best cuts, without unseen cells."""
     rows, columns = slice(first[1], last[1] + 1), slice(first[0], last[0] + 1)
     inside, seen_inside = density[rows, columns], seen[rows, columns]
     if not seen_inside.any():

@@ -115,7 +115,7 @@ def plan_tiles(
 
     Args:
         camera: camera model.
-        rig_from_optical: (3, 3).
+        rig_from_optical: (3, 3) rotation from the optical frame to the rig.
         texels_per_pixel: texels per side of the image's smallest pixels.
         face_size_px: texels across the 90° of every face; None: as the density requires.
         also_seen: directions (n, 3), optical frame, that are looked up beyond the camera model's
@@ -185,7 +185,7 @@ def plan_densities(
 
 
 def whole_faces(plan: TilePlan) -> TilePlan:
-    """Tiles of the same faces, each whole and padded, as dense as its densest tile."""
+    """Plan with each of the faces in a single padded tile, as dense as the face's densest tile."""
     sizes: dict[int, int] = {}
     for tile in plan.tiles:
         sizes[tile.face] = max(tile.face_size_px, sizes.get(tile.face, 0))

@@ -19,7 +19,7 @@ class TileView(NamedTuple):
 
     Attributes:
         tile: the tile.
-        clip_from_viewpoint: (4, 4).
+        clip_from_viewpoint: (4, 4) projection from the viewpoint frame to clip space.
         frustum_planes: (6, 4), inward unit normals and distances of left, right, top, bottom, near
             and far. A point is inside if n · (x, y, z) + d ≥ 0.
     """

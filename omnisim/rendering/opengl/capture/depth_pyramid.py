@@ -17,7 +17,7 @@ _DEPTH, _BLOCKS, _CELL_TILES = 8, 9, 10  # texture units
 
 
 class DepthPyramid:
-    """Textures of programs with `capture/first_surface.glsl`.
+    """Depth textures for programs that include `capture/first_surface.glsl`.
 
     Args:
         context: OpenGL context.
@@ -61,9 +61,9 @@ class DepthPyramid:
             ("u_inverse_z_from_depth", self._inverse_z_from_depth),
             ("u_near_m", self._near_m),
         ):
-            found = find_uniform(program, name)
-            if found is not None:
-                found.value = value
+            member = find_uniform(program, name)
+            if member is not None:
+                member.value = value
         uniform(program, "u_face_from_rig").write(columns_first(FACE_FROM_RIG))
         nearest = find_uniform(program, "u_nearest")
         if nearest is not None:
@@ -88,13 +88,13 @@ class DepthPyramid:
 
 def _cell_tiles(plan: TilePlan) -> NDArray[np.float32]:
     """Offset and scale from tangents to texels (cells, faces × cells, 4); 0: not in any tile."""
-    found = np.zeros((_CELLS, len(FACE_NAMES), _CELLS, 4), dtype=np.float32)
+    cell_tiles = np.zeros((_CELLS, len(FACE_NAMES), _CELLS, 4), dtype=np.float32)
     for tile in plan.tiles:
         half_px = 0.5 * tile.face_size_px
         left, top = tile.face_corner_px
         columns, rows = _whole_cells(tile)
-        found[rows, tile.face, columns] = (left + half_px, top + half_px, half_px, half_px)
-    return found.reshape(_CELLS, -1, 4)
+        cell_tiles[rows, tile.face, columns] = (left + half_px, top + half_px, half_px, half_px)
+    return cell_tiles.reshape(_CELLS, -1, 4)
 
 
 def _whole_cells(tile: Tile) -> tuple[slice, slice]:
@@ -120,16 +120,16 @@ def _largest(values: NDArray[np.float32], side: int) -> NDArray[np.float32]:
     rows = values[:whole].reshape(-1, side, width).max(axis=1)
     if whole < height:
         rows = np.concatenate((rows, values[whole:].max(axis=0, keepdims=True)))
-    found: NDArray[np.float32] = np.maximum.reduceat(rows, range(0, width, side), axis=1)
-    return found
+    maxima: NDArray[np.float32] = np.maximum.reduceat(rows, range(0, width, side), axis=1)
+    return maxima
 
 
 def _dilated(blocks: NDArray[np.float32]) -> NDArray[np.float32]:
     """Maximum over each block and its eight neighbors."""
     rows = np.pad(blocks, 1, mode="edge")
     rows = np.maximum(np.maximum(rows[:-2], rows[1:-1]), rows[2:])
-    found: NDArray[np.float32] = np.maximum(np.maximum(rows[:, :-2], rows[:, 1:-1]), rows[:, 2:])
-    return found
+    maxima: NDArray[np.float32] = np.maximum(np.maximum(rows[:, :-2], rows[:, 1:-1]), rows[:, 2:])
+    return maxima
 
 
 def _dilated_groups(blocks: NDArray[np.float32]) -> NDArray[np.float32]:

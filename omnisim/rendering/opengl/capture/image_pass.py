@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.capture.pixel_map import RAYS_UNIT, Emit, PixelMap
+from omnisim.rendering.opengl.capture.pixel_map import RAYS_UNIT, CaptureOutput, PixelMap
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
 from omnisim.rendering.opengl.fences import use_target
 from omnisim.rendering.opengl.gl_functions import StorageBindings
@@ -61,7 +61,7 @@ def fits_table(sample_count: int) -> bool:
 class RemapPass:
     """Image pass through a UV table, which does not depend on the pose.
 
-    It costs a frame the same for all cameras, also for a mirror's mesh or a model that iterates.
+    A frame takes the same time with all cameras, also with a mirror's mesh or an iterative model.
 
     Args:
         samples, plan, supersampling: see `image_pass`.
@@ -78,7 +78,7 @@ class RemapPass:
         context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         use_target(target)
         target.clear(-1.0, -1.0)
-        samples.vertex_array(Emit.UV, plan).render()
+        samples.vertex_array(CaptureOutput.UV, plan).render()
         uvs = _by_pixel(target, 0, supersampling)
         tables = [context.buffer(uvs)]
         defines = ["REMAP"]
@@ -142,7 +142,7 @@ class SamplePass:
     def __init__(self, samples: PixelMap, plan: TilePlan, supersampling: int):
         context = samples.context
         self._lookup_rays = samples.lookup_rays
-        self._samples_array = samples.vertex_array(Emit.COLOR, plan)
+        self._samples_array = samples.vertex_array(CaptureOutput.COLOR, plan)
         self._colors = context.texture(samples.size_px, 4, dtype="f2")
         self._target = context.framebuffer([self._colors])
         width, height = (length // supersampling for length in samples.size_px)

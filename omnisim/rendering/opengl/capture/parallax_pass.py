@@ -170,7 +170,7 @@ class ParallaxPass:
         self._image_array.render()
 
     def _add_samples_left(self, cast: CastSamples | None) -> None:
-        """Add the samples that the neighboring pixels did not decide, one by one."""
+        """Add the samples that the pass over the pixels left undecided, one by one."""
         pixels, at, parts = self._samples_left()
         self.undecided_samples = 0
         if len(parts) == 0:
@@ -189,8 +189,12 @@ class ParallaxPass:
         self._colors.write(colors)
 
     def _samples_left(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
-        """Pixels (m,) with undecided samples; per sample (n,) the index of its pixel, and its
-        part."""
+        """Undecided samples.
+
+        Returns:
+            Pixels (m,) with undecided samples; and for each sample (n,) the index of its pixel, and
+            its number within the pixel.
+        """
         width, height = self._size
         bits = np.empty((height, width, 2), dtype="<u4")
         self._target.read_into(bits, components=2, attachment=_LEFT, dtype="u4")
@@ -207,7 +211,7 @@ class ParallaxPass:
         return pixels, at, parts
 
     def _draw_samples(self, samples: NDArray[np.intp]) -> NDArray[np.float32]:
-        """Linear RGB (n, 4) of samples (n,), alpha 1 where the surface that they hit is known."""
+        """Linear RGB (n, 4) of samples (n,), with alpha 1 where the surface hit is known."""
         rows = -(-len(samples) // _SAMPLE_ROW)
         if rows > self._samples.height:
             self._samples, self._samples_target = self._allocate_samples(2 * rows)
@@ -228,8 +232,8 @@ class ParallaxPass:
         with gpu_allocation(self._what, "make the image or camera.supersampling smaller"):
             samples = self._context.texture(size, 1, dtype="u4")
             samples.filter = (moderngl.NEAREST, moderngl.NEAREST)
-            found = self._context.renderbuffer(size, 4, dtype="f4")
-            return samples, self._context.framebuffer([found])
+            renderbuffer = self._context.renderbuffer(size, 4, dtype="f4")
+            return samples, self._context.framebuffer([renderbuffer])
 
 
 def ray_textures(context: moderngl.Context, rays: ParallaxRays) -> RayTextures:
@@ -257,7 +261,7 @@ def ray_textures(context: moderngl.Context, rays: ParallaxRays) -> RayTextures:
     texels[1:count:2, :3] = rays.rim_origins_m.reshape(-1, 3)
     size = _RIM_ROW, len(texels) // _RIM_ROW
     rim_rays = context.texture(size, 4, texels.tobytes(), dtype="f4")
-    found = RayTextures(textures[0], textures[1], rim_rays)
-    for texture in found:
+    textures_of_rays = RayTextures(textures[0], textures[1], rim_rays)
+    for texture in textures_of_rays:
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-    return found
+    return textures_of_rays

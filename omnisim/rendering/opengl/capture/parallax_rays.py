@@ -13,7 +13,7 @@ MARGIN_PX = 2  # around the image, as in capture/parallax.frag
 
 
 class SampleRays(NamedTuple):
-    """Rays of some samples in the frame of all rays."""
+    """Rays of some samples, in the frame of the image's rays."""
 
     directions: NDArray[np.float64]  # (n, 3), unit
     origins_m: NDArray[np.float64]  # (n, 3)
@@ -32,7 +32,7 @@ class ParallaxRays:
         rim_numbers: (height, width) row of each other pixel in the arrays below; −1: no ray.
         rim_directions: (n, samples, 3), samples row by row.
         rim_origins_m: origins of these, same shape.
-        rim_valid: (n, samples).
+        rim_valid: (n, samples) mask of the samples with a ray.
     """
 
     supersampling: int
@@ -74,7 +74,7 @@ class ParallaxRays:
         return bits.ravel()
 
     def valid_shares(self) -> NDArray[np.float32]:
-        """Share of each pixel's (height, width) samples with a ray."""
+        """Share (height, width) of each pixel's samples that have a ray."""
         shares = self.smooth.astype(np.float32)
         rim = self.rim_numbers >= 0
         shares[rim] = self.rim_valid.mean(axis=1)[self.rim_numbers[rim]]
@@ -128,9 +128,9 @@ class ParallaxRays:
         for down in range(3):
             for right in range(3):
                 weight = (weights[:, down, 1] * weights[:, right, 0])[:, None]
-                there = at[0] + down - 1, at[1] + right - 1
-                directions += weight * self.directions[there]
-                origins_m += weight * self.origins_m[there]
+                neighbor = at[0] + down - 1, at[1] + right - 1
+                directions += weight * self.directions[neighbor]
+                origins_m += weight * self.origins_m[neighbor]
         for axis, (down, right) in enumerate(((0, 1), (1, 0))):
             before, after = (
                 self.directions[at[0] + sign * down, at[1] + sign * right] for sign in (-1, 1)

@@ -21,7 +21,7 @@ RAYS_UNIT = 1  # texture unit of the rays, for programs that read them
 _ITERATIVE_INCLUDE = "camera/parts/theta_from_radius.glsl"
 
 
-class Emit(StrEnum):
+class CaptureOutput(StrEnum):
     """Output of a capture per pixel; the value is the GLSL file that writes it."""
 
     RAY = "capture/emit_ray.glsl"
@@ -63,7 +63,7 @@ class PixelMap:
         self.context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         use_target(target)
         target.clear()
-        self._model_array(Emit.RAY).render()
+        self._model_array(CaptureOutput.RAY).render()
         return rays
 
     @cached_property
@@ -93,12 +93,12 @@ class PixelMap:
         """Pixels (height, width) with a ray."""
         return self.read_rays()[1]
 
-    def vertex_array(self, emit: Emit, plan: TilePlan) -> moderngl.VertexArray:
+    def vertex_array(self, emit: CaptureOutput, plan: TilePlan) -> moderngl.VertexArray:
         """Vertex array that draws each pixel's output from an atlas.
 
         To emit colors, `lookup_rays` must be bound to `RAYS_UNIT`.
         """
-        if emit is Emit.COLOR and self.lookup_rays is not None:
+        if emit is CaptureOutput.COLOR and self.lookup_rays is not None:
             array = self._full_screen_array("capture/lookup_rays.frag", emit)
             uniform(array.program, "u_rays").value = RAYS_UNIT
         else:
@@ -114,7 +114,7 @@ class PixelMap:
     def _model_file(self) -> str:
         return f"camera/{self.camera.model_name}.glsl"
 
-    def _model_array(self, emit: Emit) -> moderngl.VertexArray:
+    def _model_array(self, emit: CaptureOutput) -> moderngl.VertexArray:
         if self.polygons is not None and isinstance(self.camera, HyperbolicCamera):
             return self._mesh_array(self.camera, self.polygons, emit)
         defines = ("MIRRORED",) if isinstance(self.camera, MirroredCamera) else ()
@@ -124,7 +124,7 @@ class PixelMap:
         return array
 
     def _full_screen_array(
-        self, fragment: str, emit: Emit, defines: tuple[str, ...] = ()
+        self, fragment: str, emit: CaptureOutput, defines: tuple[str, ...] = ()
     ) -> moderngl.VertexArray:
         program = build_program(
             self.context,
@@ -138,7 +138,7 @@ class PixelMap:
         return array
 
     def _mesh_array(
-        self, camera: HyperbolicCamera, polygons: int, emit: Emit
+        self, camera: HyperbolicCamera, polygons: int, emit: CaptureOutput
     ) -> moderngl.VertexArray:
         program = build_program(
             self.context,

@@ -19,7 +19,7 @@ class TracedPixels(PixelMap):
         context: OpenGL context.
         camera: optical system.
         directions: (height, width, 3) unit, optical frame.
-        valid: (height, width).
+        valid: (height, width) mask of pixels with a ray.
     """
 
     def __init__(

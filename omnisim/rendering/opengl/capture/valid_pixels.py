@@ -12,12 +12,13 @@ STRIP_PX = 8  # height of a rectangle
 
 
 def covering_triangles(valid: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Corners (n, 2) in pixels (right, down) of triangles that cover all valid pixels, three per
-    triangle; the image's first corner is (0, 0).
+    """Corners (n, 2) in px (right, down) of triangles that cover all valid pixels.
+
+    Three corners form a triangle. The image's first corner is (0, 0).
 
     Args:
-        valid: (height, width).
-    """  # fmt: skip
+        valid: (height, width) mask.
+    """
     height = len(valid)
     triangles = []
     for top in range(0, height, STRIP_PX):

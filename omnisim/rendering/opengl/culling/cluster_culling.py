@@ -95,7 +95,7 @@ class ClusterCuller:
         self._state = GlState()
         self.passes, self._depth = (1 if depth is None else passes), depth
         limit = min(MAX_COMMAND_BYTES, int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]))
-        self.slices, table, most_commands = command_slices(
+        self.slices, table, max_commands = command_slices(
             buffers.clusters_of_group, groups_of_batch, views.count, limit // COMMAND_BYTES
         )
         self.ranges = len(table)
@@ -105,7 +105,7 @@ class ClusterCuller:
             f"draw commands of {views.count} views of {buffers.cluster_count} clusters",
             "make the scene smaller, or the cameras fewer",
         ):
-            self.commands = context.buffer(reserve=COMMAND_BYTES * most_commands)
+            self.commands = context.buffer(reserve=COMMAND_BYTES * max_commands)
             self.counts = context.buffer(reserve=4 * _MAX_PASSES * BANDS * self.ranges)
             self.instances = context.buffer(reserve=_INSTANCE_BYTES * views.count * views.objects)
             words_of_cluster = views.cameras * math.ceil(views.tiles / 32)

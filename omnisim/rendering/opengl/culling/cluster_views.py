@@ -49,8 +49,8 @@ class Views:
         self._anchor_m = anchor_m
         self._poses = np.zeros((self.cameras, 1 + objects, 3, 4), dtype=np.float32)
         self._poses[:, 1, :, :3] = np.eye(3)
-        self.poses = context.buffer(self._poses)
-        self.clips_from_rig = context.buffer(columns_first(clips_from_rig))
+        self.poses = context.buffer(self._poses, dynamic=True)
+        self.clips_from_rig = context.buffer(columns_first(clips_from_rig), dynamic=True)
         self.rectangles_px = context.buffer(np.tile(rectangles_px, (cameras, 1)).astype(np.float32))
 
     @property

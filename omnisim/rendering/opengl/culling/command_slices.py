@@ -1,4 +1,4 @@
-"""Slices of the clusters: as many as have draw commands that fit a buffer, in few ranges."""
+"""Slices of the clusters: each has as many draw commands as a buffer holds, in few ranges."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 BANDS = 2  # distance bands, in shaders/culling/views.glsl
 RANGE = np.dtype(  # as in shaders/culling/commands.comp
-    [("first_group", "<u4"), ("groups", "<u4"), ("first_command", "<u4"), ("most", "<u4")]
+    [("first_group", "<u4"), ("groups", "<u4"), ("first_command", "<u4"), ("max_count", "<u4")]
 )
 
 
@@ -19,14 +19,14 @@ class CommandRange(NamedTuple):
     Attributes:
         number: index over all slices.
         batch: batch of buckets that one draw call draws.
-        first: offset of the near band in the command buffer; the far band is `most` later.
-        most: maximum number of commands per band.
+        first: offset of the near band in the command buffer; the far band begins `max_count` later.
+        max_count: maximum number of commands per band.
     """
 
     number: int
     batch: int
     first: int
-    most: int
+    max_count: int
 
 
 class CommandSlices(NamedTuple):
@@ -35,19 +35,19 @@ class CommandSlices(NamedTuple):
     Attributes:
         slices: ranges of each slice, batch by batch.
         table: (ranges,) rows of type `RANGE`.
-        most_commands: maximum number per slice.
+        max_commands: maximum number per slice.
     """
 
     slices: tuple[tuple[CommandRange, ...], ...]
     table: NDArray[np.void]
-    most_commands: int
+    max_commands: int
 
 
 def command_slices(
     clusters_of_group: NDArray[np.integer],
     groups_of_batch: NDArray[np.integer],
     views: int,
-    most_commands: int,
+    max_commands: int,
 ) -> CommandSlices:
     """Split the groups into as few slices as possible; each group stays whole.
 
@@ -55,20 +55,20 @@ def command_slices(
         clusters_of_group: (groups,) number of clusters, batch by batch.
         groups_of_batch: (batches,) number of groups.
         views: number of views; each may show every cluster, in either band.
-        most_commands: maximum number per slice; a single group may exceed it.
+        max_commands: maximum number per slice; a single group may exceed it.
     """
     clusters = np.concatenate(([0], np.cumsum(clusters_of_group)))
     of_batch = np.concatenate(([0], np.cumsum(groups_of_batch)))
-    most_clusters = most_commands // (BANDS * views)
-    slices, rows, most = [], list[tuple[int, int, int, int]](), 0
+    max_clusters = max_commands // (BANDS * views)
+    slices, rows, most_used = [], list[tuple[int, int, int, int]](), 0
     start = 0
     while start < len(clusters) - 1:
-        end = int(np.searchsorted(clusters, clusters[start] + most_clusters, side="right")) - 1
+        end = int(np.searchsorted(clusters, clusters[start] + max_clusters, side="right")) - 1
         end = max(end, start + 1)
         slices.append(tuple(_ranges(clusters, of_batch, (start, end), views, rows)))
-        most = max(most, BANDS * views * int(clusters[end] - clusters[start]))
+        most_used = max(most_used, BANDS * views * int(clusters[end] - clusters[start]))
         start = end
-    return CommandSlices(tuple(slices), np.array(rows, dtype=RANGE), most)
+    return CommandSlices(tuple(slices), np.array(rows, dtype=RANGE), most_used)
 
 
 def _ranges(
@@ -85,9 +85,9 @@ def _ranges(
     batch = int(np.searchsorted(of_batch, start, side="right")) - 1
     while start < end:
         last = min(end, int(of_batch[batch + 1]))
-        most = views * int(clusters[last] - clusters[start])
-        ranges.append(CommandRange(len(rows), batch, first, most))
-        rows.append((start, last - start, first, most))
-        first += BANDS * most
+        max_count = views * int(clusters[last] - clusters[start])
+        ranges.append(CommandRange(len(rows), batch, first, max_count))
+        rows.append((start, last - start, first, max_count))
+        first += BANDS * max_count
         start, batch = last, batch + 1
     return ranges

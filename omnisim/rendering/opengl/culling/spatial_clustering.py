@@ -33,9 +33,8 @@ def spatial_clusters(
     """Order boxes so that neighbors are adjacent, key by key, and split the order into clusters.
 
     Args:
-        bounds: (6, n), negated minimum corners, then maximum corners: the maximum of several
+        bounds: (6, n) negated minimum corners, then maximum corners. The maximum of several columns
             bounds all of their boxes.
-            columns
         keys: (n,) from 0; a cluster's boxes have equal keys.
         min_size: cells with at most this many boxes are not split.
         max_size: maximum number of boxes per cluster.
@@ -115,7 +114,13 @@ def _merge_cells(
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """First box and size of each cell, of any level, that is better left whole.
 
-    `bounds` (6, n) bound the boxes from each of `first` (n,) on, which begin at `levels` (n,).
+    Args:
+        bounds: (6, n) bounds of small cells, in order.
+        first: (n,) first box of each small cell.
+        levels: (n,) level at which each small cell begins.
+        total: number of boxes.
+        last_level: highest level.
+        max_size, split_factor: see `spatial_clusters`.
     """
     counts = np.diff(first, append=total)
     costs = _half_areas(bounds) * counts
@@ -147,10 +152,10 @@ def _split_to_size(first: NDArray[np.intp], total: int, max_size: int) -> NDArra
 
 
 def _order(
-    bounds: NDArray[np.float32], keys: NDArray[np.integer], most_bits: int
+    bounds: NDArray[np.float32], keys: NDArray[np.integer], max_bits: int
 ) -> tuple[NDArray[np.intp], NDArray[np.uint64], int]:
     """Order of boxes (6, n) by key and Morton code, the sorted codes, and bits per axis."""
-    bits = min(most_bits, (64 - int(keys.max()).bit_length()) // 3)
+    bits = min(max_bits, (64 - int(keys.max()).bit_length()) // 3)
     codes = _morton_codes(0.5 * (bounds[3:] - bounds[:3]), bits)
     codes |= keys.astype(np.uint64) << np.uint64(3 * bits)
     order = np.argsort(codes, kind="stable")

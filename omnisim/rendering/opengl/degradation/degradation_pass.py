@@ -71,8 +71,7 @@ class DegradationPass:
             self._is_first = False
 
     def mean_luminance(self) -> float:
-        """Mean luminance (Rec. 709) of the valid pixels of all sub-frames; 0 without valid
-        pixels."""
+        """Mean luminance (Rec. 709) of the valid pixels of all sub-frames; 0: no valid pixel."""
         return self._meter.mean_luminance(self._current)
 
     def finish(self, uniforms: Mapping[str, UniformValue]) -> None:

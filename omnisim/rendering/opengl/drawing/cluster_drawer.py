@@ -147,12 +147,12 @@ class ClusterDrawer:
         calls: list[Callable[[], object]] = []
         set_state.forget_program()  # the culling program is still bound
         for band, commands in product(range(BANDS), ranges):
-            state, first = self._states[commands.batch], commands.first + band * commands.most
+            state, first = self._states[commands.batch], commands.first + band * commands.max_count
             calls += set_state.to(state)
             if state.shader.first_command is not None:
                 calls.append(partial(setattr, state.shader.first_command, "value", first))
             count = (BANDS * pass_index + band) * self.culler.ranges + commands.number
-            calls.append(self._draws.drawing(first, count, commands.most))
+            calls.append(self._draws.drawing(first, count, commands.max_count))
         return calls
 
 

@@ -68,7 +68,7 @@ class CubeLayers:
 
         nothing, count = np.empty(0, dtype=np.intp), atlases.layers
         self._tiles = TileRenderer(
-            buffers, plan, cameras, nothing, find_program, self._depth, most_cameras=count
+            buffers, plan, cameras, nothing, find_program, self._depth, max_cameras=count
         )
         self._blended: BlendedDrawer | None = None
         geometry, culler = buffers.clustered_geometry, self._tiles.culler
@@ -77,7 +77,9 @@ class CubeLayers:
             program = layered(variant)
             self._blended = BlendedDrawer(buffers.context, geometry, culler, blended, program)
         self._surface_programs, positions = programs, len(programs.positions_m)
-        self._positions = buffers.context.buffer(reserve=16 * max(1, count * positions))
+        self._positions = buffers.context.buffer(
+            reserve=16 * max(1, count * positions), dynamic=True
+        )
         sky = programs.sky_seen(cameras.unlit)
         self._sky = None if sky is None else SkyPass(buffers.context, sky, plan, count)
 

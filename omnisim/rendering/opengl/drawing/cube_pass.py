@@ -149,8 +149,7 @@ class CubePass:
         world_from_rig: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> moderngl.Texture:
-        """Render all tiles from a pose (4, 4) with the dynamic objects at theirs; return the
-        atlas."""
+        """Render all tiles from a pose (4, 4) with the objects at their poses; return the atlas."""
         self._draw(world_from_rig, world_from_objects)
         self._levels.draw()
         return self.atlas

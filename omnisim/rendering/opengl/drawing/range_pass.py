@@ -56,8 +56,12 @@ class RangePass:
         self._is_front_only = bool(np.abs(angles_rad).max() <= 0.5 * np.pi)
         directions = np.stack((np.cos(angles_rad), np.sin(angles_rad)), axis=-1)
         self._beams = context.buffer(directions.astype("<f4"))
-        self._no_hits = np.full(len(angles_rad), _NO_HIT, dtype="<f4").tobytes()
-        self._ranges = context.buffer(self._no_hits)
+        no_hits = np.full(len(angles_rad), _NO_HIT, dtype="<f4")
+        self._no_hits = context.buffer(no_hits)
+        self._ranges = context.buffer(reserve=no_hits.nbytes)
+        # A driver moves a buffer that is read to the host's memory: read a copy, not what shaders
+        # write.
+        self._read_copy = context.buffer(reserve=no_hits.nbytes, dynamic=True)
 
     def refresh(self) -> None:
         """Update after the buffers changed."""
@@ -82,7 +86,7 @@ class RangePass:
         world_from_scanner: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]] = (),
     ) -> NDArray[np.float64]:
-        """Ranges (n,) in meters from a pose (4, 4), objects at theirs; +inf: no hit."""
+        """Ranges (n,) in m from a pose (4, 4), with the objects at their poses; +inf: no hit."""
         buffers = self._buffers
         buffers.deform(world_from_objects)
         transforms = buffers.instance_transforms(world_from_scanner[:3, 3], world_from_objects)
@@ -91,14 +95,15 @@ class RangePass:
         matrices = columns_first(scanner_from_viewpoint @ transforms.viewpoint_from_mesh)
         centers_m = transforms.centers_m @ scanner_from_viewpoint[:3, :3].T
         hit = self._shown & self._may_hit(centers_m, transforms.radii_m)
-        self._ranges.write(self._no_hits)
+        self._context.copy_buffer(self._ranges, self._no_hits)
         self._beams.bind_to_storage_buffer(_BEAMS)
         self._ranges.bind_to_storage_buffer(_RANGES)
         bind_triangles(self._context, buffers.vertices, buffers.indices)
         for index in np.flatnonzero(hit):
             self._cast_item(buffers.draw_items[index], matrices[index])
         self._context.memory_barrier(self._context.BUFFER_UPDATE_BARRIER_BIT)
-        return np.frombuffer(self._ranges.read(), dtype="<f4").astype(np.float64)
+        self._context.copy_buffer(self._read_copy, self._ranges)
+        return np.frombuffer(self._read_copy.read(), dtype="<f4").astype(np.float64)
 
     def _may_hit(
         self, centers_m: NDArray[np.float64], radii_m: NDArray[np.float64]

@@ -37,6 +37,6 @@ class ShadowSource(Protocol):
         """Draw the maps that a frame needs, and bind them.
 
         Args:
-            viewpoint_m: (3,), world.
+            viewpoint_m: (3,) position of the viewpoint, world.
             world_from_objects: (4, 4) each, poses of the dynamic objects.
         """

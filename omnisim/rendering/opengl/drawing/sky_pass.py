@@ -46,11 +46,10 @@ class SkyPass:
         self._rig_from_clips = np.linalg.inv(clips).astype(np.float64)
         self._directions = None
         if cameras is not None:
-            self._directions = context.buffer(reserve=64 * cameras * len(plan.tiles))
+            self._directions = context.buffer(reserve=64 * cameras * len(plan.tiles), dynamic=True)
 
     def draw(self, target: moderngl.Framebuffer, worlds_from_rigs: NDArray[np.float64]) -> None:
-        """Draw from poses (cameras, 4, 4), with the state of `GlState.drawing`; leave depth as
-        is."""
+        """Draw from poses (cameras, 4, 4), with the state of `GlState.drawing`; keep the depth."""
         self._sky.use(SKY_UNIT)
         cameras = len(worlds_from_rigs)
         worlds_from_clips = np.einsum(

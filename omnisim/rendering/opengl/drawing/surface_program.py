@@ -41,11 +41,11 @@ class SurfaceVariant(NamedTuple):
 
     Attributes:
         lit, alpha_mode, textured: properties of the material.
-        shading: how the triangles are lit.
+        shading: shading of the triangles.
         clustered: draws clusters; else single items.
         layered: each camera has a layer.
         blended_arrays: number of texture arrays of blended clusters.
-        maps: which maps the material has, in the order of `Material.maps`; None: a matte material.
+        maps: True for each map of the material, in the order of `Material.maps`; None: matte.
         second_coordinates: some maps use the second texture coordinates.
         in_fog: drawn with the scene's fog, if it has one.
         light: source of the light on lit surfaces.
@@ -121,14 +121,18 @@ class SurfaceVariant(NamedTuple):
 
 def variant_of(item: DrawItem, unlit: bool) -> SurfaceVariant:
     """Variant that draws an item; `unlit`: plain base colors."""
-    material, found = item.material, item.texture_layer.reflectance
+    material, reflectance = item.material, item.texture_layer.reflectance
     textured = material.texture is not None
     if unlit or material.unlit:
         return SurfaceVariant(False, material.alpha_mode, textured, in_fog=not unlit)
     variant = SurfaceVariant(True, material.alpha_mode, textured)._replace(
         light=item.light, both_sides=material.double_sided and item.light.is_mapped
     )
-    return variant if found is None else _reflective(variant, found.maps, found.second_coordinates)
+    return (
+        variant
+        if reflectance is None
+        else _reflective(variant, reflectance.maps, reflectance.second_coordinates)
+    )
 
 
 def _reflective(
@@ -298,9 +302,10 @@ class SurfacePrograms:
 
     @property
     def positions_m(self) -> NDArray[np.float64]:
-        """Positions (n, 3) relative to the viewpoint, world axes: the punctual lights, the origin
-        of
-        their shadow maps, if any, and the first probe of baked light."""
+        """Positions (n, 3) that are set relative to the viewpoint, in world axes.
+
+        The punctual lights, the origin of the shadow maps, and the first probe of baked light.
+        """
         positions_m = [light.position_m for light in self._lighting.by_kind()[1]]
         if self.shadows is not None:
             positions_m.append(self.shadows.anchor_m)
@@ -367,9 +372,9 @@ def _write_lights(program: moderngl.Program, lighting: Lighting) -> None:
     """Set the uniforms of all lights except positions, which are relative to the viewpoint."""
 
     def write(name: str, values: ArrayLike) -> None:
-        found = find_uniform(program, name)  # none of what baked light takes the place of
-        if found is not None:
-            found.write(np.asarray(values, dtype=np.float32))
+        uniform = find_uniform(program, name)  # None: replaced by baked light
+        if uniform is not None:
+            uniform.write(np.asarray(values, dtype=np.float32))
 
     directional, punctual = lighting.by_kind()
     write("u_ambient", lighting.ambient)

@@ -64,7 +64,7 @@ class TileRenderer:
         find_program: returns the program of a bucket of clusters.
         depth: depth of the atlas; None if shaders cannot read it.
         samples: samples per texel.
-        most_cameras: maximum number of cameras drawn together, one target layer each.
+        max_cameras: maximum number of cameras drawn together, one target layer each.
 
     Attributes:
         views: views of the tiles.
@@ -80,7 +80,7 @@ class TileRenderer:
         find_program: Callable[[Bucket], BucketProgram],
         depth: moderngl.Texture | moderngl.TextureArray | None,
         samples: int = 1,
-        most_cameras: int = 1,
+        max_cameras: int = 1,
     ):
         self._buffers, self._items = buffers, items
         self._state = GlState()
@@ -97,7 +97,7 @@ class TileRenderer:
             plan.rectangles_px,
             geometry.anchor_m,
             geometry.objects,
-            most_cameras,
+            max_cameras,
         )
         self.culler = ClusterCuller(
             context,
@@ -150,7 +150,7 @@ class TileRenderer:
 
         Args:
             target: cleared by `begin`.
-            world_from_rig: (4, 4).
+            world_from_rig: (4, 4) pose of the camera's rig.
             world_from_objects: (4, 4) each, poses of the dynamic objects.
             drawer: draws the items.
         """
@@ -192,7 +192,7 @@ class TileRenderer:
         order: NDArray[np.intp],
         drawer: SceneDrawer[P],
     ) -> None:
-        """Draw the items of `order` (n,), in this order, in the tiles that may show them."""
+        """Draw the items in the given order (n,), each in the tiles that may show it."""
         with self._state.unclipped(), self._state.within_rectangles(target) as aim:
             for view in views:
                 aim(view.tile.left_px, view.tile.top_px, *view.tile.size_px)

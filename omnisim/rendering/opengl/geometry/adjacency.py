@@ -15,7 +15,7 @@ def neighbors(positions: NDArray[np.float32], triangles: NDArray[np.uint32]) -> 
     than two triangles share an edge, each gets the next one; `NO_NEIGHBOR`: an open edge.
 
     Args:
-        positions: (n, 3) of the vertices.
+        positions: (n, 3) positions of the vertices.
         triangles: (m, 3) vertex indices.
     """
     if not len(triangles):
@@ -30,7 +30,7 @@ def neighbors(positions: NDArray[np.float32], triangles: NDArray[np.uint32]) -> 
     counts = np.diff(starts, append=len(keys))
     following = np.arange(1, len(keys) + 1)
     following[starts + counts - 1] = starts  # the last one gets the first
-    found = np.full(len(keys), NO_NEIGHBOR)
+    adjacent = np.full(len(keys), NO_NEIGHBOR)
     is_shared = np.repeat(counts > 1, counts)
-    found[order[is_shared]] = order[following[is_shared]] // 3
-    return found.reshape(-1, 3)
+    adjacent[order[is_shared]] = order[following[is_shared]] // 3
+    return adjacent.reshape(-1, 3)

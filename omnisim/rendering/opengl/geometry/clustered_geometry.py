@@ -206,8 +206,12 @@ def _buckets(
     of_kind: dict[int, Bucket] = {}
     for kind in np.flatnonzero(np.bincount(kinds)).tolist():
         item, shading = items[kind // len(Shading)], Shading(kind % len(Shading))
-        material, found = item.material, item.texture_layer.reflectance
-        maps, second = (None, False) if found is None else (found.maps, found.second_coordinates)
+        material, reflectance = item.material, item.texture_layer.reflectance
+        maps, second = (
+            (None, False)
+            if reflectance is None
+            else (reflectance.maps, reflectance.second_coordinates)
+        )
         of_kind[kind] = Bucket(
             material.unlit, material.alpha_mode, material.double_sided,
             material.hit_cutoff > 0.0, shading, item.texture_layer.array, maps, second, item.light,

@@ -87,7 +87,7 @@ class DrawItem:
         return self.count // 3
 
     def is_near(self, anchor_m: NDArray[np.float64]) -> bool:
-        """Tell whether float32 resolves 0.1 mm of it.
+        """True if float32 positions resolve 0.1 mm on the item.
 
         Positions are relative to its object's origin; for static items, to the anchor (3,).
         """

@@ -35,7 +35,7 @@ def shadings(
     """Classify triangles by shading; compute the normals of those whose light can be baked.
 
     Args:
-        vertices: (n,) of `CLUSTER_VERTEX`, static ones in world axes.
+        vertices: (n,) records of type `CLUSTER_VERTEX`, static ones in world axes.
         triangles: (m, 3) vertex indices.
         lighting: lighting of the scene.
         static: (m,) mask; light on dynamic triangles changes with their pose.

@@ -61,8 +61,8 @@ class MeshDeformer:
             self._bound = [
                 context.buffer(bounds),
                 context.buffer(offsets) if len(offsets) else context.buffer(reserve=32),
-                context.buffer(matrices),
-                context.buffer(weights),
+                context.buffer(matrices, dynamic=True),
+                context.buffer(weights, dynamic=True),
             ]
             self._corners = context.buffer(corners)
         self._deform = build_compute_shader(context, "scene/deform.comp")

@@ -133,8 +133,8 @@ class SceneBuffers:
                 for one in ranges
                 if one.mesh.second_texture_coordinates is not None
             ]
-            found = placed_details(self.context, placed) if placed else None
-            self._item_details = len(ranges), found
+            details = placed_details(self.context, placed) if placed else None
+            self._item_details = len(ranges), details
         return self._item_details[1]
 
     @property
@@ -201,15 +201,15 @@ class SceneBuffers:
         """Transforms of the items to the frame of a viewpoint (3,), world.
 
         Args:
-            viewpoint_m: (3,), world.
+            viewpoint_m: (3,) position of the viewpoint, world.
             world_from_objects: (4, 4) each, poses of the dynamic objects.
         """
         world_from_mesh, normal_from_mesh, centers_m = (one.copy() for one in self._rest_transforms)
         radii_m = self.radii_m
         if self.deforming.size:
             radii_m = radii_m.copy()
-            found = self._spheres_at(time_of(world_from_objects))
-            centers_m[self.deforming], radii_m[self.deforming] = found
+            spheres = self._spheres_at(time_of(world_from_objects))
+            centers_m[self.deforming], radii_m[self.deforming] = spheres
         if self._dynamic.size:
             dynamic = self._dynamic
             world_from_object = np.stack(world_from_objects)[self._object_of_item[dynamic]]
@@ -226,13 +226,13 @@ class SceneBuffers:
 
     def _spheres_at(self, time_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Centers (n, 3) and radii (n,) of deforming items, in their objects' frames."""
-        found = self._deformed_spheres
-        if found is None or found[0] != time_s:
+        cached = self._deformed_spheres
+        if cached is None or cached[0] != time_s:
             spheres = [self.draw_items[index].sphere_at(time_s) for index in self.deforming]
             centers_m = np.array([one.center for one in spheres])
             radii_m = np.array([one.radius for one in spheres])
-            self._deformed_spheres = found = time_s, centers_m, radii_m
-        return found[1], found[2]
+            self._deformed_spheres = cached = time_s, centers_m, radii_m
+        return cached[1], cached[2]
 
     def deform(
         self, world_from_objects: Sequence[NDArray[np.float64]], *, triangles: bool = False
@@ -308,7 +308,7 @@ class SceneBuffers:
 
         Args:
             item: blended item.
-            viewpoint_from_mesh: (4, 4).
+            viewpoint_from_mesh: (4, 4) transform from the mesh to the viewpoint frame.
             time_s: time for which a deforming mesh is sorted.
         """
         mesh = item.mesh

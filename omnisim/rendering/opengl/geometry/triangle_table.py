@@ -47,7 +47,7 @@ class TriangleTable:
         self._write(ranges)
 
     def append(self, ranges: Sequence[IndexRange], indices: moderngl.Buffer) -> bool:
-        """Append new ranges if there is room; False: the caller needs a new table."""
+        """Append new ranges; False: there is no room, and the caller needs a new table."""
         more = ranges[self._written :]
         if not more:
             return True

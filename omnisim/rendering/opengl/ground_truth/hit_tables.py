@@ -62,7 +62,7 @@ class HitTables:
         uniform(program, "u_depth_limits_m").value = depth_limits_m
 
     def update(self, transforms: InstanceTransforms, second_matrices: NDArray[np.float64]) -> None:
-        """Write each draw item's transform and second matrix (n, 3, 3) or (n, 3, 4); bind."""
+        """Write each draw item's transform and second matrix (n, 3, 3) or (n, 3, 4), and bind."""
         self._draw_items["viewpoint_from_mesh"] = transforms.viewpoint_from_mesh[:, :3]
         self._draw_items["second_matrix"][..., : second_matrices.shape[-1]] = second_matrices
         write_table(self._texture, self._draw_items)
@@ -74,12 +74,12 @@ class HitTables:
         transforms: Sequence[InstanceTransforms],
         viewpoints_from_optical: NDArray[np.float64],
     ) -> None:
-        """Write draw items, normal matrices and camera (n, 3, 3) of each image, and bind.
+        """Write draw items, normal matrices and camera rotation of each image, and bind the tables.
 
         Args:
             ids: texture array of triangle IDs.
             transforms: transforms of the draw items, per image.
-            viewpoints_from_optical: camera rotation, per image.
+            viewpoints_from_optical: (images, 3, 3) camera rotations.
         """
         count = len(self._draw_items)
         tables = np.zeros((len(transforms), count + 1), dtype=_DRAW_ITEM)

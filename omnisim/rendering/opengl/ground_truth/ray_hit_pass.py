@@ -94,7 +94,7 @@ class RayHitPass:
         world_from_objects: Sequence[NDArray[np.float64]] = (),
         details: HitDetails = NO_DETAILS,
     ) -> Hits:
-        """Intersect all rays from a pose (4, 4), with the dynamic objects at theirs.
+        """Intersect all rays from a pose (4, 4), with the dynamic objects at their poses.
 
         Details that textures change need a `visibility` that draws them.
         """
@@ -195,7 +195,7 @@ def read_hits(
     target.read_into(points, region, components=4, attachment=_POINTS, dtype="f4")
     target.read_into(primitives, region, components=2, attachment=_PRIMITIVES, dtype="u4")
     none = np.empty((count, 0, width, 3), dtype=np.float32)
-    found = dict.fromkeys(details._fields, none)
+    arrays = dict.fromkeys(details._fields, none)
     attachments = itertools.count(_PRIMITIVES + 1)
     for name in details.components:
         parts = []
@@ -203,11 +203,11 @@ def read_hits(
             part = np.empty((count, height, width, components), dtype=np.float32)
             target.read_into(part, region, components, attachment=next(attachments), dtype="f4")
             parts.append(part)
-        found[name] = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=-1)
+        arrays[name] = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=-1)
     return [
         Hits(
             points[one], primitives[one, ..., 0], primitives[one, ..., 1],
-            **{name: values[one] for name, values in found.items()},
+            **{name: values[one] for name, values in arrays.items()},
         )
         for one in range(count)
     ]  # fmt: skip

@@ -50,7 +50,7 @@ class VisibilityLayers:
             self._layers = (*colors, depth)
             self._tiles = TileRenderer(
                 visibility.buffers, plan, visibility.cameras, np.empty(0, dtype=np.intp),
-                self._find_program, depth, most_cameras=count,
+                self._find_program, depth, max_cameras=count,
             )  # fmt: skip
 
     def _find_program(self, bucket: Bucket) -> BucketProgram:

@@ -207,9 +207,9 @@ class VisibilityPass:
         """Program of a bucket's IDs and details."""
         variant = VisibilityVariant(bucket.cutoff, details, bucket.array is not None, True, layered)
         variant = variant.with_maps(bucket.maps, bucket.second_coordinates)
-        found = self._program(variant)
-        found.first_plus_one.value = self.triangle_ids.first_of_clusters + 1
-        return BucketProgram(found.program, found.sampler(bucket.array), found.first_command)
+        program = self._program(variant)
+        program.first_plus_one.value = self.triangle_ids.first_of_clusters + 1
+        return BucketProgram(program.program, program.sampler(bucket.array), program.first_command)
 
     def bind_materials(self, details: HitDetails) -> None:
         """Bind the material tables, if materials are drawn."""
@@ -232,7 +232,7 @@ class VisibilityPass:
         world_from_objects: Sequence[NDArray[np.float64]] = (),
         details: HitDetails = NO_DETAILS,
     ) -> None:
-        """Render all tiles from a pose (4, 4), with the dynamic objects at theirs."""
+        """Render all tiles from a pose (4, 4), with the dynamic objects at their poses."""
         details = details.of_texels
         target, (drawer, tiles) = self._target(details), self.drawers(details)
         self.bind_materials(details)

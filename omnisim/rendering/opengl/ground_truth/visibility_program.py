@@ -27,7 +27,7 @@ class VisibilityVariant(NamedTuple):
         textured: materials may have a texture.
         clustered: draws clusters; else single items.
         layered: several cameras, one target layer each.
-        maps: which maps the material has, in the order of `Material.maps`; None: matte, or
+        maps: True for each map of the material, in the order of `Material.maps`; None: matte, or
             materials are not drawn.
         second_coordinates: some maps use the second texture coordinates.
     """
@@ -46,8 +46,8 @@ class VisibilityVariant(NamedTuple):
         """Variant for a material with these maps, see `Reflectance`; None: matte."""
         if maps is None or not self.details.materials:
             return self
-        found = tuple(one is not None for one in maps)
-        return self._replace(maps=found, second_coordinates=second_coordinates)
+        has_maps = tuple(one is not None for one in maps)
+        return self._replace(maps=has_maps, second_coordinates=second_coordinates)
 
     @property
     def defines(self) -> tuple[str, ...]:

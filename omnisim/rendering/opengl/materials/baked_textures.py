@@ -75,7 +75,7 @@ def _check_size(
 ) -> None:
     limit = int(context.info[limit_name])
     if max(size) > limit:
-        found = " × ".join(map(str, size))
+        text = " × ".join(map(str, size))
         raise GraphicsError(
-            f"baked light of {found} {unit}: this GPU takes at most {limit}: bake it coarser"
+            f"baked light of {text} {unit}: this GPU takes at most {limit}: bake it coarser"
         )

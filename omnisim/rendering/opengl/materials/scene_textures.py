@@ -74,8 +74,8 @@ class MaterialTextures:
         key = _key(material, mesh)
         if any(one not in self._layers for one in self._uses(material, mesh)):
             self.share([(material, mesh)])
-        found = self._white if key is None else self._layers[key]
-        return found._replace(reflectance=self._reflectance(material, mesh))
+        texture = self._white if key is None else self._layers[key]
+        return texture._replace(reflectance=self._reflectance(material, mesh))
 
     def keep(self, used: Collection[MaterialTexture]) -> None:
         """Drop all textures but the used ones; an array goes with its last layer."""
@@ -119,9 +119,9 @@ class MaterialTextures:
         keys = [None if one is None else _map_key(one, mesh) for one in material.maps]
         name = id(material), *keys
         if name not in self._reflectances:
-            found = [None if key is None else self._layers[key] for key in keys]
-            record = self.table.append(material, [one and one.layer for one in found])
-            maps = tuple(None if one is None else one.array for one in found)
+            textures = [None if key is None else self._layers[key] for key in keys]
+            record = self.table.append(material, [one and one.layer for one in textures])
+            maps = tuple(None if one is None else one.array for one in textures)
             second = any(
                 one is not None and key is not None and one.uv_set
                 for one, key in zip(material.maps, keys, strict=True)

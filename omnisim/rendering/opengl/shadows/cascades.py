@@ -24,7 +24,7 @@ class Cascades:
     """Cascades of one directional light.
 
     Args:
-        axes: (3, 3) of the light, rows x, y and forward.
+        axes: (3, 3) axes of the light: rows x, y and forward.
         boxes_m: (n, 2, 3), minimum and maximum corners of the static geometry, from the anchor.
         count: number of cascades, at most `MAX_CASCADES`.
 

@@ -18,7 +18,7 @@ from omnisim.scene.model import LAMP_NEAR_M, Light, LightKind
 # Axes of cube faces as rows of x, y and forward: +z, +x, +y, then the opposite faces.
 _CUBE_AXES = np.eye(3)[[[0, 1, 2], [1, 2, 0], [2, 0, 1]] * 2]
 _CUBE_AXES[3:, 2] *= -1.0
-_WIDEST_SPOT_RAD = math.radians(62.0)  # a cube resolves wider spots better
+_MAX_SPOT_RAD = math.radians(62.0)  # a cube resolves wider spots better
 _SPOT_MARGIN = 1.02
 _GUTTER_PX = 3.0  # beyond the 90° of a face, because lookups are offset from the surface
 
@@ -37,7 +37,7 @@ class PunctualView(NamedTuple):
 
 def is_cube(light: Light) -> bool:
     """Tell whether a light needs a whole cube, as point lights and wide spots do."""
-    is_wide = math.acos(light.cone_cosines[1]) > _WIDEST_SPOT_RAD
+    is_wide = math.acos(light.cone_cosines[1]) > _MAX_SPOT_RAD
     return light.kind is LightKind.POINT or (light.kind is LightKind.SPOT and is_wide)
 
 

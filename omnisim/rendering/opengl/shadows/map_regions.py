@@ -42,5 +42,5 @@ def covered_px(
     high_px = np.ceil(np.clip(0.5 * (high + 1.0), 0.0, 1.0) * size_px + _MARGIN_PX)
     low_px, high_px = np.maximum(low_px, 0.0), np.minimum(high_px, size_px)
     is_seen = np.all((low < 1.0) & (high > -1.0), axis=-1)
-    found = np.concatenate((corner_px + low_px, high_px - low_px), axis=-1)[is_seen]
-    return found.astype(np.intp)
+    covered = np.concatenate((corner_px + low_px, high_px - low_px), axis=-1)[is_seen]
+    return covered.astype(np.intp)

@@ -63,7 +63,8 @@ class ShadowMaps:
             self._maps.append(_allocate(context, size_px))
         at_anchor = self._clips(self.anchor_m)
         # empty if all casters have cubes
-        self._block = context.buffer(reserve=max(16, plan.block_data(at_anchor).nbytes))
+        size = max(16, plan.block_data(at_anchor).nbytes)
+        self._block = context.buffer(reserve=size, dynamic=True)
         self._drawn: NDArray[np.float64] | None = None  # matrices of the drawn static maps
         self._posed: tuple[float, NDArray[np.float64]] | None = None  # when, and where
         self._covered: NDArray[np.intp] = np.empty((0, 4), dtype=np.intp)

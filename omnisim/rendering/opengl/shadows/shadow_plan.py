@@ -88,7 +88,7 @@ class ShadowPlan:
         return tuple(light for light in self.punctual if light.casts_shadow)
 
     def middles_m(self, viewpoint_m: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Centers (cascades, 2) of the cascades of each directional caster."""
+        """Centers (cascades, 2) of the cascades, for each directional caster."""
         return [one.middles_m(viewpoint_m) for one in self.cascades if one is not None]
 
     def clips(
@@ -108,7 +108,7 @@ class ShadowPlan:
 
     @property
     def casters(self) -> tuple[Light, ...]:
-        """Lights of the blocks."""
+        """Lights that cast shadows, in the order of the blocks."""
         directional = zip(self.directional, self.cascades, strict=True)
         casting = [light for light, cascades in directional if cascades is not None]
         return (*casting, *self.punctual_casters)

@@ -26,7 +26,7 @@ class LampLight(NamedTuple):
     directions: NDArray[np.float32]
 
     def take(self, indices: NDArray[np.intp]) -> LampLight:
-        """Light at some of the points."""
+        """Light at the selected points."""
         directions = self.directions
         return LampLight(
             self.color,

@@ -35,8 +35,8 @@ class Reflectance(NamedTuple):
     emissive: Floats
 
 
-class Placed(NamedTuple):
-    """Normals and view directions of visible surfaces.
+class SurfaceDirections(NamedTuple):
+    """Normals and view directions at visible surfaces.
 
     Attributes:
         normals, coat_normals: (n, 3) unit, of the surface and its clear coat, normal-mapped.
@@ -50,7 +50,7 @@ class Placed(NamedTuple):
 
 def reflected_light(
     surface: Reflectance,
-    placed: Placed,
+    directions: SurfaceDirections,
     lighting: Lighting,
     lamps: Sequence[LampLight],
     surroundings: Floats | None = None,
@@ -58,35 +58,37 @@ def reflected_light(
     """Light (n, 3), linear RGB, that surfaces emit and reflect along the views.
 
     Args:
-        surface, placed: (n,) surfaces and their directions.
+        surface, directions: (n,) surfaces and their directions.
         lighting: lighting of the scene.
         lamps: light of each lamp on the surfaces.
         surroundings: (n, 3) baked light on white surfaces without that of lamps; None: no baked
             light.
     """
-    grazing = (1.0 - _cosines(placed.coat_normals, placed.views)) ** 5
+    grazing = (1.0 - _cosines(directions.coat_normals, directions.views)) ** 5
     coat = surface.coat * (COAT_F0 + (1.0 - COAT_F0) * grazing)
     total = (1.0 - coat)[:, None] * surface.emissive
-    total += _environment(surface, placed, coat, lighting, surroundings)
+    total += _environment(surface, directions, coat, lighting, surroundings)
     for lamp in lamps:
-        total += _lamp(surface, placed, coat, lamp)
+        total += _lamp(surface, directions, coat, lamp)
     return total
 
 
-def _lamp(surface: Reflectance, placed: Placed, coat: Floats, lamp: LampLight) -> Floats:
-    towards = np.broadcast_to(lamp.directions, placed.views.shape)
-    halfway = towards + placed.views
+def _lamp(
+    surface: Reflectance, directions: SurfaceDirections, coat: Floats, lamp: LampLight
+) -> Floats:
+    towards = np.broadcast_to(lamp.directions, directions.views.shape)
+    halfway = towards + directions.views
     halfway = halfway / np.maximum(np.linalg.norm(halfway, axis=1, keepdims=True), 1e-7)
-    grazing = (1.0 - np.clip(_dot(placed.views, halfway), 0.0, 1.0)) ** 5
+    grazing = (1.0 - np.clip(_dot(directions.views, halfway), 0.0, 1.0)) ** 5
     gloss = _between(surface.f0, surface.f90, grazing)
-    light = np.maximum(_dot(placed.normals, towards), 0.0)
-    view = _cosines(placed.normals, placed.views)
-    gloss *= _microfacets(surface.roughness, placed.normals, halfway, light, view)[:, None]
+    light = np.maximum(_dot(directions.normals, towards), 0.0)
+    view = _cosines(directions.normals, directions.views)
+    gloss *= _microfacets(surface.roughness, directions.normals, halfway, light, view)[:, None]
     lost = _between(surface.dielectric_f0, surface.dielectric_f90, grazing).max(axis=1)
     total = (light * (1.0 - coat))[:, None] * (surface.body * (1.0 - lost)[:, None] + gloss)
-    light = np.maximum(_dot(placed.coat_normals, towards), 0.0)
-    view = _cosines(placed.coat_normals, placed.views)
-    facets = _microfacets(surface.coat_roughness, placed.coat_normals, halfway, light, view)
+    light = np.maximum(_dot(directions.coat_normals, towards), 0.0)
+    view = _cosines(directions.coat_normals, directions.views)
+    facets = _microfacets(surface.coat_roughness, directions.coat_normals, halfway, light, view)
     total += (coat * light * facets)[:, None]
     lit: Floats = lamp.levels[:, None] * lamp.color * total
     return lit
@@ -94,12 +96,12 @@ def _lamp(surface: Reflectance, placed: Placed, coat: Floats, lamp: LampLight) -
 
 def _environment(
     surface: Reflectance,
-    placed: Placed,
+    directions: SurfaceDirections,
     coat: Floats,
     lighting: Lighting,
     baked: Floats | None,
 ) -> Floats:
-    normals, views = placed.normals, placed.views
+    normals, views = directions.normals, directions.views
     shares = _shares(_cosines(normals, views), surface.roughness)
     lost = _between(surface.dielectric_f0, surface.dielectric_f90, shares[:, 2]).max(axis=1)
     body = surface.body * (1.0 - lost)[:, None]
@@ -109,8 +111,8 @@ def _environment(
     total += gloss * _radiance(lighting, normals, views, surface.roughness, baked)
     total *= (1.0 - coat)[:, None]
     if coat.any():
-        coated = _shares(_cosines(placed.coat_normals, views), surface.coat_roughness)
-        seen = _radiance(lighting, placed.coat_normals, views, surface.coat_roughness, baked)
+        coated = _shares(_cosines(directions.coat_normals, views), surface.coat_roughness)
+        seen = _radiance(lighting, directions.coat_normals, views, surface.coat_roughness, baked)
         total += (coat * coated[:, :2].sum(axis=1))[:, None] * seen
     lit: Floats = surface.occlusion[:, None] * total
     return lit

@@ -96,8 +96,8 @@ class TextureTable:
         if second is not None:
             first = np.where((self._uv_set[textures] == 1)[:, None, None], second, first)
         matrices = self._transforms[textures]
-        placed: NDArray[np.float32] = np.einsum("nkj,nij->nki", first, matrices[:, :, :2])
-        return placed + matrices[:, None, :, 2]
+        directions: NDArray[np.float32] = np.einsum("nkj,nij->nki", first, matrices[:, :, :2])
+        return directions + matrices[:, None, :, 2]
 
     def lookup(
         self,

@@ -22,7 +22,7 @@ from omnisim.rendering.rays.shading.lights import (
     light_on_surfaces,
 )
 from omnisim.rendering.rays.shading.normal_maps import mapped_normals
-from omnisim.rendering.rays.shading.ray_reflectance import Placed, reflected_light
+from omnisim.rendering.rays.shading.ray_reflectance import SurfaceDirections, reflected_light
 from omnisim.rendering.rays.shading.ray_textures import TextureTable
 from omnisim.rendering.rays.shading.shadows import CastShadow, Shadows
 from omnisim.rendering.rays.shading.surface_table import NORMAL_SCALES, Sampler, SurfaceTable
@@ -43,7 +43,7 @@ class View(NamedTuple):
     footprints: NDArray[np.float32] | None
 
     def take(self, some: NDArray[np.intp]) -> View:
-        """View of some of the rays."""
+        """View of the selected rays."""
         footprints = None if self.footprints is None else self.footprints[some]
         return View(self.rays.take(some), self.hits.take(some), self.world_from_objects, footprints)
 
@@ -122,7 +122,7 @@ class Shading:
         view: View,
         some: NDArray[np.intp],
     ) -> NDArray[np.float32]:
-        """Texels (n, 4) of textures (n,) at some of the hits."""
+        """Texels (n, 4) of textures (n,) at the selected hits."""
         hits, geometry = view.hits.take(some), self._geometry
         corners = self._corner_coordinates(table, textures, hits)
         coordinates = np.einsum("nk,nkc->nc", hits.weights, corners)
@@ -153,8 +153,8 @@ class Shading:
         """Unit normals (n, 3) of the visible side, world: interpolated, or the plane's."""
         of_corners = self._geometry.corner_normals(hits.triangles, world_from_objects)
         normals: NDArray[np.float32] = np.einsum("nk,nkc->nc", hits.weights, of_corners)
-        for mine, pose in self._geometry.moved(hits.triangles, world_from_objects):
-            normals[mine] = np.einsum("nj,ij->ni", normals[mine], pose[:3, :3])
+        for moved, pose in self._geometry.moved(hits.triangles, world_from_objects):
+            normals[moved] = np.einsum("nj,ij->ni", normals[moved], pose[:3, :3])
         is_flat = ~normals.any(axis=1)
         normals[is_flat] = hits.planes[is_flat]
         is_behind = np.einsum("nc,nc->n", normals, hits.planes) < 0.0
@@ -166,14 +166,14 @@ class Shading:
     def materials(self, view: View) -> NDArray[np.float32]:
         """Roughness, metalness and emission (n, 5), see `Hits.materials`."""
         surfaces = self.surfaces(view.hits)
-        found = np.zeros((len(surfaces), 5), dtype=np.float32)
-        found[:, 0] = 1.0
+        materials = np.zeros((len(surfaces), 5), dtype=np.float32)
+        materials[:, 0] = 1.0
         glossy = np.flatnonzero(~self.table.is_matte[surfaces])
         if len(glossy):
             values = self.table.values(surfaces[glossy], self._sampler(view.take(glossy)))
-            found[glossy, 0], found[glossy, 1] = values.roughness, values.metallic
-            found[glossy, 2:] = values.emissive
-        return found
+            materials[glossy, 0], materials[glossy, 1] = values.roughness, values.metallic
+            materials[glossy, 2:] = values.emissive
+        return materials
 
     def lit(
         self,
@@ -257,13 +257,13 @@ class Shading:
         """Light (n, 3) from surfaces that are not matte."""
         surfaces, sampled = self.surfaces(view.hits), self._sampler(view)
         mapped, coat = (self._mapped(slot, normals, view, sampled) for slot in NORMAL_SCALES)
-        placed = Placed(mapped, coat, -view.rays.directions)
+        directions = SurfaceDirections(mapped, coat, -view.rays.directions)
         reflectance = self.table.reflectance(surfaces, colors, sampled)
-        light = reflected_light(reflectance, placed, self._lighting, lamps, surroundings)
+        light = reflected_light(reflectance, directions, self._lighting, lamps, surroundings)
         return light.astype(np.float32)
 
     def _sampler(self, view: View) -> Sampler:
-        """Lookup of maps at some of the hits."""
+        """Function that looks up maps at selected hits."""
         surfaces = self.surfaces(view.hits)
 
         def sampled(slot: int, some: NDArray[np.intp]) -> NDArray[np.float32]:

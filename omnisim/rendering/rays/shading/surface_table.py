@@ -87,7 +87,7 @@ class SurfaceTable:
         return some, textures[some]
 
     def values(self, surfaces: NDArray[np.int32], sampled: Sampler) -> SurfaceValues:
-        """Values at hits of surfaces (n,); `sampled` looks up a map at some of the hits."""
+        """Values at hits of surfaces (n,); `sampled` looks up a map at selected hits."""
         metallic, roughness = self._metallic[surfaces], self._roughness[surfaces]
         occlusion = np.ones(len(surfaces), dtype=np.float32)
         emissive = self._emissive[surfaces]

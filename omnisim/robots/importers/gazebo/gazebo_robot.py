@@ -98,11 +98,11 @@ def _choose(tree: Model, name: str | None) -> Model:
         if name not in models:
             raise RobotFileError(f"no model {name!r}; {did_you_mean(name, models, 'it has')}")
         return models[name]
-    able = [one for one in models.values() if _has_sensors(one)] or list(models.values())
-    if len(able) != 1:
-        names = ", ".join(one.name for one in able) or "no model"
+    candidates = [one for one in models.values() if _has_sensors(one)] or list(models.values())
+    if len(candidates) != 1:
+        names = ", ".join(one.name for one in candidates) or "no model"
         raise RobotFileError(f"expected --class with the name of one model, got {names}")
-    return able[0]
+    return candidates[0]
 
 
 def _has_sensors(model: Model) -> bool:
@@ -118,14 +118,14 @@ def _sensors(model: Model) -> tuple[list[ImportedSensor], Counter[str]]:
     """Sensors with unique names and their poses in the base, and counts of unsupported types."""
     sensors: list[ImportedSensor] = []
     others: Counter[str] = Counter()
-    taken: set[str] = set()
+    used_names: set[str] = set()
     for placed in placed_models(model):
         for link in placed.model.element.children("link"):
             for sensor in link.children("sensor"):
                 pose = placed.pose_of(sensor, link.name)
                 read = list(read_sensors(sensor, pose))
                 for one in read:
-                    name = unique_name(folder_name(one.name), taken)
+                    name = unique_name(folder_name(one.name), used_names)
                     sensors.append(one._replace(name=name))
                 if not read:
                     others[sensor.attribute("type") or "sensor"] += 1

@@ -39,9 +39,9 @@ class Entry:
     source: Path
     line: int
 
-    def fault(self, words: str) -> RobotFileError:
+    def fault(self, message: str) -> RobotFileError:
         """Error that names file and line."""
-        return RobotFileError(f"{self.source}:{self.line}: {words}")
+        return RobotFileError(f"{self.source}:{self.line}: {message}")
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def read_ini(path: Path) -> dict[str, Section]:
     """Read the sections of a file, keyed by lower-case name.
 
     Raises:
-        RobotFileError: names file, line, the actual text and the expected one.
+        RobotFileError: invalid syntax or value; names file, line, actual and expected text.
     """
     sections: dict[str, tuple[str, int, list[Entry]]] = {}
     entries: list[Entry] | None = None
@@ -76,8 +76,8 @@ def read_ini(path: Path) -> dict[str, Section]:
         elif entry and entries is not None:
             entries.append(Entry(entry[1].lstrip("+."), entry[2], path, number))
         else:
-            wanted = "[section]" if entries is None else "[section] or key=value"
-            raise RobotFileError(f"{path}:{number}: {quote(content)!r}: expected {wanted}")
+            expected = "[section]" if entries is None else "[section] or key=value"
+            raise RobotFileError(f"{path}:{number}: {quote(content)!r}: expected {expected}")
     if not sections:
         raise RobotFileError(f"{path}:1: nothing in it: expected a USARBot.ini with [sections]")
     return {
@@ -89,7 +89,7 @@ def parse_struct(entry: Entry) -> Struct:
     """Parse the parenthesized value of an entry.
 
     Raises:
-        RobotFileError: names file, line, the actual text and the expected one.
+        RobotFileError: invalid syntax or value; names file, line, actual and expected text.
     """
     return _Reader(entry).whole()
 
@@ -125,8 +125,8 @@ class _Reader:
     def __init__(self, entry: Entry) -> None:
         self._entry, self._text, self._at = entry, entry.value, 0
 
-    def _fault(self, words: str) -> RobotFileError:
-        return self._entry.fault(f"{self._entry.key}: {words}")
+    def _fault(self, message: str) -> RobotFileError:
+        return self._entry.fault(f"{self._entry.key}: {message}")
 
     def whole(self) -> Struct:
         if self._next() != "(":

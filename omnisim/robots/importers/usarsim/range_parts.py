@@ -24,13 +24,20 @@ MAX_COUNT = 360
 
 
 def find_range_sensor(
-    part: Part, own: Section | None, units: Units, left_out: list[Notice]
+    part: Part, section: Section | None, units: Units, notices: list[Notice]
 ) -> ImportedSensor | None:
-    """Read a sonar or an infrared sensor; None for any other part."""
+    """Read a sonar or an infrared sensor; None for any other part.
+
+    Args:
+        part: part of the robot.
+        section: section with the settings of the part's class; None: not in the file.
+        units: units of the file.
+        notices: list to which notices are appended.
+    """
     is_sonar = _SONAR.search(part.short_class)
     if not (is_sonar or _INFRARED.search(part.short_class)):
         return None
-    entries = {} if own is None else {entry.key.lower(): entry for entry in own.entries}
+    entries = {} if section is None else {entry.key.lower(): entry for entry in section.entries}
     values: dict[str, float] = {}
     for key, name in _LENGTHS.items():
         if key in entries:
@@ -46,11 +53,11 @@ def find_range_sensor(
     used = {*_LENGTHS, "noise", *({"beamangle", *_COUNTS} if is_sonar else ())}
     unread = [entry.key for key, entry in entries.items() if key not in used]
     kind = "sonar" if is_sonar else "infrared sensor"
-    if own is None:
-        words = f"{part}: no [{part.class_name}]: taken as USARSim's usual {kind}"
-        left_out.append((part.entry.line, words))
+    if section is None:
+        notice = f"{part}: no [{part.class_name}]: assumed to be USARSim's {kind}"
+        notices.append((part.entry.line, notice))
     elif unread:
-        left_out.append((own.line, f"[{own.name}] {', '.join(unread)}: left out"))
+        notices.append((section.line, f"[{section.name}] {', '.join(unread)}: left out"))
     return part.sensor("usarsim_sonar" if is_sonar else "usarsim_ir_sensor", values)
 
 
@@ -77,10 +84,10 @@ def _number(entry: Entry) -> float:
 
 
 def _check_limits(
-    entries: dict[str, Entry], values: dict[str, float], usual: tuple[float, float]
+    entries: dict[str, Entry], values: dict[str, float], defaults: tuple[float, float]
 ) -> None:
     """Raise an error that names the line if the minimum range is not below the maximum."""
-    least, most = values.get("range_min_m", usual[0]), values.get("range_max_m", usual[1])
+    least, most = values.get("range_min_m", defaults[0]), values.get("range_max_m", defaults[1])
     if not least < most:
         entry = entries.get("minrange") or entries["maxrange"]
         raise entry.fault(

@@ -24,16 +24,23 @@ TURN_RAD = 6.2832  # full turn as USARBot.ini rounds it
 
 
 def find_scanner(
-    part: Part, own: Section | None, units: Units, left_out: list[Notice]
+    part: Part, section: Section | None, units: Units, notices: list[Notice]
 ) -> ImportedSensor | None:
-    """Read a laser scanner; for other parts or missing settings, add a notice and return None."""
-    settings = {} if own is None else {entry.key.lower(): entry for entry in own.entries}
+    """Read a laser scanner; for other parts or missing settings, add a notice and return None.
+
+    Args:
+        part: part of the robot.
+        section: section with the settings of the part's class; None: not in the file.
+        units: units of the file.
+        notices: list to which notices are appended.
+    """
+    settings = {} if section is None else {entry.key.lower(): entry for entry in section.entries}
     says_how = {"scanfov", "resolution", "maxrange"} <= settings.keys()
     is_sick = _SICK.search(part.short_class)
     known = _SCANNER.search(part.short_class)
     if not (says_how or is_sick):
         why = f"no [{part.class_name}] with ScanFov, Resolution and MaxRange: " if known else ""
-        left_out.append((part.entry.line, f"{part}: {why}left out"))
+        notices.append((part.entry.line, f"{part}: {why}left out"))
         return None
     values: dict[str, float] = {}
     for key, name, read in (
@@ -58,13 +65,13 @@ def find_scanner(
     elif not is_sick:
         values["noise_share"] = 0.0
     _check_scan(settings, values)
-    if own is None:
-        words = f"{part}: no [{part.class_name}]: taken as USARSim's usual SICK LMS200"
-        left_out.append((part.entry.line, words))
+    if section is None:
+        notice = f"{part}: no [{part.class_name}]: assumed to be USARSim's SICK LMS200"
+        notices.append((part.entry.line, notice))
     else:
         unread = [entry.key for key, entry in settings.items() if key not in _USED]
         if unread:
-            left_out.append((own.line, f"[{own.name}] {', '.join(unread)}: left out"))
+            notices.append((section.line, f"[{section.name}] {', '.join(unread)}: left out"))
     return part.sensor("usarsim_range_scanner", values)
 
 

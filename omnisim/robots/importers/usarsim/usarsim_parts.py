@@ -92,7 +92,7 @@ def read_part(entry: Entry, units: Units) -> Part:
     """Read the part of an entry.
 
     Raises:
-        RobotFileError: names file, line, the actual text and the expected one.
+        RobotFileError: invalid syntax or value; names file, line, actual and expected text.
     """
     struct = parse_struct(entry)
     class_name = _word(entry, struct, "ItemClass")
@@ -115,21 +115,21 @@ def read_part(entry: Entry, units: Units) -> Part:
     )
 
 
-def check(entry: Entry, is_possible: bool, wanted: str) -> None:
+def check(entry: Entry, is_possible: bool, expected: str) -> None:
     """Raise an error if a value of an entry is impossible.
 
     Raises:
-        RobotFileError: names file, line, and the expected value.
+        RobotFileError: the value is impossible; names file, line and the expected value.
     """
     if not is_possible:
-        raise entry.fault(f"{entry.key} = {quote(entry.value)}: expected {wanted}")
+        raise entry.fault(f"{entry.key} = {quote(entry.value)}: expected {expected}")
 
 
 def number(entry: Entry, name: str, value: Value) -> float:
     """Parse a finite number.
 
     Raises:
-        RobotFileError: names file, line and the actual text.
+        RobotFileError: the value is not a number; names file, line and the actual text.
     """
     try:
         # a semicolon may follow, as in beamAngle=0.349;
@@ -137,8 +137,8 @@ def number(entry: Entry, name: str, value: Value) -> float:
     except ValueError:
         parsed = math.nan
     if not math.isfinite(parsed):
-        shown = quote(value) if isinstance(value, str) else "(...)"
-        raise entry.fault(f"{name} = {shown}: expected a finite number")
+        quoted = quote(value) if isinstance(value, str) else "(...)"
+        raise entry.fault(f"{name} = {quoted}: expected a finite number")
     return parsed
 
 
@@ -146,7 +146,7 @@ def length_m(entry: Entry, name: str, value: Value, units: Units) -> float:
     """Parse a length and convert it to meters.
 
     Raises:
-        RobotFileError: names file, line and the actual text.
+        RobotFileError: the value is not a number; names file, line and the actual text.
     """
     return number(entry, name, value) * units.meters
 

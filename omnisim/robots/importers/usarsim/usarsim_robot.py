@@ -41,8 +41,8 @@ _NAME = re.compile(r"(?:Part|Pkg|Item)Name\s*=\s*[\"']?([^\"',()]*)", re.IGNOREC
 _HEAD = (
     "Base frame: x forward, y left, z up, origin on the ground. Meters and degrees.",
     'body = "body.glb"  # its mesh, if there is one',
-    "What it cannot say, and a robot can be driven without: [kinematics], [odometry],",
-    "[footprint]. `omnisim robot list` has robots that say it.",
+    "Not in USARBot.ini, and optional: [kinematics], [odometry], [footprint].",
+    "`omnisim robot list` lists robots with these tables.",
 )
 
 
@@ -62,58 +62,58 @@ def import_robot(
             notice.
 
     Raises:
-        RobotFileError: names file, line, the actual text and the expected one.
+        RobotFileError: invalid syntax or value; names file, line, actual and expected text.
     """
     if origin_height_m is not None and not abs(origin_height_m) <= 10.0:
         raise RobotFileError(f"origin height {origin_height_m:g} m: expected a number up to 10")
     sections = read_ini(path)
     section = _robot_section(path, sections, robot_class)
     units = UNREAL_UNITS if unreal_units else SI_UNITS
-    left_out: list[Notice] = []
-    parts = _parts(section, units, left_out)
-    sensors = _named(_sensors(parts, sections, units, left_out), left_out)
+    notices: list[Notice] = []
+    parts = _parts(section, units, notices)
+    sensors = _named(_sensors(parts, sections, units, notices), notices)
     if not sensors:
-        left_out.append((section.line, f"[{section.name}] has no sensor that omnisim knows"))
+        notices.append((section.line, f"[{section.name}] has no sensor that omnisim knows"))
     if origin_height_m is None:
-        left_out.append(
+        notices.append(
             (
                 section.line,
-                "heights count from USARSim's origin of the robot, taken as on the ground: "
-                "--origin-height says how high it is",
+                "heights are relative to USARSim's robot origin, assumed to be on the ground: "
+                "--origin-height sets its height",
             )
         )
-    unique = dict.fromkeys((line, printable(words)) for line, words in left_out)
-    notices = sorted(unique, key=lambda notice: notice[0])
+    unique = dict.fromkeys((line, printable(text)) for line, text in notices)
+    unique_notices = sorted(unique, key=lambda notice: notice[0])
     raised_m = origin_height_m or 0.0
     heights = (f"Heights are {raised_m!r} m more than there.",) if raised_m else ()
-    rest = [f"line {line}: {words}" for line, words in notices]
+    rest = [f"line {line}: {text}" for line, text in unique_notices]
     return ImportedRobot(
         name=printable(section.name).rpartition(".")[2],
         source=path,
         section=f"[{printable(section.name)}]",
         sensors=sensors,
-        notices=tuple(f"{path}:{line}: {words}" for line, words in notices),
-        comments=(*_HEAD, *heights, *(("Of the rest of it:", *rest) if rest else ())),
+        notices=tuple(f"{path}:{line}: {text}" for line, text in unique_notices),
+        comments=(*_HEAD, *heights, *(("Notices:", *rest) if rest else ())),
         base_m=np.array((0.0, 0.0, -raised_m)),
     )
 
 
-def _robot_section(path: Path, sections: dict[str, Section], wanted: str | None) -> Section:
+def _robot_section(path: Path, sections: dict[str, Section], robot_class: str | None) -> Section:
     robots = {
         key: section
         for key, section in sections.items()
         if any(section.values_of(name) for name in SENSOR_KEYS)
     }
     short = {section.name.rpartition(".")[2]: section for section in robots.values()}
-    if wanted is not None:
-        for key in (wanted.lower(), f"usarbot.{wanted.lower()}"):
+    if robot_class is not None:
+        for key in (robot_class.lower(), f"usarbot.{robot_class.lower()}"):
             if key in robots:
                 return robots[key]
             if key in sections:
                 other = sections[key]
                 raise RobotFileError(f"{path}:{other.line}: [{other.name}] has no Sensors= line")
-        hint = did_you_mean(wanted, short, "it has")
-        raise RobotFileError(f"{path}:1: no robot of class {wanted!r}; {hint}")
+        hint = did_you_mean(robot_class, short, "it has")
+        raise RobotFileError(f"{path}:1: no robot of class {robot_class!r}; {hint}")
     if not robots:
         first = next(iter(sections.values()))
         raise RobotFileError(f"{path}:{first.line}: no section of it has a Sensors= line")
@@ -125,7 +125,7 @@ def _robot_section(path: Path, sections: dict[str, Section], wanted: str | None)
     return next(iter(robots.values()))
 
 
-def _parts(section: Section, units: Units, left_out: list[Notice]) -> list[Part]:
+def _parts(section: Section, units: Units, notices: list[Notice]) -> list[Part]:
     """Read all parts with a class and a position; the other entries become notices."""
     parts, plain = [], []
     for entry in section.entries:
@@ -140,10 +140,10 @@ def _parts(section: Section, units: Units, left_out: list[Notice]) -> list[Part]
                 continue
             named = _NAME.search(entry.value)
             name = f" {named[1]!r}" if named else ""
-            left_out.append((entry.line, f"{entry.key}{name}: left out"))
+            notices.append((entry.line, f"{entry.key}{name}: left out"))
     if plain:
         keys = ", ".join(dict.fromkeys(entry.key for entry in plain))
-        left_out.append((plain[0].line, f"[{section.name}] {keys}: left out"))
+        notices.append((plain[0].line, f"[{section.name}] {keys}: left out"))
     return parts
 
 
@@ -158,32 +158,32 @@ def _other_part(entry: Entry, units: Units) -> Part | None:
 
 
 def _sensors(
-    parts: list[Part], sections: dict[str, Section], units: Units, left_out: list[Notice]
+    parts: list[Part], sections: dict[str, Section], units: Units, notices: list[Notice]
 ) -> list[tuple[Entry, ImportedSensor]]:
     """Sensors and the entries that describe them, in the order of the file."""
     cameras = find_cameras(parts)
-    taken = {id(part) for _, members in cameras for part in members}
+    camera_parts = {id(part) for _, members in cameras for part in members}
     sensors = [(members[0].entry, camera) for camera, members in cameras]
     for part in parts:
-        if id(part) not in taken:
-            own = sections.get(part.class_name.lower())
-            sensor = find_range_sensor(part, own, units, left_out)
+        if id(part) not in camera_parts:
+            class_section = sections.get(part.class_name.lower())
+            sensor = find_range_sensor(part, class_section, units, notices)
             if sensor is None:
-                sensor = find_scanner(part, own, units, left_out)
+                sensor = find_scanner(part, class_section, units, notices)
             if sensor is None:
                 continue
             sensors.append((part.entry, sensor))
         if part.unread:
-            left_out.append((part.entry.line, f"{part}: {', '.join(part.unread)}: left out"))
+            notices.append((part.entry.line, f"{part}: {', '.join(part.unread)}: left out"))
         if part.parent:
-            left_out.append(
-                (part.entry.line, f"{part}: sits on {part.parent!r}, taken as if on the chassis")
+            notices.append(
+                (part.entry.line, f"{part}: is mounted on {part.parent!r}: placed on the chassis")
             )
     return sorted(sensors, key=lambda item: item[0].line)
 
 
 def _named(
-    sensors: list[tuple[Entry, ImportedSensor]], left_out: list[Notice]
+    sensors: list[tuple[Entry, ImportedSensor]], notices: list[Notice]
 ) -> list[ImportedSensor]:
     """Rename sensors to names that are valid in a robot file.
 
@@ -195,7 +195,7 @@ def _named(
     for entry, sensor in sensors:
         name = folder_name(sensor.name)
         if name != sensor.name:
-            left_out.append((entry.line, f"ItemName {sensor.name!r}: becomes {name!r}"))
+            notices.append((entry.line, f"ItemName {sensor.name!r}: becomes {name!r}"))
         if name in named:
             raise entry.fault(
                 f"ItemName {name!r} again, as in line {lines[name]}: expected each name once"

@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.poses import nearest_rotation
-from omnisim.scene.files.imported import ImportedObject
-from omnisim.scene.formats.gltf.animations import Animation, MovedNode
+from omnisim.scene.files.imported_scene import ImportedObject
+from omnisim.scene.formats.gltf.animations import Animation, MovingNode
 from omnisim.scene.formats.gltf.json_object import JsonObject
 from omnisim.scene.labels import BODY
 from omnisim.scene.motion.node_motion import NodeMotion
 
 _LIGHTS = "KHR_lights_punctual"
 _CHECKS = 32  # samples of a node's motion over the animation
-Moved = Mapping[int, MovedNode]
+Moved = Mapping[int, MovingNode]
 Matrix = NDArray[np.float64]
 
 
@@ -38,19 +38,19 @@ def moving_objects(
     for number, owner in enumerate(owners):
         if owner is not None and owner in moved:
             instances.setdefault(moved[owner].owner, []).append(number)
-    taken, objects = {BODY}, []
+    used_names, objects = {BODY}, []
     for index, numbers in instances.items():
-        name = _free_name(nodes[index].text("name", f"node {index}"), taken)
-        taken.add(name)
+        name = _free_name(nodes[index].text("name", f"node {index}"), used_names)
+        used_names.add(name)
         node = moved[index].node
         axes = _axes(node.transform_at(0.0)[:3, :3] @ np.linalg.inv(world_from_file[:3, :3]))
         objects.append(ImportedObject(name, NodeMotion(node, axes), tuple(numbers)))
     return tuple(objects)
 
 
-def _free_name(name: str, taken: set[str]) -> str:
+def _free_name(name: str, used_names: set[str]) -> str:
     number, free = 0, name
-    while free in taken:
+    while free in used_names:
         number += 1
         free = f"{name}_{number}"
     return free

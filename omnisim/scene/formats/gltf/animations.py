@@ -152,7 +152,7 @@ def transforms_at_start(
     }
 
 
-class MovedNode(NamedTuple):
+class MovingNode(NamedTuple):
     """Node that moves with the animation, by its own keyframes or by an ancestor's.
 
     Attributes:
@@ -172,7 +172,7 @@ def animated_nodes(
     local: Mapping[int, NDArray[np.float64]],
     animation: Animation,
     world_from_file: NDArray[np.float64],
-) -> dict[int, MovedNode]:
+) -> dict[int, MovingNode]:
     """Nodes that move with the animation, by node index.
 
     Args:
@@ -183,7 +183,7 @@ def animated_nodes(
         world_from_file: (4, 4) transform.
     """
     moving = set(animation.moving)
-    moved: dict[int, MovedNode] = {}
+    moved: dict[int, MovingNode] = {}
     offsets: dict[int | None, NDArray[np.float64]] = {None: world_from_file}
     for index, parent in parents.items():
         above = None if parent is None else moved.get(parent)
@@ -198,7 +198,7 @@ def animated_nodes(
                 else constant
                 for key, constant in zip(_WIDTHS, _start(node, properties), strict=True)
             )
-            made = AnimatedNode(
+            animated = AnimatedNode(
                 None if above is None else above.node,
                 offset @ _before(node),
                 translation,
@@ -207,11 +207,11 @@ def animated_nodes(
                 animation.period_s,
             )
             offsets[index] = np.eye(4)
-            moved[index] = MovedNode(index, made, offsets[index])
+            moved[index] = MovingNode(index, animated, offsets[index])
         else:
             offsets[index] = offset @ local[index]
             if above is not None:
-                moved[index] = MovedNode(above.owner, above.node, offsets[index])
+                moved[index] = MovingNode(above.owner, above.node, offsets[index])
     return moved
 
 
@@ -224,7 +224,7 @@ def _before(node: JsonObject) -> NDArray[np.float64]:
 def _start(
     node: JsonObject, properties: Properties
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Translation, rotation and scale of a node at 0 s."""
+    """Translation (3,), rotation (4,) and scale (3,) of a node at 0 s."""
     translation, rotation, scale = (
         properties[key].at(0.0)
         if key in properties

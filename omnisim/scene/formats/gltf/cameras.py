@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.poses import roll_pitch_yaw_from_rotation
-from omnisim.scene.files.imported import MAX_COORDINATE
+from omnisim.scene.files.imported_scene import MAX_COORDINATE
 from omnisim.scene.formats.gltf.json_object import JsonObject
 from omnisim.scene.parts import CameraPose
 

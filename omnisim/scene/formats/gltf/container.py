@@ -15,6 +15,9 @@ def read_container(data: bytes) -> tuple[JsonObject, memoryview]:
     """Top-level JSON object, and the binary chunk of a GLB file (otherwise empty).
 
     Source: glTF 2.0, section 4.4.
+
+    Raises:
+        SceneError: the data is damaged, or is not glTF 2.0.
     """
     chunk = memoryview(b"")
     try:

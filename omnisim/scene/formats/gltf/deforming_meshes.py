@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError
 from omnisim.core.short_repr import counted
-from omnisim.scene.files.imported import MAX_COORDINATE, make_mesh, translate
+from omnisim.scene.files.imported_scene import MAX_COORDINATE, make_mesh, translate
 from omnisim.scene.formats.gltf.accessors import Accessors
-from omnisim.scene.formats.gltf.animations import Animation, MovedNode
+from omnisim.scene.formats.gltf.animations import Animation, MovingNode
 from omnisim.scene.formats.gltf.json_object import JsonObject
-from omnisim.scene.formats.gltf.morph_targets import Morphed, morph, resting_weights
+from omnisim.scene.formats.gltf.morph_targets import MorphedVertices, morph, resting_weights
 from omnisim.scene.formats.gltf.primitives import Primitive
 from omnisim.scene.formats.gltf.skins import (
     JointWeights,
@@ -61,7 +61,7 @@ class PlayedNodes:
 
     nodes: list[JsonObject]
     poses: Mapping[int, Matrix]
-    moved: Mapping[int, MovedNode]
+    moved: Mapping[int, MovingNode]
     reshaped: set[int]
     animation: Animation
     world_from_file: Matrix
@@ -113,7 +113,7 @@ class DeformingMeshes:
         else:
             return None
         if morphed is None:
-            morphed = Morphed(primitive.required("POSITION", 3), _normals(primitive), None)
+            morphed = MorphedVertices(primitive.required("POSITION", 3), _normals(primitive), None)
         if is_skinned and not skeleton.moves and morphed.targets is None:
             world_from_bind = skeleton.matrices_at(0.0)
             file_from_bind = np.linalg.inv(self._played.world_from_file) @ world_from_bind
@@ -124,7 +124,7 @@ class DeformingMeshes:
             plain = replace(plain, triangles=plain.triangles[:, (0, 2, 1)])
         return self._by_itself(plain, morphed, weights, skeleton)
 
-    def _morph(self, index: int, primitive: Primitive) -> Morphed | None:
+    def _morph(self, index: int, primitive: Primitive) -> MorphedVertices | None:
         """Vertices with morph targets; None: no target has an effect."""
         if not primitive.targets:
             return None
@@ -135,7 +135,7 @@ class DeformingMeshes:
             return None
         return morph(primitive, weights, animated, animation.period_s)
 
-    def _by_its_node(self, index: int, plain: Mesh, morphed: Morphed) -> DeformedMesh:
+    def _by_its_node(self, index: int, plain: Mesh, morphed: MorphedVertices) -> DeformedMesh:
         """Morphed mesh, posed by its node."""
         pose = self._played.poses[index]
         if morphed.targets is None:
@@ -147,7 +147,7 @@ class DeformingMeshes:
         return DeformedMesh(mesh, translate(pose, center), index)
 
     def _by_itself(
-        self, plain: Mesh, morphed: Morphed, weights: JointWeights, skeleton: Skeleton
+        self, plain: Mesh, morphed: MorphedVertices, weights: JointWeights, skeleton: Skeleton
     ) -> DeformedMesh:
         """Mesh posed by its joints in the file's frame."""
         file_from_world = np.linalg.inv(self._played.world_from_file).astype(np.float64)
@@ -181,9 +181,9 @@ class DeformingMeshes:
             for joint, one in zip(joints, moved, strict=True)
         ]
         nodes = tuple(None if one is None else one.node for one in moved)
-        made = Skeleton(nodes, np.array(offsets).reshape(-1, 4, 4) @ binds)
-        self._skeletons[number] = made
-        return made
+        skeleton = Skeleton(nodes, np.array(offsets).reshape(-1, 4, 4) @ binds)
+        self._skeletons[number] = skeleton
+        return skeleton
 
 
 def _normals(primitive: Primitive) -> Matrix | None:
@@ -200,7 +200,7 @@ def _one_joint(count: int) -> JointWeights:
 @np.errstate(all="ignore")  # a mesh with non-finite values is rejected later
 def _deforming(
     plain: Mesh,
-    morphed: Morphed,
+    morphed: MorphedVertices,
     weights: JointWeights,
     skeleton: Skeleton,
     file_from_world: Matrix,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from omnisim.scene.files.asset_resolver import AssetResolver
-from omnisim.scene.files.imported import MAX_COORDINATE
+from omnisim.scene.files.imported_scene import MAX_COORDINATE
 from omnisim.scene.formats.gltf.accessors import Accessors, read_uri
 from omnisim.scene.formats.gltf.json_object import JsonObject
 from omnisim.scene.formats.gltf.packed_maps import PackedMaps

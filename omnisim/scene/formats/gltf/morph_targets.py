@@ -16,7 +16,7 @@ from omnisim.scene.motion.keyframes import Keyframes
 Matrix = NDArray[np.float64]
 
 
-class Morphed(NamedTuple):
+class MorphedVertices(NamedTuple):
     """Vertices of a primitive before skinning.
 
     Attributes:
@@ -41,7 +41,7 @@ def morph(
     weights: tuple[float, ...],
     animated: Keyframes | None,
     period_s: float,
-) -> Morphed:
+) -> MorphedVertices:
     """Morph a primitive by static weights, or set up targets with animated ones."""
     positions, normals = primitive.required("POSITION", 3), primitive.attribute("NORMAL")
     if normals is not None and normals.shape != positions.shape:
@@ -58,7 +58,7 @@ def morph(
                 values = np.maximum(values, np.abs(tangents[:, :count]).max(axis=0))
     used = np.flatnonzero(values)
     if not len(used):
-        return Morphed(positions, normals, None)
+        return MorphedVertices(positions, normals, None)
     offsets = primitive.offsets("POSITION", used, len(positions))
     normal_offsets = primitive.offsets("NORMAL", used, len(positions))
     if offsets is None:
@@ -67,14 +67,14 @@ def morph(
         positions = positions + np.einsum("t,tnc->nc", values[used], offsets)
         if normals is not None and normal_offsets is not None:
             normals = normals + np.einsum("t,tnc->nc", values[used], normal_offsets)
-        return Morphed(positions, normals, None)
+        return MorphedVertices(positions, normals, None)
     targets = MorphTargets(
         offsets.astype(np.float32),
         None if normal_offsets is None else normal_offsets.astype(np.float32),
         _columns(animated, used),
         period_s,
     )
-    return Morphed(positions, normals, targets)
+    return MorphedVertices(positions, normals, targets)
 
 
 def _columns(keyframes: Keyframes, columns: NDArray[np.intp]) -> Keyframes:

@@ -16,6 +16,9 @@ def scene_parents(root: JsonObject, nodes: list[JsonObject]) -> dict[int, int | 
     """Parent of each node of the file's scene, in drawing order.
 
     Without any scene, all root nodes are drawn.
+
+    Raises:
+        SceneError: a node has two parents, or is its own ancestor.
     """
     scenes = root.objects("scenes")
     if scenes:

@@ -39,11 +39,11 @@ class Primitive:
     ) -> NDArray[np.float64] | None:
         """Offsets (targets, count, 3) of an attribute in the given targets; None: no offsets."""
         entries = self.targets
-        some = [entries[number] for number in targets.tolist()]
-        if not any(target.has(name) for target in some):
+        target_objects = [entries[number] for number in targets.tolist()]
+        if not any(target.has(name) for target in target_objects):
             return None
-        offsets = np.zeros((len(some), count, 3))
-        for values, target in zip(offsets, some, strict=True):
+        offsets = np.zeros((len(target_objects), count, 3))
+        for values, target in zip(offsets, target_objects, strict=True):
             if target.has(name):
                 stored = self._accessors.floats(target, name)
                 if stored.shape != values.shape:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError
 from omnisim.scene.files.asset_resolver import AssetResolver
-from omnisim.scene.files.imported import ImportedScene, colors_rgba, make_mesh, translate
+from omnisim.scene.files.imported_scene import ImportedScene, colors_rgba, make_mesh, translate
 from omnisim.scene.formats.gltf.accessors import Accessors
 from omnisim.scene.formats.gltf.animated_objects import (
     moving_objects,
@@ -153,16 +153,16 @@ class _Meshes:
                 continue
             name = node.text("name", f"node {index}")
             for part in self._parts[node.index("mesh", self._parts)]:
-                made = deforming.make(index, part.primitive, self.meshes[part.mesh])
-                if made is None:
+                deformed = deforming.make(index, part.primitive, self.meshes[part.mesh])
+                if deformed is None:
                     yield index, Instance(name, part.mesh, translate(pose, part.center), pose)
                     continue
-                self.meshes.append(made.mesh)
+                self.meshes.append(deformed.mesh)
                 number = len(self.meshes) - 1
-                if made.owner is None:
-                    yield None, Instance(name, number, made.file_from_mesh)
+                if deformed.owner is None:
+                    yield None, Instance(name, number, deformed.file_from_mesh)
                 else:
-                    yield made.owner, Instance(name, number, made.file_from_mesh, pose)
+                    yield deformed.owner, Instance(name, number, deformed.file_from_mesh, pose)
 
     def _copy(
         self, node: JsonObject, index: int, pose: NDArray[np.float64], copies: NDArray[np.float64]
@@ -187,7 +187,7 @@ class _Meshes:
             triangles = primitive.triangles(len(positions))
             if not len(triangles):
                 continue
-            made, center = make_mesh(
+            new_mesh, center = make_mesh(
                 self._unique(name),
                 positions,
                 triangles,
@@ -197,7 +197,7 @@ class _Meshes:
                 colors=None if colors is None else colors_rgba(colors, 1.0),
                 second_texture_coordinates=self._materials.second_uv(primitive, material),
             )
-            self.meshes.append(made)
+            self.meshes.append(new_mesh)
             yield _Part(primitive, len(self.meshes) - 1, center)
 
     def _unique(self, name: str) -> str:

@@ -33,7 +33,11 @@ class JointWeights(NamedTuple):
 
 @np.errstate(all="ignore")  # a mesh with non-finite values is rejected later
 def joint_weights(primitive: Primitive, joint_count: int) -> JointWeights:
-    """Joints and weights of a primitive, for a skin with `joint_count` joints."""
+    """Joints and weights of a primitive, for a skin with `joint_count` joints.
+
+    Raises:
+        SceneError: attributes differ in count, a joint does not exist, or a weight is not finite.
+    """
     sets = ["0", "1"] if primitive.has("JOINTS_1") and primitive.has("WEIGHTS_1") else ["0"]
     count = len(primitive.required("POSITION", 3))
     joints, weights = (
@@ -72,7 +76,11 @@ def skin_vertices(
 
 
 def joints_of(skin: JsonObject, nodes: Mapping[int, Matrix]) -> list[int]:
-    """Indices of a skin's joints, all of which must be in `nodes` of the scene."""
+    """Indices of a skin's joints, all of which must be in `nodes` of the scene.
+
+    Raises:
+        SceneError: a joint is not a node of the scene.
+    """
     joints = skin.indices("joints", range(1 + max(nodes)))
     if not nodes.keys() >= set(joints):
         raise skin.error("joints", "nodes of the scene")
@@ -84,6 +92,9 @@ def inverse_binds(skin: JsonObject, accessors: Accessors, count: int) -> Matrix:
 
     Source: glTF 2.0, section 3.7.3.3: a joint's global transform times its inverse bind matrix; the
     node of the mesh is ignored.
+
+    Raises:
+        SceneError: the accessor does not have one matrix per joint.
     """
     if not skin.has("inverseBindMatrices"):
         return np.tile(np.eye(4), (count, 1, 1))

@@ -116,9 +116,9 @@ def _ply_end(data: bytes) -> str:
     is_text = re.search(rb"format\s+ascii", head) is not None
     body = body.partition(b"\n")[2]
     elements, _ = _ply_elements(head)
-    wanted = sum(count if is_text else count * size for count, size in elements)
+    expected = sum(count if is_text else count * size for count, size in elements)
     got = _line_count(body) if is_text else len(body)
-    return "" if got >= wanted else _cut(wanted, "lines" if is_text else "bytes", got)
+    return "" if got >= expected else _cut(expected, "lines" if is_text else "bytes", got)
 
 
 def _line_count(data: bytes) -> int:
@@ -126,8 +126,8 @@ def _line_count(data: bytes) -> int:
     return sum(1 for line in data.split(b"\n") if line.strip())
 
 
-def _cut(wanted: int, unit: str, got: int) -> str:
-    return f"is cut short: expected {wanted} {unit} or more after its header, got {got}"
+def _cut(expected: int, unit: str, got: int) -> str:
+    return f"is cut short: expected {expected} {unit} or more after its header, got {got}"
 
 
 def _stl(data: bytes) -> str:
@@ -139,9 +139,9 @@ def _stl(data: bytes) -> str:
     if len(data) < _STL_HEADER:
         return f"is cut short: expected a header of {_STL_HEADER} bytes, got {len(data)}"
     (count,) = struct.unpack_from("<I", data, 80)
-    wanted = _STL_HEADER + count * _STL_TRIANGLE
-    if wanted != len(data):
-        return f"expected {wanted} bytes for {count} triangles, got {len(data)}"
+    expected = _STL_HEADER + count * _STL_TRIANGLE
+    if expected != len(data):
+        return f"expected {expected} bytes for {count} triangles, got {len(data)}"
     return ""
 
 
@@ -177,8 +177,8 @@ def _off_counts(data: bytes) -> tuple[int, tuple[int, int] | None]:
 def _off_end(data: bytes) -> str:
     """Fault of a file with fewer lines than its counts state."""
     first, counts = _off_counts(data)
-    wanted, got = sum(counts or ()), _line_count(data) - first
-    return "" if got >= wanted else _cut(wanted, "lines", got)
+    expected, got = sum(counts or ()), _line_count(data) - first
+    return "" if got >= expected else _cut(expected, "lines", got)
 
 
 def _dae(data: bytes) -> str:

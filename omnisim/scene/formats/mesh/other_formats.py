@@ -18,7 +18,7 @@ from PIL import Image
 from omnisim.core.errors import SceneError
 from omnisim.scene.files.asset_resolver import AssetResolver
 from omnisim.scene.files.conversions import conversion_hint
-from omnisim.scene.files.imported import ImportedScene
+from omnisim.scene.files.imported_scene import ImportedScene
 from omnisim.scene.formats.mesh.mesh_faults import early_end, mesh_fault
 from omnisim.scene.formats.mesh.obj_text import (
     MATERIAL_FILES,
@@ -37,7 +37,11 @@ logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 
 def check_format(path: Path) -> None:
-    """Check that trimesh reads surfaces from files with the suffix of `path`."""
+    """Check that trimesh reads surfaces from files with the suffix of `path`.
+
+    Raises:
+        SceneError: trimesh does not read the format.
+    """
     if path.suffix.lower()[1:] not in set(trimesh.available_formats()) - _NOT_SCENES:
         if hint := conversion_hint(path):
             raise SceneError(f"{path}: {hint}")
@@ -50,7 +54,11 @@ def check_format(path: Path) -> None:
 def read_other(
     path: Path, data: bytes, textures: TextureStore, assets: AssetResolver
 ) -> ImportedScene:
-    """Read a file of any trimesh format."""
+    """Read a file of any trimesh format.
+
+    Raises:
+        SceneError: the file is damaged or has no triangles.
+    """
     plain = None
     if path.suffix.lower() == ".obj":
         plain, names = plain_obj(data)

@@ -20,7 +20,7 @@ from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
 from omnisim.core.errors import SceneError
 from omnisim.core.srgb import linear_from_srgb
-from omnisim.scene.files.imported import (
+from omnisim.scene.files.imported_scene import (
     PLAIN_GRAY,
     ImportedScene,
     colors_rgba,
@@ -34,7 +34,7 @@ from omnisim.scene.textures import TextureStore, alpha_mode_of, rgba8
 _OPAQUE_FROM = 0.999
 _NO_FILES: Mapping[str, bytes] = {}
 _ALPHA_MODES = {"OPAQUE": AlphaMode.OPAQUE, "MASK": AlphaMode.MASK, "BLEND": AlphaMode.BLEND}
-_DEFAULT_DIFFUSE = (102, 102, 102, 255)  # of a SimpleMaterial without a color
+_DEFAULT_DIFFUSE = (102, 102, 102, 255)  # diffuse color of a SimpleMaterial without one
 
 
 def read_trimesh(source: object, name: str, smooth: bool | None) -> tuple[ImportedScene, float]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.poses import rotation_from_quaternion
 from omnisim.scene.formats.mjcf.materials import Rgba, own_or_material_rgba
-from omnisim.scene.formats.mjcf.texture_mapping import Mapped
+from omnisim.scene.formats.mjcf.texture_mapping import MappedSurface
 from omnisim.scene.primitives import Surface
 
 
@@ -27,7 +27,7 @@ class Deformable(NamedTuple):
     """
 
     name: str
-    mapped: Mapped
+    mapped: MappedSurface
     material: int
     rgba: Rgba
     group: int
@@ -51,13 +51,13 @@ def _skins(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Deformable]:
         if int(model.skin_texcoordadr[skin]) >= 0:
             start = int(model.skin_texcoordadr[skin])
             coordinates = model.skin_texcoord[start : start + count].astype(np.float64)
-        positions = _bent(model, data, skin, model.skin_vert[first : first + count])
+        positions = _skinned(model, data, skin, model.skin_vert[first : first + count])
         triangles = model.skin_face[face : face + faces].astype(np.int64)
         normals = _vertex_normals(positions, triangles)
         positions = positions + float(model.skin_inflate[skin]) * normals
         yield Deformable(
             mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_SKIN, skin) or f"skin_{skin}",
-            Mapped(None, Surface(positions, triangles, normals), coordinates),
+            MappedSurface(None, Surface(positions, triangles, normals), coordinates),
             material,
             own_or_material_rgba(model, model.skin_rgba[skin], material),
             int(model.skin_group[skin]),
@@ -82,7 +82,7 @@ def _flexes(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Deformable]:
         material = int(model.flex_matid[flex])
         yield Deformable(
             mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_FLEX, flex) or f"flex_{flex}",
-            Mapped(
+            MappedSurface(
                 None, Surface(positions, triangles, _vertex_normals(positions, triangles)), None
             ),
             material,
@@ -91,7 +91,7 @@ def _flexes(model: mujoco.MjModel, data: mujoco.MjData) -> Iterator[Deformable]:
         )
 
 
-def _bent(
+def _skinned(
     model: mujoco.MjModel, data: mujoco.MjData, skin: int, rest: NDArray[np.float32]
 ) -> NDArray[np.float64]:
     """Positions (n, 3) of a skin's vertices, as weighted means of their bones' transforms.

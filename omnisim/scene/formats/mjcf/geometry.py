@@ -98,7 +98,7 @@ _PRIMITIVES: dict[mujoco.mjtGeom, Callable[[NDArray[np.float64]], Shape]] = {
 
 
 def _mesh(model: mujoco.MjModel, mesh: int) -> tuple[Surface, NDArray[np.float64] | None]:
-    """Surface and texture coordinates of a mesh, whose faces index each of them separately."""
+    """Surface and texture coordinates (n, 2) of a mesh, whose faces index both separately."""
     faces = slice(
         int(model.mesh_faceadr[mesh]), int(model.mesh_faceadr[mesh] + model.mesh_facenum[mesh])
     )

@@ -62,7 +62,7 @@ def read_background(
     return DEFAULT_BACKGROUND, []
 
 
-def turned(lighting: Lighting, world_from_file: NDArray[np.float64]) -> Lighting:
+def transformed(lighting: Lighting, world_from_file: NDArray[np.float64]) -> Lighting:
     """Lighting transformed to the world, equally bright in any unit; daylight stays unchanged."""
     if lighting is DEFAULT_LIGHTING:
         return lighting

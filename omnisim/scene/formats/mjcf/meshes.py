@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.scene.files.imported import make_mesh
+from omnisim.scene.files.imported_scene import make_mesh
 from omnisim.scene.formats.mjcf.geometry import Geom, Shape, geom_shape
 from omnisim.scene.formats.mjcf.materials import Materials, Rgba, own_or_material_rgba
-from omnisim.scene.formats.mjcf.texture_mapping import Mapped, map_cube, map_plane
+from omnisim.scene.formats.mjcf.texture_mapping import MappedSurface, map_cube, map_plane
 from omnisim.scene.parts import Mesh
 
 # Geoms with an inside; for meshes and height fields this is unknown.
@@ -56,15 +56,15 @@ class Meshes:
             )
         return self._parts[key]
 
-    def add(self, name: str, mapped: Mapped, material: int, rgba: Rgba) -> Parts:
+    def add(self, name: str, mapped: MappedSurface, material: int, rgba: Rgba) -> Parts:
         """Double-sided meshes of skins and flexible bodies."""
         return (self._add(name, mapped, material, rgba, False),)
 
-    def _map(self, shape: Shape, material: int, sizes: NDArray[np.float64]) -> list[Mapped]:
+    def _map(self, shape: Shape, material: int, sizes: NDArray[np.float64]) -> list[MappedSurface]:
         """Parts of a shape, with texture coordinates if the material has a texture."""
         model = self._model
         texture = self.materials.color_texture(material)
-        plain = Mapped(None, shape.surface, shape.texture_coordinates)
+        plain = MappedSurface(None, shape.surface, shape.texture_coordinates)
         if texture is None:
             return [plain]
         is_uniform = bool(model.mat_texuniform[material])
@@ -77,7 +77,7 @@ class Meshes:
         return map_cube(shape, sizes, is_uniform)
 
     def _add(
-        self, name: str, mapped: Mapped, material: int, rgba: Rgba, is_solid: bool
+        self, name: str, mapped: MappedSurface, material: int, rgba: Rgba, is_solid: bool
     ) -> tuple[int, NDArray[np.float64]]:
         surface = mapped.surface
         index = self.materials.index(material, rgba, mapped.face, is_solid)

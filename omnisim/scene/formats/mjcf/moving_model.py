@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError, did_you_mean, printable
 from omnisim.core.poses import inverse, pose_from_rotation
-from omnisim.scene.files.imported import ImportedScene, make_mesh, translate
+from omnisim.scene.files.imported_scene import ImportedScene, make_mesh, translate
 from omnisim.scene.formats.mjcf.deformables import visible_deformables
 from omnisim.scene.formats.mjcf.names import body_name
 from omnisim.scene.formats.mjcf.reader import ModelReader
@@ -45,7 +45,7 @@ class MovingModel(NamedTuple):
         return pose_from_rotation(rotations, data.xpos[self.bodies])
 
 
-def bent(
+def deformed(
     static: Scene, model: mujoco.MjModel, data: mujoco.MjData, groups: Collection[int]
 ) -> Scene:
     """Static scene of a model with its skins and flexible bodies in their current state.

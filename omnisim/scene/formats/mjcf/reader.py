@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.short_repr import counted
-from omnisim.scene.files.imported import ImportedScene, translate
+from omnisim.scene.files.imported_scene import ImportedScene, translate
 from omnisim.scene.formats.mjcf.deformables import visible_deformables
 from omnisim.scene.formats.mjcf.geometry import Geom
-from omnisim.scene.formats.mjcf.lights import read_background, read_lighting, turned
+from omnisim.scene.formats.mjcf.lights import read_background, read_lighting, transformed
 from omnisim.scene.formats.mjcf.meshes import Meshes, Parts
 from omnisim.scene.formats.mjcf.model_files import note_model_files
 from omnisim.scene.formats.mjcf.names import geom_names
@@ -40,7 +40,7 @@ def read_mjcf(path: Path, world_from_file: NDArray[np.float64]) -> ImportedScene
     except UnicodeDecodeError as reason:
         raise SceneError(f"expected names in UTF-8, got {bytes(reason.object)!r:.40}") from None
     notices = [*(f"MuJoCo: {_one_line(text)}" for text in warnings), *read.notices]
-    lighting = None if read.lighting is None else turned(read.lighting, world_from_file)
+    lighting = None if read.lighting is None else transformed(read.lighting, world_from_file)
     start = find_viewpoint(model, data, world_from_file)
     return read._replace(notices=notices, lighting=lighting, start=start)
 

@@ -28,7 +28,7 @@ _FACES = (
 _EDGES = np.array([(1.0, -1, 0), (1, 1, 0), (1, 0, -1), (1, 0, 1), (0, 1, -1), (0, 1, 1)])
 
 
-class Mapped(NamedTuple):
+class MappedSurface(NamedTuple):
     """Part of a surface with texture coordinates.
 
     Attributes:
@@ -43,7 +43,7 @@ class Mapped(NamedTuple):
 
 def map_plane(
     shape: Shape, repeat: NDArray[np.float32], sizes: NDArray[np.float64], is_uniform: bool
-) -> Mapped:
+) -> MappedSurface:
     """Texture coordinates of an image projected along z.
 
     Args:
@@ -55,11 +55,17 @@ def map_plane(
     scale = np.asarray(repeat, dtype=np.float64)
     if is_uniform:
         scale = scale * np.where(sizes[:2] > 0.0, sizes[:2], 1.0)
-    return Mapped(None, shape.surface, shape.scaled[:, :2] * scale * (0.5, -0.5) - 0.5)
+    return MappedSurface(None, shape.surface, shape.scaled[:, :2] * scale * (0.5, -0.5) - 0.5)
 
 
-def map_cube(shape: Shape, sizes: NDArray[np.float64], is_uniform: bool) -> list[Mapped]:
-    """Texture coordinates of a cube projected from the center; triangles are cut at its edges."""
+def map_cube(shape: Shape, sizes: NDArray[np.float64], is_uniform: bool) -> list[MappedSurface]:
+    """Texture coordinates of a cube projected from the center; triangles are cut at its edges.
+
+    Args:
+        shape: shape of the geom.
+        sizes: (3,) sizes of the geom.
+        is_uniform: True: project positions in meters; False: positions divided by the sizes.
+    """
     ray = shape.scaled * np.where(sizes > 0.0, sizes, 1.0) if is_uniform else shape.scaled
     surface = shape.surface
     has_normals = surface.normals is not None
@@ -81,7 +87,7 @@ def map_cube(shape: Shape, sizes: NDArray[np.float64], is_uniform: bool) -> list
         depth = np.maximum(np.abs(rays[:, of_axis]), 1e-12)
         places = [rays[:, k] * s / depth for k, s in (right, down)]
         mapped.append(
-            Mapped(
+            MappedSurface(
                 face,
                 Surface(
                     part[:, :3],

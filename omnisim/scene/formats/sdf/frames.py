@@ -100,15 +100,15 @@ class Scope:
         """Pose (4, 4) scope_from_model of a nested model."""
         return self._scope_from(name, self._frames[name].element)
 
-    def _scope_from(self, name: str, asking: XmlElement) -> NDArray[np.float64]:
+    def _scope_from(self, name: str, element: XmlElement) -> NDArray[np.float64]:
         if name in self._poses:
             return self._poses[name]
         frame = self._frames.get(name)
         if frame is None:
-            return self._outside(name, asking)
+            return self._outside(name, element)
         if name in self._active:
             circle = " → ".join((*self._active[self._active.index(name) :], name))
-            raise asking.error("frames that are not relative to themselves", circle)
+            raise element.error("frames that are not relative to themselves", circle)
         self._active.append(name)
         pose = self.pose_of(frame.element, frame.default)
         if frame.inner is not None and frame.placement:
@@ -117,18 +117,18 @@ class Scope:
         self._poses[name] = pose
         return pose
 
-    def _outside(self, name: str, asking: XmlElement) -> NDArray[np.float64]:
-        """Pose of the scope itself, or of a frame `model::frame` in a nested model."""
+    def _outside(self, name: str, element: XmlElement) -> NDArray[np.float64]:
+        """Pose (4, 4) of the scope itself, or of a frame `model::frame` in a nested model."""
         if name in _OWN:
             return np.eye(4)
         name = self._aliases.get(name, name)
         outer, separator, rest = name.partition("::")
         frame = self._frames.get(outer)
         if frame is None and outer in self._missing:
-            raise UnplacedError(f"{asking.place}: its pose is relative to {outer!r}, not found")
+            raise UnplacedError(f"{element.place}: its pose is relative to {outer!r}, not found")
         if not separator or frame is None or frame.inner is None:
             hint = did_you_mean(name, self._frames, "there are")
-            raise asking.error(f"the name of a frame; {hint}", name)
-        inner = frame.inner._scope_from(rest, asking)
-        pose: NDArray[np.float64] = self._scope_from(outer, asking) @ inner
+            raise element.error(f"the name of a frame; {hint}", name)
+        inner = frame.inner._scope_from(rest, element)
+        pose: NDArray[np.float64] = self._scope_from(outer, element) @ inner
         return pose

@@ -51,7 +51,7 @@ def read_levels(image: Image.Image) -> NDArray[np.float64] | None:
 
 
 def _evenly(count: int) -> NDArray[np.intp]:
-    """Indices of at most `MAX_POINTS` of `count` samples, including the first and the last."""
+    """Indices (n,) of at most `MAX_POINTS` of `count` samples, first and last included."""
     return np.linspace(0, count - 1, min(count, MAX_POINTS)).round().astype(np.intp)
 
 
@@ -62,6 +62,9 @@ def terrain(element: XmlElement, levels: NDArray[np.float64], tile_m: float) -> 
         element: element with size and position.
         levels: (rows, columns) levels in [0, 1].
         tile_m: side length of one texture repetition; 0: the whole terrain.
+
+    Raises:
+        SceneError: a width or depth is not above 0.
     """
     size = element.vector("size", (1.0, 1.0, 1.0))
     if min(size[:2]) <= 0.0:

@@ -34,7 +34,7 @@ def read_xml(path: Path) -> Element:
     """Root of an XML file.
 
     Raises:
-        SceneError: naming the file, which is unreadable or invalid XML.
+        SceneError: the file is unreadable or invalid XML; names the file.
     """
     try:
         return parse_xml(read_source(path))

@@ -122,12 +122,12 @@ class ModelLibrary:
         if depth > _MAX_DEPTH or self._count > _MAX_MODELS:
             raise element.error(f"at most {_MAX_DEPTH} models in each other", "more, or a circle")
         model = Model(name, element)
-        taken: set[str] = set()
+        used_names: set[str] = set()
         for child in element.children("model", "include"):
             if child.element.tag == "include":
-                self._include(model, child, taken, depth)
+                self._include(model, child, used_names, depth)
             else:
-                inner = self.tree(child, unique_name(child.name or "model", taken), depth + 1)
+                inner = self.tree(child, unique_name(child.name or "model", used_names), depth + 1)
                 model.models.append(inner)
                 model.scope.add_model(
                     inner.name, child, inner.scope, child.attribute("placement_frame")
@@ -142,7 +142,7 @@ class ModelLibrary:
         model.others += element.children("light", "actor")
         return model
 
-    def _include(self, model: Model, include: XmlElement, taken: set[str], depth: int) -> None:
+    def _include(self, model: Model, include: XmlElement, used_names: set[str], depth: int) -> None:
         entity = self._included(include)
         if entity is None:
             model.scope.add_missing(include.text("name") or _last_part(include.text("uri")))
@@ -152,7 +152,7 @@ class ModelLibrary:
             model.others.append(with_pose_of(entity, posed))
             return
         is_merged = include.attribute("merge").lower() in ("true", "1")
-        name = unique_name(include.text("name") or entity.name or "model", taken)
+        name = unique_name(include.text("name") or entity.name or "model", used_names)
         inner = self.tree(entity, name, depth + 1)
         inner.is_merged = is_merged
         model.models.append(inner)
@@ -230,12 +230,12 @@ def _last_part(uri: str) -> str:
     return unquote(uri.strip("/").rpartition("/")[2])
 
 
-def unique_name(name: str, taken: set[str]) -> str:
+def unique_name(name: str, used_names: set[str]) -> str:
     """Name with a number appended if it already exists."""
     unique, number = name, 0
-    while unique in taken:
+    while unique in used_names:
         unique, number = f"{name}_{number}", number + 1
-    taken.add(unique)
+    used_names.add(unique)
     return unique
 
 

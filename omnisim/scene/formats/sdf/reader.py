@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.files.imported import ImportedScene, make_mesh, translate
+from omnisim.scene.files.imported_scene import ImportedScene, make_mesh, translate
 from omnisim.scene.files.search_path import ResourcePath
 from omnisim.scene.formats.sdf import shapes
 from omnisim.scene.formats.sdf.frames import UnplacedError
@@ -78,7 +78,11 @@ class _Reader:
         self._lights: list[Light] = []
 
     def read(self, root: XmlElement) -> ImportedScene:
-        """Read the first world of a file, or all of its models and lights."""
+        """Read the first world of a file, or all of its models and lights.
+
+        Raises:
+            SceneError: the file has no world, model or light, or a value is invalid.
+        """
         worlds = list(root.children("world"))
         for _ in worlds[1:]:
             self._omissions.add("only the first world is drawn", "further world")
@@ -133,7 +137,7 @@ class _Reader:
     def _pose_of(
         self, placed: PlacedModel, element: XmlElement, default: str = ""
     ) -> NDArray[np.float64] | None:
-        """Pose of an element; None, with a notice, if it depends on a missing model."""
+        """Pose (4, 4) of an element; None, with a notice, if it depends on a missing model."""
         try:
             return placed.pose_of(element, default)
         except UnplacedError:
@@ -189,7 +193,7 @@ class _Reader:
         key = tuple((one.tag, (one.text or "").strip()) for one in geometry.element.iter())
         if key not in self._shapes:
             self._shapes[key] = shapes.make_shape(
-                geometry, kind, shapes.most_segments(self._library.round_shapes)
+                geometry, kind, shapes.segment_limit(self._library.round_shapes)
             )
         return self._shapes[key]
 

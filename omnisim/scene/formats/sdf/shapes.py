@@ -38,38 +38,42 @@ def box(size: XmlElement) -> Shape:
     return Shape(primitives.box((0.5 * x, 0.5 * y, 0.5 * z)), uv)
 
 
-def sphere(element: XmlElement, most: int) -> Shape:
+def sphere(element: XmlElement, max_segments: int) -> Shape:
     """Sphere with its texture wrapped around once."""
     radius = element.positive("radius", 1.0)
-    return _round(primitives.ellipsoid((radius,) * 3, most), radius, most)
+    return _round(primitives.ellipsoid((radius,) * 3, max_segments), radius, max_segments)
 
 
-def ellipsoid(element: XmlElement, most: int) -> Shape:
+def ellipsoid(element: XmlElement, max_segments: int) -> Shape:
     """Ellipsoid with its texture wrapped around once."""
     radii = _sizes(element, "radii", (1.0, 1.0, 1.0))
-    return _round(primitives.ellipsoid(radii, most), max(radii), most)
+    return _round(primitives.ellipsoid(radii, max_segments), max(radii), max_segments)
 
 
-def cylinder(element: XmlElement, most: int) -> Shape:
+def cylinder(element: XmlElement, max_segments: int) -> Shape:
     """Cylinder with its texture wrapped around once."""
     radius, length = element.positive("radius", 1.0), element.positive("length", 1.0)
-    return _round(primitives.cylinder(radius, 0.5 * length, most), radius, most)
+    return _round(primitives.cylinder(radius, 0.5 * length, max_segments), radius, max_segments)
 
 
-def cone(element: XmlElement, most: int) -> Shape:
+def cone(element: XmlElement, max_segments: int) -> Shape:
     """Cone, tip up."""
     radius, length = element.positive("radius", 0.5), element.positive("length", 1.0)
-    return _round(primitives.cone(radius, 0.5 * length, most), radius, most)
+    return _round(primitives.cone(radius, 0.5 * length, max_segments), radius, max_segments)
 
 
-def capsule(element: XmlElement, most: int) -> Shape:
+def capsule(element: XmlElement, max_segments: int) -> Shape:
     """Capsule; its length excludes the hemispheres."""
     radius, length = element.positive("radius", 0.5), element.positive("length", 1.0)
-    return _round(primitives.capsule(radius, 0.5 * length, most), radius, most)
+    return _round(primitives.capsule(radius, 0.5 * length, max_segments), radius, max_segments)
 
 
 def plane(element: XmlElement) -> Shape:
-    """Rectangle perpendicular to its normal."""
+    """Rectangle perpendicular to its normal.
+
+    Raises:
+        SceneError: the normal is zero.
+    """
     normal = np.array(element.vector("normal", (0.0, 0.0, 1.0)))
     length = float(np.linalg.norm(normal))
     if length < 1e-9:
@@ -82,7 +86,11 @@ def plane(element: XmlElement) -> Shape:
 
 
 def polyline(elements: Sequence[XmlElement]) -> Shape:
-    """Extrusion of closed polylines along z, from z = 0 to the first one's height."""
+    """Extrusion of closed polylines along z, from z = 0 to the first one's height.
+
+    Raises:
+        SceneError: the polylines enclose no area.
+    """
     height = elements[0].positive("height", 1.0)
     loops = [_loop(element) for element in elements]
     points, triangles = triangulate(loops)
@@ -146,9 +154,9 @@ def _axes(normal: NDArray[np.float64]) -> NDArray[np.float64]:
     return rotation
 
 
-def _round(surface: Surface, radius_m: float, most: int) -> Shape:
+def _round(surface: Surface, radius_m: float, max_segments: int) -> Shape:
     """Shape around z with its texture wrapped around once."""
-    count = primitives.segments(radius_m, most) + 1
+    count = primitives.segments(radius_m, max_segments) + 1
     index = np.arange(len(surface.positions))
     z = surface.positions[:, 2]
     low, high = float(z.min()), float(z.max())
@@ -164,21 +172,21 @@ _ROUND = {
 SHAPES = frozenset((*_FLAT, *_ROUND, "polyline"))
 ROUND = frozenset(_ROUND)
 GEOMETRIES = frozenset((*SHAPES, "mesh", "heightmap", "image"))
-_FEW = 20  # number of round shapes at full resolution
+_FEW = 20  # maximum number of round shapes at full resolution
 
 
-def most_segments(round_shapes: int) -> int:
+def segment_limit(round_shapes: int) -> int:
     """Segments per circle, reduced such that many round shapes keep a constant triangle count."""
     fair = primitives.MAX_SEGMENTS * math.sqrt(_FEW / max(round_shapes, _FEW))
     return max(4 * round(fair / 4.0), primitives.MIN_SEGMENTS)
 
 
-def make_shape(geometry: XmlElement, kind: XmlElement, most: int) -> Shape:
+def make_shape(geometry: XmlElement, kind: XmlElement, max_segments: int) -> Shape:
     """Shape of a `<geometry>` from its child `kind`, or from all its polylines together.
 
     Args:
         geometry, kind: geometry element and its child element.
-        most: maximum number of segments of a circle.
+        max_segments: maximum number of segments of a circle.
 
     Raises:
         SceneError: invalid sizes.
@@ -186,4 +194,4 @@ def make_shape(geometry: XmlElement, kind: XmlElement, most: int) -> Shape:
     tag = kind.element.tag
     if tag == "polyline":
         return polyline(list(geometry.children("polyline")))
-    return _ROUND[tag](kind, most) if tag in _ROUND else _FLAT[tag](kind)
+    return _ROUND[tag](kind, max_segments) if tag in _ROUND else _FLAT[tag](kind)

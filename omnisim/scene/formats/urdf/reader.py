@@ -17,7 +17,7 @@ from omnisim.core.files.sources import read_source
 from omnisim.core.short_repr import counted
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene import primitives
-from omnisim.scene.files.imported import PLAIN_GRAY, ImportedScene, make_mesh, translate
+from omnisim.scene.files.imported_scene import PLAIN_GRAY, ImportedScene, make_mesh, translate
 from omnisim.scene.files.search_path import ResourcePath
 from omnisim.scene.formats.sdf.meshes import MeshLibrary
 from omnisim.scene.formats.urdf.kinematics import link_poses
@@ -62,7 +62,11 @@ class _Reader:
         self._names: set[str] = set()
 
     def read(self, robot: XmlElement) -> ImportedScene:
-        """Read all visuals of a robot."""
+        """Read all visuals of a robot.
+
+        Raises:
+            SceneError: no geometry is found, or a value is invalid.
+        """
         for material in robot.children("material"):
             self._named.setdefault(material.name, material)
         poses = link_poses(robot)

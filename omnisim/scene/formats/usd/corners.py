@@ -57,7 +57,7 @@ class Corners(NamedTuple):
         return Corners(self.sizes, {key: rows[kept] for key, rows in self.rows.items()})
 
 
-class Values(NamedTuple):
+class PrimvarValues(NamedTuple):
     """Values of a primvar.
 
     Attributes:
@@ -103,7 +103,7 @@ class Vertices(NamedTuple):
     values: list[NDArray[np.float64] | None]
 
 
-def make_vertices(corners: Corners, primvars: list[Values | None]) -> Vertices:
+def make_vertices(corners: Corners, primvars: list[PrimvarValues | None]) -> Vertices:
     """Merge corners at one point with equal values into shared vertices."""
     points = corners.rows["vertex"]
     rows = [None if one is None else one.rows(corners) for one in primvars]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.formats.usd.corners import Corners, Values
+from omnisim.scene.formats.usd.corners import Corners, PrimvarValues
 from omnisim.scene.formats.usd.notices import Notices
 from omnisim.scene.formats.usd.polygons import triangulate
 from omnisim.scene.formats.usd.primvars import find_primvar, integers, rows
@@ -31,7 +31,7 @@ class Faces(NamedTuple):
     points: NDArray[np.floating]
     corners: Corners
     polygons: NDArray[np.int64]
-    normals: Values | None
+    normals: PrimvarValues | None
 
 
 def shape_faces(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> Faces | None:
@@ -52,7 +52,7 @@ def shape_faces(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> F
         surface.positions,
         Corners.of(len(surface.positions), 1, vertices, corners, polygons),
         polygons,
-        None if surface.normals is None else Values(surface.normals, "vertex"),
+        None if surface.normals is None else PrimvarValues(surface.normals, "vertex"),
     )
 
 
@@ -85,7 +85,7 @@ def mesh_faces(prim: Usd.Prim, time: Usd.TimeCode, notices: Notices) -> Faces | 
     normals = _normals(mesh, time)
     if normals is None and str(mesh.GetSubdivisionSchemeAttr().Get()) not in _NO_SUBDIVISION:
         notices.count("subdivision: the control mesh is drawn, with smooth normals", "mesh")
-        normals = Values(_smooth_normals(points, vertices[corners]), "vertex")
+        normals = PrimvarValues(_smooth_normals(points, vertices[corners]), "vertex")
     return Faces(
         points,
         Corners.of(len(points), len(counts), vertices, corners, polygons),
@@ -94,12 +94,12 @@ def mesh_faces(prim: Usd.Prim, time: Usd.TimeCode, notices: Notices) -> Faces | 
     )
 
 
-def _normals(mesh: UsdGeom.Mesh, time: Usd.TimeCode) -> Values | None:
+def _normals(mesh: UsdGeom.Mesh, time: Usd.TimeCode) -> PrimvarValues | None:
     primvar = find_primvar(mesh.GetPrim(), "normals", 3, time)
     if primvar is not None:
         return primvar
     values = rows(mesh.GetNormalsAttr().Get(time), 3)
-    return None if values is None else Values(values, str(mesh.GetNormalsInterpolation()))
+    return None if values is None else PrimvarValues(values, str(mesh.GetNormalsInterpolation()))
 
 
 def _check_topology(
@@ -108,7 +108,7 @@ def _check_topology(
     """Check that the face counts match the corners, and that the corners index existing points.
 
     Raises:
-        SceneError: naming the mesh.
+        SceneError: the counts or indices are invalid; names the mesh.
     """
     if counts.min() < 0 or counts.sum() != len(vertices):
         raise SceneError(

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdShade
 
-from omnisim.scene.files.imported import PLAIN_GRAY, make_mesh
-from omnisim.scene.formats.usd.corners import Values, make_vertices
+from omnisim.scene.files.imported_scene import PLAIN_GRAY, make_mesh
+from omnisim.scene.formats.usd.corners import PrimvarValues, make_vertices
 from omnisim.scene.formats.usd.faces import Faces, mesh_faces, shape_faces
 from omnisim.scene.formats.usd.notices import Notices
 from omnisim.scene.formats.usd.primvars import find_primvar, integers
@@ -116,7 +116,7 @@ class Gprims:
         self.meshes.append(mesh)
         return [Part(len(self.meshes) - 1, center)]
 
-    def _colors(self, prim: Usd.Prim, appearance: Appearance | None) -> Values | None:
+    def _colors(self, prim: Usd.Prim, appearance: Appearance | None) -> PrimvarValues | None:
         """Linear RGBA of the appearance's primvars; without an appearance, of the display color."""
         names = ("displayColor", "displayOpacity")
         if appearance is not None:

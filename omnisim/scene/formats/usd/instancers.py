@@ -52,11 +52,11 @@ def read_copies(instancer: UsdGeom.PointInstancer, time: Usd.TimeCode) -> list[C
             f"{prim.GetPath()}: expected as many positions, orientations and scales as "
             f"protoIndices, {len(rows)}"
         )
-    shown = np.array(instancer.ComputeMaskAtTime(time) or np.ones(len(rows)), dtype=bool)
+    visible = np.array(instancer.ComputeMaskAtTime(time) or np.ones(len(rows)), dtype=bool)
     copies = []
     for row, target in enumerate(targets):
         prototype = prim.GetStage().GetPrimAtPath(target)
-        chosen = np.flatnonzero((rows == row) & shown)
+        chosen = np.flatnonzero((rows == row) & visible)
         if prototype and len(chosen):
             copies.append(Copies(prototype, chosen, matrices[chosen]))
     return copies

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
-from omnisim.scene.formats.usd.corners import Values
+from omnisim.scene.formats.usd.corners import PrimvarValues
 
 
-def find_primvar(prim: Usd.Prim, name: str, width: int, time: Usd.TimeCode) -> Values | None:
+def find_primvar(prim: Usd.Prim, name: str, width: int, time: Usd.TimeCode) -> PrimvarValues | None:
     """Own or inherited primvar of a prim; None: missing, or of another width."""
     primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
     if not primvar or not primvar.HasValue():
@@ -21,7 +21,7 @@ def find_primvar(prim: Usd.Prim, name: str, width: int, time: Usd.TimeCode) -> V
     if primvar.IsIndexed():
         stored = primvar.GetIndices(time)
         indices = np.array(() if stored is None else stored, dtype=np.int64).reshape(-1)
-    return Values(values, str(primvar.GetInterpolation()), indices)
+    return PrimvarValues(values, str(primvar.GetInterpolation()), indices)
 
 
 def rows(value: object, width: int) -> NDArray[np.float64] | None:

@@ -15,7 +15,7 @@ from omnisim.core.files.sources import note_file
 from omnisim.ground_truth.label_names import distinct_color
 from omnisim.scene.files.asset_resolver import AssetResolver
 from omnisim.scene.files.file_axes import FileAxes, world_from_axes
-from omnisim.scene.files.imported import ImportedScene, translate
+from omnisim.scene.files.imported_scene import ImportedScene, translate
 from omnisim.scene.formats.usd.cameras import start_of_camera
 from omnisim.scene.formats.usd.gprims import Gprims
 from omnisim.scene.formats.usd.instancers import read_copies
@@ -47,7 +47,7 @@ def read_stage(path: Path, axes: FileAxes) -> tuple[ImportedScene, NDArray[np.fl
         raise SceneError(f"cannot be read as USD: {text}") from None
 
 
-class _Placed(NamedTuple):
+class _PlacedMesh(NamedTuple):
     """Scene mesh at a pose, with the object that contains it."""
 
     name: str
@@ -77,11 +77,15 @@ class _Reader:
         self._lights = Lights(self._world_from_stage, self._time, self._notices)
         self._walk = Walk(self._stage, self._time, self._notices)
         self._start: StartPose | None = None
-        self._copies_of: dict[str, list[_Placed]] = {}
+        self._copies_of: dict[str, list[_PlacedMesh]] = {}
         self._names: Counter[str] = Counter()
 
     def read(self) -> tuple[ImportedScene, NDArray[np.float64]]:
-        """Read everything that is drawn."""
+        """Read everything that is drawn, and the transform (4, 4) world_from_stage.
+
+        Raises:
+            SceneError: the stage has no triangles, or is damaged.
+        """
         placed = self._placed(self._stage.GetPseudoRoot(), np.eye(4), 0)
         instances = tuple(
             Instance(one.name, one.mesh, one.frame_from_mesh, one.frame_from_object)
@@ -109,9 +113,9 @@ class _Reader:
 
     def _placed(
         self, root: Usd.Prim, frame_from_parent: NDArray[np.float64], nested: int
-    ) -> list[_Placed]:
+    ) -> list[_PlacedMesh]:
         """Meshes of a prim and its descendants, in the frame of its parent."""
-        placed: list[_Placed] = []
+        placed: list[_PlacedMesh] = []
         owners: dict[str, str] = {}  # object names by path
         for site in self._walk.sites(root, frame_from_parent):
             prim = site.prim
@@ -132,7 +136,7 @@ class _Reader:
                 raise SceneError(f"expected at most {MAX_INSTANCES:,} meshes in the scene")
         return placed
 
-    def _parts(self, site: Site, owners: dict[str, str]) -> list[_Placed]:
+    def _parts(self, site: Site, owners: dict[str, str]) -> list[_PlacedMesh]:
         """Meshes of a single prim."""
         if not site.is_drawn:
             self._notices.count(f"geometry for the purpose {site.purpose} is not drawn")
@@ -142,12 +146,14 @@ class _Reader:
             return []
         name, frame, class_name = self._object(site, owners)
         return [
-            _Placed(name, one.mesh, translate(site.stage_from_prim, one.center), frame, class_name)
+            _PlacedMesh(
+                name, one.mesh, translate(site.stage_from_prim, one.center), frame, class_name
+            )
             for one in parts
         ]
 
     def _object(self, site: Site, owners: dict[str, str]) -> tuple[str, NDArray[np.float64], str]:
-        """Name, frame and class of the object that contains a prim.
+        """Name, frame (4, 4) and class of the object that contains a prim.
 
         Without such an object: name and frame of the prim itself, and no class.
         """
@@ -158,7 +164,7 @@ class _Reader:
             owners[owner.path] = self._distinct(owner.name)
         return owners[owner.path], owner.stage_from_object, owner.class_name
 
-    def _copies(self, site: Site, owners: dict[str, str], nested: int) -> list[_Placed]:
+    def _copies(self, site: Site, owners: dict[str, str], nested: int) -> list[_PlacedMesh]:
         """Meshes of all copies of a point instancer."""
         if not site.is_drawn:
             self._notices.count(f"geometry for the purpose {site.purpose} is not drawn")
@@ -167,7 +173,7 @@ class _Reader:
             raise SceneError(
                 f"{site.prim.GetPath()}: expected point instancers not to be in each other"
             )
-        placed: list[_Placed] = []
+        placed: list[_PlacedMesh] = []
         for copies in read_copies(UsdGeom.PointInstancer(site.prim), self._time):
             path = str(copies.prototype.GetPath())
             if path not in self._copies_of:
@@ -185,7 +191,7 @@ class _Reader:
                 else:
                     of_part = [self._object(site, owners)] * len(parts)
                 placed += [
-                    _Placed(part_name, one.mesh, pose[row], part_frame, class_name)
+                    _PlacedMesh(part_name, one.mesh, pose[row], part_frame, class_name)
                     for one, pose, (part_name, part_frame, class_name) in zip(
                         parts, poses, of_part, strict=True
                     )

@@ -11,7 +11,7 @@ from pxr import Usd, UsdShade
 
 from omnisim.scene.formats.usd.notices import Notices
 from omnisim.scene.formats.usd.shading import omni_pbr
-from omnisim.scene.formats.usd.shading.shading import Affine, Connected, Inputs, TextureSource
+from omnisim.scene.formats.usd.shading.shading import Affine, Inputs, ShaderInput, TextureSource
 from omnisim.scene.formats.usd.shading.texture_files import CHANNELS, TextureFiles
 from omnisim.scene.parts import AlphaMode, Material, Texture
 
@@ -86,7 +86,7 @@ class _PreviewSurface:
         material = self._with_emission(self._with_occlusion(material))
         return Appearance(material, self._uv, diffuse.primvar, opacity.primvar)
 
-    def _base(self, material: Material, diffuse: Connected, opacity: Connected) -> Material:
+    def _base(self, material: Material, diffuse: ShaderInput, opacity: ShaderInput) -> Material:
         """Material with its base color and alpha."""
         color, texture = diffuse.color((0.18, 0.18, 0.18)), None
         if diffuse.primvar:
@@ -181,13 +181,13 @@ class _PreviewSurface:
         return replace(texture, uv_transform=transform)
 
 
-def _relative(wanted: Affine, applied: Affine) -> Affine:
-    """Transform from coordinates placed by `applied` to those placed by `wanted`."""
-    if wanted == applied:
+def _relative(target: Affine, applied: Affine) -> Affine:
+    """Transform from coordinates placed by `applied` to those placed by `target`."""
+    if target == applied:
         return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
-    full = [np.vstack((np.array(one), (0.0, 0.0, 1.0))) for one in (wanted, applied)]
+    full = [np.vstack((np.array(one), (0.0, 0.0, 1.0))) for one in (target, applied)]
     if abs(np.linalg.det(full[1])) < 1e-12:
-        return wanted
+        return target
     product: NDArray[np.float64] = full[0] @ np.linalg.inv(full[1])
     (a, b, c), (d, e, f) = product[:2].tolist()
     return (a, b, c), (d, e, f)

@@ -27,7 +27,7 @@ MAX_QUOTE = 80  # characters of a quoted value in a message
 
 
 class XmlElement(NamedTuple):
-    """Element with its location.
+    """Element with its location; its methods raise a SceneError for an invalid value.
 
     Attributes:
         element: element of the XML tree.
@@ -78,13 +78,13 @@ class XmlElement(NamedTuple):
 
     def error(self, expected: str, got: object = None) -> SceneError:
         """Error about the element's value."""
-        shown = _quote(self.own_text if got is None else got)
-        return SceneError(f"{self.place}: expected {expected}, got {shown}")
+        quoted = _quote(self.own_text if got is None else got)
+        return SceneError(f"{self.place}: expected {expected}, got {quoted}")
 
     def attribute_error(self, attribute: str, expected: str) -> SceneError:
         """Error about the value of an attribute."""
-        shown = _quote(self.attribute(attribute))
-        return SceneError(f"{self.place}: {attribute}: expected {expected}, got {shown}")
+        quoted = _quote(self.attribute(attribute))
+        return SceneError(f"{self.place}: {attribute}: expected {expected}, got {quoted}")
 
     def number(self, path: str, default: float) -> float:
         """Finite number in a descendant; `default` if missing."""

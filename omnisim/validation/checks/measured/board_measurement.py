@@ -56,15 +56,15 @@ def check(fixture: Fixture, title: str) -> Section:
     for name, (camera, widest_rad) in hidden:
         sensor = OmniCamera(camera, degradation=DEGRADATION)
         images = _images(sensor, board_poses_in_front(IMAGES, widest_rad), fixture)
-        found = _found(images)
-        measured = measure_geometry([view for view, _ in found], (640, 480))
+        detected = _detected(images)
+        measured = measure_geometry([view for view, _ in detected], (640, 480))
         twin = OmniCamera(measured.camera, degradation=DEGRADATION)
-        comparison = compare_images(twin, _compared(twin, found, measured.board_m))
+        comparison = compare_images(twin, _compared(twin, detected, measured.board_m))
         rise = max(abs(ring.twin_rise_px / ring.rise_px - 1.0) for ring in comparison.rings)
         numbers = np.array(
             [
                 measured.held_out_rms_px,
-                ray_error_px(camera, measured.camera, [view for view, _ in found]),
+                ray_error_px(camera, measured.camera, [view for view, _ in detected]),
                 comparison.bias_px,
                 float(np.percentile(np.abs(comparison.level_errors), 90.0)),
                 rise,
@@ -72,7 +72,7 @@ def check(fixture: Fixture, title: str) -> Section:
         )
         worst = np.maximum(worst, numbers)
         cells = [f"{number:.3f}" for number in numbers.tolist()]
-        rows.append((name, str(len(found)), measured.model, *cells))
+        rows.append((name, str(len(detected)), measured.model, *cells))
     held_out, rays, bias, levels, rise_error = worst.tolist()
     columns = (
         "camera", "boards", "model", "held out px", "rays px", "bias px", "levels", "rise",
@@ -123,23 +123,23 @@ def _images(sensor: OmniCamera, poses: list[Floats], fixture: Fixture) -> list[N
     return images
 
 
-def _found(images: list[NDArray[np.uint8]]) -> list[tuple[BoardView, NDArray[np.uint8]]]:
+def _detected(images: list[NDArray[np.uint8]]) -> list[tuple[BoardView, NDArray[np.uint8]]]:
     """Detected boards, each with its image."""
-    found = []
+    detected = []
     for number, image in enumerate(images):
         try:
-            found.append((find_board(image, BOARD, f"image {number}"), image))
+            detected.append((find_board(image, BOARD, f"image {number}"), image))
         except MeasurementError:
             continue  # partly outside of the image
-    return found
+    return detected
 
 
 def _compared(
-    twin: OmniCamera, found: list[tuple[BoardView, NDArray[np.uint8]]], board_m: Floats
+    twin: OmniCamera, detected: list[tuple[BoardView, NDArray[np.uint8]]], board_m: Floats
 ) -> list[ImageComparison]:
-    step = max(1, len(found) // TWINS)
+    step = max(1, len(detected) // TWINS)
     compared = []
-    for view, image in found[::step]:
+    for view, image in detected[::step]:
         try:
             compared.append(compare_image(twin, BOARD, view, image, board_m))
         except MeasurementError:

@@ -27,26 +27,26 @@ POSES = np.stack(
 )
 
 
-@pytest.mark.parametrize("most_commands", [10**9, 4000, 640, 1])
-def test_slices_are_of_whole_groups_and_fit(most_commands):
+@pytest.mark.parametrize("max_commands", [10**9, 4000, 640, 1])
+def test_slices_are_of_whole_groups_and_fit(max_commands):
     generator = np.random.default_rng(4)
     clusters, of_batch, views = generator.integers(1, 33, 60), np.array([20, 1, 39]), 3
-    slices, table, most = command_slices(clusters, of_batch, views, most_commands)
+    slices, table, most = command_slices(clusters, of_batch, views, max_commands)
     assert [one.number for ranges in slices for one in ranges] == list(range(len(table)))
     covered = [np.arange(row["first_group"], row["first_group"] + row["groups"]) for row in table]
     assert np.array_equal(np.concatenate(covered), np.arange(60))
     batch_of_group = np.repeat(np.arange(3), of_batch)
     largest = BANDS * views * clusters.max()
-    assert most <= max(most_commands, largest)
+    assert most <= max(max_commands, largest)
     for ranges in slices:
         first = 0
         for one in ranges:
             own = covered[one.number]
             assert np.all(batch_of_group[own] == one.batch)
-            assert (one.first, one.most) == (first, views * clusters[own].sum())
-            first += BANDS * one.most
+            assert (one.first, one.max_count) == (first, views * clusters[own].sum())
+            first += BANDS * one.max_count
         assert first <= most
-    if most_commands == 10**9:
+    if max_commands == 10**9:
         assert len(slices) == 1
         assert [one.batch for one in slices[0]] == [0, 1, 2]
 

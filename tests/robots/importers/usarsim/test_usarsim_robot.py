@@ -77,8 +77,8 @@ def test_nothing_is_dropped_silently():
         "12: HeadLight 'Lamp' (USARBot.USARHeadLight): left out",
         "13: Effecters 'Releaser' (USARBot.RFIDReleaser): left out",
         "14: Cameras 'Ahead' (USARBot.RobotCamera): left out",
-        "24: Sensors 'F1' (USARBot.SonarSensor): no [USARBot.SonarSensor]: taken as USARSim's "
-        "usual sonar",
+        "24: Sensors 'F1' (USARBot.SonarSensor): no [USARBot.SonarSensor]: assumed to be "
+        "USARSim's sonar",
         "25: Sensors 'Odometry' (USARBot.OdometrySensor): left out",
         "30: [USARBot.SICKLMS] HiddenSensor, ScanInterval: left out",
     ]
@@ -164,7 +164,7 @@ def test_scanner_without_its_section_is_the_usual_one(of):
     imported = of(part(), origin_height_m=0)
     assert "scan_fov_rad" not in imported.text(Path("robot.toml"))
     assert imported.notices[0].endswith(
-        ":2: Sensors 'n' (USARBot.SICKLMS): no [USARBot.SICKLMS]: taken as USARSim's usual "
+        ":2: Sensors 'n' (USARBot.SICKLMS): no [USARBot.SICKLMS]: assumed to be USARSim's "
         "SICK LMS200"
     )
     others = of(part("Hokuyo"))
@@ -185,7 +185,7 @@ def test_what_is_not_understood_of_a_sensor_is_said(of):
     assert [notice.partition(") ")[2] or notice for notice in imported.notices]
     words = "\n".join(imported.notices)
     assert "Sensors 'n' (USARBot.SICKLMS): Postion: left out" in words
-    assert "sits on 'Tilt', taken as if on the chassis" in words
+    assert "is mounted on 'Tilt': placed on the chassis" in words
     assert not any("HARD" in n for n in of(part(more=',Parent="HARD"')).notices)
 
 

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.formats.sdf.shapes import most_segments
+from omnisim.scene.formats.sdf.shapes import segment_limit
 from tests.scene.formats.sdf.worlds import load, model, sdf, visual
 
 # A circle's polygon differs from it by some 1e-4 of its area.
@@ -106,7 +106,7 @@ def test_equal_shapes_are_one_mesh(tmp_path):
 
 
 def test_many_round_shapes_are_coarser():
-    assert [most_segments(count) for count in (0, 20, 80, 500, 10**6)] == [160, 160, 80, 32, 16]
+    assert [segment_limit(count) for count in (0, 20, 80, 500, 10**6)] == [160, 160, 80, 32, 16]
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from omnisim.scene.formats.usd.corners import Corners, Values, make_vertices
+from omnisim.scene.formats.usd.corners import Corners, PrimvarValues, make_vertices
 from omnisim.scene.formats.usd.polygons import triangulate
 from omnisim.scene.formats.usd.primvars import integers
 
@@ -78,13 +78,15 @@ def test_corners_share_vertices_as_far_as_their_values_are_equal():
     """Two triangles with an edge in common, whose normals differ and whose colors do not."""
     vertices, corners = np.array([0, 1, 2, 0, 2, 3]), np.arange(6).reshape(2, 3)
     found = Corners.of(4, 2, vertices, corners, np.array([0, 1]))
-    normals = Values(np.array([(0.0, 0, 1), (0, 1, 0)]), "uniform")
-    same = Values(np.array([(-0.0, 0, 1), (0.0, 0, 1)]), "uniform")
+    normals = PrimvarValues(np.array([(0.0, 0, 1), (0, 1, 0)]), "uniform")
+    same = PrimvarValues(np.array([(-0.0, 0, 1), (0.0, 0, 1)]), "uniform")
     assert len(make_vertices(found, [normals, None]).points) == 6
     assert len(make_vertices(found, [same, None]).points) == 4
-    too_few = Values(np.zeros((3, 2)), "faceVarying")
+    too_few = PrimvarValues(np.zeros((3, 2)), "faceVarying")
     assert make_vertices(found, [too_few]).values == [None]
-    by_corner = Values(np.arange(12.0).reshape(6, 2), "faceVarying", np.array([0, 1, 2, 0, 2, 5]))
+    by_corner = PrimvarValues(
+        np.arange(12.0).reshape(6, 2), "faceVarying", np.array([0, 1, 2, 0, 2, 5])
+    )
     made = make_vertices(found, [by_corner])
     assert len(made.points) == 4
     np.testing.assert_array_equal(made.points[made.triangles].ravel(), vertices)

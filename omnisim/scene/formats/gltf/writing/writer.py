@@ -104,7 +104,11 @@ class _Document:
         self._root = {key: value for key, value in root.items() if value != []}
 
     def write(self, file: BinaryIO) -> None:
-        """Write the file."""
+        """Write the file.
+
+        Raises:
+            OutputError: the file would exceed the size limit of GLB.
+        """
         text = json.dumps(self._root, ensure_ascii=False, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
         total = 12 + 8 + len(text) + 8 + self._size

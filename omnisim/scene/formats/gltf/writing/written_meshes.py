@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.scene.files.file_axes import world_from_axes
-from omnisim.scene.files.imported import make_mesh
+from omnisim.scene.files.imported_scene import make_mesh
 from omnisim.scene.model import Scene
 from omnisim.scene.parts import Instance, Mesh
 

@@ -41,7 +41,7 @@ class TextureSource(NamedTuple):
     fallback: Rgba = (0.0, 0.0, 0.0, 1.0)
 
 
-class Connected(NamedTuple):
+class ShaderInput(NamedTuple):
     """Shader input: a value, a texture or a primvar.
 
     Attributes:
@@ -78,24 +78,24 @@ class Inputs:
     def __init__(self, shader: UsdShade.Shader, time: Usd.TimeCode, notices: Notices):
         self._shader, self._time, self._notices = shader, time, notices
 
-    def get(self, name: str) -> Connected:
+    def get(self, name: str) -> ShaderInput:
         """Input by name; unconnected and without a value if it is missing."""
         attribute = _source(self._shader.GetInput(name))
         if attribute is None:
-            return Connected()
+            return ShaderInput()
         node = _node(attribute)
         if node is None:
-            return Connected(attribute.Get(self._time))
+            return ShaderInput(attribute.Get(self._time))
         kind = str(node.GetShaderId() or "")
         if kind == "UsdUVTexture":
             channel = attribute.GetName().partition(":")[2]
-            return Connected(texture=self._texture(node), channel=channel)
+            return ShaderInput(texture=self._texture(node), channel=channel)
         if kind.startswith("UsdPrimvarReader"):
-            return Connected(primvar=self._text(node, "varname"))
+            return ShaderInput(primvar=self._text(node, "varname"))
         self._notices.count(
             f"{name} of a shader {kind or 'without a name'} is not read", "material"
         )
-        return Connected()
+        return ShaderInput()
 
     def pair(self, name: str, default: float) -> tuple[float, float]:
         """Value of two numbers, each with the same default."""
@@ -147,7 +147,7 @@ class Inputs:
 
     def _transform(self, node: UsdShade.Shader) -> NDArray[np.float64]:
         """Transform (3, 3) of a UsdTransform2d: scale, then rotation, then translation."""
-        angle = math.radians(Connected(self._value(node, "rotation")).number(0.0))
+        angle = math.radians(ShaderInput(self._value(node, "rotation")).number(0.0))
         scale = numbers(self._value(node, "scale"), (1.0, 1.0))
         shift = numbers(self._value(node, "translation"), (0.0, 0.0))
         cos, sin = math.cos(angle), math.sin(angle)

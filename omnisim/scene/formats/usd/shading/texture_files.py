@@ -163,7 +163,7 @@ def _levels(scale: float, bias: float) -> NDArray[np.uint8]:
 
 
 def _resized(pixels: NDArray[np.uint8], shape: NDArray[np.integer]) -> NDArray[np.uint8]:
-    """Nearest-neighbor resampling to another height and width."""
+    """Pixels (height, width, 4), resampled by nearest neighbor to another height and width."""
     if pixels.shape[:2] == tuple(shape):
         return pixels
     rows = np.arange(shape[0]) * pixels.shape[0] // shape[0]

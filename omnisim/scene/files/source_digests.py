@@ -11,7 +11,7 @@ from omnisim.core.files.sources import source_digest
 
 
 @dataclass(frozen=True)
-class Given:
+class SourceDigests:
     """Digests of a scene's sources: files, keys, options and edits.
 
     Attributes:
@@ -22,17 +22,17 @@ class Given:
     content: str
     light: str
 
-    def edited(self, *change: Any) -> Given:
+    def edited(self, *change: Any) -> SourceDigests:
         """Digests after an edit, given by its name and its arguments."""
         plain = [_plain(one) for one in change]
-        return Given(source_digest(self.content, *plain), source_digest(self.light, *plain))
+        return SourceDigests(source_digest(self.content, *plain), source_digest(self.light, *plain))
 
 
 def _plain(value: Any) -> Any:
     """Argument of an edit as JSON types; an array becomes its type, shape and bytes."""
     if value is None or isinstance(value, bool | int | float | str):
         return value
-    if isinstance(value, Given):
+    if isinstance(value, SourceDigests):
         return [value.content, value.light]
     array = np.asarray(value)
     return [array.dtype.str, list(array.shape), np.ascontiguousarray(array).tobytes().hex()]

@@ -82,8 +82,8 @@ class ImportedScene(NamedTuple):
 
 def texture_notices(read: ImportedScene) -> list[str]:
     """Notices for materials with a texture on meshes without texture coordinates, one line each."""
-    shown = [read.meshes[index] for index in sorted({i.mesh for i in read.instances})]
-    bare = Counter(mesh.material for mesh in shown if mesh.texture_coordinates is None)
+    used_meshes = [read.meshes[index] for index in sorted({i.mesh for i in read.instances})]
+    bare = Counter(mesh.material for mesh in used_meshes if mesh.texture_coordinates is None)
     return [
         f"texture of {read.materials[index].name!r} is not drawn on "
         f"{counted(count, 'mesh', 'meshes')} without texture coordinates"
@@ -109,6 +109,9 @@ def make_mesh(
     positions, are dropped. The mesh is then shaded flat, or in its plain color.
 
     Arrays are those of `Mesh`, with at least one triangle.
+
+    Raises:
+        SceneError: a vertex index is out of range, or a position is not finite or too large.
     """
     points = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
     corners = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)
