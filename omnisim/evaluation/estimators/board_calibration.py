@@ -87,7 +87,8 @@ class OpencvFisheyeCalibration(BoardCalibration):
         """Polynomial fisheye."""
         import cv2
 
-        flags = cv2.fisheye.CALIB_RECOMPUTE_EXTRINSIC | cv2.fisheye.CALIB_FIX_SKEW
+        names = cv2.fisheye if hasattr(cv2.fisheye, "CALIB_FIX_SKEW") else cv2  # else: OpenCV 5
+        flags = names.CALIB_RECOMPUTE_EXTRINSIC | names.CALIB_FIX_SKEW
         points = [view.points_3d_m[None] for view in views]
         pixels = [view.pixels_px[None] for view in views]
         try:

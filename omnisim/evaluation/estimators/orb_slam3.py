@@ -11,6 +11,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import ClassVar
 
@@ -192,17 +193,17 @@ def _run_program(work: Path, frames: Iterator[bytes]) -> None:
             [sys.executable, program.__file__, str(work)],
             stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT, cwd=work,
         )  # fmt: skip
+        assert process.stdin is not None
         try:
-            assert process.stdin is not None
-            for frame in frames:
-                process.stdin.write(frame)
-            process.stdin.close()
-        except BrokenPipeError:
-            pass  # its exit status says why
+            with suppress(BrokenPipeError):  # its exit status says why
+                for frame in frames:
+                    process.stdin.write(frame)
         except BaseException:
             process.kill()
             raise
         finally:
+            with suppress(BrokenPipeError):
+                process.stdin.close()
             status = process.wait()
     if status:
         words = log.read_text(encoding="utf-8", errors="replace").strip()[-_TAIL:]

@@ -24,9 +24,9 @@ IDLE_CHECKS, CHECK_S, MAX_WAIT_S = 4, 1.5e-3, 5.0  # mapping's own thread sleeps
 
 def main(folder: Path) -> None:
     """Track all frames, and write the trajectory of the largest map."""
+    request = json.loads((folder / REQUEST).read_text(encoding="utf-8"))
     import pyorbslam3
 
-    request = json.loads((folder / REQUEST).read_text(encoding="utf-8"))
     times_s = np.load(folder / TIMES)
     readings = np.load(folder / IMU) if (folder / IMU).is_file() else None
     size, cameras = (request["height_px"], request["width_px"]), request["cameras"]
