@@ -6,6 +6,7 @@ import gzip
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -254,11 +255,11 @@ def test_a_vocabulary_is_trained_from_descriptors():
 
 
 def test_a_run_without_its_sensors_is_an_error(tmp_path):
-    class NoCameras:
-        cameras = ()
-
-    with pytest.raises(EstimatorError, match="expected a run of 2 cameras or more, got 0"):
-        estimator_named("orb-slam3-stereo").estimate(NoCameras(), tmp_path)
+    estimator = estimator_named("orb-slam3-stereo")
+    with pytest.raises(EstimatorError, match="the run has no camera"):
+        estimator.estimate(SimpleNamespace(cameras=()), tmp_path)
+    with pytest.raises(EstimatorError, match="the run has one camera: expected two"):
+        estimator.estimate(SimpleNamespace(cameras=(None,)), tmp_path)
 
 
 def test_its_process_ends_with_a_message(tmp_path):

@@ -9,6 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimator import Estimator
 from omnisim.measurement.geometry import BoardView, find_boards, measure_geometry, read_board
+from omnisim.measurement.geometry.candidate_models import CANDIDATES
 
 MIN_IMAGES = 5
 ITERATIONS, PRECISION = 200, 1e-9  # of OpenCV's solvers
@@ -72,10 +74,11 @@ class MeasuredCamera(BoardCalibration):
     """`omnisim measure geometry`: the best of fifteen models, and the board's shape."""
 
     title = "omnisim measure geometry"
+    models: ClassVar[Sequence[str]] = CANDIDATES
 
     def calibrate(self, views: Sequence[BoardView], size_px: tuple[int, int]) -> CentralCamera:
         """Model that predicts left-out images best."""
-        return measure_geometry(views, size_px).camera
+        return measure_geometry(views, size_px, models=self.models).camera
 
 
 class OpencvFisheyeCalibration(BoardCalibration):

@@ -59,9 +59,10 @@ class OrbSlam3(Estimator):
 
     def estimate(self, run: Recording, work: Path) -> Trajectory:
         """Poses at the images of the largest map."""
+        if not run.cameras:
+            raise EstimatorError("the run has no camera")
         if len(run.cameras) < self.cameras:
-            count = len(run.cameras)
-            raise EstimatorError(f"expected a run of {self.cameras} cameras or more, got {count}")
+            raise EstimatorError("the run has one camera: expected two")
         if self.has_imu and not run.sensors(MountedImu):
             raise EstimatorError("the run has no IMU")
         run = run.in_frames([camera.name for camera in run.cameras[: self.cameras]], _refuse_late)

@@ -16,7 +16,7 @@ from omnisim.cameras import KannalaBrandtCamera
 
 FEATURES = 1000  # per image
 # Noise of the IMU that is assumed at least: with none, information matrices are singular.
-MIN_NOISE = {"NoiseGyro": 1e-4, "NoiseAcc": 1e-3, "GyroWalk": 1e-6, "AccWalk": 1e-5}
+MIN_NOISE = {"NoiseGyro": 1e-5, "NoiseAcc": 1e-4, "GyroWalk": 1e-7, "AccWalk": 1e-6}
 # Required, though there is no viewer.
 VIEWER = (
     *("KeyFrameSize", "KeyFrameLineWidth", "GraphLineWidth", "PointSize", "CameraSize"),
