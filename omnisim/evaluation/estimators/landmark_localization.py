@@ -22,8 +22,6 @@ from omnisim.perception.localization.observations import LandmarkMap
 from omnisim.runs.run_data import read_run
 from omnisim.runs.run_labels import train_on_run
 
-LABELS = "instance"  # channel of ground truth that colors are learned from
-
 
 class LandmarkLocalization(Estimator):
     """Wheels and landmarks, from the true start; colors are those of the run's own labels."""
@@ -36,18 +34,13 @@ class LandmarkLocalization(Estimator):
         """Poses at the steps, at the height of the start."""
         if not run.cameras:
             raise EstimatorError("the run has no camera")
-        if LABELS not in run.run.manifest.channels:
-            raise EstimatorError(f"colors are learned from labels: expected --also {LABELS}")
         data = read_run(run.run.path, camera=run.cameras[0].name)
         parameters = read_parameters()
         colors = train_on_run(data, Costs()).model
         detector = LandmarkDetector(colors, data.landmarks, data.mount)
         observations = [
-            [
-                observation_from_detection(one, parameters.measurement)
-                for one in detector.find(detector.panorama(data.image(step)))
-            ]
-            for step in range(data.steps)
+            [observation_from_detection(one, parameters.measurement) for one in detector(image)]
+            for image in data.images()
         ]
         track = localize(
             data.odometry,

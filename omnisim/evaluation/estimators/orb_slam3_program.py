@@ -25,7 +25,7 @@ IDLE_CHECKS, CHECK_S, MAX_WAIT_S = 4, 1.5e-3, 5.0  # mapping's own thread sleeps
 def main(folder: Path) -> None:
     """Track all frames, and write the trajectory of the largest map."""
     request = json.loads((folder / REQUEST).read_text(encoding="utf-8"))
-    import pyorbslam3
+    import pyorbslam3  # type: ignore[import-untyped]
 
     times_s = np.load(folder / TIMES)
     readings = np.load(folder / IMU) if (folder / IMU).is_file() else None

@@ -21,9 +21,9 @@ from omnisim.core.files.atomic_file import write_text
 from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.core.trajectories.trajectory import step_lengths_m
 from omnisim.datasets.export.recording import Recording
+from omnisim.evaluation.camera_errors import CameraErrors
 from omnisim.evaluation.estimator_registry import ESTIMATORS, estimator_named
 from omnisim.evaluation.estimator_worker import ESTIMATE
-from omnisim.evaluation.camera_errors import CameraErrors
 from omnisim.evaluation.outcome import Outcome
 from omnisim.evaluation.run_evaluation import estimator_folder, evaluate_estimator
 from omnisim.evaluation.trajectory_errors import match_times
