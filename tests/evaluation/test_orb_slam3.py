@@ -3,6 +3,7 @@
 import ast
 import dataclasses
 import gzip
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -23,6 +24,7 @@ from omnisim.evaluation.estimators.orb_slam3_settings import ImuSettings, settin
 from omnisim.evaluation.estimators.orb_vocabulary import (
     VOCABULARY,
     train_vocabulary,
+    unpacked_vocabulary,
     vocabulary_text,
 )
 from omnisim.evaluation.trajectory_errors import trajectory_errors
@@ -47,7 +49,7 @@ name = "rig"
 name = "left"
 type = "omnicamera"
 file = "lens.toml"
-rate_hz = 8.0
+rate_hz = 5.0
 position_m = [0.1, 0.1, 0.0]
 yaw_deg = 3.0
 
@@ -55,7 +57,7 @@ yaw_deg = 3.0
 name = "right"
 type = "omnicamera"
 file = "lens.toml"
-rate_hz = 8.0
+rate_hz = 5.0
 position_m = [0.1, -0.1, 0.0]
 roll_deg = 2.0
 
@@ -67,11 +69,11 @@ rate_hz = 200.0
 position_m = [0.05, 0.03, -0.05]
 yaw_deg = 90.0
 """
-DURATION_S = 12.0
+DURATION_S = 20.0  # its second inertial adjustment comes after 15 s
 
 
 def write_sway(path):
-    """Handheld motion: half a loop that sways in six degrees of freedom, enough to feel gravity."""
+    """Handheld motion: most of a loop that sways in six degrees of freedom, enough to feel gravity."""
     times_s = np.arange(0.0, DURATION_S + 1e-9, 0.02)
     along = 0.3 * times_s
 
@@ -268,3 +270,23 @@ def test_its_process_ends_with_a_message(tmp_path):
     )
     assert done.returncode == 1
     assert orb_slam3_program.REQUEST in done.stderr or "pyorbslam3" in done.stderr
+
+
+@pytest.mark.slow
+def test_black_images_are_a_row_of_the_report(tmp_path):
+    """The real library, which finds no corner."""
+    if not is_installed("pyorbslam3"):
+        pytest.skip("ORB-SLAM3 is not installed")
+    (tmp_path / orb_slam3_program.SETTINGS).write_text(settings_text([LENS], 10.0))
+    np.save(tmp_path / orb_slam3_program.TIMES, 0.1 * np.arange(5))
+    request = {
+        "vocabulary": str(unpacked_vocabulary(tmp_path)),
+        "width_px": LENS.width_px,
+        "height_px": LENS.height_px,
+        "cameras": 1,
+        "fps": 10.0,
+    }
+    (tmp_path / orb_slam3_program.REQUEST).write_text(json.dumps(request))
+    orb_slam3._run_program(tmp_path, iter([bytes(LENS.width_px * LENS.height_px)] * 5))
+    with pytest.raises(EstimatorError, match="tracked no image"):
+        orb_slam3._trajectory(tmp_path, 0.1 * np.arange(5), np.eye(4))

@@ -130,7 +130,7 @@ def descriptors(gray: NDArray[np.uint8], count: int = FEATURES) -> Bits:
     """ORB descriptors (n, 256) of an image, as bits."""
     import cv2
 
-    found = cv2.ORB_create(count).detectAndCompute(gray, None)[1]
+    found = cv2.ORB.create(count).detectAndCompute(gray, None)[1]
     if found is None:
         return np.empty((0, 256), dtype=np.bool_)
     return np.unpackbits(np.asarray(found, dtype=np.uint8), axis=1).astype(np.bool_)
