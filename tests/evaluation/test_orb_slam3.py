@@ -73,7 +73,7 @@ DURATION_S = 20.0  # its second inertial adjustment comes after 15 s
 
 
 def write_sway(path):
-    """Handheld motion: most of a loop that sways in six degrees of freedom, enough to feel gravity."""
+    """Handheld motion: most of a loop, swaying in six degrees of freedom."""
     times_s = np.arange(0.0, DURATION_S + 1e-9, 0.02)
     along = 0.3 * times_s
 

@@ -101,6 +101,10 @@ class OpencvFisheyeCalibration(BoardCalibration):
         except cv2.error as reason:
             raise EstimatorError(f"cv2.fisheye.calibrate: {_first_line(reason)}") from None
         focals, middle = (matrix[0, 0], matrix[1, 1]), (matrix[0, 2], matrix[1, 2])
+        if min(focals) <= 0.0:
+            raise EstimatorError(
+                f"cv2.fisheye.calibrate: diverged, to focal lengths {focals[0]:.4g}, {focals[1]:.4g}"
+            )
         return KannalaBrandtCamera(*size_px, focals, middle, tuple(coefficients.ravel().tolist()))
 
 
