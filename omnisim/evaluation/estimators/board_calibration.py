@@ -102,9 +102,7 @@ class OpencvFisheyeCalibration(BoardCalibration):
             raise EstimatorError(f"cv2.fisheye.calibrate: {_first_line(reason)}") from None
         focals, middle = (matrix[0, 0], matrix[1, 1]), (matrix[0, 2], matrix[1, 2])
         if min(focals) <= 0.0:
-            raise EstimatorError(
-                f"cv2.fisheye.calibrate: diverged, to focal lengths {focals[0]:.4g}, {focals[1]:.4g}"
-            )
+            raise EstimatorError(f"cv2.fisheye.calibrate: diverged to {focals[0]:.4g} px/rad")
         return KannalaBrandtCamera(*size_px, focals, middle, tuple(coefficients.ravel().tolist()))
 
 

@@ -128,7 +128,8 @@ def _section(recording: Recording, outcomes: Sequence[Outcome], folder: Path) ->
     failures = tuple(
         (one.estimator, one.status, one.reason) for one in outcomes if one.status != "ok"
     )
-    tables = [ResultTable("Errors of the trajectories.", _COLUMNS, tuple(map(_row, outcomes)))]
+    rows = tuple(_row(one) for one in outcomes if one.camera is None)
+    tables = [ResultTable("Errors of the trajectories.", _COLUMNS, rows)]
     if cameras := tuple(_camera_row(one.estimator, one.camera) for one in outcomes if one.camera):
         tables.append(ResultTable("Errors of the calibrated cameras.", _CAMERA_COLUMNS, cameras))
     if failures:
