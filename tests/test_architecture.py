@@ -50,7 +50,7 @@ HOMES = {
     "matplotlib": {"validation.plots"},
     "jinja2": {"validation.report"},
     "av": {"validation.plots"},
-    "cv2": {"measurement", "validation"},
+    "cv2": {"evaluation.estimators", "measurement", "validation"},
     "mitsuba": {"validation"},
     "pyrender": {"validation"},
     "pycolmap": {"evaluation.estimators", "validation"},

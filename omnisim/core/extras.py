@@ -34,6 +34,7 @@ EXTRAS = {
     "video": {"av": "av"},
     "measure": {"opencv-contrib-python-headless": "cv2"},
     "estimators": {"kiss-icp": "kiss_icp", "pycolmap": "pycolmap", "small-gicp": "small_gicp"},
+    "orb-slam3": {"pyorbslam3": "pyorbslam3"},  # GPL: on demand only
     "mujoco": {"mujoco-core": "mujoco"},
     "usd": {"usd-core": "pxr"},
     "ray": {"ray": "ray"},

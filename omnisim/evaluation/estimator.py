@@ -6,13 +6,14 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import ClassVar
 
+from omnisim.cameras import CentralCamera
 from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.trajectory_alignment import AlignmentKind
 
 
 class Estimator(ABC):
-    """Method that estimates the trajectory of a robot's base from a run's sensors.
+    """Method that estimates a robot's trajectory, or a camera's model, from a run's sensors.
 
     A subclass has a module of its own in `omnisim.evaluation.estimators`, and a line in
     `ESTIMATORS`.
@@ -21,6 +22,7 @@ class Estimator(ABC):
         title: name for people, with the sensors that it uses.
         package: package on the index that it needs; "": none.
         module: module of that package.
+        extra: extra of omnisim that installs it.
         alignment: unknowns of the method: "se3": the pose of its world; "sim3": its scale, too;
             "none": it starts at the true pose.
         is_level: the method knows which way is down.
@@ -29,17 +31,18 @@ class Estimator(ABC):
     title: ClassVar[str]
     package: ClassVar[str] = ""
     module: ClassVar[str] = ""
+    extra: ClassVar[str] = "estimators"
     alignment: ClassVar[AlignmentKind] = "se3"
     is_level: ClassVar[bool] = False
 
     @abstractmethod
-    def estimate(self, run: Recording, work: Path) -> Trajectory:
-        """Estimate poses of the base, in a world of the method's own.
+    def estimate(self, run: Recording, work: Path) -> Trajectory | CentralCamera:
+        """Estimate poses of the base, in a world of the method's own, or the first camera's model.
 
         Args:
             run: finished run.
             work: empty folder for intermediate files.
 
         Raises:
-            EstimatorError: the run lacks a sensor, or the method found no trajectory.
+            EstimatorError: the run lacks a sensor, or the method found nothing.
         """

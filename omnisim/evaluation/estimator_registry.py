@@ -19,23 +19,43 @@ ESTIMATORS = {
     "colmap": ("colmap_mapping", "ColmapMapping"),
     "colmap-rig": ("colmap_mapping", "ColmapRigMapping"),
     "small-gicp": ("small_gicp_odometry", "SmallGicpOdometry"),
+    "landmarks": ("landmark_localization", "LandmarkLocalization"),
+    "orb-slam3": ("orb_slam3", "OrbSlam3"),
+    "orb-slam3-imu": ("orb_slam3", "OrbSlam3Inertial"),
+    "orb-slam3-stereo": ("orb_slam3", "OrbSlam3Stereo"),
+    "orb-slam3-stereo-imu": ("orb_slam3", "OrbSlam3StereoInertial"),
+}
+# Calibrations, whose names end in a board, such as "measure:8x6:80mm".
+CALIBRATIONS = {
+    "measure": ("board_calibration", "MeasuredCamera"),
+    "cv2-fisheye": ("board_calibration", "OpencvFisheyeCalibration"),
+    "cv2-omnidir": ("board_calibration", "OpencvOmnidirCalibration"),
 }
 COMMAND = "command:"  # prefix of a user's own command
 
 
 def estimator_named(name: str) -> Estimator:
-    """Estimator of a name in `ESTIMATORS`, or of a command such as "command:my_slam {run} {out}".
+    """Estimator of a name in `ESTIMATORS`, of a calibration, or of a command.
+
+    Args:
+        name: such as "kiss-icp", "measure:8x6:80mm" or "command:my_slam {run} {out}".
 
     Raises:
         EstimatorError: the name is unknown.
+        MeasurementError: the board is unknown.
     """
     if name.startswith(COMMAND):
         from omnisim.evaluation.estimators.own_command import OwnCommand
 
         return OwnCommand(name.removeprefix(COMMAND))
-    if name not in ESTIMATORS:
-        hint = did_you_mean(name, list(ESTIMATORS), "there are")
+    method, has_board, board = name.partition(":")
+    known = CALIBRATIONS if has_board else ESTIMATORS
+    if method not in known:
+        if method in CALIBRATIONS:
+            raise EstimatorError(f"estimator {name!r}: expected a board, as in {name}:8x6:80mm")
+        hint = did_you_mean(name, [*ESTIMATORS, *CALIBRATIONS], "there are")
         raise EstimatorError(f"estimator {name!r}: unknown; {hint}, or {COMMAND}…")
-    module, cls = ESTIMATORS[name]
-    estimator: Estimator = getattr(import_module(f"omnisim.evaluation.estimators.{module}"), cls)()
+    module, cls = known[method]
+    make = getattr(import_module(f"omnisim.evaluation.estimators.{module}"), cls)
+    estimator: Estimator = make(board) if has_board else make()
     return estimator

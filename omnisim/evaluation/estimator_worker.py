@@ -1,6 +1,7 @@
 """Process of one estimator: python -m omnisim.evaluation.estimator_worker RUN NAME FOLDER.
 
-It writes `estimate.tum`, then `done.json` with its time, or the reason of a failure.
+It writes `estimate.tum`, or `camera.json` of a calibration; then `done.json` with its time, or the
+reason of a failure.
 """
 
 from __future__ import annotations
@@ -10,25 +11,30 @@ import sys
 import time
 from pathlib import Path
 
+from omnisim.cameras.calibration import calibration_of, save_calibration
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.atomic_file import write_text
+from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.trajectory_files import write_trajectory
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimator_registry import estimator_named
 
-ESTIMATE, DONE = "estimate.tum", "done.json"
+ESTIMATE, CAMERA, DONE = "estimate.tum", "camera.json", "done.json"
 
 
 def main(run: Path, name: str, folder: Path) -> None:
-    """Estimate the trajectory of a run, and write it to a folder."""
+    """Apply an estimator to a run, and write what it estimates to a folder."""
     work = folder / "work"
     work.mkdir(exist_ok=True)
     done: dict[str, object]
     start_s = time.perf_counter()
     try:
-        trajectory = estimator_named(name).estimate(Recording.read(run), work)
+        estimate = estimator_named(name).estimate(Recording.read(run), work)
         seconds = time.perf_counter() - start_s
-        write_trajectory(folder / ESTIMATE, trajectory)
+        if isinstance(estimate, Trajectory):
+            write_trajectory(folder / ESTIMATE, estimate)
+        else:
+            save_calibration(calibration_of(estimate), folder / CAMERA, "omnisim")
         done = {"seconds": seconds}
     except OmnisimError as reason:
         done = {"seconds": time.perf_counter() - start_s, "failure": str(reason)}

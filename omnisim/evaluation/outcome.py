@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from omnisim.evaluation.camera_errors import CameraErrors
 from omnisim.evaluation.trajectory_alignment import Alignment
 from omnisim.evaluation.trajectory_errors import TrajectoryErrors
 
@@ -21,9 +22,10 @@ class Outcome:
     Attributes:
         estimator: its name, or the user's command.
         status: "ok" with errors, otherwise why there are none.
-        reason: message of a failure; empty: none.
+        reason: message of a failure, or errors of a camera in words; empty: none.
         seconds: time that the estimator took, without starting its process.
         errors: errors of its trajectory; None: it has none.
+        camera: errors of its calibrated camera; None: it has none.
     """
 
     estimator: str
@@ -31,6 +33,7 @@ class Outcome:
     reason: str = ""
     seconds: float | None = None
     errors: TrajectoryErrors | None = None
+    camera: CameraErrors | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """JSON object, read again by `outcome_from`."""
@@ -57,4 +60,6 @@ def outcome_from(content: dict[str, Any]) -> Outcome:
             float(given["scale"]),
         )
         errors = TrajectoryErrors(**{**errors, "alignment": alignment})
-    return Outcome(**{**content, "errors": errors})
+    camera = content.get("camera")
+    camera = None if camera is None else CameraErrors(**camera)
+    return Outcome(**{**content, "errors": errors, "camera": camera})

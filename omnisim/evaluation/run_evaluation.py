@@ -12,16 +12,19 @@ import sys
 from importlib import metadata
 from pathlib import Path
 
+from omnisim.cameras.calibration import load_calibration
 from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.extras import install_hint, is_installed
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.fingerprint import fingerprint
 from omnisim.core.trajectories import read_trajectory
 from omnisim.core.version import __version__
+from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
+from omnisim.evaluation.camera_errors import camera_errors
 from omnisim.evaluation.estimator import Estimator
 from omnisim.evaluation.estimator_registry import estimator_named
-from omnisim.evaluation.estimator_worker import DONE, ESTIMATE
+from omnisim.evaluation.estimator_worker import CAMERA, DONE, ESTIMATE
 from omnisim.evaluation.outcome import Outcome, outcome_from
 from omnisim.evaluation.trajectory_errors import trajectory_errors
 from omnisim.runs.run_folder import MANIFEST
@@ -54,7 +57,7 @@ def evaluate_estimator(run: Path, name: str, folder: Path, limit_s: float) -> Ou
         return before
     _make_folder(folder)
     if estimator.module and not is_installed(estimator.module):
-        outcome = Outcome(name, "not installed", install_hint("estimators"))
+        outcome = Outcome(name, "not installed", install_hint(estimator.extra))
     else:
         outcome = _estimate(run, name, folder, limit_s, estimator)
     content = {"inputs": inputs, **outcome.as_dict()}
@@ -100,7 +103,7 @@ def _read_outcome(path: Path, inputs: str) -> Outcome | None:
 
 def _estimate(run: Path, name: str, folder: Path, limit_s: float, estimator: Estimator) -> Outcome:
     """Run the process, and measure the errors of its trajectory."""
-    for file in (ESTIMATE, DONE, OUTCOME):
+    for file in (ESTIMATE, CAMERA, DONE, OUTCOME):
         (folder / file).unlink(missing_ok=True)
     shutil.rmtree(folder / "work", ignore_errors=True)
     status = _run_worker(run, name, folder, limit_s)
@@ -113,6 +116,8 @@ def _estimate(run: Path, name: str, folder: Path, limit_s: float, estimator: Est
     shutil.rmtree(folder / "work", ignore_errors=True)
     if "failure" in done:
         return Outcome(name, "failed", done["failure"], done["seconds"])
+    if (folder / CAMERA).is_file():
+        return _camera_outcome(run, name, folder / CAMERA, done["seconds"])
     truth = Recording.read(run).fine_truth
     try:
         estimate = read_trajectory(folder / ESTIMATE)
@@ -120,6 +125,16 @@ def _estimate(run: Path, name: str, folder: Path, limit_s: float, estimator: Est
     except OmnisimError as reason:
         return Outcome(name, "failed", str(reason), done["seconds"])
     return Outcome(name, "ok", "", done["seconds"], errors)
+
+
+def _camera_outcome(run: Path, name: str, path: Path, seconds: float) -> Outcome:
+    """Errors of a calibrated camera."""
+    try:
+        truth = LensCamera.of(Recording.read(run).cameras[0], lambda note: None).lens
+        errors = camera_errors(load_calibration(path).camera().camera, truth)
+    except OmnisimError as reason:
+        return Outcome(name, "failed", str(reason), seconds)
+    return Outcome(name, "ok", errors.summary, seconds, camera=errors)
 
 
 def _run_worker(run: Path, name: str, folder: Path, limit_s: float) -> int | None:

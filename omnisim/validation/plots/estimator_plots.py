@@ -58,7 +58,8 @@ def offsets_figure(
         positive = np.maximum(distances, 1e-6)
         axes.plot(way, positive, _LINES[index % len(_LINES)], color=color, label=name)
     axes.set_yscale("log")
-    figure.legend(loc="outside right upper", fontsize=8)
+    if offsets:
+        figure.legend(loc="outside right upper", fontsize=8)
     return figure
 
 

@@ -11,6 +11,9 @@ from typer.testing import CliRunner
 from omnisim.apps.cli.app import app
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import read_image, write_image
+from omnisim.core.trajectories import read_trajectory
+from omnisim.datasets.export.recording import Recording
+from omnisim.evaluation.estimators.landmark_localization import LandmarkLocalization
 from omnisim.perception.landmarks.color_model import Costs
 from omnisim.perception.landmarks.color_model_file import load_model
 from omnisim.perception.landmarks.landmark_detector import LandmarkDetector
@@ -130,6 +133,16 @@ def _track(folder, model):
     ]
     known = LandmarkMap.of_scene(data.landmarks)
     return localize(data.odometry, observations, known, parameters, data.mount.position_m)
+
+
+def test_the_estimator_of_evaluations_is_the_same_filter(run, localized, tmp_path):
+    """Also with colors from the run itself, as `model` has them."""
+    found = LandmarkLocalization().estimate(Recording.read(run), tmp_path)
+    written = read_trajectory(localized / "estimate.tum")
+    assert np.allclose(found.times_s, written.times_s, atol=1e-6)
+    assert np.allclose(found.positions_m[:, :2], written.positions_m[:, :2], atol=1e-6)
+    rotations = found.world_from_base[:, :3, :3]
+    assert np.allclose(rotations, written.world_from_base[:, :3, :3], atol=1e-6)
 
 
 def test_the_truth_is_not_looked_at(run, model, localized, tmp_path):

@@ -21,6 +21,7 @@ from omnisim.core.files.atomic_file import write_text
 from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.core.trajectories.trajectory import step_lengths_m
 from omnisim.datasets.export.recording import Recording
+from omnisim.evaluation.camera_errors import CameraErrors
 from omnisim.evaluation.estimator_registry import ESTIMATORS, estimator_named
 from omnisim.evaluation.estimator_worker import ESTIMATE
 from omnisim.evaluation.outcome import Outcome
@@ -36,6 +37,7 @@ _COLUMNS = (
     "estimator", "ATE m", "% of way", "RPE mm", "RPE °", "drift %", "yaw °", "gravity °", "scale",
     "lost %", "aligned", "s",
 )  # fmt: skip
+_CAMERA_COLUMNS = ("estimator", "model", "focal length %", "RMS px", "max px", "of the image %")
 _PRINTED = ("estimator", "ATE m", "% of way", "drift %", "yaw °", "lost %", "aligned", "s")
 _NAME_LETTERS = 24
 
@@ -104,6 +106,18 @@ def _row(outcome: Outcome) -> tuple[str, ...]:
     )
 
 
+def _camera_row(estimator: str, errors: CameraErrors) -> tuple[str, ...]:
+    """Cells of a calibrated camera, by `_CAMERA_COLUMNS`."""
+    return (
+        estimator,
+        errors.model,
+        f"{100.0 * errors.focal_length:+.3f}",
+        f"{errors.rms_px:.3f}",
+        f"{errors.max_px:.3g}",
+        f"{100.0 * errors.covered:.4g}",
+    )
+
+
 def _section(recording: Recording, outcomes: Sequence[Outcome], folder: Path) -> Section:
     from omnisim.validation.plots.estimator_plots import offsets_figure, trajectories_figure
     from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
@@ -114,7 +128,10 @@ def _section(recording: Recording, outcomes: Sequence[Outcome], folder: Path) ->
     failures = tuple(
         (one.estimator, one.status, one.reason) for one in outcomes if one.status != "ok"
     )
-    tables = [ResultTable("Errors of the trajectories.", _COLUMNS, tuple(map(_row, outcomes)))]
+    rows = tuple(_row(one) for one in outcomes if one.camera is None)
+    tables = [ResultTable("Errors of the trajectories.", _COLUMNS, rows)]
+    if cameras := tuple(_camera_row(one.estimator, one.camera) for one in outcomes if one.camera):
+        tables.append(ResultTable("Errors of the calibrated cameras.", _CAMERA_COLUMNS, cameras))
     if failures:
         columns = ("estimator", "status", "reason")
         tables.append(ResultTable("Estimators without a trajectory.", columns, failures))

@@ -1,0 +1,87 @@
+"""Errors of a calibrated camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import CentralCamera
+from omnisim.cameras.camera import pixel_grid
+from omnisim.core.errors import EstimatorError
+from omnisim.core.poses import nearest_rotation
+
+STEP_PX = 8  # of the grid over the image
+NEAR_AXIS_RAD = 1e-3
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CameraErrors:
+    """Errors of a calibrated camera over the whole image, where the true one has rays.
+
+    A calibration cannot know how the lens is turned in its housing: the rays are turned to the true
+    ones first.
+
+    Attributes:
+        model: name of the estimated model.
+        focal_length: error of the focal length at the axis, as a share of the true one; NaN: the
+            axis is not in the image.
+        rms_px: root mean square distance of the pixels of true rays from the true pixels.
+        max_px: largest distance.
+        covered: share of the true rays that the estimated model has pixels for.
+    """
+
+    model: str
+    focal_length: float
+    rms_px: float
+    max_px: float
+    covered: float
+
+    @property
+    def summary(self) -> str:
+        """Model and errors in words."""
+        return (
+            f"{self.model}: focal length {100.0 * self.focal_length:+.3f} %, {self.rms_px:.3f} px "
+            f"RMS, at most {self.max_px:.3g} px, over {100.0 * self.covered:.4g} % of the image"
+        )
+
+
+def camera_errors(estimate: CentralCamera, truth: CentralCamera) -> CameraErrors:
+    """Compare a calibrated camera with the true one.
+
+    Args:
+        estimate: calibrated camera.
+        truth: true camera, of the same image size.
+
+    Raises:
+        EstimatorError: the two have no rays in common.
+    """
+    pixels = pixel_grid(truth.width_px, truth.height_px)[::STEP_PX, ::STEP_PX].reshape(-1, 2)
+    true_rays, rays = truth.ray_from_pixel(pixels), estimate.ray_from_pixel(pixels)
+    both = true_rays.valid & rays.valid
+    if both.sum() < 3:
+        raise EstimatorError("the calibrated camera has none of the true rays")
+    turned = rays.directions[both].T @ true_rays.directions[both]
+    estimate_from_true = nearest_rotation(turned)
+    seen = true_rays.valid
+    found = estimate.pixel_from_ray(true_rays.directions[seen] @ estimate_from_true.T)
+    offsets = np.linalg.norm(found.positions_px - pixels[seen], axis=1)[found.valid]
+    return CameraErrors(
+        estimate.model_name,
+        _focal_length_px(estimate) / _focal_length_px(truth) - 1.0,
+        float(np.sqrt(np.mean(np.square(offsets)))),
+        float(offsets.max()),
+        float(found.valid.mean()),
+    )
+
+
+def _focal_length_px(camera: CentralCamera) -> float:
+    """Pixels per radian at the axis, mean of both directions; NaN: the axis has no pixel."""
+    small = NEAR_AXIS_RAD * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)], dtype=np.float64)
+    ends = camera.pixel_from_ray(np.column_stack((small, np.ones(4))))
+    if not ends.valid.all():
+        return float("nan")
+    spans = np.linalg.norm(ends.positions_px[::2] - ends.positions_px[1::2], axis=1)
+    return float(spans.mean() / (2.0 * np.arctan(NEAR_AXIS_RAD)))

@@ -1,0 +1,139 @@
+"""Calibration of a run's first camera from a board that it has recorded.
+
+Sources: OpenCV's modules fisheye (Kannala & Brandt) and omnidir (Mei & Rives); for our own, see
+`omnisim.measurement.geometry`.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from omnisim.cameras import CentralCamera, KannalaBrandtCamera, UnifiedCamera
+from omnisim.core.errors import EstimatorError
+from omnisim.datasets.export.lens_camera import LensCamera
+from omnisim.datasets.export.recording import Recording
+from omnisim.evaluation.estimator import Estimator
+from omnisim.measurement.geometry import BoardView, find_boards, measure_geometry, read_board
+from omnisim.measurement.geometry.candidate_models import CANDIDATES
+
+MIN_IMAGES = 5
+ITERATIONS, PRECISION = 200, 1e-9  # of OpenCV's solvers
+
+
+class BoardCalibration(Estimator):
+    """Method that calibrates the first camera from its images of a board.
+
+    Args:
+        board: board as `omnisim measure geometry` takes it, such as "8x6:80mm".
+
+    Raises:
+        MeasurementError: no such board.
+    """
+
+    package, module, extra = "opencv-contrib-python-headless", "cv2", "measure"
+
+    def __init__(self, board: str):
+        self.board = read_board(board)
+
+    def estimate(self, run: Recording, work: Path) -> CentralCamera:
+        """Model of the camera."""
+        if not run.cameras:
+            raise EstimatorError("the run has no camera")
+        camera = LensCamera.of(run.cameras[0], lambda note: None)
+        if camera.is_flipped:
+            raise EstimatorError(f"{camera.name} looks into a mirror: expected a lens")
+        files = [camera.recorded.image_file(step) for step in range(len(run.times_s(camera.name)))]
+        results = [search.found for search in find_boards(files, self.board)]
+        views = [found for found in results if isinstance(found, BoardView)]
+        if len(views) < MIN_IMAGES:
+            raise EstimatorError(
+                f"the board is in {len(views)} of {len(files)} images: expected at least "
+                f"{MIN_IMAGES}"
+            )
+        return self.calibrate(views, camera.recorded.size_px)
+
+    @abstractmethod
+    def calibrate(self, views: Sequence[BoardView], size_px: tuple[int, int]) -> CentralCamera:
+        """Calibrate a camera.
+
+        Args:
+            views: the board in each image.
+            size_px: width and height of the images.
+
+        Raises:
+            OmnisimError: the boards do not determine the camera.
+        """
+
+
+class MeasuredCamera(BoardCalibration):
+    """`omnisim measure geometry`: the best of fifteen models, and the board's shape."""
+
+    title = "omnisim measure geometry"
+    models: ClassVar[Sequence[str]] = CANDIDATES
+
+    def calibrate(self, views: Sequence[BoardView], size_px: tuple[int, int]) -> CentralCamera:
+        """Model that predicts left-out images best."""
+        return measure_geometry(views, size_px, models=self.models).camera
+
+
+class OpencvFisheyeCalibration(BoardCalibration):
+    """`cv2.fisheye.calibrate`, with zero skew."""
+
+    title = "cv2.fisheye"
+
+    def calibrate(self, views: Sequence[BoardView], size_px: tuple[int, int]) -> CentralCamera:
+        """Polynomial fisheye."""
+        import cv2
+
+        names = cv2.fisheye if hasattr(cv2.fisheye, "CALIB_FIX_SKEW") else cv2  # else: OpenCV 5
+        flags = names.CALIB_RECOMPUTE_EXTRINSIC | names.CALIB_FIX_SKEW
+        points = [view.points_3d_m[None] for view in views]
+        pixels = [view.pixels_px[None] for view in views]
+        try:
+            _, matrix, coefficients, _, _ = cv2.fisheye.calibrate(
+                points, pixels, size_px, np.eye(3), np.zeros(4), flags=flags, criteria=_criteria()
+            )
+        except cv2.error as reason:
+            raise EstimatorError(f"cv2.fisheye.calibrate: {_first_line(reason)}") from None
+        focals, middle = (matrix[0, 0], matrix[1, 1]), (matrix[0, 2], matrix[1, 2])
+        if min(focals) <= 0.0:
+            raise EstimatorError(f"cv2.fisheye.calibrate: diverged to {focals[0]:.4g} px/rad")
+        return KannalaBrandtCamera(*size_px, focals, middle, tuple(coefficients.ravel().tolist()))
+
+
+class OpencvOmnidirCalibration(BoardCalibration):
+    """`cv2.omnidir.calibrate`."""
+
+    title = "cv2.omnidir"
+
+    def calibrate(self, views: Sequence[BoardView], size_px: tuple[int, int]) -> CentralCamera:
+        """Unified model with distortion."""
+        import cv2
+
+        points = [view.points_3d_m[None] for view in views]
+        pixels = [view.pixels_px[None] for view in views]
+        try:
+            _, matrix, xi, coefficients, *_ = cv2.omnidir.calibrate(
+                points, pixels, size_px, np.eye(3), np.zeros(1), np.zeros(4),
+                cv2.omnidir.CALIB_FIX_SKEW, _criteria(),
+            )  # fmt: skip
+        except cv2.error as reason:
+            raise EstimatorError(f"cv2.omnidir.calibrate: {_first_line(reason)}") from None
+        focals, middle = (matrix[0, 0], matrix[1, 1]), (matrix[0, 2], matrix[1, 2])
+        distortion = tuple(coefficients.ravel().tolist())
+        return UnifiedCamera(*size_px, focals, middle, float(xi.ravel()[0]), distortion)
+
+
+def _criteria() -> tuple[int, int, float]:
+    import cv2
+
+    return cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, ITERATIONS, PRECISION
+
+
+def _first_line(reason: Exception) -> str:
+    return str(reason).strip().splitlines()[0]

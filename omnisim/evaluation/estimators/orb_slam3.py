@@ -1,0 +1,237 @@
+"""ORB-SLAM3: one or two cameras, with or without an IMU.
+
+Source: Campos et al., "ORB-SLAM3: an accurate open-source library for visual, visual-inertial and
+multi-map SLAM", T-RO 2021; package `pyorbslam3`. It is under the GPL, and runs in a process of its
+own, see `orb_slam3_program`.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from omnisim.cameras import KannalaBrandtCamera
+from omnisim.cameras.calibration.documents import parse_yaml
+from omnisim.cameras.calibration.formats.opencv import OpencvFisheye
+from omnisim.core.errors import EstimatorError
+from omnisim.core.poses import inverse, pose_from_rotation
+from omnisim.core.trajectories import Trajectory
+from omnisim.datasets.export.lens_camera import LensCamera
+from omnisim.datasets.export.recording import Recording
+from omnisim.evaluation.estimator import Estimator
+from omnisim.evaluation.estimators import orb_slam3_program as program
+from omnisim.evaluation.estimators.gray_images import gray
+from omnisim.evaluation.estimators.orb_slam3_settings import ImuSettings, settings_text
+from omnisim.evaluation.estimators.orb_vocabulary import unpacked_vocabulary
+from omnisim.evaluation.trajectory_alignment import AlignmentKind
+from omnisim.sensors.imu.mounted_imu import MountedImu
+
+MAX_OFFSET_S = 1e-3  # between the two images of a pair
+MAX_MISFIT_PX = 0.5  # of the second lens with the first one's coefficients
+_TAIL = 300  # characters of the process's last words
+# EuRoC's names of the noise in a run's IMU parameters, by ORB-SLAM3's.
+NOISE = {
+    "NoiseGyro": "gyroscope_noise_density",
+    "NoiseAcc": "accelerometer_noise_density",
+    "GyroWalk": "gyroscope_random_walk",
+    "AccWalk": "accelerometer_random_walk",
+}
+Floats = NDArray[np.float64]
+
+
+class OrbSlam3(Estimator):
+    """Feature-based SLAM with the first camera."""
+
+    title = "ORB-SLAM3 (one camera)"
+    package, module, extra = "pyorbslam3", "pyorbslam3", "orb-slam3"
+    alignment: ClassVar[AlignmentKind] = "sim3"
+    cameras = 1
+    has_imu = False
+
+    def estimate(self, run: Recording, work: Path) -> Trajectory:
+        """Poses at the images of the largest map."""
+        if not run.cameras:
+            raise EstimatorError("the run has no camera")
+        if len(run.cameras) < self.cameras:
+            raise EstimatorError("the run has one camera: expected two")
+        if self.has_imu and not run.sensors(MountedImu):
+            raise EstimatorError("the run has no IMU")
+        run = run.in_frames([camera.name for camera in run.cameras[: self.cameras]], _refuse_late)
+        cameras = [LensCamera.of(one, _ignore) for one in run.cameras[: self.cameras]]
+        times_s = run.times_s(cameras[0].name)
+        if len(times_s) < 3:
+            raise EstimatorError(f"{len(times_s)} images: expected at least 3")
+        lenses = [camera.encode(OpencvFisheye(), _ignore) for camera in cameras]
+        _check_pair(lenses)
+        fps = 1.0 / float(np.median(np.diff(times_s)))
+        base_from_body = cameras[0].base_from_lens
+        imu, second = None, None
+        if self.has_imu:
+            name = run.sensors(MountedImu)[0]
+            imu = _imu_settings(run, name, base_from_body)
+            base_from_body = run.base_from_imu(name)
+            readings = run.imu_readings(name)
+            np.save(work / program.IMU, np.column_stack((readings.times_s, readings.values)))
+        if self.cameras == 2:
+            second = inverse(cameras[0].base_from_lens) @ cameras[1].base_from_lens
+        (work / program.SETTINGS).write_text(settings_text(lenses, fps, second, imu))
+        np.save(work / program.TIMES, times_s)
+        request = {
+            "vocabulary": str(unpacked_vocabulary(work)),
+            "width_px": lenses[0].width_px,
+            "height_px": lenses[0].height_px,
+            "cameras": self.cameras,
+            "fps": fps,
+        }
+        (work / program.REQUEST).write_text(json.dumps(request))
+        _run_program(work, _frames(run, cameras))
+        return _trajectory(work, times_s, base_from_body)
+
+
+class OrbSlam3Stereo(OrbSlam3):
+    """Feature-based SLAM with the first two cameras."""
+
+    title = "ORB-SLAM3 (stereo)"
+    alignment = "se3"
+    cameras = 2
+
+
+class OrbSlam3Inertial(OrbSlam3):
+    """Feature-based SLAM with the first camera and the first IMU."""
+
+    title = "ORB-SLAM3 (one camera, IMU)"
+    alignment = "se3"
+    is_level = True
+    has_imu = True
+
+
+class OrbSlam3StereoInertial(OrbSlam3Stereo):
+    """Feature-based SLAM with the first two cameras and the first IMU."""
+
+    title = "ORB-SLAM3 (stereo, IMU)"
+    is_level = True
+    has_imu = True
+
+
+def _ignore(note: str) -> None:
+    pass
+
+
+def _refuse_late(note: str) -> None:
+    raise EstimatorError(f"expected images of both cameras at the same times: {note}")
+
+
+def _check_pair(lenses: list[KannalaBrandtCamera]) -> None:
+    """Reject a second lens that the first one's coefficients do not describe.
+
+    Raises:
+        EstimatorError: images of another size, or other coefficients.
+    """
+    first, second = lenses[0], lenses[-1]
+    if (first.width_px, first.height_px) != (second.width_px, second.height_px):
+        raise EstimatorError("expected two cameras of the same image size")
+    theta = np.linspace(0.0, 0.5 * np.pi, 50)
+    powers = np.stack([theta**degree for degree in (3, 5, 7, 9)])
+    misfit = np.subtract(first.coefficients, second.coefficients) @ powers
+    misfit_px = max(second.focal_lengths_px) * float(np.abs(misfit).max())
+    if misfit_px > MAX_MISFIT_PX:
+        raise EstimatorError(
+            "ORB-SLAM3 takes both lenses' coefficients from the first one, "
+            f"which is {misfit_px:.3g} px wrong for the second"
+        )
+
+
+def _imu_settings(run: Recording, name: str, base_from_camera: Floats) -> ImuSettings:
+    parameters = parse_yaml(run.imu_parameters(name), name)
+    return ImuSettings(
+        inverse(run.base_from_imu(name)) @ base_from_camera,
+        float(parameters["rate_hz"]),
+        {key: float(parameters[own]) for key, own in NOISE.items()},
+    )
+
+
+def _frames(run: Recording, cameras: list[LensCamera]) -> Iterator[bytes]:
+    """Gray images of the cameras, frame by frame, without a border around what they show.
+
+    Pixels past 90° from the axis or without a ray have the value of the nearest one with a ray:
+    corners on the rim of an image circle would move with the camera.
+    """
+    nearest = [_nearest_shown(camera.mask(front_only=True)) for camera in cameras]
+    for step in range(run.steps):
+        for camera, source in zip(cameras, nearest, strict=True):
+            image = camera.flip(camera.recorded.image(step))
+            levels = gray(image)
+            yield (levels if source is None else levels[source]).tobytes()
+
+
+def _nearest_shown(mask: NDArray[np.bool_] | None) -> tuple[NDArray[np.intp], ...] | None:
+    """Row and column (height, width) of the nearest pixel in a mask; None: all are in it."""
+    if mask is None:
+        return None
+    return tuple(
+        scipy.ndimage.distance_transform_edt(~mask, return_distances=False, return_indices=True)
+    )
+
+
+def _run_program(work: Path, frames: Iterator[bytes]) -> None:
+    """Run ORB-SLAM3 in its own process.
+
+    Raises:
+        EstimatorError: it ended with an error.
+    """
+    log = work / "output.txt"
+    with log.open("wb") as output:
+        process = subprocess.Popen(
+            [sys.executable, program.__file__, str(work)],
+            stdin=subprocess.PIPE, stdout=output, stderr=subprocess.STDOUT, cwd=work,
+        )  # fmt: skip
+        assert process.stdin is not None
+        try:
+            with suppress(BrokenPipeError):  # its exit status says why
+                for frame in frames:
+                    process.stdin.write(frame)
+        except BaseException:
+            process.kill()
+            raise
+        finally:
+            with suppress(BrokenPipeError):
+                process.stdin.close()
+            status = process.wait()
+    if status:
+        words = log.read_text(encoding="utf-8", errors="replace").strip()[-_TAIL:]
+        raise EstimatorError(f"ORB-SLAM3: exit status {status}: {words or 'without a message'}")
+
+
+def _trajectory(work: Path, times_s: Floats, base_from_body: Floats) -> Trajectory:
+    """Poses of the base from the two files of poses.
+
+    Those of frames are in the frame of the first keyframe, those of keyframes in the world.
+
+    Raises:
+        EstimatorError: there are none.
+    """
+    frames, keyframes = (_poses(work / name) for name in (program.FRAMES, program.KEYFRAMES))
+    if not len(frames[0]) or not len(keyframes[0]):
+        raise EstimatorError("ORB-SLAM3 has tracked no image")
+    world_from_first = keyframes[1][0]
+    steps = np.abs(times_s[:, None] - frames[0]).argmin(axis=0)
+    poses = world_from_first @ frames[1] @ inverse(base_from_body)
+    return Trajectory(times_s[steps], poses)
+
+
+def _poses(path: Path) -> tuple[Floats, Floats]:
+    """Times (n,) and poses (n, 4, 4) of a file in EuRoC's format; none without a file."""
+    if not path.is_file() or not path.stat().st_size:
+        return np.empty(0), np.empty((0, 4, 4))
+    table = np.loadtxt(path, ndmin=2)  # stamp in ns, position, quaternion x y z w
+    rotations = scipy.spatial.transform.Rotation.from_quat(table[:, 4:]).as_matrix()
+    return table[:, 0] * 1e-9, pose_from_rotation(rotations, table[:, 1:4])

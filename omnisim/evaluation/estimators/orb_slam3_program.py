@@ -1,0 +1,80 @@
+"""Process of ORB-SLAM3: python orb_slam3_program.py FOLDER < IMAGES.
+
+`pyorbslam3` is under the GPL, so that nothing of omnisim is imported here; the two speak by files
+and a pipe. FOLDER has `request.json`, `settings.yaml`, the vocabulary, `times.npy` (n,) and, with
+an IMU, `imu.npy` (m, 7): time, angular rate, specific force. The pipe has n frames of one or two
+gray images of 8 bits. Results are `frames.txt` and `keyframes.txt`, in EuRoC's format.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+REQUEST, SETTINGS, TIMES, IMU = "request.json", "settings.yaml", "times.npy", "imu.npy"
+FRAMES, KEYFRAMES = "frames.txt", "keyframes.txt"
+IDLE_CHECKS, CHECK_S, MAX_WAIT_S = 4, 1.5e-3, 5.0  # mapping's own thread sleeps for 3 ms at a time
+
+
+def main(folder: Path) -> None:
+    """Track all frames, and write the trajectory of the largest map."""
+    request = json.loads((folder / REQUEST).read_text(encoding="utf-8"))
+    import pyorbslam3  # type: ignore[import-untyped]
+
+    times_s = np.load(folder / TIMES)
+    readings = np.load(folder / IMU) if (folder / IMU).is_file() else None
+    size, cameras = (request["height_px"], request["width_px"]), request["cameras"]
+    kind = ("IMU_" if readings is not None else "") + ("STEREO" if cameras == 2 else "MONOCULAR")
+    sensor = pyorbslam3.Sensor.__members__[kind]
+    slam = pyorbslam3.Slam(request["vocabulary"], folder / SETTINGS, sensor)
+    track = slam.track_stereo if cameras == 2 else slam.track_monocular
+    last_s = times_s[0] - 1.0 / request["fps"]
+    for time_s in times_s:
+        raw = sys.stdin.buffer.read(cameras * size[0] * size[1])
+        images = np.frombuffer(raw, np.uint8).reshape(cameras, *size)
+        imu = None
+        if readings is not None:
+            imu = readings[(readings[:, 0] > last_s) & (readings[:, 0] <= time_s)]
+        track(*images, float(time_s), imu=imu)
+        last_s = time_s
+        wait_for_mapping()
+    slam.shutdown()
+    try:
+        slam.save_trajectory_euroc(str(folder / FRAMES))
+        slam.save_keyframe_trajectory_euroc(str(folder / KEYFRAMES))
+    except RuntimeError as reason:  # no keyframe in any map
+        print(f"no trajectory: {reason}")
+    sys.stdout.flush()
+    os._exit(0)  # the library's own destructors crash
+
+
+def wait_for_mapping() -> None:
+    """Wait until no other thread is busy, so that the map does not depend on the machine's load."""
+    end_s, idle = time.monotonic() + MAX_WAIT_S, 0
+    while idle < IDLE_CHECKS and time.monotonic() < end_s:
+        time.sleep(CHECK_S)
+        idle = 0 if _is_busy() else idle + 1
+
+
+def _is_busy() -> bool:
+    """True if a thread other than this one runs or waits for a processor."""
+    own = str(threading.get_native_id())
+    for task in Path("/proc/self/task").iterdir():
+        if task.name != own:
+            try:
+                state = (task / "stat").read_text().rpartition(")")[2].split()[0]
+            except OSError:  # the thread has ended
+                continue
+            if state in "RD":
+                return True
+    return False
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
