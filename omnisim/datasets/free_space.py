@@ -132,7 +132,7 @@ def find_free_space(
 
 
 def _floor_at_start(scene: Scene) -> float:
-    """Height of the highest surface below the scene's start; without one, the scene's lowest."""
+    """Height of the highest surface below the scene's start; default: the scene's lowest point."""
     *start, z = scene.start.position_m
     point = np.array(start)
     heights = HeightField(scene, point, point).heights_m(point[None, None])

@@ -19,11 +19,11 @@ class Outcome:
     """Outcome of an estimator on a run.
 
     Attributes:
-        estimator: its name, or the user's command.
-        status: "ok" with errors, otherwise why there are none.
+        estimator: name of the estimator, or the user's command.
+        status: "ok", or the kind of failure.
         reason: message of a failure; empty: none.
         seconds: time that the estimator took, without starting its process.
-        errors: errors of its trajectory; None: it has none.
+        errors: errors of the trajectory; None: no trajectory.
     """
 
     estimator: str

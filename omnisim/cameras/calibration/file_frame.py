@@ -34,7 +34,7 @@ def is_catadioptric(camera: CentralCamera) -> bool:
 
 
 def lens_of(camera: CentralCamera) -> CentralCamera | None:
-    """Lens with the camera's rays, or with a mirror's rays as (x, y, −z); None if there is none."""
+    """Lens equivalent to a camera, for mirrors with z of the rays reversed; None: no such lens."""
     size, center = (camera.width_px, camera.height_px), camera.principal_point_px
     match camera:
         case MirroredCamera(lens=lens):

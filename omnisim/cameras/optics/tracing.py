@@ -50,7 +50,7 @@ def trace(
     fates: NDArray[np.uint8],
     can_block: bool = True,
 ) -> Paths:
-    """Trace rays (n, 3) from a camera; rays with another fate than SEEN get NaN points.
+    """Trace rays (n, 3) from a camera; rays with a fate other than SEEN get NaN points.
 
     Args:
         surfaces: in the order of the rays from the camera.

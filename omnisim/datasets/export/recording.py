@@ -268,7 +268,7 @@ class Recording:
 
 
 def _nearest(times_s: NDArray[np.float64], wanted_s: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Index (n,) of the time, among `times_s` (m,), that is nearest to each wanted time (n,)."""
+    """Indices (n,) of the times among `times_s` (m,) nearest to the times `wanted_s` (n,)."""
     after = np.clip(np.searchsorted(times_s, wanted_s), 1, max(len(times_s) - 1, 1))
     after = np.minimum(after, len(times_s) - 1)
     before = np.maximum(after - 1, 0)

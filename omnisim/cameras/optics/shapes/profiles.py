@@ -280,7 +280,7 @@ class Asphere(Parameters, Profile, name="shape"):
 
     @property
     def domain_m(self) -> float:
-        """Radius of the conic's equator."""
+        """Radius of the conic's equator; infinite if there is none."""
         return float(np.sqrt(self.radius_m**2 / (1.0 + self.conic))) if self.conic > -1 else np.inf
 
     def derivatives(self, radii_m: Floats) -> Derivatives:

@@ -130,7 +130,7 @@ class ClusterDrawer:
     def draw(self, pass_index: int) -> None:
         """Draw the commands of a pass, with the state of `GlState.drawing`.
 
-        The previous passes were drawn in the same frame, and nothing else since.
+        Requires that the previous passes of the frame were drawn last.
         """
         if pass_index == 0:
             self._draws.bind(self.culler.commands.glo, self.culler.counts.glo, self._array.glo)
