@@ -135,6 +135,6 @@ class ProbeBaker:
     def _add_lamps(self, moments: NDArray[np.float64], origins: Floats) -> None:
         """Add the light of lamps, each from a single direction."""
         for lamp in lamps_on(self._lighting, self._transport, origins):
-            towards = np.broadcast_to(lamp.directions, origins.shape)
+            toward = np.broadcast_to(lamp.directions, origins.shape)
             light = np.pi * lamp.levels[:, None] * lamp.color
-            moments += spherical_harmonics(towards)[:, :, None] * light[:, None]
+            moments += spherical_harmonics(toward)[:, :, None] * light[:, None]

@@ -2,7 +2,7 @@
 
 The physics, without any of our frames: the camera looks straight up, so with the vehicle's front
 at the top of its image the right of the image is up × front, the vehicle's left. A mirror
-above it shows what is in front towards the top, and what is to the left towards the right.
+above it shows what is in front toward the top, and what is to the left toward the right.
 """
 
 from __future__ import annotations

@@ -124,8 +124,8 @@ def _section(recording: Recording, outcomes: Sequence[Outcome], folder: Path) ->
         "ATE: root mean square distance from the truth after alignment (se3: by rotation and "
         "translation; sim3: by scale, too; none: the estimator starts at the true pose). RPE: "
         "error of the motion between successive poses. Drift: error of the motion over a tenth of "
-        "the path, as a share of its length. Lost: share of the time before the first and after the "
-        "last pose.",
+        "the path, as a share of its length. Lost: share of the time before the first and after "
+        "the last pose.",
         tables=tables,
         figures=[
             CaptionedFigure(

@@ -267,7 +267,7 @@ class Asphere(Parameters, Profile, name="shape"):
     shape_name = "asphere"
     needs_rim = True
     radius_m: Signed
-    """Radius of curvature R at the vertex; positive: bulges towards the camera."""
+    """Radius of curvature R at the vertex; positive: bulges toward the camera."""
     conic: Annotated[Number, Field(ge=-1e6, le=1e6)] = 0.0
     """Conic constant κ."""
     coefficients: Annotated[tuple[Signed, ...], Field(max_length=16)] = ()
