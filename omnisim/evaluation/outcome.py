@@ -46,7 +46,7 @@ def outcome_from(content: dict[str, Any]) -> Outcome:
     """Outcome of a JSON object.
 
     Raises:
-        KeyError, TypeError, ValueError: it is none.
+        KeyError, TypeError, ValueError: not the JSON object of an outcome.
     """
     errors = content["errors"]
     if errors is not None:

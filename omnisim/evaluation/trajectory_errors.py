@@ -31,7 +31,7 @@ class TrajectoryErrors:
 
     Attributes:
         kind: alignment of the absolute errors and of the scale.
-        alignment: from the estimate's world to the true one.
+        alignment: transform from the estimate's world to the true one.
         poses: number of estimated poses with a true state.
         way_m: length of the true path between these poses.
         ate_m: root mean square distance of the aligned positions (absolute trajectory error).

@@ -213,7 +213,7 @@ def fill_channels(
 
 
 def needed_others(names: Collection[str], given: Collection[str], what: str) -> list[str]:
-    """Other images that the channels depend on: "next", "previous".
+    """Other images required by the channels: "next", "previous".
 
     Args:
         names: channels.

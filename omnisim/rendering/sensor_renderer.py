@@ -64,7 +64,7 @@ class Sensor(Protocol[Opened_co]):
     """Sensor that a stage can open; your own sensors need this method and `summary`."""
 
     def open(self, stage: SharedScene, mounting: Mounting) -> Opened_co:
-        """Open its renderer on a stage."""
+        """Open the sensor's renderer on a stage."""
 
 
 class SensorRenderer(Closeable, EditableScene, Generic[SensorT, Passes]):
@@ -74,7 +74,7 @@ class SensorRenderer(Closeable, EditableScene, Generic[SensorT, Passes]):
     `close`, because it holds GPU memory.
 
     Args:
-        stage: to be closed after the renderer.
+        stage: stage of the renderer, to be closed after it.
         sensor: model of the sensor.
         mounting: mounting on a vehicle of the stage.
 

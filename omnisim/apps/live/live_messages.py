@@ -45,7 +45,7 @@ class Drive(Message):
 
 
 class Go(Message):
-    """Point on the map to drive or fly to."""
+    """Destination on the map, in world x and y."""
 
     x: Meters
     y: Meters
@@ -59,7 +59,7 @@ class Turn(Message):
 
 
 class SetPlace(Message):
-    """Pose to jump to."""
+    """New pose, reached at once."""
 
     x: Meters
     y: Meters

@@ -88,7 +88,7 @@ def _nearest_model(lens: FovLens, source: str) -> tuple[CentralCamera, str]:
     """omnisim model nearest to a lens of another model, and a note about its residuals.
 
     Args:
-        lens: lens that omnisim has no model for.
+        lens: lens of a model that omnisim lacks.
         source: file and camera, for messages.
 
     Raises:

@@ -21,7 +21,7 @@ class GatheredLight(NamedTuple):
 
     Attributes:
         light: (n, 3) mean of rays: light of emissive patches and sky, and `radiosity`.
-        halves: (n, 2, 3) the same, from every other ray.
+        halves: (n, 2, 3) the same from the even and the odd rays, separately.
         is_valid: (n,) at least one ray did not hit the inside of a solid.
     """
 

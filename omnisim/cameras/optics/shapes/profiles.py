@@ -64,7 +64,7 @@ class Profile(Shape):
         return int((signs >= 0.0).all()) or -int((signs <= 0.0).all())
 
     def sag_m(self, radii_m: Floats) -> Floats:
-        """Heights z(r) at distances from the axis; NaN outside the domain."""
+        """Heights z(r) (...) at distances r (...) from the axis; NaN outside the domain."""
         return np.where(radii_m <= self.domain_m, self.derivatives(radii_m).heights_m, np.nan)
 
     def level(self, points_m: Floats) -> Level:

@@ -169,7 +169,7 @@ class Cone(Parameters, Quadric, name="shape"):
         return 1.0, -(math.tan(math.radians(self.half_angle_deg)) ** 2), 0.0
 
     def sag_m(self, radii_m: Floats) -> Floats:
-        """Heights z: r over the tangent of the half angle."""
+        """Heights z (...) at radii r (...): r over the tangent of the half angle."""
         return radii_m / math.tan(math.radians(self.half_angle_deg))
 
 

@@ -78,4 +78,4 @@ class Shape(ABC):
 
     @abstractmethod
     def sag_m(self, radii_m: Floats) -> Floats:
-        """Heights z of the surface at distances from the axis; NaN outside its domain."""
+        """Heights z (...) of the surface at radii (...); NaN outside its domain."""

@@ -112,7 +112,7 @@ class RemapPass:
 
         Args:
             atlases: one layer per image.
-            target: at least `count` images high.
+            target: framebuffer at least `count` images high.
             count: number of images, from the first layer.
         """
         self._state.bind_texture(0, atlases.glo)

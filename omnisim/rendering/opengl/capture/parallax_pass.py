@@ -147,7 +147,7 @@ class ParallaxPass:
             atlas: atlas rendered from the viewpoint.
             depth: depth (height, width) of its texels.
             target: receives the image.
-            cast: colors undecided samples; None: assume that their occluders are thin.
+            cast: function that colors undecided samples by rays; None: treat occluders as thin.
         """
         self._pyramid.update(depth)
         self.draw_again(atlas, target, cast)

@@ -40,11 +40,11 @@ class CullingShaders(NamedTuple):
     """Compute shaders of culling.
 
     Attributes:
-        instances: writes the matrices of objects in views.
-        groups: culls groups; the rest are the candidates of the first pass.
-        cull: for a single pass, or for the first and the later passes.
-        commands: writes draw commands of visible clusters.
-        hi_z: hierarchical depth between two passes: fine and coarse levels.
+        instances: shader that writes the matrices of objects in views.
+        groups: shader that culls groups; the others become candidates of the first pass.
+        cull: shaders that cull clusters, for a single pass or for the first and the later passes.
+        commands: shader that writes the draw commands of visible clusters.
+        hi_z: shaders of hierarchical depth between two passes, for fine and coarse levels.
     """
 
     instances: moderngl.ComputeShader

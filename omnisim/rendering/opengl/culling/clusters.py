@@ -116,7 +116,7 @@ def _firsts(count: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def ranges(first: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Concatenated ranges of `count` consecutive numbers, each starting at `first`."""
+    """Concatenated ranges of `count` (n,) consecutive numbers, each starting at `first` (n,)."""
     numbers = np.repeat(first - _firsts(count), count)
     numbers += np.arange(len(numbers))
     return numbers

@@ -67,7 +67,7 @@ class SurfaceVariant(NamedTuple):
 
     @property
     def computes_light(self) -> bool:
-        """Light is computed per fragment."""
+        """True if light is computed per fragment."""
         in_lightmap = self.light is LightSource.LIGHTMAP and self.maps is None
         return self.lit and self.shading is not Shading.BAKED and not in_lightmap
 

@@ -124,7 +124,7 @@ class TileRenderer:
 
     @property
     def has_items(self) -> bool:
-        """Some items are drawn one by one."""
+        """True if some items are drawn one by one."""
         return bool(self._items.size)
 
     def begin(
