@@ -19,7 +19,7 @@ class Estimator(ABC):
 
     Attributes:
         title: display name, with the required sensors.
-        package: name of the required package on PyPI; "": none.
+        package: name of the required Python package; "": none.
         module: module of that package.
         alignment: unknowns of the method: "se3": the pose of its world; "sim3": its scale, too;
             "none": it starts at the true pose.

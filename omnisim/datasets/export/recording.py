@@ -39,7 +39,7 @@ class ImuReadings:
     Attributes:
         times_s: (n,) times of the readings.
         values: (n, 6) angular rate in rad/s and specific force in m/s², in the IMU's frame.
-        biases: (n, 6) biases of the readings, in their units; None: the run has none.
+        biases: (n, 6) biases of the readings, in the same units; None: not recorded.
     """
 
     times_s: NDArray[np.float64]

@@ -51,7 +51,7 @@ class ProbeGrid(NamedTuple):
 
 
 def probe_grid(scene: Scene) -> ProbeGrid:
-    """Grid of about `PROBE_BUDGET` probes at most within the bounds of the static surfaces.
+    """Grid of probes within the bounds of the static surfaces, about `PROBE_BUDGET` or fewer.
 
     In a larger scene the grid surrounds the positions of cameras and vehicles.
     """

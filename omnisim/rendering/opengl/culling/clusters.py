@@ -32,8 +32,8 @@ class Clusters(NamedTuple):
         cone_axes: (n, 3) unit, mean normal.
         cone_sines: (n,) sine of the largest angle between the axis and a normal; above 1 for angles
             of 90° or more.
-        widths: (n,) side of a square as large as the mean triangle; smaller for many triangles: a
-            wall of two occludes more than a bush of twenty.
+        widths: (n,) side of a square as large as the mean triangle; reduced for clusters
+            of many triangles, since a wall of two occludes more than a bush of twenty.
     """
 
     first: NDArray[np.int64]
