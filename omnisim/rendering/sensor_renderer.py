@@ -148,7 +148,7 @@ class SensorRenderer(Closeable, EditableScene, Generic[SensorT, Passes]):
 
         Args:
             given: state or pose.
-            before: supplies all other poses if only the vehicle's pose is given.
+            before: state with all other poses, used if only the vehicle's pose is given.
             time_s: time of the state if only a pose is given; None: as before.
 
         Raises:

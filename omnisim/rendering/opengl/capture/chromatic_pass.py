@@ -31,7 +31,7 @@ class ChromaticPass:
         undecided_samples: number in the last image, all channels.
 
     Raises:
-        GraphicsError: no memory for it.
+        GraphicsError: out of GPU memory.
     """
 
     def __init__(

@@ -60,7 +60,7 @@ class ParallaxPass:
         undecided_samples: number in the last image.
 
     Raises:
-        GraphicsError: no memory for it.
+        GraphicsError: out of GPU memory.
     """
 
     def __init__(
@@ -146,7 +146,7 @@ class ParallaxPass:
         Args:
             atlas: atlas rendered from the viewpoint.
             depth: depth (height, width) of its texels.
-            target: receives the image.
+            target: framebuffer for the image.
             cast: function that colors undecided samples by rays; None: treat occluders as thin.
         """
         self._pyramid.update(depth)

@@ -42,11 +42,11 @@ class SurfaceVariant(NamedTuple):
     Attributes:
         lit, alpha_mode, textured: properties of the material.
         shading: shading of the triangles.
-        clustered: draws clusters; else single items.
+        clustered: True: draws clusters; False: single items.
         layered: each camera has a layer.
         blended_arrays: number of texture arrays of blended clusters.
         maps: True for each map of the material, in the order of `Material.maps`; None: matte.
-        second_coordinates: some maps use the second texture coordinates.
+        second_coordinates: True if a map uses the second texture coordinates.
         in_fog: drawn with the scene's fog, if it has one.
         light: source of the light on lit surfaces.
         both_sides: each side has its own light in the lightmap.

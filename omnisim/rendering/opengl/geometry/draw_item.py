@@ -1,4 +1,4 @@
-"""Draw items: instances of meshes ready to draw, and their transforms in one frame."""
+"""Draw items: instances of meshes ready to draw, and their transforms for one image."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ class DrawItem:
 
 
 class InstanceTransforms(NamedTuple):
-    """Transforms of all draw items to the viewpoint frame, in one frame.
+    """Transforms of all draw items to the viewpoint frame, for one image.
 
     Attributes:
         viewpoint_from_mesh: (n, 4, 4) matrices.
