@@ -61,7 +61,7 @@ class SubFrames(NamedTuple):
 
     Attributes:
         parts: sub-frames, at least one.
-        expose: maps the mean luminance to the exposure.
+        expose: function from the mean luminance to the exposure.
         is_metered: measure the luminance for `expose`.
         linear: also return linear colors.
     """

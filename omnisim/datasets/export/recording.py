@@ -147,7 +147,7 @@ class Recording:
 
         Args:
             names: sensors of the frames.
-            print_note: called with notes on sensors that measure at other times.
+            print_note: callback for notes on sensors that measure at other times.
         """
         if not any(self.run.has_own_rate(name) for name in names):
             return self

@@ -28,7 +28,7 @@ class ChromaticPass:
         fog: see `ParallaxPass`.
 
     Attributes:
-        undecided_samples: number in the last image, all channels.
+        undecided_samples: number of undecided samples in the last image, all channels.
 
     Raises:
         GraphicsError: out of GPU memory.

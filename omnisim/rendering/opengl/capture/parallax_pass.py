@@ -57,7 +57,7 @@ class ParallaxPass:
         fog: fog in the atlas, as seen from the viewpoint; None: clear air.
 
     Attributes:
-        undecided_samples: number in the last image.
+        undecided_samples: number of undecided samples in the last image.
 
     Raises:
         GraphicsError: out of GPU memory.

@@ -65,7 +65,7 @@ class ClusterHierarchy(NamedTuple):
 
     Attributes:
         order: (n,) triangle indices sorted by cluster.
-        clusters: sorted by group.
+        clusters: clusters of the triangles, sorted by group.
         groups: groups of consecutive clusters.
     """
 

@@ -47,7 +47,7 @@ class SurfaceVariant(NamedTuple):
         blended_arrays: number of texture arrays of blended clusters.
         maps: True for each map of the material, in the order of `Material.maps`; None: matte.
         second_coordinates: True if a map uses the second texture coordinates.
-        in_fog: drawn with the scene's fog, if it has one.
+        in_fog: True if drawn with the scene's fog, if it has one.
         light: source of the light on lit surfaces.
         both_sides: each side has its own light in the lightmap.
     """

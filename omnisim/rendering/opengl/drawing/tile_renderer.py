@@ -149,7 +149,7 @@ class TileRenderer:
         """Draw the clusters of all tiles, then the items.
 
         Args:
-            target: cleared by `begin`.
+            target: framebuffer, cleared by `begin`.
             world_from_rig: (4, 4) pose of the camera's rig.
             world_from_objects: (4, 4) each, poses of the dynamic objects.
             drawer: drawer of the items.
