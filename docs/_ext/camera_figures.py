@@ -71,7 +71,7 @@ def frames_figure() -> str:
         (
             ("rig", turn, ("x forward, y left, z up",)),
             ("optical", optical, ("x right, y down,", "z forward, into the mirror")),
-            ("mirror", optical @ MIRROR_FROM_OPTICAL.T, ("z towards the pinhole",)),
+            ("mirror", optical @ MIRROR_FROM_OPTICAL.T, ("z toward the pinhole",)),
         )
     ):
         origin = np.array([480.0, 100.0 + 150.0 * row])

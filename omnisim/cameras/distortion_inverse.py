@@ -22,8 +22,8 @@ def undistort(
     """Points (..., 2), within a radius, that a distortion maps to `distorted` (..., 2).
 
     Args:
-        distort: maps points (n, 2) to distorted points (n, 2).
-        newton_step: inverse Jacobian at points (n, 2) times errors (n, 2).
+        distort: function from points (n, 2) to distorted points (n, 2).
+        newton_step: function from points (n, 2) and errors (n, 2) to inverse Jacobian times error.
         start: (..., 2) initial guesses; each is iterated until it converges.
         distorted: (..., 2) distorted points.
         limit: radius of the disc to which all steps are confined.

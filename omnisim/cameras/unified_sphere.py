@@ -24,7 +24,7 @@ def cosine_limit(alpha: float) -> float:
 
 
 def plane_limit(alpha: float) -> float:
-    """Largest radius on the normalized plane; for α > 0.5 1/√(2α − 1), where the image folds."""
+    """Largest radius on the normalized plane: 1/√(2α − 1), where the image folds, if α > 0.5."""
     return min(MAX_RADIUS, 1.0 / math.sqrt(2.0 * alpha - 1.0)) if alpha > 0.5 else MAX_RADIUS
 
 

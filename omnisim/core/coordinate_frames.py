@@ -8,7 +8,7 @@ rig        the sensor's own body at its effective viewpoint: x forward, y left, 
            level. The cube faces are aligned with it.
 optical    the camera, with axes as in its image: x right, y down, z forward, into the scene or into
            the mirror (OpenCV). The origin is the effective viewpoint.
-mirror     x of the optical frame, z towards the pinhole: the frame of Eq. 1.
+mirror     x of the optical frame, z toward the pinhole: the frame of Eq. 1.
 
 Every matrix is named target_from_source and maps column vectors of the source to the target.
 Pixel (0, 0) is the center of the first pixel, so the image's corner is at (−0.5, −0.5) (OpenCV,

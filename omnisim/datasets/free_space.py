@@ -132,7 +132,7 @@ def find_free_space(
 
 
 def _floor_at_start(scene: Scene) -> float:
-    """Height of the highest surface below the scene's start; without one, the scene's lowest."""
+    """Height of the highest surface below the scene's start; default: the scene's lowest point."""
     *start, z = scene.start.position_m
     point = np.array(start)
     heights = HeightField(scene, point, point).heights_m(point[None, None])
@@ -202,7 +202,7 @@ class _Grid:
     def floor_and_clearance(
         self, scene: Scene, floor_m: float, step_m: float, height_m: float
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Heights of the floor, and clearances, as in `FreeSpace`."""
+        """Heights of the floor, and clearances, (rows, columns) each, as in `FreeSpace`."""
         triangles = triangles_within(scene, self.low_m, self.high_m)
         reach_m = max(step_m, 0.5 * self.cell_m)
         from_floor_m = np.abs(triangles.corners_m[..., 2] - floor_m)

@@ -25,7 +25,7 @@ class PointResult:
 
     Attributes:
         point: the drive.
-        outcomes: outcome of each estimator; if the drive failed, with its reason.
+        outcomes: outcome of each estimator; a failed drive gives its reason to all of them.
     """
 
     point: SweepPoint
@@ -35,14 +35,14 @@ class PointResult:
 def run_sweep(
     plan: SweepPlan, points: list[SweepPoint], base: Path, folder: Path, processes: int = 1
 ) -> Iterator[PointResult]:
-    """Record the drives that are not there yet, and apply the estimators; yield in order.
+    """Record the missing drives, and apply the estimators; yield results in order.
 
     Args:
         plan: plan of the sweep.
-        points: its drives.
+        points: drives of the sweep.
         base: folder of the plan, at which relative paths start.
         folder: folder with a subfolder for each drive.
-        processes: number of drives at the same time.
+        processes: number of concurrent drives.
 
     Raises:
         OutputError: the folder cannot be written to.
@@ -97,6 +97,6 @@ def _drive(plan: SweepPlan, point: SweepPoint, base: Path, robot: Path, run: Pat
 
 
 def _place(base: Path, name: str) -> str:
-    """Absolute path of a file of the plan, or else the name of something built in."""
+    """Absolute path of a file of the plan; a built-in name stays unchanged."""
     is_path = "/" in name or bool(Path(name).suffix)
     return str((base / name).absolute()) if is_path else name

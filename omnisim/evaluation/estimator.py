@@ -19,13 +19,13 @@ class Estimator(ABC):
     `ESTIMATORS`.
 
     Attributes:
-        title: name for people, with the sensors that it uses.
-        package: package on the index that it needs; "": none.
+        title: display name, with the required sensors.
+        package: name of the required Python package; "": none.
         module: module of that package.
         extra: extra of omnisim that installs it.
         alignment: unknowns of the method: "se3": the pose of its world; "sim3": its scale, too;
             "none": it starts at the true pose.
-        is_level: the method knows which way is down.
+        is_level: True if the method observes the direction of gravity.
     """
 
     title: ClassVar[str]

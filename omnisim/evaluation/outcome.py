@@ -20,12 +20,12 @@ class Outcome:
     """Outcome of an estimator on a run.
 
     Attributes:
-        estimator: its name, or the user's command.
-        status: "ok" with errors, otherwise why there are none.
-        reason: message of a failure, or errors of a camera in words; empty: none.
+        estimator: name of the estimator, or the user's command.
+        status: "ok", or the kind of failure.
+        reason: message of a failure, or the camera's errors in words; empty: none.
         seconds: time that the estimator took, without starting its process.
-        errors: errors of its trajectory; None: it has none.
-        camera: errors of its calibrated camera; None: it has none.
+        errors: errors of the trajectory; None: no trajectory.
+        camera: errors of the calibrated camera; None: no calibration.
     """
 
     estimator: str
@@ -49,7 +49,7 @@ def outcome_from(content: dict[str, Any]) -> Outcome:
     """Outcome of a JSON object.
 
     Raises:
-        KeyError, TypeError, ValueError: it is none.
+        KeyError, TypeError, ValueError: not the JSON object of an outcome.
     """
     errors = content["errors"]
     if errors is not None:

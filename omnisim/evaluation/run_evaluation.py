@@ -37,13 +37,13 @@ _FINAL = ("ok", "failed", "crashed")  # others may differ next time
 def evaluate_estimator(run: Path, name: str, folder: Path, limit_s: float) -> Outcome:
     """Apply an estimator to a run, in a process of its own, and measure its errors.
 
-    An outcome that is in the folder already is read, if it is of the same run and estimator.
+    A stored outcome of the same run and estimator is read instead.
 
     Args:
         run: folder of a finished run.
         name: estimator, see `estimator_named`.
         folder: folder for its trajectory and outcome; created if missing.
-        limit_s: time after which the process is ended.
+        limit_s: time limit of the process.
 
     Raises:
         EstimatorError: the name is unknown.
@@ -90,7 +90,7 @@ def _version(estimator: Estimator) -> str:
 
 
 def _read_outcome(path: Path, inputs: str) -> Outcome | None:
-    """Final outcome of the same inputs; None: there is none."""
+    """Stored final outcome of the same inputs; None: missing."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         if content.pop("inputs") != inputs:
@@ -138,7 +138,7 @@ def _camera_outcome(run: Path, name: str, path: Path, seconds: float) -> Outcome
 
 
 def _run_worker(run: Path, name: str, folder: Path, limit_s: float) -> int | None:
-    """Exit status of the process; None: it took too long, and was ended with its children."""
+    """Exit status of the process; None: timed out, and was killed with its children."""
     words = [sys.executable, "-m", "omnisim.evaluation.estimator_worker"]
     words += [str(run.absolute()), name, str(folder.absolute())]
     with (folder / OUTPUT).open("wb") as output:

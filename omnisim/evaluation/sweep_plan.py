@@ -57,7 +57,7 @@ class SweepPoint:
     """Drive of a sweep.
 
     Attributes:
-        variation: index of the variation; None: the robot as it is.
+        variation: index of the variation; None: the unchanged robot.
         label: varied value as text.
         seed: seed of the drive.
         robot: tables of the robot file.
@@ -78,7 +78,7 @@ class SweepPoint:
         return f"{safe[:60]}-seed{self.seed}"
 
     def write_robot(self, folder: Path) -> Path:
-        """Write the robot file, and the sensor files that were changed, to a folder."""
+        """Write the robot file and the changed sensor files to a folder."""
         for name, tables in self.files.items():
             (folder / name).write_text(toml_text(tables), encoding="utf-8")
         path = folder / "robot.toml"
@@ -87,7 +87,7 @@ class SweepPoint:
 
 
 def read_plan(path: Path) -> tuple[SweepPlan, list[SweepPoint]]:
-    """Read a plan and make its points.
+    """Read a plan, and list the drives of the sweep.
 
     Raises:
         PlanError: naming file, key and value.
@@ -114,7 +114,7 @@ def read_plan(path: Path) -> tuple[SweepPlan, list[SweepPoint]]:
 
 
 def _variations(plan: SweepPlan) -> Iterator[tuple[int | None, str, str, Any]]:
-    """Index, key, label and value of each variation; first the robot as it is."""
+    """Index, key, label and value of each variation; the unchanged robot comes first."""
     yield None, "", BASE, None
     for index, variation in enumerate(plan.vary):
         for value in variation.values:
@@ -125,10 +125,10 @@ def _variations(plan: SweepPlan) -> Iterator[tuple[int | None, str, str, Any]]:
 def _varied(
     robot: Mapping[str, Any], keys: list[str], value: Any, where: str
 ) -> tuple[dict[str, Any], dict[str, Mapping[str, Any]]]:
-    """Robot with another value, and the sensor file that was changed with it.
+    """Robot with another value, and the changed sensor file by name, if any.
 
     Raises:
-        PlanError: the key leads nowhere.
+        PlanError: no sensor or sensor file matches the key.
     """
     if keys[0] != "sensors":
         return _with_value(robot, keys, value), {}
@@ -153,7 +153,7 @@ def _varied(
 
 
 def _with_seed(robot: Mapping[str, Any], seed: int) -> dict[str, Any]:
-    """Robot whose devices with seeds of their own have other ones for each drive."""
+    """Robot with the seed of the drive added to the seeds of its sensors."""
     sensors = [
         {**one, "seed": one.get("seed", 0) + seed} if _has_seed(one) else one
         for one in robot.get("sensors", ())
@@ -167,7 +167,7 @@ def _has_seed(sensor: Mapping[str, Any]) -> bool:
 
 
 def _with_value(tables: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, Any]:
-    """Tables with a value at a path of keys, whose tables are made if they are missing."""
+    """Tables with a value at a path of keys; missing tables are added."""
     if len(keys) == 1:
         return {**tables, keys[0]: value}
     inner = tables.get(keys[0])
@@ -178,7 +178,7 @@ def _with_value(tables: Mapping[str, Any], keys: list[str], value: Any) -> dict[
 
 
 def _with_absolute_files(value: Any, folder: Path) -> Any:
-    """Tables in which names of files beside their file are absolute paths."""
+    """Tables with absolute paths in place of the names of existing files in a folder."""
     if isinstance(value, Mapping):
         return {key: _with_absolute_files(one, folder) for key, one in value.items()}
     if isinstance(value, list):

@@ -22,7 +22,7 @@ from omnisim.evaluation.trajectory_alignment import Alignment, AlignmentKind, al
 Floats = NDArray[np.float64]
 MIN_POSES = 3
 MAX_OFFSET_S = 0.5e-3  # between the times of a pose and of its true state
-SEGMENTS = 10  # of the way, over which drift is measured
+SEGMENTS = 10  # of the path, over each of which drift is measured
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,14 +31,14 @@ class TrajectoryErrors:
 
     Attributes:
         kind: alignment of the absolute errors and of the scale.
-        alignment: from the estimate's world to the true one.
+        alignment: transform from the estimate's world to the true one.
         poses: number of estimated poses with a true state.
-        way_m: length of the true way between them.
+        way_m: length of the true path between these poses.
         ate_m: root mean square distance of the aligned positions (absolute trajectory error).
         rpe_m, rpe_deg: root mean square error of the motion between successive poses (relative
             pose error); lengths with the alignment's scale.
-        drift: mean error of the motion over a tenth of the way, as a share of its length.
-        drift_degpm: mean error of the turn over a tenth of the way, per meter.
+        drift: mean error of the motion over a tenth of the path, as a share of its length.
+        drift_degpm: mean error of the turn over a tenth of the path, per meter.
         scale: factor that brings the estimate's lengths to the true ones.
         yaw_deg: root mean square error of the aligned headings.
         gravity_deg: root mean square angle between the true direction of gravity in the robot's
@@ -65,7 +65,7 @@ class TrajectoryErrors:
 def match_times(
     times_s: Floats, true_times_s: Floats, tolerance_s: float = MAX_OFFSET_S
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Indices of poses and of the true states nearest in time, as far as they are near enough."""
+    """Indices (k,) of the poses with a true state within a tolerance, and of these states."""
     after = np.clip(np.searchsorted(true_times_s, times_s), 1, max(len(true_times_s) - 1, 1))
     before = after - 1
     is_before = times_s - true_times_s[before] <= true_times_s[after] - times_s
@@ -139,7 +139,7 @@ def _pose_errors(motions: Floats, true_motions: Floats) -> tuple[Floats, Floats]
 
 
 def _drift(poses: Floats, true: Floats) -> tuple[float, float]:
-    """Mean errors of motions over a tenth of the way: as a share of it, and degrees per meter."""
+    """Mean errors over a tenth of the path: share of its length, and degrees per meter."""
     way = np.concatenate(([0.0], np.cumsum(step_lengths_m(true))))
     length = way[-1] / SEGMENTS
     if length <= 0.0:

@@ -49,7 +49,7 @@ class Channel:
         unit: unit of the values; empty: no unit.
         about: description of the contents, including values without a hit.
         empty: value of pixels without a ray.
-        other: other image that the channel depends on: "next", "previous" or empty.
+        other: other image required by the channel: "next", "previous" or empty.
     """
 
     name: ChannelName

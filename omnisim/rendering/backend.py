@@ -106,7 +106,7 @@ class CameraBackend(ABC):
         """Start to render images from poses at rest; by default one after the other.
 
         Args:
-            poses: one per image.
+            poses: poses of the camera and the objects, one entry per image.
             out: (n, height, width, 3 or 4), contiguous.
             frame_number: number of the first image.
 

@@ -29,7 +29,7 @@ class PendingBatch:
 
     Args:
         arrays: arrays by name, to be filled.
-        finish: fills them; None: they are filled.
+        finish: function that fills the arrays; None: they are filled.
     """
 
     def __init__(self, arrays: dict[str, NDArray[Any]], finish: Callable[[], None] | None):
@@ -203,7 +203,7 @@ def fill_channels(
     Args:
         passes: back end of the camera.
         arrays: arrays by channel name.
-        poses: one per image.
+        poses: poses of the camera and the objects, one entry per image.
         others: poses of the "next" and the "previous" images, if channels need them.
     """
     truth = passes.ground_truth(arrays)
@@ -213,7 +213,7 @@ def fill_channels(
 
 
 def needed_others(names: Collection[str], given: Collection[str], what: str) -> list[str]:
-    """Other images that the channels depend on: "next", "previous".
+    """Other images required by the channels: "next", "previous".
 
     Args:
         names: channels.

@@ -68,7 +68,7 @@ class CubeBackend(SceneBackend):
         device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first.
 
     Attributes:
-        context, buffers, surface_programs: shared by the passes.
+        context, buffers, surface_programs: OpenGL context, scene and programs of all passes.
 
     Raises:
         GraphicsError: no OpenGL, OpenGL too old, or a scene beyond its limits.

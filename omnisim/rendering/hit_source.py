@@ -35,7 +35,7 @@ class HitSource(ABC):
 
     Attributes:
         camera: camera model.
-        polygons: number in its mirror's mesh; None: exact.
+        polygons: number of polygons of the mirror's mesh; None: exact.
         draws: dynamic object and name of each instance, indexed by `Hits.draw_ids` − 1.
         has_ray: (height, width) false outside of the lens or the mirror.
         deforming: instances with deforming meshes, by index.

@@ -60,8 +60,8 @@ class SubFrames(NamedTuple):
     """Sub-frames of an image, and its exposure.
 
     Attributes:
-        parts: at least one.
-        expose: maps the mean luminance to the exposure.
+        parts: sub-frames, at least one.
+        expose: function from the mean luminance to the exposure.
         is_metered: measure the luminance for `expose`.
         linear: also return linear colors.
     """

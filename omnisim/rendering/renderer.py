@@ -32,7 +32,7 @@ class Renderer(BatchRenderer):
     """Renders the images of a camera on a stage; see `SensorRenderer`.
 
     Args:
-        stage: to be closed after the renderer.
+        stage: stage of the renderer, to be closed after it.
         sensor: omnidirectional camera.
         mounting: mounting on a vehicle of the stage.
     """

@@ -64,7 +64,7 @@ class Sensor(Protocol[Opened_co]):
     """Sensor that a stage can open; your own sensors need this method and `summary`."""
 
     def open(self, stage: SharedScene, mounting: Mounting) -> Opened_co:
-        """Open its renderer on a stage."""
+        """Open the sensor's renderer on a stage."""
 
 
 class SensorRenderer(Closeable, EditableScene, Generic[SensorT, Passes]):
@@ -74,7 +74,7 @@ class SensorRenderer(Closeable, EditableScene, Generic[SensorT, Passes]):
     `close`, because it holds GPU memory.
 
     Args:
-        stage: to be closed after the renderer.
+        stage: stage of the renderer, to be closed after it.
         sensor: model of the sensor.
         mounting: mounting on a vehicle of the stage.
 
@@ -148,7 +148,7 @@ class SensorRenderer(Closeable, EditableScene, Generic[SensorT, Passes]):
 
         Args:
             given: state or pose.
-            before: supplies all other poses if only the vehicle's pose is given.
+            before: state with all other poses, used if only the vehicle's pose is given.
             time_s: time of the state if only a pose is given; None: as before.
 
         Raises:

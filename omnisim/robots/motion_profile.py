@@ -60,7 +60,7 @@ def plan_in_steps(
         kinematics: limits of the robot.
         step_m: maximum step length on a leg.
         step_rad: maximum step angle in a turn.
-        start_yaw_rad: heading at the first waypoint; None: towards the second one.
+        start_yaw_rad: heading at the first waypoint; None: toward the second one.
 
     Raises:
         TrajectoryError: invalid waypoints or steps, or too many poses.
@@ -91,7 +91,7 @@ def plan_with_period(
         waypoints_m: (n, 2) positions in the world.
         kinematics: limits of the robot.
         period_s: time between poses.
-        start_yaw_rad: heading at the first waypoint; None: towards the second one.
+        start_yaw_rad: heading at the first waypoint; None: toward the second one.
 
     Raises:
         TrajectoryError: invalid waypoints or period, or too many poses.

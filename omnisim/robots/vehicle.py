@@ -196,7 +196,7 @@ class Vehicle:
         return changed.identified(source_digest(self.given, settings))
 
     def identified(self, given: str) -> Vehicle:
-        """Copy of the vehicle, identified by a digest of its source files."""
+        """Copy of the vehicle, identified by the digest `given` of its source files."""
         vehicle = copy.copy(self)
         object.__setattr__(vehicle, "given", given)
         return vehicle

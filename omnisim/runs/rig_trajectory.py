@@ -63,7 +63,7 @@ class RigRoute:
 
         Args:
             rig: rig with the posed frame.
-            print_note: called with the assumed conventions.
+            print_note: callback for notes on assumed conventions.
 
         Raises:
             OmnisimError: the file cannot be read, or the rig lacks the frame.

@@ -113,7 +113,7 @@ def plan_route(
         scene: scene to drive in.
         vehicle: vehicle that drives.
         route: path, and size of its steps.
-        print_note: called with the assumed axes, if a file's axes differ from the world's, and with
+        print_note: callback for notes on the assumed axes, if they differ from the world's, and on
             the floor's heights, if they differ from 0.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Labels of a run's images: the ground truth that color histograms are trained on.
+"""Labels of a run's images: the ground truth for the training of color histograms.
 
 They come from the run's own channel `instance`, recorded by `omnisim drive ... --also instance`.
 The scene's nodes are named after their landmark, `goal_yellow`; bands of a landmark with several

@@ -79,7 +79,7 @@ class _Sensor(_OpenTable):
 
 
 class Manifest(_OpenTable):
-    """Manifest keys that readers rely on."""
+    """Manifest keys required by readers."""
 
     format: Literal[2]
     scene: _Scene

@@ -1,9 +1,9 @@
 """Triangulated primitive solids, accurate enough for range measurements.
 
-On round surfaces, every point of a triangle is within `MAX_DEVIATION` of the radius, or within
-`MIN_DEVIATION_M`, of the true surface. Corners lie slightly outside it and triangle centers
-slightly inside, so that ranges are unbiased. `max_segments` limits the segments of a circle, for
-scenes with many solids.
+On round surfaces, the distance of a triangle's points from the true surface is at most
+`MAX_DEVIATION` times the radius, or at most `MIN_DEVIATION_M`. Corners lie slightly outside it and
+triangle centers slightly inside, so that ranges are unbiased. `max_segments` limits the segments of
+a circle, for scenes with many solids.
 """
 
 from __future__ import annotations

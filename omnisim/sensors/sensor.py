@@ -38,7 +38,7 @@ class Moment:
 
     Attributes:
         motion: function from seconds to states of the world.
-        number: index of the measurement, from 0; without an own rate, the index of the step.
+        number: index of the measurement, from 0; the step, for a sensor without its own rate.
         time_s: time of the measurement.
         previous_s, next_s: times of the neighboring measurements; None: no such measurement.
         channels: ground-truth channels to record.
@@ -221,7 +221,7 @@ class MountedSensor(ABC):
         return self.rate.times_s(start_s, end_s, seed, self.name)
 
     def state_times_s(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Times (m,) of the true states that measurements at times (n,) depend on."""
+        """Times (m,) of the true states required by measurements at times (n,)."""
         return times_s
 
     def instrument(self, stage: Stage, settings: DriveSettings) -> Instrument | None:

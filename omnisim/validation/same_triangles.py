@@ -100,7 +100,7 @@ class _Triangles(NamedTuple):
         return _Triangles(names[hits.draw_ids], hits.triangles)
 
     def equal(self, other: _Triangles) -> NDArray[np.bool_]:
-        """Mask of pixels with equal triangles, or with none in both."""
+        """Mask (height, width) of pixels with equal triangles, or with none in both."""
         same = (self.numbers == other.numbers) | (self.names == "")
         equal: NDArray[np.bool_] = same & (self.names == other.names)
         return equal

@@ -81,7 +81,7 @@ def test_the_imu_integrates_to_the_true_pose(imu_run, tmp_path):
 
 @pytest.mark.slow
 def test_lidar_odometry_closes(tmp_path):
-    """Asked: KISS-ICP within 0.5 % of the way, and worse where the skew is left in."""
+    """Required: KISS-ICP within 0.5 % of the path length, and larger errors without deskewing."""
     if not is_installed("kiss_icp") or not is_installed("small_gicp"):
         pytest.skip("the estimators are not installed")
     run = record(tmp_path, LIDAR, "way.csv")

@@ -92,7 +92,7 @@ def complete_channels(incomplete: str) -> list[str]:
 
 
 def _argument(ctx: typer.Context, *names: str) -> Path:
-    """Value of the argument with one of the names; before an unfinished option it is unparsed."""
+    """Value of the argument with one of the names, or the first word that is not parsed yet."""
     parsed = (ctx.params.get(name) for name in names)
     unparsed = (word for word in ctx.args if not word.startswith("-"))
     return Path(next((word for word in (*parsed, *unparsed) if word is not None), ""))

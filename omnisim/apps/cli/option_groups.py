@@ -113,7 +113,7 @@ class CameraFileOptions:
     camera_name: Annotated[str | None, Option(metavar="NAME", default="the first")] = None
     """Name of the camera in the calibration file."""
     mirrored: Mirrored = None
-    """Whether the camera of the calibration file looks into a mirror."""
+    """The camera of the calibration file looks into a mirror."""
 
 
 @dataclass(frozen=True, kw_only=True)

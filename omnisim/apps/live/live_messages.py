@@ -45,7 +45,7 @@ class Drive(Message):
 
 
 class Go(Message):
-    """Point on the map to drive or fly to."""
+    """Destination on the map, in world x and y."""
 
     x: Meters
     y: Meters
@@ -59,7 +59,7 @@ class Turn(Message):
 
 
 class SetPlace(Message):
-    """Pose to jump to."""
+    """New pose, reached at once."""
 
     x: Meters
     y: Meters
@@ -193,7 +193,7 @@ def parse_message(text: str | bytes) -> Message:
 
 
 def pack(kind: str, content: dict[str, Any], parts: Sequence[Part] = ()) -> bytes:
-    """Encode a message of the server."""
+    """Encode a message of the server: its type and content as JSON, followed by binary parts."""
     listed = [
         {"name": one.name, "media_type": one.media_type, "size": len(one.data), **one.about}
         for one in parts

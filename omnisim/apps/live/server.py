@@ -93,7 +93,7 @@ class LiveServer:
 
     @property
     def port(self) -> int:
-        """Port that the server listens on."""
+        """Port of the server."""
         return self._port
 
     @property

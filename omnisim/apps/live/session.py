@@ -57,7 +57,7 @@ class Draw:
 
 @dataclass(frozen=True)
 class Job:
-    """Request that a page waits for: files, or a probe."""
+    """Pending request of a page: files, or a probe."""
 
     message: messages.Message
     state: PageState
@@ -127,7 +127,7 @@ class Session:
             self._is_running = False
 
     def stop(self) -> None:
-        """End `next_work`."""
+        """End the session: `next_work` returns None."""
         with self._condition:
             self._is_stopping = True
             self._condition.notify()

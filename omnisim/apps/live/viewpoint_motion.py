@@ -189,8 +189,8 @@ class WheelDrive(Pilot):
             return
         limits = self._limits
         speed, rate = self._requested_speeds()
-        self._speed_mps = _towards(self._speed_mps, speed, limits.max_acceleration_mps2 * seconds)
-        self._rate_radps = _towards(
+        self._speed_mps = _toward(self._speed_mps, speed, limits.max_acceleration_mps2 * seconds)
+        self._rate_radps = _toward(
             self._rate_radps, rate, limits.max_turn_acceleration_radps2 * seconds
         )
         if not (self._speed_mps or self._rate_radps):
@@ -234,6 +234,6 @@ class WheelDrive(Pilot):
         return min(limits.max_speed_mps, braking, 2.0 * length), rate
 
 
-def _towards(value: float, target: float, step: float) -> float:
+def _toward(value: float, target: float, step: float) -> float:
     """Move `value` toward `target` by at most `step`."""
     return min(value + step, target) if target > value else max(value - step, target)

@@ -24,7 +24,7 @@ class Calibration:
     """Cameras of a calibration file, in file order.
 
     Attributes:
-        cameras: at least one, with distinct names.
+        cameras: cameras of the file, at least one, with distinct names.
         format: name of the file format.
         source: file name, for messages.
     """

@@ -34,7 +34,7 @@ def is_catadioptric(camera: CentralCamera) -> bool:
 
 
 def lens_of(camera: CentralCamera) -> CentralCamera | None:
-    """Lens with the camera's rays, or with a mirror's rays as (x, y, −z); None if there is none."""
+    """Lens equivalent to a camera, for mirrors with z of the rays reversed; None: no such lens."""
     size, center = (camera.width_px, camera.height_px), camera.principal_point_px
     match camera:
         case MirroredCamera(lens=lens):
@@ -59,7 +59,7 @@ def camera_metadata(
 
     Args:
         name: camera name in the file.
-        camera: camera that the lens in the file stands for; None: stored natively.
+        camera: camera represented by the lens in the file; None: stored natively.
         limit_rad: angle from the axis where the domain ends, or None.
         residuals: residuals of the lens in the file, if it was fitted.
     """
@@ -72,7 +72,7 @@ def camera_metadata(
 
 
 def camera_from_lens(lens: CentralCamera, metadata: CameraMetadata) -> CentralCamera:
-    """Camera that the lens in a file stands for."""
+    """Camera represented by the lens in a file."""
     mirrored, limit_rad = metadata.mirrored, metadata.theta_max_rad
     if limit_rad is not None and isinstance(lens, ParametricCamera):
         ended = lens.ending_at(limit_rad)

@@ -60,7 +60,7 @@ class DistanceMetadata(ForeignTable):
 
     @property
     def error(self) -> CentralError:
-        """The residuals."""
+        """Residuals at this distance, as a `CentralError`."""
         distance_m = math.inf if self.distance_m is None else self.distance_m
         return CentralError(**{**dict(self), "distance_m": distance_m})
 

@@ -88,7 +88,7 @@ def _nearest_model(lens: FovLens, source: str) -> tuple[CentralCamera, str]:
     """omnisim model nearest to a lens of another model, and a note about its residuals.
 
     Args:
-        lens: lens that omnisim has no model for.
+        lens: lens of a model that omnisim lacks.
         source: file and camera, for messages.
 
     Raises:
@@ -127,7 +127,7 @@ def _check_camera(camera: CentralCamera, place: str) -> None:
     """Reject a camera with an empty image, or with an axis far outside it.
 
     Raises:
-        CalibrationError: the camera is such; names the center or the empty image.
+        CalibrationError: an empty image, or an axis too far outside; names the size or the center.
     """
     size = np.array([camera.width_px, camera.height_px], dtype=np.float64)
     center = np.asarray(camera.principal_point_px)

@@ -52,7 +52,7 @@ class Rig:
 
     Attributes:
         body: name of the body frame: a frame other than the cameras', or the first camera.
-        cameras: at least one, in file order.
+        cameras: cameras of the rig, at least one, in file order.
     """
 
     body: str

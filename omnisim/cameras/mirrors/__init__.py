@@ -1,6 +1,6 @@
 """Mirror shapes of revolution and their meshes, in the mirror frame.
 
-Mirror frame, for every shape: origin at the effective viewpoint, z from there towards the camera
+Mirror frame, for every shape: origin at the effective viewpoint, z from there toward the camera
 that looks at the mirror, meters. Azimuth turns from +x to +y.
 """
 

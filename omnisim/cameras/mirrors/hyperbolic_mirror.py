@@ -167,7 +167,7 @@ class HyperbolicMirror:
     def surface_points(self, theta_rad: ArrayLike, azimuth_rad: ArrayLike) -> SurfacePoints:
         """Points (..., 3) in the mirror frame; θ and azimuth (...,) broadcast.
 
-        Azimuth is counted from the mirror's +x towards its +y. Valid for 0 ≤ θ ≤ θ_max.
+        Azimuth is counted from the mirror's +x toward its +y. Valid for 0 ≤ θ ≤ θ_max.
         """
         theta, azimuth = np.broadcast_arrays(
             np.asarray(theta_rad, dtype=np.float64), np.asarray(azimuth_rad, dtype=np.float64)
@@ -225,7 +225,7 @@ class HyperbolicMirror:
     def normals(self, positions_m: ArrayLike) -> NDArray[np.float64]:
         """Unit normals (..., 3) on the reflecting side, at points (..., 3) of the surface.
 
-        Source: the gradient of Eq. 1, oriented towards the pinhole. The gradient of the plane
+        Source: the gradient of Eq. 1, oriented toward the pinhole. The gradient of the plane
             mirror vanishes; its normal is +z.
         """
         positions = np.asarray(positions_m, dtype=np.float64) / self.c_m

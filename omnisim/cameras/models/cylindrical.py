@@ -28,7 +28,7 @@ from omnisim.cameras.focal_camera import FocalCamera
 class CylindricalCamera(FocalCamera):
     """An image on a cylinder around the y axis of the optical frame.
 
-    A column is an azimuth from the z axis towards x, (u − u0)/f in radians. A row is the tangent of
+    A column is an azimuth from the z axis toward x, (u − u0)/f in radians. A row is the tangent of
     an elevation, (v − v0)/f downwards. Azimuths run from −180° to 180°.
 
     Attributes:

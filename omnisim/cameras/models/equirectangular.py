@@ -1,6 +1,6 @@
 """Equirectangular panorama of all directions: columns are longitudes, rows are latitudes.
 
-    longitude = 2π (u + 0.5)/width − π, from +z (the image center) towards +x (right)
+    longitude = 2π (u + 0.5)/width − π, from +z (the image center) toward +x (right)
     latitude = π/2 − π (v + 0.5)/height, from the horizon upwards (−y)
     (x, y, z) = (cos lat sin lon, −sin lat, cos lat cos lon)
 

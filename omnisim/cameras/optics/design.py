@@ -1,4 +1,4 @@
-"""Design of a mirror for a pinhole camera, from the incidence θ wanted at each image radius.
+"""Design of a mirror for a pinhole camera, from the desired incidence θ at each image radius.
 
 A ray at β from the axis, tan β = r/z, leaves a mirror z(r) at θ from straight down if
 

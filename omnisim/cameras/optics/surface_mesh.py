@@ -43,7 +43,7 @@ class SurfaceMesh(NamedTuple):
         return np.maximum(self.triangles, self.sectors - 1) if is_point else self.triangles
 
     def as_seen(self, rim_center_m: tuple[float, float], rim_m: float) -> UnfoldedMirrorMesh:
-        """Mesh with z towards the camera; texture coordinates map the rim's square to [0, 1]."""
+        """Mesh with z toward the camera; texture coordinates map the rim's square to [0, 1]."""
         texture = 0.5 + 0.5 * (self.vertices_m[:, :2] - rim_center_m) / rim_m
         return UnfoldedMirrorMesh(
             self.vertices_m * _TURN, self.normals * _TURN, texture, self.triangles
@@ -97,7 +97,7 @@ def tessellate_surface(surface: Surface, polygons: int, camera_m: Floats) -> Sur
 
 
 def _on_surface(surface: Surface, radii_m: Floats, azimuths_rad: Floats) -> Floats:
-    """Points (n, 3) at polar coordinates about the rim's center, from +x towards −y."""
+    """Points (n, 3) at polar coordinates about the rim's center, from +x toward −y."""
     x = (surface.rim_center_m[0] + radii_m * np.cos(azimuths_rad)).ravel()
     y = (surface.rim_center_m[1] - radii_m * np.sin(azimuths_rad)).ravel()
     return np.column_stack((x, y, heights_m(surface, np.hypot(x, y))))

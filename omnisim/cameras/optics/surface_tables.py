@@ -131,7 +131,7 @@ class SphereShape(Table):
     """A sphere."""
 
     radius_m: Coordinate
-    """Radius in meters; positive: bulges towards the camera."""
+    """Radius in meters; positive: bulges toward the camera."""
 
 
 class PortShape(Table):

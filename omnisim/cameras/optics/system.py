@@ -118,7 +118,7 @@ class OpticalSystem:
 
     @property
     def rig_from_optical(self) -> NDArray[np.float64]:
-        """Orientation (3, 3) in a level rig: as set, else up into a mirror, else the camera's."""
+        """Orientation (3, 3) in a level rig; default: up with a mirror, otherwise the camera's."""
         if self.orientation is not None:
             return self.orientation
         has_mirror = any(surface.is_mirror for surface in self.surfaces)

@@ -197,7 +197,7 @@ def _make_system(file: OpticsFile, source: str, at: str = "") -> OpticalSystem:
 
 
 def input_files(path: Path) -> dict[str, Path]:
-    """The optics file and the profile files that it refers to, by their names in messages.
+    """Optics file and its profile files, by their names in messages.
 
     Raises:
         SensorFileError: the file cannot be read.

@@ -50,10 +50,10 @@ def trace(
     fates: NDArray[np.uint8],
     can_block: bool = True,
 ) -> Paths:
-    """Trace rays (n, 3) from a camera; rays with another fate than SEEN get NaN points.
+    """Trace rays (n, 3) from a camera; rays with a fate other than SEEN get NaN points.
 
     Args:
-        surfaces: in the order of the rays from the camera.
+        surfaces: surfaces of the system, in the order of the rays from the camera.
         indices: (surfaces + 1) refractive indices between the surfaces.
         obstacles: opaque parts.
         origins_m, directions: (n, 3) rays, system frame.

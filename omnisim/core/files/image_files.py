@@ -70,7 +70,7 @@ def write_image(
     Args:
         path: output file, whose suffix sets the format.
         pixels: image.
-        metadata: JSON-compatible values to embed, such as camera and pose; None: none.
+        metadata: JSON-compatible values to embed, such as camera and pose; None: no metadata.
         jpeg_quality: 1 to 100, on libjpeg's scale; for JPEG only.
 
     Raises:

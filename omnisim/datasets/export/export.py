@@ -35,7 +35,7 @@ def export_run(
         output: new folder.
         settings: settings of the export.
         camera_name: only camera to export; None: all that the format supports.
-        print_note: called with notes on content that the format does not support.
+        print_note: callback for notes on content that the format does not support.
 
     Raises:
         OmnisimError: an unknown format, a setting that the format does not use, an unfinished run,

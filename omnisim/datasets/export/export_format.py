@@ -87,7 +87,7 @@ class ExportFormat(ABC):
             recording: run to export.
             folder: folder that becomes the export.
             settings: settings of the export.
-            print_note: called with notes on content that the format does not support.
+            print_note: callback for notes on content that the format does not support.
 
         Raises:
             OmnisimError: a file of the run is damaged, or the format lacks required content.

@@ -18,7 +18,7 @@ class FormatEntry(NamedTuple):
         title: contents and readers, for lists.
         module: module below `omnisim.datasets.export`.
         class_name: class in the module.
-        extra: required extra; None: none.
+        extra: required extra; None: no extra.
         takes_samples: True: also exports data sets, whose samples become steps of a recording.
     """
 

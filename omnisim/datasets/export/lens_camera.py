@@ -58,7 +58,7 @@ class LensCamera:
 
         Args:
             recorded: camera of the run.
-            print_note: called with a note if the images are flipped.
+            print_note: callback for a note if the images are flipped.
 
         Raises:
             RunError: the camera is non-central.
@@ -112,7 +112,7 @@ class LensCamera:
 
         Args:
             form: calibration format.
-            print_note: called with the residual of a fit.
+            print_note: callback for a note on the residual of a fit.
             model: name of the only allowed model; None: any.
 
         Raises:

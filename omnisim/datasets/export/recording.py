@@ -39,7 +39,7 @@ class ImuReadings:
     Attributes:
         times_s: (n,) times of the readings.
         values: (n, 6) angular rate in rad/s and specific force in m/s², in the IMU's frame.
-        biases: (n, 6) biases of the readings, in their units; None: the run has none.
+        biases: (n, 6) biases of the readings, in the same units; None: not recorded.
     """
 
     times_s: NDArray[np.float64]
@@ -147,7 +147,7 @@ class Recording:
 
         Args:
             names: sensors of the frames.
-            print_note: called with notes on sensors that measure at other times.
+            print_note: callback for notes on sensors that measure at other times.
         """
         if not any(self.run.has_own_rate(name) for name in names):
             return self
@@ -268,7 +268,7 @@ class Recording:
 
 
 def _nearest(times_s: NDArray[np.float64], wanted_s: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Index (n,) of the time, among `times_s` (m,), that is nearest to each wanted time (n,)."""
+    """Indices (n,) of the times among `times_s` (m,) nearest to the times `wanted_s` (n,)."""
     after = np.clip(np.searchsorted(times_s, wanted_s), 1, max(len(times_s) - 1, 1))
     after = np.minimum(after, len(times_s) - 1)
     before = np.maximum(after - 1, 0)

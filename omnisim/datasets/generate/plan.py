@@ -284,7 +284,7 @@ class Plan(Table):
         return () if self.vary.sky is None else self.vary.sky.files
 
     def content(self) -> dict[str, Any]:
-        """Keys and values that the images depend on, of JSON types, without defaults."""
+        """Keys and values that determine the images, of JSON types, without defaults."""
         left_out = ("shards", "title", "license")
         content: dict[str, Any] = _plain(self)
         return {key: value for key, value in content.items() if key not in left_out}

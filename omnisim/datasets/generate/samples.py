@@ -32,7 +32,7 @@ class Shards:
 
     Args:
         folder: folder of the data set.
-        manifest: its manifest; None: read from the folder.
+        manifest: manifest of the data set; None: read from the folder.
 
     Raises:
         PlanError: the data set is missing, unfinished or damaged.

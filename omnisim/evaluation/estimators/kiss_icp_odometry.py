@@ -46,7 +46,7 @@ class KissIcpOdometry(Estimator):
 
 
 class SkewedKissIcpOdometry(KissIcpOdometry):
-    """KISS-ICP without motion compensation: what a revolution's skew costs."""
+    """KISS-ICP without motion compensation, to show the error caused by skew."""
 
     title = "KISS-ICP, skew left in (lidar)"
     is_compensated = False

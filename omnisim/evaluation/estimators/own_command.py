@@ -1,4 +1,4 @@
-"""A command of the user's own, which writes a trajectory."""
+"""User command that writes a trajectory."""
 
 from __future__ import annotations
 

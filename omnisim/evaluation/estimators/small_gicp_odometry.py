@@ -54,7 +54,7 @@ class SmallGicpOdometry(Estimator):
 
 
 def _without_rounding(pose: Floats) -> Floats:
-    """Pose whose rotation is one again: rounding errors grow from product to product."""
+    """Pose (4, 4) with an orthonormal rotation: products accumulate rounding errors."""
     return pose_from_rotation(nearest_rotation(pose[:3, :3]), pose[:3, 3])
 
 

@@ -107,7 +107,7 @@ def _larger_grid(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.
 
 
 def _refined(image: NDArray[np.uint8], grid: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Corners at sub-pixel accuracy, each from a window of a third of the distance to the next."""
+    """Corners (rows, columns, 2) at sub-pixel accuracy, each from a third of the spacing."""
     spacing = np.full(grid.shape[:2], np.inf)
     for axis in (0, 1):
         steps = np.linalg.norm(np.diff(grid, axis=axis), axis=2)

@@ -74,7 +74,7 @@ def frame_statistics(
     """Statistics of frames (height, width) of unsigned integers, taken at one exposure.
 
     Args:
-        frames: at least two; only one is in memory at a time.
+        frames: at least two frames; only one is in memory at a time.
         exposure_s: exposure time of the frames.
         name: name of the frames, for messages.
 

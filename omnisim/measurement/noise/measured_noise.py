@@ -172,7 +172,7 @@ def _block_means(image: NDArray[np.float64]) -> NDArray[np.float64]:
 def _flat_stack(
     flats: Sequence[FrameStatistics], dark: DarkSignal, curve: PhotonTransfer
 ) -> FrameStatistics | None:
-    """Flat field for the pattern: enough frames, nearest to 50 % of saturation; None: none."""
+    """Flat field with enough frames nearest to 50 % of saturation; None: too few frames in all."""
     brightest = max(one.mean_dn for one in flats)
     end_dn = brightest if curve.saturation_dn is None else curve.saturation_dn
     stacks = [one for one in flats if one.count >= MIN_FRAMES and one.mean_dn < 0.9 * end_dn]

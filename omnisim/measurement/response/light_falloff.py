@@ -194,7 +194,7 @@ def _check(name: str, residual: float, gradient: Floats, kept: float) -> None:
 
 
 def _sigmas(design: Floats, residuals: Floats) -> Floats:
-    """Standard deviations of a linear fit's parameters."""
+    """Standard deviations (parameters,) of a linear fit's parameters."""
     freedom = max(len(residuals) - design.shape[1], 1)
     scale = np.linalg.norm(design, axis=0)
     inverse = np.linalg.pinv((design / scale).T @ (design / scale))

@@ -124,7 +124,7 @@ def measure_response(
 
 
 def _sample(image: NDArray[Any]) -> Floats:
-    """Evenly spread pixels of an image, at most 20 000."""
+    """Evenly spread pixels (n,) of an image, at most 20 000."""
     step = max(1, math.ceil(image.size / MAX_PIXELS))
     return image.reshape(-1)[::step].astype(np.float64)
 

@@ -105,7 +105,7 @@ def spread_rows(radii: Floats, radial_share: Floats, degree: int, isotropic: boo
         radii: (n,) relative image radii.
         radial_share: (n,) squared cosine between normal and radius.
         degree: degree of the polynomials.
-        isotropic: both variances are equal.
+        isotropic: True if both variances are equal.
     """
     columns = [np.ones_like(radii)]
     for power in range(1, degree + 1):

@@ -148,7 +148,7 @@ class ChannelUnwarping:
     def _seen(
         self, positions_px: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Positions in the view of positions in the image, px, and a mask of the visible ones."""
+        """Positions (..., 2) in the view of positions in the image, px; a mask of the visible."""
         rays = self._camera.ray_from_pixel(positions_px)
         pixels = self._view.pixel_from_ray(rays.directions @ self._camera_from_view)
         return pixels.positions_px.copy(), rays.valid & pixels.valid

@@ -102,12 +102,12 @@ class Panorama:
         return self._unwarp.valid
 
     def bearings_rad(self, columns: ArrayLike) -> NDArray[np.float64]:
-        """Bearings of columns, counter-clockwise from the vehicle's front; unwrapped."""
+        """Bearings (...) of columns (...), counter-clockwise from the front; unwrapped."""
         u = np.asarray(columns, dtype=np.float64)
         return (self.camera.principal_point_px[0] - u) / self.camera.focal_length_px
 
     def ranges_m(self, rows: ArrayLike, height_m: float = 0.0) -> NDArray[np.float64]:
-        """Ranges along the ground of points of known height: r = (H − z) tan θ.
+        """Ranges (...) along the ground at rows (...), for a known height: r = (H − z) tan θ.
 
         H is the camera's height, z = `height_m` the height of the points, and θ the angle of the
         row from straight down. Infinite at and above the camera's horizon.
@@ -117,12 +117,12 @@ class Panorama:
         return np.where(down > 0.0, drop_m / np.where(down > 0.0, down, 1.0), np.inf)
 
     def rows(self, ranges_m: ArrayLike, height_m: float = 0.0) -> NDArray[np.float64]:
-        """Rows of points with known range and height."""
+        """Rows (...) of points with known ranges (...) and height."""
         tangents = (self.mount.height_m - height_m) / np.asarray(ranges_m, dtype=np.float64)
         return self.camera.principal_point_px[1] + self.camera.focal_length_px * tangents
 
     def ranges_eq2_m(self, rows: ArrayLike, height_m: float = 0.0) -> NDArray[np.float64]:
-        """Ranges of points of known height from the image radius, by the inverse of Eq. 2.
+        """Ranges (...) of points of known height from the image radius, by the inverse of Eq. 2.
 
         NaN if Eq. 2 does not apply: the camera has no hyperbolic mirror, or is not upright.
         Infinite at and above the camera's horizon.
@@ -150,11 +150,11 @@ class Panorama:
         return squared * row_sigma_px / (abs(drop_m) * self.camera.focal_length_px)
 
     def heights_m(self, rows: ArrayLike, ranges_m: ArrayLike) -> NDArray[np.float64]:
-        """Heights above the ground of points with known range."""
+        """Heights (...) above the ground of points at rows (...) with known ranges (...)."""
         return self.mount.height_m - np.asarray(ranges_m) * self._tangents(rows)
 
     def _tangents(self, rows: ArrayLike) -> NDArray[np.float64]:
-        """Tangents of the rows' angles below the horizon."""
+        """Tangents (...) of the angles of rows (...) below the horizon."""
         v = np.asarray(rows, dtype=np.float64)
         return (v - self.camera.principal_point_px[1]) / self.camera.focal_length_px
 

@@ -76,7 +76,7 @@ def perspective_view(
         width_px, height_px: size of the image.
         field_of_view_rad: angle between the left and the right edge of the image.
         yaw_rad: heading, counter-clockwise from the vehicle's front.
-        pitch_rad: downward, as in REP 103.
+        pitch_rad: pitch, positive downward as in REP 103.
 
     Raises:
         OpticsError: a field of view that is not between 0 and 180°, or a size below 1.

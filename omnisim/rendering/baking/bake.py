@@ -40,7 +40,7 @@ class BakedPatches(NamedTuple):
         patches: patches of the scene.
         lamps: (p, 3) light of lamps.
         gathered: (p, 3) all other light.
-        halves: (p, 2, 3) the same, from every other ray.
+        halves: (p, 2, 3) the same from the even and the odd rays, separately.
         radiosity: (p, 3) reflected light.
         is_valid: (p,) the patch has light.
     """

@@ -56,7 +56,7 @@ def denoised(patches: Patches, surfaces: TexelSurfaces, light: Floats, halves: F
         patches: patches of the scene; those outside of the atlas are unchanged.
         surfaces: surfaces at the patches.
         light: (p, 3) gathered light.
-        halves: (p, 2, 3) the same, from every other ray.
+        halves: (p, 2, 3) the same from the even and the odd rays, separately.
     """
     width, height = patches.size_px
     margin = 2 * max(_STEPS)
@@ -88,7 +88,7 @@ def denoised(patches: Patches, surfaces: TexelSurfaces, light: Floats, halves: F
 def _filtered(
     maps: _Maps, pixels: Floats, variances: Floats | None, step: int, margin: int
 ) -> tuple[Floats, Floats]:
-    """Means of pixels and their variances; without variances light has no effect on weights."""
+    """Means of pixels and their variances; without variances, light does not affect the weights."""
     means, new_variances = np.zeros_like(pixels), np.zeros(pixels.shape[:2], dtype=np.float32)
     height = len(pixels)
     for top in range(margin, height - margin, _BAND):

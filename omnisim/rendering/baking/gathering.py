@@ -21,7 +21,7 @@ class GatheredLight(NamedTuple):
 
     Attributes:
         light: (n, 3) mean of rays: light of emissive patches and sky, and `radiosity`.
-        halves: (n, 2, 3) the same, from every other ray.
+        halves: (n, 2, 3) the same from the even and the odd rays, separately.
         is_valid: (n,) at least one ray did not hit the inside of a solid.
     """
 
@@ -69,10 +69,10 @@ class Gatherer:
         for number, at in enumerate(places):
             part = slice((number - first) % len(places), None, len(places))
             origins[:, part] = at.origins_m[:, None]
-            towards, cosines[:, part] = cosine_directions(points[:, part], at.normals)
-            below = np.einsum("nkc,nc->nk", towards, at.planes)
-            towards -= 2.0 * np.minimum(below, 0.0)[..., None] * at.planes[:, None]
-            directions[:, part] = towards
+            toward, cosines[:, part] = cosine_directions(points[:, part], at.normals)
+            below = np.einsum("nkc,nc->nk", toward, at.planes)
+            toward -= 2.0 * np.minimum(below, 0.0)[..., None] * at.planes[:, None]
+            directions[:, part] = toward
         aims = directions.reshape(-1, 3)
         return self._transport.cast(origins.reshape(-1, 3), aims), aims, cosines.ravel()
 

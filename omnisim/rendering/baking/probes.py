@@ -51,7 +51,7 @@ class ProbeGrid(NamedTuple):
 
 
 def probe_grid(scene: Scene) -> ProbeGrid:
-    """Grid of about `PROBE_BUDGET` probes at most within the bounds of the static surfaces.
+    """Grid of probes within the bounds of the static surfaces, about `PROBE_BUDGET` or fewer.
 
     In a larger scene the grid surrounds the positions of cameras and vehicles.
     """
@@ -135,6 +135,6 @@ class ProbeBaker:
     def _add_lamps(self, moments: NDArray[np.float64], origins: Floats) -> None:
         """Add the light of lamps, each from a single direction."""
         for lamp in lamps_on(self._lighting, self._transport, origins):
-            towards = np.broadcast_to(lamp.directions, origins.shape)
+            toward = np.broadcast_to(lamp.directions, origins.shape)
             light = np.pi * lamp.levels[:, None] * lamp.color
-            moments += spherical_harmonics(towards)[:, :, None] * light[:, None]
+            moments += spherical_harmonics(toward)[:, :, None] * light[:, None]

@@ -46,7 +46,7 @@ def instances_of(scene: Scene, is_chosen: NDArray[np.bool_]) -> NDArray[np.bool_
 
 
 def _closed_parts(mesh: Mesh) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Connected part of each triangle, and mask of closed parts: two triangles at every edge."""
+    """Connected part (m,) of each triangle, and mask of closed parts: two triangles per edge."""
     _, welded = np.unique(mesh.positions, axis=0, return_inverse=True)
     corners = welded.reshape(-1)[mesh.triangles]
     count = int(corners.max(initial=-1)) + 1

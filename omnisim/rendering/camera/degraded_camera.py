@@ -17,7 +17,7 @@ class DegradedCamera:
     Args:
         sensor: camera sensor.
         seed: seed of its noise.
-        render: renders an image from sub-frames.
+        render: function that renders an image from sub-frames.
         boxes: bounding boxes of the moving parts.
     """
 

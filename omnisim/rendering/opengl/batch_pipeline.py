@@ -64,7 +64,7 @@ class BatchPipeline:
         """Render the poses and start the readback.
 
         Args:
-            poses: one per image.
+            poses: poses of the camera and the objects, one entry per image.
             out: (n, height, width, components) sRGB, with alpha if there are four components;
                 filled when `end` returns.
         """

@@ -43,7 +43,7 @@ class _ContextResources(NamedTuple):
         device: requested number of the device; None: the default.
         handle: EGL's handle of the context.
         dropped_textures: names of textures to delete that moderngl does not own.
-        lasting_target: never deleted, because moderngl keeps rebinding the last target it used.
+        lasting_target: target that is never deleted: moderngl rebinds the last one it used.
         fences: fences of the last passes; None: the driver is not llvmpipe.
     """
 

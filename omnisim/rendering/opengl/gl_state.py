@@ -44,8 +44,8 @@ class GlState:
     """Setters of the current context's state; each OpenGL function is looked up once.
 
     Attributes:
-        bind_texture: takes unit and texture name.
-        set_culling: enables or disables back-face culling.
+        bind_texture: function that binds a texture, by unit and texture name.
+        set_culling: function that enables or disables back-face culling.
     """
 
     def __init__(self) -> None:

@@ -27,11 +27,11 @@ class ParallaxPipeline(Pipeline):
         samples: pixel map of the supersampled camera; sets the size.
         parallax: pass that samples the atlas.
         viewpoint_m: (3,) rig frame.
-        cast: colors undecided samples; None: assume that their occluders are thin.
+        cast: function that colors undecided samples by rays; None: treat occluders as thin.
         supersampling, linear_type: see `Pipeline`.
 
     Attributes:
-        undecided_samples: number in all images since it was last set to 0.
+        undecided_samples: number of undecided samples since the attribute was last set to 0.
     """
 
     def __init__(

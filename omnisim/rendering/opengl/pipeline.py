@@ -96,7 +96,7 @@ class DegradedPipeline:
     """Pipeline of a degraded camera.
 
     Args:
-        ideal: renders sub-frames; its linear image is float32.
+        ideal: pipeline of the sub-frames, with a float32 linear image.
         degradation: passes of the effects.
     """
 

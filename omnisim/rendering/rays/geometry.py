@@ -124,7 +124,7 @@ class Geometry:
     def triangles_of_part(
         self, part: int, hidden: frozenset[ObjectPart], deforming: bool = False
     ) -> NDArray[np.intp]:
-        """Indices of a part's triangles, rigid or deforming, without hidden instances."""
+        """Indices (n,) of a part's triangles, rigid or deforming, without hidden instances."""
         deform = {one.number for one in self.deforming}
         shown = np.array(
             [

@@ -29,7 +29,7 @@ Result = TypeVar("Result")
 
 
 class ObjectState(NamedTuple):
-    """Dynamic objects at one time, to one sensor.
+    """Dynamic objects at one time, with the instances hidden from one sensor.
 
     Attributes:
         world_from_objects: (4, 4) each, poses of the objects.

@@ -53,7 +53,7 @@ class ParallaxHits(DrawnHits):
         buffers, cameras, details: see `DrawnHits`.
         sensor: camera with an optical system as its model.
         viewpoint_m: (3,) viewpoint of the virtual cameras, rig frame.
-        ray_scene: returns the scene to cast rays at; None: no ray casting.
+        ray_scene: function that returns the ray scene; None: no ray casting.
 
     Attributes:
         undecided: (height, width) pixels of the latest hits that the viewpoint cannot decide.

@@ -23,7 +23,7 @@ def sample_rays(
     """Rays of the samples of a camera's pixels, in the rig frame.
 
     Rays of the pixel centers are traced. The rays of all samples are traced near the edges of the
-    visible region, and everywhere for a mesh; they are kept where they bend.
+    visible region, and everywhere for a mesh; they are stored where interpolation would fail.
 
     Args:
         camera: camera with pixels.

@@ -50,7 +50,7 @@ class ImportedSensor(NamedTuple):
 
     @classmethod
     def at(cls, name: str, kind: str, pose: NDArray[np.float64], *rest: Any) -> Self:
-        """Sensor at a pose (4, 4) in the model's frame; `rest` holds the fields after the pose."""
+        """Sensor at a pose (4, 4) in the model's frame; `rest`: fields from `values` on."""
         angles_deg = np.degrees(roll_pitch_yaw_from_rotation(pose[:3, :3]))
         return cls(name, kind, pose[:3, 3].tolist(), angles_deg.tolist(), *rest)
 

@@ -19,7 +19,7 @@ class Driver:
         planned: planned trajectory; the robot begins at its first pose.
         motion: planned motion; the robot rests before and after it.
         where: name of the path in messages.
-        ignores_limits: continues after leaving the path or tipping over.
+        ignores_limits: True to continue after the robot leaves the path or tips over.
     """
 
     rover: Rover

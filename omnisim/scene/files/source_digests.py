@@ -15,7 +15,7 @@ class SourceDigests:
     """Digests of a scene's sources: files, keys, options and edits.
 
     Attributes:
-        content: digest of everything.
+        content: digest of all sources.
         light: digest of the inputs of baked light: static surfaces, materials and lights.
     """
 

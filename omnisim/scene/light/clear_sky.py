@@ -39,20 +39,20 @@ _RGB_FROM_XYZ = np.array(  # sRGB, IEC 61966-2-1
 )
 
 
-def clear_sky(towards_sun: NDArray[np.float64], turbidity: float) -> NDArray[np.float32]:
+def clear_sky(toward_sun: NDArray[np.float64], turbidity: float) -> NDArray[np.float32]:
     """Environment map (height, width, 3) of a clear sky without the sun's disc, linear RGB, cd/m².
 
     Below the horizon, a gray ground reflects the light of that sky.
 
     Args:
-        towards_sun: (3,) unit vector, world frame; a low sun is raised to `MIN_SUN_ELEVATION_DEG`.
+        toward_sun: (3,) unit vector, world frame; a low sun is raised to `MIN_SUN_ELEVATION_DEG`.
         turbidity: atmospheric turbidity: 2 very clear, 6 hazy.
     """
     directions, angles = map_directions(ROWS, 2 * ROWS)
-    towards_sun = _raised(towards_sun)
+    toward_sun = _raised(toward_sun)
     height = directions[: ROWS // 2, :, 2]
-    between = np.arccos(np.clip(directions[: ROWS // 2] @ towards_sun, -1.0, 1.0))
-    sun_angle = np.arccos(towards_sun[2])
+    between = np.arccos(np.clip(directions[: ROWS // 2] @ toward_sun, -1.0, 1.0))
+    sun_angle = np.arccos(toward_sun[2])
     coefficients = _PEREZ @ (turbidity, 1.0)
     values = [
         zenith * _perez(one, height, between) / _perez(one, np.float64(1.0), sun_angle)
@@ -64,7 +64,7 @@ def clear_sky(towards_sun: NDArray[np.float64], turbidity: float) -> NDArray[np.
     return np.concatenate((rgb, np.broadcast_to(ground, rgb.shape))).astype(np.float32)
 
 
-def sun_illuminance(towards_sun: NDArray[np.float64], turbidity: float) -> NDArray[np.float64]:
+def sun_illuminance(toward_sun: NDArray[np.float64], turbidity: float) -> NDArray[np.float64]:
     """Illuminance (3,) of the sun on a surface that faces it, linear RGB, lx.
 
     It is the extraterrestrial illuminance, attenuated along the air mass by molecules and haze.
@@ -72,7 +72,7 @@ def sun_illuminance(towards_sun: NDArray[np.float64], turbidity: float) -> NDArr
     Source: Preetham, Shirley and Smits, appendix A.1 (Rayleigh, and Ångström's aerosol, at the
     primaries' wavelengths); Kasten and Young, 1989 (relative air mass).
     """
-    elevation_deg = np.degrees(np.arcsin(_raised(towards_sun)[2]))
+    elevation_deg = np.degrees(np.arcsin(_raised(toward_sun)[2]))
     mass = 1.0 / (
         np.sin(np.radians(elevation_deg)) + 0.50572 * (elevation_deg + 6.07995) ** -1.6364
     )
@@ -83,11 +83,11 @@ def sun_illuminance(towards_sun: NDArray[np.float64], turbidity: float) -> NDArr
     return light
 
 
-def _raised(towards_sun: NDArray[np.float64]) -> NDArray[np.float64]:
+def _raised(toward_sun: NDArray[np.float64]) -> NDArray[np.float64]:
     lowest = np.sin(np.radians(MIN_SUN_ELEVATION_DEG))
-    if towards_sun[2] >= lowest:
-        return towards_sun
-    level = towards_sun[:2] / max(float(np.hypot(*towards_sun[:2])), 1e-12)
+    if toward_sun[2] >= lowest:
+        return toward_sun
+    level = toward_sun[:2] / max(float(np.hypot(*toward_sun[:2])), 1e-12)
     return np.array([*level * np.sqrt(1.0 - lowest**2), lowest])
 
 

@@ -79,10 +79,10 @@ def _with_own_sun(lighting: Lighting, table: SkyTable, light_table: LightTable) 
 
     Without other lamps, the exposure is that of the sun in lux.
     """
-    towards_sun = _direction(table.sun_azimuth_deg, table.sun_elevation_deg)
-    radiance = clear_sky(towards_sun, table.turbidity)
-    light = sun_illuminance(towards_sun, table.turbidity)
-    level = float(_LUMINANCE @ light) * towards_sun[2] / math.pi
+    toward_sun = _direction(table.sun_azimuth_deg, table.sun_elevation_deg)
+    radiance = clear_sky(toward_sun, table.turbidity)
+    light = sun_illuminance(toward_sun, table.turbidity)
+    level = float(_LUMINANCE @ light) * toward_sun[2] / math.pi
     lit = _with_map(lighting, radiance, table.brightness, level)
     scale = table.brightness / (level + _level_luminance(radiance))
     if not lit.lights and light_table.exposure is None:
@@ -92,7 +92,7 @@ def _with_own_sun(lighting: Lighting, table: SkyTable, light_table: LightTable) 
         LightKind.DIRECTIONAL,
         (red, green, blue),
         float(light.max()) * scale / (math.pi * lit.exposure),
-        direction=-towards_sun,
+        direction=-toward_sun,
         casts_shadow=light_table.shadows is not False,
     )
     return replace(lit, lights=(*lit.lights, sun))
@@ -109,10 +109,10 @@ def _around_sun(
     position = sun_position(sun.time, sun.latitude_deg, sun.longitude_deg)
     if position.elevation_deg <= 0.0:
         raise SceneError(f"{toml}: sky: expected a sun above the horizon, or an environment map")
-    towards_sun = -position.direction(sun.north_deg)
-    radiance = clear_sky(towards_sun, table.turbidity)
+    toward_sun = -position.direction(sun.north_deg)
+    radiance = clear_sky(toward_sun, table.turbidity)
     illuminance_lx = sun.illuminance_lx or sun_illuminance_lx(position.elevation_deg)
-    level_lx = illuminance_lx * float(_LUMINANCE @ sun.color) * towards_sun[2]
+    level_lx = illuminance_lx * float(_LUMINANCE @ sun.color) * toward_sun[2]
     level_lx += math.pi * _level_luminance(radiance)
     exposure = table.brightness / level_lx if light.exposure is None else light.exposure
     environment = Environment(radiance).scaled(math.pi * exposure)

@@ -72,8 +72,8 @@ def check(fixture: Fixture, title: str) -> Section:
 
 def lightings() -> dict[str, Lighting]:
     """Lights of the charts: one lamp, uniform ambient light, and a map with a bright disc."""
-    towards = np.array([0.6, -0.5, -0.62]) / np.linalg.norm([0.6, -0.5, -0.62])
-    lamp = Light(LightKind.DIRECTIONAL, (1.0, 1.0, 1.0), 0.8, direction=towards)
+    toward = np.array([0.6, -0.5, -0.62]) / np.linalg.norm([0.6, -0.5, -0.62])
+    lamp = Light(LightKind.DIRECTIONAL, (1.0, 1.0, 1.0), 0.8, direction=toward)
     dark = (0.0, 0.0, 0.0)
     return {
         "a lamp": Lighting(dark, (lamp,)),

@@ -1,8 +1,8 @@
-"""Orientation: north, east, south, west, up and down are where the physics puts them.
+"""Orientation of the six sides of a room in images, compared with the physics of mirrors.
 
 The physics, without any of our frames: the camera looks straight up, so with the vehicle's front
 at the top of its image the right of the image is up × front, the vehicle's left. A mirror
-above it shows what is in front towards the top, and what is to the left towards the right.
+above it shows the front toward the top, and the left toward the right.
 """
 
 from __future__ import annotations

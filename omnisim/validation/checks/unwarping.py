@@ -102,7 +102,7 @@ def _image_pixels_per_pixel(sensor: OmniCamera, view: View) -> NDArray[np.float6
 
 
 def _bars(fixture: Fixture, sensor: OmniCamera) -> NDArray[np.float32]:
-    """The mirror's image of white bars on black: long, slightly inclined, above each other."""
+    """Image (height, width, 3) of white bars on black: long, slightly inclined, stacked."""
     forward = np.array([math.cos(math.radians(YAW_DEG)), math.sin(math.radians(YAW_DEG)), 0.0])
     side = np.array([-forward[1], forward[0], 0.0])
     corners = []

@@ -175,7 +175,7 @@ def degradations(
     parameters: FilterParameters,
     progress: Progress,
 ) -> Section:
-    """One degradation at a time, with increasing strength."""
+    """Effect of each degradation alone, with increasing strength."""
     clean, outcomes = sweep(
         simulated.run,
         RunLabels(simulated.run, trained.model.colors),
@@ -203,8 +203,8 @@ def degradations(
     }
     return Section(
         "Each degradation alone",
-        "What the paper's discussion asks for. The images of experiment 1 degraded one way at a "
-        "time; colors are those learned from clean ones, and the start is known.",
+        "The comparison that the paper's discussion suggests. The images of experiment 1 have one "
+        "degradation at a time. Colors are learned from clean images, and the start is known.",
         tables=(
             ResultTable("Landmarks within 4 m; error of the place: mean after step 5, median of 5 "
                   "seeds.",
@@ -213,8 +213,8 @@ def degradations(
         ),
         figures=(
             CaptionedFigure("degradations", curves_figure(panels, levels),
-                    "Levels as in the table. What shifts colors costs most, white balance and "
-                    "light; noise makes most false positives; blur costs what is far."),
+                    "Levels as in the table. Color shifts, by white balance and light, cause the "
+                    "largest errors; noise the most false positives; blur loses far landmarks."),
         ),
     )  # fmt: skip
 

@@ -40,7 +40,7 @@ def detect_with_noise(
 
 
 def noisy(image: NDArray[np.uint8], generator: np.random.Generator) -> NDArray[np.uint8]:
-    """Image with added pixel noise."""
+    """Image (height, width, 3) with added pixel noise."""
     noise = PIXEL_SIGMA * generator.standard_normal(image.shape, dtype=np.float32)
     return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
 

@@ -65,7 +65,7 @@ def contact_sheet(tiles: Tiles, columns: int) -> NDArray[np.uint8]:
 
 
 def magnified(image: NDArray[np.uint8], times: int) -> NDArray[np.uint8]:
-    """Image with each pixel repeated `times` times along both axes."""
+    """Image (height, width, …) with each pixel repeated `times` times along both axes."""
     return np.repeat(np.repeat(image, times, axis=0), times, axis=1)
 
 

@@ -45,14 +45,14 @@ def trajectories_figure(
 def offsets_figure(
     offsets: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
 ) -> Figure:
-    """Distance from the truth over the way.
+    """Distance from the truth over the distance traveled.
 
     Args:
-        offsets: traveled way (m,) and distances (m,) from the true positions, by estimator.
+        offsets: distances (m,) traveled and from the true positions, by estimator.
     """
     figure = Figure(figsize=(9.0, 4.0), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
-    label_axes(axes, "Distance from the truth", "way (m)", "distance (m)")
+    label_axes(axes, "Distance from the truth", "distance traveled (m)", "distance (m)")
     for index, (name, (way, distances)) in enumerate(offsets.items()):
         color = _COLORS[index % len(_COLORS)]
         positive = np.maximum(distances, 1e-6)
@@ -69,7 +69,7 @@ class SweepLine:
 
     Attributes:
         name: name of the estimator.
-        means: absolute trajectory error by value, in percent of the way; NaN: none.
+        means: absolute trajectory error by value, in percent of the path length; NaN: none.
         spreads: standard deviations over the seeds; NaN: unknown.
     """
 
@@ -88,7 +88,7 @@ def sweep_figure(title: str, labels: Sequence[str], lines: Sequence[SweepLine]) 
     """
     figure = Figure(figsize=(8.5, 4.5), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
-    label_axes(axes, title, "", "ATE (% of the way)")
+    label_axes(axes, title, "", "ATE (% of path length)")
     at = np.arange(len(labels))
     shift = 0.3 / max(len(lines), 1)  # error bars lie beside each other
     for index, line in enumerate(lines):

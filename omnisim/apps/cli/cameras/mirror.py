@@ -94,7 +94,7 @@ def _write_surface(request: MirrorRequest, optics: Path) -> None:
     out.print(
         f"{request.output}: {surface.name}, {polygons} polygons "
         f"({mesh.sectors} sectors × {polygons // mesh.sectors} rings), {len(mesh.triangles)} "
-        f"triangles, rim radius {1000.0 * rim_m:.4g} mm, in its own frame, z towards the camera",
+        f"triangles, rim radius {1000.0 * rim_m:.4g} mm, in its own frame, z toward the camera",
         markup=False,
     )
     if is_seen:

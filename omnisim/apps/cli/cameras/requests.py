@@ -67,7 +67,7 @@ class ConvertRequest:
     model: Annotated[str | None, Option(metavar="MODEL", default="the same, or the nearest")] = None
     """Camera model to write."""
     mirrored: Mirrored = None
-    """Whether the camera of the calibration file looks into a mirror."""
+    """The camera of the calibration file looks into a mirror."""
     optics: Path | None = None
     """Optics file, in place of FILE, to which a central camera is fitted."""
     at_distance: Distances = None
@@ -91,7 +91,7 @@ class ShowRequest:
     format: Format = None
     """Format of FILE."""
     mirrored: Mirrored = None
-    """Whether the camera of the calibration file looks into a mirror."""
+    """The camera of the calibration file looks into a mirror."""
 
 
 @dataclass(frozen=True, kw_only=True)

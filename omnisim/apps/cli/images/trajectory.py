@@ -76,7 +76,7 @@ def run(request: RenderRequest, path: Path) -> None:
 
 
 def _rig(camera: RigCameraOptions, path: Path) -> tuple[Rig, Vehicle]:
-    """Rig with all cameras that the poses may refer to, and vehicle of the selected cameras."""
+    """Rig with all cameras named by the poses, and vehicle of the selected cameras."""
     if camera.robot is not None:
         return _robot(camera, camera.robot)
     source = camera.calibration_file

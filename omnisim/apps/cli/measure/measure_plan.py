@@ -1,4 +1,4 @@
-"""`omnisim measure plan`: all parts of a camera, and the report of what was measured."""
+"""`omnisim measure plan`: measures all parts of a camera, and writes one report."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ def check_outputs(output: Path, sensor: Path | None, **others: Path) -> None:
 
 
 def report_path(output: Path) -> Path:
-    """Report beside a sensor file."""
+    """Path of the report beside a sensor file."""
     return output.with_suffix(".json")
 
 

@@ -1,4 +1,4 @@
-"""`omnisim evaluate` on a run: how estimators fare where the truth is known."""
+"""`omnisim evaluate` on a run: errors of estimators against the recorded truth."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 OUTCOMES = "outcomes.json"
 _COLUMNS = (
-    "estimator", "ATE m", "% of way", "RPE mm", "RPE °", "drift %", "yaw °", "gravity °", "scale",
+    "estimator", "ATE m", "% of path", "RPE mm", "RPE °", "drift %", "yaw °", "gravity °", "scale",
     "lost %", "aligned", "s",
 )  # fmt: skip
 _CAMERA_COLUMNS = ("estimator", "model", "focal length %", "RMS px", "max px", "of the image %")
-_PRINTED = ("estimator", "ATE m", "% of way", "drift %", "yaw °", "lost %", "aligned", "s")
+_PRINTED = ("estimator", "ATE m", "% of path", "drift %", "yaw °", "lost %", "aligned", "s")
 _NAME_LETTERS = 24
 
 
@@ -141,8 +141,8 @@ def _section(recording: Recording, outcomes: Sequence[Outcome], folder: Path) ->
         "ATE: root mean square distance from the truth after alignment (se3: by rotation and "
         "translation; sim3: by scale, too; none: the estimator starts at the true pose). RPE: "
         "error of the motion between successive poses. Drift: error of the motion over a tenth of "
-        "the way, as a share of its length. Lost: share of the time before the first and after the "
-        "last pose.",
+        "the path, as a share of its length. Lost: share of the time before the first and after "
+        "the last pose.",
         tables=tables,
         figures=[
             CaptionedFigure(
@@ -151,14 +151,16 @@ def _section(recording: Recording, outcomes: Sequence[Outcome], folder: Path) ->
                 "Aligned trajectories and the truth, from above",
             ),
             CaptionedFigure(
-                "offsets", offsets_figure(offsets), "Distance from the truth over the way"
+                "offsets",
+                offsets_figure(offsets),
+                "Distance from the truth over the distance traveled",
             ),
         ],
     )
 
 
 def _aligned(outcomes: Sequence[Outcome], folder: Path) -> Mapping[str, Trajectory]:
-    """Aligned trajectories of the estimators that found one."""
+    """Aligned trajectories by estimator, without the estimators that failed."""
     aligned = {}
     for outcome in outcomes:
         if outcome.errors is not None:
@@ -174,7 +176,7 @@ def _offsets(
 ) -> tuple[
     np.ndarray[tuple[int], np.dtype[np.float64]], np.ndarray[tuple[int], np.dtype[np.float64]]
 ]:
-    """Traveled way, and distances from the truth."""
+    """Distances (n,) traveled and distances (n,) from the truth, in meters."""
     used, nearest = match_times(estimate.times_s, truth.times_s)
     way = np.concatenate(([0.0], np.cumsum(step_lengths_m(truth.world_from_base))))
     offsets = estimate.positions_m[used] - truth.positions_m[nearest]

@@ -1,4 +1,4 @@
-"""`omnisim evaluate` on a plan: errors of estimators against what was varied."""
+"""`omnisim evaluate` on a plan: errors of estimators by varied value."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from omnisim.validation.report.report import Section
 
 POINTS = "points.json"
-_COLUMNS = ("value", "estimator", "ATE % of way", "±", "drift %", "lost %", "s", "without")
-_PRINTED = ("value", "estimator", "ATE % of way", "±", "drift %", "without")
+_COLUMNS = ("value", "estimator", "ATE % of path", "±", "drift %", "lost %", "s", "without")
+_PRINTED = ("value", "estimator", "ATE % of path", "±", "drift %", "without")
 
 
 def sweep(request: EvaluateRequest) -> None:
@@ -81,7 +81,7 @@ def _outcomes(
 
 
 def _shares(outcomes: Sequence[Outcome]) -> list[float]:
-    """Absolute trajectory errors, in percent of the way."""
+    """Absolute trajectory errors, in percent of the path length."""
     found = [one.errors for one in outcomes if one.errors is not None and one.errors.way_m > 0.0]
     return [100.0 * one.ate_m / one.way_m for one in found]
 
@@ -131,7 +131,7 @@ def _section(plan: SweepPlan, results: Sequence[PointResult], variation: int | N
     tables = [
         ResultTable(
             "Absolute trajectory error with its standard deviation over the seeds, drift over a "
-            "tenth of the way, share of lost time, and time taken.",
+            "tenth of the path, share of lost time, and time taken.",
             _COLUMNS,
             tuple(rows),
         )

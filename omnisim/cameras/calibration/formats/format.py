@@ -60,7 +60,7 @@ class Format(ABC, Generic[LensT]):
         models: models that the format represents exactly.
         fits: models to fit to other lenses, each with the parameters that the format fixes.
         signature: text pattern that identifies the format, even in a broken file.
-        metadata_place: where a file keeps omnisim's metadata.
+        metadata_place: location of omnisim's metadata in a file.
         max_theta_rad: angle from the axis at and beyond which rays cannot be represented.
         caveat: note for the user about a lens that sees farther than caveat_theta_rad.
         centered: True if the axis is always at the image center.

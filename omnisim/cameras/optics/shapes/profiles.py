@@ -64,7 +64,7 @@ class Profile(Shape):
         return int((signs >= 0.0).all()) or -int((signs <= 0.0).all())
 
     def sag_m(self, radii_m: Floats) -> Floats:
-        """Heights z(r) at distances from the axis; NaN outside the domain."""
+        """Heights z(r) (...) at distances r (...) from the axis; NaN outside the domain."""
         return np.where(radii_m <= self.domain_m, self.derivatives(radii_m).heights_m, np.nan)
 
     def level(self, points_m: Floats) -> Level:
@@ -267,7 +267,7 @@ class Asphere(Parameters, Profile, name="shape"):
     shape_name = "asphere"
     needs_rim = True
     radius_m: Signed
-    """Radius of curvature R at the vertex; positive: bulges towards the camera."""
+    """Radius of curvature R at the vertex; positive: bulges toward the camera."""
     conic: Annotated[Number, Field(ge=-1e6, le=1e6)] = 0.0
     """Conic constant κ."""
     coefficients: Annotated[tuple[Signed, ...], Field(max_length=16)] = ()
@@ -280,7 +280,7 @@ class Asphere(Parameters, Profile, name="shape"):
 
     @property
     def domain_m(self) -> float:
-        """Radius of the conic's equator."""
+        """Radius of the conic's equator; infinite if there is none."""
         return float(np.sqrt(self.radius_m**2 / (1.0 + self.conic))) if self.conic > -1 else np.inf
 
     def derivatives(self, radii_m: Floats) -> Derivatives:

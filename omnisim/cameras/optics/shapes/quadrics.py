@@ -104,7 +104,7 @@ class Conic(Parameters, Quadric, name="shape"):
 
     shape_name = "conic"
     radius_m: Signed
-    """Radius of curvature R at the vertex; positive: bulges towards the camera."""
+    """Radius of curvature R at the vertex; positive: bulges toward the camera."""
     conic: Annotated[Number, Field(ge=-1e6, le=1e6)] = 0.0
     """Conic constant κ: −e²; 0 is a sphere, −1 a paraboloid, below −1 a hyperboloid."""
 
@@ -156,7 +156,7 @@ class Hyperbolic(Parameters, Quadric, name="shape"):
 
 @dataclass(frozen=True)
 class Cone(Parameters, Quadric, name="shape"):
-    """Cone with its tip towards the camera."""
+    """Cone with its tip toward the camera."""
 
     shape_name = "cone"
     tip_radius_m = 1e-9
@@ -169,7 +169,7 @@ class Cone(Parameters, Quadric, name="shape"):
         return 1.0, -(math.tan(math.radians(self.half_angle_deg)) ** 2), 0.0
 
     def sag_m(self, radii_m: Floats) -> Floats:
-        """Heights z: r over the tangent of the half angle."""
+        """Heights z (...) at radii r (...): r over the tangent of the half angle."""
         return radii_m / math.tan(math.radians(self.half_angle_deg))
 
 

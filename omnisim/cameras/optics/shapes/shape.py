@@ -1,7 +1,7 @@
 """Interface of a surface's shape.
 
 In a shape's frame, the origin is the vertex, and z points along the axis of revolution, away from a
-camera that looks at the shape. A mirror that bulges towards the camera has z > 0 off its axis.
+camera that looks at the shape. A mirror that bulges toward the camera has z > 0 off its axis.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class Shape(ABC):
 
     @abstractmethod
     def is_convex(self, radius_m: float) -> bool:
-        """True if it bulges towards the camera everywhere within a radius."""
+        """True if it bulges toward the camera everywhere within a radius."""
 
     def is_rising(self, radius_m: float) -> bool:
         """True if it recedes from the camera outwards, everywhere within a radius."""
@@ -78,4 +78,4 @@ class Shape(ABC):
 
     @abstractmethod
     def sag_m(self, radii_m: Floats) -> Floats:
-        """Heights z of the surface at distances from the axis; NaN outside its domain."""
+        """Heights z (...) of the surface at radii (...); NaN outside its domain."""

@@ -1,7 +1,7 @@
 """omnisim's own CSV: a header, then one pose per line; the columns are in any order.
 
 `x_m` and `y_m` are required. `z_m`, `roll_deg` and `pitch_deg` default to 0; without all three, the
-poses lie on a floor plan. Without `yaw_deg` the robot looks along its path, towards the next
+poses lie on a floor plan. Without `yaw_deg` the robot looks along its path, toward the next
 distinct position, and at the end it keeps its heading. Without `t_s` the poses have no times.
 """
 
@@ -63,7 +63,7 @@ def _header(table: TextTable) -> list[str]:
 
 
 def heading_along(positions_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Headings (n,) in radians along a path (n, 2), towards the next distinct position.
+    """Headings (n,) in radians along a path (n, 2), toward the next distinct position.
 
     The last positions keep the previous heading; it is 0 if all positions are equal.
     """

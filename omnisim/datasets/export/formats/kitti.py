@@ -66,7 +66,7 @@ class Kitti(ExportFormat):
             (sequence / name).mkdir(parents=True)
         calibration = _calibration(recording, cameras, base_from_camera, base_from_lidar)
         write_lines(sequence / "calib.txt", iter(calibration))
-        _note_what_is_missing(cameras, lidars, print_note)
+        _note_missing_values(cameras, lidars, print_note)
         times_s = recording.truth.times_s - recording.truth.times_s[0]
         write_lines(sequence / "times.txt", (f"{time_s:.9e}" for time_s in times_s))
         world_from_camera = recording.truth.world_from_base @ base_from_camera
@@ -143,7 +143,7 @@ def _calibration(
     yield f"Tr: {_numbers(camera_from_lidar[:3])}"
 
 
-def _note_what_is_missing(
+def _note_missing_values(
     cameras: list[LensCamera], lidars: list[str], print_note: PrintNote
 ) -> None:
     """Print notes on values of calib.txt that readers need and the run does not have."""

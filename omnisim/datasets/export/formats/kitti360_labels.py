@@ -98,7 +98,7 @@ class LabelImages:
 
 
 def _instances(labels: Labels) -> NDArray[np.int64]:
-    """KITTI-360's global number of each instance ID, from ID 0 of no instance.
+    """KITTI-360's global number of each instance ID (n + 1,), starting with 0 for no instance.
 
     Beyond 999 instances of a class, the number is 65536, which fits in no image.
     """

@@ -97,7 +97,7 @@ class CameraStream(Stream):
         return (self.camera.run.path / self.name / CALIBRATION).read_text(encoding="utf-8")
 
     def base_from_frame(self) -> NDArray[np.float64]:
-        """Pose of the optical frame."""
+        """Pose (4, 4) of the optical frame on the base."""
         return self.camera.mount.base_from_optical
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
@@ -141,7 +141,7 @@ class DepthStream(Stream):
         self.lens = true_lens(self.camera)
 
     def base_from_frame(self) -> NDArray[np.float64]:
-        """Pose of the optical frame."""
+        """Pose (4, 4) of the optical frame on the base."""
         return self.camera.mount.base_from_optical
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
@@ -164,7 +164,7 @@ class ScanStream(Stream):
     """Scans of a laser scanner."""
 
     def base_from_frame(self) -> NDArray[np.float64]:
-        """Pose of the scanner."""
+        """Pose (4, 4) of the scanner on the base."""
         scan = read_table(self._first_file(".csv"), "beam", "angle_deg", "range_m").header
         return self._mount(scan.pose("world_from_scanner"))
 
@@ -184,7 +184,7 @@ class RangeStream(Stream):
     """Ranges of a sonar or infrared sensor."""
 
     def base_from_frame(self) -> NDArray[np.float64]:
-        """Pose of the sensor."""
+        """Pose (4, 4) of the sensor on the base."""
         header = read_table(self._first_file(".csv"), "range_m").header
         return self._mount(header.pose("world_from_sensor"))
 
@@ -206,7 +206,7 @@ class LidarStream(Stream):
     """Point clouds of a lidar."""
 
     def base_from_frame(self) -> NDArray[np.float64]:
-        """Pose of the lidar."""
+        """Pose (4, 4) of the lidar on the base."""
         return self.recording.base_from_lidar(self.name)
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
@@ -220,7 +220,7 @@ class ImuStream(Stream):
     """Readings of an IMU."""
 
     def base_from_frame(self) -> NDArray[np.float64]:
-        """Pose of the IMU."""
+        """Pose (4, 4) of the IMU on the base."""
         return self.recording.base_from_imu(self.name)
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:

@@ -34,7 +34,7 @@ def lightmap(patches: Patches, light: Floats, is_valid: NDArray[np.bool_]) -> Fl
 
 
 def _spread(pixels: Floats, known: NDArray[np.bool_], charts: NDArray[np.int32]) -> Floats:
-    """Pixels with unknown ones filled, step by step, by means of their chart's known neighbors."""
+    """Pixels (height, width, 3), unknown ones filled stepwise with means of known neighbors."""
     for _ in range(_MAX_STEPS):
         sums, counts = np.zeros_like(pixels), np.zeros(known.shape, dtype=np.float32)
         for to, of in NEIGHBORS:

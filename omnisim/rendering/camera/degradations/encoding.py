@@ -71,7 +71,7 @@ class Encoding(Effect, name="degradation.encoding"):
             raise self._error("curve", "points in order of their light, with rising levels")
 
     def encoded(self, light: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Levels from 0 to 1 of light, before they are rounded."""
+        """Levels (...) from 0 to 1 of light (...), before rounding."""
         if self.curve is not None:
             lights, levels = zip(*self.curve, strict=True)
             curved: NDArray[np.float64] = np.interp(light, lights, levels)
@@ -83,7 +83,7 @@ class Encoding(Effect, name="degradation.encoding"):
         return powers
 
     def linearized(self, levels: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Light of levels from 0 to 1."""
+        """Light (...) of levels (...) from 0 to 1."""
         if self.curve is not None:
             lights, values = zip(*self.curve, strict=True)
             light: NDArray[np.float64] = np.interp(levels, values, lights)

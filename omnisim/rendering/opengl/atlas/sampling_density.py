@@ -68,7 +68,7 @@ class SamplingDensity:
         return self._densities([WHOLE_FACE]) if self._is_seen else []
 
     def subdivide(self, texels_per_pixel: float, tile_texels: float) -> list[RegionDensity]:
-        """Densities of the regions into which the face is cut where that saves texels.
+        """Densities of the face's regions after the cuts that save texels.
 
         The density of an image varies over a face: 45° below the horizon, a mirror shows an angle
         in half as many pixels as above it. The cuts are greedy: the cut that saves the most comes

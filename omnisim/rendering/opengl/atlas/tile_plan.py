@@ -75,9 +75,9 @@ class TilePlan:
     """Virtual cameras of a sensor, and the atlas that holds them.
 
     Attributes:
-        tiles: sorted by face.
+        tiles: tiles of the atlas, sorted by face.
         max_level: highest mip level that lookups reach.
-        level_bias: added to the mip level at which a texel is as wide as its lookup's footprint.
+        level_bias: offset from the mip level whose texels are as wide as a lookup's footprint.
         width_px, height_px: size of the atlas.
     """
 
@@ -121,7 +121,7 @@ def plan_tiles(
         also_seen: directions (n, 3), optical frame, that are looked up beyond the camera model's
             field of view, because a mesh's rim has corners.
         subdivide: cut faces into tiles of different density where that saves texels.
-        level_bias: added to the mip level at which a texel is as wide as a pixel: negative is
+        level_bias: offset from the mip level whose texels are as wide as a pixel; negative is
             sharper. Lookups are bilinear: at −1, two texels per pixel, they still cover everything.
 
     Raises:

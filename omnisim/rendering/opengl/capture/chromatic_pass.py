@@ -28,10 +28,10 @@ class ChromaticPass:
         fog: see `ParallaxPass`.
 
     Attributes:
-        undecided_samples: number in the last image, all channels.
+        undecided_samples: number of undecided samples in the last image, all channels.
 
     Raises:
-        GraphicsError: no memory for it.
+        GraphicsError: out of GPU memory.
     """
 
     def __init__(

@@ -26,7 +26,7 @@ class DepthPyramid:
         longest_m: maximum distance of the rays' origins from the viewpoint.
 
     Raises:
-        GraphicsError: no memory for it.
+        GraphicsError: out of GPU memory.
     """
 
     def __init__(

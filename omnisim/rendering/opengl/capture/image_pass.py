@@ -42,7 +42,7 @@ def image_pass(samples: PixelMap, plan: TilePlan, supersampling: int) -> ImagePa
         supersampling: samples per pixel side.
 
     Raises:
-        GraphicsError: no memory for it.
+        GraphicsError: out of GPU memory.
     """
     width, height = samples.size_px
     with gpu_allocation(
@@ -67,7 +67,7 @@ class RemapPass:
         samples, plan, supersampling: see `image_pass`.
 
     Raises:
-        moderngl.Error: no memory for it.
+        moderngl.Error: out of GPU memory.
     """
 
     def __init__(self, samples: PixelMap, plan: TilePlan, supersampling: int):
@@ -111,8 +111,8 @@ class RemapPass:
         """Draw encoded images, stacked vertically.
 
         Args:
-            atlases: one layer per image.
-            target: at least `count` images high.
+            atlases: texture array with one atlas layer per image.
+            target: framebuffer at least `count` images high.
             count: number of images, from the first layer.
         """
         self._state.bind_texture(0, atlases.glo)
@@ -136,7 +136,7 @@ class SamplePass:
         samples, plan, supersampling: see `image_pass`.
 
     Raises:
-        moderngl.Error: no memory for it.
+        moderngl.Error: out of GPU memory.
     """
 
     def __init__(self, samples: PixelMap, plan: TilePlan, supersampling: int):

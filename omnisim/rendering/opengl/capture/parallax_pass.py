@@ -57,10 +57,10 @@ class ParallaxPass:
         fog: fog in the atlas, as seen from the viewpoint; None: clear air.
 
     Attributes:
-        undecided_samples: number in the last image.
+        undecided_samples: number of undecided samples in the last image.
 
     Raises:
-        GraphicsError: no memory for it.
+        GraphicsError: out of GPU memory.
     """
 
     def __init__(
@@ -146,8 +146,8 @@ class ParallaxPass:
         Args:
             atlas: atlas rendered from the viewpoint.
             depth: depth (height, width) of its texels.
-            target: receives the image.
-            cast: colors undecided samples; None: assume that their occluders are thin.
+            target: framebuffer for the image.
+            cast: function that colors undecided samples by rays; None: treat occluders as thin.
         """
         self._pyramid.update(depth)
         self.draw_again(atlas, target, cast)

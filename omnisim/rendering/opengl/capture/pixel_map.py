@@ -37,7 +37,7 @@ class PixelMap:
     Args:
         context: OpenGL context.
         camera: camera; for supersampling, the one of the larger image.
-        polygons: number in the mirror's mesh; None: exact, by the camera model's GLSL file.
+        polygons: polygon count of the mirror's mesh; None: exact, by the camera model's GLSL file.
 
     Attributes:
         context, camera, polygons: see the arguments.

@@ -48,33 +48,33 @@ class CullingShaders:
 
     @cached_property
     def instances(self) -> moderngl.ComputeShader:
-        """Writes the matrices of objects in views."""
+        """Shader that writes the matrices of objects in views."""
         return build_compute_shader(self._context, "culling/instances.comp")
 
     @cached_property
     def groups(self) -> moderngl.ComputeShader:
-        """Culls groups; the rest are the candidates of the first pass."""
+        """Shader that culls groups; the others become candidates of the first pass."""
         return self._with_bounds("groups.comp")
 
     def cull(self, number: int) -> moderngl.ComputeShader:
-        """Culls clusters; 0: in a single pass; 1: in the first of several; 2: in later ones."""
+        """Shader that culls clusters in a single pass (0), the first of several (1) or a later one (2)."""
         if number not in self._cull:
             self._cull[number] = self._with_bounds("cull.comp", f"PASS {number}")
         return self._cull[number]
 
     @cached_property
     def commands(self) -> moderngl.ComputeShader:
-        """Writes draw commands of visible clusters."""
+        """Shader that writes the draw commands of visible clusters."""
         return self._with_bounds("commands.comp")
 
     @cached_property
     def hi_z(self) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
-        """Hierarchical depth between two passes: fine and coarse levels."""
+        """Shaders of hierarchical depth between two passes, for fine and coarse levels."""
         return self._hi_z()
 
     @cached_property
     def layered_hi_z(self) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
-        """Hierarchical depth for cameras with one layer each."""
+        """Shaders of hierarchical depth for cameras with one layer each."""
         return self._hi_z("LAYERED")
 
     def _with_bounds(self, name: str, *defines: str) -> moderngl.ComputeShader:

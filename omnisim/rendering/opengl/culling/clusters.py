@@ -32,8 +32,8 @@ class Clusters(NamedTuple):
         cone_axes: (n, 3) unit, mean normal.
         cone_sines: (n,) sine of the largest angle between the axis and a normal; above 1 for angles
             of 90° or more.
-        widths: (n,) side of a square as large as the mean triangle; smaller for many triangles: a
-            wall of two occludes more than a bush of twenty.
+        widths: (n,) side of a square as large as the mean triangle; reduced for clusters
+            of many triangles, since a wall of two occludes more than a bush of twenty.
     """
 
     first: NDArray[np.int64]
@@ -65,7 +65,7 @@ class ClusterHierarchy(NamedTuple):
 
     Attributes:
         order: (n,) triangle indices sorted by cluster.
-        clusters: sorted by group.
+        clusters: clusters of the triangles, sorted by group.
         groups: groups of consecutive clusters.
     """
 
@@ -116,7 +116,7 @@ def _firsts(count: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def ranges(first: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Concatenated ranges of `count` consecutive numbers, each starting at `first`."""
+    """Concatenated ranges of `count` (n,) consecutive numbers, each starting at `first` (n,)."""
     numbers = np.repeat(first - _firsts(count), count)
     numbers += np.arange(len(numbers))
     return numbers

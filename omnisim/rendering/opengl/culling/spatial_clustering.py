@@ -88,7 +88,7 @@ def _levels(
 def _merge_small_cells(
     levels: NDArray[np.intp], last_level: int, min_size: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First box of each maximal cell of at most `min_size` boxes, and the level it begins at."""
+    """First box of each maximal cell of at most `min_size` boxes, and its first level."""
     first, total = np.arange(len(levels)), len(levels)
     for level in range(last_level + 1):
         heads = np.flatnonzero(levels > level)

@@ -109,7 +109,7 @@ class DegradationPass:
 
 
 class _Target:
-    """Float32 image to draw to and to sample."""
+    """Float32 render target that can be sampled."""
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int]):
         with gpu_allocation(
@@ -146,7 +146,7 @@ class _FullScreenPass:
         """Draw to a target.
 
         Args:
-            target: has the image's size.
+            target: framebuffer of the image's size.
             image: input image, `u_image`.
             uniforms: values of this frame; names that the shader does not use are ignored.
             textures: additional textures by sampler name.

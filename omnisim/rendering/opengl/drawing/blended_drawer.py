@@ -66,9 +66,9 @@ class BlendedDrawer:
     Args:
         context: OpenGL context.
         geometry: clusters of the scene; their objects carry the items.
-        culler: culls the clusters; its matrices place the items.
+        culler: culler of the clusters; its matrices place the items.
         items: items for which `fits` is true.
-        program: reads `CLUSTER_VERTEX` and as many texture arrays as the items have.
+        program: program for `CLUSTER_VERTEX` and all texture arrays of the items.
     """
 
     def __init__(

@@ -24,7 +24,7 @@ class BucketProgram(NamedTuple):
     """Program that draws a bucket.
 
     Attributes:
-        program: reads `CLUSTER_VERTEX`.
+        program: program for vertices of type `CLUSTER_VERTEX`.
         sampler: sampler of its textures; None: the textures' own settings.
         first_command: uniform for the index of the first command; None: not used.
     """
@@ -53,7 +53,7 @@ class DrawBatches:
 
     Args:
         geometry: clusters.
-        find_program: returns the program of a bucket.
+        find_program: function from a bucket to its program.
         both_sides: draw back faces, too.
 
     Attributes:
@@ -95,7 +95,7 @@ class ClusterDrawer:
     Args:
         context: OpenGL context.
         geometry: clusters.
-        culler: culls their views, batch by batch.
+        culler: culler of the views, batch by batch.
         batches: states of the batches.
 
     Attributes:
@@ -130,7 +130,7 @@ class ClusterDrawer:
     def draw(self, pass_index: int) -> None:
         """Draw the commands of a pass, with the state of `GlState.drawing`.
 
-        The previous passes were drawn in the same frame, and nothing else since.
+        Requires that the previous passes of the frame were drawn last.
         """
         if pass_index == 0:
             self._draws.bind(self.culler.commands.glo, self.culler.counts.glo, self._array.glo)

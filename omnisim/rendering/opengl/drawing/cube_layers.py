@@ -40,7 +40,7 @@ class CubeLayers:
         plan: tiles per camera.
         cameras: virtual cameras.
         blended: items for which `blended_drawer.fits` is true; may be empty.
-        atlases: one layer per camera.
+        atlases: texture array with one atlas layer per camera.
 
     Attributes:
         atlases: see the arguments.

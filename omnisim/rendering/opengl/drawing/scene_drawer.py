@@ -48,8 +48,8 @@ class SceneDrawer(Generic[P]):
         buffers: scene and dynamic objects.
         indices: index buffer of the items.
         items: (n,) drawable items.
-        find_program: returns the program of an item.
-        id_of_item: returns the ID of an item's first triangle.
+        find_program: function from an item to its program.
+        id_of_item: function from an item to the ID of its first triangle.
         both_sides: draw back faces, too.
 
     Attributes:

@@ -42,12 +42,12 @@ class SurfaceVariant(NamedTuple):
     Attributes:
         lit, alpha_mode, textured: properties of the material.
         shading: shading of the triangles.
-        clustered: draws clusters; else single items.
+        clustered: True: draws clusters; False: single items.
         layered: each camera has a layer.
         blended_arrays: number of texture arrays of blended clusters.
         maps: True for each map of the material, in the order of `Material.maps`; None: matte.
-        second_coordinates: some maps use the second texture coordinates.
-        in_fog: drawn with the scene's fog, if it has one.
+        second_coordinates: True if a map uses the second texture coordinates.
+        in_fog: True if drawn with the scene's fog, if it has one.
         light: source of the light on lit surfaces.
         both_sides: each side has its own light in the lightmap.
     """
@@ -67,7 +67,7 @@ class SurfaceVariant(NamedTuple):
 
     @property
     def computes_light(self) -> bool:
-        """Light is computed per fragment."""
+        """True if light is computed per fragment."""
         in_lightmap = self.light is LightSource.LIGHTMAP and self.maps is None
         return self.lit and self.shading is not Shading.BAKED and not in_lightmap
 

@@ -61,14 +61,14 @@ class TileRenderer:
         plan: tiles of the atlas.
         cameras: virtual cameras; only depth range and sides matter here.
         items: (n,) items to draw one by one, front to back.
-        find_program: returns the program of a bucket of clusters.
+        find_program: function from a bucket of clusters to its program.
         depth: depth of the atlas; None if shaders cannot read it.
         samples: samples per texel.
         max_cameras: maximum number of cameras drawn together, one target layer each.
 
     Attributes:
         views: views of the tiles.
-        culler: culls the clusters; None without clusters.
+        culler: culler of the clusters; None without clusters.
     """
 
     def __init__(
@@ -124,7 +124,7 @@ class TileRenderer:
 
     @property
     def has_items(self) -> bool:
-        """Some items are drawn one by one."""
+        """True if some items are drawn one by one."""
         return bool(self._items.size)
 
     def begin(
@@ -149,10 +149,10 @@ class TileRenderer:
         """Draw the clusters of all tiles, then the items.
 
         Args:
-            target: cleared by `begin`.
+            target: framebuffer, cleared by `begin`.
             world_from_rig: (4, 4) pose of the camera's rig.
             world_from_objects: (4, 4) each, poses of the dynamic objects.
-            drawer: draws the items.
+            drawer: drawer of the items.
         """
         self.draw_clusters(world_from_rig, world_from_objects)
         self.draw_one_by_one(target, world_from_rig, world_from_objects, drawer)

@@ -46,7 +46,7 @@ class Bucket(NamedTuple):
         shading: shading of their triangles.
         array: array of their textures; None: untextured.
         maps: arrays of their maps, see `Reflectance`; None: matte.
-        second_coordinates: some maps use the second texture coordinates.
+        second_coordinates: True if a map uses the second texture coordinates.
         light: source of the light on them.
     """
 

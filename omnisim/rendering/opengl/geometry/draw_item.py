@@ -1,4 +1,4 @@
-"""Draw items: instances of meshes ready to draw, and their transforms in one frame."""
+"""Draw items: instances of meshes ready to draw, and their transforms for one image."""
 
 from __future__ import annotations
 
@@ -52,14 +52,14 @@ class DrawItem:
     Attributes:
         name: name of the instance.
         object_index: index of its dynamic object; None: static.
-        mesh: its mesh.
+        mesh: mesh of the instance.
         first, count: range in the index buffer.
         base: first vertex of its mesh in the vertex buffer.
         material: material of the mesh.
         texture_layer: textures of the material on this mesh.
         object_from_mesh: (4, 4) float64, to the world or the dynamic object's frame.
         normal_from_mesh: (3, 3) cofactors of its linear part, signed to keep normals outward.
-        flips_winding: its transform reverses the winding of triangles.
+        flips_winding: True if the transform reverses the winding of triangles.
         center_m, radius_m: bounding sphere in the world or the dynamic object's frame.
         light: source of the light on it.
         light_rectangles: lightmap rectangles of front and back; empty without a lightmap.
@@ -120,7 +120,7 @@ class DrawItem:
 
 
 class InstanceTransforms(NamedTuple):
-    """Transforms of all draw items to the viewpoint frame, in one frame.
+    """Transforms of all draw items to the viewpoint frame, for one image.
 
     Attributes:
         viewpoint_from_mesh: (n, 4, 4) matrices.

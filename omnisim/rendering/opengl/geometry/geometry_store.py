@@ -31,7 +31,7 @@ class IndexRange(NamedTuple):
         mesh: mesh that owns the triangles.
         first: first index.
         base: first vertex of the mesh.
-        is_blended: belongs to one blended item, which re-sorts it in every frame.
+        is_blended: True for the range of one blended item, which re-sorts it in every frame.
     """
 
     mesh: Mesh

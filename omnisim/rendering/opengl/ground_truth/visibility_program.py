@@ -25,11 +25,11 @@ class VisibilityVariant(NamedTuple):
         holes: discard fragments with alpha below a cutoff.
         details: details to draw as well.
         textured: materials may have a texture.
-        clustered: draws clusters; else single items.
+        clustered: True: draws clusters; False: single items.
         layered: several cameras, one target layer each.
         maps: True for each map of the material, in the order of `Material.maps`; None: matte, or
             materials are not drawn.
-        second_coordinates: some maps use the second texture coordinates.
+        second_coordinates: True if a map uses the second texture coordinates.
     """
 
     holes: bool

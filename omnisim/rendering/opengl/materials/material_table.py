@@ -25,7 +25,7 @@ class Reflectance(NamedTuple):
     Attributes:
         record: index of its record in the table.
         maps: arrays of its maps, in the order of `Material.maps`; None for missing maps.
-        second_coordinates: some maps use the second texture coordinates.
+        second_coordinates: True if a map uses the second texture coordinates.
     """
 
     record: int

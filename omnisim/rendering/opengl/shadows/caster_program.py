@@ -19,7 +19,7 @@ class CasterVariant(NamedTuple):
     Attributes:
         holes: discard fragments with alpha below a cutoff.
         textured: alpha comes from a texture.
-        clustered: draws clusters; else single items.
+        clustered: True: draws clusters; False: single items.
     """
 
     holes: bool

@@ -36,7 +36,7 @@ class ShadowMaps:
         lighting: lighting with at least one light that casts shadows.
 
     Attributes:
-        anchor_m: (3,) world position that the maps' matrices are relative to.
+        anchor_m: (3,) origin of the maps' matrices, world.
 
     Raises:
         GraphicsError: the maps do not fit on the GPU.

@@ -74,7 +74,7 @@ class ShadowPlan:
 
     @property
     def follows_viewpoint(self) -> bool:
-        """Some maps follow the viewpoint."""
+        """True if some maps follow the viewpoint."""
         return self.cascade_count > 1
 
     @property

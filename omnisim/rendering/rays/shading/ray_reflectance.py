@@ -76,17 +76,17 @@ def reflected_light(
 def _lamp(
     surface: Reflectance, directions: SurfaceDirections, coat: Floats, lamp: LampLight
 ) -> Floats:
-    towards = np.broadcast_to(lamp.directions, directions.views.shape)
-    halfway = towards + directions.views
+    toward = np.broadcast_to(lamp.directions, directions.views.shape)
+    halfway = toward + directions.views
     halfway = halfway / np.maximum(np.linalg.norm(halfway, axis=1, keepdims=True), 1e-7)
     grazing = (1.0 - np.clip(_dot(directions.views, halfway), 0.0, 1.0)) ** 5
     gloss = _between(surface.f0, surface.f90, grazing)
-    light = np.maximum(_dot(directions.normals, towards), 0.0)
+    light = np.maximum(_dot(directions.normals, toward), 0.0)
     view = _cosines(directions.normals, directions.views)
     gloss *= _microfacets(surface.roughness, directions.normals, halfway, light, view)[:, None]
     lost = _between(surface.dielectric_f0, surface.dielectric_f90, grazing).max(axis=1)
     total = (light * (1.0 - coat))[:, None] * (surface.body * (1.0 - lost)[:, None] + gloss)
-    light = np.maximum(_dot(directions.coat_normals, towards), 0.0)
+    light = np.maximum(_dot(directions.coat_normals, toward), 0.0)
     view = _cosines(directions.coat_normals, directions.views)
     facets = _microfacets(surface.coat_roughness, directions.coat_normals, halfway, light, view)
     total += (coat * light * facets)[:, None]
@@ -135,9 +135,9 @@ def _radiance(
         mirrored = 2.0 * _dot(normals, views)[:, None] * normals - views
         alpha = roughness * roughness
         share = ((1.0 - alpha) * (np.sqrt(1.0 - alpha) + alpha))[:, None]
-        towards = normals + share * (mirrored - normals)
-        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-        total = total + lighting.environment.light(towards, roughness)
+        toward = normals + share * (mirrored - normals)
+        toward /= np.linalg.norm(toward, axis=1, keepdims=True)
+        total = total + lighting.environment.light(toward, roughness)
     if baked is not None:
         ambient = ambient_light(lighting, normals.astype(np.float32))
         total = total * np.clip(baked / np.maximum(ambient, 1e-4), 0.0, 1.0)

@@ -27,7 +27,8 @@ class TextureTable:
 
     Args:
         surfaces: surfaces with textured materials.
-        texture_of: selects a material's texture, by default the base color; all linear or all sRGB.
+        texture_of: function from a material to its texture, by default the base color's; all
+            textures are linear, or all sRGB.
 
     Attributes:
         texture_of_surface: (n,) index of each surface's texture; −1: no texture.

@@ -70,7 +70,7 @@ def parent_from_node(node: JsonObject) -> NDArray[np.float64]:
 
 
 def _orthonormalize(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Matrix (4, 4), made exactly rigid (or mirrored) if it is so up to the file's digits."""
+    """Matrix (4, 4), orthonormalized if it is rigid or mirrored up to the file's rounding."""
     linear = matrix[:3, :3]
     error = np.abs(linear @ linear.T - np.eye(3)).max()
     if not 1e-13 < error < 1e-5:

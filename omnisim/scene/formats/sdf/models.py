@@ -164,7 +164,7 @@ class ModelLibrary:
                 model.scope.add_alias(frame.name, f"{name}::{frame.name}")
 
     def _included(self, include: XmlElement) -> XmlElement | None:
-        """First entity of an included file; None: the file is missing, which is counted."""
+        """First entity of an included file; None: the file is missing, and is counted."""
         uri = include.text("uri")
         if not uri:
             raise include.error("a <uri>", "none")
@@ -182,7 +182,7 @@ class ModelLibrary:
         return XmlElement(entity, f"{path}: {step}", path)
 
     def _substitute(self, uri: str) -> XmlElement | None:
-        """Substitute for a common Gazebo Classic model; None: no substitute, which is counted."""
+        """Substitute for a common Gazebo Classic model; None: no substitute, counted as missing."""
         name = _last_part(uri).lower().replace(" ", "_")
         if name not in BUILTIN_MODELS:
             self.miss(uri)

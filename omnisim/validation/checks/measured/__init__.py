@@ -1,1 +1,1 @@
-"""Checks of what is measured from images: noise, sharpness, camera models."""
+"""Checks of quantities measured from images: noise, sharpness, camera models."""
