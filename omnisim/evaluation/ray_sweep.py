@@ -37,8 +37,9 @@ def run_sweep_on_ray(
             log_to_driver=False,
             logging_level=logging.ERROR,
         )
-    except (ConnectionError, ValueError, RuntimeError) as reason:
-        raise PlanError(f"--address {address}: {str(reason).partition(chr(10))[0]}") from None
+    except Exception as reason:  # a node that does not start in time raises a bare one
+        where = "ray" if address is None else f"--address {address}"
+        raise PlanError(f"{where}: {str(reason).partition(chr(10))[0]}") from None
     try:
         environment = {"env_vars": {"LP_NUM_THREADS": "1"}}
         measure = ray.remote(num_cpus=1, max_retries=RETRIES)(_measure)

@@ -33,7 +33,7 @@ def over_seeds(values: Sequence[float]) -> SeedMean:
     count = len(known)
     if count < 2:
         return SeedMean(known[0] if known else math.nan, math.nan, count)
-    quantile = float(scipy.stats.t.ppf(0.5 + 0.5 * CONFIDENCE, count - 1))
+    quantile = float(scipy.special.stdtrit(count - 1, 0.5 + 0.5 * CONFIDENCE))
     return SeedMean(
         statistics.fmean(known), quantile * statistics.stdev(known) / math.sqrt(count), count
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -108,16 +109,26 @@ def run_section(recording: Recording, outcomes: Sequence[Outcome], folder: Path)
     return Section("Estimators", METHOD, tables=tables, figures=figures)
 
 
-def sweep_sections(plan: SweepPlan, results: Sequence[PointResult], key: str = "") -> list[Section]:
+def sweep_sections(
+    plan: SweepPlan, results: Sequence[PointResult], key: str = "", title: str = ""
+) -> list[Section]:
     """Sections on a sweep: the drive as it is, and one on each variation.
 
     Args:
         plan: plan of the sweep.
         results: results of all of its points.
         key: prefix of the figures' names.
+        title: prefix of the sections' titles.
     """
     indices: list[int | None] = [None, *range(len(plan.vary))]
-    return [_sweep_section(plan, results, index, key) for index in indices]
+    sections = [_sweep_section(plan, results, index, key) for index in indices]
+    if not title:
+        return sections
+    return [replace(one, title=f"{title}: {_lower_first(one.title)}") for one in sections]
+
+
+def _lower_first(text: str) -> str:
+    return text[0].lower() + text[1:] if text[:2].istitle() else text
 
 
 def varied_title(plan: SweepPlan, variation: int | None) -> str:
