@@ -6,6 +6,9 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.trajectory_alignment import AlignmentKind
@@ -34,7 +37,7 @@ class Estimator(ABC):
 
     @abstractmethod
     def estimate(self, run: Recording, work: Path) -> Trajectory:
-        """Estimate poses of the base, in a world of the method's own.
+        """Estimate poses of the base, or of `base_from_tracked`, in a world of the method's own.
 
         Args:
             run: finished run.
@@ -43,3 +46,15 @@ class Estimator(ABC):
         Raises:
             EstimatorError: the run lacks a sensor, or the method found no trajectory.
         """
+
+    def base_from_tracked(self, run: Recording) -> NDArray[np.float64]:
+        """Pose (4, 4), on the base, of the frame whose poses are estimated: by default the base.
+
+        A method that cannot know the scale cannot move poses of its camera to the base either: the
+        lever arm has another scale than its world. It returns poses of the camera's center, with
+        the base's axes.
+
+        Args:
+            run: run with the true calibration.
+        """
+        return np.eye(4)

@@ -142,6 +142,8 @@ def _outcome(
     try:
         estimate = read_trajectory(folder / ESTIMATE)
         truth = true_trajectory(recording, estimate.times_s)
+        tracked = truth.world_from_base @ estimator.base_from_tracked(recording)
+        truth = Trajectory(truth.times_s, tracked)
         errors = trajectory_errors(estimate, truth, estimator.alignment)
     except OmnisimError as reason:
         return Outcome(name, "failed", str(reason), done["seconds"])

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from omnisim.core.errors import OmnisimError
+from omnisim.core.poses import inverse
 from omnisim.core.trajectories import read_trajectory
 from omnisim.core.trajectories.trajectory import step_lengths_m
 from omnisim.datasets.export.recording import Recording
@@ -291,7 +292,8 @@ def _panel(
         if outcome.errors is None:
             continue
         estimate = read_trajectory(folder / estimator_folder(outcome.estimator) / ESTIMATE)
-        poses = outcome.errors.alignment.apply(estimate.world_from_base)
+        tracked = estimator_named(outcome.estimator).base_from_tracked(recording)
+        poses = outcome.errors.alignment.apply(estimate.world_from_base) @ inverse(tracked)
         truth = true_trajectory(recording, estimate.times_s)
         used, nearest = match_times(estimate.times_s, truth.times_s)
         way = np.concatenate(([0.0], np.cumsum(step_lengths_m(truth.world_from_base))))
