@@ -43,7 +43,11 @@ def varied_robot(
             tables = changed.get(file)
             if tables is None:
                 tables = _sensor_file(sensor, where)
-            changed[file] = with_value(tables, keys[3:], value, where)
+            other = with_value(tables, keys[3:], value, where)
+            if file not in changed and other == tables:  # no other drive than the given one
+                sensors.append(sensor)
+                continue
+            changed[file] = other
             sensors.append({**sensor, "file": file})
         else:
             sensors.append(with_value(sensor, keys[2:], value, where))

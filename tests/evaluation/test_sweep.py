@@ -70,6 +70,8 @@ def test_a_value_that_is_given_is_no_other_drive(folder):
     shown = {label: len(group) for label, group in shown_points(points, 0)}
     assert shown == {"200": 2, "50": 2}  # not "as given", too
     assert len(points_by_drive(points)) == 4
+    _, points = plan(folder, ("sensors.front.file.degradation.shutter.exposure_s", [0.01]))
+    assert points[2].drive == points[0].drive
 
 
 def test_a_key_behind_a_sensor_file_changes_a_copy(folder, tmp_path):
