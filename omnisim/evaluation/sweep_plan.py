@@ -220,7 +220,10 @@ def _with_error(point: SweepPoint, keys: list[str], value: Any, where: str) -> S
     errors = dict(point.calibration)
     for name in names:
         before = errors.get(name, CalibrationError()).model_dump(exclude_defaults=True)
-        errors[name] = parse_table({**before, keys[1]: value}, CalibrationError, PlanError, where)
+        error = parse_table({**before, keys[1]: value}, CalibrationError, PlanError, where)
+        errors[name] = error
+        if not error.model_dump(exclude_defaults=True):
+            del errors[name]  # as given
     return replace(point, calibration=errors)
 
 

@@ -114,10 +114,12 @@ def test_scene_path_and_options_vary(folder, tmp_path):
 
 
 def test_a_wrong_calibration_shares_the_drive(folder):
-    _, points = plan(folder, ("calibration.imu.time_offset_s", [0.01]))
+    _, points = plan(folder, ("calibration.imu.time_offset_s", [0.01, 0.0]))
     assert points[2].drive == points[0].drive
     assert points[2].calibration["imu"].time_offset_s == 0.01
-    assert [len(group) for group in points_by_drive(points)] == [2, 2]
+    assert points[4].calibration == {}
+    assert [label for label, _ in shown_points(points, 0)] == ["0.01", "0.0"]
+    assert [len(group) for group in points_by_drive(points)] == [3, 3]
 
 
 @pytest.mark.slow

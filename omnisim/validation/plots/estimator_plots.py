@@ -18,6 +18,7 @@ _COLORS = colormaps["tab10"].colors  # type: ignore[attr-defined]  # a list of c
 _LINES = ("-", "--", "-.", ":")  # many trajectories lie on each other
 _MARKS = "osD^vP"
 COLUMNS, MAX_PANELS = 3, 12
+LOWEST_SHARE = 1e-5  # of the largest value, at the foot of a logarithmic axis
 LOG_RATIO = 30.0  # of the largest value to the smallest, from which an axis is logarithmic
 Floats = NDArray[np.float64]
 
@@ -60,7 +61,10 @@ def trajectories_figure(panels: Sequence[TrackPanel]) -> Figure:
     panels = panels[:MAX_PANELS]
     columns = min(COLUMNS, len(panels))
     rows = -(-len(panels) // columns)
-    size = (9.5, 6.5) if len(panels) == 1 else (3.6 * columns + 2.0, 3.3 * rows)
+    ratio = max(float(np.ptp(one[:, 1]) / max(np.ptp(one[:, 0]), 0.1)) for one in _truths(panels))
+    wide_in = 7.0 if columns == 1 else 3.4
+    high_in = wide_in * min(max(ratio, 0.25), 1.3) + 0.9
+    size = (wide_in * columns + 2.4, max(rows * high_in, 2.5))
     figure = Figure(figsize=size, dpi=DPI, layout="constrained")
     handles: dict[str, Artist] = {}
     for index, panel in enumerate(panels):
@@ -72,6 +76,10 @@ def trajectories_figure(panels: Sequence[TrackPanel]) -> Figure:
             handles.setdefault(str(label), handle)
     figure.legend(list(handles.values()), list(handles), loc="outside right upper", fontsize=8)
     return figure
+
+
+def _truths(panels: Sequence[TrackPanel]) -> list[Floats]:
+    return [one.truth_m for one in panels]
 
 
 def _draw_panel(axes: Axes, panel: TrackPanel) -> None:
@@ -196,6 +204,7 @@ def sweep_figure(
     positive = means[np.isfinite(means) & (means > 0.0)]
     if len(positive) and positive.max() > LOG_RATIO * positive.min():
         axes.set_yscale("log")
+        axes.set_ylim(bottom=max(0.5 * positive.min(), LOWEST_SHARE * positive.max()))
     else:
         axes.set_ylim(bottom=0.0)
     if is_numeric:
