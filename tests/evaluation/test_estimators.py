@@ -89,23 +89,14 @@ def test_the_imu_integrates_to_the_true_pose(imu_run, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("scene", "waypoints"),
-    [
-        ("soccer", "-2,-1\n1,-1.2\n2,1\n"),
-        ("courtyard", "-2,-1.5\n1,-1.2\n2,0.5\n"),
-        ("mapping", "1,-6.6\n1,-3.6\n1.3,-1.5\n"),
-    ],
-)
-def test_lidar_odometry_closes(tmp_path, scene, waypoints):
+def test_lidar_odometry_closes(tmp_path):
     """Asked: KISS-ICP within 0.5 % of the way, and worse where the skew is left in."""
     if not is_installed("kiss_icp") or not is_installed("small_gicp"):
         pytest.skip("the estimators are not installed")
-    options = ("--backend", "rays")
-    run = record(tmp_path, LIDAR, "way.csv", scene, f"x_m,y_m\n{waypoints}", options)
+    run = record(tmp_path, LIDAR, "way.csv")
     errors = errors_of(run, ("kiss-icp", "kiss-icp-skewed", "small-gicp"), tmp_path)
     assert errors["kiss-icp"].ate_m < 0.005 * errors["kiss-icp"].way_m
-    assert errors["kiss-icp-skewed"].drift > errors["kiss-icp"].drift
+    assert errors["kiss-icp-skewed"].drift > 1.2 * errors["kiss-icp"].drift
     assert errors["small-gicp"].ate_m < 0.005 * errors["small-gicp"].way_m
 
 
