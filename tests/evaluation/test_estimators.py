@@ -103,12 +103,12 @@ def test_lidar_odometry_closes(tmp_path):
 LENS = """
 [lens]
 model = "kannala_brandt"
-width_px = 440
-height_px = 440
+width_px = 540
+height_px = 540
 focal_lengths_px = [193.5, 193.5]
-principal_point_px = [219.5, 219.5]
+principal_point_px = [269.5, 269.5]
 coefficients = [0.01, -0.002, 0.0, 0.0]
-theta_max_deg = 65.0
+theta_max_deg = 80.0
 """
 CAMERA = """
 [[sensors]]
