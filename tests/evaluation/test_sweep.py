@@ -182,7 +182,7 @@ def _wait_for(condition, limit_s=120.0):
 
 
 def _is_alive(process):
-    """Whether a process runs; one that has ended, and that nobody has asked about, does not."""
+    """State of a process: true if it runs; one that has ended, and was not waited for, does not."""
     try:
         return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except OSError:
