@@ -5,8 +5,9 @@
 #   make validate      validates the geometry
 #   make experiments   repeats the paper's experiments in self-localization
 #   make bench         measures performance, also that of other renderers
+#   make report-card   evaluates odometry and SLAM of others on drives whose truth is known
 
-.PHONY: help demo test test-all validate experiments bench docs readme gallery sheets lint core setup \
+.PHONY: help demo test test-all validate experiments bench report-card docs readme gallery sheets lint core setup \
 	system clean
 
 # The first Python that is new enough; override with PYTHON=...
@@ -28,6 +29,7 @@ help:
 	@echo "make validate     validate the geometry: out/validation"
 	@echo "make experiments  repeat the paper's experiments in self-localization: out/experiments"
 	@echo "make bench        measure performance, also of other renderers: out/benchmarks"
+	@echo "make report-card  evaluate odometry and SLAM of others on varied drives: out/report-card"
 	@echo "make docs         build the documentation: out/docs"
 	@echo "make readme       validate, and update measures and figures in the documentation"
 	@echo "make gallery      render a scene through all cameras and optics: their galleries"
@@ -64,6 +66,11 @@ experiments: setup
 # Fails if a bound does not hold, after all suites have run.
 bench: setup
 	$(BIN)/python -m benchmarks all -o out/benchmarks
+
+# An interrupted card resumes.
+report-card: setup
+	@mkdir -p out
+	$(BIN)/python .ci/make_report_card.py out/report-card
 
 docs: setup
 	$(BIN)/python -m sphinx -q -W -b html docs out/docs

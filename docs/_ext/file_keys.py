@@ -99,6 +99,8 @@ def key_pages() -> dict[str, str]:
     """Markdown of the keys of each kind of file, by the name of its page."""
     from omnisim.cameras.optics.system_file import OpticsFile
     from omnisim.datasets.generate.plan import Plan
+    from omnisim.evaluation.calibration_error import CalibrationError
+    from omnisim.evaluation.sweep_plan import SweepPlan
     from omnisim.perception.localization.filter_parameters import FilterParameters
     from omnisim.rendering.camera.sensor_file import SensorFile
     from omnisim.robots.robot_file import RobotFile
@@ -111,6 +113,8 @@ def key_pages() -> dict[str, str]:
         "robot-file-keys": (*tables(RobotFile), *_mounts()),
         "filter-file-keys": tables(FilterParameters),
         "plan-file-keys": tables(Plan),
+        "sweep-file-keys": tables(SweepPlan),
+        "calibration-error-keys": tables(CalibrationError),
         "degradation-keys": _effects(),
         "optics-file-keys": (*tables(OpticsFile), *_shapes()),
     }

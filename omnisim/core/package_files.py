@@ -13,6 +13,7 @@ def _folder(name: str) -> Path:
 
 
 PRESETS = _PACKAGE / "rendering" / "camera" / "presets"  # presets of degradations
+SWEEPS = _PACKAGE / "evaluation" / "sweeps"  # plans of the benchmark set
 # The package's own omnisim/sensors is code; only these two folders are at the top level.
 SHADERS = _folder("shaders")
 SCENES = _folder("scenes")
@@ -21,6 +22,11 @@ SCENES = _folder("scenes")
 def preset_names() -> list[str]:
     """Sorted names of the built-in degradation presets."""
     return sorted(path.stem for path in PRESETS.glob("*.toml"))
+
+
+def sweep_names() -> list[str]:
+    """Sorted names of the plans of sweeps that ship."""
+    return sorted(path.stem for path in SWEEPS.glob("*.toml"))
 
 
 def built_in(file: str) -> list[str]:

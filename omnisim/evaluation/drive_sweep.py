@@ -1,21 +1,23 @@
-"""Sweeps: drives that vary in one key, and estimators on each."""
+"""Sweeps: drives that vary in one respect, and estimators on each."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
 
 from omnisim.core.errors import OmnisimError, OutputError
+from omnisim.core.files.fingerprint import fingerprint
 from omnisim.datasets.export.recording import Recording
+from omnisim.datasets.generate.workers import threads_shared
+from omnisim.evaluation.calibration_error import write_given_run
+from omnisim.evaluation.child_process import ChildProcesses
 from omnisim.evaluation.outcome import Outcome
 from omnisim.evaluation.run_evaluation import estimator_folder, evaluate_estimator
 from omnisim.evaluation.sweep_plan import SweepPlan, SweepPoint
 
-RUN, ESTIMATES = "run", "estimates"
+RUN, ESTIMATES, GIVEN, OUTPUT = "run", "estimates", "given", "drive.txt"
 _TAIL = 300  # characters of a failed drive's message
 
 
@@ -24,79 +26,118 @@ class PointResult:
     """Estimators on a drive of a sweep.
 
     Attributes:
-        point: the drive.
-        outcomes: outcome of each estimator; a failed drive gives its reason to all of them.
+        point: the drive, and the calibration that the estimators were given.
+        outcomes: outcome of each estimator; if the drive failed, with its reason.
+        run: folder of the run.
+        estimates: folder with a folder for each estimator.
     """
 
     point: SweepPoint
     outcomes: tuple[Outcome, ...]
+    run: Path
+    estimates: Path
 
 
 def run_sweep(
-    plan: SweepPlan, points: list[SweepPoint], base: Path, folder: Path, processes: int = 1
+    plan: SweepPlan, points: Sequence[SweepPoint], folder: Path, processes: int = 1
 ) -> Iterator[PointResult]:
-    """Record the missing drives, and apply the estimators; yield results in order.
+    """Record the missing drives, and apply the estimators; yield results as drives finish.
 
     Args:
         plan: plan of the sweep.
-        points: drives of the sweep.
-        base: folder of the plan, at which relative paths start.
+        points: points of the sweep; those with the same drive share a recording.
         folder: folder with a subfolder for each drive.
         processes: number of concurrent drives.
 
     Raises:
         OutputError: the folder cannot be written to.
     """
-    with ThreadPoolExecutor(processes) as pool:
+    children = ChildProcesses()
+    with threads_shared(processes), ThreadPoolExecutor(processes) as pool:
         try:
-            jobs = [pool.submit(_result, plan, point, base, folder) for point in points]
-            for job in jobs:
-                yield job.result()
+            jobs = [
+                pool.submit(measure_drive, plan, group, folder, children)
+                for group in points_by_drive(points)
+            ]
+            for job in as_completed(jobs):
+                yield from job.result()
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
+            children.end()
             raise
 
 
-def _result(plan: SweepPlan, point: SweepPoint, base: Path, folder: Path) -> PointResult:
-    place = folder / point.name
+def points_by_drive(points: Sequence[SweepPoint]) -> list[list[SweepPoint]]:
+    """Points of each drive, in order."""
+    groups: dict[str, list[SweepPoint]] = {}
+    for point in points:
+        groups.setdefault(point.drive.name, []).append(point)
+    return list(groups.values())
+
+
+def measure_drive(
+    plan: SweepPlan, points: Sequence[SweepPoint], folder: Path, children: ChildProcesses
+) -> list[PointResult]:
+    """Record a drive, or resume it, and apply the estimators by each of its points.
+
+    Args:
+        plan: plan of the sweep.
+        points: points of one drive.
+        folder: folder with a subfolder for each drive.
+        children: runs the processes.
+
+    Raises:
+        OutputError: the folder cannot be written to.
+    """
+    drive = points[0].drive
+    place = folder / drive.name
     try:
         place.mkdir(parents=True, exist_ok=True)
-        robot = point.write_robot(place)
     except OSError as reason:
         raise OutputError(f"{place}: cannot be written to: {reason.strerror}") from None
-    failure = _drive(plan, point, base, robot, place / RUN)
-    if failure is None:
+    words = ["drive", *drive.write(place), "-o", str((place / RUN).absolute())]
+    with (place / OUTPUT).open("wb") as output:
+        status = children.run("omnisim", words, output)
+    recording, failure = None, ""
+    if status:
+        text = (place / OUTPUT).read_text(encoding="utf-8", errors="replace").strip()
+        failure = text[-_TAIL:] or f"exit status {status}"
+    else:
         try:
-            Recording.read(place / RUN)
+            recording = Recording.read(place / RUN)
         except OmnisimError as reason:
             failure = str(reason)
-    if failure is not None:
-        outcomes = [Outcome(name, "failed", f"drive: {failure}") for name in plan.estimators]
-        return PointResult(point, tuple(outcomes))
+    return [_measure(plan, one, place, recording, failure, children) for one in points]
+
+
+def _measure(
+    plan: SweepPlan,
+    point: SweepPoint,
+    place: Path,
+    recording: Recording | None,
+    failure: str,
+    children: ChildProcesses,
+) -> PointResult:
+    """Apply the estimators to a run, or to what its wrong calibration makes of it."""
+    given, errors, digest = place / RUN, point.calibration, ""
+    if errors:
+        digest = fingerprint(sorted((name, str(one)) for name, one in errors.items()))[:8]
+        given = place / f"{GIVEN}-{digest}"
+    estimates = place / (f"{ESTIMATES}-{digest}" if digest else ESTIMATES)
+    outcomes = []
+    try:
+        if recording is None:
+            raise OutputError(f"drive: {failure}")
+        if errors:
+            write_given_run(recording, errors, given)
+    except OmnisimError as reason:
+        outcomes = [Outcome(name, "failed", str(reason)) for name in plan.estimators]
+        return PointResult(point, tuple(outcomes), place / RUN, estimates)
     outcomes = [
         evaluate_estimator(
-            place / RUN, name, place / ESTIMATES / estimator_folder(name), plan.limit_s
+            place / RUN, name, estimates / estimator_folder(name), plan.limit_s,
+            given=given, children=children,
         )
         for name in plan.estimators
-    ]
-    return PointResult(point, tuple(outcomes))
-
-
-def _drive(plan: SweepPlan, point: SweepPoint, base: Path, robot: Path, run: Path) -> str | None:
-    """Record a drive, or resume it; reason of a failure, or None."""
-    words = [sys.executable, "-m", "omnisim", "drive", _place(base, plan.scene)]
-    words += ["--robot", str(robot.absolute()), "--path", _place(base, plan.path)]
-    words += ["-o", str(run.absolute()), "--seed", str(point.seed)]
-    for key, value in plan.drive.items():
-        flag = f"--{key.replace('_', '-')}"
-        words += [flag] if value is True else [flag, str(value)]
-    done = subprocess.run(
-        words, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False
-    )
-    return None if done.returncode == 0 else done.stderr.strip()[-_TAIL:]
-
-
-def _place(base: Path, name: str) -> str:
-    """Absolute path of a file of the plan; a built-in name stays unchanged."""
-    is_path = "/" in name or bool(Path(name).suffix)
-    return str((base / name).absolute()) if is_path else name
+    ]  # fmt: skip
+    return PointResult(point, tuple(outcomes), place / RUN, estimates)

@@ -6,6 +6,9 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import ClassVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from omnisim.cameras import CentralCamera
 from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.recording import Recording
@@ -37,7 +40,7 @@ class Estimator(ABC):
 
     @abstractmethod
     def estimate(self, run: Recording, work: Path) -> Trajectory | CentralCamera:
-        """Estimate poses of the base, in a world of the method's own, or the first camera's model.
+        """Estimate poses of the tracked frame in a world of its own, or the first camera's model.
 
         Args:
             run: finished run.
@@ -46,3 +49,15 @@ class Estimator(ABC):
         Raises:
             EstimatorError: the run lacks a sensor, or the method found nothing.
         """
+
+    def base_from_tracked(self, run: Recording) -> NDArray[np.float64]:
+        """Pose (4, 4), on the base, of the frame whose poses are estimated: by default the base.
+
+        A method that cannot know the scale cannot move poses of its camera to the base either: the
+        lever arm has another scale than its world. It returns poses of the camera's center, with
+        the base's axes.
+
+        Args:
+            run: run with the true calibration.
+        """
+        return np.eye(4)

@@ -3,38 +3,48 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
 import signal
-import subprocess
-import sys
 from importlib import metadata
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.cameras.calibration import load_calibration
 from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.extras import install_hint, is_installed
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.fingerprint import fingerprint
-from omnisim.core.trajectories import read_trajectory
+from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.core.version import __version__
 from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.camera_errors import camera_errors
+from omnisim.evaluation.child_process import ChildProcesses
 from omnisim.evaluation.estimator import Estimator
 from omnisim.evaluation.estimator_registry import estimator_named
 from omnisim.evaluation.estimator_worker import CAMERA, DONE, ESTIMATE
 from omnisim.evaluation.outcome import Outcome, outcome_from
-from omnisim.evaluation.trajectory_errors import trajectory_errors
+from omnisim.evaluation.trajectory_errors import match_times, trajectory_errors
 from omnisim.runs.run_folder import MANIFEST
 
 OUTCOME, OUTPUT = "outcome.json", "output.txt"
+MAX_GAP_S = 0.11  # between recorded states, for a spline between them
 _TAIL = 200  # characters of a crashed process's last words
 _FINAL = ("ok", "failed", "crashed")  # others may differ next time
 
 
-def evaluate_estimator(run: Path, name: str, folder: Path, limit_s: float) -> Outcome:
+def evaluate_estimator(
+    run: Path,
+    name: str,
+    folder: Path,
+    limit_s: float,
+    *,
+    given: Path | None = None,
+    children: ChildProcesses | None = None,
+) -> Outcome:
     """Apply an estimator to a run, in a process of its own, and measure its errors.
 
     A stored outcome of the same run and estimator is read instead.
@@ -44,6 +54,8 @@ def evaluate_estimator(run: Path, name: str, folder: Path, limit_s: float) -> Ou
         name: estimator, see `estimator_named`.
         folder: folder for its trajectory and outcome; created if missing.
         limit_s: time limit of the process.
+        given: folder of the run with the calibration for the estimator; None: `run`.
+        children: runs the process; None: one of its own.
 
     Raises:
         EstimatorError: the name is unknown.
@@ -51,7 +63,9 @@ def evaluate_estimator(run: Path, name: str, folder: Path, limit_s: float) -> Ou
     """
     estimator = estimator_named(name)
     manifest = (run / MANIFEST).read_text(encoding="utf-8")
-    inputs = fingerprint(manifest, name, _version(estimator))
+    given = run if given is None else given
+    label = "" if given == run else given.name
+    inputs = fingerprint(manifest, name, _version(estimator), label)
     before = _read_outcome(folder / OUTCOME, inputs)
     if before is not None:
         return before
@@ -59,7 +73,8 @@ def evaluate_estimator(run: Path, name: str, folder: Path, limit_s: float) -> Ou
     if estimator.module and not is_installed(estimator.module):
         outcome = Outcome(name, "not installed", install_hint(estimator.extra))
     else:
-        outcome = _estimate(run, name, folder, limit_s, estimator)
+        status = _run_worker(given, name, folder, limit_s, children or ChildProcesses())
+        outcome = _outcome(run, name, folder, limit_s, estimator, status)
     content = {"inputs": inputs, **outcome.as_dict()}
     write_text(folder / OUTCOME, json.dumps(content, indent=2) + "\n")
     return outcome
@@ -101,12 +116,22 @@ def _read_outcome(path: Path, inputs: str) -> Outcome | None:
     return outcome if outcome.status in _FINAL else None
 
 
-def _estimate(run: Path, name: str, folder: Path, limit_s: float, estimator: Estimator) -> Outcome:
-    """Run the process, and measure the errors of its trajectory."""
+def _run_worker(
+    given: Path, name: str, folder: Path, limit_s: float, children: ChildProcesses
+) -> int | None:
+    """Exit status of the process; None: timed out, and was killed with its children."""
     for file in (ESTIMATE, CAMERA, DONE, OUTCOME):
         (folder / file).unlink(missing_ok=True)
     shutil.rmtree(folder / "work", ignore_errors=True)
-    status = _run_worker(run, name, folder, limit_s)
+    words = [str(given.absolute()), name, str(folder.absolute())]
+    with (folder / OUTPUT).open("wb") as output:
+        return children.run("omnisim.evaluation.estimator_worker", words, output, limit_s)
+
+
+def _outcome(
+    run: Path, name: str, folder: Path, limit_s: float, estimator: Estimator, status: int | None
+) -> Outcome:
+    """Outcome of a process that has ended, with the errors of its trajectory."""
     if status is None:
         return Outcome(name, "timed out", f"ended after {limit_s:g} s")
     try:
@@ -118,9 +143,12 @@ def _estimate(run: Path, name: str, folder: Path, limit_s: float, estimator: Est
         return Outcome(name, "failed", done["failure"], done["seconds"])
     if (folder / CAMERA).is_file():
         return _camera_outcome(run, name, folder / CAMERA, done["seconds"])
-    truth = Recording.read(run).fine_truth
+    recording = Recording.read(run)
     try:
         estimate = read_trajectory(folder / ESTIMATE)
+        truth = true_trajectory(recording, estimate.times_s)
+        tracked = truth.world_from_base @ estimator.base_from_tracked(recording)
+        truth = Trajectory(truth.times_s, tracked)
         errors = trajectory_errors(estimate, truth, estimator.alignment)
     except OmnisimError as reason:
         return Outcome(name, "failed", str(reason), done["seconds"])
@@ -137,23 +165,25 @@ def _camera_outcome(run: Path, name: str, path: Path, seconds: float) -> Outcome
     return Outcome(name, "ok", errors.summary, seconds, camera=errors)
 
 
-def _run_worker(run: Path, name: str, folder: Path, limit_s: float) -> int | None:
-    """Exit status of the process; None: timed out, and was killed with its children."""
-    words = [sys.executable, "-m", "omnisim.evaluation.estimator_worker"]
-    words += [str(run.absolute()), name, str(folder.absolute())]
-    with (folder / OUTPUT).open("wb") as output:
-        process = subprocess.Popen(
-            words, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )  # fmt: skip
-        try:
-            return process.wait(limit_s)
-        except subprocess.TimeoutExpired:
-            return None
-        finally:
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGKILL)
-                process.wait()
+def true_trajectory(recording: Recording, times_s: NDArray[np.float64]) -> Trajectory:
+    """True poses at all recorded states, and at times (n,) between two that are close.
+
+    A state between two others is that of a spline; it is added where no recorded one is as near as
+    `MAX_OFFSET_S`, as for stamps with an error.
+    """
+    truth = recording.fine_truth
+    used, _ = match_times(times_s, truth.times_s)
+    other_s = np.delete(times_s, used)
+    after = np.searchsorted(truth.times_s, other_s)
+    inside = (after > 0) & (after < len(truth.times_s))
+    gaps_s = truth.times_s[after[inside]] - truth.times_s[after[inside] - 1]
+    other_s = np.unique(other_s[inside][gaps_s <= MAX_GAP_S])
+    if not len(other_s):
+        return truth
+    poses = recording.states(other_s).world_from_base
+    times = np.concatenate((truth.times_s, other_s))
+    order = np.argsort(times)
+    return Trajectory(times[order], np.concatenate((truth.world_from_base, poses))[order])
 
 
 def _last_words(path: Path, status: int) -> str:

@@ -3,32 +3,77 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from omnisim.core.errors import OmnisimError, PlanError
-from omnisim.core.files.parameters import AboveZero, Name, Seed, Table
-from omnisim.core.files.toml_file import read_tables, read_toml, toml_text
+from omnisim.core.errors import OmnisimError, PlanError, did_you_mean
+from omnisim.core.files.parameters import AboveZero, Name, Seed, Table, parse_table
+from omnisim.core.files.toml_file import read_tables, read_toml
+from omnisim.core.package_files import SWEEPS, sweep_names
+from omnisim.evaluation.calibration_error import CalibrationError
 from omnisim.evaluation.estimator_registry import estimator_named
-from omnisim.sensors.sensor_registry import MOUNT_TYPES
+from omnisim.evaluation.swept_drive import SweptDrive
+from omnisim.evaluation.varied_tables import (
+    matching_sensors,
+    missing_files,
+    varied_robot,
+    with_absolute_files,
+    with_seed,
+    with_value,
+)
+from omnisim.robots.robot_lookup import find_robot
 
-Value = bool | int | float | str | list[Any]
-BASE = "as given"  # label of the unchanged robot
+Value = bool | int | float | str | list[Any] | dict[str, Any]
+Keys = tuple[str, ...]
+BASE = "as given"  # label of the unchanged drive
+MAX_LABEL = 24  # letters of a value as text
 
 
 class Variation(Table):
-    """A key of the robot and its values, one drive each."""
+    """Keys of the drive, and their values, one drive each."""
 
-    key: Name
-    """Key of the robot file, with sensors by name: sensors.imu.rate_hz; keys behind a sensor's
-    file are those of the file: sensors.front.file.degradation.shutter.readout_s."""
-    values: Annotated[list[Value], Field(min_length=1, max_length=100)]
-    """Values in place of the robot's."""
+    key: Name | Annotated[tuple[Name, ...], Field(min_length=1)]
+    """Key of the robot file, or several that change together. Sensors are called by name, or by a
+    pattern: sensors.imu.rate_hz; keys behind a sensor's file are those of the file:
+    sensors.cam_*.file.degradation.shutter.readout_s. scene.KEY is a key of the scene's file, scene
+    and path are another scene or path, drive.KEY an option of `omnisim drive`.
+    calibration.SENSOR.KEY is an error of the calibration that the estimators are given."""
+    values: Annotated[tuple[Value, ...], Field(min_length=1, max_length=100)]
+    """Values in place of the given ones; of several keys, a list with a value for each."""
+    labels: tuple[Name, ...] = ()
+    """Names of the values on the page; by default the values."""
     title: str = ""
     """Label of the plot's axis; by default the key."""
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Keys that change together."""
+        return (self.key,) if isinstance(self.key, str) else self.key
+
+    @property
+    def value_labels(self) -> tuple[str, ...]:
+        """A text for each value."""
+        return self.labels or tuple(_text(one) for one in self.values)
+
+    @model_validator(mode="after")
+    def _check(self) -> Variation:
+        if self.labels and len(self.labels) != len(self.values):
+            raise ValueError(f"labels: expected {len(self.values)}, one for each value")
+        if len(set(self.value_labels)) < len(self.values):
+            raise ValueError("labels: expected a different one for each value")
+        if not isinstance(self.key, str):
+            for value in self.values:
+                if not isinstance(value, list) or len(value) != len(self.key):
+                    raise ValueError(f"values: expected lists of {len(self.key)}, one for each key")
+        return self
+
+
+def _text(value: Any) -> str:
+    text = Path(value).stem if isinstance(value, str) and "/" not in value[:1] else str(value)
+    return text if len(text) <= MAX_LABEL else text[: MAX_LABEL - 1] + "…"
 
 
 class SweepPlan(Table):
@@ -37,11 +82,13 @@ class SweepPlan(Table):
     scene: Name
     """Scene file or name."""
     robot: Name
-    """Robot file."""
+    """Robot file or name."""
     path: Name
     """Path of the scene, or a file."""
-    estimators: Annotated[list[Name], Field(min_length=1)]
+    estimators: Annotated[tuple[Name, ...], Field(min_length=1)]
     """Names of estimators, or commands."""
+    title: str = ""
+    """Heading of the page."""
     seeds: Annotated[tuple[Seed, ...], Field(min_length=1, max_length=100)] = (0,)
     """Seeds of the drives' noise."""
     limit_s: AboveZero = 600.0
@@ -54,36 +101,35 @@ class SweepPlan(Table):
 
 @dataclass(frozen=True)
 class SweepPoint:
-    """Drive of a sweep.
+    """Drive of a sweep, and the calibration that its estimators are given.
 
     Attributes:
-        variation: index of the variation; None: the unchanged robot.
+        variation: index of the variation; None: the drive as it is.
         label: varied value as text.
         seed: seed of the drive.
-        robot: tables of the robot file.
-        files: tables of changed sensor files by the names that `robot` gives them.
+        drive: what is recorded; points may share it.
+        calibration: errors of the calibration that estimators are given, by sensor.
     """
 
     variation: int | None
     label: str
     seed: int
-    robot: Mapping[str, Any]
-    files: Mapping[str, Mapping[str, Any]]
+    drive: SweptDrive
+    calibration: Mapping[str, CalibrationError] = field(default_factory=dict)
 
-    @property
-    def name(self) -> str:
-        """Name of the point's folder."""
-        part = "base" if self.variation is None else f"{self.variation}-{self.label}"
-        safe = "".join(letter if letter.isalnum() or letter in ".-" else "-" for letter in part)
-        return f"{safe[:60]}-seed{self.seed}"
 
-    def write_robot(self, folder: Path) -> Path:
-        """Write the robot file and the changed sensor files to a folder."""
-        for name, tables in self.files.items():
-            (folder / name).write_text(toml_text(tables), encoding="utf-8")
-        path = folder / "robot.toml"
-        path.write_text(toml_text(self.robot), encoding="utf-8")
-        return path
+def find_plan(source: Path) -> Path:
+    """Find a plan by its path, or by the name of one that ships.
+
+    Raises:
+        PlanError: there is none.
+    """
+    if source.suffix == ".toml" or source.exists():
+        return source
+    if str(source) in sweep_names():
+        return SWEEPS / f"{source}.toml"
+    hint = did_you_mean(str(source), sweep_names(), "plans that ship:")
+    raise PlanError(f"{source}: no such run, and no plan that ships; {hint}")
 
 
 def read_plan(path: Path) -> tuple[SweepPlan, list[SweepPoint]]:
@@ -98,91 +144,108 @@ def read_plan(path: Path) -> tuple[SweepPlan, list[SweepPoint]]:
             estimator_named(name)
         except OmnisimError as reason:
             raise PlanError(f"{path}: estimators: {reason}") from None
-    robot_file = path.parent / plan.robot
-    robot = _with_absolute_files(read_tables(robot_file, PlanError), robot_file.parent)
     points = []
-    for variation, key, label, value in _variations(plan):
-        tables, files = robot, dict[str, Mapping[str, Any]]()
-        if key:
-            where = f"{path}: vary.{variation}.key = {key!r}"
-            tables, files = _varied(robot, key.split("."), value, where)
-        points += [
-            SweepPoint(variation, label, seed, _with_seed(tables, seed), files)
-            for seed in plan.seeds
-        ]
+    given = _given_point(path, plan)
+    for seed in plan.seeds:
+        points.append(_seeded(given, seed))
+    for index, variation in enumerate(plan.vary):
+        for number, value in enumerate(variation.values):
+            point = replace(given, variation=index, label=variation.value_labels[number])
+            values = value if isinstance(value, list) and len(variation.keys) > 1 else [value]
+            for key, one in zip(variation.keys, values, strict=True):
+                where = f"{path}: vary.{index}.key = {key!r}"
+                point = _varied(point, key.split("."), one, where, path.parent)
+            points += [_seeded(point, seed) for seed in plan.seeds]
     return plan, points
 
 
-def _variations(plan: SweepPlan) -> Iterator[tuple[int | None, str, str, Any]]:
-    """Index, key, label and value of each variation; the unchanged robot comes first."""
-    yield None, "", BASE, None
-    for index, variation in enumerate(plan.vary):
-        for value in variation.values:
-            label = Path(value).stem if isinstance(value, str) else str(value)
-            yield index, variation.key, label, value
-
-
-def _varied(
-    robot: Mapping[str, Any], keys: list[str], value: Any, where: str
-) -> tuple[dict[str, Any], dict[str, Mapping[str, Any]]]:
-    """Robot with another value, and the changed sensor file by name, if any.
+def _given_point(path: Path, plan: SweepPlan) -> SweepPoint:
+    """The drive as it is, with seed 0.
 
     Raises:
-        PlanError: no sensor or sensor file matches the key.
+        PlanError: the robot file cannot be found or read.
     """
-    if keys[0] != "sensors":
-        return _with_value(robot, keys, value), {}
-    sensors = [dict(one) for one in robot.get("sensors", ())]
-    named = [one for one in sensors if one.get("name") == (keys[1] if len(keys) > 2 else None)]
-    if not named:
-        names = ", ".join(str(one.get("name")) for one in sensors)
-        raise PlanError(f"{where}: expected sensors.NAME.KEY with a sensor of the robot: {names}")
-    (sensor,) = named
-    inner, files = keys[2:], dict[str, Mapping[str, Any]]()
-    if inner[0] == "file" and len(inner) > 1:
-        if not str(sensor.get("file", "")).endswith(".toml"):
-            raise PlanError(f"{where}: sensor {keys[1]!r} has no sensor file (.toml)")
-        source = Path(sensor["file"])
-        tables = _with_absolute_files(read_tables(source, PlanError), source.parent)
-        name = f"{keys[1]}.toml"
-        files[name] = _with_value(tables, inner[1:], value)
-        sensor["file"] = name
-    else:
-        sensor.update(_with_value(sensor, inner, value))
-    return {**robot, "sensors": sensors}, files
+    folder = path.parent
+    source = folder / plan.robot
+    if not source.is_file():
+        try:
+            source = find_robot(plan.robot)
+        except OmnisimError:
+            raise PlanError(
+                f"{path}: robot = {plan.robot!r}: no such file, and no built-in robot"
+            ) from None
+    robot = with_absolute_files(read_tables(source, PlanError), source.parent)
+    scene, route = _found(folder, plan.scene), _found(folder, plan.path)
+    return SweepPoint(None, BASE, 0, SweptDrive(scene, route, robot, plan.drive))
 
 
-def _with_seed(robot: Mapping[str, Any], seed: int) -> dict[str, Any]:
-    """Robot with the seed of the drive added to the seeds of its sensors."""
-    sensors = [
-        {**one, "seed": one.get("seed", 0) + seed} if _has_seed(one) else one
-        for one in robot.get("sensors", ())
-    ]
-    return {**robot, "sensors": sensors} if sensors else dict(robot)
+def _found(folder: Path, name: str) -> str:
+    """Absolute path of a file, or else the name of something built in."""
+    is_path = "/" in name or bool(Path(name).suffix)
+    return str((folder / name).absolute()) if is_path else name
 
 
-def _has_seed(sensor: Mapping[str, Any]) -> bool:
-    kind = MOUNT_TYPES.get(str(sensor.get("type")))
-    return kind is not None and "seed" in kind.model_fields
+def _varied(point: SweepPoint, keys: list[str], value: Any, where: str, folder: Path) -> SweepPoint:
+    """Point with another value of a key.
+
+    Raises:
+        PlanError: the key leads nowhere, or a file is missing.
+    """
+    drive = point.drive
+    root, rest = keys[0], keys[1:]
+    if keys in (["scene"], ["path"]):
+        if not isinstance(value, str):
+            raise PlanError(f"{where}: expected names or files as values, got {value!r}")
+        found = _found(folder, value)
+        other = replace(drive, scene=found) if root == "scene" else replace(drive, path=found)
+        return replace(point, drive=other)
+    for name in missing_files(value, keys[-1], folder):
+        raise PlanError(f"{where}: {name}: no such file beside the plan")
+    value = with_absolute_files(value, folder)
+    if root == "calibration":
+        return _with_error(point, rest, value, where)
+    if root in ("scene", "drive") and rest:
+        if root == "scene":
+            tables = with_value(drive.scene_tables, rest, value, where)
+            return replace(point, drive=replace(drive, scene_tables=tables))
+        options = with_value(drive.options, rest, value, where)
+        return replace(point, drive=replace(drive, options=options))
+    robot, files = varied_robot(drive.robot, drive.files, keys, value, where)
+    return replace(point, drive=replace(drive, robot=robot, files=files))
 
 
-def _with_value(tables: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, Any]:
-    """Tables with a value at a path of keys; missing tables are added."""
-    if len(keys) == 1:
-        return {**tables, keys[0]: value}
-    inner = tables.get(keys[0])
-    return {
-        **tables,
-        keys[0]: _with_value(inner if isinstance(inner, Mapping) else {}, keys[1:], value),
-    }
+def _with_error(point: SweepPoint, keys: list[str], value: Any, where: str) -> SweepPoint:
+    """Point with another error of the calibration of one or more sensors."""
+    names = matching_sensors(point.drive.robot, keys[0] if len(keys) == 2 else "", where)
+    errors = dict(point.calibration)
+    for name in names:
+        before = errors.get(name, CalibrationError()).model_dump(exclude_defaults=True)
+        error = parse_table({**before, keys[1]: value}, CalibrationError, PlanError, where)
+        errors[name] = error
+        if not error.model_dump(exclude_defaults=True):
+            del errors[name]  # as given
+    return replace(point, calibration=errors)
 
 
-def _with_absolute_files(value: Any, folder: Path) -> Any:
-    """Tables with absolute paths in place of the names of existing files in a folder."""
-    if isinstance(value, Mapping):
-        return {key: _with_absolute_files(one, folder) for key, one in value.items()}
-    if isinstance(value, list):
-        return [_with_absolute_files(one, folder) for one in value]
-    if isinstance(value, str) and "." in value and (folder / value).is_file():
-        return str((folder / value).absolute())
-    return value
+def _seeded(point: SweepPoint, seed: int) -> SweepPoint:
+    robot = with_seed(point.drive.robot, seed)
+    return replace(point, seed=seed, drive=replace(point.drive, robot=robot, seed=seed))
+
+
+def shown_points(
+    points: list[SweepPoint], variation: int | None
+) -> Iterator[tuple[str, list[SweepPoint]]]:
+    """Labels and points of a variation's values in order, by seed.
+
+    The drive as it is comes first, unless it is one of the values.
+    """
+    own = [one for one in points if one.variation == variation]
+    made = {(one.drive.name, str(one.calibration)) for one in own}
+    base = [one for one in points if one.variation is None]
+    if (
+        variation is not None
+        and not {(one.drive.name, str(one.calibration)) for one in base} <= made
+    ):
+        own = base + own
+    for label in dict.fromkeys(one.label for one in own):
+        yield label, [one for one in own if one.label == label]

@@ -22,6 +22,7 @@ from omnisim.evaluation.trajectory_alignment import Alignment, AlignmentKind, al
 Floats = NDArray[np.float64]
 MIN_POSES = 3
 MAX_OFFSET_S = 0.5e-3  # between the times of a pose and of its true state
+MAX_PERIODS = 4.0  # between two poses, in median periods: a longer gap is lost
 SEGMENTS = 10  # of the path, over each of which drift is measured
 
 
@@ -43,8 +44,8 @@ class TrajectoryErrors:
         yaw_deg: root mean square error of the aligned headings.
         gravity_deg: root mean square angle between the true direction of gravity in the robot's
             frame and the estimated one, without any alignment.
-        lost: share of the true duration without an estimated pose, before the first one and after
-            the last.
+        lost: share of the true duration without an estimated pose: before the first one, after the
+            last, and in gaps, see `lost_intervals`.
     """
 
     kind: AlignmentKind
@@ -72,6 +73,24 @@ def match_times(
     nearest = np.where(is_before, before, after)
     used = np.flatnonzero(np.abs(true_times_s[nearest] - times_s) <= tolerance_s)
     return used, nearest[used]
+
+
+def lost_intervals(times_s: Floats, start_s: float, end_s: float) -> list[tuple[float, float]]:
+    """Times without an estimate: starts and ends in seconds.
+
+    Args:
+        times_s: (n,) times of the estimated poses; a gap of more than `MAX_PERIODS` median periods
+            is lost.
+        start_s, end_s: start and end of the true motion.
+    """
+    if not len(times_s):
+        return [(start_s, end_s)]
+    gaps_s = np.diff(times_s)
+    period_s = float(np.median(gaps_s)) if len(gaps_s) else 0.0
+    inner = np.flatnonzero(gaps_s > MAX_PERIODS * period_s)
+    found = [(float(times_s[one]), float(times_s[one + 1])) for one in inner]
+    found = [(start_s, float(times_s[0])), *found, (float(times_s[-1]), end_s)]
+    return [(start, end) for start, end in found if end - start > 0.0]
 
 
 def trajectory_errors(
@@ -102,7 +121,8 @@ def trajectory_errors(
     down = poses[:, 2, :3], true[:, 2, :3]  # the world's vertical in the robot's frame
     cosines = np.clip((down[0] * down[1]).sum(axis=1), -1.0, 1.0)
     yaw = rotation_angles(_leveled(aligned), _leveled(true))
-    covered_s = estimate.times_s[used[-1]] - estimate.times_s[used[0]]
+    ends_s = float(truth.times_s[0]), float(truth.times_s[-1])
+    lost_s = sum(end - start for start, end in lost_intervals(estimate.times_s[used], *ends_s))
     return TrajectoryErrors(
         kind,
         alignment,
@@ -116,7 +136,7 @@ def trajectory_errors(
         align(poses, true, "sim3").scale,
         math.degrees(_rms(yaw)),
         math.degrees(_rms(np.arccos(cosines))),
-        max(0.0, 1.0 - float(covered_s) / truth.duration_s) if truth.duration_s > 0.0 else 0.0,
+        lost_s / truth.duration_s if truth.duration_s > 0.0 else 0.0,
     )
 
 

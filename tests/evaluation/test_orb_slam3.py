@@ -106,7 +106,7 @@ def rig_run(tmp_path_factory):
 @pytest.mark.slow
 @pytest.mark.usefixtures("needs_opengl")
 def test_it_finds_the_way_and_with_an_imu_scale_and_gravity(rig_run, tmp_path):
-    """Asked: 1 % of the way; with an IMU the scale within 1 %, and gravity within 0.2°."""
+    """Asked: 1 % of the path; with an IMU the scale within 1 %, and gravity within 0.2°."""
     if not is_installed("pyorbslam3"):
         pytest.skip("ORB-SLAM3 is not installed")
     stereo = _errors(rig_run, "orb-slam3-stereo", tmp_path)

@@ -1,13 +1,18 @@
 """Plans of sweeps: varied robots, failures as rows, and work that is not done twice."""
 
 import json
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import pytest
 
 from omnisim.core.errors import PlanError
 from omnisim.core.files.toml_file import read_tables
-from omnisim.evaluation.drive_sweep import run_sweep
-from omnisim.evaluation.sweep_plan import read_plan
+from omnisim.core.package_files import sweep_names
+from omnisim.evaluation.drive_sweep import points_by_drive, run_sweep
+from omnisim.evaluation.sweep_plan import find_plan, read_plan, shown_points
 from tests.evaluation.test_estimators import IMU, LIDAR, ROBOT
 
 CAMERA = """
@@ -42,29 +47,79 @@ def plan(folder, *variations):
     return read_plan(folder / "plan.toml")
 
 
+def drives(points):
+    return [(one.label, one.seed) for one in points]
+
+
 def test_each_value_and_seed_is_a_drive(folder):
     _, points = plan(folder, ("sensors.imu.rate_hz", [50, 100]), ("odometry.turn_scale", [1.05]))
-    assert [one.name for one in points] == [
-        f"{name}-seed{seed}" for name in ("base", "0-50", "0-100", "1-1.05") for seed in (3, 4)
+    assert drives(points) == [
+        (label, seed) for label in ("as given", "50", "100", "1.05") for seed in (3, 4)
     ]
-    imu, lidar, front = points[2].robot["sensors"]
+    imu, lidar, front = points[2].drive.robot["sensors"]
     assert imu["rate_hz"] == 50
     assert lidar["seed"] == 3  # the noise of a device with a seed of its own differs, too
     assert front["file"] == str(folder / "front.toml")
-    assert "rate_hz" in points[0].robot["sensors"][0]
-    assert points[0].robot["sensors"][0]["rate_hz"] == 200.0
-    assert points[6].robot["odometry"] == {"turn_scale": 1.05}
+    assert points[0].drive.robot["sensors"][0]["rate_hz"] == 200.0
+    assert points[6].drive.robot["odometry"] == {"turn_scale": 1.05}
+    assert len({one.drive.name for one in points}) == len(points)
+
+
+def test_a_value_that_is_given_is_no_other_drive(folder):
+    _, points = plan(folder, ("sensors.imu.rate_hz", [200, 50]))
+    shown = {label: len(group) for label, group in shown_points(points, 0)}
+    assert shown == {"200": 2, "50": 2}  # not "as given", too
+    assert len(points_by_drive(points)) == 4
+    _, points = plan(folder, ("sensors.front.file.degradation.shutter.exposure_s", [0.01]))
+    assert points[2].drive == points[0].drive
 
 
 def test_a_key_behind_a_sensor_file_changes_a_copy(folder, tmp_path):
-    key = "sensors.front.file.degradation.shutter.readout_s"
+    key = "sensors.fr*.file.degradation.shutter.readout_s"
     _, points = plan(folder, (key, [0.02]))
     place = tmp_path / "point"
     place.mkdir()
-    robot = read_tables(points[2].write_robot(place), PlanError)
+    points[2].drive.write(place)
+    robot = read_tables(place / "robot.toml", PlanError)
     shutter = read_tables(place / robot["sensors"][2]["file"], PlanError)["degradation"]["shutter"]
     assert shutter == {"exposure_s": 0.01, "readout_s": 0.02}
     assert "readout_s" not in (folder / "front.toml").read_text()
+
+
+def test_keys_change_together(folder):
+    shutter = "sensors.front.file.degradation.shutter"
+    keys = (f"{shutter}.readout_s", f"{shutter}.exposure_s", "sensors.imu.rate_hz")
+    _, points = plan(folder, (list(keys), [[0.02, 0.03, 50.0]]))
+    drive = points[2].drive
+    assert drive.files["front.toml"]["degradation"]["shutter"] == {
+        "exposure_s": 0.03, "readout_s": 0.02,
+    }  # fmt: skip
+    assert drive.robot["sensors"][0]["rate_hz"] == 50.0
+
+
+def test_scene_path_and_options_vary(folder, tmp_path):
+    (folder / "other.csv").write_text("x_m,y_m\n0,0\n1,0\n")
+    (folder / "wide.toml").write_text("")
+    _, points = plan(
+        folder, ("scene", ["courtyard"]), ("path", ["other.csv"]), ("drive.sky", ["none"]),
+        ("scene.light.exposure", [0.5]), ("sensors.front.file", ["wide.toml"]),
+    )  # fmt: skip
+    scene, path, option, light, lens = (one.drive for one in points[2::2])
+    assert scene.write(tmp_path)[0] == "courtyard"
+    assert path.path == str(folder / "other.csv")
+    assert option.write(tmp_path)[-2:] == ["--sky", "none"]
+    assert lens.robot["sensors"][2]["file"] == str(folder / "wide.toml")
+    file = Path(light.write(tmp_path)[0])
+    assert read_tables(file, PlanError) == {"extends": "soccer", "light": {"exposure": 0.5}}
+
+
+def test_a_wrong_calibration_shares_the_drive(folder):
+    _, points = plan(folder, ("calibration.imu.time_offset_s", [0.01, 0.0]))
+    assert points[2].drive == points[0].drive
+    assert points[2].calibration["imu"].time_offset_s == 0.01
+    assert points[4].calibration == {}
+    assert [label for label, _ in shown_points(points, 0)] == ["0.01", "0.0"]
+    assert [len(group) for group in points_by_drive(points)] == [3, 3]
 
 
 @pytest.mark.slow
@@ -73,25 +128,100 @@ def test_a_sweep_resumes_and_names_failures(folder):
     # the second variation is no rate
     sweep, points = plan(folder, ("sensors.imu.rate_hz", [50, -3]))
     wanted = [points[0], points[2], points[4]]
-    results = list(run_sweep(sweep, wanted, folder, folder / "out", processes=2))
+    results = list(run_sweep(sweep, wanted, folder / "out", processes=2))
+    results.sort(key=lambda one: wanted.index(one.point))
     assert [one.point for one in results] == wanted
     for result in results[:2]:
         assert [one.status for one in result.outcomes] == ["ok", "ok"]
     failed = results[2].outcomes
     assert [one.status for one in failed] == ["failed", "failed"]
     assert "rate_hz" in failed[0].reason
-    outcome = folder / "out" / "base-seed3" / "estimates" / "imu" / "outcome.json"
+    outcome = results[0].estimates / "imu" / "outcome.json"
     content = json.loads(outcome.read_text())
     outcome.write_text(json.dumps(content | {"seconds": 99.0}))
-    (again,) = run_sweep(sweep, wanted[:1], folder, folder / "out")
+    (again,) = run_sweep(sweep, wanted[:1], folder / "out")
     assert again.outcomes[1].seconds == 99.0
+
+
+@pytest.mark.slow
+def test_a_killed_sweep_leaves_no_process_and_resumes(folder):
+    """Killed while an estimator runs: its recorded drive is kept, and its estimator starts anew."""
+    (folder / "robot.toml").write_text(ROBOT + IMU)
+    (folder / "slow.py").write_text(
+        "import os, pathlib, shutil, sys, time\n"
+        "started = pathlib.Path(sys.argv[3])\n"
+        "if not started.exists():\n"
+        "    started.write_text(str(os.getpid()))\n"
+        "    time.sleep(600)\n"
+        "shutil.copy(sys.argv[1] + '/ground_truth.tum', sys.argv[2])\n"
+    )
+    started = folder / "started"
+    command = f"command:{sys.executable} {folder / 'slow.py'} {{run}} {{out}} {started}"
+    text = PLAN.replace('"wheels", "imu"', json.dumps(command)).replace("[3, 4]", "[3]")
+    (folder / "plan.toml").write_text(text)
+    words = [sys.executable, "-m", "omnisim", "evaluate", "plan.toml", "-o", "out"]
+    sweep = subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    _wait_for(lambda: started.exists() and started.read_text())
+    sweep.kill()
+    sweep.communicate()
+    _wait_for(lambda: not _is_alive(int(started.read_text())))
+    (states,) = (folder / "out" / "drives").glob("*/run/states.csv")
+    recorded = states.stat().st_mtime_ns
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    (point,) = json.loads((folder / "out" / "points.json").read_text())
+    assert point["outcomes"][0]["status"] == "ok"
+    assert states.stat().st_mtime_ns == recorded
+
+
+def _wait_for(condition, limit_s=120.0):
+    end_s = time.monotonic() + limit_s
+    while not condition():
+        assert time.monotonic() < end_s
+        time.sleep(0.05)
+
+
+def _is_alive(process):
+    """State of a process: true if it runs; one that has ended, and was not waited for, does not."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.slow
+def test_a_sweep_on_ray(folder):
+    pytest.importorskip("ray")
+    (folder / "robot.toml").write_text(ROBOT + IMU)
+    (folder / "plan.toml").write_text(PLAN.replace('"imu"', '"imu", "kiss-icp"'))
+    words = ["evaluate", "plan.toml", "-o", "out", "--engine", "ray"]
+    done = subprocess.run(
+        [sys.executable, "-m", "omnisim", *words],
+        cwd=folder, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    points = json.loads((folder / "out" / "points.json").read_text())
+    assert [point["seed"] for point in points] == [3, 4]
+    for point in points:
+        assert [one["status"] for one in point["outcomes"]][:2] == ["ok", "ok"]
 
 
 @pytest.mark.parametrize(
     ("variation", "message"),
     [
-        ("[[vary]]\nkey = 'sensors.gps.rate_hz'\nvalues = [1]\n", "a sensor of the robot: imu"),
-        ("[[vary]]\nkey = 'sensors'\nvalues = [1]\n", "expected sensors.NAME.KEY"),
+        ("[[vary]]\nkey = 'sensors.gps.rate_hz'\nvalues = [1]\n", "one of its keys: imu, lidar"),
+        ("[[vary]]\nkey = 'sensors'\nvalues = [1]\n", "the name of a sensor of the robot"),
+        ("[[vary]]\nkey = 'calibration.imu.time'\nvalues = [1]\n", "did you mean 'time_offset_s'"),
+        (
+            "[[vary]]\nkey = 'calibration.imu.focal_scale'\nvalues = [9]\n",
+            "vary.0.key.*focal_scale",
+        ),
+        ("[[vary]]\nkey = ['a', 'b']\nvalues = [1]\n", "lists of 2, one for each key"),
+        ("[[vary]]\nkey = 'a'\nvalues = [1, 1]\n", "a different one for each value"),
+        ("[[vary]]\nkey = 'a'\nvalues = [1]\nlabels = ['b', 'c']\n", "expected 1, one for each"),
+        ("[[vary]]\nkey = 'scene'\nvalues = [1]\n", "expected names or files as values, got 1"),
+        ("[[vary]]\nkey = 'sensors.front.file'\nvalues = ['no.toml']\n", "no.toml: no such file"),
+        ("[[vary]]\nkey = 'name.a'\nvalues = [1]\n", "'name' is no table"),
         ("[[vary]]\nkey = 'sensors.imu.file.a'\nvalues = [1]\n", "'imu' has no sensor file"),
         ("[[vary]]\nkey = 'a'\nvalues = []\n", "vary.0.values"),
         ("[[vary]]\nkey = 'a'\n", "vary.0.values: missing"),
@@ -109,3 +239,12 @@ def test_unknown_estimators_are_refused(folder):
     (folder / "plan.toml").write_text(PLAN.replace('"imu"', '"imus"'))
     with pytest.raises(PlanError, match=r"plan.toml: estimators: estimator 'imus': unknown"):
         read_plan(folder / "plan.toml")
+
+
+def test_the_plans_that_ship_are_valid():
+    assert {"courtyard", "soccer", "mapping", "crowd", "mirror"} <= set(sweep_names())
+    for name in sweep_names():
+        _, points = read_plan(find_plan(Path(name)))
+        assert points
+    with pytest.raises(PlanError, match="courtyar: no such run, and no plan that ships; did you"):
+        find_plan(Path("courtyar"))

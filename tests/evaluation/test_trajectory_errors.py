@@ -1,21 +1,15 @@
 """Errors of trajectories against evo's, and in cases with a known answer."""
 
-import json
-import shutil
-import subprocess
-import zipfile
-
 import numpy as np
 import pytest
 
 from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import pose, pose_from_rotation
-from omnisim.core.trajectories import Trajectory, read_trajectory
-from omnisim.core.trajectories.trajectory_files import write_trajectory
-from omnisim.evaluation.trajectory_alignment import align
-from omnisim.evaluation.trajectory_errors import trajectory_errors
-
-EVO = {"none": (), "se3": ("-a",), "sim3": ("-as",)}
+from omnisim.core.trajectories import Trajectory
+from omnisim.evaluation.seed_statistics import over_seeds
+from omnisim.evaluation.trajectory_alignment import ALIGNMENTS, align
+from omnisim.evaluation.trajectory_errors import lost_intervals, trajectory_errors
+from tests.evaluation.evo_oracle import check_errors
 
 
 def drive(count=200, seed=0):
@@ -46,34 +40,14 @@ def disturbed(truth, scale=1.0, noise_m=0.02, seed=1):
     return Trajectory(truth.times_s[::2], np.stack(poses)[::2])
 
 
-def evo(command, folder, *arguments):
-    """Root mean square error by evo, in a process of its own."""
-    program = shutil.which(command)
-    if program is None:
-        pytest.skip("evo is not installed")
-    result = folder / "result.zip"
-    result.unlink(missing_ok=True)
-    words = [program, "tum", "truth.tum", "estimate.tum", *arguments]
-    words += ["--save_results", str(result), "--no_warnings"]
-    subprocess.run(words, cwd=folder, check=True, capture_output=True)
-    with zipfile.ZipFile(result) as file:
-        return json.loads(file.read("stats.json"))["rmse"]
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["none", "se3", "sim3"])
-@pytest.mark.parametrize("scale", [1.0, 0.3])
-def test_errors_are_those_of_evo(tmp_path, kind, scale):
-    write_trajectory(tmp_path / "truth.tum", drive())
-    write_trajectory(tmp_path / "estimate.tum", disturbed(drive(), scale))
-    truth, estimate = (read_trajectory(tmp_path / f"{name}.tum") for name in ("truth", "estimate"))
-    errors = trajectory_errors(estimate, truth, kind)
-    options = EVO[kind]
-    assert errors.ate_m == pytest.approx(evo("evo_ape", tmp_path, *options), abs=1e-9)
-    successive = ("-d", "1", "-u", "f", *options)
-    assert errors.rpe_m == pytest.approx(evo("evo_rpe", tmp_path, *successive), abs=1e-9)
-    turned = evo("evo_rpe", tmp_path, "-r", "angle_deg", *successive)
-    assert errors.rpe_deg == pytest.approx(turned, abs=1e-9)
+def test_errors_are_those_of_evo(tmp_path):
+    cases = {
+        f"{kind}-{scale:g}": (disturbed(drive(), scale), drive(), kind)
+        for kind in ALIGNMENTS
+        for scale in (1.0, 0.3)
+    }
+    check_errors(tmp_path, cases)
 
 
 def test_a_rigidly_moved_estimate_has_no_errors():
@@ -118,6 +92,27 @@ def test_lost_time_counts():
     part = slice(50, 150)
     estimate = Trajectory(truth.times_s[part], truth.world_from_base[part])
     assert trajectory_errors(estimate, truth, "se3").lost == pytest.approx(0.5, abs=0.01)
+
+
+def test_gaps_are_lost():
+    times = np.delete(0.1 * np.arange(101), slice(30, 60))
+    lost = lost_intervals(times, 0.0, 12.0)
+    np.testing.assert_allclose(lost, [(2.9, 6.0), (10.0, 12.0)])
+    assert lost_intervals(np.delete(0.1 * np.arange(101), 50), 0.0, 10.0) == []  # a single image
+    assert lost_intervals(np.array([]), 1.0, 2.0) == [(1.0, 2.0)]
+    truth = drive()
+    part = np.delete(np.arange(200), slice(60, 120))
+    estimate = Trajectory(truth.times_s[part], truth.world_from_base[part])
+    assert trajectory_errors(estimate, truth, "se3").lost == pytest.approx(0.3, abs=0.01)
+
+
+def test_means_have_their_confidence():
+    """Quantile of Student's t with two degrees of freedom, from a table: 4.303."""
+    found = over_seeds([1.0, 2.0, np.nan, 3.0])
+    assert (found.mean, found.seeds) == (2.0, 3)
+    assert found.half_width == pytest.approx(4.303 / np.sqrt(3.0), rel=1e-4)
+    assert np.isnan(over_seeds([5.0]).half_width)
+    assert np.isnan(over_seeds([]).mean)
 
 
 def test_poses_without_a_true_state_are_refused():

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.core.errors import EstimatorError
 from omnisim.core.poses import inverse
@@ -18,6 +19,7 @@ from omnisim.datasets.export.export_format import ExportSettings
 from omnisim.datasets.export.export_formats import format_named
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimator import Estimator
+from omnisim.evaluation.estimators.camera_center import camera_center_from_base
 from omnisim.evaluation.trajectory_alignment import AlignmentKind
 
 if TYPE_CHECKING:
@@ -74,7 +76,14 @@ class ColmapMapping(Estimator):
         models = pycolmap.incremental_mapping(
             database, export / "images", work / "models", options=mapping
         )
-        return _trajectory(models, taken)
+        return _trajectory(models, taken, self._tracked_from_base(taken))
+
+    def base_from_tracked(self, run: Recording) -> NDArray[np.float64]:
+        """Center of the first camera, with the base's axes; with a known scale the base itself."""
+        return inverse(self._tracked_from_base(run))
+
+    def _tracked_from_base(self, run: Recording) -> NDArray[np.float64]:
+        return camera_center_from_base(run) if self.alignment == "sim3" else np.eye(4)
 
 
 class ColmapRigMapping(ColmapMapping):
@@ -127,8 +136,12 @@ def _apply_rig(given: pycolmap.Reconstruction, database: Path, names: list[str])
         pycolmap.apply_rig_config([pycolmap.RigConfig(cameras=cameras)], opened)
 
 
-def _trajectory(models: dict[int, pycolmap.Reconstruction], taken: Recording) -> Trajectory:
-    """Poses of the base at the images of the first camera, in the largest model.
+def _trajectory(
+    models: dict[int, pycolmap.Reconstruction],
+    taken: Recording,
+    tracked_from_base: NDArray[np.float64],
+) -> Trajectory:
+    """Poses of the tracked frame at the images of the first camera, in the largest model.
 
     Raises:
         EstimatorError: too few images are in it.
@@ -137,13 +150,13 @@ def _trajectory(models: dict[int, pycolmap.Reconstruction], taken: Recording) ->
     poses = {}
     if models:
         largest = max(models.values(), key=lambda one: int(one.num_reg_images()))
-        optical_from_base = inverse(camera.mount.base_from_optical)
+        optical_from_tracked = inverse(tracked_from_base @ camera.mount.base_from_optical)
         for image in largest.images.values():
             folder, _, file = image.name.partition("/")
             if folder == camera.name and image.has_pose:
                 world_from_optical = np.eye(4)
                 world_from_optical[:3] = image.cam_from_world().inverse().matrix()
-                poses[int(Path(file).stem)] = world_from_optical @ optical_from_base
+                poses[int(Path(file).stem)] = world_from_optical @ optical_from_tracked
     if len(poses) < MIN_IMAGES:
         raise EstimatorError(f"{len(poses)} images in COLMAP's largest model")
     steps = sorted(poses)

@@ -15,6 +15,7 @@ from omnisim.evaluation.estimator import Estimator
 from omnisim.evaluation.estimators.lidar_sweeps import LidarSweeps
 
 VOXEL_M = 0.5  # for rooms and yards; the package's own 1 m is for streets
+MAX_RANGE_M = 40.0  # sparse far points, such as those behind windows, drag the others along
 
 
 class KissIcpOdometry(Estimator):
@@ -36,7 +37,8 @@ class KissIcpOdometry(Estimator):
             if odometry is None:
                 config = KISSConfig()
                 config.data.deskew = self.is_compensated
-                config.data.min_range, config.data.max_range = sweep.range_min_m, sweep.range_max_m
+                config.data.min_range = sweep.range_min_m
+                config.data.max_range = min(sweep.range_max_m, MAX_RANGE_M)
                 config.mapping.voxel_size = VOXEL_M
                 config.registration.max_num_threads = 1  # the sums' order is that of the threads
                 odometry = KissICP(config)

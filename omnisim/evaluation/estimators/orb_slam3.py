@@ -29,6 +29,7 @@ from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimator import Estimator
 from omnisim.evaluation.estimators import orb_slam3_program as program
+from omnisim.evaluation.estimators.camera_center import camera_center_from_base
 from omnisim.evaluation.estimators.gray_images import gray
 from omnisim.evaluation.estimators.orb_slam3_settings import ImuSettings, settings_text
 from omnisim.evaluation.estimators.orb_vocabulary import unpacked_vocabulary
@@ -94,7 +95,14 @@ class OrbSlam3(Estimator):
         }
         (work / program.REQUEST).write_text(json.dumps(request))
         _run_program(work, _frames(run, cameras))
-        return _trajectory(work, times_s, base_from_body)
+        return _trajectory(work, times_s, self._tracked_from_base(run) @ base_from_body)
+
+    def base_from_tracked(self, run: Recording) -> Floats:
+        """Center of the first camera, with the base's axes; with a known scale the base itself."""
+        return inverse(self._tracked_from_base(run))
+
+    def _tracked_from_base(self, run: Recording) -> Floats:
+        return camera_center_from_base(run) if self.alignment == "sim3" else np.eye(4)
 
 
 class OrbSlam3Stereo(OrbSlam3):
@@ -211,8 +219,8 @@ def _run_program(work: Path, frames: Iterator[bytes]) -> None:
         raise EstimatorError(f"ORB-SLAM3: exit status {status}: {words or 'without a message'}")
 
 
-def _trajectory(work: Path, times_s: Floats, base_from_body: Floats) -> Trajectory:
-    """Poses of the base from the two files of poses.
+def _trajectory(work: Path, times_s: Floats, tracked_from_body: Floats) -> Trajectory:
+    """Poses of the tracked frame from the two files of poses.
 
     Those of frames are in the frame of the first keyframe, those of keyframes in the world.
 
@@ -224,7 +232,7 @@ def _trajectory(work: Path, times_s: Floats, base_from_body: Floats) -> Trajecto
         raise EstimatorError("ORB-SLAM3 has tracked no image")
     world_from_first = keyframes[1][0]
     steps = np.abs(times_s[:, None] - frames[0]).argmin(axis=0)
-    poses = world_from_first @ frames[1] @ inverse(base_from_body)
+    poses = world_from_first @ frames[1] @ inverse(tracked_from_body)
     return Trajectory(times_s[steps], poses)
 
 

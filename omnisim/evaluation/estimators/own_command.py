@@ -37,7 +37,9 @@ class OwnCommand(Estimator):
             for word in shlex.split(self.command)
         ]
         try:
-            done = subprocess.run(words, capture_output=True, text=True, cwd=work, check=False)
+            done = subprocess.run(
+                words, capture_output=True, text=True, errors="replace", cwd=work, check=False
+            )
         except OSError as reason:
             raise EstimatorError(f"{words[0]}: cannot be run: {reason.strerror}") from None
         if done.returncode:

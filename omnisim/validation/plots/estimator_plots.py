@@ -1,4 +1,4 @@
-"""Plots of estimated trajectories beside the true one, and of errors against varied values."""
+"""Plots of estimators: trajectories beside the true one, lost times, and errors against values."""
 
 from __future__ import annotations
 
@@ -7,102 +7,222 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from omnisim.validation.plots.style import DPI, GRAY, label_axes
+from omnisim.validation.plots.style import DPI, GRAY, RED, label_axes
 
 _COLORS = colormaps["tab10"].colors  # type: ignore[attr-defined]  # a list of colors
 _LINES = ("-", "--", "-.", ":")  # many trajectories lie on each other
+_MARKS = "osD^vP"
+COLUMNS, MAX_PANELS = 3, 12
+LOWEST_SHARE = 1e-5  # of the largest value, at the foot of a logarithmic axis
+LOG_RATIO = 30.0  # of the largest value to the smallest, from which an axis is logarithmic
+Floats = NDArray[np.float64]
 
 
-def trajectories_figure(
-    truth: NDArray[np.float64], estimates: Mapping[str, NDArray[np.float64]]
-) -> Figure:
-    """Trajectories from above.
+@dataclass(frozen=True, eq=False)
+class TrackDrawing:
+    """Drawn estimate.
 
-    Args:
-        truth: (n, 3) true positions.
-        estimates: (m, 3) aligned positions, by the name of the estimator.
+    Attributes:
+        positions_m: (n, 3) aligned positions.
+        lost_m: true positions (m, 3) of each time without an estimate.
+        way_m, offsets_m: (n,) traveled way, and distances from the truth.
     """
-    figure = Figure(figsize=(9.0, 6.5), dpi=DPI, layout="constrained")
-    axes = figure.add_subplot()
-    label_axes(axes, "Trajectories from above", "x (m)", "y (m)")
+
+    positions_m: Floats
+    lost_m: Sequence[Floats]
+    way_m: Floats
+    offsets_m: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class TrackPanel:
+    """Drive with its estimates.
+
+    Attributes:
+        title: title of the panel.
+        truth_m: (n, 3) true positions.
+        tracks: estimates by the name of the estimator.
+        order: names of all estimators, which keep their colors on all panels.
+    """
+
+    title: str
+    truth_m: Floats
+    tracks: Mapping[str, TrackDrawing]
+    order: Sequence[str]
+
+
+def trajectories_figure(panels: Sequence[TrackPanel]) -> Figure:
+    """Trajectories from above, a panel for each drive; at most `MAX_PANELS`."""
+    panels = panels[:MAX_PANELS]
+    columns = min(COLUMNS, len(panels))
+    rows = -(-len(panels) // columns)
+    ratio = max(float(np.ptp(one[:, 1]) / max(np.ptp(one[:, 0]), 0.1)) for one in _truths(panels))
+    wide_in = 7.0 if columns == 1 else 3.4
+    high_in = wide_in * min(max(ratio, 0.25), 1.3) + 0.9
+    size = (wide_in * columns + 2.4, max(rows * high_in, 2.5))
+    figure = Figure(figsize=size, dpi=DPI, layout="constrained")
+    handles: dict[str, Artist] = {}
+    for index, panel in enumerate(panels):
+        axes = figure.add_subplot(rows, columns, index + 1)
+        _draw_panel(axes, panel)
+        if len(panels) > 1:
+            axes.tick_params(labelsize=7)
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+            handles.setdefault(str(label), handle)
+    figure.legend(list(handles.values()), list(handles), loc="outside right upper", fontsize=8)
+    return figure
+
+
+def _truths(panels: Sequence[TrackPanel]) -> list[Floats]:
+    return [one.truth_m for one in panels]
+
+
+def _draw_panel(axes: Axes, panel: TrackPanel) -> None:
+    truth = panel.truth_m
+    label_axes(axes, panel.title, "x (m)", "y (m)")
     axes.plot(truth[:, 0], truth[:, 1], color=GRAY, linewidth=5.0, alpha=0.4, label="truth")
-    for index, (name, positions) in enumerate(estimates.items()):
-        style = _LINES[index % len(_LINES)]
-        color = _COLORS[index % len(_COLORS)]
-        axes.plot(*positions[:, :2].T, style, color=color, linewidth=1.3, label=name)
+    for index, name in enumerate(panel.order):
+        track = panel.tracks.get(name)
+        if track is None:
+            continue
+        style, color = _LINES[index % len(_LINES)], _COLORS[index % len(_COLORS)]
+        axes.plot(*track.positions_m[:, :2].T, style, color=color, linewidth=1.3, label=name)
+        for lost_m in track.lost_m:
+            axes.plot(*lost_m[:, :2].T, ":", color=color, linewidth=4.0, alpha=0.7,
+                      label=f"{name}: lost here")  # fmt: skip
     axes.plot(*truth[0, :2], "o", color=GRAY, markersize=7.0, label="start")
     margin = 0.08 * max(float(np.ptp(truth[:, :2], axis=0).max()), 0.5)
     axes.set_xlim(truth[:, 0].min() - margin, truth[:, 0].max() + margin)
     axes.set_ylim(truth[:, 1].min() - margin, truth[:, 1].max() + margin)
     axes.set_aspect("equal")
-    figure.legend(loc="outside right upper", fontsize=8)
-    return figure
 
 
-def offsets_figure(
-    offsets: Mapping[str, tuple[NDArray[np.float64], NDArray[np.float64]]],
-) -> Figure:
-    """Distance from the truth over the distance traveled.
-
-    Args:
-        offsets: distances (m,) traveled and from the true positions, by estimator.
-    """
-    figure = Figure(figsize=(9.0, 4.0), dpi=DPI, layout="constrained")
+def offsets_figure(panel: TrackPanel) -> Figure:
+    """Distance from the truth over the distance traveled."""
+    figure = Figure(figsize=(9.5, 4.0), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
     label_axes(axes, "Distance from the truth", "distance traveled (m)", "distance (m)")
-    for index, (name, (way, distances)) in enumerate(offsets.items()):
-        color = _COLORS[index % len(_COLORS)]
-        positive = np.maximum(distances, 1e-6)
-        axes.plot(way, positive, _LINES[index % len(_LINES)], color=color, label=name)
+    for index, name in enumerate(panel.order):
+        if name in panel.tracks:
+            track, color = panel.tracks[name], _COLORS[index % len(_COLORS)]
+            positive = np.maximum(track.offsets_m, 1e-6)
+            axes.plot(track.way_m, positive, _LINES[index % len(_LINES)], color=color, label=name)
     axes.set_yscale("log")
-    if offsets:
+    if panel.tracks:
         figure.legend(loc="outside right upper", fontsize=8)
     return figure
 
 
 @dataclass(frozen=True)
+class LostRow:
+    """Times without an estimate.
+
+    Attributes:
+        label: estimator, or value and estimator.
+        lost: starts and ends, as shares of the drive; None: no trajectory at all.
+        reason: why there is none.
+    """
+
+    label: str
+    lost: Sequence[tuple[float, float]] | None
+    reason: str = ""
+
+
+def lost_figure(rows: Sequence[LostRow]) -> Figure:
+    """Bar over the time of the drive for each row: where tracking was lost."""
+    figure = Figure(figsize=(9.5, 1.1 + 0.24 * len(rows)), dpi=DPI, layout="constrained")
+    axes = figure.add_subplot()
+    label_axes(axes, "Where tracking was lost (red)", "share of the drive's time (%)", "")
+    for index, row in enumerate(rows):
+        color = "#dddddd" if row.lost is None else "#bcd3bf"
+        axes.broken_barh([(0.0, 100.0)], (index - 0.35, 0.7), color=color)
+        spans = [(100.0 * start, 100.0 * (end - start)) for start, end in row.lost or ()]
+        axes.broken_barh(spans, (index - 0.35, 0.7), color=RED)
+        if row.lost is None:
+            axes.text(1.0, index, row.reason, fontsize=7, va="center", color="#444444")
+    axes.set_yticks(range(len(rows)), [row.label for row in rows], fontsize=8)
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.set_xlim(0.0, 100.0)
+    axes.grid(visible=False)
+    return figure
+
+
+@dataclass(frozen=True)
 class SweepLine:
-    """Errors of an estimator.
+    """Measure of an estimator over values.
 
     Attributes:
         name: name of the estimator.
-        means: absolute trajectory error by value, in percent of the path length; NaN: none.
-        spreads: standard deviations over the seeds; NaN: unknown.
+        means: mean by value; NaN: none.
+        half_widths: half of the confidence interval over the seeds; NaN: unknown.
+        seeds: measures of the single seeds, by value.
     """
 
     name: str
     means: Sequence[float]
-    spreads: Sequence[float]
+    half_widths: Sequence[float]
+    seeds: Sequence[Sequence[float]] = ()
 
 
-def sweep_figure(title: str, labels: Sequence[str], lines: Sequence[SweepLine]) -> Figure:
-    """Errors over the values; an estimator without a trajectory leaves a gap.
+def sweep_figure(
+    title: str, quantity: str, labels: Sequence[str], lines: Sequence[SweepLine], missing: str = ""
+) -> Figure:
+    """Measure over the values, on an axis of numbers if all labels are; a gap has no trajectory.
 
     Args:
         title: the varied quantity.
-        labels: values, in order; the first is the robot as it is.
-        lines: an estimator each, with as many errors as there are values.
+        quantity: label of the measure's axis.
+        labels: values, in order.
+        lines: an estimator each, with as many means as there are values.
+        missing: text for values without a measure.
     """
-    figure = Figure(figsize=(8.5, 4.5), dpi=DPI, layout="constrained")
+    figure = Figure(figsize=(9.5, 4.5), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
-    label_axes(axes, title, "", "ATE (% of path length)")
-    at = np.arange(len(labels))
-    shift = 0.3 / max(len(lines), 1)  # error bars lie beside each other
+    label_axes(axes, "", title, quantity)
+    at, is_numeric = _places(labels)
+    step = float(np.diff(at).min()) if len(at) > 1 else 1.0
+    shift = 0.25 * step / max(len(lines), 1)  # intervals lie beside each other
     for index, line in enumerate(lines):
-        offset = shift * (index - 0.5 * (len(lines) - 1))
-        bars = np.nan_to_num(np.asarray(line.spreads, dtype=np.float64))
-        color = _COLORS[index % len(_COLORS)]
-        axes.errorbar(at + offset, line.means, bars, fmt="o-", color=color, capsize=3.0,
-                      linewidth=1.0, label=line.name)  # fmt: skip
+        places = at + shift * (index - 0.5 * (len(lines) - 1))
+        bars = np.nan_to_num(np.asarray(line.half_widths, dtype=np.float64))
+        color, mark = _COLORS[index % len(_COLORS)], _MARKS[index % len(_MARKS)]
+        axes.errorbar(places, line.means, bars, fmt=f"{mark}-", color=color, capsize=3.0,
+                      linewidth=1.0, markersize=5.0, label=line.name)  # fmt: skip
+        for place, values in zip(places, line.seeds, strict=False):
+            if len(values) > 1:
+                axes.plot([place] * len(values), values, ".", color=color, markersize=3.0)
+        if missing and not np.all(np.isfinite(line.means)):
+            gaps = places[~np.isfinite(line.means)]
+            top = np.full(len(gaps), 0.985 - 0.04 * index)
+            axes.plot(gaps, top, "x", color=color, markersize=6.0, clip_on=False,
+                      transform=axes.get_xaxis_transform())  # fmt: skip
     means = np.concatenate([np.asarray(line.means, dtype=np.float64) for line in lines])
     positive = means[np.isfinite(means) & (means > 0.0)]
-    if len(positive) and positive.max() > 30.0 * positive.min():
+    if len(positive) and positive.max() > LOG_RATIO * positive.min():
         axes.set_yscale("log")
+        axes.set_ylim(bottom=max(0.5 * positive.min(), LOWEST_SHARE * positive.max()))
     else:
         axes.set_ylim(bottom=0.0)
-    axes.set_xticks(at, labels)
+    if is_numeric:
+        axes.set_xticks(at, labels)
+    else:
+        axes.set_xticks(at, labels, rotation=20 if max(map(len, labels)) > 12 else 0)
+    if missing and not np.all(np.isfinite(means)):
+        axes.plot([], [], "x", color=GRAY, label=missing)
     figure.legend(loc="outside right upper", fontsize=8)
     return figure
+
+
+def _places(labels: Sequence[str]) -> tuple[Floats, bool]:
+    """Places of values on their axis, and whether they are numbers in order."""
+    try:
+        at = np.array([float(label) for label in labels])
+    except ValueError:
+        return np.arange(len(labels), dtype=np.float64), False
+    is_rising = bool(np.all(np.diff(at) > 0.0))
+    return (at if is_rising else np.arange(len(at), dtype=np.float64)), is_rising

@@ -40,21 +40,28 @@ def test_a_plan(omnisim, folder):
     )
     status, _, error = omnisim("evaluate", "plan.toml", "-o", "report", "--processes", "2")
     assert status == 0, error
-    (section,) = json.loads((folder / "report" / "report.json").read_text())["sections"]
+    base, section = json.loads((folder / "report" / "report.json").read_text())["sections"]
     rows = section["tables"][0]["rows"]
     assert [row[:2] for row in rows] == [
         [value, name] for value in ("as given", "bmi160") for name in ("wheels", "imu")
     ]
-    ideal, noisy = float(rows[1][2]), float(rows[3][2])
+    column = section["tables"][0]["columns"].index("ATE m")
+    ideal, noisy = (float(rows[row][column].split(" ± ")[0]) for row in (1, 3))
+    spread = float(rows[3][column].split(" ± ")[1])
     assert noisy > 10.0 * ideal
-    assert float(rows[3][3]) > 0.0  # two seeds differ
+    assert spread > 0.0  # two seeds differ
+    assert {"base-tracks.png", "vary-0-errors.png", "vary-0-lost.png", "vary-0-times.png"} <= {
+        path.name for path in (folder / "report").iterdir()
+    }
+    assert [row[1] for row in base["tables"][0]["rows"]] == ["wheels", "imu"]
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("none", "-o", "report"), "none: no such folder: expected the folder of a run"),
-        (("none", "-o", "report", "--with", "orbslam"), "estimator 'orbslam': unknown"),
+        (("none", "-o", "report"), "none: no such run, and no plan that ships"),
+        ((".", "-o", "report"), "has no manifest.json: expected the folder of a run"),
+        ((".", "-o", "report", "--with", "orbslam"), "estimator 'orbslam': unknown"),
         (("none.toml", "-o", "report"), "none.toml"),
         (("none", "-o", "robot.toml"), "robot.toml"),
     ],

@@ -217,7 +217,7 @@ class EvaluateRequest:
     """Parameters of `omnisim evaluate`."""
 
     run: Annotated[Path, Argument(metavar="RUN|PLAN")]
-    """Folder of a finished run, or the plan of a sweep (.toml)."""
+    """Folder of a finished run, the plan of a sweep (.toml), or the name of a plan that ships."""
     output: Annotated[Path, Option(metavar="DIR")]
     """Folder of the report and the trajectories; existing outcomes in it are kept."""
     estimators: Annotated[
@@ -229,3 +229,7 @@ class EvaluateRequest:
     """Time limit of each estimator; a plan has its own."""
     processes: Annotated[int, Option(min=1, max=256)] = 1
     """Drives of a plan at the same time."""
+    engine: Annotated[str, Option(metavar="NAME", names=lambda: ("local", "ray"))] = "local"
+    """Engine that distributes the drives of a plan: {names}."""
+    address: Annotated[str | None, Option(default="a cluster on this machine")] = None
+    """Address of the Ray cluster."""

@@ -57,7 +57,7 @@ class CullingShaders:
         return self._with_bounds("groups.comp")
 
     def cull(self, number: int) -> moderngl.ComputeShader:
-        """Shader that culls clusters in a single pass (0), the first of several (1) or a later one (2)."""
+        """Shader that culls clusters in the only pass (0), the first (1) or a later one (2)."""
         if number not in self._cull:
             self._cull[number] = self._with_bounds("cull.comp", f"PASS {number}")
         return self._cull[number]

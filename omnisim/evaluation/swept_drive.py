@@ -1,0 +1,82 @@
+"""Drive of a sweep: what is recorded, and the files of its command."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from omnisim.core.files.atomic_file import write_text
+from omnisim.core.files.fingerprint import fingerprint
+from omnisim.core.files.toml_file import toml_text
+
+ROBOT, SCENE = "robot.toml", "scene.toml"
+
+
+@dataclass(frozen=True)
+class SweptDrive:
+    """Drive of a sweep.
+
+    Attributes:
+        scene: absolute path of a scene file, or name of a built-in scene.
+        path: absolute path of a file, or name of one of the scene's paths.
+        robot: tables of the robot file.
+        options: further options of `omnisim drive`.
+        files: tables of changed sensor files by the names that `robot` gives them.
+        scene_tables: tables of a scene file that extends `scene`; empty: none.
+        seed: seed of the drive.
+    """
+
+    scene: str
+    path: str
+    robot: Mapping[str, Any]
+    options: Mapping[str, Any] = field(default_factory=dict)
+    files: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    scene_tables: Mapping[str, Any] = field(default_factory=dict)
+    seed: int = 0
+
+    @property
+    def name(self) -> str:
+        """Name of the drive's folder: equal drives have equal names."""
+        robot = re.sub(r"[^A-Za-z0-9-]+", "-", str(self.robot.get("name", "robot")))[:30]
+        given = (self.robot, self.options, self.files, self.scene_tables)
+        digest = fingerprint(self.scene, self.path, json.dumps(_plain(given), sort_keys=True))
+        return f"{robot}-seed{self.seed}-{digest[:8]}"
+
+    def write(self, folder: Path) -> list[str]:
+        """Write robot, scene and sensor files to a folder; arguments of `omnisim drive`.
+
+        Raises:
+            OutputError: a file cannot be written.
+        """
+        for name, tables in self.files.items():
+            write_text(folder / name, toml_text(tables))
+        write_text(folder / ROBOT, toml_text(self.robot))
+        scene = self.scene
+        if self.scene_tables:
+            write_text(folder / SCENE, toml_text({"extends": scene, **self.scene_tables}))
+            scene = str((folder / SCENE).absolute())
+        words = [scene, "--robot", str((folder / ROBOT).absolute()), "--path", self.path]
+        words += ["--seed", str(self.seed)]
+        for key, value in self.options.items():
+            flag = f"--{key.replace('_', '-')}"
+            if value is not False:
+                words += [flag] if value is True else [flag, str(value)]
+        return words
+
+
+def _plain(value: Any) -> Any:
+    """JSON value in which whole numbers equal floats."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    is_whole = isinstance(value, int) and not isinstance(value, bool)
+    return float(value) if is_whole else value if _is_simple(value) else str(value)
+
+
+def _is_simple(value: Any) -> bool:
+    return value is None or isinstance(value, bool | float | str)

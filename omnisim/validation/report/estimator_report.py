@@ -1,0 +1,345 @@
+"""Sections of reports on estimators: of one run, and of the drives of a sweep."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from omnisim.core.errors import OmnisimError
+from omnisim.core.poses import inverse
+from omnisim.core.trajectories import read_trajectory
+from omnisim.core.trajectories.trajectory import step_lengths_m
+from omnisim.datasets.export.recording import Recording
+from omnisim.evaluation.camera_errors import CameraErrors
+from omnisim.evaluation.drive_sweep import PointResult
+from omnisim.evaluation.estimator_registry import estimator_named
+from omnisim.evaluation.estimator_worker import ESTIMATE
+from omnisim.evaluation.outcome import Outcome
+from omnisim.evaluation.run_evaluation import estimator_folder, true_trajectory
+from omnisim.evaluation.seed_statistics import SeedMean, over_seeds
+from omnisim.evaluation.sweep_plan import BASE, SweepPlan, shown_points
+from omnisim.evaluation.trajectory_errors import TrajectoryErrors, lost_intervals, match_times
+from omnisim.validation.plots.estimator_plots import (
+    LostRow,
+    SweepLine,
+    TrackDrawing,
+    TrackPanel,
+    lost_figure,
+    offsets_figure,
+    sweep_figure,
+    trajectories_figure,
+)
+from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
+
+METHOD = (
+    "ATE: root mean square distance from the truth after alignment (se3: by rotation and "
+    "translation; sim3: by scale, too; none: the estimator starts at the true pose). RPE: error of "
+    "the motion between successive poses. Drift: error of the motion over a tenth of the path, as "
+    "a share of its length. Yaw: of the aligned headings. Gravity: of the direction of gravity, if "
+    "the estimator knows it. Scale: factor from the estimate's lengths to the true ones. Lost: "
+    "share of the time without a pose: before the first, after the last, and in gaps."
+)
+MIN_LOST = 0.01  # share of the drive's time that is drawn as lost
+MAX_NAME = 28  # letters of an estimator's name in tables and legends
+Measure = Callable[[TrajectoryErrors], float]
+
+
+def ate_percent(errors: TrajectoryErrors) -> float:
+    """Absolute trajectory error in percent of the path; NaN: no motion."""
+    return 100.0 * errors.ate_m / errors.way_m if errors.way_m > 0.0 else math.nan
+
+
+_MEASURES: dict[str, tuple[Measure, str]] = {
+    "ATE m": (lambda one: one.ate_m, ".4f"),
+    "% of path": (ate_percent, ".3f"),
+    "RPE mm": (lambda one: 1e3 * one.rpe_m, ".2f"),
+    "RPE °": (lambda one: one.rpe_deg, ".3f"),
+    "drift %": (lambda one: 100.0 * one.drift, ".2f"),
+    "yaw °": (lambda one: one.yaw_deg, ".2f"),
+    "gravity °": (lambda one: one.gravity_deg, ".2f"),
+    "scale": (lambda one: one.scale, ".4f"),
+    "lost %": (lambda one: 100.0 * one.lost, ".1f"),
+}
+RUN_COLUMNS = ("estimator", *_MEASURES, "aligned", "s")
+CAMERA_COLUMNS = ("estimator", "model", "focal length %", "RMS px", "max px", "of the image %")
+SWEEP_COLUMNS = ("value", "estimator", *_MEASURES, "aligned", "s", "without")
+
+
+def run_row(outcome: Outcome) -> tuple[str, ...]:
+    """Cells of an outcome, by `RUN_COLUMNS`."""
+    seconds = "" if outcome.seconds is None else f"{outcome.seconds:.1f}"
+    if outcome.errors is None:
+        return outcome.estimator, outcome.status, *("",) * (len(RUN_COLUMNS) - 3), seconds
+    return outcome.estimator, *_cells([outcome]), outcome.errors.kind, seconds
+
+
+def _camera_row(estimator: str, errors: CameraErrors) -> tuple[str, ...]:
+    """Cells of a calibrated camera, by `CAMERA_COLUMNS`."""
+    return (
+        estimator,
+        errors.model,
+        f"{100.0 * errors.focal_length:+.3f}",
+        f"{errors.rms_px:.3f}",
+        f"{errors.max_px:.3g}",
+        f"{100.0 * errors.covered:.4g}",
+    )
+
+
+def _cells(outcomes: Sequence[Outcome]) -> list[str]:
+    """Means of all measures over outcomes of one estimator, with their confidence."""
+    errors = [one.errors for one in outcomes if one.errors is not None]
+    cells = []
+    for heading, (measure, form) in _MEASURES.items():
+        is_known = heading != "gravity °" or estimator_named(outcomes[0].estimator).is_level
+        mean = over_seeds([measure(one) for one in errors]) if is_known else over_seeds([])
+        cells.append(_number(mean, form))
+    return cells
+
+
+def _number(mean: SeedMean, form: str) -> str:
+    if not math.isfinite(mean.mean):
+        return ""
+    text = format(mean.mean, form)
+    return f"{text} ± {mean.half_width:.2g}" if math.isfinite(mean.half_width) else text
+
+
+def run_section(recording: Recording, outcomes: Sequence[Outcome], folder: Path) -> Section:
+    """Section on the estimators of one run, whose trajectories are in subfolders of a folder."""
+    panel = _panel("Trajectories from above", recording, outcomes, folder)
+    rows = tuple(run_row(one) for one in outcomes if one.camera is None)
+    tables = [ResultTable("Errors of the trajectories.", RUN_COLUMNS, rows)]
+    if cameras := tuple(_camera_row(one.estimator, one.camera) for one in outcomes if one.camera):
+        tables.append(ResultTable("Errors of the calibrated cameras.", CAMERA_COLUMNS, cameras))
+    tables += _failures(outcomes)
+    lost = [
+        _lost_row(_short(one.estimator), one, recording, folder)
+        for one in outcomes
+        if one.camera is None
+    ]
+    figures = [
+        CaptionedFigure("trajectories", trajectories_figure([panel]),
+                        "Aligned trajectories and the truth, from above"),
+        CaptionedFigure("offsets", offsets_figure(panel),
+                        "Distance from the truth over the distance traveled"),
+        CaptionedFigure("lost", lost_figure(lost), "Times without an estimate"),
+    ]  # fmt: skip
+    return Section("Estimators", METHOD, tables=tables, figures=figures)
+
+
+def sweep_sections(
+    plan: SweepPlan, results: Sequence[PointResult], key: str = "", title: str = ""
+) -> list[Section]:
+    """Sections on a sweep: the drive as it is, and one on each variation.
+
+    Args:
+        plan: plan of the sweep.
+        results: results of all of its points.
+        key: prefix of the figures' names.
+        title: prefix of the sections' titles.
+    """
+    indices: list[int | None] = [None, *range(len(plan.vary))]
+    sections = [_sweep_section(plan, results, index, key) for index in indices]
+    if not title:
+        return sections
+    return [replace(one, title=f"{title}: {_lower_first(one.title)}") for one in sections]
+
+
+def _lower_first(text: str) -> str:
+    return text[0].lower() + text[1:] if text[:2].istitle() else text
+
+
+def varied_title(plan: SweepPlan, variation: int | None) -> str:
+    """Title of a variation."""
+    if variation is None:
+        return "The drive as it is"
+    varied = plan.vary[variation]
+    return varied.title or ", ".join(varied.keys)
+
+
+def value_results(
+    results: Sequence[PointResult], variation: int | None
+) -> list[tuple[str, list[PointResult]]]:
+    """Labels and results of a variation's values, by seed."""
+    by_point = {id(one.point): one for one in results}
+    shown = shown_points([one.point for one in results], variation)
+    return [(label, [by_point[id(one)] for one in points]) for label, points in shown]
+
+
+def error_lines(
+    plan: SweepPlan, values: Sequence[tuple[str, list[PointResult]]], measure: Measure = ate_percent
+) -> list[SweepLine]:
+    """Measure of each estimator over a variation's values."""
+    lines = []
+    for estimator in plan.estimators:
+        seeds = []
+        for _, group in values:
+            errors = [one.errors for one in _outcomes(group, estimator) if one.errors is not None]
+            seeds.append([measure(one) for one in errors])
+        means = [over_seeds(one) for one in seeds]
+        lines.append(
+            SweepLine(
+                _short(estimator),
+                [one.mean for one in means],
+                [one.half_width for one in means],
+                seeds,
+            )
+        )
+    return lines
+
+
+def _sweep_section(
+    plan: SweepPlan, results: Sequence[PointResult], variation: int | None, key: str
+) -> Section:
+    values = value_results(results, variation)
+    labels = [label for label, _ in values]
+    rows = []
+    for label, group in values:
+        for estimator in plan.estimators:
+            outcomes = _outcomes(group, estimator)
+            rows.append((label, _short(estimator), *_sweep_cells(outcomes)))
+    caption = "Means over the seeds ± half of their 95 % interval by Student's t."
+    tables = [ResultTable(caption, SWEEP_COLUMNS, tuple(rows))]
+    tables += _failures([each for _, group in values for one in group for each in one.outcomes])
+    name = f"{key}{'base' if variation is None else f'vary-{variation}'}"
+    title, figures = varied_title(plan, variation), []
+    if variation is not None:
+        figures.append(
+            CaptionedFigure(
+                f"{name}-errors",
+                sweep_figure(title, "ATE (% of path length)", labels, error_lines(plan, values),
+                             "no trajectory"),
+                "Absolute trajectory error by the varied value, with its 95 % interval over the "
+                "seeds, and the single seeds as dots",
+            )
+        )  # fmt: skip
+    figures += _track_figures(plan, values, name)
+    figures.append(
+        CaptionedFigure(
+            f"{name}-times",
+            sweep_figure("" if variation is None else title, "time taken (s)", labels,
+                         _time_lines(plan, values)),
+            "Time that the estimators took",
+        )
+    )  # fmt: skip
+    text = METHOD if variation is None else ""
+    return Section(title, text, tables=tables, figures=figures, key=name)
+
+
+def _sweep_cells(outcomes: Sequence[Outcome]) -> tuple[str, ...]:
+    """Cells by `SWEEP_COLUMNS`, without value and estimator."""
+    failed = [one for one in outcomes if one.errors is None]
+    kinds = {one.errors.kind for one in outcomes if one.errors is not None}
+    seconds = over_seeds([one.seconds for one in outcomes if one.seconds is not None])
+    without = f"{len(failed)} of {len(outcomes)} {failed[0].status}" if failed else ""
+    taken = f"{seconds.mean:.1f}" if math.isfinite(seconds.mean) else ""
+    return *_cells(outcomes), ", ".join(sorted(kinds)), taken, without
+
+
+def _track_figures(
+    plan: SweepPlan, values: Sequence[tuple[str, list[PointResult]]], name: str
+) -> list[CaptionedFigure]:
+    """Trajectories and lost times of the first seed of each value."""
+    panels, rows = [], []
+    for label, group in values:
+        result = group[0]
+        try:
+            recording = Recording.read(result.run)
+        except OmnisimError:
+            rows += [LostRow(_label(label, one), None, "no drive") for one in plan.estimators]
+            continue
+        panels.append(_panel(label, recording, result.outcomes, result.estimates))
+        rows += [
+            _lost_row(_label(label, one.estimator), one, recording, result.estimates)
+            for one in result.outcomes
+        ]
+    figures = []
+    if panels:
+        caption = "Aligned trajectories and the truth from above, of the first seed"
+        figures.append(CaptionedFigure(f"{name}-tracks", trajectories_figure(panels), caption))
+    caption = "Times without an estimate, of the first seed"
+    return [*figures, CaptionedFigure(f"{name}-lost", lost_figure(rows), caption)]
+
+
+def _label(label: str, estimator: str) -> str:
+    return _short(estimator) if label == BASE else f"{label}, {_short(estimator)}"
+
+
+def _time_lines(
+    plan: SweepPlan, values: Sequence[tuple[str, list[PointResult]]]
+) -> list[SweepLine]:
+    lines = []
+    for estimator in plan.estimators:
+        seconds = [
+            [one.seconds for one in _outcomes(group, estimator) if one.seconds is not None]
+            for _, group in values
+        ]
+        means = [over_seeds(one) for one in seconds]
+        halves = [one.half_width for one in means]
+        lines.append(SweepLine(_short(estimator), [one.mean for one in means], halves, seconds))
+    return lines
+
+
+def _outcomes(results: Sequence[PointResult], estimator: str) -> list[Outcome]:
+    """Outcomes of an estimator over the seeds."""
+    return [
+        outcome
+        for result in results
+        for outcome in result.outcomes
+        if outcome.estimator == estimator
+    ]
+
+
+def _failures(outcomes: Sequence[Outcome]) -> list[ResultTable]:
+    """Table of estimators without a result, if there are any."""
+    failures = dict.fromkeys(
+        (one.estimator, one.status, one.reason) for one in outcomes if one.status != "ok"
+    )
+    columns = ("estimator", "status", "reason")
+    caption = "Estimators without a result."
+    return [ResultTable(caption, columns, tuple(failures))] if failures else []
+
+
+def _panel(
+    title: str, recording: Recording, outcomes: Sequence[Outcome], folder: Path
+) -> TrackPanel:
+    """Aligned trajectories of the estimators that found one."""
+    tracks = {}
+    for outcome in outcomes:
+        if outcome.errors is None:
+            continue
+        estimate = read_trajectory(folder / estimator_folder(outcome.estimator) / ESTIMATE)
+        tracked = estimator_named(outcome.estimator).base_from_tracked(recording)
+        poses = outcome.errors.alignment.apply(estimate.world_from_base) @ inverse(tracked)
+        truth = true_trajectory(recording, estimate.times_s)
+        used, nearest = match_times(estimate.times_s, truth.times_s)
+        way = np.concatenate(([0.0], np.cumsum(step_lengths_m(truth.world_from_base))))
+        offsets = np.linalg.norm(poses[used, :3, 3] - truth.positions_m[nearest], axis=1)
+        ends_s = float(truth.times_s[0]), float(truth.times_s[-1])
+        lost_m = []
+        for start_s, end_s in lost_intervals(estimate.times_s[used], *ends_s):
+            inside = (truth.times_s >= start_s) & (truth.times_s <= end_s)
+            if end_s - start_s > MIN_LOST * (ends_s[1] - ends_s[0]):
+                lost_m.append(truth.positions_m[inside])
+        name = _short(outcome.estimator)
+        tracks[name] = TrackDrawing(poses[:, :3, 3], lost_m, way[nearest], offsets)
+    order = [_short(one.estimator) for one in outcomes]
+    return TrackPanel(title, recording.fine_truth.positions_m, tracks, order)
+
+
+def _lost_row(label: str, outcome: Outcome, recording: Recording, folder: Path) -> LostRow:
+    if outcome.errors is None:
+        return LostRow(label, None, f"{outcome.status}: {outcome.reason}"[:110])
+    estimate = read_trajectory(folder / estimator_folder(outcome.estimator) / ESTIMATE)
+    truth_s = recording.state_times_s
+    first_s, span_s = float(truth_s[0]), float(truth_s[-1] - truth_s[0]) or 1.0
+    lost = lost_intervals(estimate.times_s, first_s, float(truth_s[-1]))
+    shares = [((start - first_s) / span_s, (end - first_s) / span_s) for start, end in lost]
+    return LostRow(label, shares)
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= MAX_NAME else name[: MAX_NAME - 1] + "…"
