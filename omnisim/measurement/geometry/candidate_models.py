@@ -25,6 +25,7 @@ _FIXED: Mapping[type[ParametricCamera], Collection[str]] = {
 }
 _MARGIN_RAD = 0.01  # beyond the outermost corner, for the first camera of a model
 _FOLDS = 5
+_HELD_OUT_CONVERGED = 1e-6  # an error of 5e-7 of their RMS
 
 Floats = NDArray[np.float64]
 Parameters = ParameterVector[ParametricCamera]
@@ -84,10 +85,12 @@ def held_out_errors(
     for fold in range(min(_FOLDS, images)):
         is_left_out = np.arange(images) % _FOLDS == fold
         seen, poses = select_images(corners, ~is_left_out), fit.poses[~is_left_out]
-        trained = adjust(candidate.parameters, seen, poses, fit.shape_m, stiffness_px_per_m)
+        trained = adjust(
+            candidate.parameters, seen, poses, fit.shape_m, stiffness_px_per_m, _HELD_OUT_CONVERGED
+        )
         still: Parameters = ParameterVector(trained.camera, {})
         left_out, poses = select_images(corners, is_left_out), fit.poses[is_left_out]
-        tested = adjust(still, left_out, poses, trained.shape_m)
+        tested = adjust(still, left_out, poses, trained.shape_m, converged=_HELD_OUT_CONVERGED)
         errors[is_left_out[corners.image]] = tested.errors_px
     return errors
 
