@@ -184,7 +184,8 @@ class _Problem:
         if self._stiffness is not None:
             # each observation moves by one corner's offset only: a few rows of the whole matrix
             bends = cameras + 3 * corners.label[:, None] + np.arange(3)
-            np.add.at(common, (np.s_[:cameras], bends), _columns(_products(by_camera, by_shape)))
+            lens = np.arange(cameras)[:, None]
+            np.add.at(common, (lens, bends[:, None]), _products(by_camera, by_shape))
             common[cameras:, :cameras] = common[:cameras, cameras:].T
             np.add.at(common, (bends[:, :, None], bends[:, None]), _products(by_shape, by_shape))
             np.add.at(mixed, (corners.image[:, None], bends), _products(by_shape, by_pose))
@@ -265,11 +266,6 @@ def _products(left: Floats, right: Floats) -> Floats:
     return products
 
 
-def _columns(products: Floats) -> Floats:
-    """Products (n, p, 3), with p first: (p, n, 3)."""
-    return products.swapaxes(0, 1)
-
-
 def _sides(jacobian: Floats, errors_px: Floats) -> Floats:
     """Products (n, p) of the derivatives (n, 2, p) and the errors (n, 2) of n corners."""
     sides: Floats = (errors_px[:, :, None] * jacobian).sum(axis=1)
@@ -343,7 +339,7 @@ def _solution(matrix: Floats, side: Floats) -> Floats:
         factor = scipy.linalg.cho_factor(matrix, check_finite=False)
         solution: Floats = scipy.linalg.cho_solve(factor, side, check_finite=False)
     except scipy.linalg.LinAlgError:
-        solution = np.linalg.lstsq(matrix, side, rcond=1e-14)[0]
+        solution = np.asarray(np.linalg.lstsq(matrix, side, rcond=1e-14)[0], dtype=np.float64)
     return solution
 
 

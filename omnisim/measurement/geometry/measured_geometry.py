@@ -32,6 +32,8 @@ MAX_SHAPE_ERROR = 0.06  # beyond it, the board is not the described one
 MAX_REJECTED = 0.34  # share of the images
 MAX_FOCAL_SIGMA = 0.03
 MAX_MODEL_SIGMA = 0.2  # of a focal length that depends on another number, such as ξ
+MAX_EXCESS = 0.02  # of the squared errors in held-out images, for fewer parameters
+MIN_DECENTERED = 0.8  # of the errors of a lens without decentering
 _FAR_OFF = 1.5  # times the smallest error of the models: worse ones are not tried further
 _OUTLYING = 4.0  # times the median error of the images
 _OUTLYING_CORNER = 8.0  # times the median error of the corners: 9.4 standard deviations
@@ -198,7 +200,7 @@ def _without_outliers(
             raise MeasurementError(f"{found}: expected at least {MIN_IMAGES}")
         first = initial_adjustment(views, size_px)
         corners = Corners.of(views)
-        lengths = np.linalg.norm(first.errors_px, axis=1)
+        lengths = np.linalg.norm(_judge(first, corners).fit.errors_px, axis=1)
         ends = zip(corners.starts[:-1], corners.starts[1:], strict=True)
         medians = np.array([np.median(lengths[slice(*pair)]) for pair in ends])
         worst, usual = int(np.argmax(medians)), float(np.median(medians))
@@ -283,17 +285,32 @@ def _with_shape(
     A shape is fitted only if it predicts left-out images better than a flat board.
     """
     corners = Corners.of(views)
-    parameters = fit_candidate("kannala_brandt", corners, first, None).parameters
-    flat = Candidate("kannala_brandt", parameters, first)
-    stiffness = first.rms_px / (SHAPE_SIGMA * spacing_m)
+    flat = _judge(first, corners)
+    stiffness = flat.fit.rms_px / (SHAPE_SIGMA * spacing_m)
     try:
-        bent = fit_candidate("kannala_brandt", corners, first, stiffness)
+        bent = fit_candidate(flat.name, corners, first, stiffness)
         errors = [held_out_errors(flat, corners, None), held_out_errors(bent, corners, stiffness)]
     except (CalibrationError, OpticsError):
         return views, first, None
     if rms_px(errors[1]) < rms_px(errors[0]):
-        return views, bent.fit, stiffness
+        shaped = first._replace(poses=bent.fit.poses, shape_m=bent.fit.shape_m)
+        return views, shaped, stiffness
     return views, first, None
+
+
+def _judge(first: Adjustment, corners: Corners) -> Candidate:
+    """Lens by which images, corners and the board's shape are judged.
+
+    It is that of Kannala and Brandt, unless decentering, as of a mirror that is not quite aligned
+    with its camera, makes the unified model much better.
+    """
+    radial = fit_candidate("kannala_brandt", corners, first, None)
+    try:
+        decentered = fit_candidate("unified", corners, first, None)
+    except (CalibrationError, OpticsError):
+        return radial
+    is_better = decentered.fit.rms_px < MIN_DECENTERED * radial.fit.rms_px
+    return decentered if is_better else radial
 
 
 def _candidates(
@@ -346,7 +363,8 @@ def _chosen(
     """Model with the fewest parameters among those as good as the best one on left-out images.
 
     A model is as good if its mean squared error exceeds the best one's by at most the standard
-    deviation of the mean difference, over the images.
+    deviation of the mean difference, over the images, and by at most 2 %: with few images, the
+    standard deviation alone would excuse much.
 
     Source: the one-standard-error rule, Hastie, Tibshirani & Friedman, The Elements of Statistical
         Learning (2009), 7.10.
@@ -361,7 +379,7 @@ def _chosen(
     def is_as_good(name: str) -> bool:
         excess = squared[name] - squared[best]
         error = float(excess.std(ddof=1)) / math.sqrt(len(excess))
-        return float(excess.mean()) <= error
+        return float(excess.mean()) <= min(error, MAX_EXCESS * float(squared[best].mean()))
 
     good = [one for one in candidates if is_as_good(one.name)]
     return min(good, key=lambda one: (len(one.parameters.start), float(squared[one.name].mean())))
