@@ -20,12 +20,14 @@ from omnisim.measurement.geometry.candidate_models import (
     Candidate,
     fit_candidate,
     held_out_errors,
+    select_images,
     widest_angle_rad,
 )
 from omnisim.measurement.geometry.initial_camera import initial_adjustment
 from omnisim.measurement.quantity import Quantity, Unseen
 
 MIN_IMAGES = 5
+MAX_COMPARED = 40  # images by which models are compared; the chosen one is fitted to all
 MIN_SHAPE_IMAGES = 8  # to tell a board's shape from the lens
 SHAPE_SIGMA = 0.02  # of a board's corner, as a share of the distance to the next: an assumption
 MAX_SHAPE_ERROR = 0.06  # beyond it, the board is not the described one
@@ -52,7 +54,8 @@ class ModelResult:
         parameters: number of free parameters; 0: the model could not be fitted.
         rms_px: root mean square distance of the corners from their predictions; NaN: no fit.
         held_out_rms_px: likewise, in images that were left out of the fit; NaN: not measured, as
-            the model does not fit, or does not show all corners.
+            the model does not fit, or does not show all corners. Models that were not chosen are
+            fitted to at most 40 images.
         reason: why the model cannot describe the lens; "": the model describes the lens.
     """
 
@@ -113,6 +116,7 @@ def measure_geometry(
     All models are fitted together with the poses of the board. The shape of the board, which is
     never quite flat, is fitted, too, if that predicts left-out images better. Of the models that
     predict left-out images as well as the best one, the one with the fewest parameters is chosen.
+    Of more than 40 images, 40 choose the model, which is then fitted to all.
 
     Args:
         views: the board in each image.
@@ -138,17 +142,24 @@ def measure_geometry(
     if not is_flat and len(used) >= MIN_SHAPE_IMAGES:
         used, first, stiffness = _with_shape(used, first, spacing_m)
         corners = Corners.of(used, corners.nominal_m)
-    candidates, results = _candidates(models, corners, first, stiffness)
+    part, start = _subset(corners, first)
+    candidates, results = _candidates(models, part, start, stiffness)
     limit = _FAR_OFF * min(one.fit.rms_px for one in candidates)
     errors = {
-        one.name: _held_out(one, corners, stiffness) if one.fit.rms_px <= limit else None
+        one.name: _held_out(one, part, stiffness) if one.fit.rms_px <= limit else None
         for one in candidates
     }
     known = {name: one for name, one in errors.items() if one is not None}
     if known:
-        chosen = _chosen([one for one in candidates if one.name in known], known, corners)
+        chosen = _chosen([one for one in candidates if one.name in known], known, part)
     else:
         chosen = min(candidates, key=lambda one: one.fit.rms_px)
+    if part is not corners:
+        chosen, held_out = _refitted(chosen.name, corners, first, stiffness)
+        candidates = [chosen if one.name == chosen.name else one for one in candidates]
+        known = {name: one for name, one in known.items() if name != chosen.name}
+        if held_out is not None:
+            known[chosen.name] = held_out
     fit = chosen.fit
     _check_shape(fit.shape_m, spacing_m, corners)
     for one in candidates:
@@ -163,10 +174,10 @@ def measure_geometry(
         fit.poses,
         corners.nominal_m + fit.shape_m,
         fit.errors_px,
-        rms_px(known[chosen.name]) if known else math.nan,
+        rms_px(known[chosen.name]) if chosen.name in known else math.nan,
         tuple(rejected),
         _quantities(chosen, corners),
-        _unseen(fit, corners, is_held_out=bool(known)),
+        _unseen(fit, corners, is_held_out=chosen.name in known),
     )
 
 
@@ -347,6 +358,33 @@ def _check_determined(candidate: Candidate) -> None:
         if label.startswith("focal_length") and sigma > MAX_MODEL_SIGMA * value:
             numbers = f"{label} = {value:.4g} ± {sigma:.2g} px"
             raise CalibrationError(f"camera: {candidate.name}: not determined: {numbers}")
+
+
+def _subset(corners: Corners, first: Adjustment) -> tuple[Corners, Adjustment]:
+    """Corners in the images by which models are compared, and their part of the first fit."""
+    images = len(corners.starts) - 1
+    if images <= MAX_COMPARED:
+        return corners, first
+    is_used = np.zeros(images, dtype=bool)
+    is_used[np.linspace(0, images - 1, MAX_COMPARED).round().astype(np.int64)] = True
+    rows = is_used[corners.image]
+    part = first._replace(poses=first.poses[is_used], errors_px=first.errors_px[rows])
+    return select_images(corners, is_used), part
+
+
+def _refitted(
+    name: str, corners: Corners, first: Adjustment, stiffness: float | None
+) -> tuple[Candidate, Floats | None]:
+    """Model fitted to all images, and its errors (n, 2) in left-out ones.
+
+    Raises:
+        MeasurementError: the model does not describe the lens in all images.
+    """
+    try:
+        candidate = fit_candidate(name, corners, first, stiffness)
+    except (CalibrationError, OpticsError) as reason:
+        raise MeasurementError(f"{reason}, in all images") from None
+    return candidate, _held_out(candidate, corners, stiffness)
 
 
 def _held_out(candidate: Candidate, corners: Corners, stiffness: float | None) -> Floats | None:

@@ -15,6 +15,7 @@ from omnisim.cameras import (
 )
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.geometry import BoardView, measure_geometry
+from omnisim.measurement.geometry.measured_geometry import MAX_COMPARED
 from tests.measurement.geometry.board_pictures import (
     LENS,
     board_pose,
@@ -177,6 +178,15 @@ def test_an_image_given_twice_counts_once(views):
     copy = BoardView("copy.png", views[0].points_m, views[0].pixels_px)
     measured = measure_geometry([*views, copy], SIZE, models=KB)
     assert measured.rejected[0].reason == f"the same image as {views[0].name}"
+
+
+def test_of_many_images_all_are_fitted():
+    count = MAX_COMPARED + 5
+    views = noisy_views(LENS, varied_poses(count), GRID, SIGMA_PX)
+    measured = measure_geometry(views, SIZE, models=KB, is_flat=True)
+    assert len(measured.views) == len(measured.poses) == count
+    assert len(measured.errors_px) == count * len(GRID)
+    assert measured.held_out_rms_px < 1.1 * SIGMA_PX * np.sqrt(2.0)
 
 
 def test_too_few_boards_are_refused(views):
