@@ -98,8 +98,8 @@ def check(fixture: Fixture, title: str) -> Section:
         "model by images that its fit did not see. Its rays are compared with the hidden camera's, "
         "up to a rotation, which boards do not tell; and the twin's images of the same boards with "
         "the camera's: corners found again, gray levels of the squares, 10-90 % rise of edges. "
-        "The rays of the mirror have no bound: these boards do not tell its focal lengths from ξ and "
-        "its decentering: the standard deviation of its focal lengths is 3 %.",
+        "The rays of the mirror have no bound: these boards do not tell its focal lengths from ξ "
+        "and its decentering; the standard deviation of its focal lengths is 3 %.",
         (
             Measure("corners in held-out images, RMS", held_out, "px", HELD_OUT_BOUND_PX),
             Measure("corners, RMS over that of cv2.omnidir", excess, "", OMNIDIR_BOUND),
