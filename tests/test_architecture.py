@@ -49,7 +49,7 @@ HOMES = {
     "rich": {"apps.cli"},
     "matplotlib": {"validation.plots"},
     "jinja2": {"validation.report"},
-    "av": {"validation.plots"},
+    "av": {"measurement", "validation.plots"},
     "cv2": {"evaluation.estimators", "measurement", "validation"},
     "mitsuba": {"validation"},
     "pyrender": {"validation"},
@@ -60,7 +60,8 @@ HOMES = {
     "mujoco": {"scene.formats.mjcf", "robots.importers", "runs"},
     "websockets": {"apps.live"},
     "pxr": {"scene.formats.usd"},
-    "rosbags": {"datasets.export"},
+    "rosbags": {"datasets.export", "measurement"},
+    "rawpy": {"measurement"},
 }
 # Outside of rendering.opengl, what draws by OpenGL: imported by functions that are asked to.
 DRAWING = {

@@ -33,6 +33,7 @@ EXTRAS = {
     "bake": {"embreex": "embreex", "xatlas": "xatlas"},
     "video": {"av": "av"},
     "measure": {"opencv-contrib-python-headless": "cv2"},
+    "raw": {"rawpy": "rawpy"},
     "estimators": {"kiss-icp": "kiss_icp", "pycolmap": "pycolmap", "small-gicp": "small_gicp"},
     "orb-slam3": {"pyorbslam3": "pyorbslam3"},  # GPL: on demand only
     "mujoco": {"mujoco-core": "mujoco"},

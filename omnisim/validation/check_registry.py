@@ -99,6 +99,11 @@ CHECKS = (
     ),
     Check("noise", "Noise measured from frames", "measured.noise.check", oracles=("emva1288",)),
     Check("sharpness", "Sharpness measured from edges", "measured.sharpness.check"),
+    Check(
+        "response",
+        "Response, vignetting and readout measured from frames",
+        "measured.response_and_readout.check",
+    ),
     Check("orientation", "Orientation", "orientation.check"),
     Check("unwarping", "Unwarped views", "unwarping.check"),
     Check("optics", "Any optics: rays, caustics and pixels", "optics_rays.check"),

@@ -11,13 +11,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.errors import MeasurementError, OutputError
-from omnisim.core.files.image_files import read_image
+from omnisim.core.errors import MeasurementError
 from omnisim.measurement.geometry.board_detection import find_board
 from omnisim.measurement.geometry.board_view import BoardView, RejectedImage
 from omnisim.measurement.geometry.boards import Board
+from omnisim.measurement.inputs import (
+    IMAGE_SUFFIXES,
+    RAW_SUFFIXES,
+    is_recording,
+    read_photo,
+    recorded_frames,
+)
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".pgm", ".ppm", ".bmp", ".webp")
 _LUMA = np.array([0.299, 0.587, 0.114])
 _LOW, _HIGH = 0.5, 99.8  # percentiles of 16-bit images that become black and white
 
@@ -35,16 +40,19 @@ class BoardSearch(NamedTuple):
 
 
 def image_files(folder: Path) -> list[Path]:
-    """Image files of a folder, sorted by name.
+    """Image files of a folder, sorted by name; or frames of a video or of a ROS bag.
 
     Raises:
-        MeasurementError: no folder, or no images in it.
+        MeasurementError: no folder, no images in it, or a recording that cannot be read.
     """
+    if is_recording(folder):
+        return recorded_frames(folder)
     if not folder.is_dir():
-        raise MeasurementError(f"{folder}: expected a folder of images")
-    files = [path for path in sorted(folder.iterdir()) if path.suffix.lower() in SUFFIXES]
+        raise MeasurementError(f"{folder}: expected a folder of images, a video or a ROS bag")
+    suffixes = IMAGE_SUFFIXES + RAW_SUFFIXES
+    files = [path for path in sorted(folder.iterdir()) if path.suffix.lower() in suffixes]
     if not files:
-        raise MeasurementError(f"{folder}: expected images ({' '.join(SUFFIXES)}), got none")
+        raise MeasurementError(f"{folder}: expected images ({' '.join(IMAGE_SUFFIXES)}), got none")
     return files
 
 
@@ -92,11 +100,7 @@ def read_gray(path: Path) -> NDArray[np.uint8]:
     Raises:
         MeasurementError: the file is missing or damaged, or is not an image of 8 or 16 bits.
     """
-    try:
-        pixels, _ = read_image(path)
-    except OutputError as reason:
-        raise MeasurementError(str(reason)) from None
-    return _as_gray(pixels, path)
+    return _as_gray(read_photo(path), path)
 
 
 def _as_gray(pixels: NDArray[Any], path: Path) -> NDArray[np.uint8]:

@@ -13,10 +13,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import scipy  # its submodules load on first use
 from numpy.typing import NDArray
 
 from omnisim.cameras.calibration.parameter_vector import ParameterVector
-from omnisim.cameras.optics.boards.board_pose import move_jacobians, moved_pose
+from omnisim.cameras.optics.boards.board_pose import move_jacobians
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.errors import OpticsError
 from omnisim.measurement.geometry.board_view import BoardView
@@ -24,7 +25,7 @@ from omnisim.measurement.geometry.board_view import BoardView
 Floats = NDArray[np.float64]
 _STEP = 1e-6  # of numerical derivatives, rad and relative
 _MAX_STEPS = 60
-_CONVERGED = 1e-9  # relative decrease of the cost
+CONVERGED = 1e-9  # relative decrease of the cost
 _MAX_DAMPING = 1e12
 
 
@@ -169,26 +170,35 @@ class _Problem:
         points = arms + state.poses[corners.image, :3, 3]
         by_point = _point_jacobian(state.camera, points)
         by_pose = by_point @ move_jacobians(np.eye(4), np.zeros(6), arms)
-        by_camera = _camera_jacobian(self.parameters, state.vector, points)
+        by_camera = _camera_jacobian(
+            self.parameters, state.vector, points, corners.pixels_px - state.errors_px
+        )
         by_shape = by_point @ state.poses[corners.image, :3, :3]
-        count, images = self._common_count, len(state.poses)
+        count, cameras, images = self._common_count, len(state.vector), len(state.poses)
+        starts = corners.starts[:-1]
         common, common_side = np.zeros((count, count)), np.zeros(count)
-        mixed, poses = np.zeros((images, count, 6)), np.zeros((images, 6, 6))
-        pose_side = np.zeros((images, 6))
-        for image in range(images):
-            rows = slice(*corners.starts[image : image + 2])
-            jacobian = self._common_jacobian(by_camera[rows], by_shape[rows], corners.label[rows])
-            turned = by_pose[rows].reshape(-1, 6)
-            errors = state.errors_px[rows].ravel()
-            common += jacobian.T @ jacobian
-            common_side += jacobian.T @ errors
-            mixed[image], poses[image] = jacobian.T @ turned, turned.T @ turned
-            pose_side[image] = turned.T @ errors
+        mixed = np.zeros((images, count, 6))
+        common[:cameras, :cameras] = _products(by_camera, by_camera).sum(axis=0)
+        common_side[:cameras] = _sides(by_camera, state.errors_px).sum(axis=0)
+        mixed[:, :cameras] = np.add.reduceat(_products(by_camera, by_pose), starts)
         if self._stiffness is not None:
-            offset = len(state.vector)
-            common[range(offset, count), range(offset, count)] += self._stiffness**2
-            common_side[offset:] -= self._stiffness**2 * state.shape_m.ravel()
-        return _Blocks(common, mixed, poses, common_side, pose_side)
+            # each observation moves by one corner's offset only: a few rows of the whole matrix
+            bends = cameras + 3 * corners.label[:, None] + np.arange(3)
+            lens = np.arange(cameras)[:, None]
+            np.add.at(common, (lens, bends[:, None]), _products(by_camera, by_shape))
+            common[cameras:, :cameras] = common[:cameras, cameras:].T
+            np.add.at(common, (bends[:, :, None], bends[:, None]), _products(by_shape, by_shape))
+            np.add.at(mixed, (corners.image[:, None], bends), _products(by_shape, by_pose))
+            np.add.at(common_side, bends, _sides(by_shape, state.errors_px))
+            common[range(cameras, count), range(cameras, count)] += self._stiffness**2
+            common_side[cameras:] -= self._stiffness**2 * state.shape_m.ravel()
+        return _Blocks(
+            common,
+            mixed,
+            np.add.reduceat(_products(by_pose, by_pose), starts),
+            common_side,
+            np.add.reduceat(_sides(by_pose, state.errors_px), starts),
+        )
 
     def moved(self, state: _State, step: Floats, moves: Floats) -> _State | None:
         """State after a step, inside the bounds; None if it is invalid."""
@@ -197,24 +207,12 @@ class _Problem:
         shape = state.shape_m
         if self._stiffness is not None:
             shape = shape + step[count:].reshape(-1, 3)
-        poses = np.stack([moved_pose(*pair) for pair in zip(state.poses, moves, strict=True)])
-        return self.state(vector, shape, poses)
+        return self.state(vector, shape, _moved_poses(state.poses, moves))
 
     @property
     def _common_count(self) -> int:
         shape = 0 if self._stiffness is None else self.corners.nominal_m.size
         return len(self.parameters.start) + shape
-
-    def _common_jacobian(
-        self, by_camera: Floats, by_shape: Floats, label: NDArray[np.int64]
-    ) -> Floats:
-        """Derivatives (2 n, c) of an image's pixels by the parameters common to all images."""
-        if self._stiffness is None:
-            return by_camera.reshape(2 * len(label), by_camera.shape[2])
-        shape = np.zeros((*by_shape.shape[:2], len(self.corners.nominal_m), 3))
-        shape[np.arange(len(label)), :, label] = by_shape
-        whole = np.concatenate((by_camera, shape.reshape(*by_shape.shape[:2], -1)), axis=2)
-        return whole.reshape(-1, whole.shape[2])
 
 
 def adjust(
@@ -223,6 +221,7 @@ def adjust(
     poses: Floats,
     shape_m: Floats | None = None,
     stiffness_px_per_m: float | None = None,
+    converged: float = CONVERGED,
 ) -> Adjustment:
     """Fit a camera's free parameters, the poses of the board, and optionally the board's shape.
 
@@ -233,6 +232,7 @@ def adjust(
         shape_m: (corners, 3) initial offsets of the board's corners; None: 0.
         stiffness_px_per_m: error in the image that costs as much as a corner's offset of 1 m;
             None: the offsets are held constant.
+        converged: relative decrease of the cost at which the fit ends.
 
     Raises:
         OpticsError: the initial camera does not show all corners.
@@ -250,7 +250,7 @@ def adjust(
             if damping > _MAX_DAMPING:
                 break
             continue
-        is_done = state.cost - trial.cost <= _CONVERGED * state.cost
+        is_done = state.cost - trial.cost <= converged * state.cost
         state, damping = trial, max(damping / 8.0, 1e-12)
         blocks = problem.blocks(state)
         if is_done:
@@ -259,26 +259,44 @@ def adjust(
     return Adjustment(state.camera, state.poses, state.shape_m, state.errors_px, covariance)
 
 
+def _products(left: Floats, right: Floats) -> Floats:
+    """Products (n, p, q) of the derivatives (n, 2, p) and (n, 2, q) of n corners."""
+    first, second = (left[:, axis, :, None] * right[:, axis, None, :] for axis in (0, 1))
+    products: Floats = first + second
+    return products
+
+
+def _sides(jacobian: Floats, errors_px: Floats) -> Floats:
+    """Products (n, p) of the derivatives (n, 2, p) and the errors (n, 2) of n corners."""
+    sides: Floats = (errors_px[:, :, None] * jacobian).sum(axis=1)
+    return sides
+
+
+def _moved_poses(poses: Floats, moves: Floats) -> Floats:
+    """Poses (images, 4, 4) after moves (images, 6): rotation vectors, and translations."""
+    moved = poses.copy()
+    turns = scipy.spatial.transform.Rotation.from_rotvec(moves[:, :3]).as_matrix()
+    moved[:, :3, :3] = turns @ poses[:, :3, :3]
+    moved[:, :3, 3] += moves[:, 3:]
+    return moved
+
+
 def _camera_jacobian(
-    parameters: ParameterVector[ParametricCamera], vector: Floats, points: Floats
+    parameters: ParameterVector[ParametricCamera], vector: Floats, points: Floats, pixels_px: Floats
 ) -> Floats:
-    """Derivatives (n, 2, p) of the corners' pixels by the camera's free parameters."""
+    """Derivatives (n, 2, p) of the corners' pixels (n, 2) by the camera's free parameters."""
     jacobian = np.zeros((len(points), 2, len(vector)))
-    middle = parameters.camera(vector).pixel_from_ray(points).positions_px
     for index, value in enumerate(vector):
-        step = _STEP * max(1.0, abs(float(value)))
-        ends = [middle, middle]
-        offsets = [0.0, 0.0]
-        for side, sign in enumerate((-1.0, 1.0)):
+        for sign in (1.0, -1.0):  # backward where a step forward leaves the domain
+            step = sign * _STEP * max(1.0, abs(float(value)))
             moved = vector.copy()
-            moved[index] += sign * step
+            moved[index] += step
             if not parameters.low[index] <= moved[index] <= parameters.high[index]:
                 continue
             seen = parameters.camera(moved).pixel_from_ray(points)
             if seen.valid.all():
-                ends[side], offsets[side] = seen.positions_px, sign * step
-        if offsets[1] > offsets[0]:
-            jacobian[:, :, index] = (ends[1] - ends[0]) / (offsets[1] - offsets[0])
+                jacobian[:, :, index] = (seen.positions_px - pixels_px) / step
+                break
     return jacobian
 
 
@@ -310,9 +328,19 @@ def _solve(blocks: _Blocks, damping: float) -> tuple[Floats, Floats]:
     side = blocks.common_side - np.einsum("bic,bi->c", weights, blocks.pose_side)
     scale = _scale(reduced)
     scaled = reduced / np.outer(scale, scale)
-    step = np.linalg.lstsq(scaled, side / scale, rcond=1e-14)[0] / scale if len(side) else side
+    step = _solution(scaled, side / scale) / scale if len(side) else side
     rest = blocks.pose_side - np.einsum("bci,c->bi", blocks.mixed, step)
     return step, np.linalg.solve(poses, rest[..., None])[..., 0]
+
+
+def _solution(matrix: Floats, side: Floats) -> Floats:
+    """Solution (n,) of symmetric equations, the shortest one if they are singular."""
+    try:
+        factor = scipy.linalg.cho_factor(matrix, check_finite=False)
+        solution: Floats = scipy.linalg.cho_solve(factor, side, check_finite=False)
+    except scipy.linalg.LinAlgError:
+        solution = np.asarray(np.linalg.lstsq(matrix, side, rcond=1e-14)[0], dtype=np.float64)
+    return solution
 
 
 def _covariance(

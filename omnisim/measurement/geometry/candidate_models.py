@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
@@ -18,13 +19,15 @@ from omnisim.core.errors import CalibrationError, OpticsError
 from omnisim.measurement.geometry.bundle_adjustment import Adjustment, Corners, adjust
 
 PINHOLE = "pinhole"  # the unified model with ξ = 0: radial and tangential distortion
-CANDIDATES = (PINHOLE, *(name for name in FITTED_MODELS if name != "radial_table"))
+UNIFIED_K3 = "unified_k3"  # the unified model with a third radial term
+CANDIDATES = (PINHOLE, UNIFIED_K3, *(name for name in FITTED_MODELS if name != "radial_table"))
 # the axes' rotation about the optical axis is the boards'; a lens is smooth at its axis
 _FIXED: Mapping[type[ParametricCamera], Collection[str]] = {
     OcamcalibCamera: ("affine.2", "polynomial.1")
 }
 _MARGIN_RAD = 0.01  # beyond the outermost corner, for the first camera of a model
 _FOLDS = 5
+_HELD_OUT_CONVERGED = 1e-6  # an error of 5e-7 of their RMS
 
 Floats = NDArray[np.float64]
 Parameters = ParameterVector[ParametricCamera]
@@ -34,7 +37,7 @@ class Candidate(NamedTuple):
     """Model fitted to all images.
 
     Attributes:
-        name: model, or `PINHOLE`.
+        name: model, `PINHOLE` or `UNIFIED_K3`.
         parameters: free parameters of the model, starting at the fitted camera.
         fit: fitted camera, poses and shape of the board.
     """
@@ -84,10 +87,12 @@ def held_out_errors(
     for fold in range(min(_FOLDS, images)):
         is_left_out = np.arange(images) % _FOLDS == fold
         seen, poses = select_images(corners, ~is_left_out), fit.poses[~is_left_out]
-        trained = adjust(candidate.parameters, seen, poses, fit.shape_m, stiffness_px_per_m)
+        trained = adjust(
+            candidate.parameters, seen, poses, fit.shape_m, stiffness_px_per_m, _HELD_OUT_CONVERGED
+        )
         still: Parameters = ParameterVector(trained.camera, {})
         left_out, poses = select_images(corners, is_left_out), fit.poses[is_left_out]
-        tested = adjust(still, left_out, poses, trained.shape_m)
+        tested = adjust(still, left_out, poses, trained.shape_m, converged=_HELD_OUT_CONVERGED)
         errors[is_left_out[corners.image]] = tested.errors_px
     return errors
 
@@ -116,10 +121,14 @@ def _first_camera(name: str, first: Adjustment, corners: Corners) -> ParametricC
     limit = min(widest_angle_rad(first, corners) + _MARGIN_RAD, math.pi)
     lens = first.camera.ending_at(min(limit, first.camera.theta_edge_rad))
     assert lens is not None
-    model = UnifiedCamera if name == PINHOLE else FITTED_MODELS[name]
+    model = UnifiedCamera if name in (PINHOLE, UNIFIED_K3) else FITTED_MODELS[name]
     fixed = {"xi": 0.0} if name == PINHOLE else {}
     camera = fit_camera(lens, model, fixed=fixed).camera
-    return camera.ending_at(model.largest_theta_rad) or camera
+    camera = camera.ending_at(model.largest_theta_rad) or camera
+    if name == UNIFIED_K3:
+        assert isinstance(camera, UnifiedCamera)
+        camera = dataclasses.replace(camera, distortion=(*camera.distortion[:4], 0.0))
+    return camera
 
 
 def _parameters(name: str, camera: ParametricCamera) -> Parameters:

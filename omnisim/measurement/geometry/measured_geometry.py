@@ -20,19 +20,23 @@ from omnisim.measurement.geometry.candidate_models import (
     Candidate,
     fit_candidate,
     held_out_errors,
+    select_images,
     widest_angle_rad,
 )
 from omnisim.measurement.geometry.initial_camera import initial_adjustment
 from omnisim.measurement.quantity import Quantity, Unseen
 
 MIN_IMAGES = 5
+MAX_COMPARED = 40  # images by which models are compared; the chosen one is fitted to all
 MIN_SHAPE_IMAGES = 8  # to tell a board's shape from the lens
 SHAPE_SIGMA = 0.02  # of a board's corner, as a share of the distance to the next: an assumption
 MAX_SHAPE_ERROR = 0.06  # beyond it, the board is not the described one
 MAX_REJECTED = 0.34  # share of the images
 MAX_FOCAL_SIGMA = 0.03
 MAX_MODEL_SIGMA = 0.2  # of a focal length that depends on another number, such as ξ
-_FAR_OFF = 2.0  # times the smallest error of the models: worse ones are not tried further
+MAX_EXCESS = 0.02  # of the squared errors in held-out images, for fewer parameters
+MIN_DECENTERED = 0.8  # of the errors of a lens without decentering
+_FAR_OFF = 1.5  # times the smallest error of the models: worse ones are not tried further
 _OUTLYING = 4.0  # times the median error of the images
 _OUTLYING_CORNER = 8.0  # times the median error of the corners: 9.4 standard deviations
 _CHECK_BOARD = "check the board's size, and that its squares are square and of one size"
@@ -50,7 +54,8 @@ class ModelResult:
         parameters: number of free parameters; 0: the model could not be fitted.
         rms_px: root mean square distance of the corners from their predictions; NaN: no fit.
         held_out_rms_px: likewise, in images that were left out of the fit; NaN: not measured, as
-            the model does not fit, or does not show all corners.
+            the model does not fit, or does not show all corners. Models that were not chosen are
+            fitted to at most 40 images.
         reason: why the model cannot describe the lens; "": the model describes the lens.
     """
 
@@ -111,6 +116,7 @@ def measure_geometry(
     All models are fitted together with the poses of the board. The shape of the board, which is
     never quite flat, is fitted, too, if that predicts left-out images better. Of the models that
     predict left-out images as well as the best one, the one with the fewest parameters is chosen.
+    Of more than 40 images, 40 choose the model, which is then fitted to all.
 
     Args:
         views: the board in each image.
@@ -136,17 +142,24 @@ def measure_geometry(
     if not is_flat and len(used) >= MIN_SHAPE_IMAGES:
         used, first, stiffness = _with_shape(used, first, spacing_m)
         corners = Corners.of(used, corners.nominal_m)
-    candidates, results = _candidates(models, corners, first, stiffness)
+    part, start = _subset(corners, first)
+    candidates, results = _candidates(models, part, start, stiffness)
     limit = _FAR_OFF * min(one.fit.rms_px for one in candidates)
     errors = {
-        one.name: _held_out(one, corners, stiffness) if one.fit.rms_px <= limit else None
+        one.name: _held_out(one, part, stiffness) if one.fit.rms_px <= limit else None
         for one in candidates
     }
     known = {name: one for name, one in errors.items() if one is not None}
     if known:
-        chosen = _chosen([one for one in candidates if one.name in known], known, corners)
+        chosen = _chosen([one for one in candidates if one.name in known], known, part)
     else:
         chosen = min(candidates, key=lambda one: one.fit.rms_px)
+    if part is not corners:
+        chosen, held_out = _refitted(chosen.name, corners, first, stiffness)
+        candidates = [chosen if one.name == chosen.name else one for one in candidates]
+        known = {name: one for name, one in known.items() if name != chosen.name}
+        if held_out is not None:
+            known[chosen.name] = held_out
     fit = chosen.fit
     _check_shape(fit.shape_m, spacing_m, corners)
     for one in candidates:
@@ -161,10 +174,10 @@ def measure_geometry(
         fit.poses,
         corners.nominal_m + fit.shape_m,
         fit.errors_px,
-        rms_px(known[chosen.name]) if known else math.nan,
+        rms_px(known[chosen.name]) if chosen.name in known else math.nan,
         tuple(rejected),
         _quantities(chosen, corners),
-        _unseen(fit, corners, is_held_out=bool(known)),
+        _unseen(fit, corners, is_held_out=chosen.name in known),
     )
 
 
@@ -198,7 +211,7 @@ def _without_outliers(
             raise MeasurementError(f"{found}: expected at least {MIN_IMAGES}")
         first = initial_adjustment(views, size_px)
         corners = Corners.of(views)
-        lengths = np.linalg.norm(first.errors_px, axis=1)
+        lengths = np.linalg.norm(_judge(first, corners).fit.errors_px, axis=1)
         ends = zip(corners.starts[:-1], corners.starts[1:], strict=True)
         medians = np.array([np.median(lengths[slice(*pair)]) for pair in ends])
         worst, usual = int(np.argmax(medians)), float(np.median(medians))
@@ -283,17 +296,32 @@ def _with_shape(
     A shape is fitted only if it predicts left-out images better than a flat board.
     """
     corners = Corners.of(views)
-    parameters = fit_candidate("kannala_brandt", corners, first, None).parameters
-    flat = Candidate("kannala_brandt", parameters, first)
-    stiffness = first.rms_px / (SHAPE_SIGMA * spacing_m)
+    flat = _judge(first, corners)
+    stiffness = flat.fit.rms_px / (SHAPE_SIGMA * spacing_m)
     try:
-        bent = fit_candidate("kannala_brandt", corners, first, stiffness)
+        bent = fit_candidate(flat.name, corners, first, stiffness)
         errors = [held_out_errors(flat, corners, None), held_out_errors(bent, corners, stiffness)]
     except (CalibrationError, OpticsError):
         return views, first, None
     if rms_px(errors[1]) < rms_px(errors[0]):
-        return views, bent.fit, stiffness
+        shaped = first._replace(poses=bent.fit.poses, shape_m=bent.fit.shape_m)
+        return views, shaped, stiffness
     return views, first, None
+
+
+def _judge(first: Adjustment, corners: Corners) -> Candidate:
+    """Lens by which images, corners and the board's shape are judged.
+
+    It is that of Kannala and Brandt, unless decentering, as of a mirror that is not quite aligned
+    with its camera, makes the unified model much better.
+    """
+    radial = fit_candidate("kannala_brandt", corners, first, None)
+    try:
+        decentered = fit_candidate("unified", corners, first, None)
+    except (CalibrationError, OpticsError):
+        return radial
+    is_better = decentered.fit.rms_px < MIN_DECENTERED * radial.fit.rms_px
+    return decentered if is_better else radial
 
 
 def _candidates(
@@ -332,6 +360,33 @@ def _check_determined(candidate: Candidate) -> None:
             raise CalibrationError(f"camera: {candidate.name}: not determined: {numbers}")
 
 
+def _subset(corners: Corners, first: Adjustment) -> tuple[Corners, Adjustment]:
+    """Corners in the images by which models are compared, and their part of the first fit."""
+    images = len(corners.starts) - 1
+    if images <= MAX_COMPARED:
+        return corners, first
+    is_used = np.zeros(images, dtype=bool)
+    is_used[np.linspace(0, images - 1, MAX_COMPARED).round().astype(np.int64)] = True
+    rows = is_used[corners.image]
+    part = first._replace(poses=first.poses[is_used], errors_px=first.errors_px[rows])
+    return select_images(corners, is_used), part
+
+
+def _refitted(
+    name: str, corners: Corners, first: Adjustment, stiffness: float | None
+) -> tuple[Candidate, Floats | None]:
+    """Model fitted to all images, and its errors (n, 2) in left-out ones.
+
+    Raises:
+        MeasurementError: the model does not describe the lens in all images.
+    """
+    try:
+        candidate = fit_candidate(name, corners, first, stiffness)
+    except (CalibrationError, OpticsError) as reason:
+        raise MeasurementError(f"{reason}, in all images") from None
+    return candidate, _held_out(candidate, corners, stiffness)
+
+
 def _held_out(candidate: Candidate, corners: Corners, stiffness: float | None) -> Floats | None:
     """Errors (n, 2) in left-out images, px; None: a fit does not show all their corners."""
     try:
@@ -346,7 +401,8 @@ def _chosen(
     """Model with the fewest parameters among those as good as the best one on left-out images.
 
     A model is as good if its mean squared error exceeds the best one's by at most the standard
-    deviation of the mean difference, over the images.
+    deviation of the mean difference, over the images, and by at most 2 %: with few images, the
+    standard deviation alone would excuse much.
 
     Source: the one-standard-error rule, Hastie, Tibshirani & Friedman, The Elements of Statistical
         Learning (2009), 7.10.
@@ -361,7 +417,7 @@ def _chosen(
     def is_as_good(name: str) -> bool:
         excess = squared[name] - squared[best]
         error = float(excess.std(ddof=1)) / math.sqrt(len(excess))
-        return float(excess.mean()) <= error
+        return float(excess.mean()) <= min(error, MAX_EXCESS * float(squared[best].mean()))
 
     good = [one for one in candidates if is_as_good(one.name)]
     return min(good, key=lambda one: (len(one.parameters.start), float(squared[one.name].mean())))

@@ -16,12 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.errors import MeasurementError, OutputError
-from omnisim.core.files.image_files import read_image
+from omnisim.core.errors import MeasurementError
+from omnisim.measurement.inputs import RAW_SUFFIXES, is_lossy, read_mosaic
 from omnisim.measurement.noise.frame_statistics import FrameStatistics, frame_statistics
 
 SUFFIXES = (".png", ".tif", ".tiff", ".pgm")
-_LOSSY = (".jpg", ".jpeg", ".webp")
 _UNITS_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
 _EXPOSURE = re.compile(r"(\d+(?:\.\d+)?)\s*(s|ms|us|µs)(?:[-_ ].*)?")
 
@@ -68,10 +67,9 @@ def _frame_set(folder: Path, is_lossy_allowed: bool) -> FrameSet:
         raise MeasurementError(f"{folder}: expected an exposure time as name, such as 2.5ms")
     files = tuple(path for path in sorted(folder.iterdir()) if not path.name.startswith("."))
     for path in files:
-        is_lossy = path.suffix.lower() in _LOSSY
-        if is_lossy and not is_lossy_allowed:
+        if is_lossy(path) and not is_lossy_allowed:
             raise MeasurementError(f"{path}: lossy compression changes the noise: save PNG or TIFF")
-        if not is_lossy and path.suffix.lower() not in SUFFIXES:
+        if not is_lossy(path) and path.suffix.lower() not in SUFFIXES + RAW_SUFFIXES:
             expected = " ".join(SUFFIXES)
             raise MeasurementError(f"{path}: expected images ({expected}) only")
     return FrameSet(folder, float(match[1]) * _UNITS_S[match[2]], files)
@@ -89,10 +87,7 @@ def read_statistics(frames: FrameSet) -> FrameStatistics:
 
 def _read(frames: FrameSet) -> Iterator[NDArray[Any]]:
     for path in frames.files:
-        try:
-            pixels, _ = read_image(path)
-        except OutputError as reason:
-            raise MeasurementError(str(reason)) from None
+        pixels = read_mosaic(path)
         if pixels.dtype not in (np.uint8, np.uint16):
             raise MeasurementError(f"{path}: expected 8 or 16 bits, got {pixels.dtype}")
         if pixels.shape[2] != 1:

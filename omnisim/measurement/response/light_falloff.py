@@ -22,6 +22,7 @@ MAX_RESIDUAL = 0.02  # share of the light: more is no evenly lit surface
 MAX_GRADIENT = 0.25  # of the light across the image
 MIN_LIGHT = 0.05  # of the brightest block: darker ones are outside of the image circle
 MIN_TERMS = 3
+_LEAST_SPREAD = 2.5e-4  # of the light: what is off by less than four of it is no outlier
 _AS_GOOD = 1.005  # times the error of all terms
 _ROUNDS = 6
 
@@ -84,7 +85,10 @@ def measure_vignetting(
         _fit(light, squared, np.stack((x, y), axis=1), count, brightest)
         for count in range(MIN_TERMS, MAX_TERMS + 1)
     ]
-    fit = next(one for one in fits if one.rms <= _AS_GOOD * fits[-1].rms)
+    # judged at one set of blocks: too few powers would take the corners for outliers
+    judged = fits[-1].is_kept
+    errors = [float(np.sqrt(np.mean(np.square(one.residuals[judged])))) for one in fits]
+    fit = next(one for one, rms in zip(fits, errors, strict=True) if rms <= _AS_GOOD * errors[-1])
     solution, gradient, is_kept, residuals = fit.solution, fit.gradient, fit.is_kept, fit.residuals
     terms = squared[:, None] ** np.arange(len(solution))
     even = terms @ solution
@@ -158,7 +162,7 @@ def _fit(light: Floats, squared: Floats, offsets: Floats, count: int, brightest:
         gradient[:] = np.linalg.lstsq(tilt[is_kept], (light - even)[is_kept], rcond=None)[0]
         residuals = light - even * (1.0 + offsets @ gradient)
         spread = 1.4826 * float(np.median(np.abs(residuals[is_kept])))
-        is_kept = np.abs(residuals) <= 4.0 * max(spread, 1e-6 * brightest)
+        is_kept = np.abs(residuals) <= 4.0 * max(spread, _LEAST_SPREAD * brightest)
     rms = float(np.sqrt(np.mean(np.square(residuals[is_kept]))))
     return _Fit(solution, gradient, is_kept, residuals, rms)
 

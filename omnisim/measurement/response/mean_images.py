@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.errors import MeasurementError, OutputError
-from omnisim.core.files.image_files import read_image
+from omnisim.core.errors import MeasurementError
+from omnisim.measurement.inputs import read_photo
 
 MAX_CLIPPED = 0.01  # share of a flat field's values
 
@@ -30,10 +30,7 @@ def mean_image(files: Sequence[Path], channel: int) -> tuple[NDArray[np.float64]
     total: NDArray[np.float64] | None = None
     largest = 0.0
     for path in files:
-        try:
-            pixels, _ = read_image(path)
-        except OutputError as reason:
-            raise MeasurementError(str(reason)) from None
+        pixels = read_photo(path)
         if pixels.dtype not in (np.uint8, np.uint16):
             raise MeasurementError(f"{path}: expected 8 or 16 bits, got {pixels.dtype}")
         plane = pixels[..., min(channel, pixels.shape[2] - 1)].astype(np.float64)

@@ -8,8 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.errors import MeasurementError, OutputError
-from omnisim.core.files.image_files import read_image
+from omnisim.core.errors import MeasurementError
+from omnisim.measurement.inputs import (
+    RAW_SUFFIXES,
+    is_lossy,
+    is_recording,
+    read_photo,
+    recorded_frames,
+)
 from omnisim.rendering.camera.degradations.encoding import Encoding
 
 SUFFIXES = (".png", ".tif", ".tiff", ".pgm", ".exr")
@@ -18,11 +24,13 @@ MIN_BITS = 8
 
 
 def find_edge_images(path: Path) -> list[Path]:
-    """Image files in a folder, sorted by name; or the file itself, if `path` is a file.
+    """Image files in a folder, sorted by name; frames of a video or bag; or the file itself.
 
     Raises:
         MeasurementError: no images, or files of other formats.
     """
+    if is_recording(path):
+        return recorded_frames(path)
     files = [path] if path.is_file() else []
     if path.is_dir():
         files = [file for file in sorted(path.iterdir()) if not file.name.startswith(".")]
@@ -30,7 +38,7 @@ def find_edge_images(path: Path) -> list[Path]:
     if not files:
         raise MeasurementError(f"{path}: expected images ({expected}), got none")
     for file in files:
-        if file.suffix.lower() not in SUFFIXES + LOSSY:
+        if file.suffix.lower() not in SUFFIXES + LOSSY + RAW_SUFFIXES:
             raise MeasurementError(f"{file}: expected images ({expected}) only")
     return files
 
@@ -43,17 +51,15 @@ def read_edge_image(path: Path, encoding: Encoding | None) -> NDArray[Any]:
         encoding: encoding of the values, if it is known; None: they must be linear.
 
     Raises:
-        MeasurementError: the file is damaged, or is a JPEG of unknown encoding.
+        MeasurementError: the file is damaged, or is a JPEG or a video of unknown encoding.
     """
-    if path.suffix.lower() in LOSSY and encoding is None:
+    if is_lossy(path) and encoding is None:
+        kind = "JPEG" if path.suffix.lower() in LOSSY else "a video's"
         raise MeasurementError(
-            f"{path}: JPEG values are not linear: save raw frames as PNG or TIFF, or give the "
+            f"{path}: {kind} values are not linear: save raw frames as PNG or TIFF, or give the "
             "camera's response, such as srgb"
         )
-    try:
-        pixels, _ = read_image(path)
-    except OutputError as reason:
-        raise MeasurementError(str(reason)) from None
+    pixels = read_photo(path)
     if pixels.shape[2] in (2, 4):  # transparency
         pixels = pixels[..., :-1]
     return pixels

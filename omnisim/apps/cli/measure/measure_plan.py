@@ -33,6 +33,7 @@ from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.parameters import Table, parse_table
 from omnisim.core.files.toml_file import read_tables
+from omnisim.measurement.inputs import without_topic
 
 
 class _Part(NamedTuple):
@@ -165,6 +166,7 @@ def _digest(before: str, table: Mapping[str, Any]) -> str:
         digest.update(f"{key} = {value.name if is_path else value!r}\n".encode())
         if not is_path:
             continue
+        value = without_topic(value)
         files = sorted(value.rglob("*")) if value.is_dir() else [value]
         for file in files:
             if file.is_file():

@@ -168,7 +168,7 @@ def round_to_sigma(value: float, sigma: float) -> float:
     """Value, rounded to a tenth of its standard deviation."""
     if not math.isfinite(sigma) or sigma <= 0.0:
         return float(f"{value:.6g}")
-    return round(value, 1 - math.floor(math.log10(sigma)))
+    return round(value, 1 - math.floor(math.log10(sigma))) + 0.0  # no -0
 
 
 def format_quantity(quantity: Quantity) -> tuple[str, str]:

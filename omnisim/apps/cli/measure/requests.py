@@ -30,7 +30,8 @@ class MeasureGeometryRequest:
     """Parameters of `omnisim measure geometry`."""
 
     images: Annotated[Path, Argument(metavar="IMAGES")]
-    """Folder of images of a board, or its corners: .csv with image,x_m,y_m,u_px,v_px."""
+    """Folder of images of a board, a video or a ROS bag; or corners: .csv with
+    image,x_m,y_m,u_px,v_px."""
     output: Path
     """Sensor file to write: .toml; report, corners and a plot are written beside it."""
     board: Annotated[str | None, Option(metavar="BOARD", default="none, for corners")] = None
@@ -53,7 +54,7 @@ class MeasureCompareRequest:
     """Parameters of `omnisim measure compare`."""
 
     images: Annotated[Path, Argument(metavar="IMAGES")]
-    """Folder of images of a chessboard."""
+    """Folder of images of a chessboard, a video or a ROS bag."""
     sensor: Path
     """Sensor file of the camera; the board's measured shape is read from the report beside it."""
     board: Annotated[str, Option(metavar="BOARD")]
@@ -87,7 +88,7 @@ class MeasureTimingRequest:
     """Parameters of `omnisim measure timing`."""
 
     images: Annotated[Path, Argument(metavar="FRAMES")]
-    """Folder of frames of a still surface under a flickering lamp."""
+    """Folder of frames of a still surface under a flickering lamp, a video or a ROS bag."""
     flicker: Annotated[float, Option(metavar="HZ")]
     """Frequency of the light: twice the mains', such as 100, or a driven LED's."""
     output: Path

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,6 +29,9 @@ BOARD = Chessboard(*PATTERN, SQUARE_M)
 DEGRADATION = Degradation(vignetting=Vignetting((-0.25, 0.05, -0.01)), noise=Noise())
 HELD_OUT_BOUND_PX, RAY_BOUND_PX, BIAS_BOUND_PX = 0.15, 0.3, 0.05
 LEVEL_BOUND, RISE_BOUND = 4.0, 0.15
+MIRROR = "misaligned mirror"
+_RAYS = 1  # index of the error of the rays among the numbers of a camera
+OMNIDIR_BOUND = 1.02  # a model with fewer numbers may leave that much more
 
 
 def cameras() -> dict[str, tuple[CentralCamera, float]]:
@@ -46,13 +52,17 @@ def cameras() -> dict[str, tuple[CentralCamera, float]]:
             ),
             np.radians(58.0),
         ),
+        MIRROR: (  # decentered as OpenCV's own set of an omnidirectional camera
+            UnifiedCamera(*size, (245.0, 245.6), (316.0, 236.0), 1.03, (-0.02, 0.012, 0.01, -4e-3)),
+            np.radians(58.0),
+        ),
     }
 
 
 def check(fixture: Fixture, title: str) -> Section:
     """Render boards with known cameras, measure these, and compare the results with the truth."""
     hidden = list(cameras().items())[: 1 if fixture.is_quick else None]
-    rows, worst = [], np.zeros(5)
+    rows, worst, excess = [], np.zeros(5), 0.0
     for name, (camera, widest_rad) in hidden:
         sensor = OmniCamera(camera, degradation=DEGRADATION)
         images = _images(sensor, board_poses_in_front(IMAGES, widest_rad), fixture)
@@ -70,7 +80,11 @@ def check(fixture: Fixture, title: str) -> Section:
                 rise,
             ]
         )
-        worst = np.maximum(worst, numbers)
+        excess = max(excess, measured.rms_px / omnidir_rms_px(measured.views))
+        bounded = numbers.copy()
+        if name == MIRROR:
+            bounded[_RAYS] = 0.0
+        worst = np.maximum(worst, bounded)
         cells = [f"{number:.3f}" for number in numbers.tolist()]
         rows.append((name, str(len(detected)), measured.model, *cells))
     held_out, rays, bias, levels, rise_error = worst.tolist()
@@ -83,10 +97,18 @@ def check(fixture: Fixture, title: str) -> Section:
         "chessboard. `omnisim measure geometry` gets the corners that OpenCV finds, and chooses a "
         "model by images that its fit did not see. Its rays are compared with the hidden camera's, "
         "up to a rotation, which boards do not tell; and the twin's images of the same boards with "
-        "the camera's: corners found again, gray levels of the squares, 10-90 % rise of edges.",
+        "the camera's: corners found again, gray levels of the squares, 10-90 % rise of edges. "
+        "The rays of the mirror have no bound: these boards do not tell its focal lengths from ξ "
+        "and its decentering; the standard deviation of its focal lengths is 3 %.",
         (
             Measure("corners in held-out images, RMS", held_out, "px", HELD_OUT_BOUND_PX),
-            Measure("rays over the field of the corners, largest error", rays, "px", RAY_BOUND_PX),
+            Measure("corners, RMS over that of cv2.omnidir", excess, "", OMNIDIR_BOUND),
+            Measure(
+                "rays over the field of the corners, but for the mirror's, largest error",
+                rays,
+                "px",
+                RAY_BOUND_PX,
+            ),
             Measure("corners in the twin's images, bias by ring", bias, "px", BIAS_BOUND_PX),
             Measure("gray levels of 90 % of the squares", levels, "of 255", LEVEL_BOUND),
             Measure("rise of edges by ring, relative", rise_error, "", RISE_BOUND),
@@ -108,6 +130,17 @@ def ray_error_px(true: CentralCamera, measured: CentralCamera, views: list[Board
     turned = rays[1] @ (left @ right).T
     seen = true.pixel_from_ray(turned).positions_px
     return float(np.linalg.norm(seen - pixels, axis=1).max())
+
+
+def omnidir_rms_px(views: Sequence[BoardView]) -> float:
+    """Root mean square error that OpenCV's omnidirectional calibration leaves at the corners."""
+    import cv2
+
+    stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 500, 1e-9)
+    objects = [one.points_3d_m[:, None] for one in views]
+    images = [one.pixels_px[:, None] for one in views]
+    unknown: Any = None
+    return cv2.omnidir.calibrate(objects, images, (640, 480), unknown, unknown, unknown, 0, stop)[0]
 
 
 def _images(sensor: OmniCamera, poses: list[Floats], fixture: Fixture) -> list[NDArray[np.uint8]]:

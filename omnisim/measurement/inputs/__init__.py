@@ -1,0 +1,21 @@
+"""Images of a camera to measure: files, raw files, and frames of videos and ROS bags."""
+
+from omnisim.measurement.inputs.photo import (
+    IMAGE_SUFFIXES,
+    RAW_SUFFIXES,
+    is_lossy,
+    read_mosaic,
+    read_photo,
+)
+from omnisim.measurement.inputs.recorded_frames import is_recording, recorded_frames, without_topic
+
+__all__ = [
+    "IMAGE_SUFFIXES",
+    "RAW_SUFFIXES",
+    "is_lossy",
+    "is_recording",
+    "read_mosaic",
+    "read_photo",
+    "recorded_frames",
+    "without_topic",
+]

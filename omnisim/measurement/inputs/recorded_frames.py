@@ -1,0 +1,198 @@
+"""Frames of videos and ROS bags, spread evenly over the recording.
+
+The frames are kept in a folder of temporary files until the process ends: only one is in memory.
+"""
+
+from __future__ import annotations
+
+import atexit
+import shutil
+import tempfile
+from collections.abc import Iterable
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import MeasurementError
+from omnisim.core.extras import require_extra
+from omnisim.measurement.inputs.photo import FRAME_SUFFIX, LOSSY_FRAME_SUFFIX
+
+MAX_FRAMES = 100  # of a recording
+VIDEO_SUFFIXES = (".mp4", ".mkv", ".mov", ".avi", ".m4v", ".webm")
+BAG_SUFFIXES = (".bag", ".mcap", ".db3")
+_TOPIC = "#"  # between a bag and its topic
+_RAW_TYPE, _COMPRESSED_TYPE = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+_CHANNELS = {"mono8": 1, "rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono16": 1, "rgb16": 3}
+_COMPRESSED = {b"\xff\xd8": ".jpg", b"\x89P": ".png"}
+
+
+def is_recording(source: Path) -> bool:
+    """True for a video, and for a ROS bag: a file, or a folder with metadata.yaml."""
+    bag, _ = _split(source)
+    is_file = bag.suffix.lower() in (*VIDEO_SUFFIXES, *BAG_SUFFIXES) and not bag.is_dir()
+    return is_file or (bag / "metadata.yaml").is_file()
+
+
+def recorded_frames(source: Path) -> list[Path]:
+    """Frames of a recording as files for `read_photo`: at most 100, spread evenly over it.
+
+    Args:
+        source: video, or bag; `BAG#/TOPIC` names one of several image topics.
+
+    Raises:
+        MeasurementError: a missing or damaged recording, no images, several topics, an unknown
+            encoding, or a package that is not installed.
+    """
+    return list(_extracted(source.absolute(), source))
+
+
+@lru_cache(maxsize=8)  # the parts of a plan use one recording
+def _extracted(absolute: Path, source: Path) -> tuple[Path, ...]:
+    """Files of a recording's frames; `absolute` tells relative paths in several folders apart."""
+    folder = Path(tempfile.mkdtemp(prefix="omnisim-frames-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    bag, topic = _split(source)
+    if bag.suffix.lower() in VIDEO_SUFFIXES:
+        files = _video_files(source, folder)
+    else:
+        files = _bag_files(bag, topic, folder)
+    if not files:
+        raise MeasurementError(f"{source}: expected images, got none")
+    return tuple(files)
+
+
+def without_topic(source: Path) -> Path:
+    """Path of a bag without the topic that may follow it."""
+    return _split(source)[0]
+
+
+def _split(source: Path) -> tuple[Path, str]:
+    """Recording and topic; "" without one."""
+    bag, _, topic = str(source).partition(_TOPIC)
+    return Path(bag), topic
+
+
+def _chosen(count: int) -> set[int]:
+    """Indices of at most `MAX_FRAMES` of `count` frames."""
+    if count <= MAX_FRAMES:
+        return set(range(count))
+    return set(np.linspace(0, count - 1, MAX_FRAMES).round().astype(int).tolist())
+
+
+def _video_files(path: Path, folder: Path) -> list[Path]:
+    """Frames of a video, written to a folder."""
+    require_extra("video", str(path), MeasurementError)
+    import av
+
+    try:
+        with av.open(str(path)) as container:
+            count = sum(packet.size > 0 for packet in container.demux(video=0))
+        chosen, files = _chosen(count), []
+        with av.open(str(path)) as container:
+            for index, frame in enumerate(container.decode(video=0)):
+                if index in chosen:
+                    file = folder / f"{path.stem}-{index:06}{LOSSY_FRAME_SUFFIX}"
+                    np.save(file, frame.to_ndarray(format="rgb24"))
+                    files.append(file)
+    except (av.FFmpegError, IndexError) as reason:
+        raise MeasurementError(f"{path}: cannot be read as a video: {reason}") from None
+    return files
+
+
+def _bag_files(bag: Path, topic: str, folder: Path) -> list[Path]:
+    """Images of a bag's topic, written to a folder."""
+    require_extra("ros", str(bag), MeasurementError)
+    from rosbags.highlevel import AnyReader, AnyReaderError
+    from rosbags.rosbag1 import ReaderError as OldReaderError
+    from rosbags.rosbag2 import ReaderError
+    from rosbags.serde import SerdeError
+    from rosbags.typesys import Stores, get_typestore
+
+    if not bag.exists():
+        raise MeasurementError(f"{bag}: no such file or folder")
+    is_part = bag.suffix.lower() in (".mcap", ".db3") and (bag.parent / "metadata.yaml").is_file()
+    whole = bag.parent if is_part else bag
+    try:
+        store = get_typestore(Stores.ROS2_HUMBLE)
+        with AnyReader([whole], default_typestore=store) as reader:
+            images = [
+                one for one in reader.connections if one.msgtype in (_RAW_TYPE, _COMPRESSED_TYPE)
+            ]
+            names = sorted({one.topic for one in images})
+            name = _topic(bag, topic, names)
+            used = [one for one in images if one.topic == name]
+            chosen = _chosen(sum(one.msgcount for one in used))
+            messages = (
+                (index, reader.deserialize(data, connection.msgtype))
+                for index, (connection, _, data) in enumerate(reader.messages(used))
+                if index in chosen
+            )
+            return _message_files(bag, messages, folder)
+    except (AnyReaderError, OldReaderError, ReaderError, SerdeError, OSError, ValueError) as reason:
+        raise MeasurementError(f"{bag}: cannot be read as a bag: {reason}") from None
+
+
+def _topic(bag: Path, topic: str, names: list[str]) -> str:
+    """The image topic to use.
+
+    Raises:
+        MeasurementError: no such topic, or several, or none.
+    """
+    if not names:
+        raise MeasurementError(f"{bag}: expected a topic of images, got none")
+    if topic and topic not in names:
+        raise MeasurementError(f"{bag}: topic {topic}: expected one of {', '.join(names)}")
+    if not topic and len(names) > 1:
+        raise MeasurementError(
+            f"{bag}: images of several topics, {', '.join(names)}: give one, such as "
+            f"{bag}{_TOPIC}{names[0]}"
+        )
+    return topic or names[0]
+
+
+def _message_files(bag: Path, messages: Iterable[tuple[int, Any]], folder: Path) -> list[Path]:
+    """Images of messages, written to a folder."""
+    files = []
+    for index, message in messages:
+        stem = folder / f"{bag.stem}-{index:06}"
+        if hasattr(message, "encoding"):
+            file = stem.with_name(stem.name + FRAME_SUFFIX)
+            np.save(file, _pixels(bag, message))
+        else:
+            data = message.data.tobytes()
+            suffix = _COMPRESSED.get(data[:2])
+            if suffix is None:
+                raise MeasurementError(
+                    f"{bag}: image {index}: expected JPEG or PNG, got {message.format!r}"
+                )
+            file = stem.with_name(stem.name + suffix)
+            file.write_bytes(data)
+        files.append(file)
+    return files
+
+
+def _pixels(bag: Path, message: Any) -> NDArray[Any]:
+    """Pixels (height, width, channels) of an image message.
+
+    Raises:
+        MeasurementError: an unknown encoding, or too few bytes.
+    """
+    encoding = message.encoding
+    is_mosaic = encoding.startswith("bayer_")
+    if encoding not in _CHANNELS and not is_mosaic:
+        known = " ".join(_CHANNELS)
+        raise MeasurementError(f"{bag}: encoding {encoding!r}: expected {known} or bayer_*")
+    channels = 1 if is_mosaic else _CHANNELS[encoding]
+    kind = np.dtype(np.uint16 if encoding.endswith("16") else np.uint8)
+    kind = kind.newbyteorder(">" if message.is_bigendian else "<")
+    row = message.width * channels * kind.itemsize
+    if message.step < row or len(message.data) < message.height * message.step:
+        raise MeasurementError(f"{bag}: expected {message.height} rows of {row} bytes, got fewer")
+    lines = np.asarray(message.data)[: message.height * message.step]
+    lines = lines.reshape(message.height, message.step)[:, :row]
+    values = np.ascontiguousarray(lines).view(kind).astype(kind.newbyteorder("="))
+    pixels = values.reshape(message.height, message.width, channels)
+    return pixels[..., [2, 1, 0]] if encoding.startswith("bgr") else pixels

@@ -1,0 +1,120 @@
+"""Response, vignetting and readout, measured from frames that follow from formulas."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.srgb import srgb_from_linear
+from omnisim.measurement.response import measure_response, measure_vignetting
+from omnisim.measurement.timing import line_profiles, measure_timing
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
+from omnisim.validation.fixture import Fixture
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import ResultTable, Section
+
+Floats = NDArray[np.float64]
+CAMERAS, QUICK_CAMERAS = 12, 4
+TIMES_S = (1e-3, 2e-3, 4e-3, 8e-3, 16e-3, 32e-3)
+SIZE, FRAMES, FLICKER_HZ, FRAME_S = (320, 240), 10, 100.0, 0.0337
+MAX_TANGENT2 = 0.5  # of the angle at half of the shorter side: 94° from corner to corner
+RESPONSE_BOUND, VIGNETTING_BOUND, READOUT_BOUND = 0.01, 0.005, 0.01
+_LIGHT = np.linspace(0.03, 0.97, 95)
+
+
+def check(fixture: Fixture, title: str) -> Section:
+    """Draw cameras at random, measure them from their frames, and compare with the formulas."""
+    count = QUICK_CAMERAS if fixture.is_quick else CAMERAS
+    rows, errors = [], []
+    for seed in range(count):
+        random = np.random.default_rng(seed)
+        name, encode = _response(seed, random)
+        one = (response_error(encode, random), vignetting_error(random), readout_error(random))
+        errors.append(one)
+        rows.append((name, *(f"{100.0 * error:.3f} %" for error in one)))
+    response, vignetting, readout = np.max(errors, axis=0).tolist()
+    columns = ("transfer function", "response", "vignetting", "readout")
+    return Section(
+        title,
+        f"{count} cameras, drawn at random: a still scene of 8 bits at {len(TIMES_S)} exposure "
+        "times, with noise of 0.5 % of white; a flat field under light that falls off to one side, "
+        "behind a lens of up to 94° across the diagonal, whose light falls off with cos⁴ of the "
+        "angle; and "
+        f"{FRAMES} frames under a lamp of {FLICKER_HZ:g} Hz, each row the mean of the lamp's light "
+        "over its exposure, with noise of 2 of 255. `omnisim.measurement` gets the numbers from "
+        "these frames alone.",
+        (
+            Measure("transfer function, largest error of full scale", 100.0 * response, "%",
+                    100.0 * RESPONSE_BOUND),
+            Measure("vignetting over the field, largest error", 100.0 * vignetting, "%",
+                    100.0 * VIGNETTING_BOUND),
+            Measure("readout time, largest error", 100.0 * readout, "%", 100.0 * READOUT_BOUND),
+        ),
+        (ResultTable("Largest errors of each camera", columns, tuple(rows)),),
+    )  # fmt: skip
+
+
+def _response(seed: int, random: np.random.Generator) -> tuple[str, Callable[[Floats], Floats]]:
+    """Name and function of a camera's transfer function, of light from 0 to 1."""
+    if seed % 4 == 0:
+        return "sRGB", lambda light: np.asarray(srgb_from_linear(light), dtype=np.float64)
+    if seed % 4 == 1:
+        gamma = random.uniform(1.5, 2.4)
+        return f"light^(1/{gamma:.3f})", lambda light: light ** (1.0 / gamma)
+    if seed % 4 == 2:
+        return "linear", lambda light: light
+    half = random.uniform(0.25, 0.5)
+    return (
+        f"light/(light + {half:.3f}), to 1",
+        lambda light: (1.0 + half) * light / (light + half),
+    )
+
+
+def response_error(encode: Callable[[Floats], Floats], random: np.random.Generator) -> float:
+    """Largest error of the measured transfer function, as a share of full scale.
+
+    One number is free, the light of white: the function is taken through the true one at a half.
+    """
+    scene = np.exp(random.uniform(math.log(0.5), math.log(300.0), (60, 80)))  # light per second
+    images = []
+    for time_s in TIMES_S:
+        levels = encode(np.clip(scene * time_s, 0.0, 1.0)) + 0.005 * random.normal(size=scene.shape)
+        images.append(np.rint(np.clip(levels, 0.0, 1.0) * 255.0).astype(np.uint8))
+    encoding = measure_response(images, TIMES_S).encoding
+    true = encode(_LIGHT)
+    scale = np.interp(0.5, true, _LIGHT) / float(encoding.linearized(np.array(0.5)))
+    errors = encoding.encoded(_LIGHT / scale) - true
+    return float(np.abs(errors[true < 0.97]).max())
+
+
+def vignetting_error(random: np.random.Generator) -> float:
+    """Largest error of the measured vignetting, as a share of the light in the middle."""
+    center = 160.0 + random.uniform(-5.0, 5.0), 120.0 + random.uniform(-5.0, 5.0)
+    squared = ImageGeometry(*SIZE, center).squared_radii().astype(np.float64)
+    true = 1.0 / (1.0 + random.uniform(0.1, MAX_TANGENT2) * squared) ** 2
+    v, u = np.mgrid[: SIZE[1], : SIZE[0]].astype(np.float64)
+    slopes = random.uniform(-0.1, 0.1, 2)
+    lamp = 1.0 + slopes[0] * (u - center[0]) / SIZE[0] + slopes[1] * (v - center[1]) / SIZE[1]
+    flat = 0.7 * true * lamp + 0.005 * random.normal(size=true.shape)
+    coefficients = measure_vignetting(flat, center).vignetting.coefficients
+    drawn = np.polynomial.polynomial.polyval(squared, (1.0, *coefficients))
+    return float(np.abs(drawn - true).max())
+
+
+def readout_error(random: np.random.Generator) -> float:
+    """Relative error of the measured readout time."""
+    readout_s, exposure_s = random.uniform(0.009, 0.03), random.uniform(0.001, 0.004)
+    scene = 90.0 + 40.0 * random.random(SIZE[::-1])
+    rate = 2.0 * math.pi * FLICKER_HZ
+    starts = readout_s * np.arange(SIZE[1]) / (SIZE[1] - 1)
+    frames = []
+    for number in range(FRAMES):
+        first = number * FRAME_S + starts
+        swing = np.sin(rate * (first + exposure_s)) - np.sin(rate * first)
+        lit = scene * (1.0 + 0.4 * swing / (rate * exposure_s))[:, None]
+        lit += 2.0 * random.normal(size=lit.shape)
+        frames.append(np.rint(np.clip(lit, 0.0, 255.0)).astype(np.uint8))
+    return abs(measure_timing(line_profiles(frames, 255.0), FLICKER_HZ).readout_s / readout_s - 1.0)
