@@ -19,7 +19,6 @@ from omnisim.rendering.camera.degradations.development import (
     developed,
     eight_bits,
     exposed,
-    mean_luminance,
 )
 from omnisim.rendering.camera.degradations.encoding import Encoding
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
@@ -155,7 +154,7 @@ class RayCamera(CameraBackend):
         geometry = ImageGeometry.of_camera(self._sensor.model)
         ideal = ((self._linear(part.poses), part.row_weights) for part in frames.parts)
         light = exposed(ideal, degradation, geometry)
-        exposure = frames.expose(mean_luminance(light) if frames.is_metered else None)
+        exposure = frames.expose(None if frames.meter is None else frames.meter.of_image(light))
         noise_key = key_of("noise", self.setup.seed)
         image = developed(
             light, degradation, geometry, exposure.factors, noise_key, exposure.frame_number

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import OpticsError
 from omnisim.rendering.camera.degradations.effect import MAX_EV
+from omnisim.rendering.camera.metering import Metering
 
 
 class Readback(NamedTuple):
@@ -61,14 +62,14 @@ class SubFrames(NamedTuple):
 
     Attributes:
         parts: at least one.
-        expose: maps the mean luminance to the exposure.
-        is_metered: measure the luminance for `expose`.
+        expose: maps the metered luminance to the exposure.
+        meter: light meter that measures the luminance for `expose`; None: not measured.
         linear: also return linear colors.
     """
 
     parts: Sequence[SubFrame]
     expose: Callable[[float | None], Exposed]
-    is_metered: bool
+    meter: Metering | None
     linear: bool
 
 

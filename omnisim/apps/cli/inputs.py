@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,7 +35,8 @@ from omnisim.core.extras import require_extra
 from omnisim.core.poses import pose
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.camera.degradations import Degradation, preset
-from omnisim.rendering.camera.omnicamera import OmniCamera, Polygons
+from omnisim.rendering.camera.degradations.effect import MAX_EV
+from omnisim.rendering.camera.omnicamera import ExposureOption, OmniCamera, Polygons
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
@@ -268,6 +270,27 @@ def read_preset(name: str | None) -> Degradation | None:
         SensorFileError: no such preset, or its file is faulty.
     """
     return None if name is None else preset(name)
+
+
+def parse_exposure(text: str | None) -> ExposureOption | None:
+    """Parse --exposure-ev: stops, or auto; None: keep the camera's exposure.
+
+    Raises:
+        OpticsError: any other text, or a number of stops out of range.
+    """
+    if text is None:
+        return None
+    if text.lower() == "auto":
+        return "auto"
+    try:
+        ev = float(text)
+    except ValueError:
+        ev = math.nan
+    if not abs(ev) <= MAX_EV:  # NaN fails, too
+        raise OpticsError(
+            f"--exposure-ev: expected −{MAX_EV:g} to {MAX_EV:g} stops, or auto, got {text!r}"
+        )
+    return ev
 
 
 def parse_polygons(text: str) -> Polygons:

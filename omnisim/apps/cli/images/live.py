@@ -17,6 +17,7 @@ from omnisim.apps.cli.images.requests import LiveRequest, LiveSceneOptions
 from omnisim.apps.cli.inputs import (
     check_calibration_path,
     check_seconds,
+    parse_exposure,
     read_camera,
     refuse_given,
 )
@@ -104,6 +105,11 @@ def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
         camera_words = (
             None if camera_words is None else (*camera_words, "--preset", request.image.preset)
         )
+    exposure = parse_exposure(request.image.exposure_ev)
+    if exposure is not None:
+        document = document.with_exposure(exposure)
+        words = ("--exposure-ev", str(request.image.exposure_ev))
+        camera_words = None if camera_words is None else (*camera_words, *words)
     size_px = request.image.size_px or SIZE_PX
     document = dataclasses.replace(document.with_value("size_px", size_px))
     camera_words = None if camera_words is None else (*camera_words, "--size", str(size_px))

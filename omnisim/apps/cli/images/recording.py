@@ -21,6 +21,7 @@ from omnisim.apps.cli.inputs import (
     checked_backend,
     load_labeled_scene,
     parse_channel_format,
+    parse_exposure,
     parse_polygons,
     read_preset,
 )
@@ -75,6 +76,7 @@ def as_requested(vehicle: Vehicle, image: MeshImageOptions) -> Vehicle:
         size_px=image.size_px,
         polygons="same" if image.polygons is None else parse_polygons(image.polygons),
         degradation=read_preset(image.preset),
+        exposure=parse_exposure(image.exposure_ev),
         quality=image.quality,
     )
 

@@ -23,6 +23,7 @@ from omnisim.apps.cli.inputs import (
     checked_backend,
     load_labeled_scene,
     parse_channel_format,
+    parse_exposure,
     parse_polygons,
     read_camera,
     read_preset,
@@ -164,6 +165,9 @@ def _camera(request: RenderRequest, vehicle: Vehicle | None) -> OmniCamera:
     degradation = read_preset(image.preset)
     if degradation is not None:
         camera = camera.with_degradation(degradation)
+    exposure = parse_exposure(image.exposure_ev)
+    if exposure is not None:
+        camera = camera.with_exposure(exposure)
     if image.size_px is not None:
         camera = camera.resized(image.size_px)
     if image.quality is not None:

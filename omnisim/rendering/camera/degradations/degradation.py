@@ -23,6 +23,7 @@ from omnisim.rendering.camera.degradations.reflectance import Reflectance
 from omnisim.rendering.camera.degradations.shutter import Shutter
 from omnisim.rendering.camera.degradations.vignetting import Vignetting
 from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
+from omnisim.rendering.camera.metering import Metering
 from omnisim.rendering.opengl.degradation.step import Step
 
 __all__ = [  # of the package
@@ -94,9 +95,14 @@ class Degradation:
         return 0.0 if self.shutter is None else self.shutter.exposure_s or 0.0
 
     @property
+    def meter(self) -> Metering | None:
+        """Light meter of auto-exposure; None: the exposure does not depend on the image."""
+        return None if self.exposure is None else self.exposure.meter
+
+    @property
     def is_metered(self) -> bool:
         """True if the exposure depends on the image."""
-        return self.exposure is not None and self.exposure.auto
+        return self.meter is not None
 
     def tables(self) -> dict[str, dict[str, Any]]:
         """Sensor file tables of the same effects."""
