@@ -146,13 +146,17 @@ class RayCamera(CameraBackend):
         ]
 
     def _take_ideal(self, request: FrameRequest) -> Readback:
-        return _readback(self._linear(request.poses), None, request.linear)
+        light = self._linear(request.poses, request.frame_number)
+        return _readback(light, None, request.linear)
 
     def _develop(self, frames: SubFrames) -> Readback:
         """Render an image from sub-frames with the NumPy references of the degradations."""
         degradation = self._sensor.degradation
         geometry = ImageGeometry.of_camera(self._sensor.model)
-        ideal = ((self._linear(part.poses), part.row_weights) for part in frames.parts)
+        ideal = (
+            (self._linear(part.poses, frames.frame_number, number), part.row_weights)
+            for number, part in enumerate(frames.parts)
+        )
         light = exposed(ideal, degradation, geometry)
         exposure = frames.expose(None if frames.meter is None else frames.meter.of_image(light))
         noise_key = key_of("noise", self.setup.seed)
@@ -175,9 +179,10 @@ class RayCamera(CameraBackend):
         """
         raise GraphicsError("faces: back end 'rays' has none: expected 'cube'")
 
-    def _linear(self, poses: ScenePoses) -> LinearImage:
+    def _linear(self, poses: ScenePoses, frame_number: int, sub_frame: int = 0) -> LinearImage:
         objects = ObjectState(poses.world_from_objects, self.setup.hidden)
-        found = [one.render(poses.world_from_rig, objects) for one in self._images]
+        key = key_of("reflections", self.setup.seed, frame_number, sub_frame)
+        found = [one.render(poses.world_from_rig, objects, key) for one in self._images]
         if len(found) == 1:
             return found[0]
         red, green, blue = found

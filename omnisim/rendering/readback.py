@@ -65,12 +65,14 @@ class SubFrames(NamedTuple):
         expose: maps the metered luminance to the exposure.
         meter: light meter that measures the luminance for `expose`; None: not measured.
         linear: also return linear colors.
+        frame_number: seeds random numbers, which differ between frames.
     """
 
     parts: Sequence[SubFrame]
     expose: Callable[[float | None], Exposed]
     meter: Metering | None
     linear: bool
+    frame_number: int = 0
 
 
 @dataclass(frozen=True, eq=False)

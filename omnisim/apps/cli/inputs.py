@@ -38,6 +38,7 @@ from omnisim.rendering.camera.degradations import Degradation, preset
 from omnisim.rendering.camera.degradations.effect import MAX_EV
 from omnisim.rendering.camera.omnicamera import ExposureOption, OmniCamera, Polygons
 from omnisim.rendering.shared_scene import BackendName
+from omnisim.rendering.unreflected import reflection_note
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
 
@@ -250,6 +251,12 @@ def load_requested_scene(world: SceneOptions, light: LightOptions | None = None)
     for notice in scene.notices:
         print_note(notice)
     return scene
+
+
+def note_unreflected(name: str, scene: Scene, backend: BackendName) -> None:
+    """Print a note if the back end leaves out reflections of the scene."""
+    if backend == "cube" and (note := reflection_note(scene)):
+        print_note(f"{name}: {note}")
 
 
 def parse_channel_format(text: str | None, channels: Collection[str]) -> ChannelFormat:

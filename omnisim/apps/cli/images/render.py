@@ -22,6 +22,7 @@ from omnisim.apps.cli.inputs import (
     check_seconds,
     checked_backend,
     load_labeled_scene,
+    note_unreflected,
     parse_channel_format,
     parse_exposure,
     parse_polygons,
@@ -90,6 +91,8 @@ def run(request: RenderRequest) -> None:
         backend=backend,
     ) as renderer:
         _note_near_plane(request.world.scene, scene, camera, renderer.camera, base)
+        if not request.light.unlit:
+            note_unreflected(request.world.scene, scene, backend)
         states = {
             other: WorldState(
                 {renderer.vehicle: other_viewpoint.base_of(camera)},

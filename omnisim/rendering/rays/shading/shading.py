@@ -22,8 +22,15 @@ from omnisim.rendering.rays.shading.lights import (
     light_on_surfaces,
 )
 from omnisim.rendering.rays.shading.normal_maps import mapped_normals
-from omnisim.rendering.rays.shading.ray_reflectance import Placed, reflected_light
+from omnisim.rendering.rays.shading.ray_reflectance import (
+    Placed,
+    Reflectance,
+    Traced,
+    coat_fresnel,
+    reflected_light,
+)
 from omnisim.rendering.rays.shading.ray_textures import TextureTable
+from omnisim.rendering.rays.shading.reflections import Arrivals, Lobe, Tracing, traced_gloss
 from omnisim.rendering.rays.shading.shadows import CastShadow, Shadows
 from omnisim.rendering.rays.shading.surface_table import NORMAL_SCALES, Sampler, SurfaceTable
 from omnisim.scene.light.baked_light import BakedLight
@@ -183,8 +190,12 @@ class Shading:
         cast_shadow: CastShadow,
         world_from_objects: Poses = (),
         footprints: NDArray[np.float32] | None = None,
+        tracing: Tracing | None = None,
     ) -> NDArray[np.float32]:
-        """Light (n, 3), linear RGB, from surfaces of base colors (n, 3 or more) toward the rays."""
+        """Light (n, 3), linear RGB, from surfaces of base colors (n, 3 or more) toward the rays.
+
+        With `tracing`, smooth surfaces reflect the scene, otherwise its sky and lamps only.
+        """
         surfaces = self.surfaces(hits)
         points_m = rays.origins_m + hits.ranges_m[:, None] * rays.directions
         normals = self.normals(hits, world_from_objects)
@@ -204,8 +215,9 @@ class Shading:
         if len(glossy):
             view = View(rays, hits, world_from_objects, footprints).take(glossy)
             light[glossy] = self._reflected(
-                colors[glossy, :3], view, lamps, normals[glossy], surroundings
-            )
+                colors[glossy, :3], view, lamps, normals[glossy], surroundings,
+                None if tracing is None else tracing.take(glossy),
+            )  # fmt: skip
         return light
 
     def _baked_light(
@@ -253,13 +265,15 @@ class Shading:
         lamps: Sequence[LampLight],
         normals: NDArray[np.float32],
         surroundings: NDArray[np.float32] | None,
+        tracing: Tracing | None,
     ) -> NDArray[np.float32]:
         """Light (n, 3) from surfaces that are not matte."""
         surfaces, sampled = self.surfaces(view.hits), self._sampler(view)
         mapped, coat = (self._mapped(slot, normals, view, sampled) for slot in NORMAL_SCALES)
         placed = Placed(mapped, coat, -view.rays.directions)
         reflectance = self.table.reflectance(surfaces, colors, sampled)
-        light = reflected_light(reflectance, placed, self._lighting, lamps, surroundings)
+        traced = None if tracing is None else _traced(reflectance, placed, view, tracing)
+        light = reflected_light(reflectance, placed, self._lighting, lamps, surroundings, traced)
         return light.astype(np.float32)
 
     def _sampler(self, view: View) -> Sampler:
@@ -296,6 +310,23 @@ class Shading:
             "nk,nkc->nc", hits.weights, of_vertices[self._geometry.corners[hits.triangles]]
         )
         return values
+
+
+def _traced(surface: Reflectance, placed: Placed, view: View, tracing: Tracing) -> Traced:
+    """Reflections of the scene in surfaces (n,) and in their clear coats."""
+    arrivals, ones = Arrivals(view.rays, view.hits, view.footprints), np.ones(len(surface.coat))
+    gloss = Lobe(placed.normals, surface.roughness, surface.f0, surface.f90, ones)
+    found = traced_gloss(gloss, arrivals, tracing)
+    some = np.flatnonzero(surface.coat > 0.0)
+    if len(some) == 0:
+        return Traced(found, None)
+    white = np.ones((len(some), 3))
+    coats = Lobe(
+        placed.coat_normals[some], surface.coat_roughness[some], white, ones[some],
+        coat_fresnel(surface.coat, placed)[some],
+    )  # fmt: skip
+    coat = traced_gloss(coats, arrivals.take(some), tracing.take(some))
+    return Traced(found, None if coat is None else coat._replace(some=some[coat.some]))
 
 
 def _mip_levels(
