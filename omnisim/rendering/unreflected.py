@@ -1,4 +1,4 @@
-"""Smooth surfaces whose reflections of the scene the back end of cubes leaves out."""
+"""Smooth surfaces and panes that show the scene by rays, which the back end of cubes leaves out."""
 
 from __future__ import annotations
 
@@ -8,18 +8,21 @@ from omnisim.scene.model import Material
 from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS
 
 
-def reflection_note(scene: Scene) -> str | None:
-    """Note on materials that reflect the scene by rays only; None: no such material."""
+def reflection_notes(scene: Scene) -> list[str]:
+    """Notes on materials that reflect or transmit the scene by rays only."""
     if scene.lighting.is_matte:
-        return None
+        return []
     used = {scene.meshes[one.mesh].material for one in scene.instances}
-    count = sum(reflects_scene(scene.materials[number]) for number in used)
-    if not count:
-        return None
-    return (
-        f"reflections show the sky and lamps, not the scene ({counted(count, 'material')}): "
-        "--backend rays shows it"
-    )
+    materials = [scene.materials[number] for number in used]
+    mirrors = sum(reflects_scene(one) for one in materials)
+    panes = sum(one.transmission > 0.0 and not one.unlit for one in materials)
+    notes = {
+        f"reflections show the sky and lamps, not the scene ({counted(mirrors, 'material')}): "
+        "--backend rays shows it": mirrors,
+        f"panes are opaque ({counted(panes, 'material')}): "
+        "--backend rays shows what is behind them": panes,
+    }
+    return [note for note, count in notes.items() if count]
 
 
 def reflects_scene(material: Material) -> bool:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim.rendering.unreflected import reflection_note, reflects_scene
+from omnisim.rendering.unreflected import reflection_notes, reflects_scene
 from omnisim.scene.model import Lighting, Material, Texture
 from tests.scenes import scene_of, square
 
@@ -31,14 +31,15 @@ def _map(green):
 def test_smooth_metal_gloss_and_coats_reflect_the_scene(material, expected):
     assert reflects_scene(material) is expected
     scene = scene_of([square()], [material])
-    note = reflection_note(scene)
-    if expected:
-        assert note.startswith("reflections show the sky and lamps, not the scene (1 material)")
-    else:
-        assert note is None
-    assert (
-        reflection_note(
-            scene_of([square()], [material], None, Lighting((1, 1, 1), (), is_matte=True))
-        )
-        is None
-    )
+    notes = reflection_notes(scene)
+    assert len(notes) == expected
+    start = "reflections show the sky and lamps, not the scene (1 material)"
+    assert all(note.startswith(start) for note in notes)
+    matte = Lighting((1.0, 1.0, 1.0), (), is_matte=True)
+    assert not reflection_notes(scene_of([square()], [material], None, matte))
+
+
+def test_panes_are_opaque():
+    pane = Material(transmission=0.5, roughness=0.0, specular=1.0)
+    notes = reflection_notes(scene_of([square()], [pane]))
+    assert notes[1] == "panes are opaque (1 material): --backend rays shows what is behind them"

@@ -1,4 +1,4 @@
-"""What mirrors, glossy floors and a ball show, by rays and by Mitsuba."""
+"""Images of mirrors, glossy floors, a ball and a pane, by rays and by Mitsuba."""
 
 import numpy as np
 import pytest
@@ -21,4 +21,4 @@ def test_rays_reflect_as_mitsuba_s_paths(name, monkeypatch):
     assert psnr_db(ours, traced, everywhere) >= MIN_DB[name]
     monkeypatch.setattr(reflections, "MAX_BOUNCES", 0)  # the sky alone
     without, _ = both(scene, 64, samples=1, supersampling=1)
-    assert psnr_db(without, traced, everywhere) < MIN_DB[name] - 10.0
+    assert psnr_db(without, traced, everywhere) < MIN_DB[name] - 5.0

@@ -38,7 +38,7 @@ from omnisim.rendering.camera.degradations import Degradation, preset
 from omnisim.rendering.camera.degradations.effect import MAX_EV
 from omnisim.rendering.camera.omnicamera import ExposureOption, OmniCamera, Polygons
 from omnisim.rendering.shared_scene import BackendName
-from omnisim.rendering.unreflected import reflection_note
+from omnisim.rendering.unreflected import reflection_notes
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
 
@@ -254,8 +254,8 @@ def load_requested_scene(world: SceneOptions, light: LightOptions | None = None)
 
 
 def note_unreflected(name: str, scene: Scene, backend: BackendName) -> None:
-    """Print a note if the back end leaves out reflections of the scene."""
-    if backend == "cube" and (note := reflection_note(scene)):
+    """Print a note if the back end leaves out reflections of the scene, or panes."""
+    for note in reflection_notes(scene) if backend == "cube" else ():
         print_note(f"{name}: {note}")
 
 

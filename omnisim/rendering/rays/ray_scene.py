@@ -98,7 +98,9 @@ class RayScene:
         background = self._background if fog is None else np.array(fog.color, dtype=np.float32)
         environment = self.scene.lighting.environment if fog is None else None
         total = np.zeros((len(rays.near_m), 3), dtype=np.float32)
-        share = np.ones(len(total), dtype=np.float32)
+        has_panes = paths is not None and not unlit and bool(shading.is_pane.any())
+        # of each color behind tinted panes, else of all
+        share = np.ones((len(total), 3 if has_panes else 1), dtype=np.float32)
         active = np.arange(len(total))
         # fog in front of a mirror is that of the rays before
         starts_m = rays.near_m if paths is not None and paths.bounce else np.zeros(len(total))
@@ -109,7 +111,7 @@ class RayScene:
             seen = background
             if environment is not None:
                 seen = _sky(environment, rays.directions[~is_hit], footprints, missed)
-            total[missed] += share[missed, None] * seen
+            total[missed] += share[missed] * seen
             kept = np.flatnonzero(is_hit)
             active, rays, hits = active[kept], rays.take(kept), hits.take(kept)
             if len(active) == 0:
@@ -130,10 +132,13 @@ class RayScene:
                 )
             if fog is not None:
                 light = fogged(fog, light, hits.ranges_m[shown] - starts_m[active[shown]])
-            weights = share[active[shown]] * opacity[shown]
-            total[active[shown]] += weights[:, None] * light
-            share[active] *= 1.0 - opacity
-            on = np.flatnonzero(share[active] > _MIN_SHARE)
+            total[active[shown]] += share[active[shown]] * opacity[shown, None] * light
+            through = 1.0 - opacity[:, None]
+            if has_panes and layer < MAX_LAYERS - 1:
+                passing = shading.transmitted(rays, hits, colors, poses)
+                through = through + opacity[:, None] * passing
+            share[active] *= through
+            on = np.flatnonzero(share[active].max(axis=1) > _MIN_SHARE)
             if len(on) == 0:
                 break
             active, behind = active[on], hits.triangles[on]
@@ -189,7 +194,7 @@ class RayScene:
     def _tracing(
         self, paths: Paths, some: NDArray[np.intp], shares: NDArray[np.float32], poses: Poses
     ) -> Tracing:
-        """Continuation of some paths, of which shares (n,) are left; hidden instances show."""
+        """Continuation of some paths with shares (n, 1 or 3) left; hidden instances show."""
         everything = ObjectState(poses)
 
         def trace(
@@ -201,7 +206,7 @@ class RayScene:
             return self.radiance(rays, footprints, everything, paths=following, behind=triangles)
 
         taken = paths.take(some)
-        return Tracing(taken._replace(weights=taken.weights * shares[some]), trace)
+        return Tracing(taken._replace(weights=taken.weights * shares[some].max(axis=1)), trace)
 
     def _shadow_caster(self, poses: Poses) -> CastShadow:
         """Caster of shadow rays, which hit either side, and hidden instances too."""

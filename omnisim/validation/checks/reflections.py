@@ -1,4 +1,4 @@
-"""Mirrors, glossy floors and a chrome ball by rays, and by Mitsuba's path tracer."""
+"""Mirrors, glossy floors, a chrome ball and a pane by rays, and by Mitsuba's path tracer."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ MIN_DB = {
     "floor of roughness 0.1": 34.0,
     "floor of roughness 0.3": 34.0,
     "chrome ball": 32.0,
+    "thin pane": 36.0,
 }
 _SHOWN_FACTOR = 8
 

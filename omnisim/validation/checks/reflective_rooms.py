@@ -16,6 +16,9 @@ from omnisim.validation.material_chart import sphere
 HALF_M = np.array((3.0, 2.5, 1.5))  # half the room's length, width and height
 SQUARES = 6  # along a wall
 _CHROME = Material("chrome", (1.0, 1.0, 1.0, 1.0), metallic=1.0, roughness=0.0, double_sided=True)
+_PANE = Material(
+    "pane", (0.7, 0.9, 0.8, 1.0), roughness=0.0, specular=1.0, transmission=1.0, double_sided=True
+)
 _FLOOR = dataclasses.replace(_CHROME, name="floor", base_color=(0.9, 0.85, 0.8, 1.0))
 
 
@@ -30,6 +33,7 @@ def rooms() -> dict[str, Scene]:
             dataclasses.replace(_FLOOR, roughness=0.3), _level(2.9, 2.4, -1.2)
         ),
         "chrome ball": _room(_CHROME, _moved(sphere(0.7, 96), pose((1.2, 0.0, 0.0)))),
+        "thin pane": _room(_PANE, _panel(1.2, 0.9, (1.0, 0.3, -0.1), 55.0)),
     }
 
 

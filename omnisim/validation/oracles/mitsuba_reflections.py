@@ -120,7 +120,14 @@ def _shining(
 
 
 def _bsdf(material: Material) -> dict[str, Any]:
-    """BSDF of a metal: smooth, or of GGX's facets."""
+    """BSDF of a thin pane, or of a metal: smooth, or of GGX's facets."""
+    if material.transmission > 0.0:
+        return {
+            "type": "thindielectric",
+            "int_ior": material.ior,
+            "ext_ior": 1.0,
+            "specular_transmittance": rgb(material.base_color[:3]),
+        }
     if material.roughness > 0.0:
         return {"type": "twosided", "nested": principled(material)}
     smooth = metal(1.0) | {"specular_reflectance": rgb(material.base_color[:3])}

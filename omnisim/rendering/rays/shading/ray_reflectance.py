@@ -123,24 +123,21 @@ def _environment(
     gloss = surface.f0 * shares[:, :1] + surface.f90[:, None] * shares[:, 1:2]
     light = ambient_light(lighting, normals.astype(np.float32)) if baked is None else baked
     total = body * light
-    seen = gloss * _radiance(lighting, normals, views, surface.roughness, baked)
-    total += _with_traced(seen, None if traced is None else traced.gloss)
+    reflected = gloss * _radiance(lighting, normals, views, surface.roughness, baked)
+    if traced is not None and traced.gloss is not None:
+        reflected[traced.gloss.some] = traced.gloss.light
+    total += reflected
     total *= (1.0 - coat)[:, None]
     if coat.any():
         coated = _shares(_cosines(placed.coat_normals, views), surface.coat_roughness)
         seen = _radiance(lighting, placed.coat_normals, views, surface.coat_roughness, baked)
-        seen = coated[:, :2].sum(axis=1)[:, None] * seen
-        total += coat[:, None] * _with_traced(seen, None if traced is None else traced.coat)
+        reflected = (coat * coated[:, :2].sum(axis=1))[:, None] * seen
+        if traced is not None and traced.coat is not None:
+            some = traced.coat.some
+            reflected[some] = coat[some, None] * traced.coat.light
+        total += reflected
     lit: Floats = surface.occlusion[:, None] * total
     return lit
-
-
-def _with_traced(light: Floats, traced: TracedGloss | None) -> Floats:
-    """Reflected light (n, 3), with that of some surfaces replaced by traced light."""
-    if traced is not None:
-        light = light.copy()
-        light[traced.some] = traced.light
-    return light
 
 
 def _radiance(

@@ -22,6 +22,7 @@ from omnisim.rendering.rays.shading.lights import (
     light_on_surfaces,
 )
 from omnisim.rendering.rays.shading.normal_maps import mapped_normals
+from omnisim.rendering.rays.shading.panes import Panes, pane_reflectance
 from omnisim.rendering.rays.shading.ray_reflectance import (
     Placed,
     Reflectance,
@@ -35,6 +36,7 @@ from omnisim.rendering.rays.shading.shadows import CastShadow, Shadows
 from omnisim.rendering.rays.shading.surface_table import NORMAL_SCALES, Sampler, SurfaceTable
 from omnisim.scene.light.baked_light import BakedLight
 from omnisim.scene.model import AlphaMode, Lighting
+from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
 # Mip level bias, as in `sensor_tiles`: averaging within the pixel removes slight oversharpness.
 LEVEL_BIAS = -0.5
@@ -63,7 +65,7 @@ class Shading:
         lighting: lighting of the scene.
 
     Attributes:
-        is_blended, is_unlit: (surfaces,) masks.
+        is_blended, is_unlit, is_pane: (surfaces,) masks.
         table: reflectance of the surfaces.
         hit_cutoff, shadow_cutoff: (surfaces,) alpha cutoffs, see `omnisim.scene.model.Material`.
     """
@@ -80,6 +82,8 @@ class Shading:
         self.is_unlit = np.array([material.unlit for material in materials], dtype=np.bool_)
         modes = [material.alpha_mode for material in materials]
         self.is_blended = np.array([mode is AlphaMode.BLEND for mode in modes], dtype=np.bool_)
+        self._panes = Panes.of(materials)
+        self.is_pane = (self._panes.transmission > 0.0) & (not lighting.is_matte)
         self.hit_cutoff = np.array([m.hit_cutoff for m in materials], dtype=np.float32)
         self.shadow_cutoff = np.array([m.shadow_cutoff for m in materials], dtype=np.float32)
 
@@ -112,6 +116,19 @@ class Shading:
             view = View(rays, hits, world_from_objects, footprints)
             colors[textured] *= self._sampled(self._textures, textures[textured], view, textured)
         return colors
+
+    def transmitted(
+        self, rays: Rays, hits: RayHits, colors: NDArray[np.float32], poses: Poses
+    ) -> NDArray[np.float32]:
+        """Shares (n, 3) of light that pass panes of base colors (n, 3 or more), else 0."""
+        surfaces = self.surfaces(hits)
+        shares = np.zeros((len(surfaces), 3), dtype=np.float32)
+        some = np.flatnonzero(self.is_pane[surfaces])
+        if len(some):
+            normals = self.normals(hits.take(some), poses)
+            cosines = np.abs(np.einsum("nc,nc->n", normals, rays.directions[some]))
+            shares[some] = self._panes.transmitted(surfaces[some], colors[some, :3], cosines)
+        return shares
 
     def emitted(self, hits: RayHits) -> NDArray[np.float32]:
         """Light (n, 3), linear RGB, that surfaces emit; all rays must hit."""
@@ -272,9 +289,30 @@ class Shading:
         mapped, coat = (self._mapped(slot, normals, view, sampled) for slot in NORMAL_SCALES)
         placed = Placed(mapped, coat, -view.rays.directions)
         reflectance = self.table.reflectance(surfaces, colors, sampled)
-        traced = None if tracing is None else _traced(reflectance, placed, view, tracing)
+        traced = None
+        if tracing is not None:
+            some = np.flatnonzero(self.is_pane[surfaces])
+            if len(some):
+                reflectance = self._of_panes(reflectance, surfaces, placed, some)
+            traced = _traced(reflectance, placed, view, tracing)
         light = reflected_light(reflectance, placed, self._lighting, lamps, surroundings, traced)
         return light.astype(np.float32)
+
+    def _of_panes(
+        self,
+        surface: Reflectance,
+        surfaces: NDArray[np.int32],
+        placed: Placed,
+        some: NDArray[np.intp],
+    ) -> Reflectance:
+        """Reflectance in which some surfaces are mirrors by both interfaces of their pane."""
+        panes, body, f0, f90 = self._panes, surface.body.copy(), surface.f0.copy(), surface.f90
+        cosines = np.abs(np.einsum("nc,nc->n", placed.normals[some], placed.views[some]))
+        reflected = pane_reflectance(cosines, panes.ior[surfaces[some]])
+        f0[some], f90, roughness = reflected[:, None], f90.copy(), surface.roughness.copy()
+        f90[some], roughness[some] = reflected, MIN_ROUGHNESS
+        body[some] *= 1.0 - panes.transmission[surfaces[some], None]
+        return surface._replace(body=body, f0=f0, f90=f90, roughness=roughness)
 
     def _sampler(self, view: View) -> Sampler:
         """Lookup of maps at some of the hits."""
