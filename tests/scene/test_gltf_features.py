@@ -14,6 +14,7 @@ from omnisim.scene import load_scene
 from omnisim.scene.formats.gltf import meshopt
 from omnisim.scene.formats.gltf.features import FEATURES, SUPPORTED_EXTENSIONS, Support
 from omnisim.scene.formats.gltf.further_extensions import IGNORED, LEFT_OUT, OTHER_IMAGES
+from omnisim.scene.formats.gltf.writing.writer import write_glb
 from tests.scene.gltf_builder import GltfBuilder
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
@@ -386,6 +387,8 @@ def test_thin_and_clear_panes_transmit_and_others_say_that_they_do_not(tmp_path)
 
     found = _load(tmp_path, _pane)
     assert (found.materials[0].transmission, found.notices) == (0.9, ())
+    write_glb(found, tmp_path / "written.glb")
+    assert load_scene(tmp_path / "written.glb").materials[0].transmission == 0.9
     for change in (thick, mapped, USES["transmission: thick, frosted or mapped"]):
         found = _load(tmp_path, change)
         assert found.materials[0].transmission == 0.0
