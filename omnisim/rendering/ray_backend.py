@@ -19,7 +19,6 @@ from omnisim.rendering.camera.degradations.development import (
     developed,
     eight_bits,
     exposed,
-    mean_luminance,
 )
 from omnisim.rendering.camera.degradations.encoding import Encoding
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
@@ -147,15 +146,19 @@ class RayCamera(CameraBackend):
         ]
 
     def _take_ideal(self, request: FrameRequest) -> Readback:
-        return _readback(self._linear(request.poses), None, request.linear)
+        light = self._linear(request.poses, request.frame_number)
+        return _readback(light, None, request.linear)
 
     def _develop(self, frames: SubFrames) -> Readback:
         """Render an image from sub-frames with the NumPy references of the degradations."""
         degradation = self._sensor.degradation
         geometry = ImageGeometry.of_camera(self._sensor.model)
-        ideal = ((self._linear(part.poses), part.row_weights) for part in frames.parts)
+        ideal = (
+            (self._linear(part.poses, frames.frame_number, number), part.row_weights)
+            for number, part in enumerate(frames.parts)
+        )
         light = exposed(ideal, degradation, geometry)
-        exposure = frames.expose(mean_luminance(light) if frames.is_metered else None)
+        exposure = frames.expose(None if frames.meter is None else frames.meter.of_image(light))
         noise_key = key_of("noise", self.setup.seed)
         image = developed(
             light, degradation, geometry, exposure.factors, noise_key, exposure.frame_number
@@ -176,9 +179,10 @@ class RayCamera(CameraBackend):
         """
         raise GraphicsError("faces: back end 'rays' has none: expected 'cube'")
 
-    def _linear(self, poses: ScenePoses) -> LinearImage:
+    def _linear(self, poses: ScenePoses, frame_number: int, sub_frame: int = 0) -> LinearImage:
         objects = ObjectState(poses.world_from_objects, self.setup.hidden)
-        found = [one.render(poses.world_from_rig, objects) for one in self._images]
+        key = key_of("reflections", self.setup.seed, frame_number, sub_frame)
+        found = [one.render(poses.world_from_rig, objects, key) for one in self._images]
         if len(found) == 1:
             return found[0]
         red, green, blue = found

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import OpticsError
 from omnisim.rendering.camera.degradations.effect import MAX_EV
+from omnisim.rendering.camera.metering import Metering
 
 
 class Readback(NamedTuple):
@@ -61,15 +62,17 @@ class SubFrames(NamedTuple):
 
     Attributes:
         parts: sub-frames, at least one.
-        expose: function from the mean luminance to the exposure.
-        is_metered: measure the luminance for `expose`.
+        expose: function from the metered luminance to the exposure.
+        meter: light meter that measures the luminance for `expose`; None: not measured.
         linear: also return linear colors.
+        frame_number: number of the frame, which seeds its random numbers.
     """
 
     parts: Sequence[SubFrame]
     expose: Callable[[float | None], ImageExposure]
-    is_metered: bool
+    meter: Metering | None
     linear: bool
+    frame_number: int = 0
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from omnisim.core.poses import pose_from_rotation
 from omnisim.core.short_repr import short_repr
 from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.rendering.camera.degradations import Degradation
-from omnisim.rendering.camera.omnicamera import OmniCamera, Polygons
+from omnisim.rendering.camera.omnicamera import ExposureOption, OmniCamera, Polygons
 from omnisim.robots.kinematics import Kinematics
 from omnisim.robots.robot_file import Footprint, Robot, load_robot
 from omnisim.scene import Scene, read_scene
@@ -161,6 +161,7 @@ class Vehicle:
         size_px: int | None = None,
         polygons: Polygons | Literal["same"] = "same",
         degradation: Degradation | None = None,
+        exposure: ExposureOption | None = None,
         quality: str | None = None,
     ) -> Vehicle:
         """Copy with other camera settings; settings that are left out keep their values.
@@ -169,6 +170,7 @@ class Vehicle:
             size_px: length of the shorter image side, px; None: unchanged.
             polygons: polygon count of the mirror's mesh, or "auto"; None: exact mirror.
             degradation: degradation of all cameras; None: unchanged.
+            exposure: fixed exposure, EV, or "auto"; None: unchanged.
             quality: "fast", "default" or "fine"; None: unchanged.
 
         Raises:
@@ -182,6 +184,8 @@ class Vehicle:
             sensor = mounted.sensor
             if degradation is not None:
                 sensor = sensor.with_degradation(degradation)
+            if exposure is not None:
+                sensor = sensor.with_exposure(exposure)
             if size_px is not None:
                 sensor = sensor.resized(size_px)
             if quality is not None:
@@ -192,7 +196,8 @@ class Vehicle:
         changed = dataclasses.replace(self, sensors=tuple(sensors))
         if self.given is None:
             return changed
-        settings = fingerprint(size_px, polygons, degradation, quality)
+        exposures = () if exposure is None else (exposure,)
+        settings = fingerprint(size_px, polygons, degradation, quality, *exposures)
         return changed.identified(source_digest(self.given, settings))
 
     def identified(self, given: str) -> Vehicle:

@@ -86,6 +86,8 @@ class Material:
         ior: refractive index of a dielectric.
         clearcoat, clearcoat_roughness: strength and roughness of the clear coat, multiplied with
             red and green of `clearcoat_map`.
+        transmission: share of the light that is not reflected and passes the surface, which stands
+            for a thin pane; tinted by the base color. Drawn by rays; opaque in virtual cameras.
         emissive: emitted light, linear RGB ≥ 0, multiplied with `emissive_map`.
         normal_scale, occlusion_strength, clearcoat_normal_scale: strengths of the maps.
         metallic_roughness_map, normal_map, occlusion_map: linear textures.
@@ -94,7 +96,8 @@ class Material:
             multiplies `specular`.
         clearcoat_map, clearcoat_normal_map: linear textures.
 
-    Source: glTF 2.0, section 3.9 and appendix B; KHR_materials_specular, _ior, _clearcoat.
+    Source: glTF 2.0, section 3.9 and appendix B; KHR_materials_specular, _ior, _clearcoat,
+        _transmission.
     """
 
     name: str = ""
@@ -123,6 +126,7 @@ class Material:
     specular_map: Texture | None = None
     clearcoat_map: Texture | None = None
     clearcoat_normal_map: Texture | None = None
+    transmission: float = 0.0
 
     @property
     def maps(self) -> tuple[Texture | None, ...]:
@@ -135,7 +139,9 @@ class Material:
     @property
     def is_matte(self) -> bool:
         """True for Lambertian or unlit materials: no gloss, metal, maps or emission."""
-        strengths = (self.metallic, self.specular, self.clearcoat, *self.emissive)
+        strengths = (
+            self.metallic, self.specular, self.clearcoat, self.transmission, *self.emissive
+        )  # fmt: skip
         return self.unlit or not (any(strengths) or any(one is not None for one in self.maps))
 
     @property

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 # Smoother surfaces would act as mirrors, which do not reflect a lamp without extent.
 MIN_ROUGHNESS = 0.04
+# Rougher surfaces reflect the prefiltered sky and surroundings only, in both back ends.
+MAX_TRACED_ROUGHNESS = 0.5
 COAT_F0 = 0.04  # clear coat with a refractive index of 1.5
 TABLE_SIZE = 64, 32  # numbers of cosines and of roughnesses
 _DIRECTIONS = 512

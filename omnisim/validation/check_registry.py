@@ -82,6 +82,13 @@ CHECKS = (
         oracles=("mitsuba", "embreex", "xatlas"),
         is_quick=False,
     ),
+    Check(
+        "reflections",
+        "Mirrors, gloss and panes by rays, traced by another renderer",
+        "reflections.check",
+        oracles=("mitsuba", "embreex"),
+        is_quick=False,
+    ),
     Check("rays", "A ray caster", "ray_caster.check", oracles=("embreex",)),
     Check("quality", "Quality of the image, and shimmer", "image_quality.check"),
     Check("markers", "Markers through the whole pipeline", "calibration.check_markers"),

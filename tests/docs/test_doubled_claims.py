@@ -258,7 +258,7 @@ def test_numbers_of_physics():
 
 def test_what_gltf_materials_lack_is_said():
     (transmission,) = [one for one in FEATURES if "glass is opaque" in one.effect]
-    assert transmission.name == "KHR_materials_transmission"
+    assert transmission.name == "transmission: thick, frosted or mapped"
 
 
 # Sentences that several pages have, whole: one that changes on one page changes on all.
@@ -272,11 +272,12 @@ STATEMENTS = {
         (README, HOW_TO + "own-scene.md"),
     ),
     "reflections": (
-        "eflections show the sky and lamps, never the scene",
+        "eflections show the scene by `--backend rays` only",
         (README, HOW_TO + "light.md", WHY + "rendering.md", WHY + "assumptions.md"),
     ),
     "transmission": (
-        "Transmission is not rendered: glass is opaque unless alpha blends it.",
+        "Thin, clear panes transmit by `--backend rays` only: other glass is opaque unless alpha "
+        "blends it.",
         (README, WHY + "assumptions.md"),
     ),
     "emission": (

@@ -14,7 +14,7 @@ from omnisim.cameras import EquidistantCamera, EquirectangularCamera, MirroredCa
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.ground_truth import CHANNELS
-from omnisim.rendering.camera.degradations import Degradation, Encoding, preset
+from omnisim.rendering.camera.degradations import Degradation, Encoding, Exposure, preset
 from omnisim.rendering.camera.degradations.point_spread import PointSpread
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.capture import image_pass
@@ -65,6 +65,9 @@ def sample_cases(size_px: int, poses: int) -> Cases:
         ),
         "materials": of(_materials, PANORAMA, channels=EVERY_CHANNEL),
         "bad day": partial(_degraded, preset("bad-day"), size_px, poses),
+        "mean meter": partial(
+            _degraded, Degradation(exposure=Exposure(auto=True, metering="mean")), size_px, poses
+        ),
         "tone curve": partial(
             _degraded, Degradation(encoding=Encoding(tone_curve="neutral")), size_px, poses
         ),

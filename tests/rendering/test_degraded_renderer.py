@@ -1,5 +1,7 @@
 """Degraded cameras in a scene: shutter, exposure, and no change where they are ideal."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -206,10 +208,26 @@ def test_exposure_doubles_light_and_auto_exposure_reaches_its_target():
         assert recorded == {"ev": 1.0, "metered_ev": 1.0}
         seen, _, recorded = linear(Exposure(auto=True, target=0.1))
         luminance = seen[valid] @ (0.2126, 0.7152, 0.0722)
+        assert np.median(luminance) == pytest.approx(0.1, rel=1e-4)
+        seen, valid, _ = linear(Exposure(auto=True, target=0.1, metering="mean"))
+        luminance = seen[valid] @ (0.2126, 0.7152, 0.0722)
         assert luminance.mean() == pytest.approx(0.1, rel=1e-4)
         lagging, _, late = linear(Exposure(auto=True, target=0.1), exposure_ev=0.0)
         np.testing.assert_allclose(lagging, plain, rtol=1e-6)
         assert late == {"ev": 0.0, "metered_ev": recorded["metered_ev"]}
+
+
+def test_a_bright_window_does_not_move_the_meter():
+    """It fills a fifth of the image, and is a thousand times as bright as the room."""
+    image = np.full((50, 50, 4), (0.2, 0.2, 0.2, 1.0), dtype=np.float32)
+    image[:10, :, :3] = 200.0
+    room = Exposure(auto=True, min_ev=-20.0)
+    assert room.meter.of_image(image) == pytest.approx(0.2)
+    assert room.metered_ev(room.meter.of_image(image)) == pytest.approx(np.log2(0.18 / 0.2))
+    mean = dataclasses.replace(room, metering="mean")
+    assert mean.metered_ev(mean.meter.of_image(image)) == pytest.approx(np.log2(0.18 / 40.16))
+    bright = dataclasses.replace(room, percentile=90.0)
+    assert bright.meter.of_image(image) == pytest.approx(200.0)
 
 
 def test_auto_exposure_lags_as_a_filter_of_first_order():

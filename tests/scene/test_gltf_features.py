@@ -14,6 +14,7 @@ from omnisim.scene import load_scene
 from omnisim.scene.formats.gltf import meshopt
 from omnisim.scene.formats.gltf.features import FEATURES, SUPPORTED_EXTENSIONS, Support
 from omnisim.scene.formats.gltf.further_extensions import IGNORED, LEFT_OUT, OTHER_IMAGES
+from omnisim.scene.formats.gltf.writing.writer import write_glb
 from tests.scene.gltf_builder import GltfBuilder
 
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
@@ -213,6 +214,11 @@ def _animate_weights(plain):
     animation["channels"][0]["target"]["path"] = "weights"
 
 
+def _pane(plain):
+    plain.pbr.update(roughnessFactor=0.0)
+    plain.extend(plain.material, "KHR_materials_transmission", transmissionFactor=0.9)
+
+
 USES = {
     "translation, rotation, scale, matrix": lambda p: p.node.update(translation=[1, 2, 3]),
     "mode: 4, 5, 6": lambda p: (
@@ -278,7 +284,10 @@ USES = {
     "KHR_materials_iridescence": _extension("KHR_materials_iridescence", iridescenceFactor=1),
     "KHR_materials_sheen": _extension("KHR_materials_sheen", sheenColorFactor=[1, 0, 0]),
     "KHR_materials_specular": _extension("KHR_materials_specular", specularFactor=0),
-    "KHR_materials_transmission": _extension("KHR_materials_transmission", transmissionFactor=1),
+    "KHR_materials_transmission": _pane,
+    "transmission: thick, frosted or mapped": _extension(
+        "KHR_materials_transmission", transmissionFactor=1
+    ),
     "KHR_materials_volume": _extension("KHR_materials_volume", thicknessFactor=1),
     "KHR_materials_variants": lambda p: p.extend(p.primitive, "KHR_materials_variants"),
     **{name: _requiring(name) for name in OTHER_IMAGES},
@@ -354,12 +363,36 @@ def test_every_feature_has_a_file():
 
 def test_a_file_may_require_what_only_changes_its_look(tmp_path):
     def use(plain):
-        USES["KHR_materials_transmission"](plain)
+        USES["transmission: thick, frosted or mapped"](plain)
         plain.require("KHR_materials_transmission")
 
     assert _load(tmp_path, use).notices == (
-        "a.glb: transmission is not drawn: glass is opaque (1 material)",
+        "a.glb: transmission of thick or frosted glass and its maps are not drawn: glass is opaque "
+        "(1 material)",
     )
+
+
+def test_thin_and_clear_panes_transmit_and_others_say_that_they_do_not(tmp_path):
+    def thick(plain):
+        _pane(plain)
+        plain.extend(plain.material, "KHR_materials_volume", thicknessFactor=0.01)
+
+    def mapped(plain):
+        texture = {"index": plain.gltf.texture(IMAGE)}
+        plain.pbr.update(roughnessFactor=0.0)
+        plain.extend(
+            plain.material, "KHR_materials_transmission", transmissionFactor=0.5,
+            transmissionTexture=texture,
+        )  # fmt: skip
+
+    found = _load(tmp_path, _pane)
+    assert (found.materials[0].transmission, found.notices) == (0.9, ())
+    write_glb(found, tmp_path / "written.glb")
+    assert load_scene(tmp_path / "written.glb").materials[0].transmission == 0.9
+    for change in (thick, mapped, USES["transmission: thick, frosted or mapped"]):
+        found = _load(tmp_path, change)
+        assert found.materials[0].transmission == 0.0
+        assert any("glass is opaque (1 material)" in notice for notice in found.notices)
 
 
 @pytest.mark.parametrize("name", ["KHR_node_visibility", "KHR_gaussian_splatting", "XX_materials"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,8 +35,9 @@ from omnisim.core.extras import require_extra
 from omnisim.core.poses import pose
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.camera.degradations import Degradation
-from omnisim.rendering.camera.omnicamera import OmniCamera, Polygons
+from omnisim.rendering.camera.omnicamera import ExposureOption, OmniCamera, Polygons
 from omnisim.rendering.shared_scene import BackendName
+from omnisim.rendering.unreflected import reflection_notes
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
 
@@ -250,6 +252,12 @@ def load_requested_scene(world: SceneOptions, light: LightOptions | None = None)
     return scene
 
 
+def note_unreflected(name: str, scene: Scene, backend: BackendName) -> None:
+    """Print a note if the back end leaves out reflections of the scene, or panes."""
+    for note in reflection_notes(scene) if backend == "cube" else ():
+        print_note(f"{name}: {note}")
+
+
 def parse_channel_format(text: str | None, channels: Collection[str]) -> ChannelFormat:
     """Parse --channel-format.
 
@@ -272,6 +280,29 @@ def read_preset(name: str | None) -> Degradation | None:
     from omnisim.rendering.camera.degradations import preset  # imports all effects
 
     return preset(name)
+
+
+def parse_exposure(text: str | None) -> ExposureOption | None:
+    """Parse --exposure-ev: stops, or auto; None: keep the camera's exposure.
+
+    Raises:
+        OpticsError: any other text, or a number of stops out of range.
+    """
+    if text is None:
+        return None
+    from omnisim.rendering.camera.degradations.effect import MAX_EV
+
+    if text.lower() == "auto":
+        return "auto"
+    try:
+        ev = float(text)
+    except ValueError:
+        ev = math.nan
+    if not abs(ev) <= MAX_EV:  # NaN fails, too
+        raise OpticsError(
+            f"--exposure-ev: expected −{MAX_EV:g} to {MAX_EV:g} stops, or auto, got {text!r}"
+        )
+    return ev
 
 
 def parse_polygons(text: str) -> Polygons:

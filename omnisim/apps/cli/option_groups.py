@@ -138,6 +138,11 @@ class ImageOptions:
         Option(metavar="NAME|FILE", default="the sensor file's", names=preset_names),
     ] = None
     """Degradations of the camera ({names}), or a .toml file."""
+    exposure_ev: Annotated[
+        str | None, Option(metavar="EV|auto", default="the camera's", names=lambda: ("auto",))
+    ] = None
+    """Exposure in place of the camera's own: stops (each doubles the light), or auto (metered in
+    each image)."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -21,7 +21,7 @@ from omnisim.core.files.inner_tables import table_in
 from omnisim.core.files.toml_file import read_toml, toml_text
 from omnisim.rendering.camera.degradations import preset
 from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
-from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.camera.omnicamera import ExposureOption, OmniCamera
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE, SensorFile
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 
@@ -189,6 +189,16 @@ class CameraDocument:
         """
         tables = json.loads(json.dumps(preset(name).tables()))  # with lists, as in a file
         return self.with_value(f"{SENSOR}.degradation", tables or None)
+
+    def with_exposure(self, exposure: ExposureOption) -> CameraDocument:
+        """Copy with a fixed exposure, EV, or with automatic exposure.
+
+        Raises:
+            SensorFileError: the document describes no valid camera.
+        """
+        changed = self.camera().with_exposure(exposure).degradation.exposure
+        assert changed is not None
+        return self.with_value(f"{SENSOR}.degradation.exposure", changed.values())
 
     def _with_size(self, value: Any) -> CameraDocument:
         low, high = SIZES_PX

@@ -48,7 +48,9 @@ class DegradedCamera:
                 metadata["exposure"] = {"ev": ev, "metered_ev": metered_ev}
             return ImageExposure(degradation.exposure_factors(ev), request.frame_number % 2**32)
 
-        image = self._render(SubFrames(sub_frames, expose, degradation.is_metered, request.linear))
+        image = self._render(
+            SubFrames(sub_frames, expose, degradation.meter, request.linear, request.frame_number)
+        )
         if degradation.noise is not None:
             metadata["noise"] = {"seed": self._seed, "frame_number": request.frame_number}
         if degradation.jpeg is not None:

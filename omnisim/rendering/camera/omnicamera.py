@@ -42,6 +42,7 @@ CameraLike: TypeAlias = (
     "OmniCamera | CentralCamera | Calibration | CalibratedCamera | str | Path | None"
 )
 Polygons = int | Literal["auto", "default"] | None  # polygons of a mirror mesh; None: exact
+ExposureOption = float | Literal["auto"]  # fixed exposure, EV, or automatic
 PAPER_POLYGONS = 1024
 PAPER_SIZE_PX = 360
 
@@ -311,6 +312,23 @@ class OmniCamera:
     def with_degradation(self, degradation: Degradation) -> OmniCamera:
         """The same sensor with another degradation."""
         return dataclasses.replace(self, degradation=degradation)
+
+    def with_exposure(self, exposure: ExposureOption) -> OmniCamera:
+        """The same sensor with a fixed exposure, EV, or with automatic exposure.
+
+        A table of automatic exposure that the camera has keeps its other values.
+
+        Raises:
+            SensorFileError: an exposure out of range.
+        """
+        from omnisim.rendering.camera.degradations import Exposure  # an ideal camera has none
+
+        own = self.degradation.exposure or Exposure()
+        if exposure == "auto":
+            changed = own if own.auto else dataclasses.replace(own, ev=0.0, auto=True)
+        else:
+            changed = dataclasses.replace(own, ev=exposure, auto=False)
+        return self.with_degradation(dataclasses.replace(self.degradation, exposure=changed))
 
     def base_pose(
         self,

@@ -109,7 +109,8 @@ class DegradedPipeline:
         for sub_frame in frames.parts:
             ideal.draw(sub_frame.poses, linear=True)
             degradation.add(ideal.linear, sub_frame.row_weights)
-        exposed = frames.expose(degradation.mean_luminance() if frames.is_metered else None)
+        meter = frames.meter
+        exposed = frames.expose(None if meter is None else degradation.luminance(meter))
         degradation.finish({"u_exposure_factors": exposed.factors, "u_frame": exposed.frame_number})
         degradation.encode(ideal.encoded_target)
         rgba = ideal.read_encoded()

@@ -9,6 +9,7 @@ from omnisim.cameras import CentralCamera
 from omnisim.rendering.rays.depth_limits import DepthLimits
 from omnisim.rendering.rays.pixel_rays import Band, PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
+from omnisim.rendering.rays.shading.reflections import Paths
 
 
 class RayImage:
@@ -37,20 +38,22 @@ class RayImage:
         self._rays = PixelRays(samples, polygons, supersampling)
 
     def render(
-        self, world_from_rig: NDArray[np.float64], objects: ObjectState
+        self, world_from_rig: NDArray[np.float64], objects: ObjectState, key: int = 0
     ) -> NDArray[np.float32]:
         """Render the image (height, width, 4) from a pose (4, 4): linear RGB, and validity.
 
-        A pixel is valid if at least half of its samples are.
+        A pixel is valid if at least half of its samples are. The key is that of the random numbers
+        of glossy reflections.
         """
 
         def rows_of(number: int) -> NDArray[np.float32]:
-            return self._average(self._sampled(self._rays.band(number), world_from_rig, objects))
+            band = self._rays.band(number)
+            return self._average(self._sampled(band, world_from_rig, objects, key))
 
         return np.concatenate(self._scene.in_threads(rows_of, range(len(self._rays.bands))))
 
     def _sampled(
-        self, band: Band, world_from_rig: NDArray[np.float64], objects: ObjectState
+        self, band: Band, world_from_rig: NDArray[np.float64], objects: ObjectState, key: int
     ) -> NDArray[np.float32]:
         """Samples (rows, width, 4) of a band: linear RGB, and validity."""
         camera = self._rays.camera
@@ -58,9 +61,20 @@ class RayImage:
         world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
         footprints = band.world_footprints(world_from_optical)
         samples = np.zeros((*band.valid.shape, 4), dtype=np.float32)
-        samples[band.valid, :3] = self._scene.radiance(rays, footprints, objects, self._unlit)
+        samples[band.valid, :3] = self._scene.radiance(
+            rays, footprints, objects, self._unlit, self._paths(band, key)
+        )
         samples[band.valid, 3] = 1.0
         return samples
+
+    def _paths(self, band: Band, key: int) -> Paths:
+        """Pixels of a band's samples, and the samples' numbers in them."""
+        rows, columns = np.nonzero(band.valid)
+        rows, side = rows + band.rows.start, self._supersampling
+        pixels = rows // side * (self._rays.camera.width_px // side + 1) + columns // side
+        numbers = rows % side * side + columns % side
+        ones = np.ones(len(rows), dtype=np.float32)
+        return Paths(pixels.astype(np.uint32), numbers.astype(np.uint32), ones, key)
 
     def _average(self, samples: NDArray[np.float32]) -> NDArray[np.float32]:
         """Pixels (height, width, 4): averages of the samples that cover them."""

@@ -15,6 +15,7 @@ from omnisim.rendering.rays.caster import RayCaster, RayHits, Rays
 from omnisim.rendering.rays.embree import NO_TRIANGLE
 from omnisim.rendering.rays.geometry import Poses
 from omnisim.rendering.rays.shading.fog import fogged
+from omnisim.rendering.rays.shading.reflections import Paths, Tracing
 from omnisim.rendering.rays.shading.shading import Shading
 from omnisim.rendering.rays.shading.shadows import CastShadow
 from omnisim.scene.light.environment import Environment
@@ -77,6 +78,8 @@ class RayScene:
         footprints: NDArray[np.float32] | None = None,
         objects: ObjectState = _NO_OBJECTS,
         unlit: bool = False,
+        paths: Paths | None = None,
+        behind: NDArray[np.int32] | None = None,
     ) -> NDArray[np.float32]:
         """Linear RGB (n, 3) along rays (n,).
 
@@ -86,14 +89,21 @@ class RayScene:
                 textures are filtered; None: rays without width.
             objects: state of the dynamic objects.
             unlit: return plain base colors.
+            paths: (n,) identities of the rays: smooth surfaces reflect the scene; None: they
+                reflect its sky and lamps only.
+            behind: (n,) triangles that the rays start at.
         """
         poses, shading = objects.world_from_objects, self.shading
         fog = None if unlit else self._fog
         background = self._background if fog is None else np.array(fog.color, dtype=np.float32)
         environment = self.scene.lighting.environment if fog is None else None
         total = np.zeros((len(rays.near_m), 3), dtype=np.float32)
-        share = np.ones(len(total), dtype=np.float32)
-        active, behind = np.arange(len(total)), None
+        has_panes = paths is not None and not unlit and bool(shading.is_pane.any())
+        # of each color behind tinted panes, else of all
+        share = np.ones((len(total), 3 if has_panes else 1), dtype=np.float32)
+        active = np.arange(len(total))
+        # fog in front of a mirror is that of the rays before
+        starts_m = rays.near_m if paths is not None and paths.bounce else np.zeros(len(total))
         for layer in range(MAX_LAYERS):
             hits = self.caster.cast(rays, poses, objects.hidden, behind)
             is_hit = hits.triangles != NO_TRIANGLE
@@ -101,7 +111,7 @@ class RayScene:
             seen = background
             if environment is not None:
                 seen = _sky(environment, rays.directions[~is_hit], footprints, missed)
-            total[missed] += share[missed, None] * seen
+            total[missed] += share[missed] * seen
             kept = np.flatnonzero(is_hit)
             active, rays, hits = active[kept], rays.take(kept), hits.take(kept)
             if len(active) == 0:
@@ -114,13 +124,21 @@ class RayScene:
             if not unlit:
                 some = None if widths is None else widths[shown]
                 cast = self._shadow_caster(poses)
-                light = shading.lit(light, rays.take(shown), hits.take(shown), cast, poses, some)
+                tracing = (
+                    None if paths is None else self._tracing(paths, active[shown], share, poses)
+                )
+                light = shading.lit(
+                    light, rays.take(shown), hits.take(shown), cast, poses, some, tracing
+                )
             if fog is not None:
-                light = fogged(fog, light, hits.ranges_m[shown])
-            weights = share[active[shown]] * opacity[shown]
-            total[active[shown]] += weights[:, None] * light
-            share[active] *= 1.0 - opacity
-            on = np.flatnonzero(share[active] > _MIN_SHARE)
+                light = fogged(fog, light, hits.ranges_m[shown] - starts_m[active[shown]])
+            total[active[shown]] += share[active[shown]] * opacity[shown, None] * light
+            through = 1.0 - opacity[:, None]
+            if has_panes and layer < MAX_LAYERS - 1:
+                passing = shading.transmitted(rays, hits, colors, poses)
+                through = through + opacity[:, None] * passing
+            share[active] *= through
+            on = np.flatnonzero(share[active].max(axis=1) > _MIN_SHARE)
             if len(on) == 0:
                 break
             active, behind = active[on], hits.triangles[on]
@@ -172,6 +190,23 @@ class RayScene:
             first.put(active, further)
             active = active[further.triangles != NO_TRIANGLE]
         return first
+
+    def _tracing(
+        self, paths: Paths, some: NDArray[np.intp], shares: NDArray[np.float32], poses: Poses
+    ) -> Tracing:
+        """Continuation of some paths with shares (n, 1 or 3) left; hidden instances show."""
+        everything = ObjectState(poses)
+
+        def trace(
+            rays: Rays,
+            footprints: NDArray[np.float32] | None,
+            triangles: NDArray[np.int32],
+            following: Paths,
+        ) -> NDArray[np.float32]:
+            return self.radiance(rays, footprints, everything, paths=following, behind=triangles)
+
+        taken = paths.take(some)
+        return Tracing(taken._replace(weights=taken.weights * shares[some].max(axis=1)), trace)
 
     def _shadow_caster(self, poses: Poses) -> CastShadow:
         """Caster of shadow rays, which hit either side, and hidden instances too."""

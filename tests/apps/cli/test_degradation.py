@@ -59,3 +59,23 @@ def test_sensor_check_lists_enabled_degradations(omnisim, tmp_path):
     assert status == 0
     assert "noise" in out
     assert "read_noise_e = 9.0" in out
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_an_exposure_replaces_the_camera_s(omnisim, tmp_path):
+    def taken(*options):
+        status, _, err = omnisim(*RENDER, "-o", "a.exr", *options)
+        assert status == 0, err
+        image, metadata = read_image(tmp_path / "a.exr")
+        return image[..., :3], metadata
+
+    plain, _ = taken()
+    brighter, metadata = taken("--exposure-ev", "1")
+    np.testing.assert_allclose(brighter, 2.0 * plain, rtol=2e-3)  # half floats
+    assert metadata["degradation"]["exposure"] == {"ev": 1.0, "metered_ev": 1.0}
+    metered, metadata = taken("--exposure-ev", "auto")
+    seen = plain.any(axis=-1)
+    assert np.median(metered[seen] @ (0.2126, 0.7152, 0.0722)) == pytest.approx(0.18, rel=2e-3)
+    _, metadata = taken("--exposure-ev=-1.5", "--preset", "webcam")
+    assert metadata["degradation"]["exposure"]["ev"] == -1.5  # no longer automatic
+    assert metadata["degradation"]["parameters"]["exposure"]["time_constant_s"] == 0.4

@@ -126,3 +126,11 @@ def test_another_camera_keeps_mounting_quality_and_effects():
 def test_a_document_is_json_and_toml():
     document = with_preset(CameraDocument(), "degradation", "bad-day")
     assert json.loads(json.dumps(document.sensor)) == tomllib.loads(document.text)
+
+
+def test_an_exposure_is_written_into_the_document():
+    document = CameraDocument().with_degradation("webcam").with_exposure(-1.5)
+    assert document.camera().degradation.exposure.ev == -1.5
+    assert not document.camera().degradation.is_metered
+    assert document.with_exposure("auto").camera().degradation.is_metered
+    assert CameraDocument().with_exposure("auto").camera().degradation.is_metered

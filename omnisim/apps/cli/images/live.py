@@ -17,6 +17,7 @@ from omnisim.apps.cli.images.requests import LiveRequest, LiveSceneOptions
 from omnisim.apps.cli.inputs import (
     check_calibration_path,
     check_seconds,
+    parse_exposure,
     read_camera,
     refuse_given,
 )
@@ -104,6 +105,11 @@ def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
         camera_options = (
             None if camera_options is None else (*camera_options, "--preset", request.image.preset)
         )
+    exposure = parse_exposure(request.image.exposure_ev)
+    if exposure is not None:
+        document = document.with_exposure(exposure)
+        option = ("--exposure-ev", str(request.image.exposure_ev))
+        camera_options = None if camera_options is None else (*camera_options, *option)
     size_px = request.image.size_px or SIZE_PX
     document = dataclasses.replace(document.with_value("size_px", size_px))
     camera_options = None if camera_options is None else (*camera_options, "--size", str(size_px))

@@ -20,7 +20,9 @@ from omnisim.apps.cli.images.requests import RenderRequest
 from omnisim.apps.cli.inputs import (
     checked_backend,
     load_labeled_scene,
+    note_unreflected,
     parse_channel_format,
+    parse_exposure,
     parse_polygons,
     read_preset,
 )
@@ -52,14 +54,17 @@ def drive_of(request: DriveRequest | RenderRequest, vehicle: Vehicle, route: Rou
     """
     world, light, truth = request.world, request.light, request.truth
     channels = () if truth.also is None else parse_channels(truth.also)
+    scene, backend = load_labeled_scene(world, light, truth, channels), checked_backend(request.gpu)
+    if vehicle.cameras and not light.unlit:
+        note_unreflected(world.scene, scene, backend)
     return Drive(
-        load_labeled_scene(world, light, truth, channels),
+        scene,
         as_requested(vehicle, request.image),
         route,
         seed=request.seed if isinstance(request, DriveRequest) else request.motion.seed,
         unlit=light.unlit,
         device=request.gpu.device,
-        backend=checked_backend(request.gpu),
+        backend=backend,
         up_axis=world.up_axis,
         meters_per_unit=world.meters_per_unit,
         resources=tuple(world.resources or ()),
@@ -75,6 +80,7 @@ def as_requested(vehicle: Vehicle, image: MeshImageOptions) -> Vehicle:
         size_px=image.size_px,
         polygons="same" if image.polygons is None else parse_polygons(image.polygons),
         degradation=read_preset(image.preset),
+        exposure=parse_exposure(image.exposure_ev),
         quality=image.quality,
     )
 

@@ -22,7 +22,9 @@ from omnisim.apps.cli.inputs import (
     check_seconds,
     checked_backend,
     load_labeled_scene,
+    note_unreflected,
     parse_channel_format,
+    parse_exposure,
     parse_polygons,
     read_camera,
     read_preset,
@@ -89,6 +91,8 @@ def run(request: RenderRequest) -> None:
         backend=backend,
     ) as renderer:
         _note_near_plane(request.world.scene, scene, camera, renderer.camera, base)
+        if not request.light.unlit:
+            note_unreflected(request.world.scene, scene, backend)
         states = {
             other: WorldState(
                 {renderer.vehicle: other_viewpoint.base_of(camera)},
@@ -164,6 +168,9 @@ def _camera(request: RenderRequest, vehicle: Vehicle | None) -> OmniCamera:
     degradation = read_preset(image.preset)
     if degradation is not None:
         camera = camera.with_degradation(degradation)
+    exposure = parse_exposure(image.exposure_ev)
+    if exposure is not None:
+        camera = camera.with_exposure(exposure)
     if image.size_px is not None:
         camera = camera.resized(image.size_px)
     if image.quality is not None:

@@ -88,8 +88,10 @@ def _load_robot(source: str, resources: Sequence[Path]) -> tuple[Robot, Vehicle]
 
 
 def _check_cameras(request: DriveRequest, vehicles: dict[str, Vehicle]) -> None:
-    """Raise an error if ground truth is requested but no robot has a camera."""
+    """Raise an error if ground truth or an exposure is requested but no robot has a camera."""
     option = "--also" if request.truth.also else "--boxes-3d" if request.truth.boxes_3d else None
+    if option is None and request.image.exposure_ev is not None:
+        option = "--exposure-ev"
     sensors = (one for vehicle in vehicles.values() for one in vehicle.sensors)
     if option and not any(sensor.has_ground_truth for sensor in sensors):
         raise RunError(f"{option}: expected a robot with a camera, got {', '.join(vehicles)}")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from omnisim.core.errors import OpticsError
 from omnisim.core.short_repr import short_repr
+from omnisim.rendering.camera.metering import Metering
 
 if TYPE_CHECKING:  # an ideal camera needs none of them
     from omnisim.rendering.camera.degradations.bayer import Bayer
@@ -98,9 +99,14 @@ class Degradation:
         return 0.0 if self.shutter is None else self.shutter.exposure_s or 0.0
 
     @property
+    def meter(self) -> Metering | None:
+        """Light meter of auto-exposure; None: the exposure does not depend on the image."""
+        return None if self.exposure is None else self.exposure.meter
+
+    @property
     def is_metered(self) -> bool:
         """True if the exposure depends on the image."""
-        return self.exposure is not None and self.exposure.auto
+        return self.meter is not None
 
     def tables(self) -> dict[str, dict[str, Any]]:
         """Sensor file tables of the same effects."""

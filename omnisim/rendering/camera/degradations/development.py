@@ -13,15 +13,6 @@ from omnisim.rendering.camera.degradations.encoding import Encoding
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 
 
-def mean_luminance(image: LinearImage) -> float:
-    """Mean luminance (Rec. 709) of the valid pixels; 0 if there are none."""
-    valid = image[..., 3] > 0.5
-    if not np.any(valid):
-        return 0.0
-    weights = np.array([0.2126, 0.7152, 0.0722])
-    return float(np.mean(image[valid, :3].astype(np.float64) @ weights))
-
-
 def exposed(
     sub_frames: Iterable[tuple[LinearImage, NDArray[np.float32] | None]],
     degradation: Degradation,

@@ -11,24 +11,33 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated, Literal
 
-from omnisim.core.files.parameters import NotNegative, Positive
+from pydantic import Field
+
+from omnisim.core.files.parameters import NotNegative, Number, Positive
 from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, Ev, SensorEffect, Shot
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.camera.degradations.reflectance import multiplied
+from omnisim.rendering.camera.metering import Metering
 from omnisim.rendering.opengl.degradation.step import Step
 
 
 @dataclass(frozen=True, kw_only=True)
 class Exposure(SensorEffect, name="degradation.exposure"):
-    """A fixed exposure, or one that follows the mean luminance of the image with a lag."""
+    """A fixed exposure, or one that follows the luminance of the image with a lag."""
 
     ev: Ev = 0.0
     """Exposure value (EV): power of two that multiplies the light."""
     auto: bool = False
     """Enables auto-exposure."""
     target: Positive = 0.18
-    """Mean linear luminance that auto-exposure aims at; a gray card has 0.18."""
+    """Linear luminance that auto-exposure gives to the metered level; a gray card has 0.18."""
+    metering: Literal["percentile", "mean"] = "percentile"
+    """Metered level of auto-exposure: a percentile of the pixels' luminances, which a bright window
+    does not raise, or their mean, which it does."""
+    percentile: Annotated[Number, Field(gt=0.0, le=100.0)] = 50.0
+    """Percentile that is metered, unless the mean is; 50: the median."""
     time_constant_s: NotNegative = 0.2
     """Time in seconds to adapt to 63 % of a change of light; typically 0.1 to 0.5."""
     min_ev: Ev = -4.0
@@ -50,13 +59,20 @@ class Exposure(SensorEffect, name="degradation.exposure"):
         """Reference in NumPy."""
         return multiplied(image, shot.exposure_factors)
 
-    def metered_ev(self, mean_luminance: float) -> float:
-        """Metered exposure of an image, from its Rec. 709 luminance before exposure."""
+    @property
+    def meter(self) -> Metering | None:
+        """Light meter; None: a fixed exposure."""
+        if not self.auto:
+            return None
+        return Metering(self.percentile if self.metering == "percentile" else None)
+
+    def metered_ev(self, luminance: float) -> float:
+        """Metered exposure of an image, from its metered luminance before exposure."""
         if not self.auto:
             return self.ev
-        if mean_luminance <= 0.0:
+        if luminance <= 0.0:
             return self.max_ev
-        metered = math.log2(self.target / mean_luminance) + self.ev
+        metered = math.log2(self.target / luminance) + self.ev
         return min(max(metered, self.min_ev), self.max_ev)
 
     def next_ev(self, ev: float, metered_ev: float, later_s: float) -> float:

@@ -13,6 +13,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.rendering.camera.metering import Metering
 from omnisim.rendering.opengl.degradation.step import Step, UniformValue
 from omnisim.rendering.opengl.fences import use_target
 from omnisim.rendering.opengl.gl_functions import flush
@@ -25,7 +26,7 @@ METER_BLOCK_PX = 16  # side of the block that one fragment of the light meter su
 class DegradationPass:
     """Degrades linear sub-frames to the linear image of a real camera.
 
-    Call order: `add` per sub-frame, `mean_luminance` for auto-exposure, `finish`, then `read` and
+    Call order: `add` per sub-frame, `luminance` for auto-exposure, `finish`, then `read` and
     `encode`.
 
     Args:
@@ -70,9 +71,11 @@ class DegradationPass:
             self._current = self._shutter.add(self._current, row_weights, self._is_first)
             self._is_first = False
 
-    def mean_luminance(self) -> float:
-        """Mean luminance (Rec. 709) of the valid pixels of all sub-frames; 0: no valid pixel."""
-        return self._meter.mean_luminance(self._current)
+    def luminance(self, metering: Metering) -> float:
+        """Metered luminance (Rec. 709) of all sub-frames; 0: no valid pixel."""
+        if metering.percentile is None:
+            return self._mean_meter.luminance(self._current)
+        return metering.of_luminances(self._pixel_meter.luminances(self._current))
 
     def finish(self, uniforms: Mapping[str, UniformValue]) -> None:
         """Run the steps after the shutter; `uniforms` are this frame's values by name."""
@@ -96,8 +99,12 @@ class DegradationPass:
         return _Shutter(self._context, self._size)
 
     @cached_property
-    def _meter(self) -> _LightMeter:
-        return _LightMeter(self._context, self._size)
+    def _mean_meter(self) -> _MeanMeter:
+        return _MeanMeter(self._context, self._size)
+
+    @cached_property
+    def _pixel_meter(self) -> _PixelMeter:
+        return _PixelMeter(self._context, self._size)
 
     def _run(
         self, step: _FullScreenPass, uniforms: Mapping[str, UniformValue] | None = None
@@ -188,7 +195,7 @@ class _Shutter:
         return after.texture
 
 
-class _LightMeter:
+class _MeanMeter:
     """Mean luminance of an image, from sums over blocks."""
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int]):
@@ -196,9 +203,27 @@ class _LightMeter:
         self._sum_blocks = _FullScreenPass(context, Step("meter", {"u_block_px": METER_BLOCK_PX}))
         self._blocks = _Target(context, (-(-width // METER_BLOCK_PX), -(-height // METER_BLOCK_PX)))
 
-    def mean_luminance(self, image: moderngl.Texture) -> float:
+    def luminance(self, image: moderngl.Texture) -> float:
         """Mean luminance (Rec. 709) of the valid pixels; 0 without valid pixels."""
         self._sum_blocks.draw(self._blocks.framebuffer, image)
         data = self._blocks.framebuffer.read(components=4, dtype="f4")
         total, count = np.frombuffer(data, dtype="<f4").reshape(-1, 4).sum(axis=0, dtype=float)[:2]
         return float(total / count) if count > 0.0 else 0.0
+
+
+class _PixelMeter:
+    """Luminance of each pixel, for percentiles: one float32 per pixel is read back."""
+
+    def __init__(self, context: moderngl.Context, size: tuple[int, int]):
+        self._pass = _FullScreenPass(context, Step("luminance"))
+        with gpu_allocation(
+            f"the light meter of {size[0]} × {size[1]} px", "make the image smaller"
+        ):
+            self._target = context.framebuffer([context.texture(size, 1, dtype="f4")])
+
+    def luminances(self, image: moderngl.Texture) -> NDArray[np.float32]:
+        """Luminances (n,) (Rec. 709) of the valid pixels."""
+        self._pass.draw(self._target, image)
+        data = self._target.read(components=1, dtype="f4")
+        values = np.frombuffer(data, dtype="<f4")
+        return values[values >= 0.0]

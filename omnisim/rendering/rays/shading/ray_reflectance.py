@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.bilinear import sample
 from omnisim.rendering.rays.shading.lights import LampLight, ambient_light
+from omnisim.rendering.rays.shading.reflections import TracedGloss
 from omnisim.scene.model import Lighting
 from omnisim.scene.surface_reflectance import COAT_F0, environment_table, smith_visibility
 
@@ -48,12 +49,20 @@ class SurfaceDirections(NamedTuple):
     views: Floats
 
 
+class Traced(NamedTuple):
+    """Reflections of the scene in some of the surfaces, and in some of their clear coats."""
+
+    gloss: TracedGloss | None
+    coat: TracedGloss | None
+
+
 def reflected_light(
     surface: Reflectance,
     directions: SurfaceDirections,
     lighting: Lighting,
     lamps: Sequence[LampLight],
     surroundings: Floats | None = None,
+    traced: Traced | None = None,
 ) -> Floats:
     """Light (n, 3), linear RGB, that surfaces emit and reflect along the views.
 
@@ -63,14 +72,21 @@ def reflected_light(
         lamps: light of each lamp on the surfaces.
         surroundings: (n, 3) baked light on white surfaces without that of lamps; None: no baked
             light.
+        traced: reflections of the scene in place of those of sky and surroundings.
     """
-    grazing = (1.0 - _cosines(directions.coat_normals, directions.views)) ** 5
-    coat = surface.coat * (COAT_F0 + (1.0 - COAT_F0) * grazing)
+    coat = coat_fresnel(surface.coat, directions)
     total = (1.0 - coat)[:, None] * surface.emissive
-    total += _environment(surface, directions, coat, lighting, surroundings)
+    total += _environment(surface, directions, coat, lighting, surroundings, traced)
     for lamp in lamps:
         total += _lamp(surface, directions, coat, lamp)
     return total
+
+
+def coat_fresnel(strengths: Floats, directions: SurfaceDirections) -> Floats:
+    """Shares (n,) of light that clear coats of strengths (n,) reflect, by Schlick."""
+    grazing = (1.0 - _cosines(directions.coat_normals, directions.views)) ** 5
+    shares: Floats = strengths * (COAT_F0 + (1.0 - COAT_F0) * grazing)
+    return shares
 
 
 def _lamp(
@@ -100,6 +116,7 @@ def _environment(
     coat: Floats,
     lighting: Lighting,
     baked: Floats | None,
+    traced: Traced | None,
 ) -> Floats:
     normals, views = directions.normals, directions.views
     shares = _shares(_cosines(normals, views), surface.roughness)
@@ -108,12 +125,19 @@ def _environment(
     gloss = surface.f0 * shares[:, :1] + surface.f90[:, None] * shares[:, 1:2]
     light = ambient_light(lighting, normals.astype(np.float32)) if baked is None else baked
     total = body * light
-    total += gloss * _radiance(lighting, normals, views, surface.roughness, baked)
+    reflected = gloss * _radiance(lighting, normals, views, surface.roughness, baked)
+    if traced is not None and traced.gloss is not None:
+        reflected[traced.gloss.some] = traced.gloss.light
+    total += reflected
     total *= (1.0 - coat)[:, None]
     if coat.any():
         coated = _shares(_cosines(directions.coat_normals, views), surface.coat_roughness)
         seen = _radiance(lighting, directions.coat_normals, views, surface.coat_roughness, baked)
-        total += (coat * coated[:, :2].sum(axis=1))[:, None] * seen
+        reflected = (coat * coated[:, :2].sum(axis=1))[:, None] * seen
+        if traced is not None and traced.coat is not None:
+            some = traced.coat.some
+            reflected[some] = coat[some, None] * traced.coat.light
+        total += reflected
     lit: Floats = surface.occlusion[:, None] * total
     return lit
 

@@ -22,12 +22,21 @@ from omnisim.rendering.rays.shading.lights import (
     light_on_surfaces,
 )
 from omnisim.rendering.rays.shading.normal_maps import mapped_normals
-from omnisim.rendering.rays.shading.ray_reflectance import SurfaceDirections, reflected_light
+from omnisim.rendering.rays.shading.panes import Panes, pane_reflectance
+from omnisim.rendering.rays.shading.ray_reflectance import (
+    Reflectance,
+    SurfaceDirections,
+    Traced,
+    coat_fresnel,
+    reflected_light,
+)
 from omnisim.rendering.rays.shading.ray_textures import TextureTable
+from omnisim.rendering.rays.shading.reflections import Arrivals, Lobe, Tracing, traced_gloss
 from omnisim.rendering.rays.shading.shadows import CastShadow, Shadows
 from omnisim.rendering.rays.shading.surface_table import NORMAL_SCALES, Sampler, SurfaceTable
 from omnisim.scene.light.baked_light import BakedLight
 from omnisim.scene.model import AlphaMode, Lighting
+from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
 # Mip level bias, as in `sensor_tiles`: averaging within the pixel removes slight oversharpness.
 LEVEL_BIAS = -0.5
@@ -56,7 +65,7 @@ class Shading:
         lighting: lighting of the scene.
 
     Attributes:
-        is_blended, is_unlit: (surfaces,) masks.
+        is_blended, is_unlit, is_pane: (surfaces,) masks.
         table: reflectance of the surfaces.
         hit_cutoff, shadow_cutoff: (surfaces,) alpha cutoffs, see `omnisim.scene.model.Material`.
     """
@@ -73,6 +82,8 @@ class Shading:
         self.is_unlit = np.array([material.unlit for material in materials], dtype=np.bool_)
         modes = [material.alpha_mode for material in materials]
         self.is_blended = np.array([mode is AlphaMode.BLEND for mode in modes], dtype=np.bool_)
+        self._panes = Panes.of(materials)
+        self.is_pane = (self._panes.transmission > 0.0) & (not lighting.is_matte)
         self.hit_cutoff = np.array([m.hit_cutoff for m in materials], dtype=np.float32)
         self.shadow_cutoff = np.array([m.shadow_cutoff for m in materials], dtype=np.float32)
 
@@ -105,6 +116,19 @@ class Shading:
             view = View(rays, hits, world_from_objects, footprints)
             colors[textured] *= self._sampled(self._textures, textures[textured], view, textured)
         return colors
+
+    def transmitted(
+        self, rays: Rays, hits: RayHits, colors: NDArray[np.float32], poses: Poses
+    ) -> NDArray[np.float32]:
+        """Shares (n, 3) of light that pass panes of base colors (n, 3 or more), else 0."""
+        surfaces = self.surfaces(hits)
+        shares = np.zeros((len(surfaces), 3), dtype=np.float32)
+        some = np.flatnonzero(self.is_pane[surfaces])
+        if len(some):
+            normals = self.normals(hits.take(some), poses)
+            cosines = np.abs(np.einsum("nc,nc->n", normals, rays.directions[some]))
+            shares[some] = self._panes.transmitted(surfaces[some], colors[some, :3], cosines)
+        return shares
 
     def emitted(self, hits: RayHits) -> NDArray[np.float32]:
         """Light (n, 3), linear RGB, that surfaces emit; all rays must hit."""
@@ -183,8 +207,12 @@ class Shading:
         cast_shadow: CastShadow,
         world_from_objects: Poses = (),
         footprints: NDArray[np.float32] | None = None,
+        tracing: Tracing | None = None,
     ) -> NDArray[np.float32]:
-        """Light (n, 3), linear RGB, from surfaces of base colors (n, 3 or more) toward the rays."""
+        """Light (n, 3), linear RGB, from surfaces of base colors (n, 3 or more) toward the rays.
+
+        With `tracing`, smooth surfaces reflect the scene, otherwise its sky and lamps only.
+        """
         surfaces = self.surfaces(hits)
         points_m = rays.origins_m + hits.ranges_m[:, None] * rays.directions
         normals = self.normals(hits, world_from_objects)
@@ -204,8 +232,9 @@ class Shading:
         if len(glossy):
             view = View(rays, hits, world_from_objects, footprints).take(glossy)
             light[glossy] = self._reflected(
-                colors[glossy, :3], view, lamps, normals[glossy], surroundings
-            )
+                colors[glossy, :3], view, lamps, normals[glossy], surroundings,
+                None if tracing is None else tracing.take(glossy),
+            )  # fmt: skip
         return light
 
     def _baked_light(
@@ -253,14 +282,39 @@ class Shading:
         lamps: Sequence[LampLight],
         normals: NDArray[np.float32],
         surroundings: NDArray[np.float32] | None,
+        tracing: Tracing | None,
     ) -> NDArray[np.float32]:
         """Light (n, 3) from surfaces that are not matte."""
         surfaces, sampled = self.surfaces(view.hits), self._sampler(view)
         mapped, coat = (self._mapped(slot, normals, view, sampled) for slot in NORMAL_SCALES)
         directions = SurfaceDirections(mapped, coat, -view.rays.directions)
         reflectance = self.table.reflectance(surfaces, colors, sampled)
-        light = reflected_light(reflectance, directions, self._lighting, lamps, surroundings)
+        traced = None
+        if tracing is not None:
+            some = np.flatnonzero(self.is_pane[surfaces])
+            if len(some):
+                reflectance = self._of_panes(reflectance, surfaces, directions, some)
+            traced = _traced(reflectance, directions, view, tracing)
+        light = reflected_light(
+            reflectance, directions, self._lighting, lamps, surroundings, traced
+        )
         return light.astype(np.float32)
+
+    def _of_panes(
+        self,
+        surface: Reflectance,
+        surfaces: NDArray[np.int32],
+        directions: SurfaceDirections,
+        some: NDArray[np.intp],
+    ) -> Reflectance:
+        """Reflectance in which some surfaces are mirrors by both interfaces of their pane."""
+        panes, body, f0, f90 = self._panes, surface.body.copy(), surface.f0.copy(), surface.f90
+        cosines = np.abs(np.einsum("nc,nc->n", directions.normals[some], directions.views[some]))
+        reflected = pane_reflectance(cosines, panes.ior[surfaces[some]])
+        f0[some], f90, roughness = reflected[:, None], f90.copy(), surface.roughness.copy()
+        f90[some], roughness[some] = reflected, MIN_ROUGHNESS
+        body[some] *= 1.0 - panes.transmission[surfaces[some], None]
+        return surface._replace(body=body, f0=f0, f90=f90, roughness=roughness)
 
     def _sampler(self, view: View) -> Sampler:
         """Function that looks up maps at selected hits."""
@@ -296,6 +350,25 @@ class Shading:
             "nk,nkc->nc", hits.weights, of_vertices[self._geometry.corners[hits.triangles]]
         )
         return values
+
+
+def _traced(
+    surface: Reflectance, directions: SurfaceDirections, view: View, tracing: Tracing
+) -> Traced:
+    """Reflections of the scene in surfaces (n,) and in their clear coats."""
+    arrivals, ones = Arrivals(view.rays, view.hits, view.footprints), np.ones(len(surface.coat))
+    gloss = Lobe(directions.normals, surface.roughness, surface.f0, surface.f90, ones)
+    found = traced_gloss(gloss, arrivals, tracing)
+    some = np.flatnonzero(surface.coat > 0.0)
+    if len(some) == 0:
+        return Traced(found, None)
+    white = np.ones((len(some), 3))
+    coats = Lobe(
+        directions.coat_normals[some], surface.coat_roughness[some], white, ones[some],
+        coat_fresnel(surface.coat, directions)[some],
+    )  # fmt: skip
+    coat = traced_gloss(coats, arrivals.take(some), tracing.take(some))
+    return Traced(found, None if coat is None else coat._replace(some=some[coat.some]))
 
 
 def _mip_levels(

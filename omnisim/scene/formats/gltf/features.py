@@ -15,6 +15,7 @@ from omnisim.core.short_repr import counted
 from omnisim.scene.formats.gltf.further_extensions import IGNORED, LEFT_OUT, OTHER_IMAGES
 from omnisim.scene.formats.gltf.json_object import JsonObject
 from omnisim.scene.formats.gltf.primitives import POINTS_AND_LINES, TRIANGLES
+from omnisim.scene.formats.gltf.reflectance import is_thin_pane, transmits
 
 _GROUPS_OF_NODES = ("shining",)
 _NEAREST = 9728  # OpenGL's constant
@@ -228,9 +229,14 @@ FEATURES = (
     Feature(
         "KHR_materials_specular", _APPLIED, "its factors and maps, which are placed alike"
     ),
-    _extension(
-        "KHR_materials_transmission", "transmissionFactor",
-        "transmission is not drawn: glass is opaque",
+    Feature(
+        "KHR_materials_transmission", _APPLIED,
+        "of thin, clear panes, in the back end `rays`; opaque in `cube`, with a note",
+    ),
+    Feature(
+        "transmission: thick, frosted or mapped", _LEFT_OUT,
+        "transmission of thick or frosted glass and its maps are not drawn: glass is opaque",
+        "materials", lambda material: transmits(material) and not is_thin_pane(material),
     ),
     _extension("KHR_materials_volume", "thicknessFactor", "volumes are not drawn"),
     Feature(

@@ -11,6 +11,7 @@ from omnisim.scene.model import Material, Texture
 DEFAULT_IOR = 1.5
 _BRIGHTEST = 65504.0  # largest half float, the precision of images
 _MAX_SCALE = 1e3
+MAX_PANE_ROUGHNESS = 0.2  # frosted glass beyond is opaque
 Color = tuple[float, float, float]
 
 
@@ -53,6 +54,7 @@ def with_reflectance(
         specular=strength,
         specular_color=_color(specular, "specularColorFactor", 1.0),
         ior=max(ior.number("ior", DEFAULT_IOR), 1.0),
+        transmission=_transmission(entry) if is_thin_pane(entry) else 0.0,
         clearcoat=coating,
         clearcoat_roughness=_share(coat, "clearcoatRoughnessFactor", 0.0),
         clearcoat_normal_scale=_scale(coat_scale),
@@ -61,6 +63,33 @@ def with_reflectance(
         clearcoat_map=clear if coating else None,
         clearcoat_normal_map=coat_normal if coating and coat_scale else None,
     )
+
+
+def transmits(entry: JsonObject) -> bool:
+    """True for a material that transmits light, whether thin or thick."""
+    return _transmission(entry) > 0.0
+
+
+def is_thin_pane(entry: JsonObject) -> bool:
+    """True for a material that transmits light as a clear, thin pane does.
+
+    Not: thick glass (KHR_materials_volume), frosted glass, and maps of the transmission.
+    """
+    transmission = entry.extension("KHR_materials_transmission")
+    volume = entry.extension("KHR_materials_volume") or JsonObject({}, "")
+    roughness = _share(entry.object("pbrMetallicRoughness"), "roughnessFactor", 1.0)
+    return (
+        transmission is not None
+        and transmits(entry)
+        and not transmission.has("transmissionTexture")
+        and volume.number("thicknessFactor", 0.0) <= 0.0
+        and roughness <= MAX_PANE_ROUGHNESS
+    )
+
+
+def _transmission(entry: JsonObject) -> float:
+    transmission = entry.extension("KHR_materials_transmission") or JsonObject({}, "")
+    return _share(transmission, "transmissionFactor", 0.0)
 
 
 def _specular_glossiness(material: Material, glossy: JsonObject) -> Material:

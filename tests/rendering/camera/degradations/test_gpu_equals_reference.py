@@ -20,10 +20,11 @@ from omnisim.rendering.camera.degradations import (
     WhiteBalance,
     preset,
 )
-from omnisim.rendering.camera.degradations.development import developed, exposed, mean_luminance
+from omnisim.rendering.camera.degradations.development import developed, exposed
 from omnisim.rendering.camera.degradations.effect import Shot
 from omnisim.rendering.camera.degradations.encoding import neutral
 from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d, uniform
+from omnisim.rendering.camera.metering import Metering
 from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
 from tests.rendering.camera.degradations.images import GEOMETRY, on_gpu, random_image
 
@@ -217,11 +218,16 @@ def test_the_neutral_curve_is_khronos_s():
     assert np.abs(np.diff(levels, axis=0)).max() < 2e-3  # and has no step
 
 
-def test_meter_is_the_mean_luminance(context):
-    image = random_image()
+@pytest.mark.parametrize("percentile", [None, 50.0, 97.5])
+def test_meter_is_its_reference(context, percentile):
+    image, meter = random_image(), Metering(percentile)
+    image[:5, :, 3] = 0.0  # pixels that see nothing do not count
     height, width = image.shape[:2]
     chain = DegradationPass(context, (width, height), (), ())
     chain.add(context.texture((width, height), 4, image, dtype="f4"))
-    assert chain.mean_luminance() == pytest.approx(mean_luminance(image), rel=1e-6)
+    assert chain.luminance(meter) == pytest.approx(meter.of_image(image), rel=1e-6)
     chain.add(context.texture((width, height), 4, 0.0 * image, dtype="f4"))
-    assert chain.mean_luminance() == 0.0
+    assert chain.luminance(meter) == 0.0
+    image[..., 3] = 0.0
+    chain.add(context.texture((width, height), 4, image, dtype="f4"))
+    assert chain.luminance(meter) == meter.of_image(image) == 0.0

@@ -89,6 +89,9 @@ class WrittenMaterials:
             gloss = extensions.setdefault("KHR_materials_specular", {})
             for key in ("specularTexture", "specularColorTexture"):
                 self._put(gloss, key, material.specular_map, material.name)
+        if material.transmission > 0.0:
+            transmission = {"transmissionFactor": material.transmission}
+            extensions["KHR_materials_transmission"] = transmission
         if material.clearcoat > 0.0:
             extensions["KHR_materials_clearcoat"] = {
                 "clearcoatFactor": material.clearcoat,

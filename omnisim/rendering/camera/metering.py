@@ -1,0 +1,41 @@
+"""Light meter of auto-exposure: one luminance that stands for an image.
+
+A percentile is robust: a window or a lamp that fills less than the rest of the image does not move
+the median, and so does not pull the room around it into black. The mean follows the brightest part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+LUMINANCE = (0.2126, 0.7152, 0.0722)  # of red, green and blue, Rec. 709
+
+
+@dataclass(frozen=True)
+class Metering:
+    """Statistic of the valid pixels' luminances.
+
+    Attributes:
+        percentile: percentile, linearly interpolated; None: mean.
+    """
+
+    percentile: float | None = None
+
+    def of_image(self, image: NDArray[np.float32]) -> float:
+        """Metered luminance (Rec. 709) of an image (height, width, 4); 0 without valid pixels.
+
+        The reference of shaders/degradation/meter.frag and luminance.frag.
+        """
+        pixels = image[image[..., 3] > 0.5, :3].astype(np.float64)
+        return self.of_luminances(pixels @ np.array(LUMINANCE))
+
+    def of_luminances(self, luminances: NDArray[np.floating]) -> float:
+        """Metered luminance of pixels (n,); 0 if there are none."""
+        if luminances.size == 0:
+            return 0.0
+        if self.percentile is None:
+            return float(np.mean(luminances))
+        return float(np.percentile(luminances, self.percentile))

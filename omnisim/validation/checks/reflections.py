@@ -1,0 +1,76 @@
+"""Mirrors, glossy floors, a chrome ball and a pane by rays, and by Mitsuba's path tracer."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import PerspectiveCamera
+from omnisim.core.srgb import srgb8_from_linear, srgb_from_linear
+from omnisim.rendering.stage import open_sensor
+from omnisim.scene import Scene
+from omnisim.validation.checks import reflective_rooms
+from omnisim.validation.fixture import Fixture
+from omnisim.validation.plots.style import gallery
+from omnisim.validation.psnr import psnr_db
+from omnisim.validation.report.measure import Measure
+from omnisim.validation.report.report import CaptionedFigure, Section
+
+WIDTH_PX, QUICK_WIDTH_PX = 240, 120
+SUPERSAMPLING = 4  # of omnisim: 16 samples per pixel, of 8 rays each on glossy surfaces
+SAMPLES = 256  # of Mitsuba, per pixel
+MIN_DB = {
+    "planar mirror": 36.0,
+    "floor of roughness 0.1": 34.0,
+    "floor of roughness 0.3": 34.0,
+    "chrome ball": 32.0,
+    "thin pane": 36.0,
+}
+_SHOWN_FACTOR = 8
+
+
+def check(fixture: Fixture, title: str) -> Section:
+    """Render each room with both renderers, and compare them."""
+    images: dict[str, NDArray[np.uint8]] = {}
+    measures = []
+    width_px = QUICK_WIDTH_PX if fixture.is_quick else WIDTH_PX
+    for name, scene in reflective_rooms.rooms().items():
+        ours, traced = both(scene, width_px, SAMPLES)
+        value = psnr_db(ours, traced, np.ones(ours.shape[:2], dtype=np.bool_))
+        measures.append(Measure(f"{name}: PSNR", value, "dB", MIN_DB[name], at_least=True))
+        off = np.abs(srgb_from_linear(ours) - srgb_from_linear(traced))
+        images |= {
+            f"{name}, omnisim": srgb8_from_linear(ours),
+            f"{name}, Mitsuba": srgb8_from_linear(traced),
+            f"{name}, difference × {_SHOWN_FACTOR}": np.rint(
+                255.0 * np.clip(_SHOWN_FACTOR * off, 0.0, 1.0)
+            ).astype(np.uint8),
+        }
+    return Section(
+        title,
+        "A room of shining walls in what reflects it, by the back end of rays. Mitsuba's paths are "
+        "converged; its facets are shadowed each way on its own.",
+        tuple(measures),
+        figures=(
+            CaptionedFigure(
+                "reflections",
+                gallery(images, 3),
+                f"Rooms by both, and their difference × {_SHOWN_FACTOR}.",
+            ),
+        ),
+    )
+
+
+def both(
+    scene: Scene, width_px: int, samples: int, supersampling: int = SUPERSAMPLING
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Linear images (height, width, 3) of a room, at most white, by omnisim and by Mitsuba."""
+    from omnisim.validation.oracles.mitsuba_reflections import trace_reflections  # of an extra
+
+    camera, pose = reflective_rooms.camera(width_px, supersampling), reflective_rooms.camera_pose()
+    with open_sensor(scene, camera, backend="rays") as renderer:
+        ours = renderer.render(pose, linear=True).linear
+    assert ours is not None
+    assert isinstance(camera.model, PerspectiveCamera)
+    traced = trace_reflections(scene, camera.model, pose, samples)
+    return np.clip(ours[..., :3], 0.0, 1.0), np.clip(traced, 0.0, 1.0)

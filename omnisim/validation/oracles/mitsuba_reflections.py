@@ -1,0 +1,134 @@
+"""Scenes of shining surfaces, mirrors, rough metal and thin panes, by Mitsuba 3.
+
+Unlit surfaces emit their color. Other surfaces reflect, and nothing else lights them, so that
+Mitsuba's converged paths are the radiance along reflected and transmitted rays.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import PerspectiveCamera
+from omnisim.scene import Scene
+from omnisim.scene.model import Instance, Material
+from omnisim.validation.oracles.mitsuba_materials import principled
+from omnisim.validation.oracles.mitsuba_scene import (
+    film,
+    mesh_of,
+    metal,
+    rgb,
+    scalar_variant,
+)
+
+DEPTH = 12  # maximum number of segments of a path
+
+
+def trace_reflections(
+    scene: Scene,
+    camera: PerspectiveCamera,
+    world_from_base: NDArray[np.float64],
+    samples: int,
+    seed: int = 0,
+) -> NDArray[np.float32]:
+    """Trace the image (height, width, 3), linear RGB, of a camera that looks along its base's x.
+
+    Args:
+        scene: scene from `omnisim.validation.checks.reflective_rooms`.
+        camera: camera at the base's origin.
+        world_from_base: (4, 4).
+        samples: rays per pixel; a square number.
+        seed: equal seeds give equal images.
+    """
+    with scalar_variant():
+        content: dict[str, Any] = {
+            "type": "scene",
+            "integrator": {"type": "path", "max_depth": DEPTH},
+            "sensor": _sensor(camera, world_from_base, samples),
+        }
+        for number, instance in enumerate(scene.instances):
+            for part, surface in enumerate(_surfaces(scene, instance)):
+                content[f"surface {number}, {part}"] = surface
+        image = mi.render(mi.load_dict(content), spp=samples, seed=mi.UInt32(seed))
+        return np.array(image, dtype=np.float32)[..., :3]
+
+
+def _sensor(
+    camera: PerspectiveCamera, world_from_base: NDArray[np.float64], samples: int
+) -> dict[str, Any]:
+    position = world_from_base[:3, 3]
+    (u, v), width, height = camera.principal_point_px, camera.width_px, camera.height_px
+    return {
+        "type": "perspective",
+        "to_world": mi.ScalarTransform4f().look_at(
+            origin=position.tolist(),
+            target=(position + world_from_base[:3, 0]).tolist(),
+            up=world_from_base[:3, 2].tolist(),
+        ),
+        "fov_axis": "x",
+        "fov": math.degrees(2.0 * math.atan(0.5 * width / camera.focal_length_px)),
+        "principal_point_offset_x": 0.5 - (u + 0.5) / width,
+        "principal_point_offset_y": 0.5 - (v + 0.5) / height,
+        "near_clip": 0.01,
+        "film": film(width, height),
+        "sampler": {"type": "multijitter", "sample_count": samples},
+    }
+
+
+def _surfaces(scene: Scene, instance: Instance) -> list[mi.Mesh]:
+    """Meshes of an instance: one of each color if it shines, else one."""
+    mesh = scene.meshes[instance.mesh]
+    material = scene.materials[mesh.material]
+    linear, offset_m = instance.world_from_mesh[:3, :3], instance.world_from_mesh[:3, 3]
+    positions = mesh.positions @ linear.T + offset_m
+    triangles = mesh.triangles.astype(np.int64)
+    if material.unlit:
+        return _shining(material, positions, triangles, mesh.colors)
+    properties = {
+        "mesh_bsdf": mi.load_dict(_bsdf(material)), "face_normals": mesh.normals is None,
+    }  # fmt: skip
+    normals = None if mesh.normals is None else mesh.normals @ linear.T
+    return [mesh_of(positions, triangles, properties, normals=normals)]
+
+
+def _shining(
+    material: Material,
+    positions: NDArray[np.float64],
+    triangles: NDArray[np.int64],
+    colors: NDArray[np.float32] | None,
+) -> list[mi.Mesh]:
+    """Emitters to the front, one of each color of the triangles: Mitsuba 3.9 crashes on others."""
+    factor = np.array(material.base_color[:3], dtype=np.float32)
+    white = np.ones((len(triangles), 3), dtype=np.float32)
+    own = factor * (white if colors is None else colors[triangles[:, 0], :3])
+    found, groups = np.unique(own, axis=0, return_inverse=True)
+    meshes = []
+    for number, color in enumerate(found):
+        corners = triangles[groups.ravel() == number].ravel()
+        properties = {
+            "mesh_bsdf": mi.load_dict(metal(0.0)),
+            "mesh_emitter": mi.load_dict({"type": "area", "radiance": rgb(tuple(color.tolist()))}),
+            "face_normals": True,
+        }
+        faces = np.arange(len(corners)).reshape(-1, 3)
+        meshes.append(mesh_of(positions[corners], faces, properties))
+    return meshes
+
+
+def _bsdf(material: Material) -> dict[str, Any]:
+    """BSDF of a thin pane, or of a metal: smooth, or of GGX's facets."""
+    if material.transmission > 0.0:
+        return {
+            "type": "thindielectric",
+            "int_ior": material.ior,
+            "ext_ior": 1.0,
+            "specular_transmittance": rgb(material.base_color[:3]),
+        }
+    if material.roughness > 0.0:
+        return {"type": "twosided", "nested": principled(material)}
+    smooth = metal(1.0) | {"specular_reflectance": rgb(material.base_color[:3])}
+    return {"type": "twosided", "nested": smooth}

@@ -1,0 +1,86 @@
+"""Thin panes by rays: what is behind and before them, by Fresnel's equations."""
+
+import numpy as np
+import pytest
+
+from omnisim.scene.model import Lighting, Material
+from tests.rendering.rays.test_caster import rays_from
+from tests.rendering.rays.test_reflections import traced
+from tests.scenes import scene_of, square
+
+pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
+
+from omnisim.rendering.rays.ray_scene import RayScene
+
+TINT = np.array((0.9, 0.5, 0.2))
+ABOVE, BELOW = np.array((0.2, 0.4, 0.8)), np.array((0.9, 0.6, 0.1))
+DARK = Lighting((0.0, 0.0, 0.0), ())
+
+
+def slope(degrees):
+    angle = np.radians(degrees)
+    return rays_from((0.0, 0.0, 1.0), [(np.sin(angle), 0.0, -np.cos(angle))])
+
+
+def reflected_by_pane(degrees, ior):
+    """Sum of all reflections between two interfaces, each by Snell and by Fresnel's sines."""
+    outside = np.radians(max(degrees, 1e-3))
+    inside = np.arcsin(np.sin(outside) / ior)
+    across = (np.sin(outside - inside) / np.sin(outside + inside)) ** 2
+    along = (np.tan(outside - inside) / np.tan(outside + inside)) ** 2
+    once = 0.5 * (across + along)
+    total, inner = once, (1.0 - once) ** 2 * once
+    for _ in range(60):
+        total, inner = total + inner, inner * once**2
+    return total
+
+
+def between_lights(panes=1, **values):
+    """Panes at z = 0 and below, between a light above and one below."""
+    glass = Material(
+        base_color=(*TINT, 1.0), roughness=0.0, specular=1.0, double_sided=True, **values
+    )
+    lights = [
+        Material(base_color=(*color, 1.0), unlit=True, double_sided=True)
+        for color in (ABOVE, BELOW)
+    ]
+    meshes = [square(half_m=1e4, z_m=3.0), square(half_m=1e4, z_m=-3.0, material=1)]
+    meshes += [square(half_m=1e4, z_m=-0.5 * number, material=2) for number in range(panes)]
+    return scene_of(meshes, [*lights, glass], None, DARK)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 56.3, 75.0, 85.0])
+@pytest.mark.parametrize("ior", [1.33, 1.52])
+def test_a_pane_reflects_and_transmits_by_fresnel(degrees, ior):
+    share = reflected_by_pane(degrees, ior)
+    light = traced(between_lights(transmission=1.0, ior=ior), slope(degrees))
+    np.testing.assert_allclose(light[0], share * ABOVE + (1 - share) * TINT * BELOW, rtol=1e-4)
+
+
+def test_two_panes_reflect_each_other():
+    """The second shows twice: through the first, and in it."""
+    one = reflected_by_pane(40.0, 1.5)
+    through = (1.0 - one) * TINT
+    below = through * through * BELOW
+    between, total = one * through * through * ABOVE, one * ABOVE + below
+    total = total + between
+    for number in range(1, 3):  # light that bounces between the panes
+        total = total + (one * one) ** number * (below + between)
+    light = traced(between_lights(panes=2, transmission=1.0), slope(40.0))
+    np.testing.assert_allclose(light[0], total, atol=2e-3)  # reflections below 1/512 are left out
+
+
+def test_without_paths_and_in_metal_a_pane_is_opaque():
+    scene = between_lights(transmission=1.0)
+    opaque = between_lights()
+    np.testing.assert_array_equal(
+        RayScene(scene).radiance(slope(30.0)), RayScene(opaque).radiance(slope(30.0))
+    )
+    metal = between_lights(transmission=1.0, metallic=1.0)
+    light = traced(metal, slope(0.0))
+    np.testing.assert_allclose(light[0], TINT * ABOVE, rtol=1e-4)
+
+
+def test_ranges_end_at_a_pane():
+    hits = RayScene(between_lights(transmission=1.0)).first_hits(slope(0.0))
+    np.testing.assert_allclose(hits.ranges_m, 1.0, rtol=1e-6)

@@ -1,0 +1,45 @@
+"""Materials whose reflections of the scene the back end of cubes leaves out."""
+
+import numpy as np
+import pytest
+
+from omnisim.rendering.unreflected import reflection_notes, reflects_scene
+from omnisim.scene.model import Lighting, Material, Texture
+from tests.scenes import scene_of, square
+
+
+def _map(green):
+    pixels = np.full((2, 2, 4), 255, dtype=np.uint8)
+    pixels[0, 0, 1] = green
+    return Texture(pixels)
+
+
+@pytest.mark.parametrize(
+    ("material", "expected"),
+    [
+        (Material(), False),
+        (Material(metallic=1.0, roughness=0.1), True),
+        (Material(metallic=1.0, roughness=0.1, unlit=True), False),
+        (Material(metallic=1.0, roughness=0.8), False),
+        (Material(specular=1.0, roughness=0.5), True),
+        (Material(clearcoat=0.5), True),
+        (Material(emissive=(1.0, 1.0, 1.0), roughness=0.1), False),
+        (Material(metallic=1.0, metallic_roughness_map=_map(100)), True),
+        (Material(metallic=1.0, metallic_roughness_map=_map(200)), False),
+    ],
+)
+def test_smooth_metal_gloss_and_coats_reflect_the_scene(material, expected):
+    assert reflects_scene(material) is expected
+    scene = scene_of([square()], [material])
+    notes = reflection_notes(scene)
+    assert len(notes) == expected
+    start = "reflections show the sky and lamps, not the scene (1 material)"
+    assert all(note.startswith(start) for note in notes)
+    matte = Lighting((1.0, 1.0, 1.0), (), is_matte=True)
+    assert not reflection_notes(scene_of([square()], [material], None, matte))
+
+
+def test_panes_are_opaque():
+    pane = Material(transmission=0.5, roughness=0.0, specular=1.0)
+    notes = reflection_notes(scene_of([square()], [pane]))
+    assert notes[1] == "panes are opaque (1 material): --backend rays shows what is behind them"

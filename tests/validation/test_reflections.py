@@ -1,0 +1,24 @@
+"""Images of mirrors, glossy floors, a ball and a pane, by rays and by Mitsuba."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mitsuba", reason="Mitsuba, the oracle, is missing")
+pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
+
+from omnisim.rendering.rays.shading import reflections
+from omnisim.validation.checks import reflective_rooms
+from omnisim.validation.checks.reflections import MIN_DB, both
+from omnisim.validation.psnr import psnr_db
+
+
+@pytest.mark.parametrize("name", MIN_DB)
+def test_rays_reflect_as_mitsuba_s_paths(name, monkeypatch):
+    """At 64 px, with 36 of Mitsuba's paths per pixel, whose noise is the larger."""
+    scene = reflective_rooms.rooms()[name]
+    ours, traced = both(scene, 64, samples=36, supersampling=3)
+    everywhere = np.ones(ours.shape[:2], dtype=bool)
+    assert psnr_db(ours, traced, everywhere) >= MIN_DB[name]
+    monkeypatch.setattr(reflections, "MAX_BOUNCES", 0)  # the sky alone
+    without, _ = both(scene, 64, samples=1, supersampling=1)
+    assert psnr_db(without, traced, everywhere) < MIN_DB[name] - 5.0
