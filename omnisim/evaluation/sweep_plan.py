@@ -107,7 +107,7 @@ class SweepPoint:
         variation: index of the variation; None: the drive as it is.
         label: varied value as text.
         seed: seed of the drive.
-        drive: what is recorded; points may share it.
+        drive: drive to record, which points may share.
         calibration: errors of the calibration that estimators are given, by sensor.
     """
 

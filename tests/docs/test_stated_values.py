@@ -138,7 +138,7 @@ def _quoted(page, pattern):
 
 
 def test_lists_in_pages_are_those_of_the_code():
-    presets = _quoted(HOW_TO + "imperfect-cameras.md", r"Presets: .*?, or a TOML")
+    presets = _quoted(HOW_TO + "imperfect-cameras.md", r"The presets are .*?\. Your own TOML")
     assert presets == set(preset_names())
     assert _quoted(HOW_TO + "data-sets.md", r"(?<=`--to` writes).*?, the last") == set(LAYOUTS)
     assert set(EXPORTS) <= set(re.findall(r"[\w-]+", words_of(HOW_TO + "use-with.md")))
@@ -150,7 +150,7 @@ def test_lists_in_pages_are_those_of_the_code():
 
 def test_extras_in_the_table_are_those_of_the_package():
     table = tomllib.loads(text_of("pyproject.toml"))["project"]["optional-dependencies"]
-    rows = re.findall(r"^\| `(\w+)` \|", text_of(HOW_TO + "install.md"), re.MULTILINE)
+    rows = re.findall(r"^\| `([\w-]+)` \|", text_of(HOW_TO + "install.md"), re.MULTILINE)
     assert set(rows) == set(table)
     (all_of,) = table["all"]
     assert set(rows[: rows.index("all")]) == set(re.findall(r"\w+", all_of.partition("[")[2]))

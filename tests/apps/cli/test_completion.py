@@ -53,7 +53,7 @@ def _ask(*words, folder=None, slow=SLOW):
         (("unwarp", "a.png", "--to", "c"), ["cylinder"]),
         (("export", "run", "--to", "col"), ["colmap", "colmap-binary"]),
         (("dataset", "convert", "set", "--to", "co"), ["coco", "colmap", "colmap-binary"]),
-        (("validate", "--only", "r"), ["rings", "reflections", "rays"]),
+        (("validate", "--only", "r"), ["rings", "reflections", "rays", "response"]),
         (("robot", "check", "s"), ["superscout"]),
         (("render", "rings", "--trajectory-f"), ["--trajectory-frame"]),
     ],

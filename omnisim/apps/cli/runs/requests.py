@@ -231,5 +231,7 @@ class EvaluateRequest:
     """Drives of a plan at the same time."""
     engine: Annotated[str, Option(metavar="NAME", names=lambda: ("local", "ray"))] = "local"
     """Engine that distributes the drives of a plan: {names}."""
-    address: Annotated[str | None, Option(default="a cluster on this machine")] = None
+    address: Annotated[
+        str | None, Option(metavar="ADDRESS", default="a cluster on this machine")
+    ] = None
     """Address of the Ray cluster."""
