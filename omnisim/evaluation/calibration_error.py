@@ -1,7 +1,8 @@
-"""Errors of the calibration that estimators are given; the drive itself has none.
+"""Errors of the calibration that estimators read; the recorded drive has the true calibration.
 
-The estimators get a copy of the run's folder, in which files of wrong sensors are replaced, and all
-others are links. So commands of the user and exports see the same errors as adapters do.
+The estimators read a copy of the run's folder. In it, the files of miscalibrated sensors are
+replaced, and all others are links. So the user's commands and exports see the same errors as
+adapters.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ _EXTRINSICS = ("offset_m", "roll_deg", "pitch_deg", "yaw_deg")
 
 
 class CalibrationError(Table):
-    """Error of a sensor's calibration, in what the estimators are given."""
+    """Error of a sensor's calibration, as the estimators read it."""
 
     focal_scale: Annotated[Number, Field(ge=0.5, le=2.0)] = 1.0
     """Factor of a camera's focal lengths."""
@@ -49,7 +50,7 @@ class CalibrationError(Table):
     """Seconds that the sensor's stamps are late."""
 
     def wrong(self, base_from_sensor: Floats) -> Floats:
-        """Extrinsics (4, 4) with the error."""
+        """Extrinsics (4, 4) with the error, from the true ones."""
         turned: Floats = base_from_sensor @ pose(
             (0.0, 0.0, 0.0), self.roll_deg, self.pitch_deg, self.yaw_deg
         )
@@ -63,15 +64,15 @@ class CalibrationError(Table):
 
 
 def write_given_run(run: Recording, errors: Mapping[str, CalibrationError], folder: Path) -> None:
-    """Write the run as the estimators are given it: links, and wrong files of wrong sensors.
+    """Write the run for the estimators: links, and changed files of miscalibrated sensors.
 
     Args:
         run: finished run.
-        errors: errors by sensor.
-        folder: folder to write, whose contents are replaced.
+        errors: errors by the name of the sensor.
+        folder: output folder, whose contents are replaced.
 
     Raises:
-        EstimatorError: a sensor has no calibration of that kind.
+        EstimatorError: a sensor has no focal length or no stamps to change.
         OutputError: the folder cannot be written.
     """
     source = run.run.path.absolute()
@@ -92,7 +93,11 @@ def write_given_run(run: Recording, errors: Mapping[str, CalibrationError], fold
 
 
 def _write_sensor(run: Recording, name: str, error: CalibrationError, folder: Path) -> None:
-    """Replace the files of a sensor that has an error."""
+    """Replace the files of a miscalibrated sensor.
+
+    Raises:
+        EstimatorError: the sensor has no focal length or no stamps to change.
+    """
     is_camera, is_imu = (folder / CALIBRATION).exists(), (folder / PARAMETERS).exists()
     if error.focal_scale != 1.0 and not is_camera:
         raise EstimatorError(f"{name}: focal_scale: expected a camera")
@@ -116,7 +121,7 @@ def _write_sensor(run: Recording, name: str, error: CalibrationError, folder: Pa
 
 
 def _rewrite(path: Path, change: Callable[[str], str]) -> None:
-    """Replace a link by a changed copy of its file."""
+    """Replace a link by a changed copy of its target."""
     text = change(path.read_text(encoding="utf-8"))
     path.unlink()
     write_text(path, text)
@@ -141,7 +146,7 @@ def _wrong_imu(text: str, base_from_imu: Floats, error: CalibrationError) -> str
 
 
 def _later(text: str, shift_s: float) -> str:
-    """Table whose times, in the first column, are later."""
+    """CSV table with the times in its first column shifted by `shift_s`."""
     first, *lines = text.splitlines()
     changed = []
     for line in lines:
@@ -151,7 +156,7 @@ def _later(text: str, shift_s: float) -> str:
 
 
 def _wrong_lidar(run: Recording, name: str, error: CalibrationError, folder: Path) -> None:
-    """Replace the pose in the first cloud, from which the extrinsics follow."""
+    """Replace the pose in the first cloud, which determines the lidar's extrinsics."""
     suffix = f".{(run.run.manifest.sensors[name].model_extra or {})['file_format']}"
     path = folder / run.run.file(name, 0, suffix).name
     shifted_s = run.times_s(name)[:1] + error.time_offset_s

@@ -12,25 +12,25 @@ from omnisim.cameras.camera import pixel_grid
 from omnisim.core.errors import EstimatorError
 from omnisim.core.poses import nearest_rotation
 
-STEP_PX = 8  # of the grid over the image
+STEP_PX = 8  # spacing of the grid over the image
 NEAR_AXIS_RAD = 1e-3
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class CameraErrors:
-    """Errors of a calibrated camera over the whole image, where the true one has rays.
+    """Errors of a calibrated camera over all pixels that have a true ray.
 
-    A calibration cannot know how the lens is turned in its housing: the rays are turned to the true
-    ones first.
+    A calibration does not determine the lens's orientation in its housing. The rays are therefore
+    aligned with the true ones by the best rotation first.
 
     Attributes:
         model: name of the estimated model.
-        focal_length: error of the focal length at the axis, as a share of the true one; NaN: the
-            axis is not in the image.
+        focal_length: relative error of the focal length at the axis; NaN: the axis is outside of
+            the image.
         rms_px: root mean square distance of the pixels of true rays from the true pixels.
-        max_px: largest distance.
-        covered: share of the true rays that the estimated model has pixels for.
+        max_px: largest such distance.
+        covered: share of the true rays that the estimated model projects to a pixel.
     """
 
     model: str
@@ -41,7 +41,7 @@ class CameraErrors:
 
     @property
     def summary(self) -> str:
-        """Model and errors in words."""
+        """Model and errors in one line of text."""
         return (
             f"{self.model}: focal length {100.0 * self.focal_length:+.3f} %, {self.rms_px:.3f} px "
             f"RMS, at most {self.max_px:.3g} px, over {100.0 * self.covered:.4g} % of the image"
@@ -56,7 +56,7 @@ def camera_errors(estimate: CentralCamera, truth: CentralCamera) -> CameraErrors
         truth: true camera, of the same image size.
 
     Raises:
-        EstimatorError: the two have no rays in common.
+        EstimatorError: the two cameras have no rays in common.
     """
     pixels = pixel_grid(truth.width_px, truth.height_px)[::STEP_PX, ::STEP_PX].reshape(-1, 2)
     true_rays, rays = truth.ray_from_pixel(pixels), estimate.ray_from_pixel(pixels)
@@ -78,7 +78,7 @@ def camera_errors(estimate: CentralCamera, truth: CentralCamera) -> CameraErrors
 
 
 def _focal_length_px(camera: CentralCamera) -> float:
-    """Pixels per radian at the axis, mean of both directions; NaN: the axis has no pixel."""
+    """Pixels per radian at the axis, mean of u and v; NaN: the axis has no pixel."""
     small = NEAR_AXIS_RAD * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)], dtype=np.float64)
     ends = camera.pixel_from_ray(np.column_stack((small, np.ones(4))))
     if not ends.valid.all():

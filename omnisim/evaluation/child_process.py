@@ -1,7 +1,7 @@
 """Child processes that end with their parent, at their time limit, or when a sweep is interrupted.
 
-A child has a process group of its own, and its standard input is a pipe that its parent holds open:
-when the parent dies, by whatever signal, the pipe closes, and the child ends its group.
+A child has its own process group, and its standard input is a pipe that its parent holds open. When
+the parent dies, by whatever signal, the pipe closes, and the child ends its group.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _MODULE = "omnisim.evaluation.child_process"
 
 
 class ChildProcesses:
-    """Running children, which can be ended together from another thread."""
+    """Running child processes; another thread can end them all."""
 
     def __init__(self) -> None:
         self._running: set[subprocess.Popen[bytes]] = set()
@@ -30,16 +30,16 @@ class ChildProcesses:
     def run(
         self, module: str, arguments: Sequence[str], output: IO[bytes], limit_s: float | None = None
     ) -> int | None:
-        """Run a Python module in a process of its own, until it ends.
+        """Run a Python module in its own process, until the process ends.
 
         Args:
             module: module, run as by `python -m`.
             arguments: its arguments.
-            output: file of what it prints.
-            limit_s: time after which it is ended with its own children; None: none.
+            output: file for its standard output and standard error.
+            limit_s: time limit, after which it and its own children are ended; None: no limit.
 
         Returns:
-            Exit status, negative for a signal; None: ended at the limit.
+            Exit status, negative for a signal; None: ended at the time limit.
 
         Raises:
             KeyboardInterrupt: `end` was called.
@@ -66,7 +66,7 @@ class ChildProcesses:
         return status
 
     def end(self) -> None:
-        """End all running children, and start no others."""
+        """End all running children, and refuse to start others."""
         with self._lock:
             self._is_ended = True
             for process in self._running:
@@ -74,7 +74,7 @@ class ChildProcesses:
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a process that still runs, and close its pipe."""
+    """End a process if it still runs, and close its pipe."""
     if process.poll() is None:
         _kill_group(process)
         process.wait()
@@ -89,7 +89,7 @@ def _kill_group(process: subprocess.Popen[bytes]) -> None:
 
 
 def _end_with_parent() -> None:
-    """End this process's group when its standard input closes, and let nothing else read it."""
+    """End this process's group when its standard input closes; other readers find it empty."""
     pipe = os.dup(0)
     nothing = os.open(os.devnull, os.O_RDONLY)
     os.dup2(nothing, 0)

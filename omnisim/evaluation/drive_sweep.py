@@ -1,4 +1,4 @@
-"""Sweeps: drives that vary in one respect, and estimators on each."""
+"""Sweep: records drives with one varied quantity each, and applies the estimators to them."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ _TAIL = 300  # characters of a failed drive's message
 
 @dataclass(frozen=True, eq=False)
 class PointResult:
-    """Estimators on a drive of a sweep.
+    """Outcomes of all estimators at a point of a sweep.
 
     Attributes:
-        point: the drive, and the calibration that the estimators were given.
-        outcomes: outcome of each estimator; if the drive failed, with its reason.
+        point: drive and calibration error.
+        outcomes: outcome of each estimator; if the drive failed, each states the drive's error.
         run: folder of the run.
-        estimates: folder with a folder for each estimator.
+        estimates: folder with a subfolder for each estimator.
     """
 
     point: SweepPoint
@@ -41,7 +41,7 @@ class PointResult:
 def run_sweep(
     plan: SweepPlan, points: Sequence[SweepPoint], folder: Path, processes: int = 1
 ) -> Iterator[PointResult]:
-    """Record the missing drives, and apply the estimators; yield results as drives finish.
+    """Record the missing drives and apply the estimators; yields results as drives finish.
 
     Args:
         plan: plan of the sweep.
@@ -68,7 +68,7 @@ def run_sweep(
 
 
 def points_by_drive(points: Sequence[SweepPoint]) -> list[list[SweepPoint]]:
-    """Points of each drive, in order."""
+    """Group points by their drive, in order of the drives' first points."""
     groups: dict[str, list[SweepPoint]] = {}
     for point in points:
         groups.setdefault(point.drive.name, []).append(point)
@@ -78,13 +78,13 @@ def points_by_drive(points: Sequence[SweepPoint]) -> list[list[SweepPoint]]:
 def measure_drive(
     plan: SweepPlan, points: Sequence[SweepPoint], folder: Path, children: ChildProcesses
 ) -> list[PointResult]:
-    """Record a drive, or resume it, and apply the estimators by each of its points.
+    """Record a drive, or resume it, and apply the estimators at each of its points.
 
     Args:
         plan: plan of the sweep.
-        points: points of one drive.
+        points: points with the same drive, which differ in the calibration error.
         folder: folder with a subfolder for each drive.
-        children: runs the processes.
+        children: child processes to start and end.
 
     Raises:
         OutputError: the folder cannot be written to.
@@ -118,7 +118,7 @@ def _measure(
     failure: str,
     children: ChildProcesses,
 ) -> PointResult:
-    """Apply the estimators to a run, or to what its wrong calibration makes of it."""
+    """Apply the estimators to a run, or to its copy with the point's calibration error."""
     given, errors, digest = place / RUN, point.calibration, ""
     if errors:
         digest = fingerprint(sorted((name, str(one)) for name, one in errors.items()))[:8]

@@ -18,16 +18,16 @@ from omnisim.evaluation.trajectory_alignment import AlignmentKind
 class Estimator(ABC):
     """Method that estimates a robot's trajectory, or a camera's model, from a run's sensors.
 
-    A subclass has a module of its own in `omnisim.evaluation.estimators`, and a line in
+    Each subclass has its own module in `omnisim.evaluation.estimators`, and an entry in
     `ESTIMATORS`.
 
     Attributes:
         title: display name, with the required sensors.
         package: name of the required Python package; "": none.
         module: module of that package.
-        extra: extra of omnisim that installs it.
-        alignment: unknowns of the method: "se3": the pose of its world; "sim3": its scale, too;
-            "none": it starts at the true pose.
+        extra: extra of omnisim that installs the package.
+        alignment: unknowns of the estimate's world: "se3": its pose; "sim3": its scale, too;
+            "none": the method starts at the true pose.
         is_level: True if the method observes the direction of gravity.
     """
 
@@ -47,15 +47,15 @@ class Estimator(ABC):
             work: empty folder for intermediate files.
 
         Raises:
-            EstimatorError: the run lacks a sensor, or the method found nothing.
+            EstimatorError: the run lacks a sensor, or the method yields no estimate.
         """
 
     def base_from_tracked(self, run: Recording) -> NDArray[np.float64]:
-        """Pose (4, 4), on the base, of the frame whose poses are estimated: by default the base.
+        """Pose (4, 4) of the tracked frame in the base frame; by default the identity.
 
-        A method that cannot know the scale cannot move poses of its camera to the base either: the
-        lever arm has another scale than its world. It returns poses of the camera's center, with
-        the base's axes.
+        Without the scale, a method cannot transfer poses from its camera to the base: the lever arm
+        is in meters, its world is not. Such a method tracks the camera's center, with the base's
+        axes.
 
         Args:
             run: run with the true calibration.

@@ -1,4 +1,4 @@
-"""Names of the estimators; a module is imported when its estimator is used."""
+"""Registry of estimators by name; a module is imported when its estimator is used."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ COMMAND = "command:"  # prefix of a user's own command
 
 
 def estimator_named(name: str) -> Estimator:
-    """Estimator of a name in `ESTIMATORS`, of a calibration, or of a command.
+    """Build an estimator from its name, a calibration and board, or a user's command.
 
     Args:
         name: such as "kiss-icp", "measure:8x6:80mm" or "command:my_slam {run} {out}".
 
     Raises:
         EstimatorError: the name is unknown.
-        MeasurementError: the board is unknown.
+        MeasurementError: the description of the board is invalid.
     """
     if name.startswith(COMMAND):
         from omnisim.evaluation.estimators.own_command import OwnCommand

@@ -1,7 +1,7 @@
 """Process of one estimator: python -m omnisim.evaluation.estimator_worker RUN NAME FOLDER.
 
-It writes `estimate.tum`, or `camera.json` of a calibration; then `done.json` with its time, or the
-reason of a failure.
+It writes `estimate.tum`, or `camera.json` for a calibration; then `done.json` with the time taken,
+or with the reason of the failure.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ ESTIMATE, CAMERA, DONE = "estimate.tum", "camera.json", "done.json"
 
 
 def main(run: Path, name: str, folder: Path) -> None:
-    """Apply an estimator to a run, and write what it estimates to a folder."""
+    """Apply an estimator to a run, and write its estimate to a folder."""
     work = folder / "work"
     work.mkdir(exist_ok=True)
     done: dict[str, object]

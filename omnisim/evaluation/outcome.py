@@ -22,8 +22,8 @@ class Outcome:
     Attributes:
         estimator: name of the estimator, or the user's command.
         status: "ok", or the kind of failure.
-        reason: message of a failure, or the camera's errors in words; empty: none.
-        seconds: time that the estimator took, without starting its process.
+        reason: message of the failure, or the camera's errors in one line; empty: neither.
+        seconds: time taken by the estimator, without starting its process; None: unknown.
         errors: errors of the trajectory; None: no trajectory.
         camera: errors of the calibrated camera; None: no calibration.
     """
@@ -36,7 +36,7 @@ class Outcome:
     camera: CameraErrors | None = None
 
     def as_dict(self) -> dict[str, Any]:
-        """JSON object, read again by `outcome_from`."""
+        """JSON object that `outcome_from` reads."""
         content = dataclasses.asdict(self)
         if content["errors"] is not None:
             alignment = content["errors"]["alignment"]
@@ -46,7 +46,7 @@ class Outcome:
 
 
 def outcome_from(content: dict[str, Any]) -> Outcome:
-    """Outcome of a JSON object.
+    """Outcome from its JSON object.
 
     Raises:
         KeyError, TypeError, ValueError: not the JSON object of an outcome.

@@ -1,4 +1,4 @@
-"""Drives of a sweep on a Ray cluster: a task per drive, which records and evaluates it."""
+"""Sweep on a Ray cluster: one task per drive, which records and evaluates it."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from omnisim.evaluation.child_process import ChildProcesses
 from omnisim.evaluation.drive_sweep import PointResult, measure_drive, points_by_drive
 from omnisim.evaluation.sweep_plan import SweepPlan, SweepPoint
 
-RETRIES = 3  # of a task whose process or machine ends
+RETRIES = 3  # of a task whose process or machine dies
 
 
 def run_sweep_on_ray(
     plan: SweepPlan, points: Sequence[SweepPoint], folder: Path, address: str | None = None
 ) -> Iterator[PointResult]:
-    """Record and evaluate drives on a cluster whose machines share all folders; yield results.
+    """Record and evaluate drives on a cluster with shared folders; yields results.
 
     Args:
         plan: plan of the sweep.
-        points: its points.
-        folder: folder with a subfolder for each drive.
+        points: points of the sweep.
+        folder: folder with a subfolder for each drive, which all machines can write.
         address: address of the cluster; None: a cluster on this machine.
 
     Raises:
-        OmnisimError: the first fault that is no failure of an estimator, or an unreachable cluster.
+        OmnisimError: the first fault other than a failed estimator, or an unreachable cluster.
     """
     try:
         ray.init(
@@ -37,7 +37,7 @@ def run_sweep_on_ray(
             log_to_driver=False,
             logging_level=logging.ERROR,
         )
-    except Exception as reason:  # a node that does not start in time raises a bare one
+    except Exception as reason:  # a node that starts too late raises a bare Exception
         where = "ray" if address is None else f"--address {address}"
         raise PlanError(f"{where}: {str(reason).partition(chr(10))[0]}") from None
     try:
@@ -62,7 +62,7 @@ def run_sweep_on_ray(
 def _measure(
     plan: SweepPlan, points: Sequence[SweepPoint], folder: Path
 ) -> list[PointResult] | str:
-    """Results of a drive, or the message of a fault."""
+    """Results of a drive's points, or the message of a fault."""
     try:
         return measure_drive(plan, points, folder, ChildProcesses())
     except OmnisimError as reason:

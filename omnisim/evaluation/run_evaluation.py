@@ -1,4 +1,4 @@
-"""Estimators on a run: each in a process of its own, with a time limit, once."""
+"""Evaluation of an estimator on a run: in its own process, with a time limit, and cached."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ from omnisim.evaluation.trajectory_errors import match_times, trajectory_errors
 from omnisim.runs.run_folder import MANIFEST
 
 OUTCOME, OUTPUT = "outcome.json", "output.txt"
-MAX_GAP_S = 0.11  # between recorded states, for a spline between them
-_TAIL = 200  # characters of a crashed process's last words
-_FINAL = ("ok", "failed", "crashed")  # others may differ next time
+MAX_GAP_S = 0.11  # between two recorded states; a spline bridges no longer gap
+_TAIL = 200  # characters of a crashed process's last line
+_FINAL = ("ok", "failed", "crashed")  # cached; other statuses may change on the next attempt
 
 
 def evaluate_estimator(
@@ -45,17 +45,17 @@ def evaluate_estimator(
     given: Path | None = None,
     children: ChildProcesses | None = None,
 ) -> Outcome:
-    """Apply an estimator to a run, in a process of its own, and measure its errors.
+    """Apply an estimator to a run, in its own process, and measure its errors.
 
-    A stored outcome of the same run and estimator is read instead.
+    If the folder has an outcome of the same run and estimator, it is returned instead.
 
     Args:
-        run: folder of a finished run.
-        name: estimator, see `estimator_named`.
-        folder: folder for its trajectory and outcome; created if missing.
+        run: folder of a finished run with the true calibration.
+        name: name of the estimator, see `estimator_named`.
+        folder: folder for the estimate and the outcome; created if missing.
         limit_s: time limit of the process.
         given: folder of the run with the calibration for the estimator; None: `run`.
-        children: runs the process; None: one of its own.
+        children: child processes to start and end; None: only this one.
 
     Raises:
         EstimatorError: the name is unknown.
@@ -81,7 +81,7 @@ def evaluate_estimator(
 
 
 def estimator_folder(name: str) -> str:
-    """Name of an estimator's folder: its own, or a command's words and digest."""
+    """Folder name of an estimator: its name, or the words of a command and their digest."""
     if re.fullmatch(r"[a-z0-9-]+", name):
         return name
     words = re.sub(r"[^A-Za-z0-9]+", "-", name).strip("-")[:30]
@@ -105,7 +105,7 @@ def _version(estimator: Estimator) -> str:
 
 
 def _read_outcome(path: Path, inputs: str) -> Outcome | None:
-    """Stored final outcome of the same inputs; None: missing."""
+    """Cached outcome of the same inputs; None: missing, or not final."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         if content.pop("inputs") != inputs:
@@ -119,7 +119,7 @@ def _read_outcome(path: Path, inputs: str) -> Outcome | None:
 def _run_worker(
     given: Path, name: str, folder: Path, limit_s: float, children: ChildProcesses
 ) -> int | None:
-    """Exit status of the process; None: timed out, and was killed with its children."""
+    """Run the estimator's process; returns its exit status, or None after the time limit."""
     for file in (ESTIMATE, CAMERA, DONE, OUTCOME):
         (folder / file).unlink(missing_ok=True)
     shutil.rmtree(folder / "work", ignore_errors=True)
@@ -131,7 +131,7 @@ def _run_worker(
 def _outcome(
     run: Path, name: str, folder: Path, limit_s: float, estimator: Estimator, status: int | None
 ) -> Outcome:
-    """Outcome of a process that has ended, with the errors of its trajectory."""
+    """Outcome of an ended process, with the errors of its trajectory or camera."""
     if status is None:
         return Outcome(name, "timed out", f"ended after {limit_s:g} s")
     try:
@@ -156,7 +156,7 @@ def _outcome(
 
 
 def _camera_outcome(run: Path, name: str, path: Path, seconds: float) -> Outcome:
-    """Errors of a calibrated camera."""
+    """Outcome with the errors of a calibrated camera."""
     try:
         truth = LensCamera.of(Recording.read(run).cameras[0], lambda note: None).lens
         errors = camera_errors(load_calibration(path).camera().camera, truth)
@@ -166,10 +166,10 @@ def _camera_outcome(run: Path, name: str, path: Path, seconds: float) -> Outcome
 
 
 def true_trajectory(recording: Recording, times_s: NDArray[np.float64]) -> Trajectory:
-    """True poses at all recorded states, and at times (n,) between two that are close.
+    """True poses at all recorded states, and at further times (n,) where they can be interpolated.
 
-    A state between two others is that of a spline; it is added where no recorded one is as near as
-    `MAX_OFFSET_S`, as for stamps with an error.
+    A time that is farther than `MAX_OFFSET_S` from all recorded states, such as a stamp with an
+    error, gets the pose of a spline if it lies between two states at most `MAX_GAP_S` apart.
     """
     truth = recording.fine_truth
     used, _ = match_times(times_s, truth.times_s)
@@ -187,7 +187,7 @@ def true_trajectory(recording: Recording, times_s: NDArray[np.float64]) -> Traje
 
 
 def _last_words(path: Path, status: int) -> str:
-    """Exit status or signal of a process, and the last line that it printed."""
+    """Exit status or signal of a process, and the last line of its output."""
     text = path.read_text(encoding="utf-8", errors="replace").strip()
     last = text.splitlines()[-1][-_TAIL:] if text else "without a message"
     ended = signal.Signals(-status).name if status < 0 else f"exit status {status}"

@@ -17,9 +17,9 @@ class SeedMean(NamedTuple):
 
     Attributes:
         mean: mean of the finite values; NaN: there are none.
-        half_width: half of the `CONFIDENCE` interval of the mean, by Student's t; NaN: fewer than
-            two values.
-        seeds: number of values.
+        half_width: half of the mean's `CONFIDENCE` interval, by Student's t; NaN: fewer than two
+            finite values.
+        seeds: number of finite values.
     """
 
     mean: float
@@ -28,7 +28,7 @@ class SeedMean(NamedTuple):
 
 
 def over_seeds(values: Sequence[float]) -> SeedMean:
-    """Mean of the values of independent seeds; those that are not finite are left out."""
+    """Mean of the finite values among those of independent seeds."""
     known = [value for value in values if math.isfinite(value)]
     count = len(known)
     if count < 2:

@@ -1,4 +1,4 @@
-"""Plan of a sweep: one drive, varied key by key."""
+"""Plan of a sweep: one drive, and the keys to vary."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ from omnisim.robots.robot_lookup import find_robot
 Value = bool | int | float | str | list[Any] | dict[str, Any]
 Keys = tuple[str, ...]
 BASE = "as given"  # label of the unchanged drive
-MAX_LABEL = 24  # letters of a value as text
+MAX_LABEL = 24  # characters of a value's label
 
 
 class Variation(Table):
-    """Keys of the drive, and their values, one drive each."""
+    """Variation of one or more keys, with one drive per value."""
 
     key: Name | Annotated[tuple[Name, ...], Field(min_length=1)]
-    """Key of the robot file, or several that change together. Sensors are called by name, or by a
-    pattern: sensors.imu.rate_hz; keys behind a sensor's file are those of the file:
-    sensors.cam_*.file.degradation.shutter.readout_s. scene.KEY is a key of the scene's file, scene
-    and path are another scene or path, drive.KEY an option of `omnisim drive`.
-    calibration.SENSOR.KEY is an error of the calibration that the estimators are given."""
+    """Key of the robot file, or several that change together. Sensors have their names, or a
+    pattern: sensors.imu.rate_hz. Keys after a sensor's file are keys of the sensor file:
+    sensors.cam_*.file.degradation.shutter.readout_s. scene and path replace the scene or the path;
+    scene.KEY is a key of the scene file, drive.KEY an option of `omnisim drive`.
+    calibration.SENSOR.KEY is a calibration error, which only the estimators see."""
     values: Annotated[tuple[Value, ...], Field(min_length=1, max_length=100)]
-    """Values in place of the given ones; of several keys, a list with a value for each."""
+    """Values of the key; with several keys, each value is a list with an entry per key."""
     labels: tuple[Name, ...] = ()
-    """Names of the values on the page; by default the values."""
+    """Labels of the values in the report; by default the values."""
     title: str = ""
     """Label of the plot's axis; by default the key."""
 
@@ -55,7 +55,7 @@ class Variation(Table):
 
     @property
     def value_labels(self) -> tuple[str, ...]:
-        """A text for each value."""
+        """Labels of the values, in order."""
         return self.labels or tuple(_text(one) for one in self.values)
 
     @model_validator(mode="after")
@@ -88,27 +88,27 @@ class SweepPlan(Table):
     estimators: Annotated[tuple[Name, ...], Field(min_length=1)]
     """Names of estimators, or commands."""
     title: str = ""
-    """Heading of the page."""
+    """Heading of the report."""
     seeds: Annotated[tuple[Seed, ...], Field(min_length=1, max_length=100)] = (0,)
     """Seeds of the drives' noise."""
     limit_s: AboveZero = 600.0
-    """Time after which an estimator is ended."""
+    """Time limit of an estimator."""
     drive: dict[str, Value] = Field(default_factory=dict)
-    """Further options of `omnisim drive`, without their dashes, such as step = 0.2."""
+    """Options of `omnisim drive`, without their dashes, such as step = 0.2."""
     vary: tuple[Variation, ...] = ()
-    """Variations, each on its own."""
+    """Variations, each applied alone."""
 
 
 @dataclass(frozen=True)
 class SweepPoint:
-    """Drive of a sweep, and the calibration that its estimators are given.
+    """Point of a sweep: a drive, and the calibration errors of its estimators.
 
     Attributes:
-        variation: index of the variation; None: the drive as it is.
-        label: varied value as text.
+        variation: index of the variation; None: the unchanged drive.
+        label: label of the varied value.
         seed: seed of the drive.
-        drive: drive to record, which points may share.
-        calibration: errors of the calibration that estimators are given, by sensor.
+        drive: drive to record; points that differ in calibration only share it.
+        calibration: calibration errors by the name of the sensor.
     """
 
     variation: int | None
@@ -119,10 +119,10 @@ class SweepPoint:
 
 
 def find_plan(source: Path) -> Path:
-    """Find a plan by its path, or by the name of one that ships.
+    """Find a plan by its path, or a built-in plan by its name.
 
     Raises:
-        PlanError: there is none.
+        PlanError: no such file or built-in plan.
     """
     if source.suffix == ".toml" or source.exists():
         return source
@@ -133,10 +133,10 @@ def find_plan(source: Path) -> Path:
 
 
 def read_plan(path: Path) -> tuple[SweepPlan, list[SweepPoint]]:
-    """Read a plan, and list the drives of the sweep.
+    """Read a plan, and list the points of the sweep.
 
     Raises:
-        PlanError: naming file, key and value.
+        PlanError: the plan is invalid; names file, key and value.
     """
     plan = read_toml(path, SweepPlan, PlanError)
     for name in plan.estimators:
@@ -160,7 +160,7 @@ def read_plan(path: Path) -> tuple[SweepPlan, list[SweepPoint]]:
 
 
 def _given_point(path: Path, plan: SweepPlan) -> SweepPoint:
-    """The drive as it is, with seed 0.
+    """Point of the unchanged drive, with seed 0.
 
     Raises:
         PlanError: the robot file cannot be found or read.
@@ -180,7 +180,7 @@ def _given_point(path: Path, plan: SweepPlan) -> SweepPoint:
 
 
 def _found(folder: Path, name: str) -> str:
-    """Absolute path of a file, or else the name of something built in."""
+    """Absolute path of a file, or the name of a built-in scene or a scene's path."""
     is_path = "/" in name or bool(Path(name).suffix)
     return str((folder / name).absolute()) if is_path else name
 
@@ -189,7 +189,7 @@ def _varied(point: SweepPoint, keys: list[str], value: Any, where: str, folder: 
     """Point with another value of a key.
 
     Raises:
-        PlanError: the key leads nowhere, or a file is missing.
+        PlanError: no such key, an invalid value, or a missing file.
     """
     drive = point.drive
     root, rest = keys[0], keys[1:]
@@ -215,7 +215,11 @@ def _varied(point: SweepPoint, keys: list[str], value: Any, where: str, folder: 
 
 
 def _with_error(point: SweepPoint, keys: list[str], value: Any, where: str) -> SweepPoint:
-    """Point with another error of the calibration of one or more sensors."""
+    """Point with another calibration error of one or more sensors.
+
+    Raises:
+        PlanError: no such sensor or key, or an invalid value.
+    """
     names = matching_sensors(point.drive.robot, keys[0] if len(keys) == 2 else "", where)
     errors = dict(point.calibration)
     for name in names:
@@ -223,7 +227,7 @@ def _with_error(point: SweepPoint, keys: list[str], value: Any, where: str) -> S
         error = parse_table({**before, keys[1]: value}, CalibrationError, PlanError, where)
         errors[name] = error
         if not error.model_dump(exclude_defaults=True):
-            del errors[name]  # as given
+            del errors[name]  # no error
     return replace(point, calibration=errors)
 
 
@@ -235,9 +239,9 @@ def _seeded(point: SweepPoint, seed: int) -> SweepPoint:
 def shown_points(
     points: list[SweepPoint], variation: int | None
 ) -> Iterator[tuple[str, list[SweepPoint]]]:
-    """Labels and points of a variation's values in order, by seed.
+    """Label and points, one per seed, of each value of a variation in order.
 
-    The drive as it is comes first, unless it is one of the values.
+    The unchanged drive comes first, unless it equals one of the values.
     """
     own = [one for one in points if one.variation == variation]
     made = {(one.drive.name, str(one.calibration)) for one in own}

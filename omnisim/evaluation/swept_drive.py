@@ -1,4 +1,4 @@
-"""Drive of a sweep: what is recorded, and the files of its command."""
+"""Drive of a sweep: its settings, and the input files of `omnisim drive`."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class SweptDrive:
         scene: absolute path of a scene file, or name of a built-in scene.
         path: absolute path of a file, or name of one of the scene's paths.
         robot: tables of the robot file.
-        options: further options of `omnisim drive`.
-        files: tables of changed sensor files by the names that `robot` gives them.
+        options: options of `omnisim drive`, without their dashes.
+        files: tables of the changed sensor files, by their file names in `robot`.
         scene_tables: tables of a scene file that extends `scene`; empty: none.
         seed: seed of the drive.
     """
@@ -40,14 +40,17 @@ class SweptDrive:
 
     @property
     def name(self) -> str:
-        """Name of the drive's folder: equal drives have equal names."""
+        """Folder name of the drive; equal drives have equal names."""
         robot = re.sub(r"[^A-Za-z0-9-]+", "-", str(self.robot.get("name", "robot")))[:30]
         given = (self.robot, self.options, self.files, self.scene_tables)
         digest = fingerprint(self.scene, self.path, json.dumps(_plain(given), sort_keys=True))
         return f"{robot}-seed{self.seed}-{digest[:8]}"
 
     def write(self, folder: Path) -> list[str]:
-        """Write robot, scene and sensor files to a folder; arguments of `omnisim drive`.
+        """Write robot, scene and sensor files to a folder.
+
+        Returns:
+            Arguments of `omnisim drive` that record the drive.
 
         Raises:
             OutputError: a file cannot be written.
@@ -69,7 +72,7 @@ class SweptDrive:
 
 
 def _plain(value: Any) -> Any:
-    """JSON value in which whole numbers equal floats."""
+    """JSON value with integers as floats, so that 1 and 1.0 give the same name."""
     if isinstance(value, Mapping):
         return {str(key): _plain(one) for key, one in value.items()}
     if isinstance(value, list | tuple):

@@ -15,17 +15,17 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 AlignmentKind = Literal["none", "se3", "sim3"]
 ALIGNMENTS: tuple[AlignmentKind, ...] = ("none", "se3", "sim3")
-_RANK_TOLERANCE = 1e-12  # of the largest singular value
+_RANK_TOLERANCE = 1e-12  # as a share of the largest singular value
 
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """Similarity transform from an estimate's world to the true one.
+    """Similarity transform from an estimate's world to the true world.
 
     Attributes:
-        rotation: (3, 3).
-        translation_m: (3,).
-        scale: factor of the estimate's lengths, before rotation and translation.
+        rotation: (3, 3) rotation matrix.
+        translation_m: (3,) translation in the true world.
+        scale: factor of the estimate's lengths, applied first.
     """
 
     rotation: Floats
@@ -43,8 +43,8 @@ class Alignment:
 def align(estimate: Floats, truth: Floats, kind: AlignmentKind) -> Alignment:
     """Least-squares alignment of positions.
 
-    A trajectory whose positions lie on a line or a point has many best rotations; the first poses
-    are aligned then.
+    If the positions lie on a line or in a point, many rotations are equally good; the rotation then
+    aligns the first poses.
 
     Args:
         estimate, truth: (n, 4, 4) poses at the same times.

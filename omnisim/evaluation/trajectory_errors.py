@@ -2,7 +2,7 @@
 
 Sources: Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems", IROS 2012 (absolute
 trajectory error and relative pose error); Geiger et al., "Are we ready for autonomous driving?",
-CVPR 2012 (drift over segments of a given length).
+CVPR 2012 (drift over segments of constant length).
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from omnisim.evaluation.trajectory_alignment import Alignment, AlignmentKind, al
 Floats = NDArray[np.float64]
 MIN_POSES = 3
 MAX_OFFSET_S = 0.5e-3  # between the times of a pose and of its true state
-MAX_PERIODS = 4.0  # between two poses, in median periods: a longer gap is lost
-SEGMENTS = 10  # of the path, over each of which drift is measured
+MAX_PERIODS = 4.0  # gap between two poses, in median periods; tracking is lost in a longer gap
+SEGMENTS = 10  # segments of the path for drift
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,21 +31,20 @@ class TrajectoryErrors:
     """Errors of an estimated trajectory.
 
     Attributes:
-        kind: alignment of the absolute errors and of the scale.
+        kind: kind of the alignment.
         alignment: transform from the estimate's world to the true one.
         poses: number of estimated poses with a true state.
-        way_m: length of the true path between these poses.
+        way_m: length of the true path between the first and the last of these poses.
         ate_m: root mean square distance of the aligned positions (absolute trajectory error).
         rpe_m, rpe_deg: root mean square error of the motion between successive poses (relative
-            pose error); lengths with the alignment's scale.
-        drift: mean error of the motion over a tenth of the path, as a share of its length.
-        drift_degpm: mean error of the turn over a tenth of the path, per meter.
-        scale: factor that brings the estimate's lengths to the true ones.
+            pose error), after scaling by the alignment.
+        drift: mean error of the motion over a tenth of the path, as a share of that length.
+        drift_degpm: mean error of the rotation over a tenth of the path, per meter.
+        scale: ratio of true to estimated lengths.
         yaw_deg: root mean square error of the aligned headings.
-        gravity_deg: root mean square angle between the true direction of gravity in the robot's
-            frame and the estimated one, without any alignment.
-        lost: share of the true duration without an estimated pose: before the first one, after the
-            last, and in gaps, see `lost_intervals`.
+        gravity_deg: root mean square angle between the true and the estimated direction of gravity
+            in the robot's frame, without alignment; NaN: not estimated.
+        lost: share of the drive's duration in `lost_intervals`.
     """
 
     kind: AlignmentKind
@@ -66,7 +65,7 @@ class TrajectoryErrors:
 def match_times(
     times_s: Floats, true_times_s: Floats, tolerance_s: float = MAX_OFFSET_S
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Indices (k,) of the poses with a true state within a tolerance, and of these states."""
+    """Indices (k,) of the poses with a true state within the tolerance, and of those states."""
     after = np.clip(np.searchsorted(true_times_s, times_s), 1, max(len(true_times_s) - 1, 1))
     before = after - 1
     is_before = times_s - true_times_s[before] <= true_times_s[after] - times_s
@@ -76,11 +75,13 @@ def match_times(
 
 
 def lost_intervals(times_s: Floats, start_s: float, end_s: float) -> list[tuple[float, float]]:
-    """Times without an estimate: starts and ends in seconds.
+    """Starts and ends of the intervals without an estimate, in seconds.
+
+    They are the times before the first pose, after the last one, and in gaps of more than
+    `MAX_PERIODS` median periods.
 
     Args:
-        times_s: (n,) times of the estimated poses; a gap of more than `MAX_PERIODS` median periods
-            is lost.
+        times_s: (n,) times of the estimated poses.
         start_s, end_s: start and end of the true motion.
     """
     if not len(times_s):
@@ -99,8 +100,8 @@ def trajectory_errors(
     """Measure the errors of an estimated trajectory.
 
     Args:
-        estimate: poses in a world of its own, or in the true one for the alignment "none".
-        truth: true poses of the same frame, at the estimate's times and others.
+        estimate: poses of the tracked frame, in any world; in the true world for "none".
+        truth: true poses of the same frame, at the estimate's times among others.
         kind: "none", "se3" or "sim3".
 
     Raises:
@@ -145,7 +146,7 @@ def _rms(values: Floats) -> float:
 
 
 def _motion_errors(poses: Floats, true: Floats, step: int) -> tuple[Floats, Floats]:
-    """Length and angle (n − step,) of the errors of motions over a number of poses."""
+    """Translation and rotation errors (n − step,) of the motions over `step` poses, m and rad."""
     motion = inverse(poses[:-step]) @ poses[step:]
     true_motion = inverse(true[:-step]) @ true[step:]
     return _pose_errors(motion, true_motion)
@@ -159,7 +160,7 @@ def _pose_errors(motions: Floats, true_motions: Floats) -> tuple[Floats, Floats]
 
 
 def _drift(poses: Floats, true: Floats) -> tuple[float, float]:
-    """Mean errors over a tenth of the path: share of its length, and degrees per meter."""
+    """Mean errors over a tenth of the path: as a share of that length, and degrees per meter."""
     way = np.concatenate(([0.0], np.cumsum(step_lengths_m(true))))
     length = way[-1] / SEGMENTS
     if length <= 0.0:
@@ -174,7 +175,7 @@ def _drift(poses: Floats, true: Floats) -> tuple[float, float]:
 
 
 def _leveled(poses: Floats) -> Floats:
-    """Rotations (n, 3, 3) about the vertical that share the poses' headings."""
+    """Rotations (n, 3, 3) about the vertical with the headings of poses (n, 4, 4)."""
     yaw = np.arctan2(poses[:, 1, 0], poses[:, 0, 0])
     cosines, sines = np.cos(yaw), np.sin(yaw)
     level = np.zeros((len(poses), 3, 3))

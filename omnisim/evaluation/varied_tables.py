@@ -1,4 +1,4 @@
-"""Changed keys in the tables of scenes, robots and sensor files."""
+"""Changes of keys in the tables of scene, robot and sensor files."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ Tables = Mapping[str, Any]
 def varied_robot(
     robot: Tables, files: Mapping[str, Tables], keys: list[str], value: Any, where: str
 ) -> tuple[dict[str, Any], dict[str, Tables]]:
-    """Robot with another value, and the sensor files that differ from its own.
+    """Robot with a changed value, and all changed sensor files by name.
 
     Args:
         robot: tables of the robot file.
-        files: sensor files that were changed before, by the name that the robot gives them.
-        keys: path of keys; those of a sensor follow its name, or a pattern of names, and those
-            behind its `file` are keys of the sensor file.
+        files: tables of sensor files that are already changed, by their file names in `robot`.
+        keys: key path. A sensor's keys follow "sensors" and its name, or a pattern of names; keys
+            after its "file" are keys of the sensor file.
         value: new value.
-        where: place of the key in its file, for messages.
+        where: file and key, for messages.
 
     Raises:
-        PlanError: the key leads nowhere, or a sensor file cannot be read.
+        PlanError: no such sensor or table, or a sensor file that cannot be read.
     """
     changed = dict(files)
     if keys[0] != "sensors":
@@ -44,7 +44,7 @@ def varied_robot(
             if tables is None:
                 tables = _sensor_file(sensor, where)
             other = with_value(tables, keys[3:], value, where)
-            if file not in changed and other == tables:  # no other drive than the given one
+            if file not in changed and other == tables:  # the value is unchanged
                 sensors.append(sensor)
                 continue
             changed[file] = other
@@ -58,7 +58,7 @@ def matching_sensors(robot: Tables, pattern: str, where: str) -> list[str]:
     """Names of the robot's sensors that match a pattern such as cam_*.
 
     Raises:
-        PlanError: there are none.
+        PlanError: no sensor matches.
     """
     names = [str(one.get("name")) for one in robot.get("sensors", ())]
     matches = [name for name in names if pattern and fnmatchcase(name, pattern)]
@@ -79,7 +79,7 @@ def _sensor_file(sensor: Tables, where: str) -> dict[str, Any]:
 
 
 def with_seed(robot: Tables, seed: int) -> dict[str, Any]:
-    """Robot whose devices with seeds of their own have other ones for each drive."""
+    """Robot with `seed` added to the seeds of its sensors."""
     sensors = [
         {**one, "seed": one.get("seed", 0) + seed} if _has_seed(one) else one
         for one in robot.get("sensors", ())
@@ -93,10 +93,10 @@ def _has_seed(sensor: Tables) -> bool:
 
 
 def with_value(tables: Tables, keys: list[str], value: Any, where: str) -> dict[str, Any]:
-    """Tables with a value at a path of keys, whose tables are made if they are missing.
+    """Tables with a new value at a key path; missing tables on the path are added.
 
     Raises:
-        PlanError: a key of the path is no table.
+        PlanError: a key of the path is not a table.
     """
     if len(keys) == 1:
         return {**tables, keys[0]: value}
@@ -107,7 +107,7 @@ def with_value(tables: Tables, keys: list[str], value: Any, where: str) -> dict[
 
 
 def with_absolute_files(value: Any, folder: Path) -> Any:
-    """Tables in which names of files beside their file are absolute paths."""
+    """Tables in which the names of existing files in a folder are absolute paths."""
     if isinstance(value, Mapping):
         return {key: with_absolute_files(one, folder) for key, one in value.items()}
     if isinstance(value, list):
@@ -118,7 +118,7 @@ def with_absolute_files(value: Any, folder: Path) -> Any:
 
 
 def missing_files(value: Any, key: str, folder: Path) -> Iterator[str]:
-    """Names under keys called `file` that are no files of a folder, nor absolute ones."""
+    """Values of `file` keys that are neither files in a folder nor absolute paths."""
     if isinstance(value, Mapping):
         for inner, one in value.items():
             yield from missing_files(one, inner, folder)

@@ -1,6 +1,6 @@
-"""Calibration of a run's first camera from a board that it has recorded.
+"""Calibration of a run's first camera from its images of a board.
 
-Sources: OpenCV's modules fisheye (Kannala & Brandt) and omnidir (Mei & Rives); for our own, see
+Sources: OpenCV's modules fisheye (Kannala & Brandt) and omnidir (Mei & Rives); for our method, see
 `omnisim.measurement.geometry`.
 """
 
@@ -22,17 +22,17 @@ from omnisim.measurement.geometry import BoardView, find_boards, measure_geometr
 from omnisim.measurement.geometry.candidate_models import CANDIDATES
 
 MIN_IMAGES = 5
-ITERATIONS, PRECISION = 200, 1e-9  # of OpenCV's solvers
+ITERATIONS, PRECISION = 200, 1e-9  # limits of OpenCV's solvers
 
 
 class BoardCalibration(Estimator):
     """Method that calibrates the first camera from its images of a board.
 
     Args:
-        board: board as `omnisim measure geometry` takes it, such as "8x6:80mm".
+        board: description of the board, such as "8x6:80mm", as in `omnisim measure geometry`.
 
     Raises:
-        MeasurementError: no such board.
+        MeasurementError: the description of the board is invalid.
     """
 
     package, module, extra = "opencv-contrib-python-headless", "cv2", "measure"
@@ -41,7 +41,7 @@ class BoardCalibration(Estimator):
         self.board = read_board(board)
 
     def estimate(self, run: Recording, work: Path) -> CentralCamera:
-        """Model of the camera."""
+        """Calibrated camera model."""
         if not run.cameras:
             raise EstimatorError("the run has no camera")
         camera = LensCamera.of(run.cameras[0], lambda note: None)
@@ -66,18 +66,18 @@ class BoardCalibration(Estimator):
             size_px: width and height of the images.
 
         Raises:
-            OmnisimError: the boards do not determine the camera.
+            OmnisimError: the views do not determine the camera.
         """
 
 
 class MeasuredCamera(BoardCalibration):
-    """`omnisim measure geometry`: the best of fifteen models, and the board's shape."""
+    """`omnisim measure geometry`: the best of all camera models, with the board's shape."""
 
     title = "omnisim measure geometry"
     models: ClassVar[Sequence[str]] = CANDIDATES
 
     def calibrate(self, views: Sequence[BoardView], size_px: tuple[int, int]) -> CentralCamera:
-        """Model that predicts left-out images best."""
+        """Choose the model that predicts held-out images best."""
         return measure_geometry(views, size_px, models=self.models).camera
 
 
@@ -87,7 +87,7 @@ class OpencvFisheyeCalibration(BoardCalibration):
     title = "cv2.fisheye"
 
     def calibrate(self, views: Sequence[BoardView], size_px: tuple[int, int]) -> CentralCamera:
-        """Polynomial fisheye."""
+        """Fit the Kannala-Brandt model."""
         import cv2
 
         names = cv2.fisheye if hasattr(cv2.fisheye, "CALIB_FIX_SKEW") else cv2  # else: OpenCV 5
@@ -112,7 +112,7 @@ class OpencvOmnidirCalibration(BoardCalibration):
     title = "cv2.omnidir"
 
     def calibrate(self, views: Sequence[BoardView], size_px: tuple[int, int]) -> CentralCamera:
-        """Unified model with distortion."""
+        """Fit the unified model with distortion."""
         import cv2
 
         points = [view.points_3d_m[None] for view in views]

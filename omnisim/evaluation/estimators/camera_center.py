@@ -1,4 +1,4 @@
-"""Frame at the first camera's center, whose poses an estimator without scale returns."""
+"""Frame at the first camera's center, tracked by estimators without scale."""
 
 from __future__ import annotations
 

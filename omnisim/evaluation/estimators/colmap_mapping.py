@@ -1,4 +1,4 @@
-"""Structure from motion by COLMAP: from images and the calibration alone.
+"""Structure from motion by COLMAP, from images and their calibration.
 
 Source: Schönberger & Frahm, "Structure-from-motion revisited", CVPR 2016; package `pycolmap`.
 """
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     import pycolmap
 
 FEATURES = 3000  # per image
-OVERLAP = 8  # images that each is matched with, forward
+OVERLAP = 8  # following images that each image is matched with
 MIN_IMAGES = 3
 
 
 class ColmapMapping(Estimator):
-    """Incremental mapping with the images of the first camera, in their order."""
+    """Incremental mapping with the sequence of the first camera's images."""
 
     title = "COLMAP (one camera)"
     package, module = "pycolmap", "pycolmap"
@@ -39,7 +39,7 @@ class ColmapMapping(Estimator):
     all_cameras = False
 
     def estimate(self, run: Recording, work: Path) -> Trajectory:
-        """Poses at the images of the largest model."""
+        """Poses of the tracked frame at the registered images of the largest model."""
         import pycolmap
 
         if not run.cameras:
@@ -79,7 +79,7 @@ class ColmapMapping(Estimator):
         return _trajectory(models, taken, self._tracked_from_base(taken))
 
     def base_from_tracked(self, run: Recording) -> NDArray[np.float64]:
-        """Center of the first camera, with the base's axes; with a known scale the base itself."""
+        """Frame at the first camera's center, with the base's axes; if the scale is known: base."""
         return inverse(self._tracked_from_base(run))
 
     def _tracked_from_base(self, run: Recording) -> NDArray[np.float64]:
@@ -87,7 +87,7 @@ class ColmapMapping(Estimator):
 
 
 class ColmapRigMapping(ColmapMapping):
-    """Incremental mapping with all cameras, whose poses on the robot are known."""
+    """Incremental mapping with a rig of all cameras with known extrinsics."""
 
     title = "COLMAP (rig)"
     alignment = "se3"
@@ -95,7 +95,7 @@ class ColmapRigMapping(ColmapMapping):
 
 
 def _extract(camera: pycolmap.Camera, database: Path, export: Path, name: str) -> None:
-    """Features of a camera's images, with its known calibration."""
+    """Extract the features of a camera's images, with its known calibration."""
     import pycolmap
 
     reader = pycolmap.ImageReaderOptions()
@@ -120,7 +120,7 @@ def _extract(camera: pycolmap.Camera, database: Path, export: Path, name: str) -
 
 
 def _apply_rig(given: pycolmap.Reconstruction, database: Path, names: list[str]) -> None:
-    """Tell COLMAP that the cameras are fixed to each other; the first one is the reference."""
+    """Declare the cameras as a rig in the database; the first one is the reference."""
     import pycolmap
 
     (rig,) = given.rigs.values()
@@ -144,7 +144,7 @@ def _trajectory(
     """Poses of the tracked frame at the images of the first camera, in the largest model.
 
     Raises:
-        EstimatorError: too few images are in it.
+        EstimatorError: the largest model has too few images.
     """
     camera = taken.cameras[0]
     poses = {}

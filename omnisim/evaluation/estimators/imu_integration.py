@@ -1,4 +1,4 @@
-"""Integration of an IMU, from the true start."""
+"""Integration of an IMU's readings, from the true start."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ Floats = NDArray[np.float64]
 
 
 class ImuIntegration(Estimator):
-    """Angular rates integrated once and specific forces twice, from the true start."""
+    """Integration of angular rates (once) and specific forces (twice), from the true start."""
 
     title = "integrated IMU"
     alignment = "none"
     is_level = True
 
     def estimate(self, run: Recording, work: Path) -> Trajectory:
-        """Poses at the readings."""
+        """Poses of the base at the readings."""
         names = run.sensors(MountedImu)
         if not names:
             raise EstimatorError("the run has no IMU")
@@ -49,14 +49,14 @@ def integrate(
 ) -> Floats:
     """Poses (n, 4, 4) of an IMU at its readings.
 
-    A reading is the mean over the period around its time, so that half of it leads from its time
-    to the border with the next one.
+    A reading is the mean over the period centered at its time. Each step between two times
+    therefore uses half a period of either reading.
 
     Args:
         readings: angular rates and specific forces.
         world_from_imu: (4, 4) pose at the first reading.
         velocity_mps: (3,) velocity in the world at the first reading.
-        gravity_mps2: gravity along the world's −z.
+        gravity_mps2: gravitational acceleration along the world's −z.
     """
     halves_s = 0.5 * np.diff(readings.times_s)
     poses = [np.array(world_from_imu, dtype=np.float64)]

@@ -14,8 +14,8 @@ from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimator import Estimator
 from omnisim.evaluation.estimators.lidar_sweeps import LidarSweeps
 
-VOXEL_M = 0.5  # for rooms and yards; the package's own 1 m is for streets
-MAX_RANGE_M = 40.0  # sparse far points, such as those behind windows, drag the others along
+VOXEL_M = 0.5  # for rooms and yards; the package's default of 1 m is for streets
+MAX_RANGE_M = 40.0  # sparse far points, such as those behind windows, bias the registration
 
 
 class KissIcpOdometry(Estimator):
@@ -26,7 +26,7 @@ class KissIcpOdometry(Estimator):
     is_compensated = True
 
     def estimate(self, run: Recording, work: Path) -> Trajectory:
-        """Poses at the ends of the revolutions."""
+        """Poses of the base at the ends of the revolutions."""
         from kiss_icp.config import KISSConfig
         from kiss_icp.kiss_icp import KissICP
 
@@ -40,7 +40,7 @@ class KissIcpOdometry(Estimator):
                 config.data.min_range = sweep.range_min_m
                 config.data.max_range = min(sweep.range_max_m, MAX_RANGE_M)
                 config.mapping.voxel_size = VOXEL_M
-                config.registration.max_num_threads = 1  # the sums' order is that of the threads
+                config.registration.max_num_threads = 1  # more threads would sum in any order
                 odometry = KissICP(config)
             odometry.register_frame(sweep.points_m, sweep.share)
             poses.append(np.array(odometry.last_pose))
@@ -48,7 +48,7 @@ class KissIcpOdometry(Estimator):
 
 
 class SkewedKissIcpOdometry(KissIcpOdometry):
-    """KISS-ICP without motion compensation, to show the error caused by skew."""
+    """KISS-ICP without motion compensation, which shows the error due to skew."""
 
     title = "KISS-ICP, skew left in (lidar)"
     is_compensated = False

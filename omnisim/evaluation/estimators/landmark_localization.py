@@ -1,4 +1,4 @@
-"""Localization by colored landmarks on a map: odometry and a camera in our extended Kalman filter.
+"""Localization by mapped colored landmarks: our extended Kalman filter on odometry and a camera.
 
 Source: Schmits & Visser, "An omnidirectional camera simulation for the USARSim world", 2008.
 """
@@ -24,14 +24,14 @@ from omnisim.runs.run_labels import train_on_run
 
 
 class LandmarkLocalization(Estimator):
-    """Wheels and landmarks, from the true start; colors are those of the run's own labels."""
+    """Wheels and landmarks, from the true start; colors are trained on the run's own labels."""
 
     title = "landmarks and wheels"
     alignment = "none"
     is_level = True
 
     def estimate(self, run: Recording, work: Path) -> Trajectory:
-        """Poses at the steps, at the height of the start."""
+        """Poses of the base at the steps, at the height of the start."""
         if not run.cameras:
             raise EstimatorError("the run has no camera")
         data = read_run(run.run.path, camera=run.cameras[0].name)

@@ -1,4 +1,4 @@
-"""Revolutions of a run's first lidar."""
+"""Point clouds of a run's first lidar, by revolution."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class LidarSweep(NamedTuple):
     Attributes:
         points_m: (n, 3) points, each in the lidar's frame at the point's own time.
         share: (n,) time of each point, from 0 at the start of the revolution to 1 at its end.
-        range_min_m, range_max_m: limits of the device.
+        range_min_m, range_max_m: range limits of the lidar.
     """
 
     points_m: Floats
@@ -36,7 +36,7 @@ class LidarSweeps:
     """Revolutions of a run's first lidar.
 
     Raises:
-        EstimatorError: the run has no lidar, or less than three revolutions.
+        EstimatorError: the run has no lidar, or fewer than three revolutions.
     """
 
     def __init__(self, run: Recording):

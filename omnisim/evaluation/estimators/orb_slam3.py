@@ -1,8 +1,8 @@
 """ORB-SLAM3: one or two cameras, with or without an IMU.
 
 Source: Campos et al., "ORB-SLAM3: an accurate open-source library for visual, visual-inertial and
-multi-map SLAM", T-RO 2021; package `pyorbslam3`. It is under the GPL, and runs in a process of its
-own, see `orb_slam3_program`.
+multi-map SLAM", T-RO 2021; package `pyorbslam3`. Its license is the GPL. It runs in its own
+process, see `orb_slam3_program`.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ from omnisim.evaluation.trajectory_alignment import AlignmentKind
 from omnisim.sensors.imu.mounted_imu import MountedImu
 
 MAX_OFFSET_S = 1e-3  # between the two images of a pair
-MAX_MISFIT_PX = 0.5  # of the second lens with the first one's coefficients
-_TAIL = 300  # characters of the process's last words
-# EuRoC's names of the noise in a run's IMU parameters, by ORB-SLAM3's.
+MAX_MISFIT_PX = 0.5  # error of the second lens with the first one's coefficients
+_TAIL = 300  # characters of the process's output in a message
+# EuRoC's names of the noise densities in a run's IMU parameters, by ORB-SLAM3's names.
 NOISE = {
     "NoiseGyro": "gyroscope_noise_density",
     "NoiseAcc": "accelerometer_noise_density",
@@ -59,7 +59,7 @@ class OrbSlam3(Estimator):
     has_imu = False
 
     def estimate(self, run: Recording, work: Path) -> Trajectory:
-        """Poses at the images of the largest map."""
+        """Poses of the tracked frame at the tracked images of the largest map."""
         if not run.cameras:
             raise EstimatorError("the run has no camera")
         if len(run.cameras) < self.cameras:
@@ -98,7 +98,7 @@ class OrbSlam3(Estimator):
         return _trajectory(work, times_s, self._tracked_from_base(run) @ base_from_body)
 
     def base_from_tracked(self, run: Recording) -> Floats:
-        """Center of the first camera, with the base's axes; with a known scale the base itself."""
+        """Frame at the first camera's center, with the base's axes; if the scale is known: base."""
         return inverse(self._tracked_from_base(run))
 
     def _tracked_from_base(self, run: Recording) -> Floats:
@@ -139,10 +139,11 @@ def _refuse_late(note: str) -> None:
 
 
 def _check_pair(lenses: list[KannalaBrandtCamera]) -> None:
-    """Reject a second lens that the first one's coefficients do not describe.
+    """Reject a second lens that differs from the first one in size or distortion.
 
     Raises:
-        EstimatorError: images of another size, or other coefficients.
+        EstimatorError: the image sizes differ, or the first lens's coefficients misfit the second
+            lens by more than `MAX_MISFIT_PX`.
     """
     first, second = lenses[0], lenses[-1]
     if (first.width_px, first.height_px) != (second.width_px, second.height_px):
@@ -168,10 +169,10 @@ def _imu_settings(run: Recording, name: str, base_from_camera: Floats) -> ImuSet
 
 
 def _frames(run: Recording, cameras: list[LensCamera]) -> Iterator[bytes]:
-    """Gray images of the cameras, frame by frame, without a border around what they show.
+    """Bytes of the cameras' gray images, frame by frame, without the edge of the image circle.
 
-    Pixels past 90° from the axis or without a ray have the value of the nearest one with a ray:
-    corners on the rim of an image circle would move with the camera.
+    Pixels without a ray, or more than 90° from the axis, take the value of the nearest other pixel.
+    Otherwise corners on the rim of the image circle would move with the camera.
     """
     nearest = [_nearest_shown(camera.mask(front_only=True)) for camera in cameras]
     for step in range(run.steps):
@@ -182,7 +183,7 @@ def _frames(run: Recording, cameras: list[LensCamera]) -> Iterator[bytes]:
 
 
 def _nearest_shown(mask: NDArray[np.bool_] | None) -> tuple[NDArray[np.intp], ...] | None:
-    """Row and column (height, width) of the nearest pixel in a mask; None: all are in it."""
+    """Rows and columns (height, width) of the nearest pixels in a mask; None: no mask."""
     if mask is None:
         return None
     return tuple(
@@ -194,7 +195,7 @@ def _run_program(work: Path, frames: Iterator[bytes]) -> None:
     """Run ORB-SLAM3 in its own process.
 
     Raises:
-        EstimatorError: it ended with an error.
+        EstimatorError: the process failed.
     """
     log = work / "output.txt"
     with log.open("wb") as output:
@@ -204,7 +205,7 @@ def _run_program(work: Path, frames: Iterator[bytes]) -> None:
         )  # fmt: skip
         assert process.stdin is not None
         try:
-            with suppress(BrokenPipeError):  # its exit status says why
+            with suppress(BrokenPipeError):  # the exit status tells the reason
                 for frame in frames:
                     process.stdin.write(frame)
         except BaseException:
@@ -220,12 +221,12 @@ def _run_program(work: Path, frames: Iterator[bytes]) -> None:
 
 
 def _trajectory(work: Path, times_s: Floats, tracked_from_body: Floats) -> Trajectory:
-    """Poses of the tracked frame from the two files of poses.
+    """Trajectory of the tracked frame from the files of frame and keyframe poses.
 
-    Those of frames are in the frame of the first keyframe, those of keyframes in the world.
+    Frame poses are in the frame of the first keyframe, keyframe poses in the world.
 
     Raises:
-        EstimatorError: there are none.
+        EstimatorError: no frame was tracked.
     """
     frames, keyframes = (_poses(work / name) for name in (program.FRAMES, program.KEYFRAMES))
     if not len(frames[0]) or not len(keyframes[0]):
@@ -237,7 +238,7 @@ def _trajectory(work: Path, times_s: Floats, tracked_from_body: Floats) -> Traje
 
 
 def _poses(path: Path) -> tuple[Floats, Floats]:
-    """Times (n,) and poses (n, 4, 4) of a file in EuRoC's format; none without a file."""
+    """Times (n,), s, and poses (n, 4, 4) of a file in EuRoC's format; empty if it is missing."""
     if not path.is_file() or not path.stat().st_size:
         return np.empty(0), np.empty((0, 4, 4))
     table = np.loadtxt(path, ndmin=2)  # stamp in ns, position, quaternion x y z w

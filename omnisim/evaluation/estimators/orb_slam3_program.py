@@ -1,9 +1,10 @@
 """Process of ORB-SLAM3: python orb_slam3_program.py FOLDER < IMAGES.
 
-`pyorbslam3` is under the GPL, so that nothing of omnisim is imported here; the two speak by files
-and a pipe. FOLDER has `request.json`, `settings.yaml`, the vocabulary, `times.npy` (n,) and, with
-an IMU, `imu.npy` (m, 7): time, angular rate, specific force. The pipe has n frames of one or two
-gray images of 8 bits. Results are `frames.txt` and `keyframes.txt`, in EuRoC's format.
+The license of `pyorbslam3` is the GPL. Nothing of omnisim is therefore imported here; the two
+programs exchange files and a pipe. FOLDER has `request.json`, `settings.yaml`, the vocabulary,
+`times.npy` (n,) in s and, with an IMU, `imu.npy` (m, 7): time in s, angular rate in rad/s, specific
+force in m/s². The pipe carries n frames of one or two 8-bit gray images. The results are
+`frames.txt` and `keyframes.txt`, in EuRoC's format.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import numpy as np
 
 REQUEST, SETTINGS, TIMES, IMU = "request.json", "settings.yaml", "times.npy", "imu.npy"
 FRAMES, KEYFRAMES = "frames.txt", "keyframes.txt"
-IDLE_CHECKS, CHECK_S, MAX_WAIT_S = 4, 1.5e-3, 5.0  # mapping's own thread sleeps for 3 ms at a time
+IDLE_CHECKS, CHECK_S, MAX_WAIT_S = 4, 1.5e-3, 5.0  # the mapping thread sleeps 3 ms at a time
 
 
 def main(folder: Path) -> None:
@@ -55,7 +56,7 @@ def main(folder: Path) -> None:
 
 
 def wait_for_mapping() -> None:
-    """Wait until no other thread is busy, so that the map does not depend on the machine's load."""
+    """Wait until all other threads are idle, so that the map is independent of the load."""
     end_s, idle = time.monotonic() + MAX_WAIT_S, 0
     while idle < IDLE_CHECKS and time.monotonic() < end_s:
         time.sleep(CHECK_S)

@@ -1,7 +1,9 @@
 """Settings file of ORB-SLAM3, from the calibration of a run.
 
-Sources: ORB-SLAM3's calibration tutorial, and `Settings.cc`. Of the second camera it takes only
-focal lengths and principal point: the coefficients are those of the first one.
+ORB-SLAM3 uses the second camera's focal lengths and principal point with the first camera's
+coefficients.
+
+Sources: ORB-SLAM3's calibration tutorial, and `Settings.cc`.
 """
 
 from __future__ import annotations
@@ -15,9 +17,9 @@ from numpy.typing import NDArray
 from omnisim.cameras import KannalaBrandtCamera
 
 FEATURES = 1000  # per image
-# Noise of the IMU that is assumed at least: with none, information matrices are singular.
+# Minimum noise of the IMU: without noise, information matrices are singular.
 MIN_NOISE = {"NoiseGyro": 1e-5, "NoiseAcc": 1e-4, "GyroWalk": 1e-7, "AccWalk": 1e-6}
-# Required, though there is no viewer.
+# Required keys of the viewer, which is not opened.
 VIEWER = (
     *("KeyFrameSize", "KeyFrameLineWidth", "GraphLineWidth", "PointSize", "CameraSize"),
     *("CameraLineWidth", "ViewpointX", "ViewpointY", "ViewpointZ", "ViewpointF"),
@@ -27,13 +29,13 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ImuSettings:
-    """IMU of the settings.
+    """IMU parameters of a settings file.
 
     Attributes:
-        imu_from_camera: (4, 4) pose of the first camera.
+        imu_from_camera: (4, 4) pose of the first camera in the IMU's frame.
         rate_hz: readings per second.
-        noise: densities of noise and random walk of gyroscope and accelerometer, by the file's
-            names, in SI units.
+        noise: densities of noise and random walk of gyroscope and accelerometer, by their keys in
+            the settings file, in SI units.
     """
 
     imu_from_camera: Floats
@@ -52,9 +54,9 @@ def settings_text(
     Args:
         lenses: one or two lenses of the same size.
         fps: images per second.
-        first_from_second: (4, 4) pose of the second camera in the first one's frame; None: there
-            is one camera.
-        imu: IMU; None: there is none.
+        first_from_second: (4, 4) pose of the second camera in the first one's frame; None: one
+            camera.
+        imu: IMU parameters; None: no IMU.
     """
     first = lenses[0]
     lines = ["%YAML:1.0", "---", 'File.version: "1.0"', 'Camera.type: "KannalaBrandt8"']
@@ -89,5 +91,5 @@ def _matrix(key: str, pose: Floats) -> list[str]:
 
 
 def _real(value: float) -> str:
-    """Number with a point: whole numbers would be refused."""
+    """Number with a decimal point, since ORB-SLAM3 refuses integers."""
     return f"{float(value):.17g}" if "." in f"{float(value):.17g}" else f"{float(value):.1f}"

@@ -1,10 +1,11 @@
-"""Vocabulary of ORB descriptors for ORB-SLAM3's place recognition, trained from our own images.
+"""Vocabulary of ORB descriptors for ORB-SLAM3's place recognition, trained on rendered images.
 
     python -m omnisim.evaluation.estimators.orb_vocabulary FILE
 
-renders images of three built-in scenes by a fisheye, and trains FILE (.txt.gz) from them. Text
-format of DBoW2: a line with branching factor, depth, scoring and weighting; then a line for each
-node: its parent (0: the root), 1 for a word, the 32 bytes of its descriptor, and its weight.
+renders fisheye images of three built-in scenes, and trains the vocabulary FILE (.txt.gz) on them.
+The file has DBoW2's text format. The first line has branching factor, depth, scoring and weighting.
+Each further line has a node: its parent (0: the root), 1 for a word, the 32 bytes of its
+descriptor, and its weight.
 
 Source: Gálvez-López & Tardós, "Bags of binary words for fast place recognition in image sequences",
 T-RO 2012.
@@ -32,21 +33,21 @@ VOCABULARY = Path(__file__).with_name("orb_vocabulary.txt.gz")
 BRANCHING, DEPTH = 6, 5
 SCORING, WEIGHTING = 0, 0  # L1 norm; term frequency and inverse document frequency
 MAX_ITERATIONS = 12
-# What the vocabulary of the package was trained from: images per scene, within a square of this
-# half width around the origin, by a fisheye of this size and field of view.
+# Training images of the built-in vocabulary: number per scene, half width of the square of
+# positions around the origin, and size and field of view of the fisheye.
 SCENES, IMAGES, HALF_WIDTH_M = ("soccer", "courtyard", "mapping"), 40, 2.0
 SIZE_PX, THETA_MAX_DEG, FEATURES = 400, 80.0, 600
 Bits = NDArray[np.bool_]
 
 
 class Node(NamedTuple):
-    """Node of a vocabulary.
+    """Node of a vocabulary tree.
 
     Attributes:
-        parent: number of its parent, from 1; 0: the root.
+        parent: number of the parent node, from 1; 0: the root.
         is_word: the node has no children.
         bits: (256,) descriptor.
-        weight: weight of a word; 0.0 for others.
+        weight: weight of a word; 0.0 for inner nodes.
     """
 
     parent: int
@@ -56,7 +57,7 @@ class Node(NamedTuple):
 
 
 def unpacked_vocabulary(folder: Path) -> Path:
-    """Vocabulary of the package, unpacked into a folder."""
+    """Unpack the built-in vocabulary into a folder; returns the file's path."""
     path = folder / VOCABULARY.stem
     path.write_bytes(gzip.decompress(VOCABULARY.read_bytes()))
     return path
@@ -65,16 +66,16 @@ def unpacked_vocabulary(folder: Path) -> Path:
 def train_vocabulary(
     images: Sequence[Bits], branching: int = BRANCHING, depth: int = DEPTH, seed: int = 0
 ) -> list[Node]:
-    """Cluster descriptors into a tree, breadth by breadth.
+    """Cluster descriptors into a tree, level by level.
 
     Args:
-        images: for each image, its descriptors (n, 256) as bits.
+        images: descriptors (n, 256) of each image, as bits.
         branching: children per node.
         depth: levels below the root.
-        seed: seed of the first centers.
+        seed: seed of the initial cluster centers.
 
     Raises:
-        EstimatorError: there are fewer descriptors than children of the root.
+        EstimatorError: fewer descriptors than children of the root.
     """
     bits = np.concatenate(images)
     if len(bits) < branching:
@@ -102,7 +103,7 @@ def train_vocabulary(
 def _clusters(
     bits: Bits, count: int, generator: np.random.Generator
 ) -> tuple[Bits, NDArray[np.intp]]:
-    """Centers (k, 256) of at most `count` clusters, none empty, and each descriptor's cluster."""
+    """Centers (k, 256) of at most `count` nonempty clusters, and the clusters (n,) of all bits."""
     signs = np.where(bits, 1.0, -1.0).astype(np.float32)
     centers = np.unique(bits[generator.permutation(len(bits))[:count]], axis=0)
     nearest = np.zeros(len(bits), dtype=np.intp)
@@ -118,7 +119,7 @@ def _clusters(
 
 
 def vocabulary_text(nodes: Sequence[Node], branching: int = BRANCHING, depth: int = DEPTH) -> str:
-    """Text of a vocabulary; DBoW2 would read an empty last line as a node."""
+    """Text of a vocabulary, without a final newline: DBoW2 would read a node after it."""
     lines = [f"{branching} {depth} {SCORING} {WEIGHTING}"]
     for node in nodes:
         numbers = " ".join(map(str, np.packbits(node.bits)))
@@ -139,7 +140,7 @@ def descriptors(gray: NDArray[np.uint8], count: int = FEATURES) -> Bits:
 def training_images(
     scenes: Sequence[str] = SCENES, count: int = IMAGES, size_px: int = SIZE_PX
 ) -> Iterator[NDArray[np.uint8]]:
-    """Gray images of built-in scenes, from random poses above the ground."""
+    """Gray fisheye images (height, width) of scenes, from random poses above the ground."""
     from omnisim.rendering.stage import open_sensor
 
     theta_rad, middle_px = np.radians(THETA_MAX_DEG), 0.5 * (size_px - 1)
@@ -158,7 +159,7 @@ def training_images(
 
 
 def main(path: Path) -> None:
-    """Render the images, train the vocabulary, and write it."""
+    """Render the images, train a vocabulary, and write it to a file."""
     require_extra("measure", "a vocabulary", EstimatorError)
     nodes = train_vocabulary([descriptors(image) for image in training_images()])
     packed = gzip.compress(vocabulary_text(nodes).encode(), 9, mtime=0)

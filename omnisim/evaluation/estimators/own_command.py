@@ -1,4 +1,4 @@
-"""User command that writes a trajectory."""
+"""User's command as an estimator."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ _TAIL = 300  # characters of the command's errors in a message
 
 
 class OwnCommand(Estimator):
-    """Command whose {run} becomes the run's folder, and {out} the TUM file that it writes.
+    """Shell command that reads the run's folder {run} and writes a TUM file {out}.
 
     Raises:
-        EstimatorError: the command does not name both.
+        EstimatorError: the command lacks {run} or {out}.
     """
 
     title = "own command"
@@ -29,7 +29,7 @@ class OwnCommand(Estimator):
         self.command = command
 
     def estimate(self, run: Recording, work: Path) -> Trajectory:
-        """Poses of the base that the command has written."""
+        """Poses of the base from the command's TUM file."""
         path = work / "estimate.tum"
         places = {"{run}": str(run.run.path.absolute()), "{out}": str(path)}
         words = [

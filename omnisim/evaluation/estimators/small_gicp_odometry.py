@@ -19,8 +19,8 @@ from omnisim.evaluation.estimator import Estimator
 from omnisim.evaluation.estimators.lidar_sweeps import LidarSweep, LidarSweeps
 
 SAMPLING_M, VOXEL_M = 0.2, 0.5
-MAX_DISTANCE_M = 1.0  # of corresponding points
-NEIGHBORS = 10  # for covariances
+MAX_DISTANCE_M = 1.0  # between corresponding points
+NEIGHBORS = 10  # nearest points for a covariance
 Floats = NDArray[np.float64]
 
 
@@ -31,7 +31,7 @@ class SmallGicpOdometry(Estimator):
     package, module = "small-gicp", "small_gicp"
 
     def estimate(self, run: Recording, work: Path) -> Trajectory:
-        """Poses at the ends of the revolutions."""
+        """Poses of the base at the ends of the revolutions."""
         import small_gicp
 
         sweeps, voxels = LidarSweeps(run), small_gicp.GaussianVoxelMap(VOXEL_M)
@@ -54,7 +54,7 @@ class SmallGicpOdometry(Estimator):
 
 
 def _without_rounding(pose: Floats) -> Floats:
-    """Pose (4, 4) with an orthonormal rotation: products accumulate rounding errors."""
+    """Pose (4, 4) with its rotation made orthonormal, against accumulated rounding errors."""
     return pose_from_rotation(nearest_rotation(pose[:3, :3]), pose[:3, 3])
 
 
@@ -63,11 +63,11 @@ def compensated(sweep: LidarSweep, motion: Floats) -> Floats:
 
     Args:
         sweep: revolution.
-        motion: (4, 4) pose of the end in the frame of the start, by constant velocity.
+        motion: (4, 4) pose of the lidar at the end in its frame at the start; velocity is constant.
     """
     back = inverse(motion)
     turn = scipy.spatial.transform.Rotation.from_matrix(back[:3, :3]).as_rotvec()
-    left = (1.0 - sweep.share)[:, None]  # of the motion
+    left = (1.0 - sweep.share)[:, None]  # remaining share of the motion
     rotated = scipy.spatial.transform.Rotation.from_rotvec(left * turn).apply(sweep.points_m)
     points: Floats = rotated + left * back[:3, 3]
     return points

@@ -18,7 +18,7 @@ class WheelOdometry(Estimator):
     is_level = True
 
     def estimate(self, run: Recording, work: Path) -> Trajectory:
-        """Poses at the steps."""
+        """Poses of the base at the steps."""
         if run.odometry is None:
             raise EstimatorError("the run has no wheels")
         return run.odometry.dead_reckoned()

@@ -1,4 +1,4 @@
-"""Plots of estimators: trajectories beside the true one, lost times, and errors against values."""
+"""Plots of estimators: trajectories and truth, lost tracking, and errors over varied values."""
 
 from __future__ import annotations
 
@@ -15,39 +15,39 @@ from numpy.typing import NDArray
 from omnisim.validation.plots.style import DPI, GRAY, RED, label_axes
 
 _COLORS = colormaps["tab10"].colors  # type: ignore[attr-defined]  # a list of colors
-_LINES = ("-", "--", "-.", ":")  # many trajectories lie on each other
+_LINES = ("-", "--", "-.", ":")  # trajectories often overlap
 _MARKS = "osD^vP"
 COLUMNS, MAX_PANELS = 3, 12
-LOWEST_SHARE = 1e-5  # of the largest value, at the foot of a logarithmic axis
-LOG_RATIO = 30.0  # of the largest value to the smallest, from which an axis is logarithmic
+LOWEST_SHARE = 1e-5  # smallest lower limit of a logarithmic axis, as a share of the largest value
+LOG_RATIO = 30.0  # ratio of largest to smallest value above which the axis is logarithmic
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class TrackDrawing:
-    """Drawn estimate.
+    """Estimated trajectory to draw.
 
     Attributes:
         positions_m: (n, 3) aligned positions.
-        lost_m: true positions (m, 3) of each time without an estimate.
-        way_m, offsets_m: (n,) traveled way, and distances from the truth.
+        lost_m: true positions (m, 3) in each interval without an estimate.
+        traveled_m, offsets_m: (n,) distance traveled, and distance from the truth.
     """
 
     positions_m: Floats
     lost_m: Sequence[Floats]
-    way_m: Floats
+    traveled_m: Floats
     offsets_m: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class TrackPanel:
-    """Drive with its estimates.
+    """Panel with one drive and its estimates.
 
     Attributes:
         title: title of the panel.
         truth_m: (n, 3) true positions.
-        tracks: estimates by the name of the estimator.
-        order: names of all estimators, which keep their colors on all panels.
+        tracks: estimated trajectories by the name of the estimator.
+        order: names of all estimators, which determine their colors in all panels.
     """
 
     title: str
@@ -57,7 +57,7 @@ class TrackPanel:
 
 
 def trajectories_figure(panels: Sequence[TrackPanel]) -> Figure:
-    """Trajectories from above, a panel for each drive; at most `MAX_PANELS`."""
+    """Trajectories from above, one panel per drive, at most `MAX_PANELS`."""
     panels = panels[:MAX_PANELS]
     columns = min(COLUMNS, len(panels))
     rows = -(-len(panels) // columns)
@@ -111,7 +111,8 @@ def offsets_figure(panel: TrackPanel) -> Figure:
         if name in panel.tracks:
             track, color = panel.tracks[name], _COLORS[index % len(_COLORS)]
             positive = np.maximum(track.offsets_m, 1e-6)
-            axes.plot(track.way_m, positive, _LINES[index % len(_LINES)], color=color, label=name)
+            style = _LINES[index % len(_LINES)]
+            axes.plot(track.traveled_m, positive, style, color=color, label=name)
     axes.set_yscale("log")
     if panel.tracks:
         figure.legend(loc="outside right upper", fontsize=8)
@@ -120,12 +121,12 @@ def offsets_figure(panel: TrackPanel) -> Figure:
 
 @dataclass(frozen=True)
 class LostRow:
-    """Times without an estimate.
+    """Intervals without an estimate, in a row of the figure of lost tracking.
 
     Attributes:
         label: estimator, or value and estimator.
-        lost: starts and ends, as shares of the drive; None: no trajectory at all.
-        reason: why there is none.
+        lost: starts and ends, as shares of the drive's time; None: no trajectory.
+        reason: reason for the missing trajectory.
     """
 
     label: str
@@ -134,7 +135,7 @@ class LostRow:
 
 
 def lost_figure(rows: Sequence[LostRow]) -> Figure:
-    """Bar over the time of the drive for each row: where tracking was lost."""
+    """Lost tracking over the time of the drive, one bar per row."""
     figure = Figure(figsize=(9.5, 1.1 + 0.24 * len(rows)), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
     label_axes(axes, "Where tracking was lost (red)", "share of the drive's time (%)", "")
@@ -154,13 +155,13 @@ def lost_figure(rows: Sequence[LostRow]) -> Figure:
 
 @dataclass(frozen=True)
 class SweepLine:
-    """Measure of an estimator over values.
+    """Measure of an estimator over the values of a variation.
 
     Attributes:
         name: name of the estimator.
-        means: mean by value; NaN: none.
-        half_widths: half of the confidence interval over the seeds; NaN: unknown.
-        seeds: measures of the single seeds, by value.
+        means: mean over the seeds, per value; NaN: no measure.
+        half_widths: half of the confidence interval over the seeds, per value; NaN: unknown.
+        seeds: measures of the single seeds, per value.
     """
 
     name: str
@@ -172,21 +173,24 @@ class SweepLine:
 def sweep_figure(
     title: str, quantity: str, labels: Sequence[str], lines: Sequence[SweepLine], missing: str = ""
 ) -> Figure:
-    """Measure over the values, on an axis of numbers if all labels are; a gap has no trajectory.
+    """Measure of all estimators over the values of a variation.
+
+    The axis is numeric if all labels are ascending numbers. Lines have gaps at values without a
+    measure.
 
     Args:
-        title: the varied quantity.
+        title: label of the axis of values.
         quantity: label of the measure's axis.
-        labels: values, in order.
-        lines: an estimator each, with as many means as there are values.
-        missing: text for values without a measure.
+        labels: labels of the values, in order.
+        lines: one line per estimator, with one mean per value.
+        missing: legend for values without a measure.
     """
     figure = Figure(figsize=(9.5, 4.5), dpi=DPI, layout="constrained")
     axes = figure.add_subplot()
     label_axes(axes, "", title, quantity)
-    at, is_numeric = _places(labels)
+    at, is_numeric = _axis_positions(labels)
     step = float(np.diff(at).min()) if len(at) > 1 else 1.0
-    shift = 0.25 * step / max(len(lines), 1)  # intervals lie beside each other
+    shift = 0.25 * step / max(len(lines), 1)  # so that intervals do not overlap
     for index, line in enumerate(lines):
         places = at + shift * (index - 0.5 * (len(lines) - 1))
         bars = np.nan_to_num(np.asarray(line.half_widths, dtype=np.float64))
@@ -218,8 +222,8 @@ def sweep_figure(
     return figure
 
 
-def _places(labels: Sequence[str]) -> tuple[Floats, bool]:
-    """Places of values on their axis, and whether they are numbers in order."""
+def _axis_positions(labels: Sequence[str]) -> tuple[Floats, bool]:
+    """Positions (n,) of values on their axis, and True if they are the values as numbers."""
     try:
         at = np.array([float(label) for label in labels])
     except ValueError:

@@ -1,4 +1,4 @@
-"""Sections of reports on estimators: of one run, and of the drives of a sweep."""
+"""Report sections on estimators: on one run, and on a sweep."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ METHOD = (
     "the motion between successive poses. Drift: error of the motion over a tenth of the path, as "
     "a share of its length. Yaw: of the aligned headings. Gravity: of the direction of gravity, if "
     "the estimator knows it. Scale: factor from the estimate's lengths to the true ones. Lost: "
-    "share of the time without a pose: before the first, after the last, and in gaps."
+    "share of the time without a pose: before the first one, after the last one, and in gaps."
 )
-MIN_LOST = 0.01  # share of the drive's time that is drawn as lost
-MAX_NAME = 28  # letters of an estimator's name in tables and legends
+MIN_LOST = 0.01  # shortest drawn interval without an estimate, as a share of the drive's time
+MAX_NAME = 28  # characters of an estimator's name in tables and legends
 Measure = Callable[[TrajectoryErrors], float]
 
 
 def ate_percent(errors: TrajectoryErrors) -> float:
-    """Absolute trajectory error in percent of the path; NaN: no motion."""
+    """Absolute trajectory error, percent of the path length; NaN: no motion."""
     return 100.0 * errors.ate_m / errors.way_m if errors.way_m > 0.0 else math.nan
 
 
@@ -70,7 +70,7 @@ SWEEP_COLUMNS = ("value", "estimator", *_MEASURES, "aligned", "s", "without")
 
 
 def run_row(outcome: Outcome) -> tuple[str, ...]:
-    """Cells of an outcome, by `RUN_COLUMNS`."""
+    """Cells of an outcome, in the order of `RUN_COLUMNS`."""
     seconds = "" if outcome.seconds is None else f"{outcome.seconds:.1f}"
     if outcome.errors is None:
         return outcome.estimator, outcome.status, *("",) * (len(RUN_COLUMNS) - 3), seconds
@@ -78,7 +78,7 @@ def run_row(outcome: Outcome) -> tuple[str, ...]:
 
 
 def _camera_row(estimator: str, errors: CameraErrors) -> tuple[str, ...]:
-    """Cells of a calibrated camera, by `CAMERA_COLUMNS`."""
+    """Cells of a calibrated camera, in the order of `CAMERA_COLUMNS`."""
     return (
         estimator,
         errors.model,
@@ -90,7 +90,7 @@ def _camera_row(estimator: str, errors: CameraErrors) -> tuple[str, ...]:
 
 
 def _cells(outcomes: Sequence[Outcome]) -> list[str]:
-    """Means of all measures over outcomes of one estimator, with their confidence."""
+    """Means of all measures over outcomes of one estimator, with confidence intervals."""
     errors = [one.errors for one in outcomes if one.errors is not None]
     cells = []
     for heading, (measure, form) in _MEASURES.items():
@@ -108,7 +108,13 @@ def _number(mean: SeedMean, form: str) -> str:
 
 
 def run_section(recording: Recording, outcomes: Sequence[Outcome], folder: Path) -> Section:
-    """Section on the estimators of one run, whose trajectories are in subfolders of a folder."""
+    """Section on the estimators of one run.
+
+    Args:
+        recording: run with the true poses.
+        outcomes: outcome of each estimator.
+        folder: folder with a subfolder for each estimator's trajectory.
+    """
     panel = _panel("Trajectories from above", recording, outcomes, folder)
     rows = tuple(run_row(one) for one in outcomes if one.camera is None)
     tables = [ResultTable("Errors of the trajectories.", RUN_COLUMNS, rows)]
@@ -133,11 +139,11 @@ def run_section(recording: Recording, outcomes: Sequence[Outcome], folder: Path)
 def sweep_sections(
     plan: SweepPlan, results: Sequence[PointResult], key: str = "", title: str = ""
 ) -> list[Section]:
-    """Sections on a sweep: the drive as it is, and one on each variation.
+    """Sections on a sweep: one on the unchanged drive, and one on each variation.
 
     Args:
         plan: plan of the sweep.
-        results: results of all of its points.
+        results: results of all points.
         key: prefix of the figures' names.
         title: prefix of the sections' titles.
     """
@@ -153,7 +159,7 @@ def _lower_first(text: str) -> str:
 
 
 def varied_title(plan: SweepPlan, variation: int | None) -> str:
-    """Title of a variation."""
+    """Title of a variation by its index; None: the unchanged drive."""
     if variation is None:
         return "The drive as it is"
     varied = plan.vary[variation]
@@ -163,7 +169,7 @@ def varied_title(plan: SweepPlan, variation: int | None) -> str:
 def value_results(
     results: Sequence[PointResult], variation: int | None
 ) -> list[tuple[str, list[PointResult]]]:
-    """Labels and results of a variation's values, by seed."""
+    """Label and results, one per seed, of each value of a variation."""
     by_point = {id(one.point): one for one in results}
     shown = shown_points([one.point for one in results], variation)
     return [(label, [by_point[id(one)] for one in points]) for label, points in shown]
@@ -172,7 +178,7 @@ def value_results(
 def error_lines(
     plan: SweepPlan, values: Sequence[tuple[str, list[PointResult]]], measure: Measure = ate_percent
 ) -> list[SweepLine]:
-    """Measure of each estimator over a variation's values."""
+    """Line of each estimator: a measure over a variation's values."""
     lines = []
     for estimator in plan.estimators:
         seeds = []
@@ -230,7 +236,7 @@ def _sweep_section(
 
 
 def _sweep_cells(outcomes: Sequence[Outcome]) -> tuple[str, ...]:
-    """Cells by `SWEEP_COLUMNS`, without value and estimator."""
+    """Cells in the order of `SWEEP_COLUMNS`, without the first two: value and estimator."""
     failed = [one for one in outcomes if one.errors is None]
     kinds = {one.errors.kind for one in outcomes if one.errors is not None}
     seconds = over_seeds([one.seconds for one in outcomes if one.seconds is not None])
@@ -242,7 +248,7 @@ def _sweep_cells(outcomes: Sequence[Outcome]) -> tuple[str, ...]:
 def _track_figures(
     plan: SweepPlan, values: Sequence[tuple[str, list[PointResult]]], name: str
 ) -> list[CaptionedFigure]:
-    """Trajectories and lost times of the first seed of each value."""
+    """Figures of trajectories and of lost tracking, with the first seed of each value."""
     panels, rows = [], []
     for label, group in values:
         result = group[0]
@@ -258,9 +264,9 @@ def _track_figures(
         ]
     figures = []
     if panels:
-        caption = "Aligned trajectories and the truth from above, of the first seed"
+        caption = "Aligned trajectories and the truth from above, first seed"
         figures.append(CaptionedFigure(f"{name}-tracks", trajectories_figure(panels), caption))
-    caption = "Times without an estimate, of the first seed"
+    caption = "Times without an estimate, first seed"
     return [*figures, CaptionedFigure(f"{name}-lost", lost_figure(rows), caption)]
 
 
@@ -284,7 +290,7 @@ def _time_lines(
 
 
 def _outcomes(results: Sequence[PointResult], estimator: str) -> list[Outcome]:
-    """Outcomes of an estimator over the seeds."""
+    """Outcomes of one estimator, one per seed."""
     return [
         outcome
         for result in results
@@ -294,7 +300,7 @@ def _outcomes(results: Sequence[PointResult], estimator: str) -> list[Outcome]:
 
 
 def _failures(outcomes: Sequence[Outcome]) -> list[ResultTable]:
-    """Table of estimators without a result, if there are any."""
+    """Table of failed estimators with their reasons; empty if all succeeded."""
     failures = dict.fromkeys(
         (one.estimator, one.status, one.reason) for one in outcomes if one.status != "ok"
     )
@@ -306,7 +312,7 @@ def _failures(outcomes: Sequence[Outcome]) -> list[ResultTable]:
 def _panel(
     title: str, recording: Recording, outcomes: Sequence[Outcome], folder: Path
 ) -> TrackPanel:
-    """Aligned trajectories of the estimators that found one."""
+    """Panel of the aligned trajectories of all estimators that have one."""
     tracks = {}
     for outcome in outcomes:
         if outcome.errors is None:
@@ -316,7 +322,7 @@ def _panel(
         poses = outcome.errors.alignment.apply(estimate.world_from_base) @ inverse(tracked)
         truth = true_trajectory(recording, estimate.times_s)
         used, nearest = match_times(estimate.times_s, truth.times_s)
-        way = np.concatenate(([0.0], np.cumsum(step_lengths_m(truth.world_from_base))))
+        traveled_m = np.concatenate(([0.0], np.cumsum(step_lengths_m(truth.world_from_base))))
         offsets = np.linalg.norm(poses[used, :3, 3] - truth.positions_m[nearest], axis=1)
         ends_s = float(truth.times_s[0]), float(truth.times_s[-1])
         lost_m = []
@@ -325,7 +331,7 @@ def _panel(
             if end_s - start_s > MIN_LOST * (ends_s[1] - ends_s[0]):
                 lost_m.append(truth.positions_m[inside])
         name = _short(outcome.estimator)
-        tracks[name] = TrackDrawing(poses[:, :3, 3], lost_m, way[nearest], offsets)
+        tracks[name] = TrackDrawing(poses[:, :3, 3], lost_m, traveled_m[nearest], offsets)
     order = [_short(one.estimator) for one in outcomes]
     return TrackPanel(title, recording.fine_truth.positions_m, tracks, order)
 
