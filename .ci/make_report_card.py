@@ -1,9 +1,9 @@
-"""Evaluate the plans that ship on one page, and renew the documentation's report card.
+"""Evaluate the built-in plans in one report, and renew the documentation's report card.
 
 python .ci/make_report_card.py out/report-card [PLAN …] [--processes N]
 
-An interrupted card resumes. Plans are by default all that ship; with some of them only, the page of
-the documentation keeps its table.
+The default is all built-in plans. The table in the documentation is renewed only if all of them are
+evaluated. An interrupted evaluation resumes.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from omnisim.evaluation.sweep_plan import SweepPlan, find_plan, read_plan
 from omnisim.validation.report.estimator_report import SWEEP_COLUMNS, sweep_sections
 from omnisim.validation.report.report import Report, Section
 
-# Figures of the documentation's page: what each lesson was varied by.
+# Figures of the documentation's page: errors over the values of a variation.
 LESSONS = (
     "field-of-view-vary-0-errors", "field-of-view-vary-1-errors", "shutter-vary-0-errors",
     "shutter-vary-1-errors", "calibration-vary-0-errors", "calibration-vary-1-errors",
     "calibration-vary-2-errors", "lidar-vary-0-errors", "lidar-vary-1-errors",
 )  # fmt: skip
 TEXT = (
-    "Estimators that nobody here wrote, on drives whose truth is known: the benchmark set, and "
-    "what lens, shutter, calibration, lidar and IMU do to them."
+    "Third-party and our own estimators on simulated drives with known truth: the benchmark set, "
+    "and the effects of lens, shutter, calibration, lidar and IMU."
 )
 
 
 def main() -> None:
-    """Evaluate the plans, and write page and documentation."""
+    """Evaluate the plans, and write the report and the documentation's page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("plans", nargs="*", default=sweep_names())
@@ -47,15 +47,15 @@ def main() -> None:
     try:
         for name in arguments.plans:
             plan, results = _results(name, arguments.folder / name, arguments.processes)
-            mine = sweep_sections(plan, results, f"{name}-", plan.title)
-            sections += mine
-            rows += _rows(name, mine[0])
+            plan_sections = sweep_sections(plan, results, f"{name}-", plan.title)
+            sections += plan_sections
+            rows += _rows(name, plan_sections[0])
             print(f"{name}: {len(results)} drives", flush=True)
         Report("Report card", TEXT, sections).write(arguments.folder)
     except OmnisimError as reason:
         sys.exit(f"error: {reason}")
-    made = [name for name in LESSONS if (arguments.folder / f"{name}.png").is_file()]
-    renew_figures(arguments.folder, EXPLANATION / "report-card", made)
+    figures = [name for name in LESSONS if (arguments.folder / f"{name}.png").is_file()]
+    renew_figures(arguments.folder, EXPLANATION / "report-card", figures)
     if set(arguments.plans) == set(sweep_names()):
         head = "| plan | estimator | ATE, % of the path | drift, % | lost, % | |"
         table = "\n".join((head, "| --- | --- | ---: | ---: | ---: | --- |", *rows)) + "\n"
@@ -63,16 +63,16 @@ def main() -> None:
 
 
 def _results(name: str, folder: Path, processes: int) -> tuple[SweepPlan, list[PointResult]]:
-    """Plan and results of all of its points, in the plan's order."""
+    """Plan of a name or path, and the results of its points in the plan's order."""
     plan, points = read_plan(find_plan(Path(name)))
     results = list(run_sweep(plan, points, folder / "drives", processes))
-    place = {(one.variation, one.label, one.seed): index for index, one in enumerate(points)}
-    results.sort(key=lambda one: place[one.point.variation, one.point.label, one.point.seed])
+    order = {(one.variation, one.label, one.seed): index for index, one in enumerate(points)}
+    results.sort(key=lambda one: order[one.point.variation, one.point.label, one.point.seed])
     return plan, results
 
 
 def _rows(name: str, section: Section) -> list[str]:
-    """Rows of the documentation's table on the drive as it is."""
+    """Rows of the documentation's table, from a plan's section on the unchanged drive."""
     rows = []
     for row in section.tables[0].rows:
         cells = dict(zip(SWEEP_COLUMNS, row, strict=True))

@@ -1,11 +1,9 @@
 """Camera models: map pixels to viewing rays, and rays to pixels.
 
-Each model has two files of the same stem: `cameras/models/<model>.py` or
-`cameras/mirrors/<model>.py` (NumPy, float64, the reference) and
-`shaders/camera/<model>.glsl` (the same function on the GPU). It also has its class in
-`camera_registry.py`, its module in this file, and
-an entry in `tests/camera_examples.py`, on which one contract test runs.
-All models share these conventions:
+Each model has two files with the same stem: `cameras/models/<model>.py` or
+`cameras/mirrors/<model>.py` (NumPy, float64, the reference), and `shaders/camera/<model>.glsl` (its
+twin on the GPU). Its class is listed in `camera_registry.py`, its module in this file, and an
+example for the contract test in `tests/camera_examples.py`. All models share these conventions:
 
 - Pixels are (u, v), u right and v down, (0, 0) at the center of the top left pixel.
 - Rays are unit directions in the optical frame (x right, y down, z forward), from the effective
@@ -55,7 +53,7 @@ if TYPE_CHECKING:
     from omnisim.cameras.models.stereographic import StereographicCamera
     from omnisim.cameras.models.unified import UnifiedCamera
 
-# Modules of the names that are imported at first use: an image needs one camera model.
+# Modules by exported name, imported at first use: most images need only one camera model.
 _MODULES = {
     "CAMERA_MODELS": "camera_registry",
     "camera_from_parameters": "camera_registry",

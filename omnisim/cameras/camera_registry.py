@@ -1,4 +1,4 @@
-"""Registry of camera models, by the names that files give them."""
+"""Registry of camera models by their names in files."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def camera_from_parameters(parameters: Mapping[str, Any]) -> CentralCamera:
     """Build a camera from its `parameters()`.
 
     Raises:
-        OpticsError: a parameter is invalid; names the key, the actual and the expected value.
+        OpticsError: a parameter is invalid; names the key, expected and actual value.
     """
     if not isinstance(parameters, Mapping):  # a damaged file
         raise OpticsError(f"camera: expected its parameters by name, got {parameters!r}")

@@ -128,8 +128,8 @@ def find_plan(source: Path) -> Path:
         return source
     if str(source) in sweep_names():
         return SWEEPS / f"{source}.toml"
-    hint = did_you_mean(str(source), sweep_names(), "plans that ship:")
-    raise PlanError(f"{source}: no such run, and no plan that ships; {hint}")
+    hint = did_you_mean(str(source), sweep_names(), "built-in plans:")
+    raise PlanError(f"{source}: no such run or built-in plan; {hint}")
 
 
 def read_plan(path: Path) -> tuple[SweepPlan, list[SweepPoint]]:

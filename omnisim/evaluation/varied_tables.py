@@ -64,8 +64,8 @@ def matching_sensors(robot: Tables, pattern: str, where: str) -> list[str]:
     matches = [name for name in names if pattern and fnmatchcase(name, pattern)]
     if not matches:
         raise PlanError(
-            f"{where}: expected the name of a sensor of the robot, and one of its keys: "
-            f"{', '.join(names) or 'it has none'}"
+            f"{where}: expected a sensor of the robot, and one of its keys; sensors: "
+            f"{', '.join(names) or 'none'}"
         )
     return matches
 
@@ -102,7 +102,7 @@ def with_value(tables: Tables, keys: list[str], value: Any, where: str) -> dict[
         return {**tables, keys[0]: value}
     inner = tables.get(keys[0], {})
     if not isinstance(inner, Mapping):
-        raise PlanError(f"{where}: {keys[0]!r} is no table: it has no key {keys[1]!r}")
+        raise PlanError(f"{where}: {keys[0]!r} is not a table: it has no key {keys[1]!r}")
     return {**tables, keys[0]: with_value(inner, keys[1:], value, where)}
 
 

@@ -1,4 +1,4 @@
-"""Smooth surfaces and panes that show the scene by rays, which the back end of cubes leaves out."""
+"""Notices on reflective and transmissive materials, for back ends without reflections."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS
 
 
 def reflection_notes(scene: Scene) -> list[str]:
-    """Notes on materials that reflect or transmit the scene by rays only."""
+    """Notices on materials that reflect or transmit the scene with `--backend rays` only."""
     if scene.lighting.is_matte:
         return []
     used = {scene.meshes[one.mesh].material for one in scene.instances}
@@ -26,7 +26,7 @@ def reflection_notes(scene: Scene) -> list[str]:
 
 
 def reflects_scene(material: Material) -> bool:
-    """True for a material that reflects the scene by rays: smooth metal, gloss or clear coat."""
+    """True if the ray back end traces reflections: smooth metal, gloss or clear coat."""
     if material.is_matte:
         return False
     roughness = material.roughness

@@ -153,7 +153,7 @@ def test_the_settings_are_those_of_the_rig():
 
 def test_lenses_of_other_coefficients_are_refused():
     other = dataclasses.replace(LENS, coefficients=(0.02, -0.002, 0.0, 1e-4))
-    with pytest.raises(EstimatorError, match="takes both lenses' coefficients from the first"):
+    with pytest.raises(EstimatorError, match="uses the first lens's coefficients for both"):
         orb_slam3._check_pair([LENS, other])
     orb_slam3._check_pair([LENS, dataclasses.replace(LENS, focal_lengths_px=(118.0, 118.0))])
 

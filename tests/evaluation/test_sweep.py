@@ -221,7 +221,7 @@ def test_a_sweep_on_ray(folder):
         ("[[vary]]\nkey = 'a'\nvalues = [1]\nlabels = ['b', 'c']\n", "expected 1, one for each"),
         ("[[vary]]\nkey = 'scene'\nvalues = [1]\n", "expected names or files as values, got 1"),
         ("[[vary]]\nkey = 'sensors.front.file'\nvalues = ['no.toml']\n", "no.toml: no such file"),
-        ("[[vary]]\nkey = 'name.a'\nvalues = [1]\n", "'name' is no table"),
+        ("[[vary]]\nkey = 'name.a'\nvalues = [1]\n", "'name' is not a table"),
         ("[[vary]]\nkey = 'sensors.imu.file.a'\nvalues = [1]\n", "'imu' has no sensor file"),
         ("[[vary]]\nkey = 'a'\nvalues = []\n", "vary.0.values"),
         ("[[vary]]\nkey = 'a'\n", "vary.0.values: missing"),
@@ -246,5 +246,5 @@ def test_the_plans_that_ship_are_valid():
     for name in sweep_names():
         _, points = read_plan(find_plan(Path(name)))
         assert points
-    with pytest.raises(PlanError, match="courtyar: no such run, and no plan that ships; did you"):
+    with pytest.raises(PlanError, match="courtyar: no such run or built-in plan; did you"):
         find_plan(Path("courtyar"))

@@ -154,8 +154,8 @@ def _check_pair(lenses: list[KannalaBrandtCamera]) -> None:
     misfit_px = max(second.focal_lengths_px) * float(np.abs(misfit).max())
     if misfit_px > MAX_MISFIT_PX:
         raise EstimatorError(
-            "ORB-SLAM3 takes both lenses' coefficients from the first one, "
-            f"which is {misfit_px:.3g} px wrong for the second"
+            "ORB-SLAM3 uses the first lens's coefficients for both lenses: "
+            f"the second lens's error would be {misfit_px:.3g} px"
         )
 
 

@@ -1,7 +1,7 @@
-"""Light meter of auto-exposure: one luminance that stands for an image.
+"""Light meter of auto-exposure: reduces an image to one luminance.
 
-A percentile is robust: a window or a lamp that fills less than the rest of the image does not move
-the median, and so does not pull the room around it into black. The mean follows the brightest part.
+A percentile is robust. The median ignores a bright window or lamp that fills less than half of the
+image, so the room around it does not turn black. The mean follows the brightest parts.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-LUMINANCE = (0.2126, 0.7152, 0.0722)  # of red, green and blue, Rec. 709
+LUMINANCE = (0.2126, 0.7152, 0.0722)  # weights of linear red, green and blue, Rec. 709
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Metering:
     def of_image(self, image: NDArray[np.float32]) -> float:
         """Metered luminance (Rec. 709) of an image (height, width, 4); 0 without valid pixels.
 
-        The reference of shaders/degradation/meter.frag and luminance.frag.
+        NumPy reference of shaders/degradation/meter.frag and luminance.frag.
         """
         pixels = image[image[..., 3] > 0.5, :3].astype(np.float64)
         return self.of_luminances(pixels @ np.array(LUMINANCE))

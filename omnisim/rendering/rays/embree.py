@@ -17,8 +17,8 @@ def put_rows(
     columns: tuple[NDArray[Any], ...], rows: NDArray[np.intp], values: tuple[NDArray[Any], ...]
 ) -> None:
     """Overwrite some rows of columns (n, …)."""
-    for column, some in zip(columns, values, strict=True):
-        column[rows] = some
+    for column, new_values in zip(columns, values, strict=True):
+        column[rows] = new_values
 
 
 class EmbreeHits(NamedTuple):

@@ -49,9 +49,9 @@ def check(fixture: Fixture, title: str) -> Section:
     return Section(
         title,
         "Spheres of glTF's materials against Mitsuba's principled BSDF: roughness from top to "
-        "bottom, metalness from left to right. Mitsuba's facets are shadowed each way on its own, "
-        "its dielectrics reflect by Fresnel's exact equations and lose nothing of the light below "
-        "their surface, which is Disney's and not Lambert's.",
+        "bottom, metalness from left to right. Mitsuba's shadowing and masking of facets "
+        "are uncorrelated. Its dielectrics reflect by Fresnel's exact equations. Its diffuse light "
+        "is Disney's, not Lambert's, and is not reduced by the reflected light.",
         tuple(measures),
         tables=(
             ResultTable(

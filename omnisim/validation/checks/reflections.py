@@ -1,4 +1,4 @@
-"""Mirrors, glossy floors, a chrome ball and a pane by rays, and by Mitsuba's path tracer."""
+"""Reflections of the ray back end against Mitsuba's path tracer."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from omnisim.validation.report.measure import Measure
 from omnisim.validation.report.report import CaptionedFigure, Section
 
 WIDTH_PX, QUICK_WIDTH_PX = 240, 120
-SUPERSAMPLING = 4  # of omnisim: 16 samples per pixel, of 8 rays each on glossy surfaces
-SAMPLES = 256  # of Mitsuba, per pixel
+SUPERSAMPLING = 4  # omnisim: 16 samples per pixel, with 8 rays each on glossy surfaces
+SAMPLES = 256  # Mitsuba: samples per pixel
 MIN_DB = {
     "planar mirror": 36.0,
     "floor of roughness 0.1": 34.0,
@@ -48,14 +48,15 @@ def check(fixture: Fixture, title: str) -> Section:
         }
     return Section(
         title,
-        "A room of shining walls in what reflects it, by the back end of rays. Mitsuba's paths are "
-        "converged; its facets are shadowed each way on its own.",
+        "A room with luminous walls, reflected in a mirror, a glossy floor and a chrome ball, and "
+        "seen through a pane, by `--backend rays`. Mitsuba's paths are converged. Its shadowing "
+        "and masking of facets are uncorrelated.",
         tuple(measures),
         figures=(
             CaptionedFigure(
                 "reflections",
                 gallery(images, 3),
-                f"Rooms by both, and their difference × {_SHOWN_FACTOR}.",
+                f"Rooms by both renderers, and their difference × {_SHOWN_FACTOR}.",
             ),
         ),
     )
@@ -64,7 +65,7 @@ def check(fixture: Fixture, title: str) -> Section:
 def both(
     scene: Scene, width_px: int, samples: int, supersampling: int = SUPERSAMPLING
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Linear images (height, width, 3) of a room, at most white, by omnisim and by Mitsuba."""
+    """Linear images (height, width, 3) of a room by omnisim and Mitsuba, clipped to white."""
     from omnisim.validation.oracles.mitsuba_reflections import trace_reflections  # of an extra
 
     camera, pose = reflective_rooms.camera(width_px, supersampling), reflective_rooms.camera_pose()

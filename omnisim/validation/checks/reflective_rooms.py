@@ -1,4 +1,4 @@
-"""Rooms with shining walls and one surface that shows them: a mirror, a floor, a ball or a pane."""
+"""Test rooms: luminous walls and one reflective surface, a mirror, floor, ball or pane."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FLOOR = dataclasses.replace(_CHROME, name="floor", base_color=(0.9, 0.85, 0.8, 
 
 
 def rooms() -> dict[str, Scene]:
-    """Rooms by the name of what is in them."""
+    """Rooms by the name of their reflective surface."""
     return {
         "planar mirror": _room(_CHROME, _panel(1.2, 0.9, (2.0, 0.0, -0.1), 25.0)),
         "floor of roughness 0.1": _room(
@@ -38,7 +38,7 @@ def rooms() -> dict[str, Scene]:
 
 
 def camera(width_px: int, supersampling: int) -> OmniCamera:
-    """Perspective camera near the room's back wall, 4 : 3, that looks along x."""
+    """Perspective camera with an aspect ratio of 4 : 3."""
     height_px = width_px * 3 // 4
     middle = 0.5 * (width_px - 1), 0.5 * (height_px - 1)
     model = PerspectiveCamera(width_px, height_px, 0.6 * width_px, middle)
@@ -46,12 +46,12 @@ def camera(width_px: int, supersampling: int) -> OmniCamera:
 
 
 def camera_pose() -> NDArray[np.float64]:
-    """Pose (4, 4) of the camera's base."""
+    """Pose (4, 4) of the camera's base in the world, near the back wall and looking along x."""
     return pose((-1.5, 0.3, 0.1), 0.0, 8.0, 0.0)
 
 
 def _room(material: Material, mesh: Mesh) -> Scene:
-    """Room with colored squares on its walls, a post, and a mesh of a material."""
+    """Room with colored squares on its walls, a post, and a mesh with the tested material."""
     shining = Material("walls", unlit=True, double_sided=True)
     post = _moved(_box((0.15, 0.15, 0.6), (1.0, 0.5, 0.1)), pose((0.6, -1.1, -0.4)))
     meshes = (_walls(), post, dataclasses.replace(mesh, material=1))
@@ -68,7 +68,7 @@ def _room(material: Material, mesh: Mesh) -> Scene:
 
 
 def _walls() -> Mesh:
-    """Walls, floor and ceiling of squares, each of one color that fits its place."""
+    """Walls, floor and ceiling of squares, each with one color by its position."""
     quads, colors = [], []
     edges = np.linspace(-1.0, 1.0, SQUARES + 1)
     for axis in range(3):
@@ -98,14 +98,14 @@ def _box(half_m: tuple[float, float, float], color: tuple[float, float, float]) 
 
 
 def _facing(corners_m: NDArray[np.float64], inward: bool) -> NDArray[np.float64]:
-    """Corners (4, 3) of a quad in the order in which its front faces the origin, or away."""
+    """Corners (4, 3) of a quad, ordered so that its front faces the origin, or away from it."""
     normal = np.cross(corners_m[1] - corners_m[0], corners_m[2] - corners_m[0])
     is_inward = float(normal @ corners_m.mean(axis=0)) < 0.0
     return corners_m if is_inward == inward else corners_m[::-1]
 
 
 def _quads(name: str, corners_m: NDArray[np.float64], colors: NDArray[np.float64]) -> Mesh:
-    """Mesh of quads (n, 4, 3) with colors (n, 4, 3)."""
+    """Mesh of quads with corners (n, 4, 3) in meters and vertex colors (n, 4, 3), linear RGB."""
     first = 4 * np.arange(len(corners_m))[:, None, None]
     triangles = (first + np.array(((0, 1, 2), (0, 2, 3)))).reshape(-1, 3)
     rgba = np.concatenate((colors, np.ones((*colors.shape[:2], 1))), axis=-1)
@@ -121,7 +121,7 @@ def _quads(name: str, corners_m: NDArray[np.float64], colors: NDArray[np.float64
 def _panel(
     half_y_m: float, half_z_m: float, center_m: tuple[float, float, float], yaw_deg: float
 ) -> Mesh:
-    """Upright panel across x, turned about z."""
+    """Upright panel perpendicular to x, rotated about z."""
     corners = np.array([(0, -1, -1), (0, 1, -1), (0, 1, 1), (0, -1, 1)]) * (1, half_y_m, half_z_m)
     return _moved(_plain("panel", corners), pose(center_m, 0.0, 0.0, yaw_deg))
 

@@ -1,7 +1,7 @@
-"""Scenes of shining surfaces, mirrors, rough metal and thin panes, by Mitsuba 3.
+"""Mitsuba 3 as an oracle for scenes of luminous surfaces, mirrors, rough metal and thin panes.
 
-Unlit surfaces emit their color. Other surfaces reflect, and nothing else lights them, so that
-Mitsuba's converged paths are the radiance along reflected and transmitted rays.
+Unlit surfaces emit their color, and are the only light. Mitsuba's converged image is therefore the
+radiance along reflected and transmitted rays.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ def trace_reflections(
     samples: int,
     seed: int = 0,
 ) -> NDArray[np.float32]:
-    """Trace the image (height, width, 3), linear RGB, of a camera that looks along its base's x.
+    """Trace an image (height, width, 3), linear RGB; the camera looks along its base's x.
 
     Args:
         scene: scene from `omnisim.validation.checks.reflective_rooms`.
         camera: camera at the base's origin.
-        world_from_base: (4, 4).
-        samples: rays per pixel; a square number.
+        world_from_base: (4, 4) pose of the base.
+        samples: samples per pixel; a square number.
         seed: equal seeds give equal images.
     """
     with scalar_variant():
@@ -80,7 +80,7 @@ def _sensor(
 
 
 def _surfaces(scene: Scene, instance: Instance) -> list[mi.Mesh]:
-    """Meshes of an instance: one of each color if it shines, else one."""
+    """Meshes of an instance: one per color if it emits light, else one."""
     mesh = scene.meshes[instance.mesh]
     material = scene.materials[mesh.material]
     linear, offset_m = instance.world_from_mesh[:3, :3], instance.world_from_mesh[:3, 3]
@@ -101,7 +101,7 @@ def _shining(
     triangles: NDArray[np.int64],
     colors: NDArray[np.float32] | None,
 ) -> list[mi.Mesh]:
-    """Emitters to the front, one of each color of the triangles: Mitsuba 3.9 crashes on others."""
+    """One-sided emitters, one per triangle color: Mitsuba 3.9 crashes on vertex colors."""
     factor = np.array(material.base_color[:3], dtype=np.float32)
     white = np.ones((len(triangles), 3), dtype=np.float32)
     own = factor * (white if colors is None else colors[triangles[:, 0], :3])
@@ -120,7 +120,7 @@ def _shining(
 
 
 def _bsdf(material: Material) -> dict[str, Any]:
-    """BSDF of a thin pane, or of a metal: smooth, or of GGX's facets."""
+    """BSDF of a thin pane, of a smooth metal, or of a rough metal with GGX facets."""
     if material.transmission > 0.0:
         return {
             "type": "thindielectric",

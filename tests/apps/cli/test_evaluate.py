@@ -59,7 +59,7 @@ def test_a_plan(omnisim, folder):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("none", "-o", "report"), "none: no such run, and no plan that ships"),
+        (("none", "-o", "report"), "none: no such run or built-in plan"),
         ((".", "-o", "report"), "has no manifest.json: expected the folder of a run"),
         ((".", "-o", "report", "--with", "orbslam"), "estimator 'orbslam': unknown"),
         (("none.toml", "-o", "report"), "none.toml"),

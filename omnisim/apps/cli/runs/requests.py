@@ -217,18 +217,18 @@ class EvaluateRequest:
     """Parameters of `omnisim evaluate`."""
 
     run: Annotated[Path, Argument(metavar="RUN|PLAN")]
-    """Folder of a finished run, the plan of a sweep (.toml), or the name of a plan that ships."""
+    """Folder of a finished run, file of a sweep's plan (.toml), or name of a built-in plan."""
     output: Annotated[Path, Option(metavar="DIR")]
     """Folder of the report and the trajectories; existing outcomes in it are kept."""
     estimators: Annotated[
         list[str] | None,
         Option(flags=("--with",), metavar="NAME", default="all", names=lambda: ESTIMATORS),
     ] = None
-    """Estimator: {names}, or command:… with {run} and {out}; repeatable; a plan has its own."""
+    """Estimator: {names}, or command:… with {run} and {out}; repeatable; not with a plan."""
     limit_s: Annotated[float, Option(min=1.0, max=86400.0)] = 600.0
-    """Time limit of each estimator; a plan has its own."""
+    """Time limit of each estimator of a run; plans have `limit_s`."""
     processes: Annotated[int, Option(min=1, max=256)] = 1
-    """Drives of a plan at the same time."""
+    """Number of concurrent drives of a plan."""
     engine: Annotated[str, Option(metavar="NAME", names=lambda: ("local", "ray"))] = "local"
     """Engine that distributes the drives of a plan: {names}."""
     address: Annotated[

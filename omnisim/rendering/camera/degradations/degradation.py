@@ -30,7 +30,7 @@ if TYPE_CHECKING:  # an ideal camera needs none of them
     from omnisim.rendering.opengl.degradation.step import Step
 
 
-# Modules of the effects in this package: an ideal camera needs none of them.
+# Modules by effect, imported at first use: an ideal camera needs none of them.
 EFFECT_MODULES = {
     "Bayer": "bayer",
     "ChromaticAberration": "chromatic_aberration",
@@ -50,9 +50,9 @@ EFFECT_MODULES = {
 
 @dataclass(frozen=True, kw_only=True)
 class Degradation:
-    """Effects of a camera; None: disabled. By default the camera is ideal.
+    """Degradation of a camera: one field per effect; None: disabled. By default all are disabled.
 
-    The order of the fields is the order of the effects along the light path.
+    The fields are in the order of the light path.
 
     Raises:
         OpticsError: dark current without an exposure time.
@@ -90,12 +90,12 @@ class Degradation:
 
     @property
     def is_ideal(self) -> bool:
-        """True without any effect."""
+        """True if all effects are disabled."""
         return not self.parts
 
     @property
     def exposure_s(self) -> float:
-        """Exposure time of a row; 0: instantaneous."""
+        """Exposure time of a row in seconds; 0: instantaneous."""
         return 0.0 if self.shutter is None else self.shutter.exposure_s or 0.0
 
     @property
@@ -109,11 +109,11 @@ class Degradation:
         return self.meter is not None
 
     def tables(self) -> dict[str, dict[str, Any]]:
-        """Sensor file tables of the same effects."""
+        """Sensor file tables of the enabled effects."""
         return {name: part.values() for name, part in self.parts.items()}
 
     def scaled(self, scale: float) -> Degradation:
-        """Degradation of an image `scale` times as large."""
+        """The same degradation for an image with `scale` times the resolution."""
         parts: dict[str, Any] = {name: part.scaled(scale) for name, part in self.parts.items()}
         return Degradation(**parts)
 
@@ -128,7 +128,7 @@ class Degradation:
     def electronics(self) -> list[SensorEffect]:
         """Effects after the shutter, up to the linear image.
 
-        The sensor's color response is a factor of its exposure, even without an exposure table.
+        With white balance, they include an exposure, which applies its factors.
         """
         from omnisim.rendering.camera.degradations.effect import SensorEffect
         from omnisim.rendering.camera.degradations.exposure import Exposure
@@ -155,11 +155,11 @@ class Degradation:
         return [step for effect in self.electronics for step in effect.steps(geometry, shot)]
 
     def encoding_step(self) -> Step | None:
-        """GPU pass into 8 bits, if it differs from the ideal camera's."""
+        """GPU pass that encodes 8 bits; None: the encoding is that of an ideal camera."""
         return self.encoding.step() if self.encoding else None
 
     def exposure_factors(self, ev: float) -> tuple[float, float, float]:
-        """Factors of red, green and blue light for an exposure in stops."""
+        """Factors of red, green and blue light at an exposure of `ev` stops."""
         response = self.white_balance.response if self.white_balance else (1.0, 1.0, 1.0)
         red, green, blue = (2.0**ev * part for part in response)
         return red, green, blue

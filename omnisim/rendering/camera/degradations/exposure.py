@@ -1,10 +1,10 @@
 """Exposure, and auto-exposure with a lag.
 
 Light is multiplied by 2 to the power of the exposure, before the sensor counts its photons.
-Auto-exposure works like an iris, so motion blur keeps the shutter time. It follows the metered
-exposure of the previous image, as a first-order filter; the typical values are assumptions.
+Auto-exposure acts as an iris: the shutter time, and thus motion blur, stays the same. A first-order
+filter follows the metered exposure of the previous image. The typical values are assumptions.
 
-Source: ISO 12232 and APEX, for stops; the 18 % of a gray card is photography's convention.
+Source: ISO 12232 and APEX, for stops; a gray card's 18 % is a convention of photography.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Exposure(SensorEffect, name="degradation.exposure"):
         return Metering(self.percentile if self.metering == "percentile" else None)
 
     def metered_ev(self, luminance: float) -> float:
-        """Metered exposure of an image, from its metered luminance before exposure."""
+        """Metered exposure in stops, from an image's metered luminance before exposure."""
         if not self.auto:
             return self.ev
         if luminance <= 0.0:
@@ -76,12 +76,12 @@ class Exposure(SensorEffect, name="degradation.exposure"):
         return min(max(metered, self.min_ev), self.max_ev)
 
     def next_ev(self, ev: float, metered_ev: float, later_s: float) -> float:
-        """Exposure of the next image.
+        """Exposure of the next image in stops.
 
         Args:
             ev: exposure of this image.
             metered_ev: metered exposure of this image.
-            later_s: time from this image to the next.
+            later_s: time from this image to the next one.
         """
         if not self.auto:
             return self.ev

@@ -40,8 +40,8 @@ class SurfaceDirections(NamedTuple):
     """Normals and view directions at visible surfaces.
 
     Attributes:
-        normals, coat_normals: (n, 3) unit, of the surface and its clear coat, normal-mapped.
-        views: (n, 3) unit, toward the origins of the rays.
+        normals, coat_normals: (n, 3) normal-mapped unit normals of the surface and its clear coat.
+        views: (n, 3) unit directions toward the origins of the rays.
     """
 
     normals: Floats
@@ -50,7 +50,7 @@ class SurfaceDirections(NamedTuple):
 
 
 class Traced(NamedTuple):
-    """Reflections of the scene in some of the surfaces, and in some of their clear coats."""
+    """Traced reflections of surfaces (n,) and of their clear coats; None: none is traced."""
 
     gloss: TracedGloss | None
     coat: TracedGloss | None
@@ -67,12 +67,13 @@ def reflected_light(
     """Light (n, 3), linear RGB, that surfaces emit and reflect along the views.
 
     Args:
-        surface, directions: (n,) surfaces and their directions.
+        surface: reflectance of the surfaces (n,).
+        directions: normals and view directions at the surfaces (n,).
         lighting: lighting of the scene.
         lamps: light of each lamp on the surfaces.
-        surroundings: (n, 3) baked light on white surfaces without that of lamps; None: no baked
+        surroundings: (n, 3) baked light on white surfaces, minus the light of lamps; None: no baked
             light.
-        traced: reflections of the scene in place of those of sky and surroundings.
+        traced: traced reflections, which replace those of sky and surroundings; None: none.
     """
     coat = coat_fresnel(surface.coat, directions)
     total = (1.0 - coat)[:, None] * surface.emissive
@@ -83,7 +84,7 @@ def reflected_light(
 
 
 def coat_fresnel(strengths: Floats, directions: SurfaceDirections) -> Floats:
-    """Shares (n,) of light that clear coats of strengths (n,) reflect, by Schlick."""
+    """Schlick's reflectance (n,) of clear coats with strengths (n,)."""
     grazing = (1.0 - _cosines(directions.coat_normals, directions.views)) ** 5
     shares: Floats = strengths * (COAT_F0 + (1.0 - COAT_F0) * grazing)
     return shares
@@ -127,7 +128,7 @@ def _environment(
     total = body * light
     reflected = gloss * _radiance(lighting, normals, views, surface.roughness, baked)
     if traced is not None and traced.gloss is not None:
-        reflected[traced.gloss.some] = traced.gloss.light
+        reflected[traced.gloss.indices] = traced.gloss.light
     total += reflected
     total *= (1.0 - coat)[:, None]
     if coat.any():
@@ -135,8 +136,8 @@ def _environment(
         seen = _radiance(lighting, directions.coat_normals, views, surface.coat_roughness, baked)
         reflected = (coat * coated[:, :2].sum(axis=1))[:, None] * seen
         if traced is not None and traced.coat is not None:
-            some = traced.coat.some
-            reflected[some] = coat[some, None] * traced.coat.light
+            indices = traced.coat.indices
+            reflected[indices] = coat[indices, None] * traced.coat.light
         total += reflected
     lit: Floats = surface.occlusion[:, None] * total
     return lit
@@ -145,7 +146,7 @@ def _environment(
 def _radiance(
     lighting: Lighting, normals: Floats, views: Floats, roughness: Floats, baked: Floats | None
 ) -> Floats:
-    """Radiance (n, 3) of the environment around the dominant direction of reflection.
+    """Prefiltered radiance (n, 3) of the environment in the dominant direction of reflection.
 
     With baked light, the environment map is scaled by the share of its light that reaches the
     surface.
@@ -187,7 +188,7 @@ def _microfacets(
 
 
 def _between(f0: Floats, f90: Floats, grazing: Floats) -> Floats:
-    """Schlick's reflectance (n, 3)."""
+    """Schlick's reflectance (n, 3) between f0 (n, 3) and f90 (n,)."""
     values: Floats = f0 + (f90[:, None] - f0) * grazing[:, None]
     return values
 

@@ -1,11 +1,11 @@
-"""Reflections of the scene in smooth surfaces, by rays: mirrors, and GGX facets by random numbers.
+"""Ray-traced reflections of the scene: mirrors, and glossy surfaces by sampled GGX facets.
 
-A reflected ray starts at the mirrored viewpoint, behind its surface, so that ranges and footprints
-of what it meets are those along the whole path.
+The origin of a reflected ray is the mirrored viewpoint, behind the surface. Ranges and footprints
+at its hit are therefore those of the whole path.
 
-Source: Heitz, "Sampling the GGX Distribution of Visible Normals", JCGT 7(4), 2018, whose estimator
-is Fresnel's term times G2 / G1; glTF 2.0, appendix B, for the facets; Roberts, "The Unreasonable
-Effectiveness of Quasirandom Sequences", 2018, for the numbers of a pixel's rays.
+Sources: Heitz, "Sampling the GGX Distribution of Visible Normals", JCGT 7(4), 2018, with the
+estimator Fresnel's term times G2 / G1; glTF 2.0, appendix B, for the facets; Roberts, "The
+Unreasonable Effectiveness of Quasirandom Sequences", 2018, for the numbers of a pixel's rays.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from omnisim.scene.surface_reflectance import (
 
 Floats = NDArray[np.floating]
 
-MAX_BOUNCES = 6  # reflections along a path; the last surface is shaded as a rougher one
-RAYS_PER_SAMPLE = 8  # of a glossy surface that the camera sees; further bounces take one
-_MIN_WEIGHT = 1.0 / 512.0  # of a reflection in its pixel: half an 8-bit step of a white one
-# Offset of reflected rays from their surface: a constant, and a share of the path's length.
+MAX_BOUNCES = 6  # reflections along a path; the next surface is shaded as if it were rough
+RAYS_PER_SAMPLE = 8  # at the first glossy surface of a path; further bounces take one
+_MIN_WEIGHT = 1.0 / 512.0  # share of a reflection in its sample: half an 8-bit step of white
+# Offset of reflected rays from their surface: a constant, and a factor of the path's length.
 _START_M, _START_SHARE = 1e-5, 1e-5
 _ABOVE = 1e-3  # minimum cosine between a reflected ray and the triangle's plane
 # Steps of the additive recurrence R2, in units of 2⁻³²
@@ -37,12 +37,12 @@ _R2_STEPS = tuple(round(2.0**32 * 1.32471795724474602596**-power) for power in (
 
 
 class Paths(NamedTuple):
-    """Identity and weight of rays (n,), from which their reflections follow.
+    """Paths (n,) of light: the seeds of their random numbers, and their weights.
 
     Attributes:
-        pixels: (n,) uint32 numbers of the rays' pixels.
-        numbers: (n,) uint32 numbers of the rays in their pixel.
-        weights: (n,) shares of the rays' light in that of their sample.
+        pixels: (n,) uint32 indices of the paths' pixels.
+        numbers: (n,) uint32 indices of the paths within their pixel.
+        weights: (n,) shares of the paths' light in their samples.
         key: key of the camera's random numbers.
         bounce: number of reflections so far.
     """
@@ -53,14 +53,17 @@ class Paths(NamedTuple):
     key: int
     bounce: int = 0
 
-    def take(self, some: NDArray[np.intp]) -> Paths:
-        """Some of the rays."""
+    def take(self, indices: NDArray[np.intp]) -> Paths:
+        """Paths at indices (m,)."""
         return self._replace(
-            pixels=self.pixels[some], numbers=self.numbers[some], weights=self.weights[some]
+            pixels=self.pixels[indices],
+            numbers=self.numbers[indices],
+            weights=self.weights[indices],
         )
 
 
-# Radiance (n, 3) along rays (n,) with footprints that start at triangles (n,).
+# Function of rays (n,), footprints (n, 2, 3), starting triangles (n,) and paths (n,); it returns
+# the radiance (n, 3) along the rays.
 Trace = Callable[[Rays, NDArray[np.float32] | None, NDArray[np.int32], Paths], NDArray[np.float32]]
 
 
@@ -70,33 +73,33 @@ class Tracing(NamedTuple):
     paths: Paths
     trace: Trace
 
-    def take(self, some: NDArray[np.intp]) -> Tracing:
-        """Tracing of some of the paths."""
-        return Tracing(self.paths.take(some), self.trace)
+    def take(self, indices: NDArray[np.intp]) -> Tracing:
+        """Tracing of the paths at indices (m,)."""
+        return Tracing(self.paths.take(indices), self.trace)
 
 
 class Arrivals(NamedTuple):
-    """Rays (n,) at their surfaces, see `omnisim.rendering.rays.shading.shading.View`."""
+    """Rays (n,), their hits and footprints, as in `omnisim.rendering.rays.shading.shading.View`."""
 
     rays: Rays
     hits: RayHits
     footprints: NDArray[np.float32] | None
 
-    def take(self, some: NDArray[np.intp]) -> Arrivals:
-        """Some of the rays."""
-        footprints = None if self.footprints is None else self.footprints[some]
-        return Arrivals(self.rays.take(some), self.hits.take(some), footprints)
+    def take(self, indices: NDArray[np.intp]) -> Arrivals:
+        """Arrivals of the rays at indices (m,)."""
+        footprints = None if self.footprints is None else self.footprints[indices]
+        return Arrivals(self.rays.take(indices), self.hits.take(indices), footprints)
 
 
 class Lobe(NamedTuple):
-    """Gloss of surfaces (n,).
+    """Specular lobes of surfaces (n,).
 
     Attributes:
-        normals: (n, 3) unit.
-        roughness: (n,).
+        normals: (n, 3) unit normals, world.
+        roughness: (n,) glTF roughness, 0 to 1.
         f0: (n, 3) reflectance at normal incidence.
         f90: (n,) reflectance at grazing incidence.
-        strength: (n,) factor of the reflected light, for its weight only.
+        strength: (n,) factor of the reflected light; only the paths' weights use it.
     """
 
     normals: Floats
@@ -105,22 +108,25 @@ class Lobe(NamedTuple):
     f90: Floats
     strength: Floats
 
-    def take(self, some: NDArray[np.intp]) -> Lobe:
-        """Some of the surfaces."""
-        return Lobe._make(values[some] for values in self)
+    def take(self, indices: NDArray[np.intp]) -> Lobe:
+        """Lobes at indices (m,)."""
+        return Lobe._make(values[indices] for values in self)
 
 
 class TracedGloss(NamedTuple):
-    """Reflected light (m, 3) of some (m,) of the surfaces."""
+    """Reflected light (m, 3), linear RGB, of the surfaces at indices (m,)."""
 
-    some: NDArray[np.intp]
+    indices: NDArray[np.intp]
     light: Floats
 
 
 def traced_gloss(lobe: Lobe, arrivals: Arrivals, tracing: Tracing) -> TracedGloss | None:
-    """Light that the lobes (n,) reflect toward the rays; None: no surface is smooth enough.
+    """Trace the light that lobes (n,) reflect toward the arriving rays.
 
-    Surfaces that are left out are too rough, or reflect too little to be seen.
+    Surfaces rougher than `MAX_TRACED_ROUGHNESS`, or with weights below `_MIN_WEIGHT`, are omitted.
+
+    Returns:
+        Reflected light; None: all surfaces are omitted, or the paths have `MAX_BOUNCES`.
     """
     paths = tracing.paths
     if paths.bounce >= MAX_BOUNCES:
@@ -128,15 +134,15 @@ def traced_gloss(lobe: Lobe, arrivals: Arrivals, tracing: Tracing) -> TracedGlos
     grazing = (1.0 - _cosines(lobe.normals, -arrivals.rays.directions)) ** 5
     fresnel = lobe.f0.max(axis=1) + (lobe.f90 - lobe.f0.max(axis=1)) * grazing
     weights = paths.weights * lobe.strength * fresnel
-    some = np.flatnonzero((lobe.roughness <= MAX_TRACED_ROUGHNESS) & (weights >= _MIN_WEIGHT))
-    if len(some) == 0:
+    indices = np.flatnonzero((lobe.roughness <= MAX_TRACED_ROUGHNESS) & (weights >= _MIN_WEIGHT))
+    if len(indices) == 0:
         return None
-    lobe, arrivals = lobe.take(some), arrivals.take(some)
-    paths = paths.take(some)._replace(weights=weights[some].astype(np.float32))
+    lobe, arrivals = lobe.take(indices), arrivals.take(indices)
+    paths = paths.take(indices)._replace(weights=weights[indices].astype(np.float32))
     is_glossy = lobe.roughness > MIN_ROUGHNESS
     counts = np.where(is_glossy & (paths.bounce == 0), RAYS_PER_SAMPLE, 1)
     firsts = np.cumsum(counts) - counts
-    each = np.repeat(np.arange(len(some)), counts)
+    each = np.repeat(np.arange(len(indices)), counts)
     following = paths.take(each)
     turn = (np.arange(len(each)) - firsts[each]).astype(np.uint32)
     following = following._replace(numbers=following.numbers * np.uint32(RAYS_PER_SAMPLE) + turn)
@@ -144,13 +150,13 @@ def traced_gloss(lobe: Lobe, arrivals: Arrivals, tracing: Tracing) -> TracedGlos
     following = following._replace(bounce=paths.bounce + 1)
     light = tracing.trace(rays, footprints, arrivals.hits.triangles[each], following)
     total = np.add.reduceat(factors * light, firsts, axis=0) / counts[:, None]
-    return TracedGloss(some, total)
+    return TracedGloss(indices, total)
 
 
 def _reflected(
     lobe: Lobe, arrivals: Arrivals, paths: Paths
 ) -> tuple[Rays, NDArray[np.float32] | None, Floats]:
-    """Reflected rays (n,), their footprints, and the factors (n, 3) of their light."""
+    """Reflected rays (n,), their footprints (n, 2, 3), and the factors (n, 3) of their light."""
     rays, hits, footprints = arrivals
     views = -rays.directions
     facets = lobe.normals.astype(np.float64)
@@ -184,7 +190,8 @@ def _reflected(
 def _numbers(paths: Paths) -> tuple[Floats, Floats]:
     """Two random numbers (n,) in [0, 1) for each path.
 
-    The first reflections of all rays of a pixel are one well spread sequence, from a random start.
+    At the first reflection, the numbers of a pixel's rays form one low-discrepancy sequence with a
+    random start.
     """
     if paths.bounce:
         hashes = pcg4d(paths.pixels, paths.numbers, paths.bounce, paths.key)
@@ -201,16 +208,16 @@ def _numbers(paths: Paths) -> tuple[Floats, Floats]:
 def _visible_facets(
     normals: Floats, views: Floats, squared: Floats, numbers: tuple[Floats, Floats]
 ) -> Floats:
-    """Normals (n, 3) of facets that the views see, in proportion to their visible area.
+    """Sample facet normals (n, 3) in proportion to their area visible from the view directions.
 
     Args:
-        normals, views: (n, 3) unit.
+        normals, views: (n, 3) unit normals, and unit directions toward the rays' origins.
         squared: (n,) alpha², the fourth power of the roughness.
-        numbers: (n,) each, in [0, 1).
+        numbers: two random numbers (n,) in [0, 1).
     """
     alpha = np.sqrt(squared)[:, None]
     heights = _cosines(normals, views)[:, None]
-    # along the normal the distribution is stretched by alpha: so is the view
+    # the distribution is stretched by alpha across the normal, and so are the views
     flat = views - np.einsum("nc,nc->n", views, normals)[:, None] * normals
     stretched = alpha * flat + heights * normals
     stretched /= np.linalg.norm(stretched, axis=1, keepdims=True)
@@ -220,7 +227,7 @@ def _visible_facets(
     side = np.where(is_steep, np.cross(helper, normals), side)
     side /= np.linalg.norm(side, axis=1, keepdims=True)
     up = np.cross(stretched, side)
-    # a point of the disc that the view sees of the hemisphere of stretched normals
+    # point on the projection of the hemisphere of stretched normals along the view
     radius, azimuth = np.sqrt(numbers[0]), 2.0 * np.pi * numbers[1]
     x, y = radius * np.cos(azimuth), radius * np.sin(azimuth)
     share = 0.5 * (1.0 + np.einsum("nc,nc->n", stretched, normals))
@@ -228,16 +235,16 @@ def _visible_facets(
     up = up * sign[:, None]
     y = (1.0 - share) * np.sqrt(np.maximum(1.0 - x * x, 0.0)) + share * y
     depth = np.sqrt(np.maximum(1.0 - x * x - y * y, 0.0))
-    found = x[:, None] * side + y[:, None] * up + depth[:, None] * stretched
-    height = np.maximum(np.einsum("nc,nc->n", found, normals), 0.0)[:, None]
-    found = alpha * (found - np.einsum("nc,nc->n", found, normals)[:, None] * normals)
-    found += height * normals
-    facets: Floats = found / np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-30)
+    sampled = x[:, None] * side + y[:, None] * up + depth[:, None] * stretched
+    height = np.maximum(np.einsum("nc,nc->n", sampled, normals), 0.0)[:, None]
+    sampled = alpha * (sampled - np.einsum("nc,nc->n", sampled, normals)[:, None] * normals)
+    sampled += height * normals
+    facets: Floats = sampled / np.maximum(np.linalg.norm(sampled, axis=1, keepdims=True), 1e-30)
     return facets
 
 
 def _shadowing(normals: Floats, views: Floats, directions: Floats, squared: Floats) -> Floats:
-    """G2 / G1 (n,) of height-correlated facets: 0 for directions below the surface."""
+    """Shadowing G2 / G1 (n,) of height-correlated facets; 0 for directions below the surface."""
     view = _cosines(normals, views)
     light = np.einsum("nc,nc->n", normals, directions)
     seen = 2.0 * view / (view + np.sqrt(view * view * (1.0 - squared) + squared))

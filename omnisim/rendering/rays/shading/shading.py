@@ -44,17 +44,19 @@ _DARKEST = 1e-20
 
 
 class View(NamedTuple):
-    """Rays (n,) with hits, and their footprints, see `Shading.base_colors`."""
+    """Rays (n,), their hits, and their footprints (n, 2, 3), see `Shading.base_colors`."""
 
     rays: Rays
     hits: RayHits
     world_from_objects: Poses
     footprints: NDArray[np.float32] | None
 
-    def take(self, some: NDArray[np.intp]) -> View:
-        """View of the selected rays."""
-        footprints = None if self.footprints is None else self.footprints[some]
-        return View(self.rays.take(some), self.hits.take(some), self.world_from_objects, footprints)
+    def take(self, indices: NDArray[np.intp]) -> View:
+        """View of the rays at indices (m,)."""
+        footprints = None if self.footprints is None else self.footprints[indices]
+        return View(
+            self.rays.take(indices), self.hits.take(indices), self.world_from_objects, footprints
+        )
 
 
 class Shading:
@@ -103,8 +105,8 @@ class Shading:
         Args:
             rays, hits: (n,); all rays must hit.
             world_from_objects: (4, 4) each, poses of the dynamic objects.
-            footprints: (n, 2, 3) changes of direction to the next samples, world; None: rays
-                without width.
+            footprints: (n, 2, 3) direction differences to the neighboring samples, world; None:
+                rays without width.
         """
         surfaces = self.surfaces(hits)
         colors = self._base_color[surfaces]
@@ -120,14 +122,16 @@ class Shading:
     def transmitted(
         self, rays: Rays, hits: RayHits, colors: NDArray[np.float32], poses: Poses
     ) -> NDArray[np.float32]:
-        """Shares (n, 3) of light that pass panes of base colors (n, 3 or more), else 0."""
+        """Transmittance (n, 3) of panes with base colors (n, 3 or more); 0 at other surfaces."""
         surfaces = self.surfaces(hits)
         shares = np.zeros((len(surfaces), 3), dtype=np.float32)
-        some = np.flatnonzero(self.is_pane[surfaces])
-        if len(some):
-            normals = self.normals(hits.take(some), poses)
-            cosines = np.abs(np.einsum("nc,nc->n", normals, rays.directions[some]))
-            shares[some] = self._panes.transmitted(surfaces[some], colors[some, :3], cosines)
+        indices = np.flatnonzero(self.is_pane[surfaces])
+        if len(indices):
+            normals = self.normals(hits.take(indices), poses)
+            cosines = np.abs(np.einsum("nc,nc->n", normals, rays.directions[indices]))
+            shares[indices] = self._panes.transmitted(
+                surfaces[indices], colors[indices, :3], cosines
+            )
         return shares
 
     def emitted(self, hits: RayHits) -> NDArray[np.float32]:
@@ -144,19 +148,19 @@ class Shading:
         table: TextureTable,
         textures: NDArray[np.intp],
         view: View,
-        some: NDArray[np.intp],
+        indices: NDArray[np.intp],
     ) -> NDArray[np.float32]:
-        """Texels (n, 4) of textures (n,) at the selected hits."""
-        hits, geometry = view.hits.take(some), self._geometry
+        """Texels (m, 4) of textures (m,) at the hits with indices (m,)."""
+        hits, geometry = view.hits.take(indices), self._geometry
         corners = self._corner_coordinates(table, textures, hits)
         coordinates = np.einsum("nk,nkc->nc", hits.weights, corners)
-        levels = np.zeros(len(some), dtype=np.float32)
+        levels = np.zeros(len(indices), dtype=np.float32)
         if view.footprints is not None:
             levels = _mip_levels(
                 geometry.corners_m(hits.triangles, view.world_from_objects),
                 corners * table.sizes_px(textures)[:, None],
-                view.rays.directions[some],
-                hits.ranges_m[:, None, None] * view.footprints[some],
+                view.rays.directions[indices],
+                hits.ranges_m[:, None, None] * view.footprints[indices],
             )
         return table.lookup(textures, coordinates, levels)
 
@@ -174,7 +178,7 @@ class Shading:
         )
 
     def normals(self, hits: RayHits, world_from_objects: Poses = ()) -> NDArray[np.float32]:
-        """Unit normals (n, 3) of the visible side, world: interpolated, or the plane's."""
+        """Unit normals (n, 3) of the visible side, world: interpolated, or of the triangle."""
         of_corners = self._geometry.corner_normals(hits.triangles, world_from_objects)
         normals: NDArray[np.float32] = np.einsum("nk,nkc->nc", hits.weights, of_corners)
         for moved, pose in self._geometry.moved(hits.triangles, world_from_objects):
@@ -211,7 +215,7 @@ class Shading:
     ) -> NDArray[np.float32]:
         """Light (n, 3), linear RGB, from surfaces of base colors (n, 3 or more) toward the rays.
 
-        With `tracing`, smooth surfaces reflect the scene, otherwise its sky and lamps only.
+        With `tracing`, smooth surfaces reflect the scene; without it, only sky and lamps.
         """
         surfaces = self.surfaces(hits)
         points_m = rays.origins_m + hits.ranges_m[:, None] * rays.directions
@@ -284,16 +288,16 @@ class Shading:
         surroundings: NDArray[np.float32] | None,
         tracing: Tracing | None,
     ) -> NDArray[np.float32]:
-        """Light (n, 3) from surfaces that are not matte."""
+        """Light (n, 3), linear RGB, from surfaces of which some are not matte."""
         surfaces, sampled = self.surfaces(view.hits), self._sampler(view)
         mapped, coat = (self._mapped(slot, normals, view, sampled) for slot in NORMAL_SCALES)
         directions = SurfaceDirections(mapped, coat, -view.rays.directions)
         reflectance = self.table.reflectance(surfaces, colors, sampled)
         traced = None
         if tracing is not None:
-            some = np.flatnonzero(self.is_pane[surfaces])
-            if len(some):
-                reflectance = self._of_panes(reflectance, surfaces, directions, some)
+            indices = np.flatnonzero(self.is_pane[surfaces])
+            if len(indices):
+                reflectance = self._of_panes(reflectance, surfaces, directions, indices)
             traced = _traced(reflectance, directions, view, tracing)
         light = reflected_light(
             reflectance, directions, self._lighting, lamps, surroundings, traced
@@ -305,47 +309,49 @@ class Shading:
         surface: Reflectance,
         surfaces: NDArray[np.int32],
         directions: SurfaceDirections,
-        some: NDArray[np.intp],
+        indices: NDArray[np.intp],
     ) -> Reflectance:
-        """Reflectance in which some surfaces are mirrors by both interfaces of their pane."""
+        """Reflectance in which the panes at indices (m,) are mirrors with a pane's reflectance."""
         panes, body, f0, f90 = self._panes, surface.body.copy(), surface.f0.copy(), surface.f90
-        cosines = np.abs(np.einsum("nc,nc->n", directions.normals[some], directions.views[some]))
-        reflected = pane_reflectance(cosines, panes.ior[surfaces[some]])
-        f0[some], f90, roughness = reflected[:, None], f90.copy(), surface.roughness.copy()
-        f90[some], roughness[some] = reflected, MIN_ROUGHNESS
-        body[some] *= 1.0 - panes.transmission[surfaces[some], None]
+        cosines = np.abs(
+            np.einsum("nc,nc->n", directions.normals[indices], directions.views[indices])
+        )
+        reflected = pane_reflectance(cosines, panes.ior[surfaces[indices]])
+        f0[indices], f90, roughness = reflected[:, None], f90.copy(), surface.roughness.copy()
+        f90[indices], roughness[indices] = reflected, MIN_ROUGHNESS
+        body[indices] *= 1.0 - panes.transmission[surfaces[indices], None]
         return surface._replace(body=body, f0=f0, f90=f90, roughness=roughness)
 
     def _sampler(self, view: View) -> Sampler:
-        """Function that looks up maps at selected hits."""
+        """Function that looks up textures at hits by their indices."""
         surfaces = self.surfaces(view.hits)
 
-        def sampled(slot: int, some: NDArray[np.intp]) -> NDArray[np.float32]:
+        def sampled(slot: int, indices: NDArray[np.intp]) -> NDArray[np.float32]:
             table = self.table.maps[slot]
-            return self._sampled(table, table.texture_of_surface[surfaces[some]], view, some)
+            return self._sampled(table, table.texture_of_surface[surfaces[indices]], view, indices)
 
         return sampled
 
     def _mapped(
         self, slot: int, normals: NDArray[np.float32], view: View, sampled: Sampler
     ) -> NDArray[np.float32]:
-        """Normals (n, 3) after one kind of normal map, for the surfaces that have it."""
+        """Normals (n, 3) after applying the normal maps in a slot."""
         surfaces = self.surfaces(view.hits)
-        some, textures = self.table.textured(slot, surfaces)
-        if len(some) == 0:
+        indices, textures = self.table.textured(slot, surfaces)
+        if len(indices) == 0:
             return normals
-        hits = view.hits.take(some)
+        hits = view.hits.take(indices)
         corners_m = self._geometry.corners_m(hits.triangles, view.world_from_objects)
         coordinates = self._corner_coordinates(self.table.maps[slot], textures, hits)
         normals = normals.copy()
-        normals[some] = mapped_normals(
-            normals[some], corners_m, coordinates, hits.planes,
-            sampled(slot, some), self.table.normal_scales[slot][surfaces[some]],
+        normals[indices] = mapped_normals(
+            normals[indices], corners_m, coordinates, hits.planes,
+            sampled(slot, indices), self.table.normal_scales[slot][surfaces[indices]],
         )  # fmt: skip
         return normals
 
     def _interpolated(self, of_vertices: NDArray[np.float32], hits: RayHits) -> NDArray[np.float32]:
-        """Values (n, k) interpolated between the corners."""
+        """Values (n, k) at the hits, interpolated from vertex values (vertices, k)."""
         values: NDArray[np.float32] = np.einsum(
             "nk,nkc->nc", hits.weights, of_vertices[self._geometry.corners[hits.triangles]]
         )
@@ -355,20 +361,23 @@ class Shading:
 def _traced(
     surface: Reflectance, directions: SurfaceDirections, view: View, tracing: Tracing
 ) -> Traced:
-    """Reflections of the scene in surfaces (n,) and in their clear coats."""
-    arrivals, ones = Arrivals(view.rays, view.hits, view.footprints), np.ones(len(surface.coat))
-    gloss = Lobe(directions.normals, surface.roughness, surface.f0, surface.f90, ones)
-    found = traced_gloss(gloss, arrivals, tracing)
-    some = np.flatnonzero(surface.coat > 0.0)
-    if len(some) == 0:
-        return Traced(found, None)
-    white = np.ones((len(some), 3))
+    """Trace the reflections of surfaces (n,) and of their clear coats."""
+    arrivals, strengths = (
+        Arrivals(view.rays, view.hits, view.footprints),
+        np.ones(len(surface.coat)),
+    )
+    gloss = Lobe(directions.normals, surface.roughness, surface.f0, surface.f90, strengths)
+    traced = traced_gloss(gloss, arrivals, tracing)
+    indices = np.flatnonzero(surface.coat > 0.0)
+    if len(indices) == 0:
+        return Traced(traced, None)
+    white = np.ones((len(indices), 3))
     coats = Lobe(
-        directions.coat_normals[some], surface.coat_roughness[some], white, ones[some],
-        coat_fresnel(surface.coat, directions)[some],
+        directions.coat_normals[indices], surface.coat_roughness[indices], white, strengths[indices],
+        coat_fresnel(surface.coat, directions)[indices],
     )  # fmt: skip
-    coat = traced_gloss(coats, arrivals.take(some), tracing.take(some))
-    return Traced(found, None if coat is None else coat._replace(some=some[coat.some]))
+    coat = traced_gloss(coats, arrivals.take(indices), tracing.take(indices))
+    return Traced(traced, None if coat is None else coat._replace(indices=indices[coat.indices]))
 
 
 def _mip_levels(
@@ -381,9 +390,10 @@ def _mip_levels(
 
     Args:
         corners_m: (n, 3, 3) triangle corners, world.
-        corners_px: (n, 3, 2) the same, in texels of the finest level.
+        corners_px: (n, 3, 2) texture coordinates of the corners, in texels of the finest level.
         directions: (n, 3) ray directions.
-        steps_m: (n, 2, 3) from the hit to points at the same range along the next samples' rays.
+        steps_m: (n, 2, 3) from the hit to points at the same range on the neighboring samples'
+            rays.
     """
     edges_m, edges_px = corners_m[:, 1:] - corners_m[:, :1], corners_px[:, 1:] - corners_px[:, :1]
     planes = np.cross(edges_m[:, 0], edges_m[:, 1])

@@ -40,22 +40,22 @@ class Shadows(NamedTuple):
             lit: (n,) mask of points that the light can reach if unblocked; others need no ray.
         """
         share = lit.astype(np.float32)
-        some = np.flatnonzero(lit)
-        if not len(some):
+        indices = np.flatnonzero(lit)
+        if not len(indices):
             return share
-        hits = self.hits.take(some)
+        hits = self.hits.take(indices)
         planes = hits.planes.astype(np.float64)
         planes /= np.maximum(np.linalg.norm(planes, axis=1), 1e-30)[:, None]
         starts_m = _START_M + _START_SHARE * hits.ranges_m
-        origins_m = points_m[some] + starts_m[:, None] * planes
+        origins_m = points_m[indices] + starts_m[:, None] * planes
         if light.kind is LightKind.DIRECTIONAL:
-            directions = np.tile(-light.direction, (len(some), 1))
-            far_m = np.full(len(some), np.inf)
+            directions = np.tile(-light.direction, (len(indices), 1))
+            far_m = np.full(len(indices), np.inf)
         else:
             directions = light.position_m - origins_m
             lengths_m = np.linalg.norm(directions, axis=1)
             directions /= np.maximum(lengths_m, 1e-9)[:, None]
             far_m = lengths_m - LAMP_NEAR_M
-        rays = Rays(origins_m, directions, np.zeros(len(some)), far_m)
-        share[some] = self.cast(rays, hits.triangles).triangles == NO_TRIANGLE
+        rays = Rays(origins_m, directions, np.zeros(len(indices)), far_m)
+        share[indices] = self.cast(rays, hits.triangles).triangles == NO_TRIANGLE
         return share

@@ -83,26 +83,26 @@ class SurfaceTable:
         """Indices of the surfaces (n,) with a given map, and their textures in it."""
         of_surface = self.maps[slot].texture_of_surface
         textures = of_surface[surfaces] if len(of_surface) else np.full(len(surfaces), -1)
-        some = np.flatnonzero(textures >= 0)
-        return some, textures[some]
+        indices = np.flatnonzero(textures >= 0)
+        return indices, textures[indices]
 
     def values(self, surfaces: NDArray[np.int32], sampled: Sampler) -> SurfaceValues:
         """Values at hits of surfaces (n,); `sampled` looks up a map at selected hits."""
         metallic, roughness = self._metallic[surfaces], self._roughness[surfaces]
         occlusion = np.ones(len(surfaces), dtype=np.float32)
         emissive = self._emissive[surfaces]
-        some, _ = self.textured(METALLIC_ROUGHNESS, surfaces)
-        if len(some):
-            texels = sampled(METALLIC_ROUGHNESS, some)
-            roughness[some] *= texels[:, 1]
-            metallic[some] *= texels[:, 2]
-        some, _ = self.textured(OCCLUSION, surfaces)
-        if len(some):
-            strength = self._occlusion[surfaces[some]]
-            occlusion[some] += strength * (sampled(OCCLUSION, some)[:, 0] - 1.0)
-        some, _ = self.textured(EMISSIVE, surfaces)
-        if len(some):
-            emissive[some] *= sampled(EMISSIVE, some)[:, :3]
+        indices, _ = self.textured(METALLIC_ROUGHNESS, surfaces)
+        if len(indices):
+            texels = sampled(METALLIC_ROUGHNESS, indices)
+            roughness[indices] *= texels[:, 1]
+            metallic[indices] *= texels[:, 2]
+        indices, _ = self.textured(OCCLUSION, surfaces)
+        if len(indices):
+            strength = self._occlusion[surfaces[indices]]
+            occlusion[indices] += strength * (sampled(OCCLUSION, indices)[:, 0] - 1.0)
+        indices, _ = self.textured(EMISSIVE, surfaces)
+        if len(indices):
+            emissive[indices] *= sampled(EMISSIVE, indices)[:, :3]
         return SurfaceValues(np.clip(metallic, 0.0, 1.0), roughness, occlusion, emissive)
 
     def reflectance(
@@ -129,20 +129,20 @@ class SurfaceTable:
     def _gloss(self, surfaces: NDArray[np.int32], sampled: Sampler) -> tuple[Floats, Floats]:
         """Reflectance of dielectrics at normal (n, 3) and at grazing incidence (n,)."""
         f0, f90 = self._f0[surfaces], self._f90[surfaces]
-        some, _ = self.textured(SPECULAR, surfaces)
-        if len(some):
-            texels = sampled(SPECULAR, some)
-            f90[some] *= texels[:, 3]
-            tinted = np.minimum(self._tint[surfaces[some]] * texels[:, :3], 1.0)
-            f0[some] = f90[some, None] * tinted
+        indices, _ = self.textured(SPECULAR, surfaces)
+        if len(indices):
+            texels = sampled(SPECULAR, indices)
+            f90[indices] *= texels[:, 3]
+            tinted = np.minimum(self._tint[surfaces[indices]] * texels[:, :3], 1.0)
+            f0[indices] = f90[indices, None] * tinted
         return f0, f90
 
     def _clear_coat(self, surfaces: NDArray[np.int32], sampled: Sampler) -> tuple[Floats, Floats]:
         """Strengths and roughnesses (n,) of clear coats."""
         coat, roughness = self._coat[surfaces], self._coat_roughness[surfaces]
-        some, _ = self.textured(CLEARCOAT, surfaces)
-        if len(some):
-            texels = sampled(CLEARCOAT, some)
-            coat[some] *= texels[:, 0]
-            roughness[some] *= texels[:, 1]
+        indices, _ = self.textured(CLEARCOAT, surfaces)
+        if len(indices):
+            texels = sampled(CLEARCOAT, indices)
+            coat[indices] *= texels[:, 0]
+            roughness[indices] *= texels[:, 1]
         return coat, roughness

@@ -1,4 +1,4 @@
-"""Response, vignetting and readout, measured from frames that follow from formulas."""
+"""Response, vignetting and readout, measured from synthetic frames with known formulas."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ Floats = NDArray[np.float64]
 CAMERAS, QUICK_CAMERAS = 12, 4
 TIMES_S = (1e-3, 2e-3, 4e-3, 8e-3, 16e-3, 32e-3)
 SIZE, FRAMES, FLICKER_HZ, FRAME_S = (320, 240), 10, 100.0, 0.0337
-MAX_TANGENT2 = 0.5  # of the angle at half of the shorter side: 94° from corner to corner
+MAX_TANGENT2 = 0.5  # squared tangent at half the shorter side: 94° from corner to corner
 RESPONSE_BOUND, VIGNETTING_BOUND, READOUT_BOUND = 0.01, 0.005, 0.01
 _LIGHT = np.linspace(0.03, 0.97, 95)
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Draw cameras at random, measure them from their frames, and compare with the formulas."""
+    """Measure random cameras from their frames, and compare with their formulas."""
     count = QUICK_CAMERAS if fixture.is_quick else CAMERAS
     rows, errors = [], []
     for seed in range(count):
@@ -58,7 +58,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def _response(seed: int, random: np.random.Generator) -> tuple[str, Callable[[Floats], Floats]]:
-    """Name and function of a camera's transfer function, of light from 0 to 1."""
+    """Name of a transfer function, and the function of light in [0, 1]."""
     if seed % 4 == 0:
         return "sRGB", lambda light: np.asarray(srgb_from_linear(light), dtype=np.float64)
     if seed % 4 == 1:
@@ -76,7 +76,7 @@ def _response(seed: int, random: np.random.Generator) -> tuple[str, Callable[[Fl
 def response_error(encode: Callable[[Floats], Floats], random: np.random.Generator) -> float:
     """Largest error of the measured transfer function, as a share of full scale.
 
-    One number is free, the light of white: the function is taken through the true one at a half.
+    The light of white is unknown; it is chosen so that both functions agree at one half.
     """
     scene = np.exp(random.uniform(math.log(0.5), math.log(300.0), (60, 80)))  # light per second
     images = []
@@ -91,7 +91,7 @@ def response_error(encode: Callable[[Floats], Floats], random: np.random.Generat
 
 
 def vignetting_error(random: np.random.Generator) -> float:
-    """Largest error of the measured vignetting, as a share of the light in the middle."""
+    """Largest error of the measured vignetting, as a share of the light at the center."""
     center = 160.0 + random.uniform(-5.0, 5.0), 120.0 + random.uniform(-5.0, 5.0)
     squared = ImageGeometry(*SIZE, center).squared_radii().astype(np.float64)
     true = 1.0 / (1.0 + random.uniform(0.1, MAX_TANGENT2) * squared) ** 2
