@@ -1,4 +1,4 @@
-"""Boards in the image files of a folder; one image per core is searched at a time."""
+"""Search for boards in image files, in parallel on all cores."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from omnisim.measurement.inputs import (
 )
 
 _LUMA = np.array([0.299, 0.587, 0.114])
-_LOW, _HIGH = 0.5, 99.8  # percentiles of 16-bit images that become black and white
+_LOW, _HIGH = 0.5, 99.8  # percentiles of 16-bit images that map to black and white
 
 
 class BoardSearch(NamedTuple):
@@ -43,7 +43,8 @@ def image_files(folder: Path) -> list[Path]:
     """Image files of a folder, sorted by name; or frames of a video or of a ROS bag.
 
     Raises:
-        MeasurementError: no folder, no images in it, or a recording that cannot be read.
+        MeasurementError: a missing folder, a folder without images, or a recording that cannot be
+            read.
     """
     if is_recording(folder):
         return recorded_frames(folder)
@@ -63,8 +64,8 @@ def find_boards(
 
     Args:
         files: image files.
-        board: the board.
-        mirrored: the camera looks into a mirror.
+        board: board to search for.
+        mirrored: True if the camera looks into a mirror.
 
     Raises:
         MeasurementError: a file that cannot be read, or images of several sizes.

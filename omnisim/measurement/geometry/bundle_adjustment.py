@@ -1,7 +1,7 @@
 """Least-squares fit of a camera together with the poses of a board.
 
-The Levenberg-Marquardt method on the normal equations. The pose of each image is eliminated (Schur
-complement), so that time grows with the number of images and not with the cube of that number.
+It uses the Levenberg-Marquardt method on the normal equations. The Schur complement eliminates the
+poses of the images, so that the time is proportional to the number of images, not to its cube.
 
 Sources: Triggs et al., "Bundle adjustment: a modern synthesis" (2000); Marquardt 1963.
 """
@@ -23,7 +23,7 @@ from omnisim.core.errors import OpticsError
 from omnisim.measurement.geometry.board_view import BoardView
 
 Floats = NDArray[np.float64]
-_STEP = 1e-6  # of numerical derivatives, rad and relative
+_STEP = 1e-6  # step of numerical derivatives: rad, or relative
 _MAX_STEPS = 60
 CONVERGED = 1e-9  # relative decrease of the cost
 _MAX_DAMPING = 1e12
@@ -36,7 +36,7 @@ class Adjustment(NamedTuple):
         camera: fitted camera.
         poses: (images, 4, 4) poses of the board in the camera's optical frame.
         shape_m: (corners, 3) offsets of the board's corners from their nominal positions.
-        errors_px: (n, 2) measured minus predicted corners of all images, one after the other.
+        errors_px: (n, 2) measured minus predicted corners of all images, in order.
         covariance: (p, p) covariance of the camera's free parameters, for errors of 1 px.
     """
 
@@ -55,7 +55,7 @@ class Adjustment(NamedTuple):
     def unit_sigmas(self) -> Floats:
         """Standard deviations (p,) of the camera's free parameters, for errors of 1 px.
 
-        Infinite where rounding makes the variance negative.
+        Infinite if rounding makes the variance negative.
         """
         variances = np.diagonal(self.covariance)
         sigmas: Floats = np.sqrt(np.where(variances < 0.0, np.inf, variances))
@@ -69,14 +69,14 @@ def rms_px(errors_px: Floats) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """Corners of one board in several images, one image after the other.
+    """Corners of a board in several images, in the order of the images.
 
     Attributes:
         nominal_m: (corners, 3) nominal positions of the corners in the board's frame.
         label: (n,) index into `nominal_m`.
         pixels_px: (n, 2) positions in the image.
         image: (n,) index of the image, ascending.
-        starts: (images + 1,) index of the first corner of each image, and n.
+        starts: (images + 1,) index of the first corner of each image, then n.
     """
 
     nominal_m: Floats
@@ -87,11 +87,11 @@ class Corners:
 
     @classmethod
     def of(cls, views: Sequence[BoardView], nominal_m: Floats | None = None) -> Corners:
-        """Corners of several views.
+        """Concatenate the corners of several views.
 
         Args:
-            views: the board in each image.
-            nominal_m: (corners, 3) nominal positions; None: of all corners in the views.
+            views: view of the board in each image.
+            nominal_m: (corners, 3) nominal positions; None: those that occur in the views.
         """
         points = np.concatenate([view.points_3d_m for view in views])
         if nominal_m is None:
@@ -108,16 +108,21 @@ class Corners:
         )
 
     def arms_m(self, poses: Floats, shape_m: Floats) -> Floats:
-        """Corners (n, 3) relative to the board's origin, in the camera's axes."""
+        """Vectors (n, 3) from the board's origin to the corners, in the camera's axes.
+
+        Args:
+            poses: (images, 4, 4) poses of the board in the camera's frame.
+            shape_m: (corners, 3) offsets from the nominal positions.
+        """
         points = (self.nominal_m + shape_m)[self.label]
         arms: Floats = np.einsum("nij,nj->ni", poses[self.image, :3, :3], points)
         return arms
 
 
 class _State(NamedTuple):
-    """Unknowns of the problem, and the camera, errors and cost that they give."""
+    """Values of the unknowns, with the resulting camera, errors and cost."""
 
-    vector: Floats  # (p,) of the camera
+    vector: Floats  # (p,) free parameters of the camera
     shape_m: Floats  # (corners, 3)
     poses: Floats  # (images, 4, 4)
     camera: ParametricCamera
@@ -126,7 +131,7 @@ class _State(NamedTuple):
 
 
 class _Blocks(NamedTuple):
-    """Normal equations in the parameters common to all images (c,), and in each image's pose."""
+    """Normal equations in the common parameters (c,) and in each image's pose."""
 
     common: Floats  # (c, c)
     mixed: Floats  # (images, c, 6)
@@ -148,7 +153,7 @@ class _Problem:
         self._stiffness = stiffness_px_per_m
 
     def state(self, vector: Floats, shape_m: Floats, poses: Floats) -> _State | None:
-        """State of the unknowns, or None if the camera is invalid or hides a corner."""
+        """State at these unknowns; None: the camera is invalid or does not show all corners."""
         try:
             camera = self.parameters.camera(vector)
         except OpticsError:
@@ -182,7 +187,7 @@ class _Problem:
         common_side[:cameras] = _sides(by_camera, state.errors_px).sum(axis=0)
         mixed[:, :cameras] = np.add.reduceat(_products(by_camera, by_pose), starts)
         if self._stiffness is not None:
-            # each observation moves by one corner's offset only: a few rows of the whole matrix
+            # an observation depends on the offset of one corner only: the matrix is sparse
             bends = cameras + 3 * corners.label[:, None] + np.arange(3)
             lens = np.arange(cameras)[:, None]
             np.add.at(common, (lens, bends[:, None]), _products(by_camera, by_shape))
@@ -201,7 +206,7 @@ class _Problem:
         )
 
     def moved(self, state: _State, step: Floats, moves: Floats) -> _State | None:
-        """State after a step, inside the bounds; None if it is invalid."""
+        """State after a step (c,) and moves (images, 6), clipped to the bounds; None: invalid."""
         parameters, count = self.parameters, len(state.vector)
         vector = np.clip(state.vector + step[:count], parameters.low, parameters.high)
         shape = state.shape_m
@@ -230,8 +235,8 @@ def adjust(
         corners: corners in the images.
         poses: (images, 4, 4) initial poses.
         shape_m: (corners, 3) initial offsets of the board's corners; None: 0.
-        stiffness_px_per_m: error in the image that costs as much as a corner's offset of 1 m;
-            None: the offsets are held constant.
+        stiffness_px_per_m: image error with the same cost as an offset of 1 m of a corner; None:
+            the offsets are held constant.
         converged: relative decrease of the cost at which the fit ends.
 
     Raises:
@@ -287,7 +292,7 @@ def _camera_jacobian(
     """Derivatives (n, 2, p) of the corners' pixels (n, 2) by the camera's free parameters."""
     jacobian = np.zeros((len(points), 2, len(vector)))
     for index, value in enumerate(vector):
-        for sign in (1.0, -1.0):  # backward where a step forward leaves the domain
+        for sign in (1.0, -1.0):  # backward if the forward step leaves the domain
             step = sign * _STEP * max(1.0, abs(float(value)))
             moved = vector.copy()
             moved[index] += step
@@ -362,7 +367,7 @@ def _covariance(
 
 
 def _scale(matrix: Floats) -> Floats:
-    """Scales (n,) that make a matrix's diagonal 1."""
+    """Scales (n,) that make the diagonal of a matrix (n, n) 1."""
     diagonal = np.diagonal(matrix)
     return np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
 

@@ -1,4 +1,4 @@
-"""Camera models fitted to boards, and judged on images that the fit did not see."""
+"""Fits of camera models to boards, and their errors in held-out images."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from omnisim.measurement.geometry.bundle_adjustment import Adjustment, Corners, 
 PINHOLE = "pinhole"  # the unified model with ξ = 0: radial and tangential distortion
 UNIFIED_K3 = "unified_k3"  # the unified model with a third radial term
 CANDIDATES = (PINHOLE, UNIFIED_K3, *(name for name in FITTED_MODELS if name != "radial_table"))
-# the axes' rotation about the optical axis is the boards'; a lens is smooth at its axis
+# The boards' poses include the rotation about the optical axis; a lens is smooth at its axis.
 _FIXED: Mapping[type[ParametricCamera], Collection[str]] = {
     OcamcalibCamera: ("affine.2", "polynomial.1")
 }
-_MARGIN_RAD = 0.01  # beyond the outermost corner, for the first camera of a model
+_MARGIN_RAD = 0.01  # field of a model's initial camera beyond the outermost corner
 _FOLDS = 5
-_HELD_OUT_CONVERGED = 1e-6  # an error of 5e-7 of their RMS
+_HELD_OUT_CONVERGED = 1e-6  # relative decrease of the cost; changes the RMS error by 5e-7
 
 Floats = NDArray[np.float64]
 Parameters = ParameterVector[ParametricCamera]
 
 
 class Candidate(NamedTuple):
-    """Model fitted to all images.
+    """Camera model fitted to all images.
 
     Attributes:
-        name: model, `PINHOLE` or `UNIFIED_K3`.
-        parameters: free parameters of the model, starting at the fitted camera.
+        name: name of the model, one of `CANDIDATES`.
+        parameters: free parameters of the model, with the fitted camera as their start.
         fit: fitted camera, poses and shape of the board.
     """
 
@@ -50,12 +50,12 @@ class Candidate(NamedTuple):
 def fit_candidate(
     name: str, corners: Corners, first: Adjustment, stiffness_px_per_m: float | None
 ) -> Candidate:
-    """Fit a model, starting from a fitted lens of Kannala and Brandt.
+    """Fit a model, starting from a fitted Kannala-Brandt lens.
 
     Args:
         name: one of `CANDIDATES`.
         corners: corners in the images.
-        first: fit of the lens of Kannala and Brandt.
+        first: fit of the Kannala-Brandt lens.
         stiffness_px_per_m: see `adjust`; None: the board's shape is not fitted.
 
     Raises:
@@ -73,13 +73,13 @@ def fit_candidate(
 def held_out_errors(
     candidate: Candidate, corners: Corners, stiffness_px_per_m: float | None
 ) -> Floats:
-    """Errors (n, 2) of each corner, px, in fits without the image of the corner.
+    """Held-out errors (n, 2) of all corners in px, by fivefold cross-validation over images.
 
-    The images are left out in turn, a fifth of them at a time. In a left-out image, only the pose
-    of the board is fitted.
+    The model is fitted without a fifth of the images; in these, only the pose of the board is
+    fitted.
 
     Raises:
-        OpticsError: a fit to the other images does not show a left-out board.
+        OpticsError: a fit to the other images does not show a held-out board.
     """
     images = len(corners.starts) - 1
     errors = np.zeros_like(corners.pixels_px)
@@ -98,7 +98,7 @@ def held_out_errors(
 
 
 def select_images(corners: Corners, chosen: NDArray[np.bool_]) -> Corners:
-    """Corners in the images chosen by a mask (images,)."""
+    """Corners in the images selected by a mask (images,)."""
     rows = chosen[corners.image]
     counts = np.diff(corners.starts)[chosen]
     image = np.repeat(np.arange(len(counts)), counts)
@@ -107,14 +107,14 @@ def select_images(corners: Corners, chosen: NDArray[np.bool_]) -> Corners:
 
 
 def widest_angle_rad(fit: Adjustment, corners: Corners) -> float:
-    """Largest angle between the optical axis and a corner."""
+    """Largest angle between the optical axis and a corner, radians."""
     points = corners.arms_m(fit.poses, fit.shape_m) + fit.poses[corners.image, :3, 3]
     across = np.linalg.norm(points[:, :2], axis=1)
     return float(np.arctan2(across, points[:, 2]).max())
 
 
 def _first_camera(name: str, first: Adjustment, corners: Corners) -> ParametricCamera:
-    """Camera of a model, fitted to the first lens within the angles of the corners."""
+    """Initial camera of a model, fitted to the first lens within the corners' field."""
     assert isinstance(first.camera, KannalaBrandtCamera)
     if name == KannalaBrandtCamera.model_name:
         return first.camera

@@ -1,4 +1,4 @@
-"""Camera model measured from a board in images: rejections, choice of the model, report."""
+"""Measurement of a camera model from a board in images: outliers, choice of the model, results."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ from omnisim.measurement.geometry.initial_camera import initial_adjustment
 from omnisim.measurement.quantity import Quantity, Unseen
 
 MIN_IMAGES = 5
-MAX_COMPARED = 40  # images by which models are compared; the chosen one is fitted to all
-MIN_SHAPE_IMAGES = 8  # to tell a board's shape from the lens
-SHAPE_SIGMA = 0.02  # of a board's corner, as a share of the distance to the next: an assumption
-MAX_SHAPE_ERROR = 0.06  # beyond it, the board is not the described one
-MAX_REJECTED = 0.34  # share of the images
+MAX_COMPARED = 40  # images for the comparison of models; the chosen model is fitted to all
+MIN_SHAPE_IMAGES = 8  # images required to separate a board's shape from the lens
+SHAPE_SIGMA = 0.02  # assumed sigma of a board's corners, as a share of their spacing
+MAX_SHAPE_ERROR = 0.06  # largest error of a corner, as a share of the spacing
+MAX_REJECTED = 0.34  # largest share of rejected images
 MAX_FOCAL_SIGMA = 0.03
-MAX_MODEL_SIGMA = 0.2  # of a focal length that depends on another number, such as ξ
-MAX_EXCESS = 0.02  # of the squared errors in held-out images, for fewer parameters
-MIN_DECENTERED = 0.8  # of the errors of a lens without decentering
-_FAR_OFF = 1.5  # times the smallest error of the models: worse ones are not tried further
-_OUTLYING = 4.0  # times the median error of the images
-_OUTLYING_CORNER = 8.0  # times the median error of the corners: 9.4 standard deviations
+MAX_MODEL_SIGMA = 0.2  # relative sigma of a focal length that correlates with another, as with ξ
+MAX_EXCESS = 0.02  # accepted relative excess of squared held-out errors, for fewer parameters
+MIN_DECENTERED = 0.8  # error with decentering relative to that without, below which it is used
+_FAR_OFF = 1.5  # factor of the smallest error of all models; models beyond it are dropped
+_OUTLYING = 4.0  # factor of the images' median error
+_OUTLYING_CORNER = 8.0  # factor of the corners' median error: 9.4 standard deviations
 _CHECK_BOARD = "check the board's size, and that its squares are square and of one size"
 _EDGE_RAD = math.radians(5.0)
 
@@ -47,16 +47,16 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class ModelResult:
-    """Errors of a model that was fitted to the corners.
+    """Errors of a camera model fitted to the corners.
 
     Attributes:
-        name: model.
+        name: name of the model.
         parameters: number of free parameters; 0: the model could not be fitted.
         rms_px: root mean square distance of the corners from their predictions; NaN: no fit.
-        held_out_rms_px: likewise, in images that were left out of the fit; NaN: not measured, as
-            the model does not fit, or does not show all corners. Models that were not chosen are
-            fitted to at most 40 images.
-        reason: why the model cannot describe the lens; "": the model describes the lens.
+        held_out_rms_px: the same in held-out images; NaN: not measured, since the model does not
+            fit or does not show all corners. Models other than the chosen one are fitted to at most
+            `MAX_COMPARED` images.
+        reason: reason for rejecting the model; "": not rejected.
     """
 
     name: str
@@ -74,13 +74,13 @@ class MeasuredGeometry:
         camera: camera with the chosen model.
         model: name of the chosen model.
         models: all models, the best on held-out images first.
-        views: the board in each used image.
-        poses: (images, 4, 4) optical_from_board; of the lens, not of its mirror image, if mirrored.
+        views: view of the board in each used image.
+        poses: (images, 4, 4) optical_from_board; if mirrored, for the lens, not its mirror image.
         board_m: (corners, 3) measured positions of the board's corners; z = 0 for a flat board.
-        errors_px: (n, 2) measured minus predicted corners of all views, one after the other.
-        held_out_rms_px: root mean square error in images that were left out of the fit; NaN: no
-            such fit shows all corners of the left-out images.
-        rejected: images that were not used.
+        errors_px: (n, 2) measured minus predicted corners of all views, in order.
+        held_out_rms_px: root mean square error in held-out images; NaN: no fit shows all their
+            corners.
+        rejected: rejected images with their reasons.
         quantities: parameters of the camera.
         unseen: quantities that the images do not determine.
     """
@@ -113,21 +113,21 @@ def measure_geometry(
 ) -> MeasuredGeometry:
     """Measure a camera's model from a board in several images.
 
-    All models are fitted together with the poses of the board. The shape of the board, which is
-    never quite flat, is fitted, too, if that predicts left-out images better. Of the models that
-    predict left-out images as well as the best one, the one with the fewest parameters is chosen.
-    Of more than 40 images, 40 choose the model, which is then fitted to all.
+    All models are fitted together with the poses of the board. The board's shape is fitted, too, if
+    that predicts held-out images better. Among the models that predict held-out images as well as
+    the best one, the model with the fewest parameters is chosen. At most `MAX_COMPARED` images
+    choose the model, which is then fitted to all.
 
     Args:
-        views: the board in each image.
+        views: view of the board in each image.
         size_px: width and height of the images.
-        mirrored: the camera looks into a mirror.
-        models: names of the models to try, of `CANDIDATES`.
-        is_flat: take the board as exactly flat and exactly printed.
+        mirrored: True if the camera looks into a mirror.
+        models: names of the models to try, from `CANDIDATES`.
+        is_flat: True: the board is assumed exactly flat and exactly printed.
 
     Raises:
-        MeasurementError: too few images, boards that do not determine the lens, a board that is not
-            the described one, or no model that describes the lens.
+        MeasurementError: too few images, boards that do not determine the lens, a board unlike its
+            description, or no model that fits the lens.
 
     Source: Strobl & Hirzinger, "More accurate pinhole camera calibration with imperfect planar
         target" (ICCV Workshops 2011), for the shape of the board.
@@ -197,11 +197,11 @@ def _without_copies(views: Sequence[BoardView]) -> tuple[list[BoardView], list[R
 def _without_outliers(
     views: list[BoardView], size_px: tuple[int, int]
 ) -> tuple[list[BoardView], list[RejectedImage], Adjustment]:
-    """Views that one lens fits, rejected images, and the fit of the lens.
+    """Views that fit one lens, rejected images, and the fit of the lens.
 
     Raises:
-        MeasurementError: too few views are left, too many are rejected, or a corner is an outlier
-            in most images.
+        MeasurementError: too few views remain, too many are rejected, or a corner is an outlier in
+            most images.
     """
     rejected: list[RejectedImage] = []
     count = len(views)
@@ -259,7 +259,7 @@ def _without_corners(
     corners: Corners,
     rejected: list[RejectedImage],
 ) -> list[BoardView]:
-    """Views without outliers; views with too few corners left are appended to `rejected`."""
+    """Views without outliers; views with too few remaining corners are appended to `rejected`."""
     kept = []
     for index, view in enumerate(views):
         is_used = ~is_outlier[slice(*corners.starts[index : index + 2])]
@@ -291,9 +291,10 @@ def _check_focal(first: Adjustment) -> None:
 def _with_shape(
     views: list[BoardView], first: Adjustment, spacing_m: float
 ) -> tuple[list[BoardView], Adjustment, float | None]:
-    """Views, fit of the lens, and stiffness of the board in px per m; None: flat predicts better.
+    """Fit the board's shape, if that predicts held-out images better than a flat board.
 
-    A shape is fitted only if it predicts left-out images better than a flat board.
+    Returns:
+        Views, fit of the lens, and stiffness of the board in px/m; None: the board is flat.
     """
     corners = Corners.of(views)
     flat = _judge(first, corners)
@@ -310,10 +311,10 @@ def _with_shape(
 
 
 def _judge(first: Adjustment, corners: Corners) -> Candidate:
-    """Lens by which images, corners and the board's shape are judged.
+    """Preliminary lens for the rejection of outliers and the choice of the board's shape.
 
-    It is that of Kannala and Brandt, unless decentering, as of a mirror that is not quite aligned
-    with its camera, makes the unified model much better.
+    It is a Kannala-Brandt lens, unless the unified model with decentering, as for a misaligned
+    mirror, fits much better.
     """
     radial = fit_candidate("kannala_brandt", corners, first, None)
     try:
@@ -361,7 +362,7 @@ def _check_determined(candidate: Candidate) -> None:
 
 
 def _subset(corners: Corners, first: Adjustment) -> tuple[Corners, Adjustment]:
-    """Corners in the images by which models are compared, and their part of the first fit."""
+    """Corners in at most `MAX_COMPARED` images, and the same images' part of the first fit."""
     images = len(corners.starts) - 1
     if images <= MAX_COMPARED:
         return corners, first
@@ -375,10 +376,10 @@ def _subset(corners: Corners, first: Adjustment) -> tuple[Corners, Adjustment]:
 def _refitted(
     name: str, corners: Corners, first: Adjustment, stiffness: float | None
 ) -> tuple[Candidate, Floats | None]:
-    """Model fitted to all images, and its errors (n, 2) in left-out ones.
+    """Model fitted to all images, and its held-out errors (n, 2) in px.
 
     Raises:
-        MeasurementError: the model does not describe the lens in all images.
+        MeasurementError: the model does not fit the lens in all images.
     """
     try:
         candidate = fit_candidate(name, corners, first, stiffness)
@@ -388,7 +389,7 @@ def _refitted(
 
 
 def _held_out(candidate: Candidate, corners: Corners, stiffness: float | None) -> Floats | None:
-    """Errors (n, 2) in left-out images, px; None: a fit does not show all their corners."""
+    """Held-out errors (n, 2) in px; None: a fit does not show all held-out corners."""
     try:
         return held_out_errors(candidate, corners, stiffness)
     except OpticsError:
@@ -398,11 +399,11 @@ def _held_out(candidate: Candidate, corners: Corners, stiffness: float | None) -
 def _chosen(
     candidates: Sequence[Candidate], errors: Mapping[str, Floats], corners: Corners
 ) -> Candidate:
-    """Model with the fewest parameters among those as good as the best one on left-out images.
+    """Model with the fewest parameters among those as good as the best one on held-out images.
 
-    A model is as good if its mean squared error exceeds the best one's by at most the standard
-    deviation of the mean difference, over the images, and by at most 2 %: with few images, the
-    standard deviation alone would excuse much.
+    A model is as good if its mean squared error exceeds that of the best one by at most the
+    standard error of the mean difference over the images, and by at most `MAX_EXCESS`. With few
+    images, the standard error alone would permit too large an excess.
 
     Source: the one-standard-error rule, Hastie, Tibshirani & Friedman, The Elements of Statistical
         Learning (2009), 7.10.
@@ -467,7 +468,7 @@ def _unit(label: str, chosen: Candidate) -> str:
 
 
 def _unseen(fit: Adjustment, corners: Corners, is_held_out: bool) -> tuple[Unseen, ...]:
-    """Unseen quantities: the field beyond the corners, and the held-out error if not measured."""
+    """Quantities not determined by the images: the field beyond the corners, the held-out error."""
     unseen = []
     if not is_held_out:
         reason = (

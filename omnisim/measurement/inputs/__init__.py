@@ -1,4 +1,4 @@
-"""Images of a camera to measure: files, raw files, and frames of videos and ROS bags."""
+"""Images of a real camera for measurements: image and raw files, frames of videos and ROS bags."""
 
 from omnisim.measurement.inputs.photo import (
     IMAGE_SUFFIXES,

@@ -1,4 +1,4 @@
-"""Image files of a camera, raw files among them (the only importer of rawpy)."""
+"""Readers of a camera's image files, including raw files (the only importer of rawpy)."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from omnisim.core.files.sources import note_file
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".pgm", ".ppm", ".bmp", ".webp")
 RAW_SUFFIXES = (".dng", ".cr2", ".cr3", ".nef", ".arw", ".orf", ".raf", ".rw2", ".pef", ".srw")
-FRAME_SUFFIX = ".npy"  # of a recording's frames, which `recorded_frames` writes
+FRAME_SUFFIX = ".npy"  # of the frames that `recorded_frames` extracts
 LOSSY_FRAME_SUFFIX = ".lossy.npy"
 _LOSSY = (".jpg", ".jpeg", ".webp")
 
 
 def is_lossy(path: Path) -> bool:
-    """True for images of a lossy compression, such as JPEG or a video's."""
+    """True if the file's format compresses with loss, such as JPEG or a video."""
     name = path.name.lower()
     return path.suffix.lower() in _LOSSY or name.endswith(LOSSY_FRAME_SUFFIX)
 
 
 def read_photo(path: Path) -> NDArray[Any]:
-    """Stored values (height, width, channels) of an image; of a raw file, linear RGB of 16 bits.
+    """Read the stored values (height, width, channels) of an image file.
 
-    A raw file is demosaiced. Its black level becomes 0, its white level 65535; its colors stay
-    those of the sensor, without white balance.
+    Raw files are demosaiced to 16-bit linear RGB: the black level becomes 0, the white level 65535.
+    Colors stay those of the sensor, without white balance.
 
     Raises:
         MeasurementError: the file is missing or damaged, or rawpy is not installed.
@@ -47,7 +47,9 @@ def read_photo(path: Path) -> NDArray[Any]:
 
 
 def read_mosaic(path: Path) -> NDArray[Any]:
-    """Stored values (height, width, channels) of an image; of a raw file, its mosaic, 1 channel.
+    """Read the stored values (height, width, channels) of an image; raw files keep their mosaic.
+
+    The mosaic of a raw file has 1 channel.
 
     Raises:
         MeasurementError: the file is missing or damaged, or rawpy is not installed.
@@ -70,7 +72,7 @@ def _demosaiced(path: Path) -> NDArray[Any]:
                 output_bps=16,
                 output_color=rawpy.ColorSpace.raw,
                 user_wb=[1.0, 1.0, 1.0, 1.0],
-                adjust_maximum_thr=0.0,  # white is the file's, not the image's brightest value
+                adjust_maximum_thr=0.0,  # the file's white level, not the image's maximum, is white
                 user_flip=0,
             )
         except rawpy.LibRawError as reason:

@@ -1,6 +1,6 @@
 """Frames of videos and ROS bags, spread evenly over the recording.
 
-The frames are kept in a folder of temporary files until the process ends: only one is in memory.
+The frames are in a temporary folder until the process ends; only one at a time is in memory.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from omnisim.measurement.inputs.photo import FRAME_SUFFIX, LOSSY_FRAME_SUFFIX
 MAX_FRAMES = 100  # of a recording
 VIDEO_SUFFIXES = (".mp4", ".mkv", ".mov", ".avi", ".m4v", ".webm")
 BAG_SUFFIXES = (".bag", ".mcap", ".db3")
-_TOPIC = "#"  # between a bag and its topic
+_TOPIC = "#"  # separator between a bag's path and a topic
 _RAW_TYPE, _COMPRESSED_TYPE = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 _CHANNELS = {"mono8": 1, "rgb8": 3, "bgr8": 3, "rgba8": 4, "bgra8": 4, "mono16": 1, "rgb16": 3}
 _COMPRESSED = {b"\xff\xd8": ".jpg", b"\x89P": ".png"}
@@ -37,21 +37,26 @@ def is_recording(source: Path) -> bool:
 
 
 def recorded_frames(source: Path) -> list[Path]:
-    """Frames of a recording as files for `read_photo`: at most 100, spread evenly over it.
+    """Extract up to `MAX_FRAMES` evenly spread frames as files for `read_photo`.
 
     Args:
-        source: video, or bag; `BAG#/TOPIC` names one of several image topics.
+        source: video or bag; `BAG#/TOPIC` selects one of several image topics.
 
     Raises:
-        MeasurementError: a missing or damaged recording, no images, several topics, an unknown
-            encoding, or a package that is not installed.
+        MeasurementError: a missing or damaged recording, no images, several topics without a
+            selection, an unknown encoding, or a package that is not installed.
     """
     return list(_extracted(source.absolute(), source))
 
 
-@lru_cache(maxsize=8)  # the parts of a plan use one recording
+@lru_cache(maxsize=8)  # a plan's parts share a recording
 def _extracted(absolute: Path, source: Path) -> tuple[Path, ...]:
-    """Files of a recording's frames; `absolute` tells relative paths in several folders apart."""
+    """Files of a recording's frames.
+
+    Args:
+        absolute: absolute path, the key of the cache: `source` may depend on the working folder.
+        source: path as in the command, for messages.
+    """
     folder = Path(tempfile.mkdtemp(prefix="omnisim-frames-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     bag, topic = _split(source)
@@ -65,7 +70,7 @@ def _extracted(absolute: Path, source: Path) -> tuple[Path, ...]:
 
 
 def without_topic(source: Path) -> Path:
-    """Path of a bag without the topic that may follow it."""
+    """Path of a recording without the suffix `#/TOPIC`, if any."""
     return _split(source)[0]
 
 
@@ -76,14 +81,14 @@ def _split(source: Path) -> tuple[Path, str]:
 
 
 def _chosen(count: int) -> set[int]:
-    """Indices of at most `MAX_FRAMES` of `count` frames."""
+    """Indices of at most `MAX_FRAMES` evenly spread frames of `count`."""
     if count <= MAX_FRAMES:
         return set(range(count))
     return set(np.linspace(0, count - 1, MAX_FRAMES).round().astype(int).tolist())
 
 
 def _video_files(path: Path, folder: Path) -> list[Path]:
-    """Frames of a video, written to a folder."""
+    """Write frames of a video to a folder, and return their files."""
     require_extra("video", str(path), MeasurementError)
     import av
 
@@ -103,7 +108,7 @@ def _video_files(path: Path, folder: Path) -> list[Path]:
 
 
 def _bag_files(bag: Path, topic: str, folder: Path) -> list[Path]:
-    """Images of a bag's topic, written to a folder."""
+    """Write images of a bag's topic to a folder, and return their files."""
     require_extra("ros", str(bag), MeasurementError)
     from rosbags.highlevel import AnyReader, AnyReaderError
     from rosbags.rosbag1 import ReaderError as OldReaderError
@@ -136,10 +141,10 @@ def _bag_files(bag: Path, topic: str, folder: Path) -> list[Path]:
 
 
 def _topic(bag: Path, topic: str, names: list[str]) -> str:
-    """The image topic to use.
+    """Choose the image topic: the selected one, or the only one.
 
     Raises:
-        MeasurementError: no such topic, or several, or none.
+        MeasurementError: no such topic, no image topic, or several without a selection.
     """
     if not names:
         raise MeasurementError(f"{bag}: expected a topic of images, got none")
@@ -154,7 +159,7 @@ def _topic(bag: Path, topic: str, names: list[str]) -> str:
 
 
 def _message_files(bag: Path, messages: Iterable[tuple[int, Any]], folder: Path) -> list[Path]:
-    """Images of messages, written to a folder."""
+    """Write images of messages to a folder, and return their files."""
     files = []
     for index, message in messages:
         stem = folder / f"{bag.stem}-{index:06}"

@@ -19,11 +19,11 @@ def mean_image(files: Sequence[Path], channel: int) -> tuple[NDArray[np.float64]
 
     Args:
         files: image files of one size.
-        channel: index of the channel; gray images have only one.
+        channel: index of the channel; ignored for gray images.
 
     Raises:
-        MeasurementError: a file that cannot be read, a bit depth other than 8 or 16, images of
-            several sizes or bit depths, or no file.
+        MeasurementError: no files, a file that cannot be read, a bit depth other than 8 or 16, or
+            images of several sizes or bit depths.
     """
     if not files:
         raise MeasurementError("expected images, got none")

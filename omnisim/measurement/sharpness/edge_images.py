@@ -48,7 +48,7 @@ def read_edge_image(path: Path, encoding: Encoding | None) -> NDArray[Any]:
 
     Args:
         path: image file.
-        encoding: encoding of the values, if it is known; None: they must be linear.
+        encoding: encoding of the values; None: linear.
 
     Raises:
         MeasurementError: the file is damaged, or is a JPEG or a video of unknown encoding.
@@ -68,9 +68,9 @@ def read_edge_image(path: Path, encoding: Encoding | None) -> NDArray[Any]:
 def linear_light(
     pixels: NDArray[Any], encoding: Encoding | None, name: str
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Linear light (height, width, 1 or 3) of stored values; and a mask of clipped pixels.
+    """Linear light (height, width, 1 or 3) of stored values, and a mask of clipped pixels.
 
-    White is 1 for floats, and the largest number with the same bits for integers.
+    White is 1 for floats, and the largest value of the converter's bits for integers.
 
     Args:
         pixels: (height, width) or (height, width, channels) values.
@@ -98,7 +98,7 @@ def linear_light(
 
 
 def _largest(values: NDArray[Any]) -> int:
-    """Largest value of the converter, whose bits may be the upper or lower ones of 16."""
+    """Largest value of the converter; its bits may be the upper or the lower ones of 16."""
     used = int(np.bitwise_or.reduce(values, axis=None))
     shift = (used & -used).bit_length() - 1 if used else 0
     bits = max((used >> shift).bit_length(), MIN_BITS if shift == 0 else 1)

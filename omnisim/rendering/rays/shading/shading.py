@@ -362,10 +362,8 @@ def _traced(
     surface: Reflectance, directions: SurfaceDirections, view: View, tracing: Tracing
 ) -> Traced:
     """Trace the reflections of surfaces (n,) and of their clear coats."""
-    arrivals, strengths = (
-        Arrivals(view.rays, view.hits, view.footprints),
-        np.ones(len(surface.coat)),
-    )
+    arrivals = Arrivals(view.rays, view.hits, view.footprints)
+    strengths = np.ones(len(surface.coat))
     gloss = Lobe(directions.normals, surface.roughness, surface.f0, surface.f90, strengths)
     traced = traced_gloss(gloss, arrivals, tracing)
     indices = np.flatnonzero(surface.coat > 0.0)
@@ -373,9 +371,12 @@ def _traced(
         return Traced(traced, None)
     white = np.ones((len(indices), 3))
     coats = Lobe(
-        directions.coat_normals[indices], surface.coat_roughness[indices], white, strengths[indices],
+        directions.coat_normals[indices],
+        surface.coat_roughness[indices],
+        white,
+        strengths[indices],
         coat_fresnel(surface.coat, directions)[indices],
-    )  # fmt: skip
+    )
     coat = traced_gloss(coats, arrivals.take(indices), tracing.take(indices))
     return Traced(traced, None if coat is None else coat._replace(indices=indices[coat.indices]))
 
