@@ -71,17 +71,16 @@ def check(fixture: Fixture, title: str) -> Section:
     ]
     return Section(
         title,
-        "Mitsuba's path tracer follows rays from a real mirror, and from the faces of a cube for "
-        "the fisheye, through all their bounces off diffuse surfaces to the lamps. Ours are "
-        "images of the same scenes with light that `omnisim bake` has computed: the lit scenes "
-        "of the check of shadows.",
+        "Images with light from `omnisim bake`, against Mitsuba's path tracer. Mitsuba traces rays "
+        "from a real mirror, or from the faces of a cube for the fisheye, over all bounces off "
+        "diffuse surfaces to the lamps. The scenes are the lit scenes of the check of shadows.",
         tuple(measures),
         figures=(
             CaptionedFigure(
                 "baked-scenes",
                 gallery(images, 6, side_in=2.7),
-                "Lit scenes traced in a mirror and through a fisheye, our images in baked light, "
-                "and their difference, eight times enhanced.",
+                "Lit scenes traced by Mitsuba in a mirror and through a fisheye, omnisim's images "
+                "in baked light, and their difference × 8.",
             ),
         ),
     )

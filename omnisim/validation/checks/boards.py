@@ -115,13 +115,13 @@ def check(fixture: Fixture, title: str) -> Section:
             shown[board_camera.name] = image
     return Section(
         title,
-        "Chessboards were rendered, their corners found by OpenCV, and the true corners "
-        "projected by OpenCV's own functions, which were given nothing but the calibration file "
-        "that omnisim saved in OpenCV's format; nothing was fitted.",
+        "Corners that OpenCV detects in rendered chessboards, against the true corners projected "
+        "by OpenCV's functions. OpenCV reads the calibration file that omnisim writes in its "
+        "format; nothing is fitted.",
         measures + counts,
         figures=(
             CaptionedFigure(
-                "boards", gallery(shown, 3), "A board of each camera that OpenCV knows."
+                "boards", gallery(shown, 3), "One board for each camera model of OpenCV."
             ),
         ),
     )

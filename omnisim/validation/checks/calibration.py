@@ -43,9 +43,9 @@ def check_markers(fixture: Fixture, title: str) -> Section:
     off = np.linalg.norm(measured - predicted, axis=1)
     return Section(
         title,
-        f"{len(off)} white discs, 0.8° in radius, all around a tilted vehicle, 0.6 to 12 m away, "
-        f"rendered through the whole pipeline at {SIZE_PX} × {SIZE_PX} px; the middles of their "
-        "images against where the camera model puts them.",
+        f"Centers of {len(off)} rendered white discs against their projections by the camera "
+        "model. The discs have a radius of 0.8°, and are 0.6 to 12 m away all around a tilted "
+        f"vehicle. The whole pipeline renders them at {SIZE_PX} × {SIZE_PX} px.",
         (
             Measure("markers, mean distance", mean_abs(off), "px", MEAN_BOUND_PX),
             Measure("markers, largest distance", max_abs(off), "px", MAX_BOUND_PX),
@@ -55,8 +55,8 @@ def check_markers(fixture: Fixture, title: str) -> Section:
             CaptionedFigure("markers",
                             displacement_figure("Markers: measured − predicted", camera,
                                                 predicted, measured - predicted),
-                            "Each arrow is a marker's error, 300 times enlarged: small, and in no "
-                            "common direction."),
+                            "Error of each marker, × 300: errors are small, without a common "
+                            "direction."),
         ),
     )  # fmt: skip
 
@@ -73,10 +73,10 @@ def check_omnidir(fixture: Fixture, title: str) -> Section:
     center = np.linalg.norm(calibrated.principal_point_px - camera.principal_point_px)
     return Section(
         title,
-        "cv2.omnidir.projectPoints, given the K and ξ that the camera states, against the middles "
-        "of the rendered markers; and cv2.omnidir.calibrate, given nothing but chessboards that "
-        "OpenCV found in rendered images, against the camera's ξ and focal length "
-        f"(stated {camera.mirror.xi:.5f} and {camera.unified_focal_length_px:.3f} px, found "
+        "Projections by cv2.omnidir.projectPoints with the camera's K and ξ, against the centers "
+        "of the rendered markers. Then calibration by cv2.omnidir.calibrate from chessboards in "
+        "rendered images, against the camera's ξ and focal length (stated "
+        f"{camera.mirror.xi:.5f} and {camera.unified_focal_length_px:.3f} px, calibrated "
         f"{calibrated.xi:.5f} and {calibrated.focal_length_px:.3f} px).",
         (
             Measure("markers against omnidir, mean distance", mean_abs(off), "px", MEAN_BOUND_PX),
@@ -93,7 +93,7 @@ def check_omnidir(fixture: Fixture, title: str) -> Section:
         figures=(
             CaptionedFigure("chessboards",
                     gallery({f"board {i + 1}": b for i, b in enumerate(boards[:6])}, 3),
-                    "Some of the chessboards that OpenCV calibrated from."),
+                    "Six of the chessboards used by OpenCV's calibration."),
         ),
     )  # fmt: skip
 

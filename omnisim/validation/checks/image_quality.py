@@ -57,16 +57,16 @@ def measure_quality(
     shimmer, plain_shimmer = _shimmer(ours, truth, seen), _shimmer(plain, truth, seen)
     samples = len(shifts) * SAMPLES_PER_SIDE**2
     images = {
-        f"{samples} samples a pixel": truth[0],
+        f"{samples} samples per pixel": truth[0],
         "omnisim": ours[0],
         "plain bilinear": plain[0],
     }
     return Section(
         title,
-        f"The image at default quality, {SIZE_PX} × {SIZE_PX} px, against {samples} samples a "
-        f"pixel; beside it a plain bilinear lookup in faces of {PLAIN_FACE_PX} px. Shimmer is how "
-        f"much the difference from them changes from one to the next of {steps} images, "
-        f"turned by {PAN_STEP_DEG}° each.",
+        f"The image at default quality, {SIZE_PX} × {SIZE_PX} px, against {samples} samples per "
+        f"pixel; for comparison, a plain bilinear lookup in faces of {PLAIN_FACE_PX} px. Shimmer "
+        f"is the change of the difference between successive images of a pan, with {steps} images "
+        f"{PAN_STEP_DEG}° apart.",
         (
             Measure(
                 "default quality", psnr_db(ours[0], truth[0], seen), "dB", BOUND_DB, at_least=True
@@ -84,7 +84,7 @@ def measure_quality(
             CaptionedFigure(
                 "image-quality",
                 gallery({name: _encoded(one[DETAIL]) for name, one in images.items()}, 3),
-                "A detail: edges and fine lines by many samples, by us, and by plain bilinear.",
+                "Detail with edges and fine lines: many samples, omnisim, and plain bilinear.",
             ),
         ),
     )

@@ -76,11 +76,12 @@ def check(fixture: Fixture, title: str) -> Section:
             rows.append((name, one.name, f"{truth:g}", f"{one.value:.6f}", f"{one.sigma:.6f}"))
     return Section(
         title,
-        f"Chessboards through the paper's mirror, aligned and tilted by {TILT_DEG:g}° and "
-        f"{1e3 * SHIFT_M:g} mm aside, at {SIZE_PX} × {SIZE_PX} px, their corners found by OpenCV. "
-        "cv2.omnidir calibrates the nearest central camera: without distortion it shows what the "
-        "misalignment does, with it where our own central fit has the principal point. Least "
-        "squares over the mirror's pose, from the aligned one, find how it is misaligned.",
+        "Calibrations from chessboards seen in the paper's mirror, once aligned, once tilted by "
+        f"{TILT_DEG:g}° and offset by {1e3 * SHIFT_M:g} mm, at {SIZE_PX} × {SIZE_PX} px, with "
+        "corners detected by OpenCV. cv2.omnidir calibrates the nearest central camera. Without "
+        "distortion, its residual shows the misalignment; with distortion, its principal point is "
+        "that of omnisim's central fit. Least squares over the mirror's pose, starting at the "
+        "aligned pose, recover the misalignment.",
         (
             Measure("aligned, cv2.omnidir: reprojection, RMS", plain.rms_px, "px", RMS_BOUND_PX),
             Measure("misaligned, cv2.omnidir without distortion, RMS", tilted_plain.rms_px, "px"),
@@ -104,7 +105,7 @@ def check(fixture: Fixture, title: str) -> Section:
             CaptionedFigure("optics-chessboards",
                             gallery({f"board {i + 1}": b
                                      for i, b in enumerate(tilted.images[:6])}, 3),
-                            "Some of the chessboards through the misaligned mirror."),
+                            "Six of the chessboards seen in the misaligned mirror."),
         ),
     )  # fmt: skip
 

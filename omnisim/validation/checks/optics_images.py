@@ -153,23 +153,22 @@ def check(fixture: Fixture, title: str) -> Section:
             ]  # fmt: skip
     return Section(
         title,
-        f"Mitsuba's path tracer follows {MIRROR_SAMPLES} rays a pixel from a pinhole to real "
-        f"mirrors, or {SAMPLES} through real windows; mirrors are meshes of metal, windows "
-        "spheres and planes of a smooth dielectric. They go on "
-        f"into `{SCENE}`, whose surfaces shine in their base colors. It knows nothing of our "
-        "rays; its own, one by one, are off by no more than a tenth of what markers may be: its "
-        "facets, float32, and that it begins a ray somewhat off a surface. Markers are discs "
-        "across the rays of pixels, 0.4 to 8 m away, on black. A cone squeezes whole walls into a "
-        f"few pixels about its tip, where {OmniCamera().supersampling} × "
-        f"{OmniCamera().supersampling} samples are few; with {FINE} × {FINE} it is as near as the "
-        "others.",
+        f"omnisim's images against Mitsuba's path tracer, with {MIRROR_SAMPLES} rays per pixel "
+        f"from a pinhole to real mirrors, or {SAMPLES} through real windows. Mirrors are metal "
+        "meshes; windows are spheres and planes of a smooth dielectric. The rays continue into "
+        f"`{SCENE}`, whose surfaces emit their base colors. Mitsuba does not use omnisim's rays. "
+        "The error of its own rays, by facets, float32 and ray offsets at surfaces, is at most a "
+        "tenth of the bound for markers. Markers are discs perpendicular to the rays of pixels, "
+        "0.4 to 8 m away, on black. A cone maps whole walls to a few pixels around its tip, where "
+        f"{OmniCamera().supersampling} × {OmniCamera().supersampling} samples are too few; with "
+        f"{FINE} × {FINE} samples it is as accurate as the others.",
         tuple(measures),
         tables=(_table(results),),
         figures=(
             CaptionedFigure(
                 "traced-optics",
                 gallery(_images(results), 6, 2.0),
-                "By Mitsuba, by omnisim, and their difference, eight times enhanced.",
+                "Images by Mitsuba and omnisim, and their difference × 8.",
             ),
         ),
     )

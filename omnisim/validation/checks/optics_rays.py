@@ -50,11 +50,11 @@ def check(fixture: Fixture, title: str) -> Section:
     caustics = dict(_caustics())
     return Section(
         title,
-        "Traced rays of a pinhole on the axis against their closed forms; points on the rays of "
-        "pixels, at 0.3, 1 and 5 m, and the pixels that show them; caustics in closed form, of "
-        "mirrors by Coddington's equations (Swaminathan, Grossberg and Nayar 2001) and of a flat "
-        "boundary (Treibitz et al. 2012); and the quartic equation of Agrawal et al. (2012) for "
-        "the way of a point through such a boundary.",
+        "Traced rays of a pinhole on the axis are compared with closed forms. Points on the rays "
+        "of pixels, at 0.3, 1 and 5 m, are projected back to their pixels. Caustics are compared "
+        "with closed forms: of mirrors by Coddington's equations (Swaminathan, Grossberg and Nayar "
+        "2001), and of a flat boundary (Treibitz et al. 2012). Projections through a flat boundary "
+        "are compared with the quartic equation of Agrawal et al. (2012).",
         (
             Measure("largest angle to a closed form", max(angle for angle, _ in rays.values()),
                     "rad", ANGLE_BOUND_RAD),

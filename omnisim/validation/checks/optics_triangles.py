@@ -54,9 +54,9 @@ def triangle_section(title: str, compared: Mapping[tuple[str, str], SameTriangle
     cast = [one.undecided_cast for one in shares if not math.isnan(one.undecided_cast)]
     return Section(
         title,
-        "Pixels that show the triangle that their exact ray, cast by Embree, meets first, "
-        f"{BESIDE_M} m before the nearest thing: by virtual cameras at one viewpoint, which "
-        "leave some pixels undecided, and with rays for those.",
+        "Share of pixels that show the first triangle on their exact ray, as cast by Embree, from "
+        f"positions {BESIDE_M} m from the nearest object. Virtual cameras at one viewpoint leave "
+        "some pixels undecided; the shares are with and without rays for these pixels.",
         (
             Measure("same triangle, rays for undecided pixels",
                     _percent(one.cast for one in shares), "%", CAST_BOUND, at_least=True),

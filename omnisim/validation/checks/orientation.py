@@ -58,10 +58,10 @@ def check(fixture: Fixture, title: str) -> Section:
     normal, mirrored, panorama = _reading(fixture, scene)
     return Section(
         title,
-        "A room whose sides bear their names, seen by a camera that looks up at the mirror, at "
-        f"{len(HEADINGS_DEG)} headings. Each side's color is where optics without our frames "
-        "puts it: what is in front at the top, what is to the left on the right. The unwarped "
-        "panorama reads from left to right as a person turning to the right would see it.",
+        "Images of a room with labeled walls, from a camera that looks up at the mirror, at "
+        f"{len(HEADINGS_DEG)} headings. Optics without omnisim's frames predict the position of "
+        "each wall's color: the front wall at the top, the left wall on the right. The unwarped "
+        "panorama reads from left to right, as a person turning to the right sees the walls.",
         (
             Measure("largest difference of a side's color from its paint", worst,
                     bound=COLOR_BOUND),
@@ -72,9 +72,8 @@ def check(fixture: Fixture, title: str) -> Section:
         figures=(
             CaptionedFigure("orientation-mirror",
                     gallery({f"heading {h:.0f}°": f.rgb for h, f in frames.items()}, 3),
-                    "The mirror's image at three headings (0° is east, 90° north): the side in "
-                    "front is at the top, words are mirrored, the dark ring outside is the "
-                    "ceiling."),
+                    "The mirror's image at three headings (0° is east, 90° north): the front wall "
+                    "is at the top, words are mirrored, and the dark outer ring is the ceiling."),
             CaptionedFigure("orientation-panorama", gallery({"": panorama}, 1, side_in=10.0),
                     "The panorama, facing east: north is on the left, south on the right, and "
                     "words read normally."),

@@ -61,11 +61,11 @@ def check(fixture: Fixture, title: str) -> Section:
     floor = noise_floor_db(pair.traced, pair.again, pair.inside)
     return Section(
         title,
-        f"Mitsuba's path tracer follows {samples} rays a pixel from a real pinhole to a real "
-        "mirror, a mesh of the hyperboloid so fine that it is off by 0.001 px, and on into the "
-        "textured scene, whose surfaces shine in their base colors. It knows nothing of our rays "
-        f"or of ξ. Its own noise is {floor:.1f} dB; what is left between it and our default "
-        f"image is antialiasing: with {FINE} × {FINE} samples per pixel they come closer still.",
+        f"omnisim's image against Mitsuba's path tracer, with {samples} rays per pixel from a real "
+        "pinhole to a real mirror, a mesh of the hyperboloid with an error of 0.001 px, and into "
+        "the textured scene, whose surfaces emit their base colors. Mitsuba uses neither omnisim's "
+        f"rays nor ξ. Its noise is {floor:.1f} dB. The remaining difference from the default image "
+        f"is antialiasing: with {FINE} × {FINE} samples per pixel it is smaller.",
         (
             Measure("exact capture, default quality", psnr_db(pair.traced, exact, pair.inside),
                     "dB", BOUND_DB, at_least=True),
@@ -85,12 +85,11 @@ def check(fixture: Fixture, title: str) -> Section:
         ),
         figures=(
             CaptionedFigure("traced-mirror", _gallery(pair, exact),
-                    "A traced mirror, our exact capture, and their difference, eight times "
-                    "enhanced: edges only, and no side of them is favored."),
+                    "Traced mirror, omnisim's exact capture, and their difference × 8: differences "
+                    "are at edges only, equally on both sides."),
             CaptionedFigure("traced-shifts",
                     displacement_figure("Traced mirror − ours", sensor.model, *shifts),
-                    "How far patches of the image are shifted between the two, 300 times "
-                    "enlarged."),
+                    "Shifts of image patches between the two images, × 300."),
         ),
     )  # fmt: skip
 

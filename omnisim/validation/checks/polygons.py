@@ -53,11 +53,11 @@ def check(fixture: Fixture, title: str) -> Section:
     defaults = [sensor.resized(size) for size in DEFAULT_SIZES_PX]
     return Section(
         title,
-        "Views of 360 × 360 px by meshes of the mirror, against the exact capture. The error is "
-        "where the mesh shows a direction against where the mirror would, from the rays of the "
-        "GPU itself. Four times the polygons leave a quarter of it: 256 still bend straight lines, "
-        "1024 do not to an eye, 4096 add nothing that one could see, as the paper found. The "
-        "default has as many as keep the largest error below 0.1 px at the image's size.",
+        "Images of 360 × 360 px by mirror meshes, against the exact capture. The error is the "
+        "distance between a direction's positions in the images of mesh and mirror, from the GPU's "
+        "rays. It is inversely proportional to the number of polygons. As in the paper, 256 "
+        "polygons visibly bend straight lines, 1024 do not, and 4096 bring no visible gain. The "
+        "default number keeps the largest error below 0.1 px at the image's size.",
         (
             Measure("slope of the log-log line, distance from −1", abs(slope + 1.0), bound=0.1),
             Measure("1024 polygons, mean error", float(paper.error_px.mean()), "px", 0.20),
@@ -75,13 +75,13 @@ def check(fixture: Fixture, title: str) -> Section:
             CaptionedFigure("fig8-polygons",
                     gallery({f"{n} polygons": r.image for n, r in results.items()}
                             | {"exact": exact.rgb}, 3),
-                    "The same view by more and more polygons, and exactly: the image settles."),
+                    "The same view with increasing numbers of polygons, and the exact capture."),
             CaptionedFigure("fig9-detail",
                     gallery({f"{n} polygons": _detail(r.image) for n, r in results.items()}
                             | {"exact": _detail(exact.rgb)}, 3),
-                    "The same detail of each, magnified: lines are jagged up to 256 polygons."),
+                    "The same detail, magnified: lines are jagged up to 256 polygons."),
             CaptionedFigure("convergence", _figure(results, slope),
-                    "The error falls as one over the number of polygons."),
+                    "Error over the number of polygons: inversely proportional."),
         ),
     )  # fmt: skip
 
@@ -129,7 +129,7 @@ def _figure(results: dict[int, MeshResult], slope: float) -> Figure:
     counts = np.array(list(results))
     means = np.array([result.error_px.mean() for result in results.values()])
     largest = np.array([result.error_px.max() for result in results.values()])
-    figure, axes = plot("What a mesh costs in geometry", "polygons", "error in pixels at 360 × 360")
+    figure, axes = plot("Geometric error of a mesh", "polygons", "error in pixels at 360 × 360")
     axes.loglog(counts, largest, "s-", color=ORANGE, label="largest")
     axes.loglog(counts, means, "o-", color=BLUE, label=f"mean, slope {slope:.3f}".replace("-", "−"))
     axes.loglog(counts, means[0] * counts[0] / counts, "--", color=GRAY, label="slope −1")

@@ -58,9 +58,9 @@ def check(fixture: Fixture, title: str) -> Section:
                 }
     return Section(
         title,
-        "The image by virtual cameras against that by rays, which Embree casts for each of 3 × 3 "
-        "samples a pixel, at default quality and in even light. The same surface is the same "
-        f"instance, at a range within {100 * SAME_RANGE:g} %, along the ray of the pixel's center.",
+        "Images by virtual cameras against images by Embree's rays, with 3 × 3 samples per pixel, "
+        "at default quality and in even light. A pixel shows the same surface if the ray of its "
+        f"center has the same instance, and the same range within {100 * SAME_RANGE:g} %.",
         (
             Measure("worst image", worst_db, "dB", BOUND_DB, at_least=True),
             Measure("the same surface", worst_percent, "%", BOUND_SAME_PERCENT, at_least=True),

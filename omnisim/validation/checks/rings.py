@@ -63,12 +63,13 @@ def check(fixture: Fixture, title: str) -> Section:
     relative = 100.0 * (wide.eq2_px / wide.exact_px - 1.0)
     return Section(
         title,
-        "A line at every 5° of incidence, the 90° one red, as in Fig. 7, measured at 720 azimuths. "
-        "The radii are those of the exact relation, r = f ψ sin θ/(ξ + cos θ). The paper's Eq. 2, "
-        "r = h sin θ/(1 + cos θ), is its special case ξ = 1, a paraboloid; this mirror's "
-        f"ξ = {camera.mirror.xi:.5f}. With the same 90° circle Eq. 2 is off by "
+        "Radii of rings at every 5° of incidence, as in Fig. 7, measured at 720 azimuths. They "
+        "agree with the exact relation, r = f ψ sin θ/(ξ + cos θ). The paper's Eq. 2, "
+        "r = h sin θ/(1 + cos θ), is the special case ξ = 1, a paraboloid; this mirror has "
+        f"ξ = {camera.mirror.xi:.5f}. With the same 90° circle, Eq. 2 has an error of "
         f"{relative[2]:+.2f} % at 15°, {relative[21]:+.2f} % at 110° and {relative[24]:+.2f} % at "
-        f"125°: {abs(eq2_off[24]):.1f} px in an image of 1024 px: the measurement rules it out.",
+        f"125°. The latter is {abs(eq2_off[24]):.1f} px in an image of 1024 px, far more than the "
+        "error of the measurement.",
         (
             Measure("exact capture, 360 px: each ring's mean radius against the exact relation",
                     max_abs(one.mean_error_px), "px", EXACT_BOUND_PX),
@@ -87,8 +88,7 @@ def check(fixture: Fixture, title: str) -> Section:
             CaptionedFigure("fig7-rings", _image(fixture, scene),
                     "Lines of equal incidence, 5° apart, in the exact mirror; 90° is red."),
             CaptionedFigure("fig7-radii", _figure(wide, one, other),
-                    "Measured radii against the exact relation: dots stay on zero, and Eq. 2 "
-                    "does not."),
+                    "Measured radii (dots) and Eq. 2 (line), minus the exact relation."),
         ),
     )  # fmt: skip
 
@@ -163,7 +163,7 @@ def _image(fixture: Fixture, scene: Scene) -> Figure:
 
 def _figure(wide: Rings, exact: Rings, mesh: Rings) -> Figure:
     figure, axes = plot(
-        "Where the rings are, against the exact relation (ξ = 0.99549)",
+        "Radii of the rings minus the exact relation (ξ = 0.99549)",
         "incidence θ in degrees",
         "difference in % of the 90° circle's radius",
     )

@@ -53,9 +53,9 @@ def check(fixture: Fixture, title: str) -> Section:
     return Section(
         title,
         f"{len(chosen)} of the five virtual cameras at {size} × {size} px against pyrender, plain "
-        "base colors. It blends edges and textures in sRGB values, omnisim in linear light; "
-        f"averaged over {AVERAGED} × {AVERAGED} pixels in linear light that difference is small, "
-        "and shapes and colors are left to compare.",
+        "base colors. pyrender blends edges and textures in sRGB values, omnisim in linear light. "
+        f"Averages over {AVERAGED} × {AVERAGED} pixels in linear light reduce this difference, and "
+        "so compare shapes and colors.",
         (
             Measure("worst face, as it is", min(plain), "dB", BOUND_DB, at_least=True),
             Measure("worst face, averaged", min(averaged), "dB", AVERAGED_BOUND_DB, at_least=True),

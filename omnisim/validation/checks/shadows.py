@@ -78,19 +78,19 @@ def check(fixture: Fixture, title: str) -> Section:
     measures += [Measure("size", size_px, "px"), *samples_of(samples)]
     return Section(
         title,
-        "Mitsuba's path tracer follows rays from a real mirror to diffuse surfaces, and from each "
-        "to every lamp: direct light with hard shadows. It has no fisheye: it traces the faces of "
-        "a cube, whose texels are averaged by the lens's published formula. The scenes are "
-        "built-in ones, lit by lamps inside them and by the sun: `omnisim/validation/lit`, with "
-        "exposures of 0.001 and 0.00001 for a lux. Edges of shadows are those of one low lamp on "
-        f"gray surfaces, at {EDGES_SIZE_PX} px, two pixels from any other edge.",
+        "Direct light with hard shadows, against Mitsuba's path tracer. Mitsuba traces rays from a "
+        "real mirror to diffuse surfaces, and from these to every lamp. It has no fisheye: for the "
+        "lens it traces the faces of a cube, and their texels are averaged by the lens's published "
+        "formula. The scenes in `omnisim/validation/lit` are built-in scenes with lamps or the "
+        "sun, at exposures of 0.001 and 0.00001 per lux. Shadow edges are measured with one low "
+        f"lamp on gray surfaces, at {EDGES_SIZE_PX} px, at least two pixels from any other edge.",
         tuple(measures),
         figures=(
             CaptionedFigure(
                 "lit-scenes",
                 _figure(images),
-                "Lit scenes traced in a mirror and through a fisheye, our images, and their "
-                "difference, eight times enhanced.",
+                "Lit scenes traced by Mitsuba in a mirror and through a fisheye, omnisim's images, "
+                "and their difference × 8.",
             ),
         ),
     )

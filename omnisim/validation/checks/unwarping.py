@@ -48,10 +48,10 @@ def check(fixture: Fixture, title: str) -> Section:
     bends = [_bend(line) for line in lines]
     return Section(
         title,
-        f"A 90° view of {VIEW_PX} px out of the mirror's image of {IMAGE_PX} px, against what "
-        "a pinhole camera at the effective viewpoint sees, wherever the mirror's image is at "
-        f"least as fine ({100.0 * suffices.mean():.0f} % of the view); and {BARS} bars that are "
-        "straight in the world, each followed through the view.",
+        f"A 90° view of {VIEW_PX} px, unwarped from the mirror's image of {IMAGE_PX} px, against "
+        "the image of a pinhole camera at the effective viewpoint, where the mirror's image has at "
+        f"least the view's resolution ({100.0 * suffices.mean():.0f} % of the view). Then the "
+        f"straightness of {BARS} straight bars in the view.",
         (
             Measure("unwarped view against the pinhole camera's", psnr, "dB", PSNR_BOUND_DB,
                     at_least=True),
@@ -64,10 +64,10 @@ def check(fixture: Fixture, title: str) -> Section:
                     gallery({"unwarped": _masked(unwarped, unwarp.valid),
                              "pinhole camera": _masked(pinhole, unwarp.valid),
                              "bars, unwarped": bars}, 3),
-                    "The same view out of the mirror's image and by a pinhole camera; and "
-                    "straight bars, straight again."),
+                    "The view unwarped from the mirror's image, the image of a pinhole camera, and "
+                    "unwarped straight bars."),
             CaptionedFigure("straight-bars", _figure(lines),
-                    "Distance of each bar from the straight line that fits it best."),
+                    "Distance of each bar from its fitted straight line."),
         ),
     )  # fmt: skip
 

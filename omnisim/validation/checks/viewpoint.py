@@ -33,9 +33,9 @@ def check(fixture: Fixture, title: str) -> Section:
     angles = 2.0 * np.arcsin(0.5 * np.linalg.norm(rays - reflected, axis=-1))
     return Section(
         title,
-        "Rays from the pinhole are intersected with Eq. 1 and reflected by its gradient. All of "
-        "them, prolonged backwards, pass through the effective viewpoint, so that one set of "
-        "virtual cameras there sees what the mirror shows; and the camera model has the same rays.",
+        "Rays from the pinhole are intersected with Eq. 1 and reflected by its gradient. Extended "
+        "backward, all of them pass through the effective viewpoint. Virtual cameras at this one "
+        "point therefore render the mirror's image. The camera model has the same rays.",
         (
             Measure("largest miss of the effective viewpoint", max_abs(misses), "c", BOUND_C),
             Measure("largest angle to the camera model's rays", max_abs(angles), "rad", BOUND_C),
@@ -45,8 +45,8 @@ def check(fixture: Fixture, title: str) -> Section:
             CaptionedFigure(
                 "single-viewpoint",
                 _figure(mirror),
-                "The mirror cut in half. Rays of the scene (orange) aim at the effective viewpoint "
-                "and are reflected into the pinhole (blue).",
+                "Section of the mirror. Rays of the scene (orange) point at the effective "
+                "viewpoint, and are reflected into the pinhole (blue).",
             ),
         ),
     )

@@ -47,18 +47,18 @@ def images(
     ]  # fmt: skip
     return Section(
         "Fig. 11: images side by side",
-        f"The real setting, as far as a simulator can go: a Super Scout among boxes in colors "
-        "like the landmarks', a lamp over one corner, and a camera with defocus, motion blur, "
-        "auto-exposure, noise, dirt and a color mosaic. The simulation: a P2AT with an ideal "
-        f"camera. Colors are learned from {trained.images} clean images of another drive.",
+        "Simulation: a P2AT with an ideal camera. Real setting, as simulated here: a Super Scout "
+        "among boxes with colors like the landmarks', a lamp over one corner, and a camera with "
+        "defocus, motion blur, auto-exposure, noise, dirt and a color mosaic. Colors are trained "
+        f"on {trained.images} clean images of another drive.",
         figures=(
             CaptionedFigure("fig11-images", gallery(shown, 3),
-                    "Above the real setting, below the simulation: the same field, blurred and "
-                    "noisy above."),
+                    "The same field in the real setting (above), blurred and noisy, and in the "
+                    "simulation (below)."),
             CaptionedFigure("fig11-detections", detections_figure(rows),
-                    "Panoramas with what is found: in the simulation every box is around a "
-                    "landmark; in the real setting most are missed, even in the images with most "
-                    "boxes that are shown here, and some are around something else."),
+                    "Panoramas with detections, for the images with the most detections. In the "
+                    "simulation every box contains a landmark. In the real setting most landmarks "
+                    "are missed, and some boxes are false positives."),
         ),
     )  # fmt: skip
 
@@ -96,21 +96,21 @@ def colors(trained: Training, simulated: SimulationExperiment, real: RealExperim
         for title, each in (("clean images", simulated), ("degraded images", real))
     }
     table = ResultTable(
-        "Pixels, on drives that nothing was learned from. A threshold Θ is that of Eq. 3 which "
-        "costs least on held-out images, where a false alarm costs four misses.",
+        "Classified pixels on test drives. The threshold Θ of Eq. 3 has the lowest cost on "
+        "held-out images, where a false positive costs as much as four misses.",
         ("color", "Θ", "found, clean", "found, degraded", "false in 10⁶, clean",
          "false in 10⁶, degraded", "area, clean", "area, degraded"),
         tuple(rows),
     )  # fmt: skip
     return Section(
         "Eq. 3: color histograms",
-        "Four histograms of 32³ bins. Pixels on the edge of a landmark mix its color with what is "
-        "behind it, and are most of those that are missed.",
+        "Four histograms of 32³ bins. Most missed pixels are at the edge of a landmark, where its "
+        "color mixes with the background.",
         numbers,
         (table,),
         (CaptionedFigure("roc", roc_figure(curves),
-                 "The share of a color's pixels that is found against that of all others that "
-                 "is taken for it; dots are the thresholds."),),
+                 "True positive rate over false positive rate of each color; dots are the "
+                 "thresholds."),),
     )  # fmt: skip
 
 
@@ -146,17 +146,18 @@ def detection(simulated: SimulationExperiment, real: RealExperiment) -> Section:
     )  # fmt: skip
     return Section(
         "Landmarks",
-        "Range and bearing of what is found, against the truth. A beacon's range comes from the "
-        "edges of its bands, a goal's from its nearest foot. What is more than 3° off, or by "
-        "more than a quarter of its range and three of its own sigmas, counts as a false one; "
-        "distances are the true ones.",
+        "Range and bearing of detected landmarks, against the truth. A beacon's range is computed "
+        "from the edges of its bands, a goal's from its nearest foot. A detection is a false "
+        "positive if its bearing error is more than 3°, or its range error is more than both a "
+        "quarter of the range and three of its own standard deviations. The limits of distance "
+        "apply to true distances.",
         numbers,
         (ResultTable("Within 4 m, clean.",
                ("landmark", "recall", "precision", "bearing, RMS", "range, RMS", "found"), rows),),
         (CaptionedFigure("recall", rates_figure({"clean": _rates(simulated.matches),
                                          "real setting": _rates(real.matches)}),
-                 "Clean, nearly everything to 4 m is found, and nothing else; in the real setting "
-                 "little is, and some of it is a box."),),
+                 "In clean images nearly all landmarks within 4 m are detected, without false "
+                 "positives. In the real setting few are, and some detections are boxes."),),
     )  # fmt: skip
 
 
@@ -197,19 +198,19 @@ def degradations(
         ]
 
     panels = {
-        "mean error of the place (m)": lines(lambda each: each.error_m),
+        "mean position error (m)": lines(lambda each: each.error_m),
         "recall within 4 m": lines(lambda each: each.recall),
         "false positives (share of pixels)": lines(lambda each: each.false_alarms),
     }
     return Section(
         "Each degradation alone",
-        "The comparison that the paper's discussion suggests. The images of experiment 1 have one "
-        "degradation at a time. Colors are learned from clean images, and the start is known.",
+        "The comparison suggested in the paper's discussion. The images of experiment 1 have one "
+        "degradation at a time. Colors are trained on clean images, and the start is known.",
         tables=(
-            ResultTable("Landmarks within 4 m; error of the place: mean after step 5, median of 5 "
+            ResultTable("Landmarks within 4 m; position error: mean after step 5, median of 5 "
                   "seeds.",
                   ("degradation", "level", "recall", "precision", "bearing, RMS", "range, RMS",
-                   "false pixels in 10⁶", "error of the place"), tuple(rows)),
+                   "false pixels in 10⁶", "position error"), tuple(rows)),
         ),
         figures=(
             CaptionedFigure("degradations", curves_figure(panels, levels),

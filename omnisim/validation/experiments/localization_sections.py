@@ -63,19 +63,21 @@ def first_experiment(simulated: SimulationExperiment) -> Section:
     ]  # fmt: skip
     return Section(
         "Experiment 1: simulation",
-        "P2AT, counter-clockwise and across; landmarks found automatically; the gate open from the "
-        "start. All seeds see the same images, with noise of their own on the pixels and the "
-        "wheels. What errors the images' rasters give to detections all seeds have in common, so "
-        "that NEES, averaged over seeds, wanders about its mean more than independent runs would.",
+        "A P2AT drives counter-clockwise and across the field. Landmarks are detected "
+        "automatically, and the gate is open from the start. All seeds share the same images, with "
+        "different noise on pixels and wheels. Detection errors due to the pixel grid are "
+        "therefore the same for all seeds, and the mean NEES over seeds varies more than that of "
+        "independent runs.",
         numbers,
         figures=(
             CaptionedFigure("seeds", seeds_figure(seeds.errors_m, seeds.reckoned_m,
                                           f"{SEEDS} seeds of experiment 1"),
-                    "The estimate stays within millimeters while the wheels are off by a meter."),
+                    "The estimate's error stays within millimeters; that of the wheels alone "
+                    "reaches a meter."),
             CaptionedFigure("consistency", consistency_figure(by_step, band, seeds.nis_by_step,
                                                       seeds.nis_intervals),
-                    "NEES about 3, with the wandering that all seeds share; NIS below 1: what is "
-                    "seen agrees better than it says."),
+                    "NEES is about 3, with variations common to all seeds. NIS is below 1: "
+                    "observations are more accurate than their stated uncertainty."),
         ),
     )  # fmt: skip
 
@@ -120,15 +122,15 @@ def second_experiment(real: RealExperiment) -> Section:
     ]  # fmt: skip
     return Section(
         "Experiment 2: real setting",
-        "Super Scout, clockwise and across; landmarks within 3.5 m picked by hand with a noise of "
-        "1.5 px; a start that is 0.14 m and 12° off and that the filter takes for certain; wheels "
-        "with bias. The filter's odometry noise is smaller than the true one: only then "
-        "does it ignore landmarks for as long as the paper's did.",
+        "A Super Scout drives clockwise and across the field. Landmarks within 3.5 m are picked by "
+        "hand, with noise of 1.5 px. The start has an error of 0.14 m and 12°, which the filter "
+        "does not expect, and the wheels have bias. The filter's odometry noise is smaller than "
+        "the true noise: otherwise it would not ignore landmarks for as long as in the paper.",
         numbers,
         figures=(
             CaptionedFigure("seeds-real", seeds_figure(seeds.errors_m, seeds.reckoned_m,
                                                f"{SEEDS} seeds of experiment 2"),
-                    "The estimate follows the wheels until the gate opens, and then the truth."),
+                    "The estimate follows the wheels until the gate opens, then the truth."),
         ),
     )  # fmt: skip
 
@@ -151,11 +153,11 @@ def side_by_side(simulated: SimulationExperiment, real: RealExperiment) -> Secti
         "gate opens nearest to the median.",
         figures=(
             CaptionedFigure("fig12-paths", paths_figure(panels),
-                    "Left the estimate leaves the truth and comes back when the gate opens; right "
-                    "it lies on the truth, with ellipses of millimeters."),
+                    "Left: the estimate departs from the truth, and returns when the gate opens. "
+                    "Right: it stays on the truth, with ellipses of millimeters."),
             CaptionedFigure("fig13-errors", errors_figure(panels),
-                    "Left the gate rejects what is seen at first, and opens by itself; right it is "
-                    "open from the start."),
+                    "Left: the gate rejects observations at first, and opens by itself. Right: it "
+                    "is open from the start."),
         ),
         notices=warnings,
     )  # fmt: skip
@@ -194,19 +196,19 @@ def gains(simulated: SimulationExperiment) -> Section:
              f"{low:.4f} to {high:.4f}", f"{np.median(late.max(axis=1)):.4f}")
         )  # fmt: skip
     return Section(
-        "What looking all around gains",
-        "The same detections, of which a camera that looks forward with a field of view of 90° "
-        "would have seen only those within 45° of the front: its range and resolution are taken to "
-        "be as good. Where it sees nothing, the wheels lead.",
+        "Benefit of omnidirectional vision",
+        "Localization with all detections, and with those within 45° of the front, as seen by a "
+        "forward camera with a field of view of 90°. Range and resolution of that camera are "
+        "assumed to be the same. Without detections, the filter relies on the wheels.",
         tables=(
             ResultTable("Experiment 1, 20 seeds, error after step 5 in meters.",
-                  ("camera", "landmarks an image", "mean error, median", "its 95 % band",
+                  ("camera", "landmarks per image", "mean error, median", "its 95 % band",
                    "largest error, median"), tuple(rows)),
         ),
         figures=(
             CaptionedFigure("seeds-ahead", seeds_figure(ahead.errors_m, ahead.reckoned_m,
                                                 "with landmarks within 45° of the front only"),
-                    "Errors grow wherever nothing stands ahead."),
+                    "Errors grow where no landmark is ahead."),
         ),
     )  # fmt: skip
 

@@ -46,10 +46,9 @@ def run_experiments(folder: Path, device: int | None, progress: Progress) -> Rep
     )
     report = Report(
         "Self-localization",
-        "The experiments of Schmits and Visser (2008), section 3.2, on omnisim, and what lies "
-        "beyond them. The paper publishes neither its noise, nor its gate, nor its bins and "
-        "thresholds: all parameters are ours. The paper's numbers stand beside ours where it has "
-        "some.",
+        "The experiments of Schmits and Visser (2008), section 3.2, with omnisim, and further "
+        "experiments. The paper does not publish its noise, gate, bins and thresholds: all "
+        "parameters are ours. The paper's numbers are listed beside ours where available.",
         sections,
         {"seeds": SEEDS, "parameters": parameters.model_dump()},
         machine=machine,

@@ -93,13 +93,14 @@ def check(fixture: Fixture, title: str) -> Section:
     )  # fmt: skip
     return Section(
         title,
-        f"{len(hidden)} hidden cameras with vignetting and noise take {IMAGES} images of a "
-        "chessboard. `omnisim measure geometry` gets the corners that OpenCV finds, and chooses a "
-        "model by images that its fit did not see. Its rays are compared with the hidden camera's, "
-        "up to a rotation, which boards do not tell; and the twin's images of the same boards with "
-        "the camera's: corners found again, gray levels of the squares, 10-90 % rise of edges. "
-        "The rays of the mirror have no bound: these boards do not tell its focal lengths from ξ "
-        "and its decentering; the standard deviation of its focal lengths is 3 %.",
+        f"{len(hidden)} simulated cameras with vignetting and noise take {IMAGES} images of a "
+        "chessboard. `omnisim measure geometry` receives the corners detected by OpenCV, and "
+        "chooses a model by its errors in held-out images. Its rays are compared with the true "
+        "rays, up to a rotation, which boards do not determine. The twin's images of the same "
+        "boards are compared with the camera's: detected corners, gray levels of the squares, "
+        "10-90 % rise of edges. The rays of the mirror have no bound: these boards do not separate "
+        "its focal lengths from ξ and its decentering; the standard deviation of its focal lengths "
+        "is 3 %.",
         (
             Measure("corners in held-out images, RMS", held_out, "px", HELD_OUT_BOUND_PX),
             Measure("corners, RMS over that of cv2.omnidir", excess, "", OMNIDIR_BOUND),

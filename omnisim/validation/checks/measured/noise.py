@@ -1,4 +1,4 @@
-"""Noise, measured from frames that the reference implementation of EMVA 1288 simulates."""
+"""Noise, measured from frames simulated by the reference implementation of EMVA 1288."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def check(fixture: Fixture, title: str) -> Section:
     caption = "True values, and errors of the measured ones"
     return Section(
         title,
-        f"{count} cameras of its simulator, their parameters drawn at random: two dark frames and "
-        "two flat fields at each of 16 exposures, 50 at one of them, 640 × 480 px; the parameters "
-        "that `omnisim measure noise` gets from these frames alone, against the true ones.",
+        "Parameters measured by `omnisim measure noise` against the true ones, for "
+        f"{count} random cameras of the simulator of EMVA 1288. Each has two dark frames and two flat "
+        "fields at each of 16 exposures, and 50 at one of them, with 640 × 480 px.",
         tuple(
             Measure(
                 f"{name}, largest error", 100.0 * float(np.abs(errors[name]).max()), "%",

@@ -39,13 +39,12 @@ def check(fixture: Fixture, title: str) -> Section:
     columns = ("transfer function", "response", "vignetting", "readout")
     return Section(
         title,
-        f"{count} cameras, drawn at random: a still scene of 8 bits at {len(TIMES_S)} exposure "
-        "times, with noise of 0.5 % of white; a flat field under light that falls off to one side, "
-        "behind a lens of up to 94° across the diagonal, whose light falls off with cos⁴ of the "
-        "angle; and "
-        f"{FRAMES} frames under a lamp of {FLICKER_HZ:g} Hz, each row the mean of the lamp's light "
-        "over its exposure, with noise of 2 of 255. `omnisim.measurement` gets the numbers from "
-        "these frames alone.",
+        f"Values measured by `omnisim.measurement` from the frames of {count} random cameras. The "
+        f"frames are a static 8-bit scene at {len(TIMES_S)} exposure times, with noise of 0.5 % of "
+        "white; a flat field in light with a gradient, through a lens of up to 94° across the "
+        "diagonal with cos⁴ vignetting; and "
+        f"{FRAMES} frames under a lamp of {FLICKER_HZ:g} Hz, with noise of 2 of 255, in which each "
+        "row is the mean of the lamp's light over its exposure.",
         (
             Measure("transfer function, largest error of full scale", 100.0 * response, "%",
                     100.0 * RESPONSE_BOUND),

@@ -43,12 +43,12 @@ def check(fixture: Fixture, title: str) -> Section:
     columns = ("lens", "edges", "MTF50, lateral color", "those of the twin")
     return Section(
         title,
-        f"{count} lenses, drawn at random, with normal point spreads whose radial and tangential "
-        f"widths grow with the image radius, and offsets of red and blue: {CHARTS} images of "
-        "960 × 720 px with one slanted edge per patch, in closed form, with noise of "
-        f"{100.0 * NOISE:g} % of white; the curves that `omnisim measure sharpness` gets from "
-        "these images alone, against the formulas, up to 87 % of the field. The twin's images are "
-        "ideal ones with the measured degradations, measured again.",
+        f"Curves measured by `omnisim measure sharpness` for {count} random lenses, against their "
+        "formulas, up to 87 % of the field. The lenses have Gaussian point spreads, with radial "
+        "and tangential widths that grow with the image radius, and offsets of red and blue. Each "
+        f"has {CHARTS} images of 960 × 720 px with one slanted edge per patch, in closed form, and "
+        f"noise of {100.0 * NOISE:g} % of white. The twin's images are ideal images with the "
+        "measured degradations; they are measured again.",
         (
             Measure("MTF50 over the field, largest error", 100.0 * largest[0], "%",
                     100.0 * MTF50_BOUND),
