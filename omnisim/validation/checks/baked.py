@@ -57,13 +57,13 @@ def check(fixture: Fixture, title: str) -> Section:
             with open_sensor(lit, sensor, device=fixture.device) as renderer:
                 ours = linear_image(renderer.render(pose, linear=True))
             inside = inside_rim(sensor)
-            place, level_db = f"{name}, {camera}", psnr_db(traced, ours, inside)
+            label, level_db = f"{name}, {camera}", psnr_db(traced, ours, inside)
             likeness = ssim(traced, ours, inside)
             measures += [
-                Measure(f"{place}: baked", level_db, "dB", BOUND_DB, at_least=True),
-                Measure(f"{place}: structural similarity", likeness, "", BOUND_SSIM, at_least=True),
+                Measure(f"{label}: baked", level_db, "dB", BOUND_DB, at_least=True),
+                Measure(f"{label}: structural similarity", likeness, "", BOUND_SSIM, at_least=True),
             ]
-            images |= beside(place, traced, ours, inside)
+            images |= beside(label, traced, ours, inside)
     measures += [
         Measure("size", size_px, "px"),
         *samples_of(samples),

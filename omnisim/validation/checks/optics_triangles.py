@@ -43,8 +43,8 @@ def measure_triangles(fixture: Fixture, scene: Scene) -> dict[str, SameTriangles
         for name in SYSTEMS:
             sensor = OmniCamera(validation_systems()[name])
             start = sensor.base_pose(scene.start.position_m, scene.start.yaw_deg)
-            place = pose_beside_nearest(sensor, rays, start)
-            shares[name] = same_triangles(stage, rays, sensor, place)
+            pose = pose_beside_nearest(sensor, rays, start)
+            shares[name] = same_triangles(stage, rays, sensor, pose)
     return shares
 
 

@@ -68,12 +68,12 @@ def check(fixture: Fixture, title: str) -> Section:
             traced = traced_light(scene, sensor, pose, samples[camera])
             with open_sensor(scene, sensor, device=fixture.device) as renderer:
                 ours = linear_image(renderer.render(pose, linear=True))
-            inside, place = inside_rim(sensor), f"{name}, {camera}"
+            inside, label = inside_rim(sensor), f"{name}, {camera}"
             found_db = psnr_db(traced, ours, inside)
             measures.append(
-                Measure(f"{place}: default quality", found_db, "dB", BOUND_DB, at_least=True)
+                Measure(f"{label}: default quality", found_db, "dB", BOUND_DB, at_least=True)
             )
-            images |= beside(place, traced, ours, inside)
+            images |= beside(label, traced, ours, inside)
         measures.append(_edges(fixture, name))
     measures += [Measure("size", size_px, "px"), *samples_of(samples)]
     return Section(

@@ -31,8 +31,8 @@ def check(fixture: Fixture, title: str) -> Section:
     return Section(
         title,
         "Parameters measured by `omnisim measure noise` against the true ones, for "
-        f"{count} random cameras of the simulator of EMVA 1288. Each has two dark frames and two flat "
-        "fields at each of 16 exposures, and 50 at one of them, with 640 × 480 px.",
+        f"{count} random cameras of the simulator of EMVA 1288. Each has two dark frames and two "
+        "flat fields at each of 16 exposures, and 50 at one of them, with 640 × 480 px.",
         tuple(
             Measure(
                 f"{name}, largest error", 100.0 * float(np.abs(errors[name]).max()), "%",
