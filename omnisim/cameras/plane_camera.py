@@ -38,7 +38,7 @@ class PlaneCamera(ParametricCamera):
 
     @abstractmethod
     def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
-        """Rays of points (..., 2) of the plane; outside the domain, the ray of its nearest edge."""
+        """Rays of points (..., 2) in the plane; outside the domain, those of its nearest edge."""
 
     @abstractmethod
     def _plane_from_rays(self, directions: NDArray[np.float64]) -> PlanePoints:

@@ -68,6 +68,6 @@ def _along_chords(poses: NDArray[np.float64], is_step: NDArray[np.bool_]) -> NDA
     return ways_m * np.repeat(scales, np.diff(np.append(first, len(ways_m))))
 
 
-def _times(segment: Segment, way: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Times (n,) at distances (n,) along a segment, in meters or radians."""
-    return segment.start_s + segment.trapezoid.times_at(way)
+def _times(segment: Segment, distances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Times (n,), s, at distances (n,) along a segment, in meters or radians."""
+    return segment.start_s + segment.trapezoid.times_at(distances)

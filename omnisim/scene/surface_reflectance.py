@@ -79,7 +79,12 @@ def _gloss(
 def _body(
     view: NDArray[np.float64], first: NDArray[np.float64], second: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Means (1, cosines) of Schlick's term over cosine-weighted light."""
+    """Means (1, cosines) of Schlick's term over cosine-weighted light.
+
+    Args:
+        view: (..., 3) view directions in the frame of the normal.
+        first, second: random numbers in [0, 1) that sample the light.
+    """
     height, side, azimuth = np.sqrt(1.0 - first), np.sqrt(first), 2.0 * np.pi * second
     between = view[..., 0] * side * np.cos(azimuth) + view[..., 2] * height
     along = np.sqrt(np.clip(0.5 * (1.0 + between), 0.0, 1.0))

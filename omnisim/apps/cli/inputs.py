@@ -306,7 +306,7 @@ def parse_exposure(text: str | None) -> ExposureOption | None:
 
 
 def parse_polygons(text: str) -> Polygons:
-    """Parse a polygon count, "auto" or "exact", which becomes None.
+    """Parse a polygon count, "auto" or "exact"; returns None for "exact".
 
     Raises:
         OpticsError: any other text.

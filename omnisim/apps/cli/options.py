@@ -91,7 +91,7 @@ def make_request(request: type[T], values: Mapping[str, object]) -> T:
 
 
 def flag_of(request: type, name: str) -> str:
-    """Flag of an option in messages, which is its last one."""
+    """Flag of an option for messages: its last one."""
     hint = get_type_hints(request, include_extras=True)[name]
     details = get_args(hint)[1] if get_origin(hint) is Annotated else Option()
     return _flags(name, details)[-1].partition("/")[0]

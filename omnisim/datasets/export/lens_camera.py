@@ -1,8 +1,8 @@
 """Cameras of a run as lenses, for the formats of other tools.
 
-A catadioptric image is mirror-inverted, which no lens's image is. Flipped left to right, it is the
-image of a lens whose frame is the optical frame after a half turn. The channels of ground truth are
-flipped, too; the points in space are the same.
+A catadioptric image is mirror-inverted; the image of a lens is not. Flipped left to right, it is
+the image of a lens whose frame is the optical frame after a half turn. The channels of ground truth
+are flipped, too; the points in space are the same.
 """
 
 from __future__ import annotations

@@ -217,7 +217,11 @@ class Recording:
         return pose
 
     def cloud(self, name: str, step: int) -> StoredCloud:
-        """Point cloud of a lidar; `step`: number of the frame, or of the measurement.
+        """Point cloud of a lidar.
+
+        Args:
+            name: name of the lidar.
+            step: index of the frame if `frames` has the lidar, else of the lidar's measurement.
 
         Raises:
             RunError: the file cannot be read, or is damaged.

@@ -38,8 +38,8 @@ class Detection:
 
     Attributes:
         landmark: name of the landmark.
-        bearing_rad: counter-clockwise from the vehicle's front: of a pillar's axis, or of the
-            middle between the outermost corners of a wide landmark.
+        bearing_rad: bearing of a pillar's axis, or of the middle between the outermost corners of a
+            wide landmark, counter-clockwise from the vehicle's front.
         range_m: distance along the ground from below the effective viewpoint to a pillar's axis, or
             to the nearest corner of a wide landmark, by the exact relation.
         range_eq2_m: the same range by the inverse of the paper's Eq. 2; NaN: it does not apply.

@@ -118,7 +118,7 @@ class Geometry:
 
     @property
     def draws(self) -> list[ObjectPart]:
-        """Dynamic object and name of each instance."""
+        """Index of the dynamic object (None: static) and name of each surface's instance."""
         return [(one.object_index, one.name) for one in self.surfaces]
 
     def triangles_of_part(

@@ -44,7 +44,7 @@ class SunPosition(NamedTuple):
 
 
 def sun_position(time: datetime, latitude_deg: float, longitude_deg: float) -> SunPosition:
-    """Sun position at a time, as seen from a place on Earth.
+    """Direction of the sun at a time, as seen from a position on Earth.
 
     Args:
         time: time with its UTC offset.

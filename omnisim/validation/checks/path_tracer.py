@@ -41,7 +41,7 @@ class Pair(NamedTuple):
 
 
 def check(fixture: Fixture, title: str) -> Section:
-    """Trace the textured scene and markers in a real mirror, and compare."""
+    """Compare omnisim's images of the textured scene and of markers with Mitsuba's real mirror."""
     size = QUICK_SIZE_PX if fixture.is_quick else SIZE_PX
     samples = QUICK_SAMPLES if fixture.is_quick else SAMPLES
     sensor = OmniCamera().with_polygons(None).resized(size)

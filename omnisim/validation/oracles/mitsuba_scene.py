@@ -38,7 +38,13 @@ def film(width_px: int, height_px: int) -> dict[str, Any]:
 
 
 def triangles_of_rings(rings: int, sectors: int, has_hole: bool = False) -> NDArray[np.int64]:
-    """Triangles (m, 3) between rings + 1 rings of vertices; without a hole the first is a point."""
+    """Triangles (m, 3) between `rings` + 1 rings of vertices.
+
+    Args:
+        rings: number of rings of triangles.
+        sectors: vertices per ring.
+        has_hole: False: the first ring of vertices is a single point.
+    """
     sector = np.arange(sectors)
     following = (sector + 1) % sectors
     inner = sectors * np.arange(rings)[:, None]

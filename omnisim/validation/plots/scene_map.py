@@ -83,7 +83,10 @@ def _mean_color(material: Material, mesh: Mesh) -> NDArray[np.float64]:
 
 
 def _cross_sections(triangles: NDArray[np.float64], cut_m: float) -> NDArray[np.float64]:
-    """Intersections (n, 2, 2) of triangles (n, 3, 3) with a horizontal plane: segments."""
+    """Line segments (n, 2, 2) in which triangles (n, 3, 3) intersect the plane z = `cut_m`.
+
+    Each triangle must have corners on both sides of the plane.
+    """
     z = triangles[..., 2] - cut_m
     # the corner alone on its side, and the two others
     above = z > 0.0

@@ -67,7 +67,7 @@ class _View:
         return cls(run, name, run.times_s(name)[: run.measurements_done(name)])
 
     def at(self, time_s: float) -> NDArray[np.uint8]:
-        """Latest image (height, width, 3) at a time; before the first image, the first."""
+        """Latest image (height, width, 3) at `time_s` seconds; the first one if none is earlier."""
         step = max(0, int(np.searchsorted(self.times_s, time_s, side="right")) - 1)
         image: NDArray[np.uint8] = read_image(self.run.file(self.camera, step, ".png"))[0]
         return image

@@ -41,7 +41,7 @@ def run(request: PlotRequest) -> None:
 
 
 def _drawing(run: RunFolder, name: str) -> RunDrawing:
-    """Paths of a run, and the images of its first camera."""
+    """Drawing of a run: its paths, and the images of its first camera."""
     truth = read_trajectory(run.path / GROUND_TRUTH)
     run.check_steps(GROUND_TRUTH, len(truth))
     reckoned = _dead_reckoned(run)

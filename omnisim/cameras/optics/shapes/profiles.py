@@ -42,7 +42,7 @@ class Profile(Shape):
 
     @abstractmethod
     def derivatives(self, radii_m: Floats) -> Derivatives:
-        """Profile at distances from the axis, also slightly beyond its domain."""
+        """Heights and derivatives at distances (...) from the axis, also slightly out of domain."""
 
     def is_convex(self, radius_m: float) -> bool:
         """True if no sampled slope or curvature is negative; False if the radius is unbounded."""
@@ -68,7 +68,7 @@ class Profile(Shape):
         return np.where(radii_m <= self.domain_m, self.derivatives(radii_m).heights_m, np.nan)
 
     def level(self, points_m: Floats) -> Level:
-        """Level function z − z(r)."""
+        """Level function z − z(r) at points (n, 3)."""
         radii = np.hypot(points_m[:, 0], points_m[:, 1])
         profile = self.derivatives(radii)
         gradients = np.ones_like(points_m)

@@ -19,7 +19,7 @@ GRID_STEP = 2.0 / (GRID - 1)
 MAX_ANISOTROPY = 4.0
 MIN_DENSITY_SHARE = 1.0 / 32.0
 WHOLE_FACE: NDArray[np.float64] = np.array([[-1.0, -1.0], [1.0, 1.0]])
-_STEP = 1e-5  # of a tangent, for derivatives: far above rounding, far below a texel
+_STEP = 1e-5  # step of a tangent for derivatives: far above rounding errors, far below a texel
 
 
 class RegionDensity(NamedTuple):
@@ -27,9 +27,9 @@ class RegionDensity(NamedTuple):
 
     Attributes:
         min_px_per_tan, max_px_per_tan: pixels per tangent of 1.
-        region: (2, 2) lower and upper bounds of the tangents (right, down) looked up here; regions
-            of a face do not overlap.
-        seen_region: (2, 2) the same bounds without the margins that the image does not see.
+        region: (2, 2) lower and upper bounds of the region's tangents (right, down); regions of a
+            face do not overlap.
+        seen_region: (2, 2) bounds of the part of the region that the image samples.
     """
 
     min_px_per_tan: float
@@ -39,11 +39,11 @@ class RegionDensity(NamedTuple):
 
 
 class SamplingDensity:
-    """Sampling density of the image on a face, from samples all over it.
+    """Sampling density of the image on a face, from samples spread over the face.
 
     Args:
         tangents: (n, 2) tangents of the samples; the grid comes first, row by row.
-        seen: (n,) samples that the image looks up.
+        seen: (n,) True for samples that the image looks up.
         max_px_per_tan, min_px_per_tan: (n,) pixels per tangent of 1, in the directions of the
             largest and smallest density; 0 and infinity: unknown.
     """

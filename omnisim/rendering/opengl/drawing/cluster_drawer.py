@@ -130,7 +130,7 @@ class ClusterDrawer:
     def draw(self, pass_index: int) -> None:
         """Draw the commands of a pass, with the state of `GlState.drawing`.
 
-        Requires that the previous passes of the frame were drawn last.
+        All previous passes of the frame must have been drawn, and nothing else since.
         """
         if pass_index == 0:
             self._draws.bind(self.culler.commands.glo, self.culler.counts.glo, self._array.glo)

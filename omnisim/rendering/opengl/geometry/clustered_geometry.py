@@ -258,9 +258,9 @@ def _contained(items: Sequence[DrawItem], anchor_m: NDArray[np.float64]) -> NDAr
 def object_triangles(
     items: Sequence[DrawItem], anchor_m: NDArray[np.float64]
 ) -> tuple[NDArray[np.void], NDArray[np.uint32]]:
-    """Vertices (n,) of `CLUSTER_VERTEX` and triangles (m, 3) of items, wound alike.
+    """Vertices (n,) of type `CLUSTER_VERTEX` and triangles (m, 3) of items, with equal winding.
 
-    They are in the frames of the items' objects; static ones are relative to the anchor (3,).
+    Vertices of dynamic objects are in the object's frame, static ones relative to the anchor (3,).
     """
     vertices = np.zeros(sum(len(item.mesh.positions) for item in items), dtype=CLUSTER_VERTEX)
     triangles = []
