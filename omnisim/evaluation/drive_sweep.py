@@ -90,40 +90,40 @@ def measure_drive(
         OutputError: the folder cannot be written to.
     """
     drive = points[0].drive
-    place = folder / drive.name
+    drive_folder = folder / drive.name
     try:
-        place.mkdir(parents=True, exist_ok=True)
+        drive_folder.mkdir(parents=True, exist_ok=True)
     except OSError as reason:
-        raise OutputError(f"{place}: cannot be written to: {reason.strerror}") from None
-    words = ["drive", *drive.write(place), "-o", str((place / RUN).absolute())]
-    with (place / OUTPUT).open("wb") as output:
-        status = children.run("omnisim", words, output)
+        raise OutputError(f"{drive_folder}: cannot be written to: {reason.strerror}") from None
+    arguments = ["drive", *drive.write(drive_folder), "-o", str((drive_folder / RUN).absolute())]
+    with (drive_folder / OUTPUT).open("wb") as output:
+        status = children.run("omnisim", arguments, output)
     recording, failure = None, ""
     if status:
-        text = (place / OUTPUT).read_text(encoding="utf-8", errors="replace").strip()
+        text = (drive_folder / OUTPUT).read_text(encoding="utf-8", errors="replace").strip()
         failure = text[-_TAIL:] or f"exit status {status}"
     else:
         try:
-            recording = Recording.read(place / RUN)
+            recording = Recording.read(drive_folder / RUN)
         except OmnisimError as reason:
             failure = str(reason)
-    return [_measure(plan, one, place, recording, failure, children) for one in points]
+    return [_measure(plan, one, drive_folder, recording, failure, children) for one in points]
 
 
 def _measure(
     plan: SweepPlan,
     point: SweepPoint,
-    place: Path,
+    drive_folder: Path,
     recording: Recording | None,
     failure: str,
     children: ChildProcesses,
 ) -> PointResult:
     """Apply the estimators to a run, or to its copy with the point's calibration error."""
-    given, errors, digest = place / RUN, point.calibration, ""
+    given, errors, digest = drive_folder / RUN, point.calibration, ""
     if errors:
         digest = fingerprint(sorted((name, str(one)) for name, one in errors.items()))[:8]
-        given = place / f"{GIVEN}-{digest}"
-    estimates = place / (f"{ESTIMATES}-{digest}" if digest else ESTIMATES)
+        given = drive_folder / f"{GIVEN}-{digest}"
+    estimates = drive_folder / (f"{ESTIMATES}-{digest}" if digest else ESTIMATES)
     outcomes = []
     try:
         if recording is None:
@@ -132,12 +132,12 @@ def _measure(
             write_given_run(recording, errors, given)
     except OmnisimError as reason:
         outcomes = [Outcome(name, "failed", str(reason)) for name in plan.estimators]
-        return PointResult(point, tuple(outcomes), place / RUN, estimates)
+        return PointResult(point, tuple(outcomes), drive_folder / RUN, estimates)
     outcomes = [
         evaluate_estimator(
-            place / RUN, name, estimates / estimator_folder(name), plan.limit_s,
+            drive_folder / RUN, name, estimates / estimator_folder(name), plan.limit_s,
             given=given, children=children,
         )
         for name in plan.estimators
     ]  # fmt: skip
-    return PointResult(point, tuple(outcomes), place / RUN, estimates)
+    return PointResult(point, tuple(outcomes), drive_folder / RUN, estimates)

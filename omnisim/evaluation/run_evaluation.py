@@ -123,9 +123,9 @@ def _run_worker(
     for file in (ESTIMATE, CAMERA, DONE, OUTCOME):
         (folder / file).unlink(missing_ok=True)
     shutil.rmtree(folder / "work", ignore_errors=True)
-    words = [str(given.absolute()), name, str(folder.absolute())]
+    arguments = [str(given.absolute()), name, str(folder.absolute())]
     with (folder / OUTPUT).open("wb") as output:
-        return children.run("omnisim.evaluation.estimator_worker", words, output, limit_s)
+        return children.run("omnisim.evaluation.estimator_worker", arguments, output, limit_s)
 
 
 def _outcome(

@@ -62,13 +62,13 @@ class SweptDrive:
         if self.scene_tables:
             write_text(folder / SCENE, toml_text({"extends": scene, **self.scene_tables}))
             scene = str((folder / SCENE).absolute())
-        words = [scene, "--robot", str((folder / ROBOT).absolute()), "--path", self.path]
-        words += ["--seed", str(self.seed)]
+        arguments = [scene, "--robot", str((folder / ROBOT).absolute()), "--path", self.path]
+        arguments += ["--seed", str(self.seed)]
         for key, value in self.options.items():
             flag = f"--{key.replace('_', '-')}"
             if value is not False:
-                words += [flag] if value is True else [flag, str(value)]
-        return words
+                arguments += [flag] if value is True else [flag, str(value)]
+        return arguments
 
 
 def _plain(value: Any) -> Any:

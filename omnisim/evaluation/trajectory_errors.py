@@ -161,17 +161,17 @@ def _pose_errors(motions: Floats, true_motions: Floats) -> tuple[Floats, Floats]
 
 def _drift(poses: Floats, true: Floats) -> tuple[float, float]:
     """Mean errors over a tenth of the path: as a share of that length, and degrees per meter."""
-    way = np.concatenate(([0.0], np.cumsum(step_lengths_m(true))))
-    length = way[-1] / SEGMENTS
+    traveled_m = np.concatenate(([0.0], np.cumsum(step_lengths_m(true))))
+    length = traveled_m[-1] / SEGMENTS
     if length <= 0.0:
         return math.nan, math.nan
-    ends = np.searchsorted(way, way + length - 1e-9)
-    starts = np.flatnonzero(ends < len(way))
+    ends = np.searchsorted(traveled_m, traveled_m + length - 1e-9)
+    starts = np.flatnonzero(ends < len(traveled_m))
     ends = ends[starts]
     motions = inverse(poses[starts]) @ poses[ends]
     lengths, angles = _pose_errors(motions, inverse(true[starts]) @ true[ends])
-    traveled = way[ends] - way[starts]
-    return float(np.mean(lengths / traveled)), math.degrees(float(np.mean(angles / traveled)))
+    covered_m = traveled_m[ends] - traveled_m[starts]
+    return float(np.mean(lengths / covered_m)), math.degrees(float(np.mean(angles / covered_m)))
 
 
 def _leveled(poses: Floats) -> Floats:

@@ -93,7 +93,7 @@ class CameraBackend(ABC):
         """Render an image without degradation."""
 
     def _degrade(self, render: Callable[[SubFrames], Readback]) -> None:
-        """Degrade all further images, which are rendered from sub-frames."""
+        """Degrade all further images, and render them from sub-frames."""
         from omnisim.rendering.camera.degraded_camera import DegradedCamera
         from omnisim.rendering.truth.moving_boxes import MovingBoxes
 

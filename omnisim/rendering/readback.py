@@ -65,7 +65,7 @@ class SubFrames(NamedTuple):
         expose: function from the metered luminance to the exposure.
         meter: light meter that measures the luminance for `expose`; None: not measured.
         linear: also return linear colors.
-        frame_number: number of the frame, which seeds its random numbers.
+        frame_number: number of the frame, part of the key of its random numbers.
     """
 
     parts: Sequence[SubFrame]

@@ -201,7 +201,7 @@ class Vehicle:
         return changed.identified(source_digest(self.given, settings))
 
     def identified(self, given: str) -> Vehicle:
-        """Copy of the vehicle, identified by the digest `given` of its source files."""
+        """Copy of the vehicle with `given`, the digest of its source files, as its identity."""
         vehicle = copy.copy(self)
         object.__setattr__(vehicle, "given", given)
         return vehicle

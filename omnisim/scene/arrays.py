@@ -145,7 +145,7 @@ def _vertex_colors(name: str, colors: ArrayLike, count: int) -> NDArray[np.float
 def _numbers(
     name: str, key: str, values: ArrayLike, shape: tuple[str | int, ...] | None
 ) -> NDArray[np.float64]:
-    """Validated array of finite numbers; letters in `shape` stand for any length."""
+    """Validated array of finite numbers; a letter in `shape` means any length."""
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):

@@ -86,8 +86,8 @@ class Material:
         ior: refractive index of a dielectric.
         clearcoat, clearcoat_roughness: strength and roughness of the clear coat, multiplied with
             red and green of `clearcoat_map`.
-        transmission: share of the light that is not reflected and passes the surface, which stands
-            for a thin pane; tinted by the base color. Drawn by rays; opaque in virtual cameras.
+        transmission: transmitted share of the light that is not reflected, tinted by the base
+            color; the surface is a thin pane. Drawn by rays; opaque in virtual cameras.
         emissive: emitted light, linear RGB ≥ 0, multiplied with `emissive_map`.
         normal_scale, occlusion_strength, clearcoat_normal_scale: strengths of the maps.
         metallic_roughness_map, normal_map, occlusion_map: linear textures.

@@ -141,8 +141,8 @@ class ImageOptions:
     exposure_ev: Annotated[
         str | None, Option(metavar="EV|auto", default="the camera's", names=lambda: ("auto",))
     ] = None
-    """Exposure in place of the camera's own: stops (each doubles the light), or auto (metered in
-    each image)."""
+    """Override of the camera's exposure: stops (each doubles the light), or auto (metered in each
+    image)."""
 
 
 @dataclass(frozen=True, kw_only=True)

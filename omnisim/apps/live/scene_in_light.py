@@ -27,8 +27,8 @@ class SceneInLight:
 
     Attributes:
         source: name or path of the scene.
-        read: function that reads a TOML file that extends the scene, given its path and its
-            tables. The tables take precedence over the command line's options.
+        read: function of a path and tables that reads a TOML file extending the scene. The tables
+            take precedence over the command line's options.
     """
 
     source: str

@@ -26,7 +26,7 @@ MAX_JOBS = 8
 
 @dataclass(frozen=True)
 class PageState:
-    """State of the page, which determines an image.
+    """Settings on the page that determine an image.
 
     Attributes:
         document: document of the camera.

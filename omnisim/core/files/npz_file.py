@@ -21,7 +21,7 @@ def read_arrays(
     expected: str,
     names: Collection[str] | None = None,
 ) -> dict[str, NDArray[Any]]:
-    """Read all arrays of an archive, or those of the given names that exist; nothing is unpickled.
+    """Read all arrays of an archive, or the existing ones among `names`; nothing is unpickled.
 
     Args:
         path: archive file.

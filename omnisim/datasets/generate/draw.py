@@ -137,7 +137,7 @@ def draw(prepared: PreparedPlan, number: int, attempt: int) -> Draw:
 
 @dataclass(frozen=True, eq=False)
 class _Viewpoint:
-    """Viewpoint, with the attitude to which drawn angles are added.
+    """Viewpoint and its base attitude; drawn angles are added to it.
 
     Attributes:
         position_m: (3,) position in the world.

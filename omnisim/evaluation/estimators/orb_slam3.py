@@ -216,8 +216,8 @@ def _run_program(work: Path, frames: Iterator[bytes]) -> None:
                 process.stdin.close()
             status = process.wait()
     if status:
-        words = log.read_text(encoding="utf-8", errors="replace").strip()[-_TAIL:]
-        raise EstimatorError(f"ORB-SLAM3: exit status {status}: {words or 'without a message'}")
+        message = log.read_text(encoding="utf-8", errors="replace").strip()[-_TAIL:]
+        raise EstimatorError(f"ORB-SLAM3: exit status {status}: {message or 'without a message'}")
 
 
 def _trajectory(work: Path, times_s: Floats, tracked_from_body: Floats) -> Trajectory:

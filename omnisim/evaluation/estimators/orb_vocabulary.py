@@ -154,8 +154,8 @@ def training_images(
             for _ in range(count):
                 x_m, y_m = generator.uniform(-HALF_WIDTH_M, HALF_WIDTH_M, 2)
                 z_m, yaw_deg = generator.uniform(0.4, 1.6), generator.uniform(0.0, 360.0)
-                place = pose((x_m, y_m, z_m), yaw_deg=yaw_deg)
-                yield gray(renderer.render(place).rgba[..., :3])
+                world_from_base = pose((x_m, y_m, z_m), yaw_deg=yaw_deg)
+                yield gray(renderer.render(world_from_base).rgba[..., :3])
 
 
 def main(path: Path) -> None:

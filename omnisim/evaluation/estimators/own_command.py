@@ -31,22 +31,22 @@ class OwnCommand(Estimator):
     def estimate(self, run: Recording, work: Path) -> Trajectory:
         """Poses of the base from the command's TUM file."""
         path = work / "estimate.tum"
-        places = {"{run}": str(run.run.path.absolute()), "{out}": str(path)}
-        words = [
-            word.replace("{run}", places["{run}"]).replace("{out}", places["{out}"])
+        paths = {"{run}": str(run.run.path.absolute()), "{out}": str(path)}
+        arguments = [
+            word.replace("{run}", paths["{run}"]).replace("{out}", paths["{out}"])
             for word in shlex.split(self.command)
         ]
         try:
             done = subprocess.run(
-                words, capture_output=True, text=True, errors="replace", cwd=work, check=False
+                arguments, capture_output=True, text=True, errors="replace", cwd=work, check=False
             )
         except OSError as reason:
-            raise EstimatorError(f"{words[0]}: cannot be run: {reason.strerror}") from None
+            raise EstimatorError(f"{arguments[0]}: cannot be run: {reason.strerror}") from None
         if done.returncode:
             tail = done.stderr.strip()[-_TAIL:] or "without a message"
-            raise EstimatorError(f"{words[0]}: exit status {done.returncode}: {tail}")
+            raise EstimatorError(f"{arguments[0]}: exit status {done.returncode}: {tail}")
         if not path.is_file():
-            raise EstimatorError(f"{words[0]}: wrote no trajectory to {{out}}")
+            raise EstimatorError(f"{arguments[0]}: wrote no trajectory to {{out}}")
         try:
             return read_trajectory(path)
         except TrajectoryError as reason:

@@ -96,8 +96,8 @@ class Corners:
         points = np.concatenate([view.points_3d_m for view in views])
         if nominal_m is None:
             nominal_m = np.unique(points, axis=0)
-        places = {tuple(point): number for number, point in enumerate(nominal_m.tolist())}
-        label = np.array([places[tuple(point)] for point in points.tolist()])
+        label_of_point = {tuple(point): number for number, point in enumerate(nominal_m.tolist())}
+        label = np.array([label_of_point[tuple(point)] for point in points.tolist()])
         counts = [len(view.points_m) for view in views]
         return cls(
             nominal_m,

@@ -1,4 +1,4 @@
-"""Even light, which replaces the lamps of a file without any, and its removal for baking."""
+"""Even light of files without lamps, and its removal for baking."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ def allocate_depth_texture(size: tuple[int, int], levels: int = 1) -> None:
 
 
 def limit_levels(texture: int, first: int, last: int) -> None:
-    """Restrict sampling to some mip levels, so that another one can be a render target."""
+    """Restrict sampling to a range of mip levels, so that another level can be a render target."""
     limit = gl_function("glTextureParameteri", _ENUM, _ENUM, _INT)
     limit(texture, _BASE_LEVEL, first)
     limit(texture, _MAX_LEVEL, last)

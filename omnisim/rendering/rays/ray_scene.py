@@ -194,7 +194,7 @@ class RayScene:
     def _tracing(
         self, paths: Paths, some: NDArray[np.intp], shares: NDArray[np.float32], poses: Poses
     ) -> Tracing:
-        """Continuation of some paths with shares (n, 1 or 3) left; hidden instances show."""
+        """Continuation of paths with shares (n, 1 or 3) of light left; hidden instances show."""
         everything = ObjectState(poses)
 
         def trace(

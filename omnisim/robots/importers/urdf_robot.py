@@ -88,7 +88,7 @@ def _wheels(robot: XmlElement, poses: Poses, body: Scene | None) -> Iterator[Whe
 
 
 def _ends_at(robot: XmlElement, link: str) -> Iterator[bool]:
-    """Yield True for each joint whose child is the given link."""
+    """Yield True for each joint with the link as its child."""
     return (True for joint in robot.children("joint") if _link(joint, "child") == link)
 
 

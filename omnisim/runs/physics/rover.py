@@ -37,7 +37,7 @@ class Rover:
         friction: friction coefficient of the tires.
         wheels_m: (n, 3) centers of the driven wheels in the base frame: left ones, then right ones.
         wheel_radius_m: radius of the driven wheels.
-        caster_m: (3,) center of the caster, whose radius is its height; None: no caster.
+        caster_m: (3,) center of the caster, at the height of its radius; None: no caster.
         parts_m: (n, 2, 3) corners of the body's boxes.
     """
 

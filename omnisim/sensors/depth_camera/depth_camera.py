@@ -251,7 +251,7 @@ def _channels(
     world_from_base: NDArray[np.float64],
     world_from_objects: Sequence[NDArray[np.float64]],
 ) -> dict[str, NDArray[np.float32]]:
-    """Ground-truth channels (height, width, …) of a view, by name, at the given poses."""
+    """Ground-truth channels (height, width, …) of a view at the poses, by name."""
     world_from_rig = world_from_base @ view.setup.sensor.base_from_rig
     poses = ScenePoses(world_from_rig, world_from_objects)
     return view.ground_truth(names).channels(names, poses)

@@ -192,16 +192,16 @@ def sweep_figure(
     step = float(np.diff(at).min()) if len(at) > 1 else 1.0
     shift = 0.25 * step / max(len(lines), 1)  # so that intervals do not overlap
     for index, line in enumerate(lines):
-        places = at + shift * (index - 0.5 * (len(lines) - 1))
+        positions = at + shift * (index - 0.5 * (len(lines) - 1))
         bars = np.nan_to_num(np.asarray(line.half_widths, dtype=np.float64))
         color, mark = _COLORS[index % len(_COLORS)], _MARKS[index % len(_MARKS)]
-        axes.errorbar(places, line.means, bars, fmt=f"{mark}-", color=color, capsize=3.0,
+        axes.errorbar(positions, line.means, bars, fmt=f"{mark}-", color=color, capsize=3.0,
                       linewidth=1.0, markersize=5.0, label=line.name)  # fmt: skip
-        for place, values in zip(places, line.seeds, strict=False):
+        for position, values in zip(positions, line.seeds, strict=False):
             if len(values) > 1:
-                axes.plot([place] * len(values), values, ".", color=color, markersize=3.0)
+                axes.plot([position] * len(values), values, ".", color=color, markersize=3.0)
         if missing and not np.all(np.isfinite(line.means)):
-            gaps = places[~np.isfinite(line.means)]
+            gaps = positions[~np.isfinite(line.means)]
             top = np.full(len(gaps), 0.985 - 0.04 * index)
             axes.plot(gaps, top, "x", color=color, markersize=6.0, clip_on=False,
                       transform=axes.get_xaxis_transform())  # fmt: skip

@@ -74,8 +74,8 @@ def _draw_section(axes: Axes, system: OpticalSystem, caustic_m: Floats) -> tuple
     # beyond the last surface, and back to their apparent origins
     ends, begins = (paths.points_m[-1] + sign * length_m * paths.directions for sign in (1.0, -1.0))
     for ray in np.flatnonzero(seen):
-        way = 1e3 * np.concatenate((paths.points_m[:, ray], ends[ray : ray + 1]))
-        axes.plot(way[:, 0], way[:, 2], color=GRAY, linewidth=0.6)
+        path_mm = 1e3 * np.concatenate((paths.points_m[:, ray], ends[ray : ray + 1]))
+        axes.plot(path_mm[:, 0], path_mm[:, 2], color=GRAY, linewidth=0.6)
         back = 1e3 * np.stack((begins[ray], paths.points_m[-1, ray]))
         axes.plot(back[:, 0], back[:, 2], color=GRAY, linewidth=0.3, linestyle=":")
     for curve, surface in zip(curves, system.surfaces, strict=True):

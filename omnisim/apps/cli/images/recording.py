@@ -75,7 +75,7 @@ def drive_of(request: DriveRequest | RenderRequest, vehicle: Vehicle, route: Rou
 
 
 def as_requested(vehicle: Vehicle, image: MeshImageOptions) -> Vehicle:
-    """Vehicle whose cameras have the settings of the options."""
+    """Vehicle with the options' settings in all its cameras."""
     return vehicle.with_cameras(
         size_px=image.size_px,
         polygons="same" if image.polygons is None else parse_polygons(image.polygons),

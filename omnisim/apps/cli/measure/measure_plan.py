@@ -121,7 +121,7 @@ def _read_plan(path: Path, output: Path) -> dict[str, dict[str, Any]]:
 
 
 def _with_board(read: Mapping[str, Any], output: Path) -> dict[str, Any]:
-    """Tables in which sharpness and comparison default to the geometry's images."""
+    """Tables of a plan, with the geometry's images as defaults of sharpness and comparison."""
     tables = dict(read)
     board = read.get("geometry")
     if not isinstance(board, Mapping) or "images" not in board:

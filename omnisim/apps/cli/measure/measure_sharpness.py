@@ -101,7 +101,7 @@ def _encoding(text: str | None, tables: dict[str, Any]) -> Encoding | None:
 def _files_with_board(
     request: MeasureSharpnessRequest, files: Sequence[Path], boards: Sequence[BoardCorners]
 ) -> Sequence[Path]:
-    """Image files in which the corners were found; the report of the geometry may list them.
+    """Image files of the detected corners, as listed in the geometry's report.
 
     Raises:
         MeasurementError: the number of files differs from the number of boards.

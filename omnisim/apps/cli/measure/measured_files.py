@@ -103,7 +103,7 @@ def mark_inputs(output: Path, part: str, digest: str) -> None:
 
 
 def read_reports(sensor: Path | None) -> dict[str, dict[str, Any]]:
-    """Reports of the parts beside a sensor file, by name of the part; empty without a report.
+    """Results by name of the part, from the report beside a sensor file; empty if it is missing.
 
     Raises:
         MeasurementError: the file is not a report.

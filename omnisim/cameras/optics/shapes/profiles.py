@@ -241,7 +241,7 @@ def _series(coefficients: tuple[float, ...], radii_m: Floats) -> tuple[Floats, F
 
 
 def _over_radius(radii: Floats, profile: Derivatives) -> Floats:
-    """Ratios f'(r)/r (n,), whose limit on the axis is f''."""
+    """Ratios f'(r)/r (n,); on the axis their limit f''."""
     near = radii < _TINY_M
     return np.where(near, profile.curvatures, profile.slopes / np.where(near, 1.0, radii))
 

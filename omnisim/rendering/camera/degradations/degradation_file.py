@@ -108,7 +108,7 @@ def _read_preset(path: Path) -> dict[str, dict[str, Any]]:
 def _with_paths(
     tables: Mapping[str, dict[str, Any]], source: str, prefix: str, folder: Path
 ) -> dict[str, dict[str, Any]]:
-    """Tables in which names of files become paths from the folder of the tables' file."""
+    """Tables with file names resolved against the folder of their TOML file."""
     result = {name: dict(values) for name, values in tables.items()}
     for name, values in result.items():
         for key in EFFECTS[name].files:

@@ -134,7 +134,7 @@ def _table(widths_px: tuple[Row, ...]) -> tuple[float, NDArray[np.float32]]:
 
 
 def sampled_widths_px(widths_px: NDArray[np.float64], angle_rad: float) -> NDArray[np.float64]:
-    """Widths (n, 2) of normal distributions that blur like the given ones when sampled at pixels.
+    """Widened widths (n, 2) of normal distributions, so that samples at pixels keep the blur.
 
     Samples of a narrow distribution miss most of it. The widened one halves the modulation of an
     edge on square pixels at the same frequency.
@@ -169,7 +169,7 @@ def _solve(
     across_px: NDArray[np.float64],
     other_px: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Widths (n,) along an axis whose samples have a given modulation.
+    """Widths (n,) along an axis for which the samples have the target modulation.
 
     Args:
         modulation: (n,) modulation of the samples.

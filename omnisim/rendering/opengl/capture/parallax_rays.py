@@ -13,7 +13,7 @@ MARGIN_PX = 2  # around the image, as in capture/parallax.frag
 
 
 class SampleRays(NamedTuple):
-    """Rays of some samples, in the frame of the image's rays."""
+    """Rays (n,) of samples, in the frame of the image's rays."""
 
     directions: NDArray[np.float64]  # (n, 3), unit
     origins_m: NDArray[np.float64]  # (n, 3)

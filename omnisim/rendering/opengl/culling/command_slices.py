@@ -1,4 +1,4 @@
-"""Slices of the clusters: each has as many draw commands as a buffer holds, in few ranges."""
+"""Partition of the clusters into slices whose draw commands fit into one buffer."""
 
 from __future__ import annotations
 

@@ -59,8 +59,8 @@ class RangePass:
         no_hits = np.full(len(angles_rad), _NO_HIT, dtype="<f4")
         self._no_hits = context.buffer(no_hits)
         self._ranges = context.buffer(reserve=no_hits.nbytes)
-        # A driver moves a buffer that is read to the host's memory: read a copy, not what shaders
-        # write.
+        # Drivers move buffers that are read into host memory. Only a copy is read, so that the
+        # buffer of the shaders stays on the GPU.
         self._read_copy = context.buffer(reserve=no_hits.nbytes, dynamic=True)
 
     def refresh(self) -> None:

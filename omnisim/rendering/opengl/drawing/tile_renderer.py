@@ -192,7 +192,7 @@ class TileRenderer:
         order: NDArray[np.intp],
         drawer: SceneDrawer[P],
     ) -> None:
-        """Draw the items in the given order (n,), each in the tiles that may show it."""
+        """Draw items in order of their indices (n,), each in the tiles that may show it."""
         with self._state.unclipped(), self._state.within_rectangles(target) as aim:
             for view in views:
                 aim(view.tile.left_px, view.tile.top_px, *view.tile.size_px)

@@ -172,8 +172,8 @@ def _radiance(
 def _shares(cosines: Floats, roughness: Floats) -> Floats:
     table = environment_table()
     rows, columns = table.shape[:2]
-    places = np.stack((cosines * (columns - 1), roughness * (rows - 1)), axis=-1)
-    return np.stack([sample(table[..., channel], places) for channel in range(3)], axis=-1)
+    texels = np.stack((cosines * (columns - 1), roughness * (rows - 1)), axis=-1)
+    return np.stack([sample(table[..., channel], texels) for channel in range(3)], axis=-1)
 
 
 def _microfacets(

@@ -252,10 +252,10 @@ class Shading:
         light = np.empty((len(points_m), 3), dtype=np.float32)
         is_lightmapped = self._is_lightmapped[self.surfaces(hits)]
         static, others = np.flatnonzero(is_lightmapped), np.flatnonzero(~is_lightmapped)
-        places = self._geometry.light_coordinates
-        if places is not None and len(static):
+        light_coordinates = self._geometry.light_coordinates
+        if light_coordinates is not None and len(static):
             seen = hits.take(static)
-            front, back = np.split(self._interpolated(places, seen), 2, axis=1)
+            front, back = np.split(self._interpolated(light_coordinates, seen), 2, axis=1)
             light[static] = baked.light(np.where(self._is_front(seen)[:, None], front, back))
         if len(others):
             light[others] = baked.probes.light(points_m[others], normals[others])

@@ -182,7 +182,7 @@ class _PreviewSurface:
 
 
 def _relative(target: Affine, applied: Affine) -> Affine:
-    """Transform from coordinates placed by `applied` to those placed by `target`."""
+    """Transform from coordinates transformed by `applied` to those transformed by `target`."""
     if target == applied:
         return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
     full = [np.vstack((np.array(one), (0.0, 0.0, 1.0))) for one in (target, applied)]
