@@ -62,7 +62,7 @@ def camera_errors(estimate: CentralCamera, truth: CentralCamera) -> CameraErrors
     true_rays, rays = truth.ray_from_pixel(pixels), estimate.ray_from_pixel(pixels)
     both = true_rays.valid & rays.valid
     if both.sum() < 3:
-        raise EstimatorError("the calibrated camera has none of the true rays")
+        raise EstimatorError("the calibrated camera has no rays in common with the true one")
     turned = rays.directions[both].T @ true_rays.directions[both]
     estimate_from_true = nearest_rotation(turned)
     seen = true_rays.valid

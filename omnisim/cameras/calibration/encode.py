@@ -114,7 +114,7 @@ def encode(
 def encode_exactly(
     camera: CalibratedCamera, form: Format[LensT], place: str
 ) -> EncodedCamera[LensT] | None:
-    """Encode a camera in a format's model that is the same lens, or return None."""
+    """Encode a camera in a format's equivalent model; None: no such model, or a smaller field."""
     try:
         return _encode_exactly(camera, form, place, None, [])
     except CalibrationError:  # the format's angle limit is inside the field of view

@@ -230,7 +230,7 @@ def _trajectory(work: Path, times_s: Floats, tracked_from_body: Floats) -> Traje
     """
     frames, keyframes = (_poses(work / name) for name in (program.FRAMES, program.KEYFRAMES))
     if not len(frames[0]) or not len(keyframes[0]):
-        raise EstimatorError("ORB-SLAM3 has tracked no image")
+        raise EstimatorError("ORB-SLAM3 tracked no image")
     world_from_first = keyframes[1][0]
     steps = np.abs(times_s[:, None] - frames[0]).argmin(axis=0)
     poses = world_from_first @ frames[1] @ inverse(tracked_from_body)

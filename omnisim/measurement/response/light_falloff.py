@@ -141,7 +141,7 @@ class _Fit(NamedTuple):
 
 
 def _fit(light: Floats, squared: Floats, offsets: Floats, count: int, brightest: float) -> _Fit:
-    """Fit (a + b r² + c r⁴ + …) (1 + g · (x, y)): polynomial and g alternately, no outliers.
+    """Fit (a + b r² + c r⁴ + …) (1 + g · (x, y)): polynomial and g in turn, without outliers.
 
     Args:
         light: (blocks,) light.

@@ -54,7 +54,7 @@ class Gatherer:
     def hits(
         self, places: list[Points], shifts: Floats, first: int, last: int
     ) -> tuple[PatchHits, Floats, Floats]:
-        """Hits of the rays first to last of places (n,), their directions, and cosines.
+        """Hits, directions and cosines of the rays `first` to `last` from origins (n,).
 
         Args:
             places: origins (n,) for the rays, used in turn.

@@ -53,7 +53,7 @@ class CullingShaders:
 
     @cached_property
     def groups(self) -> moderngl.ComputeShader:
-        """Shader that culls groups; the others become candidates of the first pass."""
+        """Shader that culls groups; remaining groups become candidates of the first pass."""
         return self._with_bounds("groups.comp")
 
     def cull(self, number: int) -> moderngl.ComputeShader:

@@ -112,7 +112,7 @@ def _merge_cells(
     max_size: int,
     split_factor: float,
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """First box and size of each cell, of any level, that is better left whole.
+    """First box and size of each undivided cell, at any level: splitting it brings no gain.
 
     Args:
         bounds: (6, n) bounds of small cells, in order.

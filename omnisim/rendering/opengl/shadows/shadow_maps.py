@@ -1,7 +1,7 @@
 """Shadow maps of a scene's lamps, in one texture.
 
 Static geometry is drawn once; each frame draws dynamic objects on a copy, in the few texels that
-they cover. Cascades are redrawn when the viewpoint leaves their middle.
+they cover. Cascades are redrawn when the viewpoint leaves their central region.
 """
 
 from __future__ import annotations
