@@ -5,7 +5,7 @@
 #   make validate      validates the geometry
 #   make experiments   repeats the paper's experiments in self-localization
 #   make bench         measures performance, also that of other renderers
-#   make report-card   evaluates odometry and SLAM of others on drives whose truth is known
+#   make report-card   evaluates third-party odometry and SLAM on simulated drives
 
 .PHONY: help demo test test-all validate experiments bench report-card docs readme gallery sheets lint core setup \
 	system clean
@@ -29,7 +29,7 @@ help:
 	@echo "make validate     validate the geometry: out/validation"
 	@echo "make experiments  repeat the paper's experiments in self-localization: out/experiments"
 	@echo "make bench        measure performance, also of other renderers: out/benchmarks"
-	@echo "make report-card  evaluate odometry and SLAM of others on varied drives: out/report-card"
+	@echo "make report-card  evaluate third-party odometry and SLAM on simulated drives: out/report-card"
 	@echo "make docs         build the documentation: out/docs"
 	@echo "make readme       validate, and update measures and figures in the documentation"
 	@echo "make gallery      render a scene through all cameras and optics: their galleries"
