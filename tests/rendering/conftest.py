@@ -2,6 +2,8 @@
 
 import pytest
 
+from omnisim.rendering.rays.shading import reflections
+
 FINE = {"test_body", "test_ray_backend", "test_skins"}
 FINE_FOLDERS = {"baking", "opengl", "rays"}
 
@@ -11,3 +13,9 @@ def _coarse(request):
     """Take a sixteenth of the texels."""
     if request.path.stem not in FINE and not FINE_FOLDERS & set(request.path.parts):
         request.getfixturevalue("coarse_shadows")
+
+
+@pytest.fixture
+def untraced_reflections(monkeypatch):
+    """Reflections of sky and lamps alone by rays, too, as the virtual cameras show them."""
+    monkeypatch.setattr(reflections, "MAX_BOUNCES", 0)

@@ -74,6 +74,7 @@ def test_back_ends_agree(furnished):
     assert psnr_of_levels_db(*images) >= 38.0
 
 
+@pytest.mark.usefixtures("untraced_reflections")
 @pytest.mark.parametrize("sky", [False, True])
 def test_back_ends_agree_on_gloss(tmp_path, sky):
     """Metal, gloss and a coat take lamps' gloss, and surroundings as bright as the baked light."""

@@ -15,7 +15,7 @@ from omnisim.validation import material_chart
 from tests.scenes import next_to_another_face, scene_of, square
 
 pytest.importorskip("embreex")
-pytestmark = pytest.mark.usefixtures("needs_opengl")
+pytestmark = pytest.mark.usefixtures("needs_opengl", "untraced_reflections")
 
 
 def _unit(*vector):

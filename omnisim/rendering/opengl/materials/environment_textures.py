@@ -6,7 +6,11 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.gl_functions import allocate_half_floats, upload_half_floats
+from omnisim.rendering.opengl.gl_functions import (
+    allocate_half_floats,
+    limit_levels,
+    upload_half_floats,
+)
 from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.scene.light.environment import Environment
 
@@ -32,6 +36,7 @@ def _map(context: moderngl.Context, levels: tuple[NDArray[np.float32], ...]) -> 
     for level, pixels in enumerate(levels):
         half = np.minimum(pixels, _MAX_HALF).astype(np.float16)
         upload_half_floats(texture.glo, level, np.ascontiguousarray(half))
+    limit_levels(texture.glo, 0, len(levels) - 1)
     texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
     texture.repeat_x, texture.repeat_y = True, False
     return texture
