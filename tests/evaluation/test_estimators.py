@@ -122,6 +122,7 @@ ACROSS = "x_m,y_m\n-2,-0.5\n-0.5,-0.2\n1,-0.5\n2,-0.3\n"
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("needs_opengl")
 def test_images_alone_find_the_way(tmp_path):
     """Asked: positions within 2.5 mm over 4 m, and by a rig the scale within 0.3 %."""

@@ -104,6 +104,7 @@ def rig_run(tmp_path_factory):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("needs_opengl")
 def test_it_finds_the_way_and_with_an_imu_scale_and_gravity(rig_run, tmp_path):
     """Asked: 1 % of the path; with an IMU the scale within 1 %, and gravity within 0.2°."""

@@ -190,6 +190,7 @@ def _is_alive(process):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_sweep_on_ray(folder):
     pytest.importorskip("ray")
     (folder / "robot.toml").write_text(ROBOT + IMU)
