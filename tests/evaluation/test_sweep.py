@@ -210,7 +210,7 @@ def test_a_sweep_on_ray(folder):
 @pytest.mark.parametrize(
     ("variation", "message"),
     [
-        ("[[vary]]\nkey = 'sensors.gps.rate_hz'\nvalues = [1]\n", "one of its keys; sensors: imu, lidar"),
+        ("[[vary]]\nkey = 'sensors.gps.rate_hz'\nvalues = [1]\n", "keys; sensors: imu, lidar"),
         ("[[vary]]\nkey = 'sensors'\nvalues = [1]\n", "expected a sensor of the robot"),
         ("[[vary]]\nkey = 'calibration.imu.time'\nvalues = [1]\n", "did you mean 'time_offset_s'"),
         (
