@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import is_float_format, png_bytes, write_image
 from omnisim.core.short_repr import short_repr
 from omnisim.ground_truth import Labels
+from omnisim.ground_truth.boxes_3d import InstanceBox
 from omnisim.ground_truth.channel_files import (
     BOXES_3D,
     sidecar_path,
@@ -23,9 +24,6 @@ from omnisim.ground_truth.channel_files import (
 )
 from omnisim.ground_truth.frame_channels import FrameChannels
 from omnisim.ground_truth.npy import ChannelFormat
-
-if TYPE_CHECKING:  # slow to import, and seldom needed
-    from omnisim.ground_truth.boxes_3d import InstanceBox
 
 
 @dataclass(frozen=True, eq=False)
