@@ -22,6 +22,8 @@ documents a name, `omnisim --help` the command line. Tutorials, guides, referenc
 are in `docs/` of the source code.
 """
 
+from omnisim.core.lazy_names import lazy_names
+
 TYPE_CHECKING = False  # as typing's, whose import takes a while: Ctrl-C is not handled yet
 
 if TYPE_CHECKING:
@@ -50,30 +52,30 @@ if TYPE_CHECKING:
 # Modules of the names, imported at first use: `import omnisim` is fast, and `omnisim --help` needs
 # no GPU library.
 _MODULES = {
-    "Calibration": "omnisim.cameras.calibration",
-    "calibration_of": "omnisim.cameras.calibration",
-    "load_calibration": "omnisim.cameras.calibration",
-    "save_calibration": "omnisim.cameras.calibration",
-    "Degradation": "omnisim.rendering.camera.degradations",
-    "Twist": "omnisim.rendering.twist",
-    "NoticeWarning": "omnisim.core.errors",
-    "OmnisimError": "omnisim.core.errors",
-    "Frame": "omnisim.ground_truth.frame",
-    "pose": "omnisim.core.poses",
-    "LaserRenderer": "omnisim.sensors",
-    "LaserScanner": "omnisim.sensors",
-    "Scan": "omnisim.sensors",
-    "Scene": "omnisim.scene",
-    "load_scene": "omnisim.scene",
-    "OmniCamera": "omnisim.rendering",
-    "Renderer": "omnisim.rendering",
-    "Stage": "omnisim.rendering",
-    "open_sensor": "omnisim.rendering",
-    "Vehicle": "omnisim.robots.vehicle",
-    "Motion": "omnisim.core.world",
-    "WorldState": "omnisim.core.world",
-    "__version__": "omnisim.core.version",
-    "live": "omnisim.apps.live.notebook",
+    "Calibration": "cameras.calibration",
+    "calibration_of": "cameras.calibration",
+    "load_calibration": "cameras.calibration",
+    "save_calibration": "cameras.calibration",
+    "Degradation": "rendering.camera.degradations",
+    "Twist": "rendering.twist",
+    "NoticeWarning": "core.errors",
+    "OmnisimError": "core.errors",
+    "Frame": "ground_truth.frame",
+    "pose": "core.poses",
+    "LaserRenderer": "sensors",
+    "LaserScanner": "sensors",
+    "Scan": "sensors",
+    "Scene": "scene",
+    "load_scene": "scene",
+    "OmniCamera": "rendering",
+    "Renderer": "rendering",
+    "Stage": "rendering",
+    "open_sensor": "rendering",
+    "Vehicle": "robots.vehicle",
+    "Motion": "core.world",
+    "WorldState": "core.world",
+    "__version__": "core.version",
+    "live": "apps.live.notebook",
 }
 __all__ = [
     "Calibration",
@@ -107,9 +109,4 @@ def __dir__() -> list[str]:
     return sorted(__all__)
 
 
-def __getattr__(name: str) -> object:
-    if name not in _MODULES:
-        raise AttributeError(f"module 'omnisim' has no attribute {name!r}")
-    from importlib import import_module
-
-    return getattr(import_module(_MODULES[name]), name)
+__getattr__ = lazy_names(__name__, _MODULES)

@@ -6,6 +6,9 @@ from functools import cache
 # Before pyrender, an oracle, is imported: no display, and none of X11's libraries either.
 os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
 os.environ.setdefault("PYGLET_HEADLESS", "1")
+# Before NumPy is: its threads would wait for each other, and for those of the other process.
+for threads in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(threads, "1")
 
 import numpy as np
 import pytest

@@ -26,6 +26,7 @@ from omnisim.cameras.camera import (
     summary,
 )
 from omnisim.cameras.parametric_camera import ParametricCamera
+from omnisim.core.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from omnisim.cameras.camera_registry import CAMERA_MODELS, camera_from_parameters
@@ -119,12 +120,4 @@ __all__ = [
     "summary",
 ]
 
-
-def __getattr__(name: str) -> object:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
-    value = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
-    globals()[name] = value
-    return value
+__getattr__ = lazy_names(__name__, _MODULES)

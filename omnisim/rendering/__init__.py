@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from omnisim.core.lazy_names import lazy_names
+
 if TYPE_CHECKING:
     from omnisim.rendering.camera.omnicamera import OmniCamera
     from omnisim.rendering.renderer import Renderer
@@ -24,10 +26,4 @@ __all__ = [
     "open_sensor",
 ]
 
-
-def __getattr__(name: str) -> object:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
-    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+__getattr__ = lazy_names(__name__, _MODULES)

@@ -6,6 +6,8 @@ an entry in `sensor_registry.py`.
 
 from typing import TYPE_CHECKING
 
+from omnisim.core.lazy_names import lazy_names
+
 if TYPE_CHECKING:
     from omnisim.sensors.depth_camera.depth_camera import DepthCamera, DepthRenderer
     from omnisim.sensors.laser_scanner.laser_scanner import LaserRenderer, LaserScanner, Scan
@@ -44,10 +46,4 @@ __all__ = [
     "SpinningLidar",
 ]
 
-
-def __getattr__(name: str) -> object:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
-    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+__getattr__ = lazy_names(__name__, _MODULES)

@@ -18,7 +18,7 @@ PAGES = sorted({ROOT / "README.md", *(ROOT / "docs").rglob("*.md")})
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 INCLUDE = re.compile(r"^```\{include\} (\S+)$", re.MULTILINE)
 MAIN = (
-    "import sys; sys.argv[0] = 'omnisim'; from omnisim.apps.cli.app import main; sys.exit(main())"
+    "import sys; sys.argv[0] = 'omnisim'; from omnisim.apps.cli.start import main; sys.exit(main())"
 )
 
 

@@ -11,7 +11,9 @@ pytestmark = pytest.mark.usefixtures("needs_opengl")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.long) for seed in (2, 3))]
+)
 def test_killed_at_any_moment_a_drive_resumes_and_ends_the_same(tmp_path, seed):
     kills(tmp_path, 3, seed)
 
@@ -25,6 +27,7 @@ def test_dropped_renderers_take_no_more_memory_than_a_few():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_frames_take_no_more_memory_than_a_few():
     """In a process of its own: memory of other tests would hide it."""
     command = [sys.executable, "-m", "tests.soak", "frames", "--times", "6000"]

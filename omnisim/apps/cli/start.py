@@ -39,9 +39,6 @@ def main() -> None:
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, TextIOWrapper):  # None if the stream is closed
                 stream.reconfigure(errors="backslashreplace")  # an ASCII console lacks ×
-        if sys.argv[1:2] == ["measure"]:
-            # its matrices are small: threads of OpenBLAS would wait for each other
-            os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         from omnisim.apps.cli.app import main as run
 
         run()

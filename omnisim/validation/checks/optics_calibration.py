@@ -34,7 +34,7 @@ _TILTS = ("surfaces.0.tilt_deg.0", "surfaces.0.tilt_deg.1")
 _PARAMETERS = (*_ASIDE, _ALONG, *_TILTS)
 
 
-class _DetectedBoards(NamedTuple):
+class DetectedBoards(NamedTuple):
     """Boards detected by OpenCV through one mirror."""
 
     images: list[NDArray[np.uint8]]
@@ -50,19 +50,23 @@ class _DetectedBoards(NamedTuple):
 def check(fixture: Fixture, title: str) -> Section:
     """Calibrate from the same boards through the aligned and the misaligned mirror."""
     size = (SIZE_PX, SIZE_PX)
-    aligned, tilted = _seen(fixture, _table(0.0, 0.0)), _seen(fixture, _table(TILT_DEG, SHIFT_M))
+    aligned, tilted = (
+        detected_boards(fixture, mirror_table(0.0, 0.0)),
+        detected_boards(fixture, mirror_table(TILT_DEG, SHIFT_M)),
+    )
     points_m = board_corners_m()
     plain, tilted_plain = (
         omnidir.calibrate(points_m, one.corners, size) for one in (aligned, tilted)
     )
     distorted = omnidir.calibrate(points_m, tilted.corners, size, distorted=True)
     central = fit_central(
-        parse_optics(_table(TILT_DEG, SHIFT_M)), "opencv_omnidir", right_at_m=BOARD_M
+        parse_optics(mirror_table(TILT_DEG, SHIFT_M)), "opencv_omnidir", right_at_m=BOARD_M
     ).cameras[0]
     assert isinstance(central.camera, MirroredCamera)
     center_px = np.linalg.norm(distorted.principal_point_px - central.camera.principal_point_px)
     fits = [
-        calibrate_system(_table(0.0, 0.0), _PARAMETERS, one.boards) for one in (aligned, tilted)
+        calibrate_system(mirror_table(0.0, 0.0), _PARAMETERS, one.boards)
+        for one in (aligned, tilted)
     ]
     rows, errors = [], dict.fromkeys(_PARAMETERS, 0.0)
     for name, fit, tilt_deg, shift_m in (
@@ -110,7 +114,7 @@ def check(fixture: Fixture, title: str) -> Section:
     )  # fmt: skip
 
 
-def _table(tilt_deg: float, shift_m: float) -> dict[str, Any]:
+def mirror_table(tilt_deg: float, shift_m: float) -> dict[str, Any]:
     """Table of an optics file with the paper's mirror, tilted about x and shifted along x."""
     return {
         "origin_m": [0.0, 0.0, 0.09284],
@@ -131,9 +135,9 @@ def _table(tilt_deg: float, shift_m: float) -> dict[str, Any]:
     }
 
 
-def _seen(fixture: Fixture, table: dict[str, Any]) -> _DetectedBoards:
+def detected_boards(fixture: Fixture, table: dict[str, Any]) -> DetectedBoards:
     """Render the boards through a mirror, and detect their corners."""
-    seen = _DetectedBoards([], [])
+    seen = DetectedBoards([], [])
     sensor = OmniCamera(parse_optics(table))
     count = QUICK_BOARDS if fixture.is_quick else BOARDS
     with open_sensor(board_scene(), sensor, unlit=True, device=fixture.device) as renderer:

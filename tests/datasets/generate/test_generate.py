@@ -212,11 +212,11 @@ def _started(plan, out, *words):
 
 
 @pytest.mark.slow
-def test_killed_ten_times_it_ends_with_the_same_bytes(tmp_path):
-    plan = write_plan(tmp_path, scene="soccer", shards=60, images_per_shard=6)
+def test_killed_five_times_it_ends_with_the_same_bytes(tmp_path):
+    plan = write_plan(tmp_path, scene="soccer", shards=30, images_per_shard=6)
     assert _omnisim("generate", plan, "-o", tmp_path / "whole").exit_code == 0
     moments, out, killed = random.Random(4), tmp_path / "out", 0
-    for _ in range(10):
+    for _ in range(5):
         process = _started(plan, out, "--workers", "2")
         time.sleep(moments.uniform(1.0, 6.0))
         how = moments.choice((signal.SIGKILL, signal.SIGINT, signal.SIGTERM))
@@ -226,7 +226,7 @@ def test_killed_ten_times_it_ends_with_the_same_bytes(tmp_path):
             killed += 1
         _, errors = process.communicate(timeout=300)
         assert "Traceback" not in errors
-    assert killed >= 3  # others were done before
+    assert killed >= 2  # others were done before
     process = _started(plan, out)
     _, errors = process.communicate(timeout=300)
     assert process.returncode == 0, errors

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from omnisim.core.lazy_names import lazy_names
 from omnisim.core.package_files import preset_names
 from omnisim.rendering.camera.degradations.degradation import EFFECT_MODULES, Degradation
 
@@ -41,12 +42,4 @@ __all__ = [
     "preset_names",
 ]
 
-
-def __getattr__(name: str) -> object:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
-    found = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
-    globals()[name] = found
-    return found
+__getattr__ = lazy_names(__name__, _MODULES)
