@@ -35,22 +35,20 @@ def main(folder: Path) -> None:
     sensor = pyorbslam3.Sensor.__members__[kind]
     slam = pyorbslam3.Slam(request["vocabulary"], folder / SETTINGS, sensor)
     track = slam.track_stereo if cameras == 2 else slam.track_monocular
-    last_s = times_s[0] - 1.0 / request["fps"]
+    last_s, has_map = times_s[0] - 1.0 / request["fps"], False
     for time_s in times_s:
         raw = sys.stdin.buffer.read(cameras * size[0] * size[1])
         images = np.frombuffer(raw, np.uint8).reshape(cameras, *size)
         imu = None
         if readings is not None:
             imu = readings[(readings[:, 0] > last_s) & (readings[:, 0] <= time_s)]
-        track(*images, float(time_s), imu=imu)
+        has_map |= track(*images, float(time_s), imu=imu).ok
         last_s = time_s
         wait_for_mapping()
     slam.shutdown()
-    try:
+    if has_map:  # without a keyframe the library saves from a pointer that it has not set
         slam.save_trajectory_euroc(str(folder / FRAMES))
         slam.save_keyframe_trajectory_euroc(str(folder / KEYFRAMES))
-    except RuntimeError as reason:  # no keyframe in any map
-        print(f"no trajectory: {reason}")
     sys.stdout.flush()
     os._exit(0)  # the library's own destructors crash
 
