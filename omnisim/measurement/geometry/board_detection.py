@@ -6,13 +6,13 @@ calibration" (BMVC 2018), as `cv2.findChessboardCornersSB`; OpenCV's module `aru
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import MeasurementError
+from omnisim.measurement.geometry.board_markers import charuco_detector, tag_detector
 from omnisim.measurement.geometry.board_view import BoardView
 from omnisim.measurement.geometry.boards import AprilGrid, Board, CharucoBoard, Chessboard
 from omnisim.measurement.geometry.grid_checks import (
@@ -24,7 +24,6 @@ from omnisim.measurement.geometry.grid_checks import (
 )
 
 MIN_CORNERS = 12  # of boards with tags, which may be seen in part
-_KALIBR_BORDER_BITS = 2  # width of the black border of Kalibr's tags
 _REACH = 1.0 / 3.0  # of the way to the next corner, whose edges would disturb
 _LARGEST_WINDOW_PX = 9
 _LEAST_WINDOW_PX = 2
@@ -135,11 +134,11 @@ def _located(
 
 
 def _charuco(image: NDArray[np.uint8], board: CharucoBoard) -> Corners:
-    pixels, ids, _, tags = _charuco_detector(board).detectBoard(image)
+    pixels, ids, _, tags = charuco_detector(board).detectBoard(image)
     if ids is None or len(ids) < MIN_CORNERS:
         seen = 0 if ids is None else len(ids)
         markers = 0 if tags is None else len(tags)
-        hint = _mirror_hint(image, _charuco_detector(board).detectBoard, 3) if seen == 0 else ""
+        hint = _mirror_hint(image, charuco_detector(board).detectBoard, 3) if seen == 0 else ""
         raise MeasurementError(
             f"{seen} corners of the ChArUco board ({markers} markers): expected {MIN_CORNERS}{hint}"
         )
@@ -153,22 +152,12 @@ def _charuco(image: NDArray[np.uint8], board: CharucoBoard) -> Corners:
     return _checked(points, *_kept(rough, _located(image, rough, window), window))
 
 
-@lru_cache(maxsize=1)
-def _charuco_detector(board: CharucoBoard) -> Any:
-    import cv2
-
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{board.dictionary}"))
-    size = board.columns, board.rows
-    printed = cv2.aruco.CharucoBoard(size, board.square_m, board.marker_m, dictionary)
-    return cv2.aruco.CharucoDetector(printed)
-
-
 def _april_grid(image: NDArray[np.uint8], board: AprilGrid) -> Corners:
-    tags, ids, _ = _tag_detector().detectMarkers(image)
+    tags, ids, _ = tag_detector().detectMarkers(image)
     numbers = np.zeros(0, dtype=np.int64) if ids is None else ids.ravel()
     known = numbers < board.columns * board.rows
     if 4 * known.sum() < MIN_CORNERS:
-        hint = _mirror_hint(image, _tag_detector().detectMarkers, 1)
+        hint = _mirror_hint(image, tag_detector().detectMarkers, 1)
         raise MeasurementError(
             f"{known.sum()} tags of the AprilGrid: expected {MIN_CORNERS // 4}{hint}"
         )
@@ -208,16 +197,6 @@ def _kept(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Located corners (n, 2), and a mask (n,): False if far from the corner's rough position."""
     return fine, np.linalg.norm(fine - rough, axis=1) <= max(0.5 * window, 1.0)
-
-
-@lru_cache(maxsize=1)
-def _tag_detector() -> Any:
-    import cv2
-
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.markerBorderBits = _KALIBR_BORDER_BITS
-    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-    return cv2.aruco.ArucoDetector(dictionary, parameters)
 
 
 def _checked(

@@ -16,7 +16,7 @@ from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
 from omnisim.measurement.comparison import ImageComparison, compare_images
 from omnisim.measurement.comparison.comparison import MAX_OFFSET_PX, Comparison, compare_image
-from omnisim.measurement.geometry import BoardView, Chessboard, find_boards, read_board, read_gray
+from omnisim.measurement.geometry import BoardView, find_boards, read_board, read_gray
 from omnisim.measurement.geometry.board_images import image_files
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
@@ -54,8 +54,6 @@ def _compare(request: MeasureCompareRequest) -> Comparison:
     """Compare all images that have the board."""
     sensor = OmniCamera.from_file(request.sensor)
     board = read_board(request.board)
-    if not isinstance(board, Chessboard):
-        raise MeasurementError(f"--board: expected a chessboard, got {request.board!r}")
     board_m = _board_shape(request.sensor)
     files = image_files(request.images)
     searches = find_boards(files, board, request.mirrored)
@@ -157,7 +155,7 @@ def _section(comparison: Comparison) -> Section:
     return Section(
         "The camera beside its twin",
         "Each image's board is rendered in its solved pose by the sensor file, under smooth light "
-        "that was fitted to its squares. The same detector finds the corners in both.",
+        "that was fitted to its squares or markers. The same detector finds the corners in both.",
         measures=(
             Measure("largest bias of corners, by ring", comparison.bias_px, "px", _BIAS_PX),
             Measure(
@@ -167,7 +165,7 @@ def _section(comparison: Comparison) -> Section:
         ),
         tables=(
             ResultTable(
-                f"Rings of the image, px. Lost corners are more than {MAX_OFFSET_PX:g} px off.",
+                f"Rings of the image, px. Lost: more than {MAX_OFFSET_PX:g} px off, or not found.",
                 columns,
                 rows,
             ),

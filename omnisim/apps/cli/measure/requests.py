@@ -54,11 +54,12 @@ class MeasureCompareRequest:
     """Parameters of `omnisim measure compare`."""
 
     images: Annotated[Path, Argument(metavar="IMAGES")]
-    """Folder of images of a chessboard, a video or a ROS bag."""
+    """Folder of images of a board, a video or a ROS bag."""
     sensor: Path
     """Sensor file of the camera; the board's measured shape is read from the report beside it."""
     board: Annotated[str, Option(metavar="BOARD")]
-    """Chessboard: 8x6:30mm (inner corners and square), or a Kalibr file (.yaml)."""
+    """Board: 8x6:30mm, charuco:9x7:30mm:22mm:5X5_100, aprilgrid:6x6:88mm:0.3, or a Kalibr file
+    (.yaml), as for omnisim measure geometry."""
     output: Path
     """Folder to write: report.html, report.json and its figures."""
     mirrored: bool = False
