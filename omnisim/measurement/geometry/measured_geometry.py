@@ -20,6 +20,7 @@ from omnisim.measurement.geometry.model_choice import ModelResult, choose_model
 from omnisim.measurement.geometry.model_quantities import model_quantities, unseen_quantities
 from omnisim.measurement.geometry.outliers import (
     check_focal_length,
+    fit_lens,
     remove_copies,
     remove_outliers,
 )
@@ -31,8 +32,8 @@ class MeasuredGeometry:
     """Camera model measured from a board in images.
 
     Attributes:
-        camera: camera with the chosen model.
-        model: name of the chosen model.
+        camera: camera with the chosen model, or a fitted optical system.
+        model: name of the chosen model; "optics": an optical system.
         models: all models, the best on held-out images first.
         views: view of the board in each used image.
         poses: (images, 4, 4) optical_from_board; if mirrored, for the lens, not its mirror image.
@@ -75,8 +76,8 @@ def measure_geometry(
 
     All models are fitted together with the poses of the board. The board's shape is fitted, too, if
     that predicts held-out images better. Among the models that predict held-out images as well as
-    the best one, the model with the fewest parameters is chosen. At most 40 images choose
-    the model, which is then fitted to all.
+    the best one, the model with the fewest parameters is chosen. At most 40 images
+    choose the model, which is then fitted to all.
 
     Args:
         views: view of the board in each image.
@@ -93,7 +94,7 @@ def measure_geometry(
         target" (ICCV Workshops 2011), for the shape of the board.
     """
     used, rejected = remove_copies(views)
-    used, outlying, first = remove_outliers(used, size_px)
+    used, outlying, first = remove_outliers(used, lambda kept: fit_lens(kept, size_px))
     corners = Corners.of(used)
     check_focal_length(first)
     spacing_m = min_spacing_m(corners.nominal_m)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from omnisim.core.errors import CalibrationError, MeasurementError, OpticsError
 from omnisim.measurement.geometry.board_detection import MIN_CORNERS
 from omnisim.measurement.geometry.board_view import BoardView, RejectedImage
-from omnisim.measurement.geometry.bundle_adjustment import Adjustment, Corners
+from omnisim.measurement.geometry.bundle_adjustment import Adjustment, Corners, Floats
 from omnisim.measurement.geometry.candidate_models import Candidate, fit_candidate
 from omnisim.measurement.geometry.initial_camera import initial_adjustment
 
@@ -19,8 +20,21 @@ MAX_REJECTED = 0.34  # largest share of rejected images
 MAX_FOCAL_SIGMA = 0.03
 MIN_DECENTERED = 0.8  # error with decentering relative to that without, below which it is used
 CHECK_BOARD = "check the board's size, and that its squares are square and of one size"
+Fit = TypeVar("Fit")
 _OUTLYING = 4.0  # factor of the images' median error
 _OUTLYING_CORNER = 8.0  # factor of the corners' median error: 9.4 standard deviations
+
+
+class FittedViews(NamedTuple, Generic[Fit]):
+    """Camera fitted to views.
+
+    Attributes:
+        errors_px: (n, 2) errors of all corners, in the order of the views.
+        fit: fitted camera, poses and whatever belongs to them.
+    """
+
+    errors_px: Floats
+    fit: Fit
 
 
 def remove_copies(views: Sequence[BoardView]) -> tuple[list[BoardView], list[RejectedImage]]:
@@ -37,9 +51,13 @@ def remove_copies(views: Sequence[BoardView]) -> tuple[list[BoardView], list[Rej
 
 
 def remove_outliers(
-    views: list[BoardView], size_px: tuple[int, int]
-) -> tuple[list[BoardView], list[RejectedImage], Adjustment]:
-    """Views that fit one lens, rejected images, and the fit of the lens.
+    views: list[BoardView], fit: Callable[[list[BoardView]], FittedViews[Fit]]
+) -> tuple[list[BoardView], list[RejectedImage], Fit]:
+    """Views that fit one camera, rejected images, and the fit to these views.
+
+    Args:
+        views: view of the board in each image.
+        fit: fits a camera to views.
 
     Raises:
         MeasurementError: too few views remain, too many are rejected, or a corner is an outlier in
@@ -51,9 +69,9 @@ def remove_outliers(
         if len(views) < MIN_IMAGES:
             found = f"{len(views)} images with a usable board"
             raise MeasurementError(f"{found}: expected at least {MIN_IMAGES}")
-        first = initial_adjustment(views, size_px)
+        fitted = fit(views)
         corners = Corners.of(views)
-        lengths = np.linalg.norm(judging_lens(first, corners).fit.errors_px, axis=1)
+        lengths = np.linalg.norm(fitted.errors_px, axis=1)
         ends = zip(corners.starts[:-1], corners.starts[1:], strict=True)
         medians = np.array([np.median(lengths[slice(*pair)]) for pair in ends])
         worst, usual = int(np.argmax(medians)), float(np.median(medians))
@@ -69,9 +87,23 @@ def remove_outliers(
             continue
         is_outlier = lengths > max(_OUTLYING_CORNER * float(np.median(lengths)), 0.3)
         if not is_outlier.any():
-            return views, rejected, first
+            return views, rejected, fitted.fit
         _check_board(is_outlier, corners)
         views = _without_corners(views, is_outlier, corners, rejected)
+
+
+def fit_lens(views: list[BoardView], size_px: tuple[int, int]) -> FittedViews[Adjustment]:
+    """Preliminary lens of views, with the errors of the lens that judges outliers.
+
+    Args:
+        views: view of the board in each image.
+        size_px: width and height of the images.
+
+    Raises:
+        MeasurementError: no lens fits.
+    """
+    first = initial_adjustment(views, size_px)
+    return FittedViews(judging_lens(first, Corners.of(views)).fit.errors_px, first)
 
 
 def _check_board(is_outlier: NDArray[np.bool_], corners: Corners) -> None:

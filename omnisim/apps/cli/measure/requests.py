@@ -41,6 +41,10 @@ class MeasureGeometryRequest:
     """Size of the images, for corners from a file."""
     model: Annotated[list[str] | None, Option(metavar="MODEL", default="all that fit")] = None
     """Camera model to fit; repeatable: the best on held-out images is chosen."""
+    optics: Annotated[Path | None, Option(default="none: a central camera")] = None
+    """Optics file of a non-central camera, close to the true one; --free names what is fitted."""
+    free: Annotated[list[str] | None, Option(metavar="KEY", default="none")] = None
+    """Key of the optics file to fit, such as surfaces.0.tilt_deg; repeatable."""
     mirrored: bool = False
     """The camera looks into a mirror."""
     flat_board: bool = False
