@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from omnisim.core.errors import MeasurementError
-from omnisim.measurement.comparison.placed_board import PlacedBoard
 from omnisim.measurement.comparison.printed_pattern import Patches, PrintedPattern
 from omnisim.measurement.geometry.board_view import BoardView
+from omnisim.measurement.geometry.placed_board import PlacedBoard
 
 Floats = NDArray[np.float64]
 _SHARES = np.linspace(0.3, 0.7, 5)  # of a patch's sides, where its level is taken

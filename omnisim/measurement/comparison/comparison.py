@@ -16,13 +16,13 @@ from omnisim.measurement.comparison.board_light import (
     patch_samples_px,
     visible_patches,
 )
-from omnisim.measurement.comparison.placed_board import BoardSurface, locate_board
 from omnisim.measurement.comparison.printed_pattern import PrintedPattern, possible_patterns
 from omnisim.measurement.comparison.twin_board import render_twin
 from omnisim.measurement.edge_rise import edge_rise_px
 from omnisim.measurement.geometry.board_detection import find_board
 from omnisim.measurement.geometry.board_view import BoardView
 from omnisim.measurement.geometry.boards import Board
+from omnisim.measurement.geometry.placed_board import BoardSurface, locate_board
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
 Floats = NDArray[np.float64]

@@ -11,9 +11,9 @@ from omnisim.measurement.comparison.board_light import (
     patch_levels,
     patch_samples_px,
 )
-from omnisim.measurement.comparison.placed_board import PlacedBoard
 from omnisim.measurement.comparison.printed_pattern import Patches, PrintedPattern
 from omnisim.measurement.geometry.board_images import LUMA
+from omnisim.measurement.geometry.placed_board import PlacedBoard
 from omnisim.rendering.camera.degradations import Encoding
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.omnicamera import OmniCamera

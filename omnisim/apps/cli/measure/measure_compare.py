@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.apps.cli.console import out, pluralize, print_note, track
-from omnisim.apps.cli.measure.measured_files import read_reports, report_path
+from omnisim.apps.cli.measure.measured_files import read_board_shape
 from omnisim.apps.cli.measure.requests import MeasureCompareRequest
 from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
@@ -54,7 +53,7 @@ def _compare(request: MeasureCompareRequest) -> Comparison:
     """Compare all images that have the board."""
     sensor = OmniCamera.from_file(request.sensor)
     board = read_board(request.board)
-    board_m = _board_shape(request.sensor)
+    board_m = read_board_shape(request.sensor)
     files = image_files(request.images)
     searches = find_boards(files, board, request.mirrored)
     compared: list[ImageComparison] = []
@@ -78,24 +77,6 @@ def _compare(request: MeasureCompareRequest) -> Comparison:
     if not compared:
         raise MeasurementError(f"{request.images}: no image could be compared")
     return compare_images(sensor, compared)
-
-
-def _board_shape(sensor: Path) -> NDArray[np.float64] | None:
-    """Shape of the board in the report beside a sensor file, if there is one.
-
-    Raises:
-        MeasurementError: the report is damaged.
-    """
-    report, path = read_reports(sensor).get("geometry"), report_path(sensor)
-    if report is None:
-        return None
-    try:
-        shape = np.array(report["board_m"], dtype=np.float64)
-    except (KeyError, ValueError, TypeError) as reason:
-        raise MeasurementError(f"{path}: geometry: board_m: no positions: {reason}") from None
-    if shape.ndim != 2 or shape.shape[1] != 3 or not np.isfinite(shape).all():
-        raise MeasurementError(f"{path}: board_m: expected positions x, y, z of corners")
-    return shape
 
 
 def _level_error(comparison: Comparison) -> float:

@@ -10,6 +10,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.table import Table
 
 from omnisim.apps.cli.console import out, print_note
@@ -118,6 +120,24 @@ def read_reports(sensor: Path | None) -> dict[str, dict[str, Any]]:
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         raise MeasurementError(f"{path}: expected a report of `omnisim measure`") from None
     return dict(reports)
+
+
+def read_board_shape(sensor: Path) -> NDArray[np.float64] | None:
+    """Shape of the board in the report beside a sensor file, if there is one.
+
+    Raises:
+        MeasurementError: the report is damaged.
+    """
+    report, path = read_reports(sensor).get("geometry"), report_path(sensor)
+    if report is None:
+        return None
+    try:
+        shape = np.array(report["board_m"], dtype=np.float64)
+    except (KeyError, ValueError, TypeError) as reason:
+        raise MeasurementError(f"{path}: geometry: board_m: no positions: {reason}") from None
+    if shape.ndim != 2 or shape.shape[1] != 3 or not np.isfinite(shape).all():
+        raise MeasurementError(f"{path}: board_m: expected positions x, y, z of corners")
+    return shape
 
 
 def quantities_of(report: Mapping[str, Any]) -> list[Quantity]:

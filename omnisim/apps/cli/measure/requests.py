@@ -93,15 +93,23 @@ class MeasureTimingRequest:
     """Parameters of `omnisim measure timing`."""
 
     images: Annotated[Path, Argument(metavar="FRAMES")]
-    """Folder of frames of a still surface under a flickering lamp, a video or a ROS bag."""
-    flicker: Annotated[float, Option(metavar="HZ")]
-    """Frequency of the light: twice the mains', such as 100, or a driven LED's."""
+    """Folder of frames of a still surface under a flickering lamp, or of a turning board; a video
+    or a ROS bag."""
     output: Path
     """Sensor file to write: .toml; a report is written beside it."""
+    flicker: Annotated[float | None, Option(metavar="HZ", default="none: a turning board")] = None
+    """Frequency of the light: twice the mains', such as 100, or a driven LED's."""
     modulation: Annotated[float | None, Option(metavar="SHARE", default="unknown")] = None
     """Amplitude of the lamp's light over its mean, from 0 to 1, for the exposure time."""
+    board: Annotated[str | None, Option(metavar="BOARD", default="none: a flickering lamp")] = None
+    """Turning board, as for omnisim measure geometry, in consecutive frames."""
+    frame_rate: Annotated[float | None, Option(metavar="HZ", default="none")] = None
+    """Frames per second, of a turning board."""
+    mirrored: bool = False
+    """The camera looks into a mirror."""
     sensor: Annotated[Path | None, Option(default="none")] = None
-    """Sensor file to add readout and exposure to; its transfer function applies to the frames."""
+    """Sensor file to add readout and exposure to; its transfer function applies to frames under a
+    lamp, its camera model to a board."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -91,9 +91,14 @@ class PlacedBoard:
     def pixels(self, positions_m: Floats) -> Pixels:
         """Pixels of positions (..., 2) on the flat board."""
         points = self.surface.points(positions_m) @ self.pose[:3, :3].T + self.pose[:3, 3]
-        if isinstance(self.camera, NonCentralCamera):
-            return self.camera.pixel_from_point(points)
-        return self.camera.pixel_from_ray(points)
+        return pixels_of_points(self.camera, points)
+
+
+def pixels_of_points(camera: CentralCamera, points_m: Floats) -> Pixels:
+    """Pixels of points (..., 3) in a camera's optical frame."""
+    if isinstance(camera, NonCentralCamera):
+        return camera.pixel_from_point(points_m)
+    return camera.pixel_from_ray(points_m)
 
 
 def locate_board(
