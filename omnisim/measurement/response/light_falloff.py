@@ -5,11 +5,13 @@ Source: Goldman, "Vignette and exposure calibration and compensation", PAMI 2010
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion, median_filter
 
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.quantity import Quantity
@@ -17,14 +19,17 @@ from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.vignetting import MAX_TERMS, Vignetting
 
 Floats = NDArray[np.float64]
-BLOCK_PX = 8
+BLOCKS = 60  # along the image's shorter side
+MIN_BLOCK_PX, MAX_BLOCK_PX = 4, 16
 MAX_RESIDUAL = 0.02  # share of the light: more is no evenly lit surface
 MAX_GRADIENT = 0.25  # of the light across the image
-MIN_LIGHT = 0.05  # of the brightest block: darker ones are outside of the image circle
+MIN_LIGHT = 0.02  # of the brightest block: darker ones are outside of the image circle
 MIN_TERMS = 3
+_LEAST_ERROR = 5e-5  # of the light: smaller errors are as good
+_RING = 31  # blocks of about the same radius
 _LEAST_SPREAD = 2.5e-4  # of the light: what is off by less than four of it is no outlier
 _AS_GOOD = 1.005  # times the error of all terms
-_ROUNDS = 6
+_ROUNDS, _MIN_ROUNDS = 6, 2  # polynomial and gradient converge in two
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,8 +61,9 @@ def measure_vignetting(
 ) -> MeasuredVignetting:
     """Measure vignetting from the mean of flat fields.
 
-    Fits the mean light of blocks of 8 × 8 px. Blocks that differ from the fit by more than four
-    standard deviations, such as dust, are ignored.
+    Fits the mean light of blocks of 4 × 4 to 16 × 16 px. Blocks that differ by more than four
+    standard deviations from those of about the same radius, such as dust, are ignored, and so are
+    blocks beside the edge of the image circle.
 
     Args:
         flat: (height, width) linear light, without black level; NaN: invalid.
@@ -71,13 +77,12 @@ def measure_vignetting(
     height, width = flat.shape
     center = center_px or (0.5 * (width - 1.0), 0.5 * (height - 1.0))
     geometry = ImageGeometry(width, height, center)
-    light, u, v = _blocks(flat)
-    brightest = float(np.percentile(light, 99.0)) if len(light) else 0.0
-    if not brightest > 0.0:
+    block_px = int(np.clip(min(flat.shape) // BLOCKS, MIN_BLOCK_PX, MAX_BLOCK_PX))
+    light, u, v = _lit_blocks(flat, block_px)
+    if not len(light):
         raise MeasurementError(f"{name}: no light: expected an evenly lit surface")
-    used = light > MIN_LIGHT * brightest
-    light, u, v = light[used], u[used], v[used]
-    spread_px2 = (BLOCK_PX**2 - 1.0) / 6.0  # mean square radius of a block's pixels in it
+    brightest = float(np.percentile(light, 99.0))
+    spread_px2 = (block_px**2 - 1.0) / 6.0  # mean square radius of a block's pixels in it
     squared = (u - center[0]) ** 2 + (v - center[1]) ** 2 + spread_px2
     squared /= geometry.radius_unit_px**2
     x, y = (u - center[0]) / width, (v - center[1]) / height
@@ -88,7 +93,8 @@ def measure_vignetting(
     # judged at one set of blocks: too few powers would take the corners for outliers
     judged = fits[-1].is_kept
     errors = [float(np.sqrt(np.mean(np.square(one.residuals[judged])))) for one in fits]
-    fit = next(one for one, rms in zip(fits, errors, strict=True) if rms <= _AS_GOOD * errors[-1])
+    limit = max(_AS_GOOD * errors[-1], _LEAST_ERROR * brightest)
+    fit = next(one for one, rms in zip(fits, errors, strict=True) if rms <= limit)
     solution, gradient, is_kept, residuals = fit.solution, fit.gradient, fit.is_kept, fit.residuals
     terms = squared[:, None] ** np.arange(len(solution))
     even = terms @ solution
@@ -100,7 +106,7 @@ def measure_vignetting(
     coefficients = solution[1:] / solution[0]
     edge = float(np.sqrt(squared[is_kept].max()))
     vignetting = Vignetting(tuple(coefficients.tolist()))
-    basis = f"{is_kept.sum()} blocks of {BLOCK_PX} × {BLOCK_PX} px, to a radius of {edge:.2f}"
+    basis = f"{is_kept.sum()} blocks of {block_px} × {block_px} px, to a radius of {edge:.2f}"
     quantities = [
         Quantity(f"coefficients.{index}", float(value), float(sigma / solution[0]), "", basis)
         for index, (value, sigma) in enumerate(
@@ -154,27 +160,49 @@ def _fit(light: Floats, squared: Floats, offsets: Floats, count: int, brightest:
     is_kept: NDArray[np.bool_] = np.ones(len(light), dtype=bool)
     gradient: Floats = np.zeros(2)
     solution: Floats = np.zeros(count + 1)
-    for _ in range(_ROUNDS):
+    for number in range(_ROUNDS):
         design = terms * (1.0 + offsets @ gradient)[:, None]
         solution[:] = np.linalg.lstsq(design[is_kept], light[is_kept], rcond=None)[0]
         even = terms @ solution
         tilt = even[:, None] * offsets
         gradient[:] = np.linalg.lstsq(tilt[is_kept], (light - even)[is_kept], rcond=None)[0]
         residuals = light - even * (1.0 + offsets @ gradient)
-        spread = 1.4826 * float(np.median(np.abs(residuals[is_kept])))
-        is_kept = np.abs(residuals) <= 4.0 * max(spread, _LEAST_SPREAD * brightest)
+        before = is_kept
+        deviations = np.abs(residuals - _ring_medians(residuals, squared))
+        spread = 1.4826 * float(np.median(deviations[is_kept]))
+        is_kept = deviations <= 4.0 * max(spread, _LEAST_SPREAD * brightest)
+        if number >= _MIN_ROUNDS and np.array_equal(before, is_kept):
+            break
     rms = float(np.sqrt(np.mean(np.square(residuals[is_kept]))))
     return _Fit(solution, gradient, is_kept, residuals, rms)
 
 
-def _blocks(flat: Floats) -> tuple[Floats, Floats, Floats]:
-    """Mean light of blocks without invalid pixels, and their centers u and v, px."""
-    rows, columns = (side // BLOCK_PX for side in flat.shape)
-    whole = flat[: rows * BLOCK_PX, : columns * BLOCK_PX]
-    means = whole.reshape(rows, BLOCK_PX, columns, BLOCK_PX).mean(axis=(1, 3))
-    v, u = np.mgrid[:rows, :columns] * BLOCK_PX + 0.5 * (BLOCK_PX - 1.0)
-    valid = np.isfinite(means)
-    return means[valid], u[valid], v[valid]
+def _ring_medians(residuals: Floats, squared: Floats) -> Floats:
+    """Median residual (blocks,) of the blocks of about the same radius.
+
+    What the polynomial misses is the same all around, and so is no outlier. Otherwise the corners
+    of wide fields would be left out, where the polynomial then rises at will.
+    """
+    order = np.argsort(squared, kind="stable")
+    medians = np.empty_like(residuals)
+    medians[order] = median_filter(residuals[order], size=_RING, mode="nearest")
+    return medians
+
+
+def _lit_blocks(flat: Floats, block_px: int) -> tuple[Floats, Floats, Floats]:
+    """Mean light of blocks, and their centers u and v in px; only blocks in the image circle.
+
+    Blocks with invalid pixels or with little light, and their neighbors, are left out.
+    """
+    rows, columns = (side // block_px for side in flat.shape)
+    whole = flat[: rows * block_px, : columns * block_px]
+    means = whole.reshape(rows, block_px, columns, block_px).mean(axis=(1, 3))
+    v, u = np.mgrid[:rows, :columns] * block_px + 0.5 * (block_px - 1.0)
+    finite = means[np.isfinite(means)]
+    limit = max(MIN_LIGHT * float(np.percentile(finite, 99.0)), 0.0) if len(finite) else math.inf
+    is_lit = np.nan_to_num(means) > limit
+    is_inside = binary_erosion(is_lit, np.ones((3, 3), dtype=np.bool_), border_value=1)
+    return means[is_inside], u[is_inside], v[is_inside]
 
 
 def _check(name: str, residual: float, gradient: Floats, kept: float) -> None:
