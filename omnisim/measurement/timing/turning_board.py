@@ -35,6 +35,7 @@ Floats = NDArray[np.float64]
 MAX_TURN_DEG = 25.0  # between neighboring frames: the interpolation is then right to 1e-3
 MAX_SIGMA = 0.02  # of a frame: images with a larger deviation do not determine the readout
 MAX_SEEN_FRAMES = 40
+_HALF_TURNED_DEG = 150.0  # from one image to the next: a board found from its other end
 _WINDOW = 5  # frames of the interpolation
 _STEP = 1e-6  # of numerical derivatives: rad, shares of the distance, and frames
 _CONVERGED = 1e-9  # relative decrease of the squared errors
@@ -95,7 +96,7 @@ def measure_readout(
     used = slice(first, first + MAX_SEEN_FRAMES)
     views, numbers = views[used], np.array(frames[used], dtype=np.float64)
     surface = BoardSurface.flat() if surface is None else surface
-    poses = np.stack([locate_board(camera, view, surface).pose for view in views])
+    views, poses = _located(camera, views, surface)
     turns_deg = _turns_deg(poses)
     if turns_deg.max() > MAX_TURN_DEG:
         fastest = views[int(turns_deg.argmax())].name
@@ -139,6 +140,28 @@ def measure_readout(
         fit.errors_px,
         frozen.errors_px,
     )
+
+
+def _located(
+    camera: CentralCamera, views: Sequence[BoardView], surface: BoardSurface
+) -> tuple[list[BoardView], Floats]:
+    """Views, and poses (images, 4, 4) of the board in them.
+
+    A chessboard may look the same after half a turn, so that its corners are found from the other
+    end: each view is taken the way round that is nearer to the view before.
+    """
+    used: list[BoardView] = []
+    poses: list[Floats] = []
+    for view in views:
+        pose = locate_board(camera, view, surface).pose
+        if poses and _turns_deg(np.stack((poses[-1], pose)))[0] > _HALF_TURNED_DEG:
+            turned = BoardView(view.name, view.points_m, view.pixels_px[::-1])
+            pose_turned = locate_board(camera, turned, surface).pose
+            if _turns_deg(np.stack((poses[-1], pose_turned)))[0] <= MAX_TURN_DEG:
+                view, pose = turned, pose_turned
+        used.append(view)
+        poses.append(pose)
+    return used, np.stack(poses)
 
 
 class _Fit(NamedTuple):

@@ -58,6 +58,14 @@ def test_frames_without_a_board_leave_a_gap():
     assert measured.readout_s == pytest.approx(0.021, rel=0.02)
 
 
+def test_corners_found_from_the_other_end_are_the_same_board():
+    views = turning_views(0.021)
+    for index in (3, 4, 7):
+        one = views[index]
+        views[index] = BoardView(one.name, one.points_m, one.pixels_px[::-1])
+    assert measured_from(views).readout_s == pytest.approx(0.021, rel=0.01)
+
+
 def test_a_global_shutter_and_a_readout_from_below_are_told_apart():
     assert measured_from(turning_views(0.0)).readout_s == 0.0
     upward = measured_from(turning_views(-0.021))
