@@ -50,7 +50,7 @@ def check(fixture: Fixture, title: str) -> Section:
         "diagonal with cos⁴ vignetting; and "
         f"{FRAMES} frames under a lamp of {FLICKER_HZ:g} Hz, with noise of 2 of 255, in which each "
         "row is the mean of the lamp's light over its exposure; and "
-        f"for {boards} cameras, {BOARD_FRAMES} frames of a chessboard that turns unevenly, with the "
+        f"for {boards} cameras, {BOARD_FRAMES} frames of an unevenly turning chessboard, with the "
         "same noise, in which each row shows the board at its own time.",
         (
             Measure("transfer function, largest error of full scale", 100.0 * response, "%",
