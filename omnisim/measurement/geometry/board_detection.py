@@ -24,9 +24,10 @@ from omnisim.measurement.geometry.grid_checks import (
 )
 
 MIN_CORNERS = 12  # of boards with tags, which may be seen in part
+_LARGE_PX = 1000  # shorter side of images whose chessboards are searched for at half the size
 _REACH = 1.0 / 3.0  # of the way to the next corner, whose edges would disturb
-_LARGEST_WINDOW_PX = 9
-_LEAST_WINDOW_PX = 2
+_MAX_WINDOW_PX = 9
+_MIN_WINDOW_PX = 2
 
 
 def find_board(
@@ -60,10 +61,31 @@ Corners = tuple[NDArray[np.float64], NDArray[np.float64]]  # points (n, 2) in m,
 
 
 def _chessboard(image: NDArray[np.uint8], board: Chessboard) -> Corners:
+    """Corners of a chessboard; in large images, it is searched for at half the size first."""
+    import cv2
+
+    if min(image.shape) >= _LARGE_PX:
+        half = np.asarray(cv2.pyrDown(image), dtype=np.uint8)
+        grid = _larger_grid(half, (board.columns, board.rows))
+        if grid is not None:
+            try:
+                return _chessboard_corners(image, board, 2.0 * grid)
+            except MeasurementError:
+                pass  # a small or distant board may be found in the whole image only
+    return _chessboard_corners(image, board, _larger_grid(image, (board.columns, board.rows)))
+
+
+def _chessboard_corners(
+    image: NDArray[np.uint8], board: Chessboard, grid: NDArray[np.float64] | None
+) -> Corners:
+    """Corners of a chessboard, located from a rough grid (rows, columns, 2) or None.
+
+    Raises:
+        MeasurementError: no board of this size, or wrong corners.
+    """
     import cv2
 
     size = board.columns, board.rows
-    grid = _larger_grid(image, size)
     if grid is None or grid.shape[:2] != (board.rows, board.columns):
         # the outer edges of the outermost squares may pass for corners: the size as it should be
         flags = cv2.CALIB_CB_EXHAUSTIVE
@@ -113,7 +135,7 @@ def _refined(image: NDArray[np.uint8], grid: NDArray[np.float64]) -> NDArray[np.
         for ends in (np.s_[:-1], np.s_[1:]):
             part = spacing[ends] if axis == 0 else spacing[:, ends]
             np.minimum(part, steps, out=part)
-    reach = np.clip(spacing * _REACH, _LEAST_WINDOW_PX, _LARGEST_WINDOW_PX).astype(np.int64)
+    reach = np.clip(spacing * _REACH, _MIN_WINDOW_PX, _MAX_WINDOW_PX).astype(np.int64)
     refined = grid.copy()
     for window in np.unique(reach).tolist():
         chosen = reach == window
@@ -167,7 +189,7 @@ def _april_grid(image: NDArray[np.uint8], board: AprilGrid) -> Corners:
     rough = pixels.reshape(-1, 2).astype(np.float64)
     fine, is_kept = _kept(rough, _located(image, rough, window), window)
     # the detector's corners are inside the tag by some pixels: again, from close by
-    fine = _located(image, fine, max(window // 2, _LEAST_WINDOW_PX))
+    fine = _located(image, fine, max(window // 2, _MIN_WINDOW_PX))
     pitch_m = board.tag_m * (1.0 + board.spacing)
     column, row = numbers[known] % board.columns, numbers[known] // board.columns
     lower_left = np.stack((column, -row), axis=1) * pitch_m  # y is down
@@ -182,7 +204,7 @@ def _april_grid(image: NDArray[np.uint8], board: AprilGrid) -> Corners:
 
 def _window(reach_px: float) -> int:
     """Half the side of the window for a reach, from 2 to 9 px."""
-    return int(np.clip(reach_px, _LEAST_WINDOW_PX, _LARGEST_WINDOW_PX))
+    return int(np.clip(reach_px, _MIN_WINDOW_PX, _MAX_WINDOW_PX))
 
 
 def _shortest_px(corners: NDArray[np.float64]) -> float:

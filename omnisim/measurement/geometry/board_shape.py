@@ -8,7 +8,7 @@ from omnisim.core.errors import CalibrationError, MeasurementError, OpticsError
 from omnisim.measurement.geometry.board_view import BoardView
 from omnisim.measurement.geometry.bundle_adjustment import Adjustment, Corners, Floats, rms_px
 from omnisim.measurement.geometry.candidate_models import fit_candidate, held_out_errors
-from omnisim.measurement.geometry.outliers import CHECK_BOARD, judging_lens
+from omnisim.measurement.geometry.outliers import CHECK_BOARD, preliminary_lens
 
 MIN_SHAPE_IMAGES = 8  # images required to separate a board's shape from the lens
 SHAPE_SIGMA = 0.02  # assumed sigma of a board's corners, as a share of their spacing
@@ -24,7 +24,7 @@ def fit_shape(
         Views, fit of the lens, and stiffness of the board in px/m; None: the board is flat.
     """
     corners = Corners.of(views)
-    flat = judging_lens(first, corners)
+    flat = preliminary_lens(first, corners)
     stiffness = flat.fit.rms_px / (SHAPE_SIGMA * spacing_m)
     try:
         bent = fit_candidate(flat.name, corners, first, stiffness)

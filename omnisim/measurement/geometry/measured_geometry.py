@@ -17,14 +17,14 @@ from omnisim.measurement.geometry.board_view import BoardView, RejectedImage
 from omnisim.measurement.geometry.bundle_adjustment import Corners, Floats, rms_px
 from omnisim.measurement.geometry.candidate_models import CANDIDATES
 from omnisim.measurement.geometry.model_choice import ModelResult, choose_model
-from omnisim.measurement.geometry.model_quantities import model_quantities, unseen_quantities
+from omnisim.measurement.geometry.model_quantities import model_quantities, unobservable_quantities
 from omnisim.measurement.geometry.outliers import (
     check_focal_length,
     fit_lens,
     remove_copies,
     remove_outliers,
 )
-from omnisim.measurement.quantity import Quantity, Unseen
+from omnisim.measurement.quantity import Quantity, Unobservable
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class MeasuredGeometry:
             corners.
         rejected: rejected images with their reasons.
         quantities: parameters of the camera.
-        unseen: quantities that the images do not determine.
+        unobservable: quantities that the images do not determine.
     """
 
     camera: CentralCamera
@@ -56,7 +56,7 @@ class MeasuredGeometry:
     held_out_rms_px: float
     rejected: tuple[RejectedImage, ...]
     quantities: tuple[Quantity, ...]
-    unseen: tuple[Unseen, ...]
+    unobservable: tuple[Unobservable, ...]
 
     @property
     def rms_px(self) -> float:
@@ -117,5 +117,5 @@ def measure_geometry(
         choice.held_out_rms_px,
         (*rejected, *outlying),
         model_quantities(chosen, corners),
-        unseen_quantities(fit, corners, is_held_out=choice.is_held_out),
+        unobservable_quantities(fit, corners, is_held_out=choice.is_held_out),
     )

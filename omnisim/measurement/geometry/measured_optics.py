@@ -16,7 +16,7 @@ from omnisim.measurement.geometry.bundle_adjustment import Corners, Floats, rms_
 from omnisim.measurement.geometry.measured_geometry import MeasuredGeometry
 from omnisim.measurement.geometry.model_choice import ModelResult
 from omnisim.measurement.geometry.outliers import FittedViews, remove_copies, remove_outliers
-from omnisim.measurement.quantity import Quantity, Unseen
+from omnisim.measurement.quantity import Quantity, Unobservable
 
 OPTICS = "optics"  # name of the model of an optical system
 _FOLDS = 5
@@ -50,7 +50,7 @@ def measure_optics(
     rms = rms_px(fit.errors_px)
     basis = f"{len(corners.label)} corners in {len(used)} images"
     hidden = "fits without a fifth of the images do not show all corners"
-    unseen = (Unseen("held_out_rms_px", hidden),) if math.isnan(held_out_px) else ()
+    unobservable = (Unobservable("held_out_rms_px", hidden),) if math.isnan(held_out_px) else ()
     return MeasuredGeometry(
         fit.system,
         OPTICS,
@@ -65,7 +65,7 @@ def measure_optics(
             Quantity(one.name, one.value, one.sigma, _unit(one.name), basis)
             for one in fit.parameters
         ),
-        unseen,
+        unobservable,
     )
 
 

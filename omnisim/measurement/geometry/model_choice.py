@@ -20,7 +20,7 @@ from omnisim.measurement.geometry.candidate_models import (
 MAX_COMPARED = 40  # images for the comparison of models; the chosen model is fitted to all
 MAX_MODEL_SIGMA = 0.2  # relative sigma of a focal length that correlates with another, as with ξ
 MAX_EXCESS = 0.02  # accepted relative excess of squared held-out errors, for fewer parameters
-_FAR_OFF = 1.5  # factor of the smallest error of all models; models beyond it are dropped
+_MAX_ERROR_RATIO = 1.5  # factor of the smallest error of all models; models beyond it are dropped
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def choose_model(
     """
     part, start = _subset(corners, first)
     candidates, results = _candidates(models, part, start, stiffness)
-    limit = _FAR_OFF * min(one.fit.rms_px for one in candidates)
+    limit = _MAX_ERROR_RATIO * min(one.fit.rms_px for one in candidates)
     errors = {
         one.name: _held_out(one, part, stiffness) if one.fit.rms_px <= limit else None
         for one in candidates

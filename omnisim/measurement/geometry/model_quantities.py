@@ -9,7 +9,7 @@ import numpy as np
 from omnisim.cameras import FThetaInverseCamera
 from omnisim.measurement.geometry.bundle_adjustment import Adjustment, Corners
 from omnisim.measurement.geometry.candidate_models import Candidate, widest_angle_rad
-from omnisim.measurement.quantity import Quantity, Unseen
+from omnisim.measurement.quantity import Quantity, Unobservable
 
 _EDGE_RAD = math.radians(5.0)
 
@@ -40,15 +40,17 @@ def _unit(label: str, chosen: Candidate) -> str:
     return "px" if name.endswith("_px") else ""
 
 
-def unseen_quantities(fit: Adjustment, corners: Corners, is_held_out: bool) -> tuple[Unseen, ...]:
+def unobservable_quantities(
+    fit: Adjustment, corners: Corners, is_held_out: bool
+) -> tuple[Unobservable, ...]:
     """Quantities not determined by the images: the field beyond the corners, the held-out error."""
-    unseen = []
+    unobservable = []
     if not is_held_out:
         reason = (
             "without a fifth of the images, no fit reaches the corners in them: show the board in "
             "more images near the edge"
         )
-        unseen.append(Unseen("held_out_rms_px", reason))
+        unobservable.append(Unobservable("held_out_rms_px", reason))
     reach = widest_angle_rad(fit, corners)
     camera = fit.camera
     v, u = np.mgrid[0 : camera.height_px : 8, 0 : camera.width_px : 8]
@@ -56,10 +58,10 @@ def unseen_quantities(fit: Adjustment, corners: Corners, is_held_out: bool) -> t
     across = np.linalg.norm(rays.directions[rays.valid][:, :2], axis=1)
     shown = float(np.arctan2(across, rays.directions[rays.valid][:, 2]).max())
     if shown < reach + _EDGE_RAD:
-        return tuple(unseen)
+        return tuple(unobservable)
     reason = (
         f"corners reach {math.degrees(reach):.1f}° from the axis, the image may reach "
         f"{math.degrees(shown):.1f}°: beyond the corners the model is extrapolated; show the board "
         "at the edge of the image"
     )
-    return (*unseen, Unseen("field_of_view", reason))
+    return (*unobservable, Unobservable("field_of_view", reason))

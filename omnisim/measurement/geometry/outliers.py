@@ -21,8 +21,8 @@ MAX_FOCAL_SIGMA = 0.03
 MIN_DECENTERED = 0.8  # error with decentering relative to that without, below which it is used
 CHECK_BOARD = "check the board's size, and that its squares are square and of one size"
 Fit = TypeVar("Fit")
-_OUTLYING = 4.0  # factor of the images' median error
-_OUTLYING_CORNER = 8.0  # factor of the corners' median error: 9.4 standard deviations
+_MAX_IMAGE_RATIO = 4.0  # factor of the images' median error
+_MAX_CORNER_RATIO = 8.0  # factor of the corners' median error: 9.4 standard deviations
 
 
 class FittedViews(NamedTuple, Generic[Fit]):
@@ -75,7 +75,7 @@ def remove_outliers(
         ends = zip(corners.starts[:-1], corners.starts[1:], strict=True)
         medians = np.array([np.median(lengths[slice(*pair)]) for pair in ends])
         worst, usual = int(np.argmax(medians)), float(np.median(medians))
-        if medians[worst] > max(_OUTLYING * usual, 0.1):
+        if medians[worst] > max(_MAX_IMAGE_RATIO * usual, 0.1):
             reason = f"{medians[worst]:.2g} px off a lens that fits the others to {usual:.2g} px"
             rejected.append(RejectedImage(views[worst].name, reason))
             views = [view for index, view in enumerate(views) if index != worst]
@@ -85,7 +85,7 @@ def remove_outliers(
                     "camera, one lens setting and one rigid board"
                 )
             continue
-        is_outlier = lengths > max(_OUTLYING_CORNER * float(np.median(lengths)), 0.3)
+        is_outlier = lengths > max(_MAX_CORNER_RATIO * float(np.median(lengths)), 0.3)
         if not is_outlier.any():
             return views, rejected, fitted.fit
         _check_board(is_outlier, corners)
@@ -103,7 +103,7 @@ def fit_lens(views: list[BoardView], size_px: tuple[int, int]) -> FittedViews[Ad
         MeasurementError: no lens fits.
     """
     first = initial_adjustment(views, size_px)
-    return FittedViews(judging_lens(first, Corners.of(views)).fit.errors_px, first)
+    return FittedViews(preliminary_lens(first, Corners.of(views)).fit.errors_px, first)
 
 
 def _check_board(is_outlier: NDArray[np.bool_], corners: Corners) -> None:
@@ -162,7 +162,7 @@ def check_focal_length(first: Adjustment) -> None:
         )
 
 
-def judging_lens(first: Adjustment, corners: Corners) -> Candidate:
+def preliminary_lens(first: Adjustment, corners: Corners) -> Candidate:
     """Preliminary lens for the rejection of outliers and the choice of the board's shape.
 
     It is a Kannala-Brandt lens, unless the unified model with decentering, as for a misaligned

@@ -21,9 +21,9 @@ Floats = NDArray[np.float64]
 MIN_TERMS = 3
 _RATES = np.geomspace(0.05, 4.0, 24)  # squared tangents at r = 1: fields up to 127° across
 _RING = 31  # blocks of about the same radius
-_LEAST_SPREAD = 2.5e-4  # of the light: what is off by less than four of it is no outlier
-_LEAST_ERROR = 5e-5  # of the light: smaller errors are as good
-_AS_GOOD = 1.005  # times the smallest error of all profiles
+_MIN_SPREAD = 2.5e-4  # of the light: what is off by less than four of it is no outlier
+_MIN_ERROR = 5e-5  # of the light: smaller errors are as good
+_MAX_ERROR_RATIO = 1.005  # times the smallest error of all profiles
 _ROUNDS, _MIN_ROUNDS = 6, 2  # profile and gradient converge in two
 _POINTS = 200
 
@@ -91,7 +91,7 @@ def fit_profile(light: Floats, squared: Floats, offsets: Floats, brightest: floa
     wide = _fit(light, squared, offsets, MIN_TERMS + 1, float(rate), brightest)
     profiles = [*polynomials[:2], wide, *polynomials[2:]]  # by their number of unknowns
     errors = [float(np.sqrt(np.mean(np.square(one.residuals[judged])))) for one in profiles]
-    limit = max(_AS_GOOD * min(errors), _LEAST_ERROR * brightest)
+    limit = max(_MAX_ERROR_RATIO * min(errors), _MIN_ERROR * brightest)
     return next(one for one, rms in zip(profiles, errors, strict=True) if rms <= limit)
 
 
@@ -136,7 +136,7 @@ def _fit(
         before = is_kept
         deviations = np.abs(residuals - _ring_medians(residuals, squared))
         spread = 1.4826 * float(np.median(deviations[is_kept]))
-        is_kept = deviations <= 4.0 * max(spread, _LEAST_SPREAD * brightest)
+        is_kept = deviations <= 4.0 * max(spread, _MIN_SPREAD * brightest)
         if number >= _MIN_ROUNDS and np.array_equal(before, is_kept):
             break
     return RadialProfile(solution, rate, gradient, is_kept, residuals)

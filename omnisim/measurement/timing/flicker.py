@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 
 from omnisim.core.errors import MeasurementError
-from omnisim.measurement.quantity import Quantity, Unseen
+from omnisim.measurement.quantity import Quantity, Unobservable
 
 Floats = NDArray[np.float64]
 MIN_FRAMES = 5
@@ -51,7 +51,7 @@ class MeasuredTiming:
         readout_s: time from the first to the last line; 0: a global shutter.
         lines: "rows" or "columns": the lines that are read out one after another.
         quantities: readout, line time, flicker and exposure, as far as they are determined.
-        unseen: quantities that the frames do not determine.
+        unobservable: quantities that the frames do not determine.
         profile: (frames, lines) light of each line, divided by the scene's light, for plots.
         fitted: (frames, lines) fitted bands, in the units of `profile`.
     """
@@ -59,7 +59,7 @@ class MeasuredTiming:
     readout_s: float
     lines: str
     quantities: tuple[Quantity, ...]
-    unseen: tuple[Unseen, ...]
+    unobservable: tuple[Unobservable, ...]
     profile: Floats
     fitted: Floats
 
@@ -143,17 +143,17 @@ def measure_timing(
         Quantity("line_s", line_s, sigma_s, "s", basis),
         Quantity("modulation", bands.modulation, bands.modulation_sigma, "", basis),
     ]
-    unseen = [
-        Unseen(
+    unobservable = [
+        Unobservable(
             "readout_direction",
             "bands look the same from top to bottom and from bottom to top: photograph something "
             "that turns",
         )
     ]
     exposure = _exposure(bands, lamp_modulation, flicker_hz, basis)
-    (quantities if isinstance(exposure, Quantity) else unseen).append(exposure)  # type: ignore[arg-type]
+    (quantities if isinstance(exposure, Quantity) else unobservable).append(exposure)  # type: ignore[arg-type]
     return MeasuredTiming(
-        readout_s, lines, tuple(quantities), tuple(unseen), bands.profile, bands.fitted
+        readout_s, lines, tuple(quantities), tuple(unobservable), bands.profile, bands.fitted
     )
 
 
@@ -259,20 +259,20 @@ def _amplitudes(profile: Floats, position: Floats, frequency: float) -> Floats:
 
 def _exposure(
     bands: _Bands, lamp: float | None, flicker_hz: float, basis: str
-) -> Quantity | Unseen:
+) -> Quantity | Unobservable:
     """Exposure time T from the modulation of the bands, m = m₀ |sinc(f T)|, with the lamp's m₀."""
     if lamp is None:
         reason = (
             "the lamp's own modulation is unknown: measure it with a photodiode, or in images of a "
             "short exposure"
         )
-        return Unseen("exposure_s", reason)
+        return Unobservable("exposure_s", reason)
     share = bands.modulation / lamp
     if share > 1.0 + 4.0 * bands.modulation_sigma / lamp:
         reason = (
             f"bands of {bands.modulation:.3g} are stronger than the lamp's modulation of {lamp:g}"
         )
-        return Unseen("exposure_s", reason)
+        return Unobservable("exposure_s", reason)
     cycles = _sinc_inverse(min(share, 1.0))
     slope = abs(_sinc_slope(cycles))
     sigma_s = bands.modulation_sigma / lamp / max(slope, 1e-6) / flicker_hz
@@ -310,7 +310,7 @@ def _global_shutter(profiles: LineProfiles, flicker_hz: float, name: str) -> Mea
         0.0,
         "rows",
         (Quantity("readout_s", 0.0, math.nan, "s", basis),),
-        (Unseen("exposure_s", f"no bands under {flicker_hz:g} Hz: the shutter is global"),),
+        (Unobservable("exposure_s", f"no bands under {flicker_hz:g} Hz: the shutter is global"),),
         profile,
         np.ones_like(profile),
     )

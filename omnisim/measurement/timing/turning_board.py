@@ -28,7 +28,7 @@ from omnisim.measurement.geometry.placed_board import (
     locate_board,
     pixels_of_points,
 )
-from omnisim.measurement.quantity import Quantity, Unseen
+from omnisim.measurement.quantity import Quantity, Unobservable
 from omnisim.measurement.timing.flicker import MIN_FRAMES
 
 Floats = NDArray[np.float64]
@@ -50,7 +50,7 @@ class MeasuredReadout:
         readout_s: time from the first to the last line; 0: a global shutter.
         lines: "rows" or "columns": the lines that are read out one after another.
         quantities: readout, line time and turn rate.
-        unseen: quantities that the images do not determine.
+        unobservable: quantities that the images do not determine.
         pixels_px: (n, 2) corners of all images.
         errors_px, frozen_px: (n, 2) their errors with the readout, and without it.
     """
@@ -58,7 +58,7 @@ class MeasuredReadout:
     readout_s: float
     lines: str
     quantities: tuple[Quantity, ...]
-    unseen: tuple[Unseen, ...]
+    unobservable: tuple[Unobservable, ...]
     pixels_px: Floats
     errors_px: Floats
     frozen_px: Floats
@@ -121,12 +121,16 @@ def measure_readout(
     basis = f"{len(fit.errors_px)} corners in {len(views)} images, at {turn_dps:.3g}°/s"
     sigma_s = fit.sigma / frame_rate_hz
     readout_s = abs(fit.readout) / frame_rate_hz
-    unseen = [Unseen("exposure_s", "a board's corners do not show it: use a flickering lamp")]
+    unobservable = [
+        Unobservable("exposure_s", "a board's corners do not show it: use a flickering lamp")
+    ]
     if readout_s < _GLOBAL * sigma_s:
         readout_s, lines = 0.0, "rows"
     elif fit.readout < 0.0:
         reason = f"{lines} are read out from the last to the first; a sensor file says it of the "
-        unseen.append(Unseen("readout_direction", reason + "first row: turn the images"))
+        unobservable.append(
+            Unobservable("readout_direction", reason + "first row: turn the images")
+        )
     quantities = (
         Quantity("readout_s", readout_s, sigma_s, "s", basis),
         Quantity("line_s", readout_s / (count - 1), sigma_s / (count - 1), "s", basis),
@@ -135,7 +139,7 @@ def measure_readout(
         readout_s,
         lines,
         quantities,
-        tuple(unseen),
+        tuple(unobservable),
         problem.pixels_px,
         fit.errors_px,
         frozen.errors_px,

@@ -70,7 +70,7 @@ def test_a_global_shutter_and_a_readout_from_below_are_told_apart():
     assert measured_from(turning_views(0.0)).readout_s == 0.0
     upward = measured_from(turning_views(-0.021))
     assert upward.readout_s == pytest.approx(0.021, rel=0.015)
-    assert "readout_direction" in {one.name for one in upward.unseen}
+    assert "readout_direction" in {one.name for one in upward.unobservable}
 
 
 @pytest.mark.parametrize(

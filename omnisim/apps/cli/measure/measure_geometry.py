@@ -75,11 +75,11 @@ def geometry(request: MeasureGeometryRequest) -> None:
         request.sensor,
         tables,
         measured.quantities,
-        measured.unseen,
+        measured.unobservable,
         details,
     )
     _write_plot(plot, measured)
-    print_measured(request.output, measured.quantities, measured.unseen)
+    print_measured(request.output, measured.quantities, measured.unobservable)
     _print(measured, rejected)
 
 

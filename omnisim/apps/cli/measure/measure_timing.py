@@ -25,7 +25,7 @@ from omnisim.measurement.geometry import BoardView, find_boards, read_board
 from omnisim.measurement.geometry.board_images import image_files
 from omnisim.measurement.geometry.placed_board import BoardSurface
 from omnisim.measurement.inputs import frame_numbers
-from omnisim.measurement.quantity import Unseen
+from omnisim.measurement.quantity import Unobservable
 from omnisim.measurement.response.mean_images import mean_image
 from omnisim.measurement.timing import (
     MeasuredReadout,
@@ -58,11 +58,11 @@ def timing(request: MeasureTimingRequest) -> None:
         measured, details = _of_a_board(request)
     degradation = dict(tables.get("degradation", {}))
     shutter = dict(degradation.get("shutter", {}))
-    unseen = list(measured.unseen)
+    unobservable = list(measured.unobservable)
     written = {"readout_s", "exposure_s"}
     if measured.lines == "columns":
         reason = "columns are read out one after the other; a sensor file says it of rows: turn it"
-        unseen.append(Unseen("degradation.shutter.readout_s", reason))
+        unobservable.append(Unobservable("degradation.shutter.readout_s", reason))
         written.remove("readout_s")
     for quantity in measured.quantities:
         if quantity.name in written:
@@ -74,10 +74,10 @@ def timing(request: MeasureTimingRequest) -> None:
         request.sensor,
         tables,
         measured.quantities,
-        unseen,
+        unobservable,
         {"lines": measured.lines, **details},
     )
-    print_measured(request.output, measured.quantities, unseen)
+    print_measured(request.output, measured.quantities, unobservable)
 
 
 def _check_options(request: MeasureTimingRequest) -> None:

@@ -14,7 +14,7 @@ from omnisim.apps.cli.measure.measured_files import (
     quantities_of,
     read_reports,
     report_path,
-    unseen_of,
+    unobservable_of,
 )
 from omnisim.core.errors import MeasurementError
 from omnisim.rendering.camera.omnicamera import OmniCamera
@@ -53,13 +53,13 @@ def measured_sections(sensor: Path) -> list[Section]:
 
 
 def _section(part: str, report: PartReport, camera: OmniCamera) -> Section:
-    quantities, unseen = quantities_of(report), unseen_of(report)
+    quantities, unobservable = quantities_of(report), unobservable_of(report)
     rows = tuple((one.name, *format_quantity(one), one.unit, one.basis) for one in quantities)
     tables = [
         ResultTable("Measured numbers.", ("name", "value", "±", "unit", "from"), rows),
     ]
-    if unseen:
-        missing = tuple((one.name, one.reason) for one in unseen)
+    if unobservable:
+        missing = tuple((one.name, one.reason) for one in unobservable)
         tables.append(ResultTable("Not measured.", ("name", "reason"), missing))
     if part == "geometry":
         tables += _geometry_tables(report)
