@@ -18,35 +18,37 @@ _SHARES = np.linspace(0.3, 0.7, 5)  # of a patch's sides, where its level is tak
 _TERMS = 6
 _FEW = 3  # terms of a plane, of boards of which little is visible
 _ROUNDS = 8
+MIN_PATCHES = 9  # of ink and of paper, for a polynomial of each
 
 
 class BoardLight(NamedTuple):
-    """Smooth light on a board.
+    """Smooth light on a board: quadratic polynomials of the position, of paper and of ink.
 
-    The light of paper is a quadratic polynomial of the position, a plane if there are few patches;
-    that of ink is a constant share of it. Beyond the fitted patches, the light is that of their
-    edge.
+    Ink has its own polynomial: it shines, and the lens's stray light, which is the same for both,
+    is much to it. Beyond the fitted patches, the light is that of their edge.
 
     Attributes:
         low_m, high_m: (2,) corners of the rectangle of all patches.
-        coefficients: (6,) of 1, x, y, x², x y, y², with x and y from -1 to 1 in the rectangle.
-        ink: light of ink as a share of that of paper.
+        paper, ink: (6,) coefficients of 1, x, y, x², x y, y², with x and y from -1 to 1 in the
+            rectangle.
     """
 
     low_m: Floats
     high_m: Floats
-    coefficients: Floats
-    ink: float
+    paper: Floats
+    ink: Floats
 
     def at(self, positions_m: Floats, is_black: NDArray[np.bool_]) -> Floats:
         """Light (...) at positions (..., 2) of ink or paper (...)."""
-        paper = _terms(positions_m, self.low_m, self.high_m) @ self.coefficients
-        light: Floats = np.maximum(paper * np.where(is_black, self.ink, 1.0), 0.0)
+        terms = _terms(positions_m, self.low_m, self.high_m)
+        light: Floats = np.maximum(np.where(is_black, terms @ self.ink, terms @ self.paper), 0.0)
         return light
 
 
 def fit_light(positions_m: Floats, light: Floats, is_black: NDArray[np.bool_]) -> BoardLight:
     """Fit smooth light to the patches of a board.
+
+    Of boards with few patches, the light of ink is taken as a constant share of that of paper.
 
     Args:
         positions_m: (patches, 2) centers on the board.
@@ -56,15 +58,21 @@ def fit_light(positions_m: Floats, light: Floats, is_black: NDArray[np.bool_]) -
     low: Floats = positions_m.min(axis=0)
     high: Floats = positions_m.max(axis=0)
     terms = _terms(positions_m, low, high)
+    if min(is_black.sum(), (~is_black).sum()) >= MIN_PATCHES:
+        paper, ink = (
+            np.linalg.lstsq(terms[of_color], light[of_color], rcond=None)[0]
+            for of_color in (~is_black, is_black)
+        )
+        return BoardLight(low, high, paper, ink)
     coefficients: Floats = np.zeros(_TERMS)
     count = _TERMS if len(light) >= 2 * _TERMS else _FEW
-    ink = float(np.median(light[is_black]) / max(np.median(light[~is_black]), 1e-9))
+    share = float(np.median(light[is_black]) / max(np.median(light[~is_black]), 1e-9))
     for _ in range(_ROUNDS):
-        design = terms[:, :count] * np.where(is_black, ink, 1.0)[:, None]
+        design = terms[:, :count] * np.where(is_black, share, 1.0)[:, None]
         coefficients[:count] = np.linalg.lstsq(design, light, rcond=None)[0]
-        paper = (terms @ coefficients)[is_black]
-        ink = float(light[is_black] @ paper / (paper @ paper))
-    return BoardLight(low, high, coefficients, ink)
+        lit = (terms @ coefficients)[is_black]
+        share = float(light[is_black] @ lit / (lit @ lit))
+    return BoardLight(low, high, coefficients, share * coefficients)
 
 
 def visible_patches(pattern: PrintedPattern, view: BoardView) -> Patches:

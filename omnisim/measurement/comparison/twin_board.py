@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.measurement.comparison.board_light import (
+    MIN_PATCHES,
     BoardLight,
     fit_light,
     patch_levels,
@@ -21,6 +22,7 @@ from omnisim.rendering.stage import open_sensor
 from omnisim.scene.model import Instance, Lighting, Material, Mesh, Scene, StartPose
 
 Floats = NDArray[np.float64]
+_CLIPPED = 254.0
 _MIN_FALLOFF = 0.05  # share of the light; less of it is not divided out
 
 
@@ -89,11 +91,15 @@ def _seen_light(
 ) -> BoardLight:
     """Smooth light on a board, without the twin's own vignetting, which is rendered again."""
     pixels = patch_samples_px(patches, board)
-    light = _encoding(sensor).linearized(patch_levels(image, pixels) / 255.0)
+    levels = patch_levels(image, pixels)
+    light = _encoding(sensor).linearized(levels / 255.0)
     light /= np.maximum(patch_levels(_falloff(sensor), pixels), _MIN_FALLOFF)
     left, top, right, bottom = patches.rectangles_m.T
     centers = 0.5 * np.stack((left + right, top + bottom), axis=-1)
-    return fit_light(centers, light, patches.is_black)
+    is_used = levels < _CLIPPED  # the light of clipped paper is unknown
+    if (is_used & ~patches.is_black).sum() < MIN_PATCHES:
+        is_used[:] = True
+    return fit_light(centers[is_used], light[is_used], patches.is_black[is_used])
 
 
 def _encoding(sensor: OmniCamera) -> Encoding:

@@ -136,7 +136,7 @@ def _section(comparison: Comparison) -> Section:
     return Section(
         "The camera beside its twin",
         "Each image's board is rendered in its solved pose by the sensor file, under smooth light "
-        "that was fitted to its squares or markers. The same detector finds the corners in both.",
+        "that was fitted to its ink and to its paper. The same detector finds the corners in both.",
         measures=(
             Measure("largest bias of corners, by ring", comparison.bias_px, "px", _BIAS_PX),
             Measure(
