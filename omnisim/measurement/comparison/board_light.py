@@ -45,19 +45,20 @@ class BoardLight(NamedTuple):
         return light
 
 
-def fit_light(positions_m: Floats, light: Floats, is_black: NDArray[np.bool_]) -> BoardLight:
+def fit_light(patches: Patches, light: Floats, is_used: NDArray[np.bool_]) -> BoardLight:
     """Fit smooth light to the patches of a board.
 
     Of boards with few patches, the light of ink is taken as a constant share of that of paper.
 
     Args:
-        positions_m: (patches, 2) centers on the board.
+        patches: patches of the board.
         light: (patches,) linear light.
-        is_black: (patches,) True for ink.
+        is_used: (patches,) False: patches whose light is unknown.
     """
-    low: Floats = positions_m.min(axis=0)
-    high: Floats = positions_m.max(axis=0)
-    terms = _terms(positions_m, low, high)
+    low: Floats = patches.rectangles_m[:, :2].min(axis=0)
+    high: Floats = patches.rectangles_m[:, 2:].max(axis=0)
+    terms = _terms(patches.centers_m, low, high)[is_used]
+    light, is_black = light[is_used], patches.is_black[is_used]
     if min(is_black.sum(), (~is_black).sum()) >= MIN_PATCHES:
         paper, ink = (
             np.linalg.lstsq(terms[of_color], light[of_color], rcond=None)[0]

@@ -32,6 +32,11 @@ class Patches:
     between_m: Floats
     is_black: Bools
 
+    @property
+    def centers_m(self) -> Floats:
+        """Centers (patches, 2) on the board."""
+        return 0.5 * (self.rectangles_m[:, :2] + self.rectangles_m[:, 2:])
+
     def select(self, chosen: Bools) -> Patches:
         """Patches selected by a mask (patches,)."""
         return Patches(self.rectangles_m[chosen], self.between_m[chosen], self.is_black[chosen])

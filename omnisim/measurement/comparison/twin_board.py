@@ -94,12 +94,10 @@ def _seen_light(
     levels = patch_levels(image, pixels)
     light = _encoding(sensor).linearized(levels / 255.0)
     light /= np.maximum(patch_levels(_falloff(sensor), pixels), _MIN_FALLOFF)
-    left, top, right, bottom = patches.rectangles_m.T
-    centers = 0.5 * np.stack((left + right, top + bottom), axis=-1)
     is_used = levels < _CLIPPED  # the light of clipped paper is unknown
     if (is_used & ~patches.is_black).sum() < MIN_PATCHES:
         is_used[:] = True
-    return fit_light(centers[is_used], light[is_used], patches.is_black[is_used])
+    return fit_light(patches, light, is_used)
 
 
 def _encoding(sensor: OmniCamera) -> Encoding:

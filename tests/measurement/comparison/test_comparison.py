@@ -10,6 +10,7 @@ from omnisim.core.errors import MeasurementError
 from omnisim.measurement.comparison import BoardSurface, compare_images, locate_board
 from omnisim.measurement.comparison.board_light import fit_light
 from omnisim.measurement.comparison.comparison import compare_image
+from omnisim.measurement.comparison.printed_pattern import Patches
 from omnisim.measurement.geometry import AprilGrid, BoardView, CharucoBoard, Chessboard
 from omnisim.measurement.geometry.board_detection import find_board
 from omnisim.rendering.camera.degradations import Degradation, Encoding
@@ -81,7 +82,11 @@ def test_fitted_light_leaves_the_noise_of_squares():
     is_black = (np.indices(x.shape).sum(axis=0) % 2 == 0).ravel()
     positions = np.stack((x.ravel(), y.ravel()), axis=1)
     true = (0.6 + 0.1 * x - 0.05 * y * y).ravel() * np.where(is_black, 0.1, 1.0)
-    light = fit_light(positions, true + 0.002 * random.normal(size=true.shape), is_black)
+    squares = np.concatenate((positions - 0.2, positions + 0.2), axis=1)
+    measured = true + 0.002 * random.normal(size=true.shape)
+    measured[11] += 0.3  # clipped, and so left out
+    is_used = np.arange(35) != 11
+    light = fit_light(Patches(squares, squares, is_black), measured, is_used)
     assert np.abs(light.at(positions, is_black) - true).max() < 0.006
 
 
