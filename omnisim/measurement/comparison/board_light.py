@@ -60,10 +60,10 @@ def fit_light(patches: Patches, light: Floats, is_used: NDArray[np.bool_]) -> Bo
     terms = _terms(patches.centers_m, low, high)[is_used]
     light, is_black = light[is_used], patches.is_black[is_used]
     if min(is_black.sum(), (~is_black).sum()) >= MIN_PATCHES:
-        paper, ink = (
-            np.linalg.lstsq(terms[of_color], light[of_color], rcond=None)[0]
-            for of_color in (~is_black, is_black)
-        )
+        paper: Floats = np.zeros(_TERMS)
+        ink: Floats = np.zeros(_TERMS)
+        for color, of_color in ((paper, ~is_black), (ink, is_black)):
+            color[:] = np.linalg.lstsq(terms[of_color], light[of_color], rcond=None)[0]
         return BoardLight(low, high, paper, ink)
     coefficients: Floats = np.zeros(_TERMS)
     count = _TERMS if len(light) >= 2 * _TERMS else _FEW
