@@ -26,6 +26,7 @@ MIN_FRAMES = 5
 MIN_PERIODS = 0.75  # of the flicker in a frame
 MIN_SAMPLES = 4.0  # rows per period
 MIN_RATIO = 12.0  # of the bands' power to the median of all frequencies
+MAX_REST = 0.01  # power of another frequency, as a share of that of the bands
 MIN_FLICKER = 0.005  # share of the light
 MAX_CLIPPED = 0.01
 _FINE = 8  # steps of the search per independent frequency
@@ -110,8 +111,8 @@ def measure_timing(
         name: name of the frames, for messages.
 
     Raises:
-        MeasurementError: a frequency or a modulation out of range, no flicker, or less than 0.75
-            of its periods in a frame.
+        MeasurementError: a frequency or a modulation out of range, no flicker, less than 0.75 of
+            its periods in a frame, or a scene that moves.
     """
     if not flicker_hz > 0.0:
         raise MeasurementError(f"flicker: expected a frequency above 0 Hz, got {flicker_hz:g}")
@@ -128,6 +129,7 @@ def measure_timing(
     if peaks[lines].ratio < MIN_RATIO:
         return _global_shutter(profiles, flicker_hz, name)
     bands = _fit(light, peaks[lines].frequency)
+    _check_scene(bands, name)
     count = light.shape[1]
     periods = bands.frequency * (count - 1)
     if periods < MIN_PERIODS:
@@ -155,6 +157,25 @@ def measure_timing(
     return MeasuredTiming(
         readout_s, lines, tuple(quantities), tuple(unobservable), bands.profile, bands.fitted
     )
+
+
+def _check_scene(bands: _Bands, name: str) -> None:
+    """Reject frames that differ by more than bands and their harmonics, as of a pulsed lamp.
+
+    Raises:
+        MeasurementError: the strongest other frequency has too much power.
+    """
+    rest = _powers(1.0 + bands.profile - bands.fitted)
+    order = np.arange(len(rest)) / (_FINE * bands.profile.shape[1] * bands.frequency)
+    harmonic = np.rint(order)
+    width = 1.0 / (bands.profile.shape[1] * bands.frequency)  # of a line of the spectrum
+    rest[(harmonic >= 2.0) & (np.abs(order - harmonic) <= width)] = 0.0
+    share = float(rest.max() / _powers(bands.profile).max())
+    if share > MAX_REST:
+        raise MeasurementError(
+            f"{name}: the frames differ by more than bands, which leave {100.0 * share:.0f} % of "
+            "their power at another frequency: expected a still surface and a still camera"
+        )
 
 
 class _Peak(NamedTuple):
@@ -196,14 +217,19 @@ def _without_scene(light: Floats) -> Floats:
 
 def _peak(profile: Floats) -> _Peak:
     """Strongest frequency of the power spectrum summed over the frames."""
-    count = profile.shape[1]
-    padded = _FINE * count
-    power = np.square(np.abs(np.fft.rfft(profile - 1.0, padded, axis=1))).sum(axis=0)
-    frequencies = np.arange(len(power)) / padded
-    power[frequencies < 0.5 / count] = 0.0  # drift of the light, removed with the means
+    power = _powers(profile)
     best = int(np.argmax(power))
     noise = float(np.median(power[power > 0.0])) + 1e-30
-    return _Peak(float(frequencies[best]), float(power[best]) / noise)
+    return _Peak(best / (_FINE * profile.shape[1]), float(power[best]) / noise)
+
+
+def _powers(profile: Floats) -> Floats:
+    """Power by frequency, in steps of 1 / (8 lines), summed over the frames."""
+    count = profile.shape[1]
+    padded = _FINE * count
+    power: Floats = np.square(np.abs(np.fft.rfft(profile - 1.0, padded, axis=1))).sum(axis=0)
+    power[np.arange(len(power)) < 0.5 * _FINE] = 0.0  # drift of the light, removed with the means
+    return power
 
 
 def _fit(light: Floats, frequency: float) -> _Bands:

@@ -94,3 +94,13 @@ def test_white_frames_are_refused():
     sizes = [np.zeros((20, 30), np.uint8), np.zeros((20, 31), np.uint8)]
     with pytest.raises(MeasurementError, match="frames of several sizes"):
         line_profiles(sizes, 255.0)
+
+
+def test_a_scene_that_moves_is_refused():
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    frames = [
+        np.where(np.hypot(x - 60 - 20 * index, y - 40 - 15 * index) < 50, 180, 60).astype(np.uint8)
+        for index in range(8)
+    ]
+    with pytest.raises(MeasurementError, match="frames differ by more than bands"):
+        measure_timing(line_profiles(frames, 255.0), FLICKER_HZ)
