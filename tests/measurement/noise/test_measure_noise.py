@@ -211,7 +211,7 @@ def test_clipped_darks_and_sizes_are_refused():
         measure_noise(darks, [*flats, other])
     with pytest.raises(MeasurementError, match="bit depth 8: expected at least 12"):
         measure_noise(darks, flats, bit_depth=8)
-    with pytest.raises(MeasurementError, match="darker than the dark frames: expected dark"):
+    with pytest.raises(MeasurementError, match="expected flats brighter than the dark frames"):
         measure_noise(flats, darks)
     with pytest.raises(MeasurementError, match="frames: expected at least 2 frames, got 1"):
         frame_statistics([np.zeros((2, 2), np.uint8)], 0.01)
