@@ -28,12 +28,21 @@ def renew_figures(source: Path, target: Path, names: Iterable[str]) -> None:
         image.save(target / f"{name}.jpg", quality=88, optimize=True)
 
 
+def block_of(mark: str, pages: Iterable[Path] = PAGES) -> str:
+    """Text between the comments `mark` and `end of mark` of the first page that holds them."""
+    for page in pages:
+        found = _pattern(mark).search(page.read_text(encoding="utf-8"))
+        if found is not None:
+            return found[0].partition("\n")[2].rpartition("<!--")[0]
+    sys.exit(f"{mark}: expected a page that has a place for it between two comments, got none")
+
+
 def renew_block(mark: str, block: str, pages: Iterable[Path] = PAGES) -> None:
     """Put a block between the comments `mark` and `end of mark` of each page that holds them.
 
     Links of the block are relative to the project's root; on a page they are relative to it.
     """
-    pattern = re.compile(rf"(<!-- {mark} -->\n).*?(<!-- end of {mark} -->)", re.DOTALL)
+    pattern = _pattern(mark)
     holders = 0
     for page in pages:
         text = page.read_text(encoding="utf-8")
@@ -47,6 +56,11 @@ def renew_block(mark: str, block: str, pages: Iterable[Path] = PAGES) -> None:
             page.write_text(text, encoding="utf-8")
     if not holders:
         sys.exit(f"{mark}: expected a page that has a place for it between two comments, got none")
+
+
+def _pattern(mark: str) -> re.Pattern[str]:
+    """Both comments of a mark, with the text between them."""
+    return re.compile(rf"(<!-- {mark} -->\n).*?(<!-- end of {mark} -->)", re.DOTALL)
 
 
 def _moved_links(block: str, page: Path) -> str:

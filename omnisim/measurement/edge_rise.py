@@ -17,7 +17,10 @@ _REACH_PX = 8.0
 
 
 def edge_rise_px(
-    image: NDArray[np.uint8], start_px: NDArray[np.float64], end_px: NDArray[np.float64]
+    image: NDArray[np.uint8],
+    start_px: NDArray[np.float64],
+    end_px: NDArray[np.float64],
+    clear: float = 0.4,
 ) -> float:
     """Distance over which an edge rises from 10 % to 90 %, px; NaN: too short, faint or blurred.
 
@@ -33,7 +36,7 @@ def edge_rise_px(
     along = along / length
     across = np.array([-along[1], along[0]])
     middle, half = 0.5 * (start_px + end_px), 0.25 * length
-    reach = min(_REACH_PX, 0.4 * length)
+    reach = min(_REACH_PX, clear * length)
     corner = np.abs(along) * half + np.abs(across) * reach
     low = np.floor(middle - corner).astype(np.int64).clip(0)
     high = np.ceil(middle + corner).astype(np.int64) + 1

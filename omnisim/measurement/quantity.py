@@ -25,7 +25,7 @@ class Quantity:
 
 
 @dataclass(frozen=True)
-class Unseen:
+class Unobservable:
     """Quantity that the images do not determine.
 
     Attributes:

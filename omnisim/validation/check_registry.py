@@ -110,6 +110,7 @@ CHECKS = (
         "response",
         "Response, vignetting and readout measured from frames",
         "measured.response_and_readout.check",
+        oracles=("cv2",),
     ),
     Check("orientation", "Orientation", "orientation.check"),
     Check("unwarping", "Unwarped views", "unwarping.check"),

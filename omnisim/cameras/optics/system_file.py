@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,11 +133,25 @@ class OpticsFile(Table):
         return matrix
 
 
-def read_optics_file(path: str | Path) -> OpticalSystem:
-    """Read an optical system from an optics file or from a sensor file with `[optics]`.
+class OpticsTables(NamedTuple):
+    """Table of an optical system in a file.
+
+    Attributes:
+        table: keys of an optics file.
+        source: file that has them, to which paths are relative.
+        at: key of the table in the file; empty: the file itself.
+    """
+
+    table: dict[str, Any]
+    source: str
+    at: str
+
+
+def read_optics_tables(path: str | Path) -> OpticsTables:
+    """Read the table of an optics file or of a sensor file with `[optics]`, without validation.
 
     Raises:
-        SensorFileError: the file is invalid; names file, key, actual and expected value.
+        SensorFileError: a file cannot be read, or is not TOML.
     """
     if Path(path).suffix.lower() == ".csv":
         raise SensorFileError(
@@ -147,12 +161,21 @@ def read_optics_file(path: str | Path) -> OpticalSystem:
     table = read_tables(Path(path), SensorFileError)
     in_sensor = table.get("optics")
     if "surfaces" in table or not isinstance(in_sensor, dict):
-        return parse_optics(table, str(path))
+        return OpticsTables(table, str(path), "")
     if isinstance(in_sensor.get("file"), str):
         file = Path(path).parent / in_sensor["file"]
-        return parse_optics(read_tables(file, SensorFileError), str(file))
+        return OpticsTables(read_tables(file, SensorFileError), str(file), "")
     own = {key: value for key, value in in_sensor.items() if key not in _OF_SENSORS}
-    return parse_optics(own, str(path), "optics")
+    return OpticsTables(own, str(path), "optics")
+
+
+def read_optics_file(path: str | Path) -> OpticalSystem:
+    """Read an optical system from an optics file or from a sensor file with `[optics]`.
+
+    Raises:
+        SensorFileError: the file is invalid; names file, key, actual and expected value.
+    """
+    return parse_optics(*read_optics_tables(path))
 
 
 def parse_optics(table: Mapping[str, Any], source: str = "optics", at: str = "") -> OpticalSystem:

@@ -1,6 +1,6 @@
 """Comparison of a camera's images with those of its twin: the same boards in the same poses."""
 
 from omnisim.measurement.comparison.comparison import Comparison, ImageComparison, compare_images
-from omnisim.measurement.comparison.twin_board import locate_board
+from omnisim.measurement.geometry.placed_board import BoardSurface, locate_board
 
-__all__ = ["Comparison", "ImageComparison", "compare_images", "locate_board"]
+__all__ = ["BoardSurface", "Comparison", "ImageComparison", "compare_images", "locate_board"]

@@ -10,21 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import MeasurementError
-from omnisim.core.srgb import linear_from_srgb
-from omnisim.measurement.comparison.twin_board import (
-    board_grid_m,
-    board_scene,
-    even_light,
-    locate_board,
-    square_levels,
+from omnisim.measurement.comparison.board_light import (
+    matching_pattern,
+    patch_levels,
+    patch_samples_px,
+    visible_patches,
 )
+from omnisim.measurement.comparison.printed_pattern import PrintedPattern, possible_patterns
+from omnisim.measurement.comparison.twin_board import render_twin
 from omnisim.measurement.edge_rise import edge_rise_px
 from omnisim.measurement.geometry.board_detection import find_board
 from omnisim.measurement.geometry.board_view import BoardView
-from omnisim.measurement.geometry.boards import Chessboard
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
+from omnisim.measurement.geometry.boards import Board
+from omnisim.measurement.geometry.placed_board import BoardSurface, locate_board
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.stage import open_sensor
 
 Floats = NDArray[np.float64]
 RINGS = 5
@@ -39,10 +38,11 @@ class ImageComparison:
         name: image file.
         image, twin: (height, width) gray levels.
         corners_px: (n, 2) corners in the image.
-        offsets_px: (n, 2) corners found in the twin, minus those in the image.
+        offsets_px: (n, 2) corners found in the twin, minus those in the image; NaN: not found.
         rises_px: (edges, 2) 10-90 % rise of each edge in the image and in the twin; NaN: not seen.
         edge_centers_px: (edges, 2) middle of each edge in the image.
-        levels: (squares, 2) gray levels of the squares in the image and in the twin.
+        levels: (patches, 2) gray levels of squares or other patches of one color in the image and
+            in the twin.
     """
 
     name: str
@@ -62,7 +62,8 @@ class Ring:
     Attributes:
         radius_px: outer radius about the principal point.
         corners: number of corners.
-        lost: number of corners more than 1 px off in the twin; `bias_px` and `rms_px` exclude them.
+        lost: number of corners more than 1 px off, or not found, in the twin; `bias_px` and
+            `rms_px` exclude them.
         bias_px: (2,) mean offset of the corners along the radius and across the radius.
         rms_px: root mean square of the corners' offsets.
         rise_px, twin_rise_px: median 10-90 % rise of edges in the images and in the twin.
@@ -84,7 +85,7 @@ class Comparison:
     Attributes:
         images: each image with its twin.
         rings: rings of the image with equally many corners, from the middle outward.
-        level_errors: (squares,) gray levels of the twin minus those of the images.
+        level_errors: (patches,) gray levels of the twin minus those of the images.
     """
 
     images: tuple[ImageComparison, ...]
@@ -98,13 +99,13 @@ class Comparison:
 
     @property
     def lost(self) -> int:
-        """Number of corners that are more than 1 px off in the twin."""
+        """Number of corners that are more than 1 px off, or not found, in the twin."""
         return sum(ring.lost for ring in self.rings)
 
 
 def compare_image(
     sensor: OmniCamera,
-    board: Chessboard,
+    board: Board,
     view: BoardView,
     image: NDArray[np.uint8],
     board_m: Floats | None = None,
@@ -114,7 +115,7 @@ def compare_image(
 
     Args:
         sensor: twin of the camera.
-        board: chessboard.
+        board: calibration board.
         view: the board in the image.
         image: (height, width) gray image.
         board_m: (corners, 3) measured positions of the board's corners; None: flat.
@@ -130,34 +131,56 @@ def compare_image(
             f"{view.name}: {image.shape[1]} × {image.shape[0]} px, but the sensor has "
             f"{camera.width_px} × {camera.height_px}"
         )
-    pose = locate_board(camera, view, board_m).poses[0]
-    grid_m = board_grid_m(board, board_m)
-    twin = _render(sensor, pose, grid_m, _light(sensor, image, pose, grid_m), image)
+    patterns = possible_patterns(board)
+    surface = None
+    if board_m is not None:
+        corners_m = np.unique(patterns[0].edges_m.reshape(-1, 2), axis=0)
+        surface = BoardSurface.measured(board_m, corners_m)
+    placed = locate_board(camera, view, surface)
+    pattern = matching_pattern(image, patterns, placed, view)
+    patches = visible_patches(pattern, view)
+    samples = patch_samples_px(patches, placed)
+    is_shown = np.asarray(np.isfinite(samples).all(axis=(1, 2)))
+    patches, samples = patches.select(is_shown), samples[is_shown]
+    twin = render_twin(sensor, placed, pattern, patches, image)
     try:
         found = find_board(twin, board, view.name, mirrored)
     except MeasurementError as reason:
         raise MeasurementError(f"{view.name}: in the twin's image: {reason}") from None
-    offsets = found.pixels_px - view.pixels_px
-    turned = found.pixels_px[::-1] - view.pixels_px  # boards that look the same after half a turn
-    if np.abs(turned).sum() < np.abs(offsets).sum():
-        offsets = turned
-    starts, ends = _edges(view, board)
+    starts, ends = _edges(view, pattern)
     rises = [
-        [edge_rise_px(one, start, end) for one in (image, twin)]
+        [edge_rise_px(one, start, end, pattern.clear) for one in (image, twin)]
         for start, end in zip(starts, ends, strict=True)
     ]
-    inner = view.pixels_px.reshape(board.rows, board.columns, 2)
-    levels = [square_levels(one, inner).ravel() for one in (image, twin)]
+    levels = [patch_levels(one, samples) for one in (image, twin)]
     return ImageComparison(
         view.name,
         image,
         twin,
         view.pixels_px,
-        offsets,
-        np.array(rises),
+        _offsets_px(view, found),
+        np.array(rises).reshape(-1, 2),
         0.5 * (starts + ends),
         np.stack(levels, axis=1),
     )
+
+
+def _offsets_px(view: BoardView, found: BoardView) -> Floats:
+    """Offsets (n, 2) of a view's corners as found in the twin; NaN: not found."""
+    if len(found.pixels_px) == len(view.pixels_px):
+        turned = found.pixels_px[::-1] - view.pixels_px  # a board may look the same upside down
+        offsets: Floats = found.pixels_px - view.pixels_px
+        if np.abs(turned).sum() < np.abs(offsets).sum():
+            return turned
+    pixel_of_point = dict(zip(_keys(found.points_m), found.pixels_px, strict=True))
+    missing = np.full(2, np.nan)
+    pixels = [pixel_of_point.get(key, missing) for key in _keys(view.points_m)]
+    return np.array(pixels) - view.pixels_px
+
+
+def _keys(points_m: Floats) -> list[tuple[float, ...]]:
+    """Keys of points (n, 2) on a board."""
+    return [tuple(point) for point in np.round(points_m, 9).tolist()]
 
 
 def compare_images(sensor: OmniCamera, images: list[ImageComparison]) -> Comparison:
@@ -201,87 +224,13 @@ def compare_images(sensor: OmniCamera, images: list[ImageComparison]) -> Compari
     return Comparison(tuple(images), tuple(rings), levels[:, 1] - levels[:, 0])
 
 
-def _edges(view: BoardView, board: Chessboard) -> tuple[Floats, Floats]:
-    """Start and end points, (edges, 2) each, of the edges between neighboring corners."""
-    grid = view.pixels_px.reshape(board.rows, board.columns, 2)
-    starts = [grid[:, :-1].reshape(-1, 2), grid[:-1].reshape(-1, 2)]
-    ends = [grid[:, 1:].reshape(-1, 2), grid[1:].reshape(-1, 2)]
-    return np.concatenate(starts), np.concatenate(ends)
-
-
-def _light(
-    sensor: OmniCamera, image: NDArray[np.uint8], pose: Floats, grid_m: Floats
-) -> tuple[Floats, float]:
-    """Linear light (rows, columns) of a board's squares, without vignetting, and the background's.
-
-    The light of the squares is smoothed over the board, so that the twin's own lens effects are
-    not rendered twice.
-    """
-    points = grid_m @ pose[:3, :3].T + pose[:3, 3]
-    seen = sensor.model.pixel_from_ray(points)
-    pixels = np.where(seen.valid[..., None], seen.positions_px, 0.0)
-    light = _linear(sensor, square_levels(image, pixels))
-    falloff = _falloff(sensor)
-    corners = (pixels[:-1, :-1], pixels[:-1, 1:], pixels[1:, :-1], pixels[1:, 1:])
-    centers = np.rint(0.25 * sum(corners)).astype(np.int64)
-    column = centers[..., 0].clip(0, image.shape[1] - 1)
-    row = centers[..., 1].clip(0, image.shape[0] - 1)
-    light = light / np.maximum(falloff[row, column], 0.05)
-    rows, columns = light.shape
-    parity = np.indices(light.shape).sum(axis=0) % 2 == 0
-    known = np.zeros(light.shape, dtype=bool)
-    known[2 : rows - 2, 2 : columns - 2] = True  # squares between inner corners
-    is_black = parity
-    if light[known & parity].mean() > light[known & ~parity].mean():
-        is_black = ~parity
-    inner = (slice(2, rows - 2), slice(2, columns - 2))
-    even = even_light(light[inner], is_black[inner])
-    white = float(np.median(even[~is_black[inner]]))
-    black = float(np.median(even[is_black[inner]]))
-    is_border = np.ones(light.shape, dtype=bool)
-    is_border[1:-1, 1:-1] = False
-    whole = np.where(is_black & ~is_border, black, white)
-    whole[inner] = even
-    return whole, float(_linear(sensor, np.array(np.median(image), dtype=np.float64)))
-
-
-def _linear(sensor: OmniCamera, levels: Floats) -> Floats:
-    """Linear light (...) of gray levels (...) from 0 to 255; sRGB if the sensor has no encoding."""
-    encoding = sensor.degradation.encoding
-    if encoding is None or encoding.gamma == "srgb":
-        light: Floats = linear_from_srgb(levels / 255.0)
-        return light
-    return (levels / 255.0) ** float(encoding.gamma)
-
-
-def _falloff(sensor: OmniCamera) -> NDArray[np.float32]:
-    """Share (height, width) of the light that vignetting leaves."""
-    geometry = ImageGeometry.of_camera(sensor.model)
-    light = np.ones((geometry.height_px, geometry.width_px, 4), dtype=np.float32)
-    vignetting = sensor.degradation.vignetting
-    return light[..., 1] if vignetting is None else vignetting.apply(light, geometry)[..., 1]
-
-
-def _render(
-    sensor: OmniCamera,
-    pose: Floats,
-    grid_m: Floats,
-    light: tuple[Floats, float],
-    image: NDArray[np.uint8],
-) -> NDArray[np.uint8]:
-    """Gray image (height, width) of the board, rendered with the twin.
-
-    Args:
-        sensor: twin of the camera.
-        pose: (4, 4) optical_from_board.
-        grid_m: (rows + 1, columns + 1, 3) corners of the squares.
-        light: linear light (rows, columns) of the squares, and of the background.
-        image: image of the camera.
-    """
-    rig_from_board = np.eye(4)
-    rig_from_board[:3] = sensor.model.rig_from_optical @ pose[:3]
-    base_from_board = sensor.base_from_rig @ rig_from_board
-    with open_sensor(board_scene(grid_m, *light), sensor, unlit=True) as renderer:
-        frame = renderer.render(np.linalg.inv(base_from_board))
-    gray: NDArray[np.uint8] = np.ascontiguousarray(frame.rgba[..., 1])
-    return gray
+def _edges(view: BoardView, pattern: PrintedPattern) -> tuple[Floats, Floats]:
+    """Start and end points, (edges, 2) each, of the edges between detected corners."""
+    pixel_of_point = dict(zip(_keys(view.points_m), view.pixels_px, strict=True))
+    ends = [
+        [pixel_of_point[start], pixel_of_point[end]]
+        for start, end in (_keys(edge) for edge in pattern.edges_m)
+        if start in pixel_of_point and end in pixel_of_point
+    ]
+    pixels = np.array(ends).reshape(-1, 2, 2)
+    return pixels[:, 0], pixels[:, 1]

@@ -3,11 +3,9 @@
 from omnisim.measurement.geometry.board_images import find_boards, read_gray
 from omnisim.measurement.geometry.board_view import BoardView, RejectedImage
 from omnisim.measurement.geometry.boards import AprilGrid, CharucoBoard, Chessboard, read_board
-from omnisim.measurement.geometry.measured_geometry import (
-    MeasuredGeometry,
-    ModelResult,
-    measure_geometry,
-)
+from omnisim.measurement.geometry.measured_geometry import MeasuredGeometry, measure_geometry
+from omnisim.measurement.geometry.measured_optics import measure_optics
+from omnisim.measurement.geometry.model_choice import ModelResult
 
 __all__ = [
     "AprilGrid",
@@ -19,6 +17,7 @@ __all__ = [
     "RejectedImage",
     "find_boards",
     "measure_geometry",
+    "measure_optics",
     "read_board",
     "read_gray",
 ]

@@ -6,13 +6,13 @@ calibration" (BMVC 2018), as `cv2.findChessboardCornersSB`; OpenCV's module `aru
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import MeasurementError
+from omnisim.measurement.geometry.board_markers import charuco_detector, tag_detector
 from omnisim.measurement.geometry.board_view import BoardView
 from omnisim.measurement.geometry.boards import AprilGrid, Board, CharucoBoard, Chessboard
 from omnisim.measurement.geometry.grid_checks import (
@@ -24,10 +24,10 @@ from omnisim.measurement.geometry.grid_checks import (
 )
 
 MIN_CORNERS = 12  # of boards with tags, which may be seen in part
-_KALIBR_BORDER_BITS = 2  # width of the black border of Kalibr's tags
+_LARGE_PX = 1000  # shorter side of images whose chessboards are searched for at half the size
 _REACH = 1.0 / 3.0  # of the way to the next corner, whose edges would disturb
-_LARGEST_WINDOW_PX = 9
-_LEAST_WINDOW_PX = 2
+_MAX_WINDOW_PX = 9
+_MIN_WINDOW_PX = 2
 
 
 def find_board(
@@ -61,10 +61,31 @@ Corners = tuple[NDArray[np.float64], NDArray[np.float64]]  # points (n, 2) in m,
 
 
 def _chessboard(image: NDArray[np.uint8], board: Chessboard) -> Corners:
+    """Corners of a chessboard; in large images, it is searched for at half the size first."""
+    import cv2
+
+    if min(image.shape) >= _LARGE_PX:
+        half = np.asarray(cv2.pyrDown(image), dtype=np.uint8)
+        grid = _larger_grid(half, (board.columns, board.rows))
+        if grid is not None:
+            try:
+                return _chessboard_corners(image, board, 2.0 * grid)
+            except MeasurementError:
+                pass  # a small or distant board may be found in the whole image only
+    return _chessboard_corners(image, board, _larger_grid(image, (board.columns, board.rows)))
+
+
+def _chessboard_corners(
+    image: NDArray[np.uint8], board: Chessboard, grid: NDArray[np.float64] | None
+) -> Corners:
+    """Corners of a chessboard, located from a rough grid (rows, columns, 2) or None.
+
+    Raises:
+        MeasurementError: no board of this size, or wrong corners.
+    """
     import cv2
 
     size = board.columns, board.rows
-    grid = _larger_grid(image, size)
     if grid is None or grid.shape[:2] != (board.rows, board.columns):
         # the outer edges of the outermost squares may pass for corners: the size as it should be
         flags = cv2.CALIB_CB_EXHAUSTIVE
@@ -114,7 +135,7 @@ def _refined(image: NDArray[np.uint8], grid: NDArray[np.float64]) -> NDArray[np.
         for ends in (np.s_[:-1], np.s_[1:]):
             part = spacing[ends] if axis == 0 else spacing[:, ends]
             np.minimum(part, steps, out=part)
-    reach = np.clip(spacing * _REACH, _LEAST_WINDOW_PX, _LARGEST_WINDOW_PX).astype(np.int64)
+    reach = np.clip(spacing * _REACH, _MIN_WINDOW_PX, _MAX_WINDOW_PX).astype(np.int64)
     refined = grid.copy()
     for window in np.unique(reach).tolist():
         chosen = reach == window
@@ -135,11 +156,11 @@ def _located(
 
 
 def _charuco(image: NDArray[np.uint8], board: CharucoBoard) -> Corners:
-    pixels, ids, _, tags = _charuco_detector(board).detectBoard(image)
+    pixels, ids, _, tags = charuco_detector(board).detectBoard(image)
     if ids is None or len(ids) < MIN_CORNERS:
         seen = 0 if ids is None else len(ids)
         markers = 0 if tags is None else len(tags)
-        hint = _mirror_hint(image, _charuco_detector(board).detectBoard, 3) if seen == 0 else ""
+        hint = _mirror_hint(image, charuco_detector(board).detectBoard, 3) if seen == 0 else ""
         raise MeasurementError(
             f"{seen} corners of the ChArUco board ({markers} markers): expected {MIN_CORNERS}{hint}"
         )
@@ -153,22 +174,12 @@ def _charuco(image: NDArray[np.uint8], board: CharucoBoard) -> Corners:
     return _checked(points, *_kept(rough, _located(image, rough, window), window))
 
 
-@lru_cache(maxsize=1)
-def _charuco_detector(board: CharucoBoard) -> Any:
-    import cv2
-
-    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{board.dictionary}"))
-    size = board.columns, board.rows
-    printed = cv2.aruco.CharucoBoard(size, board.square_m, board.marker_m, dictionary)
-    return cv2.aruco.CharucoDetector(printed)
-
-
 def _april_grid(image: NDArray[np.uint8], board: AprilGrid) -> Corners:
-    tags, ids, _ = _tag_detector().detectMarkers(image)
+    tags, ids, _ = tag_detector().detectMarkers(image)
     numbers = np.zeros(0, dtype=np.int64) if ids is None else ids.ravel()
     known = numbers < board.columns * board.rows
     if 4 * known.sum() < MIN_CORNERS:
-        hint = _mirror_hint(image, _tag_detector().detectMarkers, 1)
+        hint = _mirror_hint(image, tag_detector().detectMarkers, 1)
         raise MeasurementError(
             f"{known.sum()} tags of the AprilGrid: expected {MIN_CORNERS // 4}{hint}"
         )
@@ -178,7 +189,7 @@ def _april_grid(image: NDArray[np.uint8], board: AprilGrid) -> Corners:
     rough = pixels.reshape(-1, 2).astype(np.float64)
     fine, is_kept = _kept(rough, _located(image, rough, window), window)
     # the detector's corners are inside the tag by some pixels: again, from close by
-    fine = _located(image, fine, max(window // 2, _LEAST_WINDOW_PX))
+    fine = _located(image, fine, max(window // 2, _MIN_WINDOW_PX))
     pitch_m = board.tag_m * (1.0 + board.spacing)
     column, row = numbers[known] % board.columns, numbers[known] // board.columns
     lower_left = np.stack((column, -row), axis=1) * pitch_m  # y is down
@@ -193,7 +204,7 @@ def _april_grid(image: NDArray[np.uint8], board: AprilGrid) -> Corners:
 
 def _window(reach_px: float) -> int:
     """Half the side of the window for a reach, from 2 to 9 px."""
-    return int(np.clip(reach_px, _LEAST_WINDOW_PX, _LARGEST_WINDOW_PX))
+    return int(np.clip(reach_px, _MIN_WINDOW_PX, _MAX_WINDOW_PX))
 
 
 def _shortest_px(corners: NDArray[np.float64]) -> float:
@@ -208,16 +219,6 @@ def _kept(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Located corners (n, 2), and a mask (n,): False if far from the corner's rough position."""
     return fine, np.linalg.norm(fine - rough, axis=1) <= max(0.5 * window, 1.0)
-
-
-@lru_cache(maxsize=1)
-def _tag_detector() -> Any:
-    import cv2
-
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.markerBorderBits = _KALIBR_BORDER_BITS
-    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-    return cv2.aruco.ArucoDetector(dictionary, parameters)
 
 
 def _checked(

@@ -23,7 +23,7 @@ from omnisim.measurement.inputs import (
     recorded_frames,
 )
 
-_LUMA = np.array([0.299, 0.587, 0.114])
+LUMA = np.array([0.299, 0.587, 0.114])  # weights of R, G and B
 _LOW, _HIGH = 0.5, 99.8  # percentiles of 16-bit images that map to black and white
 
 
@@ -107,7 +107,7 @@ def read_gray(path: Path) -> NDArray[np.uint8]:
 def _as_gray(pixels: NDArray[Any], path: Path) -> NDArray[np.uint8]:
     if pixels.dtype not in (np.uint8, np.uint16):
         raise MeasurementError(f"{path}: expected 8 or 16 bits, got {pixels.dtype}")
-    gray = pixels[..., 0] if pixels.shape[2] < 3 else pixels[..., :3] @ _LUMA
+    gray = pixels[..., 0] if pixels.shape[2] < 3 else pixels[..., :3] @ LUMA
     if pixels.dtype == np.uint16:
         low, high = np.percentile(gray, (_LOW, _HIGH))
         gray = (gray - low) * (255.0 / max(high - low, 1.0))

@@ -7,11 +7,17 @@ from omnisim.measurement.inputs.photo import (
     read_mosaic,
     read_photo,
 )
-from omnisim.measurement.inputs.recorded_frames import is_recording, recorded_frames, without_topic
+from omnisim.measurement.inputs.recorded_frames import (
+    frame_numbers,
+    is_recording,
+    recorded_frames,
+    without_topic,
+)
 
 __all__ = [
     "IMAGE_SUFFIXES",
     "RAW_SUFFIXES",
+    "frame_numbers",
     "is_lossy",
     "is_recording",
     "read_mosaic",

@@ -8,7 +8,7 @@ from __future__ import annotations
 import atexit
 import shutil
 import tempfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -67,6 +67,18 @@ def _extracted(absolute: Path, source: Path) -> tuple[Path, ...]:
     if not files:
         raise MeasurementError(f"{source}: expected images, got none")
     return tuple(files)
+
+
+def frame_numbers(source: Path, files: Sequence[Path]) -> list[int]:
+    """Numbers of frames: their places in a recording, or in a folder of consecutive images.
+
+    Args:
+        source: recording or folder.
+        files: its image files.
+    """
+    if is_recording(source):
+        return [int(file.stem.rpartition("-")[2]) for file in files]
+    return list(range(len(files)))
 
 
 def without_topic(source: Path) -> Path:

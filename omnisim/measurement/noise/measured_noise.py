@@ -27,7 +27,7 @@ from omnisim.measurement.noise.photon_transfer import (
     dark_signal,
     photon_transfer,
 )
-from omnisim.measurement.quantity import Quantity, Unseen
+from omnisim.measurement.quantity import Quantity, Unobservable
 from omnisim.rendering.camera.degradations import Noise
 
 MAX_ZEROS = 0.005  # share of dark values at 0, EMVA 1288
@@ -46,7 +46,7 @@ class MeasuredNoise:
     Attributes:
         noise: noise parameters for the sensor file, without the pattern.
         quantities: measured quantities with their standard deviations.
-        unseen: quantities that the frames do not determine.
+        unobservable: quantities that the frames do not determine.
         curve: photon transfer curve.
         pattern: (height, width, 2) float32: deviation of each pixel's gain as a share, and of its
             dark signal in electrons; None: too few frames.
@@ -56,7 +56,7 @@ class MeasuredNoise:
 
     noise: Noise
     quantities: tuple[Quantity, ...]
-    unseen: tuple[Unseen, ...]
+    unobservable: tuple[Unobservable, ...]
     curve: PhotonTransfer
     pattern: NDArray[np.float32] | None
     defects: NDArray[np.int64]
@@ -101,7 +101,7 @@ def measure_noise(
     return MeasuredNoise(
         noise=Noise(bit_depth=bits, **result.parameters),
         quantities=tuple(result.quantities),
-        unseen=tuple(result.unseen),
+        unobservable=tuple(result.unobservable),
         curve=curve,
         pattern=result.map,
         defects=result.defects,
@@ -181,7 +181,7 @@ def _flat_stack(
 
 
 class _Collector:
-    """Parameters, quantities and unseen quantities, in the order of their measurement."""
+    """Parameters, quantities and unobservable quantities, in the order of their measurement."""
 
     def __init__(self, curve: PhotonTransfer, dark: DarkSignal, largest_dn: float, mosaic: bool):
         self._curve, self._dark, self._largest_dn, self._mosaic = curve, dark, largest_dn, mosaic
@@ -189,7 +189,7 @@ class _Collector:
         self._gain_share = curve.gain_sigma_dn_per_e / curve.gain_dn_per_e
         self.parameters: dict[str, Any] = {}
         self.quantities: list[Quantity] = []
-        self.unseen: list[Unseen] = []
+        self.unobservable: list[Unobservable] = []
         self.map: NDArray[np.float32] | None = None
         self.defects = np.zeros((0, 2), dtype=np.int64)
 
@@ -210,13 +210,15 @@ class _Collector:
         frames = f"{count} dark frames at {exposures} exposure{'s' if exposures > 1 else ''}"
         rate_e, rate_sigma = gain * dark.rate_dn_per_s, gain * dark.rate_sigma_dn_per_s
         if not math.isfinite(rate_sigma):
-            self.unseen.append(
-                Unseen("dark_current_e_per_s", "take dark frames at two exposures or more")
+            self.unobservable.append(
+                Unobservable("dark_current_e_per_s", "take dark frames at two exposures or more")
             )
         elif rate_e < _SIGNIFICANT * rate_sigma:
             limit = f"below {max(rate_e, 0.0) + 2.0 * rate_sigma:.3g} e/s"
-            self.unseen.append(
-                Unseen("dark_current_e_per_s", f"{limit}: take dark frames at longer exposures")
+            self.unobservable.append(
+                Unobservable(
+                    "dark_current_e_per_s", f"{limit}: take dark frames at longer exposures"
+                )
             )
         else:
             sigma = math.hypot(rate_sigma, rate_e * self._gain_share)
@@ -240,7 +242,7 @@ class _Collector:
             reason = ""
         if reason:
             self.parameters["read_noise_e"] = gain * math.sqrt(max(read_dn2, 0.0))
-            self.unseen.append(Unseen("read_noise_e", reason))
+            self.unobservable.append(Unobservable("read_noise_e", reason))
             return
         read_dn = math.sqrt(read_dn2)
         sigma_dn = sigma_dn2 / (2.0 * read_dn)
@@ -252,8 +254,8 @@ class _Collector:
         end_dn = self._curve.saturation_dn
         if end_dn is None:
             brightest = float(self._curve.means_dn.max())
-            self.unseen.append(
-                Unseen(
+            self.unobservable.append(
+                Unobservable(
                     "full_well_e",
                     f"above {self._gain * brightest:.4g} e: take a flat that saturates all pixels",
                 )
@@ -271,13 +273,18 @@ class _Collector:
         """Measure both nonuniformities and the map of deviations, and find defective pixels."""
         few = f"take {MIN_FRAMES} frames or more"
         if dark.count < MIN_FRAMES:
-            self.unseen += [Unseen("dsnu_e", f"{few} in the dark"), Unseen("prnu", few)]
+            self.unobservable += [
+                Unobservable("dsnu_e", f"{few} in the dark"),
+                Unobservable("prnu", few),
+            ]
             return
         dsnu = dark_nonuniformity(dark)
         gain = self._gain
         self._add_parts("dsnu_e", dsnu, gain, "e", f"{dark.count} dark frames")
         if flat is None:
-            self.unseen.append(Unseen("prnu", f"{few} of a flat near 50 % of saturation"))
+            self.unobservable.append(
+                Unobservable("prnu", f"{few} of a flat near 50 % of saturation")
+            )
             self.defects = dsnu.defects
             return
         prnu = photo_response_nonuniformity(flat, dark, self._dark, self._mosaic)
@@ -294,7 +301,9 @@ class _Collector:
         )
         if spread.total < _SIGNIFICANT * spread.sigma:
             limit = factor * (spread.total + 2.0 * spread.sigma)
-            self.unseen.append(Unseen(name, f"below {limit:.2g} {unit}: take more frames"))
+            self.unobservable.append(
+                Unobservable(name, f"below {limit:.2g} {unit}: take more frames")
+            )
             return
         self._add(name, factor * spread.total, sigma, unit, basis)
         stem, ending = (name[:-2], "_e") if name.endswith("_e") else (name, "")

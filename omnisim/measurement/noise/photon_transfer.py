@@ -95,8 +95,8 @@ def photon_transfer(flats: Sequence[FrameStatistics], dark: DarkSignal) -> Photo
     """Fit the photon transfer curve of flat fields.
 
     Raises:
-        MeasurementError: too few levels below saturation, levels that are too close to each other,
-            or frames that are not linear in the light.
+        MeasurementError: flats darker than the dark frames, too few levels below saturation, levels
+            that are too close to each other, or frames that are not linear in the light.
     """
     ordered = sorted(flats, key=lambda one: one.mean_dn)
     times = np.array([one.exposure_s for one in ordered])
@@ -111,6 +111,10 @@ def photon_transfer(flats: Sequence[FrameStatistics], dark: DarkSignal) -> Photo
         (one.mean_dn for one, at_end in zip(ordered, saturated, strict=True) if at_end),
         default=None,
     )
+    if means[-1] <= 0.0:
+        raise MeasurementError(
+            f"{ordered[-1].name} and others: expected flats brighter than the dark frames"
+        )
     if means[-1] > _BEYOND_PEAK * means[peak]:
         raise MeasurementError(
             f"flats: the variance falls while the mean grows from {means[peak]:.4g} to "
@@ -137,8 +141,6 @@ def _check(
     used: NDArray[np.bool_], means: NDArray[np.float64], flats: Sequence[FrameStatistics]
 ) -> None:
     folder = flats[0].name
-    if means.max() <= 0.0:
-        raise MeasurementError(f"{folder} and others: expected flats brighter than the dark frames")
     if used.sum() < MIN_LEVELS:
         raise MeasurementError(
             f"{folder} and others: expected at least {MIN_LEVELS} flat levels below "

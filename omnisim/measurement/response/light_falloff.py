@@ -5,26 +5,25 @@ Source: Goldman, "Vignette and exposure calibration and compensation", PAMI 2010
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_erosion
 
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.quantity import Quantity
+from omnisim.measurement.response.radial_profile import fit_profile
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
-from omnisim.rendering.camera.degradations.vignetting import MAX_TERMS, Vignetting
+from omnisim.rendering.camera.degradations.vignetting import Vignetting
 
 Floats = NDArray[np.float64]
-BLOCK_PX = 8
+BLOCKS = 60  # along the image's shorter side
+MIN_BLOCK_PX, MAX_BLOCK_PX = 4, 16
 MAX_RESIDUAL = 0.02  # share of the light: more is no evenly lit surface
 MAX_GRADIENT = 0.25  # of the light across the image
-MIN_LIGHT = 0.05  # of the brightest block: darker ones are outside of the image circle
-MIN_TERMS = 3
-_LEAST_SPREAD = 2.5e-4  # of the light: what is off by less than four of it is no outlier
-_AS_GOOD = 1.005  # times the error of all terms
-_ROUNDS = 6
+MIN_LIGHT = 0.02  # of the brightest block: darker ones are outside of the image circle
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +37,7 @@ class MeasuredVignetting:
         residual: root mean square error of the fit, as a share of the light in the middle.
         middle: light in the middle of the image, in the units of the flat field.
         radii, light, fitted: (blocks,) radius in units of half the shorter side, relative light
-            without the gradient, and the fitted polynomial.
+            without the gradient, and the fitted profile.
     """
 
     vignetting: Vignetting
@@ -56,8 +55,9 @@ def measure_vignetting(
 ) -> MeasuredVignetting:
     """Measure vignetting from the mean of flat fields.
 
-    Fits the mean light of blocks of 8 × 8 px. Blocks that differ from the fit by more than four
-    standard deviations, such as dust, are ignored.
+    Fits the mean light of blocks of 4 × 4 to 16 × 16 px. Blocks that differ by more than four
+    standard deviations from those of about the same radius, such as dust, are ignored, and so are
+    blocks beside the edge of the image circle.
 
     Args:
         flat: (height, width) linear light, without black level; NaN: invalid.
@@ -71,43 +71,36 @@ def measure_vignetting(
     height, width = flat.shape
     center = center_px or (0.5 * (width - 1.0), 0.5 * (height - 1.0))
     geometry = ImageGeometry(width, height, center)
-    light, u, v = _blocks(flat)
-    brightest = float(np.percentile(light, 99.0)) if len(light) else 0.0
-    if not brightest > 0.0:
+    block_px = int(np.clip(min(flat.shape) // BLOCKS, MIN_BLOCK_PX, MAX_BLOCK_PX))
+    light, u, v = _lit_blocks(flat, block_px)
+    if not len(light):
         raise MeasurementError(f"{name}: no light: expected an evenly lit surface")
-    used = light > MIN_LIGHT * brightest
-    light, u, v = light[used], u[used], v[used]
-    spread_px2 = (BLOCK_PX**2 - 1.0) / 6.0  # mean square radius of a block's pixels in it
+    brightest = float(np.percentile(light, 99.0))
+    spread_px2 = (block_px**2 - 1.0) / 6.0  # mean square radius of a block's pixels in it
     squared = (u - center[0]) ** 2 + (v - center[1]) ** 2 + spread_px2
     squared /= geometry.radius_unit_px**2
     x, y = (u - center[0]) / width, (v - center[1]) / height
-    fits = [
-        _fit(light, squared, np.stack((x, y), axis=1), count, brightest)
-        for count in range(MIN_TERMS, MAX_TERMS + 1)
-    ]
-    # judged at one set of blocks: too few powers would take the corners for outliers
-    judged = fits[-1].is_kept
-    errors = [float(np.sqrt(np.mean(np.square(one.residuals[judged])))) for one in fits]
-    fit = next(one for one, rms in zip(fits, errors, strict=True) if rms <= _AS_GOOD * errors[-1])
-    solution, gradient, is_kept, residuals = fit.solution, fit.gradient, fit.is_kept, fit.residuals
-    terms = squared[:, None] ** np.arange(len(solution))
+    fit = fit_profile(light, squared, np.stack((x, y), axis=1), brightest)
+    solution, gradient, is_kept = fit.solution, fit.gradient, fit.is_kept
+    terms = fit.terms(squared)
     even = terms @ solution
     slope = 1.0 + x * gradient[0] + y * gradient[1]
     residual = fit.rms / float(solution[0])
     _check(name, residual, gradient, float(is_kept.mean()))
     design = np.column_stack((terms * slope[:, None], even * x, even * y))
-    sigmas = _sigmas(design[is_kept], residuals[is_kept])
-    coefficients = solution[1:] / solution[0]
+    covariance = _covariance(design[is_kept], fit.residuals[is_kept])
     edge = float(np.sqrt(squared[is_kept].max()))
+    matrix = fit.polynomial_from_solution(float(geometry.squared_radii().max()))
+    coefficients = matrix @ solution
+    count = len(solution)
+    variances = np.einsum("pi,ij,pj->p", matrix, covariance[:count, :count], matrix)
     vignetting = Vignetting(tuple(coefficients.tolist()))
-    basis = f"{is_kept.sum()} blocks of {BLOCK_PX} × {BLOCK_PX} px, to a radius of {edge:.2f}"
+    basis = f"{is_kept.sum()} blocks of {block_px} × {block_px} px, to a radius of {edge:.2f}"
     quantities = [
-        Quantity(f"coefficients.{index}", float(value), float(sigma / solution[0]), "", basis)
-        for index, (value, sigma) in enumerate(
-            zip(coefficients, sigmas[1 : len(solution)], strict=True)
-        )
+        Quantity(f"coefficients.{index}", float(value), float(sigma), "", basis)
+        for index, (value, sigma) in enumerate(zip(coefficients, np.sqrt(variances), strict=True))
     ]
-    at_edge = float(edge ** (2.0 * np.arange(len(solution))) @ solution / solution[0])
+    at_edge = float((fit.terms(np.array([edge**2])) @ solution)[0] / solution[0])
     quantities.append(Quantity("light_at_edge", at_edge, residual, "", basis))
     relative = light / slope / solution[0]
     return MeasuredVignetting(
@@ -122,59 +115,20 @@ def measure_vignetting(
     )
 
 
-class _Fit(NamedTuple):
-    """Polynomial of the squared radius, and the light's gradient.
+def _lit_blocks(flat: Floats, block_px: int) -> tuple[Floats, Floats, Floats]:
+    """Mean light of blocks, and their centers u and v in px; only blocks in the image circle.
 
-    Attributes:
-        solution: (terms,) coefficients, from r⁰.
-        gradient: (2,) relative change of the light over the image's width and height.
-        is_kept: (blocks,) False: outliers.
-        residuals: (blocks,) measured minus fitted light.
-        rms: root mean square of the residuals of the kept blocks.
+    Blocks with invalid pixels or with little light, and their neighbors, are left out.
     """
-
-    solution: Floats
-    gradient: Floats
-    is_kept: NDArray[np.bool_]
-    residuals: Floats
-    rms: float
-
-
-def _fit(light: Floats, squared: Floats, offsets: Floats, count: int, brightest: float) -> _Fit:
-    """Fit (a + b r² + c r⁴ + …) (1 + g · (x, y)): polynomial and g in turn, without outliers.
-
-    Args:
-        light: (blocks,) light.
-        squared: (blocks,) squared radius, in units of half the shorter side.
-        offsets: (blocks, 2) x and y from the center, as shares of the image's width and height.
-        count: number of powers of r², without the constant.
-        brightest: light of the brightest blocks.
-    """
-    terms = squared[:, None] ** np.arange(count + 1)
-    is_kept: NDArray[np.bool_] = np.ones(len(light), dtype=bool)
-    gradient: Floats = np.zeros(2)
-    solution: Floats = np.zeros(count + 1)
-    for _ in range(_ROUNDS):
-        design = terms * (1.0 + offsets @ gradient)[:, None]
-        solution[:] = np.linalg.lstsq(design[is_kept], light[is_kept], rcond=None)[0]
-        even = terms @ solution
-        tilt = even[:, None] * offsets
-        gradient[:] = np.linalg.lstsq(tilt[is_kept], (light - even)[is_kept], rcond=None)[0]
-        residuals = light - even * (1.0 + offsets @ gradient)
-        spread = 1.4826 * float(np.median(np.abs(residuals[is_kept])))
-        is_kept = np.abs(residuals) <= 4.0 * max(spread, _LEAST_SPREAD * brightest)
-    rms = float(np.sqrt(np.mean(np.square(residuals[is_kept]))))
-    return _Fit(solution, gradient, is_kept, residuals, rms)
-
-
-def _blocks(flat: Floats) -> tuple[Floats, Floats, Floats]:
-    """Mean light of blocks without invalid pixels, and their centers u and v, px."""
-    rows, columns = (side // BLOCK_PX for side in flat.shape)
-    whole = flat[: rows * BLOCK_PX, : columns * BLOCK_PX]
-    means = whole.reshape(rows, BLOCK_PX, columns, BLOCK_PX).mean(axis=(1, 3))
-    v, u = np.mgrid[:rows, :columns] * BLOCK_PX + 0.5 * (BLOCK_PX - 1.0)
-    valid = np.isfinite(means)
-    return means[valid], u[valid], v[valid]
+    rows, columns = (side // block_px for side in flat.shape)
+    whole = flat[: rows * block_px, : columns * block_px]
+    means = whole.reshape(rows, block_px, columns, block_px).mean(axis=(1, 3))
+    v, u = np.mgrid[:rows, :columns] * block_px + 0.5 * (block_px - 1.0)
+    finite = means[np.isfinite(means)]
+    limit = max(MIN_LIGHT * float(np.percentile(finite, 99.0)), 0.0) if len(finite) else math.inf
+    is_lit = np.nan_to_num(means) > limit
+    is_inside = binary_erosion(is_lit, np.ones((3, 3), dtype=np.bool_), border_value=1)
+    return means[is_inside], u[is_inside], v[is_inside]
 
 
 def _check(name: str, residual: float, gradient: Floats, kept: float) -> None:
@@ -197,11 +151,11 @@ def _check(name: str, residual: float, gradient: Floats, kept: float) -> None:
         )
 
 
-def _sigmas(design: Floats, residuals: Floats) -> Floats:
-    """Standard deviations (parameters,) of a linear fit's parameters."""
+def _covariance(design: Floats, residuals: Floats) -> Floats:
+    """Covariance (parameters, parameters) of a linear fit's parameters."""
     freedom = max(len(residuals) - design.shape[1], 1)
     scale = np.linalg.norm(design, axis=0)
     inverse = np.linalg.pinv((design / scale).T @ (design / scale))
     variance = float(residuals @ residuals) / freedom
-    sigmas: Floats = np.sqrt(np.diagonal(inverse) * variance) / scale
-    return sigmas
+    covariance: Floats = inverse * variance / np.outer(scale, scale)
+    return covariance

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from omnisim.measurement.quantity import Quantity, Unseen
+from omnisim.measurement.quantity import Quantity, Unobservable
 from omnisim.measurement.sharpness.edge_fit import Floats
 from omnisim.measurement.sharpness.field_fits import (
     MAX_COLOR_DEGREE,
@@ -41,14 +41,14 @@ class FieldCurves:
         radii_px: (edges,) image radius of each edge.
         point_spread, chromatic_aberration: degradations for the sensor file; None: not determined.
         quantities: measured quantities.
-        unseen: quantities that the edges do not determine.
+        unobservable: quantities that the edges do not determine.
     """
 
     radii_px: Floats
     point_spread: PointSpread | None
     chromatic_aberration: ChromaticAberration | None
     quantities: list[Quantity]
-    unseen: list[Unseen]
+    unobservable: list[Unobservable]
 
 
 def field_curves(
@@ -76,9 +76,9 @@ def field_curves(
             f"no edge beyond {radii_px.max():.0f} px of {farthest_px:.0f} px, where the last value "
             "stays: photograph edges up to the corners"
         )
-        curves.unseen.append(Unseen("sharpness of the outer field", reason))
+        curves.unobservable.append(Unobservable("sharpness of the outer field", reason))
     color = _lateral_color(edges, radii_px, radial, unit_px, curves)
-    return FieldCurves(radii_px, spread, color, curves.quantities, curves.unseen)
+    return FieldCurves(radii_px, spread, color, curves.quantities, curves.unobservable)
 
 
 def _point_spread(
@@ -88,7 +88,7 @@ def _point_spread(
     unit_px: float,
     curves: FieldCurves,
 ) -> PointSpread | None:
-    """Fit widths over the radius; None: too sharp. Adds quantities and unseen ones to `curves`.
+    """Fit widths over the radius; None: too sharp. Adds the quantities of both kinds to `curves`.
 
     Args:
         edges: measured edges.
@@ -103,7 +103,9 @@ def _point_spread(
     isotropic = float(radial_share.std()) < MIN_SPREAD
     if isotropic:
         reason = "all edges have like angles to the radius: photograph a board turned by 45°, too"
-        curves.unseen.append(Unseen("difference of radial and tangential width", reason))
+        curves.unobservable.append(
+            Unobservable("difference of radial and tangential width", reason)
+        )
     radii = radii_px / unit_px
 
     def design(degree: int) -> Floats:
@@ -116,7 +118,7 @@ def _point_spread(
     rows = [_widths(curve, at_px / unit_px, share, isotropic) for share in (1.0, 0.0)]
     if all((widths < SIGNIFICANT * errors).all() for widths, errors in rows):
         reason = "the edges are as sharp as pixels alone make them: the optics cannot be seen"
-        curves.unseen.append(Unseen("point_spread", reason))
+        curves.unobservable.append(Unobservable("point_spread", reason))
         return None
     basis = f"{int(curve.used.sum())} edges, degree {curve.degree}"
     for name, (widths, errors) in zip(("radial", "tangential"), rows, strict=True):
@@ -156,7 +158,7 @@ def _lateral_color(
         radii_px: (edges,) image radius of each edge.
         radial: (edges,) cosine between the edge's normal and the radius.
         unit_px: unit of relative radii.
-        curves: result to which quantities and unseen ones are added.
+        curves: result to which quantities and unobservable ones are added.
     """
     shifts = np.array([edge.shifts_px for edge in edges])
     sigmas = np.hypot([edge.shift_sigmas_px for edge in edges], SYSTEMATIC_PX)
@@ -165,7 +167,7 @@ def _lateral_color(
         reason = f"{int(usable.sum())} edges across the radius, expected {MIN_COLOR_EDGES}"
         if not np.isfinite(shifts).any():
             reason = "the images have one channel: save demosaicked linear images of three"
-        curves.unseen.append(Unseen("lateral color", reason))
+        curves.unobservable.append(Unobservable("lateral color", reason))
         return None
     coefficients: list[tuple[float, ...]] = []
     at_px = np.array((0.5, 1.0)) * radii_px[usable].max()

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras.optics.boards.board_corners import BoardCorners
 from omnisim.core.errors import MeasurementError
-from omnisim.measurement.quantity import Quantity, Unseen
+from omnisim.measurement.quantity import Quantity, Unobservable
 from omnisim.measurement.sharpness.edge_fit import Flaw, UnusableEdge
 from omnisim.measurement.sharpness.edge_images import linear_light
 from omnisim.measurement.sharpness.edge_lines import board_edges, find_edges
@@ -35,7 +35,7 @@ class MeasuredSharpness:
         point_spread: widths over the field; None: the optics are sharper than the pixels show.
         chromatic_aberration: lateral color; None: not measured.
         quantities: measured quantities with their standard deviations.
-        unseen: quantities that the images do not determine.
+        unobservable: quantities that the images do not determine.
         edges: measured edges.
         flaws: number of unusable edges for each reason.
         size_px: width and height of the images.
@@ -45,7 +45,7 @@ class MeasuredSharpness:
     point_spread: PointSpread | None
     chromatic_aberration: ChromaticAberration | None
     quantities: tuple[Quantity, ...]
-    unseen: tuple[Unseen, ...]
+    unobservable: tuple[Unobservable, ...]
     edges: tuple[EdgeSharpness, ...]
     flaws: dict[Flaw, int]
     size_px: tuple[int, int]
@@ -109,7 +109,7 @@ def measure_sharpness(
         point_spread=curves.point_spread,
         chromatic_aberration=curves.chromatic_aberration,
         quantities=(*_ring_quantities(edges, curves), *curves.quantities),
-        unseen=tuple(curves.unseen),
+        unobservable=tuple(curves.unobservable),
         edges=tuple(edges),
         flaws=dict(flaws),
         size_px=size_px,

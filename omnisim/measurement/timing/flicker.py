@@ -19,13 +19,14 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq, least_squares
 
 from omnisim.core.errors import MeasurementError
-from omnisim.measurement.quantity import Quantity, Unseen
+from omnisim.measurement.quantity import Quantity, Unobservable
 
 Floats = NDArray[np.float64]
 MIN_FRAMES = 5
 MIN_PERIODS = 0.75  # of the flicker in a frame
 MIN_SAMPLES = 4.0  # rows per period
 MIN_RATIO = 12.0  # of the bands' power to the median of all frequencies
+MAX_REST = 0.01  # power of another frequency, as a share of that of the bands
 MIN_FLICKER = 0.005  # share of the light
 MAX_CLIPPED = 0.01
 _FINE = 8  # steps of the search per independent frequency
@@ -51,7 +52,7 @@ class MeasuredTiming:
         readout_s: time from the first to the last line; 0: a global shutter.
         lines: "rows" or "columns": the lines that are read out one after another.
         quantities: readout, line time, flicker and exposure, as far as they are determined.
-        unseen: quantities that the frames do not determine.
+        unobservable: quantities that the frames do not determine.
         profile: (frames, lines) light of each line, divided by the scene's light, for plots.
         fitted: (frames, lines) fitted bands, in the units of `profile`.
     """
@@ -59,7 +60,7 @@ class MeasuredTiming:
     readout_s: float
     lines: str
     quantities: tuple[Quantity, ...]
-    unseen: tuple[Unseen, ...]
+    unobservable: tuple[Unobservable, ...]
     profile: Floats
     fitted: Floats
 
@@ -110,8 +111,8 @@ def measure_timing(
         name: name of the frames, for messages.
 
     Raises:
-        MeasurementError: a frequency or a modulation out of range, no flicker, or less than 0.75
-            of its periods in a frame.
+        MeasurementError: a frequency or a modulation out of range, no flicker, less than 0.75 of
+            its periods in a frame, or a scene that moves.
     """
     if not flicker_hz > 0.0:
         raise MeasurementError(f"flicker: expected a frequency above 0 Hz, got {flicker_hz:g}")
@@ -128,6 +129,7 @@ def measure_timing(
     if peaks[lines].ratio < MIN_RATIO:
         return _global_shutter(profiles, flicker_hz, name)
     bands = _fit(light, peaks[lines].frequency)
+    _check_scene(bands, name)
     count = light.shape[1]
     periods = bands.frequency * (count - 1)
     if periods < MIN_PERIODS:
@@ -143,18 +145,37 @@ def measure_timing(
         Quantity("line_s", line_s, sigma_s, "s", basis),
         Quantity("modulation", bands.modulation, bands.modulation_sigma, "", basis),
     ]
-    unseen = [
-        Unseen(
+    unobservable = [
+        Unobservable(
             "readout_direction",
             "bands look the same from top to bottom and from bottom to top: photograph something "
             "that turns",
         )
     ]
     exposure = _exposure(bands, lamp_modulation, flicker_hz, basis)
-    (quantities if isinstance(exposure, Quantity) else unseen).append(exposure)  # type: ignore[arg-type]
+    (quantities if isinstance(exposure, Quantity) else unobservable).append(exposure)  # type: ignore[arg-type]
     return MeasuredTiming(
-        readout_s, lines, tuple(quantities), tuple(unseen), bands.profile, bands.fitted
+        readout_s, lines, tuple(quantities), tuple(unobservable), bands.profile, bands.fitted
     )
+
+
+def _check_scene(bands: _Bands, name: str) -> None:
+    """Reject frames that differ by more than bands and their harmonics, as of a pulsed lamp.
+
+    Raises:
+        MeasurementError: the strongest other frequency has too much power.
+    """
+    rest = _powers(1.0 + bands.profile - bands.fitted)
+    order = np.arange(len(rest)) / (_FINE * bands.profile.shape[1] * bands.frequency)
+    harmonic = np.rint(order)
+    width = 1.0 / (bands.profile.shape[1] * bands.frequency)  # of a line of the spectrum
+    rest[(harmonic >= 2.0) & (np.abs(order - harmonic) <= width)] = 0.0
+    share = float(rest.max() / _powers(bands.profile).max())
+    if share > MAX_REST:
+        raise MeasurementError(
+            f"{name}: the frames differ by more than bands, which leave {100.0 * share:.0f} % of "
+            "their power at another frequency: expected a still surface and a still camera"
+        )
 
 
 class _Peak(NamedTuple):
@@ -196,14 +217,19 @@ def _without_scene(light: Floats) -> Floats:
 
 def _peak(profile: Floats) -> _Peak:
     """Strongest frequency of the power spectrum summed over the frames."""
-    count = profile.shape[1]
-    padded = _FINE * count
-    power = np.square(np.abs(np.fft.rfft(profile - 1.0, padded, axis=1))).sum(axis=0)
-    frequencies = np.arange(len(power)) / padded
-    power[frequencies < 0.5 / count] = 0.0  # drift of the light, removed with the means
+    power = _powers(profile)
     best = int(np.argmax(power))
     noise = float(np.median(power[power > 0.0])) + 1e-30
-    return _Peak(float(frequencies[best]), float(power[best]) / noise)
+    return _Peak(best / (_FINE * profile.shape[1]), float(power[best]) / noise)
+
+
+def _powers(profile: Floats) -> Floats:
+    """Power by frequency, in steps of 1 / (8 lines), summed over the frames."""
+    count = profile.shape[1]
+    padded = _FINE * count
+    power: Floats = np.square(np.abs(np.fft.rfft(profile - 1.0, padded, axis=1))).sum(axis=0)
+    power[np.arange(len(power)) < 0.5 * _FINE] = 0.0  # drift of the light, removed with the means
+    return power
 
 
 def _fit(light: Floats, frequency: float) -> _Bands:
@@ -259,20 +285,20 @@ def _amplitudes(profile: Floats, position: Floats, frequency: float) -> Floats:
 
 def _exposure(
     bands: _Bands, lamp: float | None, flicker_hz: float, basis: str
-) -> Quantity | Unseen:
+) -> Quantity | Unobservable:
     """Exposure time T from the modulation of the bands, m = m₀ |sinc(f T)|, with the lamp's m₀."""
     if lamp is None:
         reason = (
             "the lamp's own modulation is unknown: measure it with a photodiode, or in images of a "
             "short exposure"
         )
-        return Unseen("exposure_s", reason)
+        return Unobservable("exposure_s", reason)
     share = bands.modulation / lamp
     if share > 1.0 + 4.0 * bands.modulation_sigma / lamp:
         reason = (
             f"bands of {bands.modulation:.3g} are stronger than the lamp's modulation of {lamp:g}"
         )
-        return Unseen("exposure_s", reason)
+        return Unobservable("exposure_s", reason)
     cycles = _sinc_inverse(min(share, 1.0))
     slope = abs(_sinc_slope(cycles))
     sigma_s = bands.modulation_sigma / lamp / max(slope, 1e-6) / flicker_hz
@@ -310,7 +336,7 @@ def _global_shutter(profiles: LineProfiles, flicker_hz: float, name: str) -> Mea
         0.0,
         "rows",
         (Quantity("readout_s", 0.0, math.nan, "s", basis),),
-        (Unseen("exposure_s", f"no bands under {flicker_hz:g} Hz: the shutter is global"),),
+        (Unobservable("exposure_s", f"no bands under {flicker_hz:g} Hz: the shutter is global"),),
         profile,
         np.ones_like(profile),
     )

@@ -128,3 +128,36 @@ def printed_texture(print_, width_m, height_m, origin_m=(0.0, 0.0), border_m=0.0
         return np.where(inside, shown, np.where(on_paper, 1.0, np.nan))
 
     return brightness
+
+
+def charuco_texture(columns=7, rows=5, square_m=0.03, marker_m=0.022):
+    """Brightness of OpenCV's print of a ChArUco board with markers of 5X5_100."""
+    import cv2
+
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100)
+    board = cv2.aruco.CharucoBoard((columns, rows), square_m, marker_m, dictionary)
+    printed = board.generateImage((300 * columns, 300 * rows))
+    return printed_texture(printed, columns * square_m, rows * square_m)
+
+
+def april_grid_texture(columns=3, rows=2, tag_m=0.06, quarter_turns=0):
+    """Brightness of Kalibr's grid with a spacing of 0.3, from the lower left corner of tag 0."""
+    import cv2
+
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+    pixels = 200
+    gap = int(0.3 * pixels)
+    height, width = (count * (pixels + gap) - gap for count in (rows, columns))
+    printed = np.full((height + 2 * gap, width + 2 * gap), 255, np.uint8)
+    for row in range(rows + 1):  # black squares between the tags' corners
+        for column in range(columns + 1):
+            v, u = row * (pixels + gap), column * (pixels + gap)
+            printed[v : v + gap, u : u + gap] = 0
+    for number in range(rows * columns):
+        row, column = rows - 1 - number // columns, number % columns
+        tag = cv2.aruco.generateImageMarker(dictionary, number, pixels, borderBits=2)
+        v, u = gap + row * (pixels + gap), gap + column * (pixels + gap)
+        printed[v : v + pixels, u : u + pixels] = np.rot90(tag, quarter_turns)
+    scale = tag_m / pixels
+    origin = -gap * scale, -(height + gap) * scale
+    return printed_texture(printed, printed.shape[1] * scale, printed.shape[0] * scale, origin)

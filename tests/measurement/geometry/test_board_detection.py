@@ -9,11 +9,12 @@ from omnisim.measurement.geometry.board_detection import find_board
 from omnisim.measurement.geometry.grid_checks import grid_fault, squares_fault
 from tests.measurement.geometry.board_pictures import (
     LENS,
+    april_grid_texture,
     board_image,
     board_pose,
+    charuco_texture,
     chessboard_texture,
     corner_grid,
-    printed_texture,
     seen_view,
 )
 
@@ -104,10 +105,8 @@ def test_squares_of_one_color_are_refused():
 
 def test_charuco_corners_are_identified_though_some_are_hidden():
     board = CharucoBoard(7, 5, 0.03, 0.022, "5X5_100")
-    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_100)
-    printed = cv2.aruco.CharucoBoard((7, 5), 0.03, 0.022, dictionary).generateImage((2100, 1500))
     pose = centered(board_pose(10.0, 15.0, 0.22, (0.2, 0.1, 0.2)))
-    image = board_image(LENS, pose, printed_texture(printed, 0.21, 0.15))
+    image = board_image(LENS, pose, charuco_texture())
     image[:, :150] = 128
     found = find_board(image, board)
     assert 12 <= len(found.points_m) < 24
@@ -117,26 +116,8 @@ def test_charuco_corners_are_identified_though_some_are_hidden():
 
 def test_kalibr_grid_is_identified():
     board = AprilGrid(3, 2, 0.06, 0.3)
-    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-    pixels = 200
-    gap = int(0.3 * pixels)
-    height, width = 2 * (pixels + gap) - gap, 3 * (pixels + gap) - gap
-    printed = np.full((height + 2 * gap, width + 2 * gap), 255, np.uint8)
-    for row in range(3):  # black squares between the tags' corners
-        for column in range(4):
-            v, u = row * (pixels + gap), column * (pixels + gap)
-            printed[v : v + gap, u : u + gap] = 0
-    for number in range(6):
-        row, column = 1 - number // 3, number % 3
-        tag = cv2.aruco.generateImageMarker(dictionary, number, pixels, borderBits=2)
-        v, u = gap + row * (pixels + gap), gap + column * (pixels + gap)
-        printed[v : v + pixels, u : u + pixels] = tag
-    scale = 0.06 / pixels
-    # the board's origin: lower left corner of tag 0
-    origin = -gap * scale, -(height + gap) * scale
-    texture = printed_texture(printed, printed.shape[1] * scale, printed.shape[0] * scale, origin)
     pose = centered(board_pose(30.0, 10.0, 0.25, (0.1, 0.2, 0.1)), np.array([-0.108, 0.069, 0.0]))
-    image = board_image(LENS, pose, texture)
+    image = board_image(LENS, pose, april_grid_texture())
     found = find_board(image, board)
     assert 20 <= len(found.points_m) <= 24  # a tag's corner was off by 4 px
     exact = seen_view(LENS, pose, found.points_m).pixels_px

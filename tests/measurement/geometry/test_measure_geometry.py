@@ -15,7 +15,7 @@ from omnisim.cameras import (
 )
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.geometry import BoardView, measure_geometry
-from omnisim.measurement.geometry.measured_geometry import MAX_COMPARED
+from omnisim.measurement.geometry.model_choice import MAX_COMPARED
 from tests.measurement.geometry.board_pictures import (
     LENS,
     board_pose,

@@ -50,7 +50,7 @@ def test_the_sensor_file_has_what_was_measured(measured):
         assert getattr(measured.noise, name) == values[name]
     assert measured.noise.bit_depth == 12
     assert values["black_level_dn"] == pytest.approx(40.0, abs=0.02)
-    assert measured.unseen == ()
+    assert measured.unobservable == ()
 
 
 def test_the_pattern_is_that_of_the_camera(measured):
@@ -101,7 +101,7 @@ def test_what_frames_do_not_determine_is_said():
     dark = camera.statistics(0.0, 0.01)
     flats = [camera.statistics(light, 0.01) for light in (0.05, 0.1, 0.2, 0.4)]
     measured = measure_noise([dark], flats)
-    assert {one.name for one in measured.unseen} == {
+    assert {one.name for one in measured.unobservable} == {
         "dark_current_e_per_s",
         "full_well_e",
         "dsnu_e",
@@ -125,9 +125,9 @@ def test_pixels_without_noise_of_their_own_are_fine():
     """An ideal sensor: no read noise, no pattern."""
     noise = dataclasses.replace(NOISE, read_noise_e=0.0, prnu=0.0, dsnu_e=0.0)
     measured = measure_noise(*dark_and_flat(Camera(noise)))
-    unseen = {one.name: one.reason for one in measured.unseen}
-    assert {"prnu", "dsnu_e"} <= set(unseen)
-    assert "below" in unseen["prnu"]
+    unobservable = {one.name: one.reason for one in measured.unobservable}
+    assert {"prnu", "dsnu_e"} <= set(unobservable)
+    assert "below" in unobservable["prnu"]
 
 
 def _gamma(frame):
@@ -211,6 +211,8 @@ def test_clipped_darks_and_sizes_are_refused():
         measure_noise(darks, [*flats, other])
     with pytest.raises(MeasurementError, match="bit depth 8: expected at least 12"):
         measure_noise(darks, flats, bit_depth=8)
+    with pytest.raises(MeasurementError, match="expected flats brighter than the dark frames"):
+        measure_noise(flats, darks)
     with pytest.raises(MeasurementError, match="frames: expected at least 2 frames, got 1"):
         frame_statistics([np.zeros((2, 2), np.uint8)], 0.01)
     with pytest.raises(MeasurementError, match="frames of one size, got 2 × 2 and 3 × 2 px"):

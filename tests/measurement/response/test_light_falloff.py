@@ -28,10 +28,11 @@ def drawn(vignetting, squared):
     return 1.0 + sum(value * squared**power for value, power in terms)
 
 
+@pytest.mark.parametrize("tangent2", [0.1, 0.5, 0.95], ids=["56°", "100°", "117°"])
 @pytest.mark.parametrize("gradient", [(0.0, 0.0), (0.1, -0.05)])
-def test_cos4_is_found_within_half_a_percent(gradient):
+def test_cos4_is_found_within_half_a_percent(gradient, tangent2):
     def cos4(squared):
-        return 1.0 / (1.0 + 0.5 * squared) ** 2  # tangent² of 0.5 at r = 1
+        return 1.0 / (1.0 + tangent2 * squared) ** 2
 
     flat = flat_field(cos4, gradient, noise=0.005)  # the mean of 16 frames with a noise of 2 %
     measured = measure_vignetting(flat, CENTER)
@@ -50,15 +51,16 @@ def test_our_own_vignetting_is_found_again():
     )  # blocks of 8 px
 
 
+@pytest.mark.slow
 def test_standard_deviations_are_honest():
     effect = Vignetting((-0.4, 0.15, -0.05))
     within = []
-    for seed in range(40):
+    for seed in range(30):
         flat = flat_field(lambda squared: drawn(effect, squared), noise=0.01, seed=seed)
         measured = measure_vignetting(flat, CENTER)
         for quantity, truth in zip(measured.quantities[:3], effect.coefficients, strict=True):
             within.append(abs(quantity.value - truth) < 2.0 * quantity.sigma)
-    assert 0.88 <= np.mean(within) <= 0.995  # 120 numbers, three of each fit related
+    assert 0.88 <= np.mean(within) <= 0.995  # 90 numbers, three of each fit related
 
 
 def test_dust_does_not_count():

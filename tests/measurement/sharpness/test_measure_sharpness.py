@@ -61,7 +61,7 @@ def test_quantities_have_standard_deviations(lens):
     for name, count in (("mtf50", 3), ("rise", 3), ("radial", 7), ("tangential", 7), ("red", 2)):
         assert sum(one.startswith(f"{name} ") for one in names) == count
     assert all(0.0 < one.sigma < 0.2 * abs(one.value) + 0.02 for one in lens.quantities)
-    assert not lens.unseen
+    assert not lens.unobservable
 
 
 def test_drawn_lens_measures_the_same():
@@ -115,7 +115,7 @@ def test_squares_of_a_board():
     assert len(measured.edges) == 40
     for edge in measured.edges:
         assert np.sqrt(edge.variance_px2) == pytest.approx(0.9, rel=0.03)
-    reasons = {one.name: one.reason for one in measured.unseen}
+    reasons = {one.name: one.reason for one in measured.unobservable}
     assert "one channel" in reasons["lateral color"]
 
 
@@ -140,7 +140,7 @@ def test_other_images_are_refused():
 def test_what_the_edges_do_not_show_is_named():
     sharp = measure_sharpness([edge_image(gaussian(0.01), 9.0)])
     assert sharp.point_spread is None
-    names = [one.name for one in sharp.unseen]
+    names = [one.name for one in sharp.unobservable]
     assert "point_spread" in names
     assert "difference of radial and tangential width" in names
     assert "sharpness of the outer field" in names

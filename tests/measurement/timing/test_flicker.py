@@ -63,7 +63,7 @@ def test_exposure_follows_from_the_lamp_s_modulation(exposure_s):
     found = measured(0.0301, exposure_s, lamp=0.4)
     (exposure,) = [one for one in found.quantities if one.name == "exposure_s"]
     assert exposure.value == pytest.approx(exposure_s, rel=0.03)
-    assert measured(0.0301, exposure_s).unseen[-1].name == "exposure_s"
+    assert measured(0.0301, exposure_s).unobservable[-1].name == "exposure_s"
 
 
 def test_a_global_shutter_has_no_readout():
@@ -94,3 +94,13 @@ def test_white_frames_are_refused():
     sizes = [np.zeros((20, 30), np.uint8), np.zeros((20, 31), np.uint8)]
     with pytest.raises(MeasurementError, match="frames of several sizes"):
         line_profiles(sizes, 255.0)
+
+
+def test_a_scene_that_moves_is_refused():
+    y, x = np.mgrid[:HEIGHT, :WIDTH]
+    frames = [
+        np.where(np.hypot(x - 60 - 20 * index, y - 40 - 15 * index) < 50, 180, 60).astype(np.uint8)
+        for index in range(8)
+    ]
+    with pytest.raises(MeasurementError, match="frames differ by more than bands"):
+        measure_timing(line_profiles(frames, 255.0), FLICKER_HZ)

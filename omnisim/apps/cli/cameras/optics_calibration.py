@@ -14,10 +14,9 @@ from omnisim.apps.cli.console import out, pluralize
 from omnisim.cameras.optics.boards.board_corners import read_corners
 from omnisim.cameras.optics.boards.calibrate import SystemCalibration, calibrate_system
 from omnisim.cameras.optics.shapes.shape import Floats
-from omnisim.cameras.optics.system_file import read_optics_file
-from omnisim.core.errors import SensorFileError
+from omnisim.cameras.optics.system_file import parse_optics, read_optics_tables
 from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_target, write_text
-from omnisim.core.files.toml_file import Comment, read_tables, toml_text
+from omnisim.core.files.toml_file import Comment, toml_text
 
 
 def calibrate(request: OpticsCalibrateRequest) -> None:
@@ -28,11 +27,11 @@ def calibrate(request: OpticsCalibrateRequest) -> None:
         {"what is written": request.output},
         {"the optics file": request.system, "the corners' file": request.corners},
     )
-    read_optics_file(request.system)  # reports faults with the names of the keys
-    table = read_tables(request.system, SensorFileError)
+    file = read_optics_tables(request.system)
+    parse_optics(*file)  # reports faults with the names of the keys
     keys = [key.strip() for key in request.free.split(",")]
     boards = read_corners(request.corners)
-    fit = calibrate_system(table, keys, boards, str(request.system))
+    fit = calibrate_system(file.table, keys, boards, file.source)
     corners = sum(len(board.points_m) for board in boards)
     summary = (
         f"{pluralize(len(boards), 'image')}, {pluralize(corners, 'corner')}: RMS "

@@ -7,16 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.apps.cli.console import out, pluralize, print_note, track
-from omnisim.apps.cli.measure.measured_files import read_reports, report_path
+from omnisim.apps.cli.measure.measured_files import read_board_shape
 from omnisim.apps.cli.measure.requests import MeasureCompareRequest
 from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
 from omnisim.measurement.comparison import ImageComparison, compare_images
 from omnisim.measurement.comparison.comparison import MAX_OFFSET_PX, Comparison, compare_image
-from omnisim.measurement.geometry import BoardView, Chessboard, find_boards, read_board, read_gray
+from omnisim.measurement.geometry import BoardView, find_boards, read_board, read_gray
 from omnisim.measurement.geometry.board_images import image_files
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
@@ -54,9 +53,7 @@ def _compare(request: MeasureCompareRequest) -> Comparison:
     """Compare all images that have the board."""
     sensor = OmniCamera.from_file(request.sensor)
     board = read_board(request.board)
-    if not isinstance(board, Chessboard):
-        raise MeasurementError(f"--board: expected a chessboard, got {request.board!r}")
-    board_m = _board_shape(request.sensor)
+    board_m = read_board_shape(request.sensor)
     files = image_files(request.images)
     searches = find_boards(files, board, request.mirrored)
     compared: list[ImageComparison] = []
@@ -80,24 +77,6 @@ def _compare(request: MeasureCompareRequest) -> Comparison:
     if not compared:
         raise MeasurementError(f"{request.images}: no image could be compared")
     return compare_images(sensor, compared)
-
-
-def _board_shape(sensor: Path) -> NDArray[np.float64] | None:
-    """Shape of the board in the report beside a sensor file, if there is one.
-
-    Raises:
-        MeasurementError: the report is damaged.
-    """
-    report, path = read_reports(sensor).get("geometry"), report_path(sensor)
-    if report is None:
-        return None
-    try:
-        shape = np.array(report["board_m"], dtype=np.float64)
-    except (KeyError, ValueError, TypeError) as reason:
-        raise MeasurementError(f"{path}: geometry: board_m: no positions: {reason}") from None
-    if shape.ndim != 2 or shape.shape[1] != 3 or not np.isfinite(shape).all():
-        raise MeasurementError(f"{path}: board_m: expected positions x, y, z of corners")
-    return shape
 
 
 def _level_error(comparison: Comparison) -> float:
@@ -157,7 +136,7 @@ def _section(comparison: Comparison) -> Section:
     return Section(
         "The camera beside its twin",
         "Each image's board is rendered in its solved pose by the sensor file, under smooth light "
-        "that was fitted to its squares. The same detector finds the corners in both.",
+        "that was fitted to its ink and to its paper. The same detector finds the corners in both.",
         measures=(
             Measure("largest bias of corners, by ring", comparison.bias_px, "px", _BIAS_PX),
             Measure(
@@ -167,7 +146,7 @@ def _section(comparison: Comparison) -> Section:
         ),
         tables=(
             ResultTable(
-                f"Rings of the image, px. Lost corners are more than {MAX_OFFSET_PX:g} px off.",
+                f"Rings of the image, px. Lost: more than {MAX_OFFSET_PX:g} px off, or not found.",
                 columns,
                 rows,
             ),

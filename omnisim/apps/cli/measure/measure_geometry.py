@@ -6,7 +6,7 @@ import math
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from rich.table import Table
@@ -20,6 +20,8 @@ from omnisim.apps.cli.measure.measured_files import (
 )
 from omnisim.apps.cli.measure.requests import MeasureGeometryRequest
 from omnisim.cameras.optics.boards.board_corners import BoardCorners, read_corners, write_corners
+from omnisim.cameras.optics.boards.free_parameters import FreeParameters
+from omnisim.cameras.optics.system_file import OpticsTables, parse_optics, read_optics_tables
 from omnisim.core.errors import MeasurementError, OpticsError
 from omnisim.core.extras import is_installed, require_extra
 from omnisim.measurement.geometry import (
@@ -28,6 +30,7 @@ from omnisim.measurement.geometry import (
     RejectedImage,
     find_boards,
     measure_geometry,
+    measure_optics,
     read_board,
 )
 from omnisim.measurement.geometry.board_images import image_files
@@ -36,6 +39,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 
 _SHOWN_MODELS = 5
+_CAMERAS = ("lens", "mirror", "optics")  # tables of a sensor file, one of which states the camera
 
 
 def geometry(request: MeasureGeometryRequest) -> None:
@@ -51,11 +55,16 @@ def geometry(request: MeasureGeometryRequest) -> None:
     plot = request.output.with_name(f"{stem}-residuals.png")
     check_outputs(request.output, request.sensor, corners=corners, plot=plot)
     models = _models(request.model)
+    optics = _read_optics(request)
     tables = sensor_tables(request.sensor)
     views, rejected, size_px = _views(request)
-    measured = measure_geometry(
-        views, size_px, mirrored=request.mirrored, models=models, is_flat=request.flat_board
-    )
+    if optics is None:
+        measured = measure_geometry(
+            views, size_px, mirrored=request.mirrored, models=models, is_flat=request.flat_board
+        )
+    else:
+        _check_size(request, optics.size_px, size_px)
+        measured = measure_optics(optics.file.table, optics.free, views, optics.file.source)
     rejected = [*rejected, *measured.rejected]
     write_corners(corners, [BoardCorners(one.points_m, one.pixels_px) for one in measured.views])
     tables = _with_camera(tables, measured)
@@ -66,11 +75,11 @@ def geometry(request: MeasureGeometryRequest) -> None:
         request.sensor,
         tables,
         measured.quantities,
-        measured.unseen,
+        measured.unobservable,
         details,
     )
     _write_plot(plot, measured)
-    print_measured(request.output, measured.quantities, measured.unseen)
+    print_measured(request.output, measured.quantities, measured.unobservable)
     _print(measured, rejected)
 
 
@@ -86,6 +95,53 @@ def _models(names: Sequence[str] | None) -> Sequence[str]:
                 f"--model: expected one of {', '.join(CANDIDATES)}, got {name!r}"
             )
     return names or CANDIDATES
+
+
+class _Optics(NamedTuple):
+    """Optics to fit: the file's table, keys of the free parameters, and the size of images."""
+
+    file: OpticsTables
+    free: list[str]
+    size_px: tuple[int, int]
+
+
+def _read_optics(request: MeasureGeometryRequest) -> _Optics | None:
+    """The optics file to fit, or None.
+
+    Raises:
+        MeasurementError: options that contradict each other, or an unknown key.
+        SensorFileError: the optics file is invalid.
+    """
+    if request.optics is None:
+        if request.free:
+            raise MeasurementError("--free: expected --optics, whose keys it names")
+        return None
+    if request.model:
+        raise MeasurementError("--model: expected none, as --optics states the model")
+    if not request.free:
+        raise MeasurementError("--optics: expected --free KEY, such as surfaces.0.tilt_deg")
+    file = read_optics_tables(request.optics)
+    system = parse_optics(*file)
+    try:
+        free = FreeParameters(file.table, request.free, str(request.optics)).names
+    except OpticsError as reason:
+        raise MeasurementError(str(reason)) from None
+    return _Optics(file, free, (system.width_px, system.height_px))
+
+
+def _check_size(
+    request: MeasureGeometryRequest, wanted: tuple[int, int], size_px: tuple[int, int]
+) -> None:
+    """Reject images of another size than the optics file's.
+
+    Raises:
+        MeasurementError: the sizes differ.
+    """
+    if wanted != size_px:
+        raise MeasurementError(
+            f"{request.images}: {size_px[0]} × {size_px[1]} px: expected {wanted[0]} × "
+            f"{wanted[1]} px as in {request.optics}"
+        )
 
 
 def _views(
@@ -125,14 +181,13 @@ def _read_views(path: Path) -> list[BoardView]:
 def _with_camera(tables: dict[str, Any], measured: MeasuredGeometry) -> dict[str, Any]:
     """Tables of a sensor file in which the measured camera replaces the old one."""
     written = tomllib.loads(sensor_toml(OmniCamera(measured.camera)))
-    old: dict[str, Any] = next(
-        (tables[key] for key in ("lens", "mirror", "optics") if key in tables), {}
-    )
-    lens = {**written["lens"], "mounting": old.get("mounting", written["lens"]["mounting"])}
-    others = {key: value for key, value in tables.items() if key not in ("mirror", "optics")}
-    camera = {"supersampling": tables["camera"]["supersampling"]} if "camera" in tables else {}
+    old: dict[str, Any] = next((tables[key] for key in _CAMERAS if key in tables), {})
+    key = next(key for key in _CAMERAS if key in written)
+    camera = {**written[key], "mounting": old.get("mounting", written[key]["mounting"])}
+    others = {name: value for name, value in tables.items() if name not in _CAMERAS}
+    image = {"supersampling": tables["camera"]["supersampling"]} if "camera" in tables else {}
     others.setdefault("virtual_cameras", written["virtual_cameras"])
-    return {"lens": lens} | {**others, "lens": lens, "camera": camera or written["camera"]}
+    return {key: camera} | {**others, "camera": image or written["camera"]}
 
 
 def _details(measured: MeasuredGeometry, rejected: Sequence[RejectedImage]) -> dict[str, Any]:

@@ -55,10 +55,10 @@ def noise(request: MeasureNoiseRequest) -> None:
         request.sensor,
         tables,
         measured.quantities,
-        measured.unseen,
+        measured.unobservable,
         _details(measured),
     )
-    print_measured(request.output, measured.quantities, measured.unseen)
+    print_measured(request.output, measured.quantities, measured.unobservable)
     if len(measured.defects):
         out.print(f"{len(measured.defects)} defective pixels", markup=False)
 

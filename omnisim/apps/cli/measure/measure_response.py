@@ -22,7 +22,7 @@ from omnisim.apps.cli.measure.requests import MeasureResponseRequest
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.geometry.board_images import image_files
 from omnisim.measurement.noise import find_frame_sets
-from omnisim.measurement.quantity import Quantity, Unseen
+from omnisim.measurement.quantity import Quantity, Unobservable
 from omnisim.measurement.response import (
     MeasuredResponse,
     MeasuredVignetting,
@@ -53,7 +53,7 @@ def response(request: MeasureResponseRequest) -> None:
         )
     tables = sensor_tables(request.sensor)
     measured = _response(request)
-    quantities, unseen = list(measured.quantities), list[Unseen]()
+    quantities, unobservable = list(measured.quantities), list[Unobservable]()
     degradation: dict[str, Any] = dict(tables.get("degradation", {}))
     degradation["encoding"] = _encoding(degradation.get("encoding", {}), measured)
     details: dict[str, Any] = {
@@ -65,7 +65,7 @@ def response(request: MeasureResponseRequest) -> None:
     }
     if request.flat is None:
         reason = "no flat fields: photograph an evenly lit surface, and give --flat"
-        unseen.append(Unseen("vignetting.coefficients", reason))
+        unobservable.append(Unobservable("vignetting.coefficients", reason))
     else:
         channels = _vignetting(request.flat, request, measured)
         green = channels.get("green", next(iter(channels.values())))
@@ -94,8 +94,10 @@ def response(request: MeasureResponseRequest) -> None:
             for name, one in channels.items()
         }
     tables = {**tables, "degradation": degradation}
-    write_measured("response", request.output, request.sensor, tables, quantities, unseen, details)
-    print_measured(request.output, quantities, unseen)
+    write_measured(
+        "response", request.output, request.sensor, tables, quantities, unobservable, details
+    )
+    print_measured(request.output, quantities, unobservable)
     _print(measured)
 
 

@@ -70,10 +70,10 @@ def sharpness(request: MeasureSharpnessRequest) -> None:
         request.sensor,
         tables,
         measured.quantities,
-        measured.unseen,
+        measured.unobservable,
         _details(measured),
     )
-    print_measured(request.output, measured.quantities, measured.unseen)
+    print_measured(request.output, measured.quantities, measured.unobservable)
     for flaw, count in measured.flaws.items():
         print_note(f"{count} edges left out: {flaw.value}")
     if request.sensor is None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,17 +13,29 @@ from omnisim.apps.cli.console import track
 from omnisim.apps.cli.measure.measured_files import (
     check_outputs,
     print_measured,
+    read_board_shape,
     round_to_sigma,
     sensor_tables,
     write_measured,
 )
 from omnisim.apps.cli.measure.requests import MeasureTimingRequest
 from omnisim.core.errors import MeasurementError
+from omnisim.core.extras import require_extra
+from omnisim.measurement.geometry import BoardView, find_boards, read_board
 from omnisim.measurement.geometry.board_images import image_files
-from omnisim.measurement.quantity import Unseen
+from omnisim.measurement.geometry.placed_board import BoardSurface
+from omnisim.measurement.inputs import frame_numbers
+from omnisim.measurement.quantity import Unobservable
 from omnisim.measurement.response.mean_images import mean_image
-from omnisim.measurement.timing import line_profiles, measure_timing
+from omnisim.measurement.timing import (
+    MeasuredReadout,
+    MeasuredTiming,
+    line_profiles,
+    measure_readout,
+    measure_timing,
+)
 from omnisim.rendering.camera.degradations import Encoding
+from omnisim.rendering.camera.omnicamera import OmniCamera
 
 _GREEN = 1
 
@@ -36,35 +49,111 @@ def timing(request: MeasureTimingRequest) -> None:
         OutputError: a file that cannot be written.
     """
     check_outputs(request.output, request.sensor)
-    if not request.flicker > 0.0:  # before the frames are read
-        message = f"flicker: expected a frequency above 0 Hz, got {request.flicker:g}"
-        raise MeasurementError(message)
+    _check_options(request)
     tables = sensor_tables(request.sensor)
+    measured: MeasuredTiming | MeasuredReadout
+    if request.board is None:
+        measured, details = _under_a_lamp(request, tables)
+    else:
+        measured, details = _of_a_board(request)
     degradation = dict(tables.get("degradation", {}))
-    encoding = Encoding(**degradation.get("encoding", {"gamma": 1.0}))
-    files = image_files(request.images)
-    profiles = line_profiles(_frames(files, encoding), 1.0, str(request.images))
-    measured = measure_timing(profiles, request.flicker, request.modulation, str(request.images))
     shutter = dict(degradation.get("shutter", {}))
-    unseen = list(measured.unseen)
+    unobservable = list(measured.unobservable)
     written = {"readout_s", "exposure_s"}
     if measured.lines == "columns":
         reason = "columns are read out one after the other; a sensor file says it of rows: turn it"
-        unseen.append(Unseen("degradation.shutter.readout_s", reason))
+        unobservable.append(Unobservable("degradation.shutter.readout_s", reason))
         written.remove("readout_s")
     for quantity in measured.quantities:
         if quantity.name in written:
             shutter[quantity.name] = round_to_sigma(quantity.value, quantity.sigma)
     tables["degradation"] = {**degradation, "shutter": shutter}
-    details = {
-        "lines": measured.lines,
-        "profile": measured.profile.tolist(),
-        "fitted": measured.fitted.tolist(),
-    }
     write_measured(
-        "timing", request.output, request.sensor, tables, measured.quantities, unseen, details
+        "timing",
+        request.output,
+        request.sensor,
+        tables,
+        measured.quantities,
+        unobservable,
+        {"lines": measured.lines, **details},
     )
-    print_measured(request.output, measured.quantities, unseen)
+    print_measured(request.output, measured.quantities, unobservable)
+
+
+def _check_options(request: MeasureTimingRequest) -> None:
+    """Reject options that contradict each other, before the frames are read.
+
+    Raises:
+        MeasurementError: names the option.
+    """
+    if (request.flicker is None) == (request.board is None):
+        raise MeasurementError("timing: expected either --flicker HZ or --board BOARD")
+    if request.flicker is not None and not request.flicker > 0.0:
+        message = f"flicker: expected a frequency above 0 Hz, got {request.flicker:g}"
+        raise MeasurementError(message)
+    if request.board is None:
+        return
+    if request.sensor is None:
+        raise MeasurementError("--board: expected --sensor with the measured camera model")
+    if request.frame_rate is None:
+        raise MeasurementError("--board: expected --frame-rate HZ")
+    if request.modulation is not None:
+        raise MeasurementError("--modulation: expected --flicker HZ, whose lamp it describes")
+
+
+def _under_a_lamp(
+    request: MeasureTimingRequest, tables: Mapping[str, Any]
+) -> tuple[MeasuredTiming, dict[str, Any]]:
+    """Timing from frames under a flickering lamp, and its plot's data."""
+    assert request.flicker is not None
+    encoding = Encoding(**tables.get("degradation", {}).get("encoding", {"gamma": 1.0}))
+    files = image_files(request.images)
+    profiles = line_profiles(_frames(files, encoding), 1.0, str(request.images))
+    measured = measure_timing(profiles, request.flicker, request.modulation, str(request.images))
+    return measured, {"profile": measured.profile.tolist(), "fitted": measured.fitted.tolist()}
+
+
+def _of_a_board(request: MeasureTimingRequest) -> tuple[MeasuredReadout, dict[str, Any]]:
+    """Readout from frames of a turning board, and its plot's data."""
+    require_extra("measure", "omnisim measure timing --board", MeasurementError)
+    assert request.board is not None
+    assert request.sensor is not None
+    assert request.frame_rate is not None
+    camera, board = OmniCamera.from_file(request.sensor).model, read_board(request.board)
+    files = image_files(request.images)
+    searches = find_boards(files, board, request.mirrored)
+    found = [next(searches) for _ in track(range(len(files)), "Boards", len(files))]
+    if found[0].size_px != (camera.width_px, camera.height_px):
+        width, height = found[0].size_px
+        raise MeasurementError(
+            f"{files[0]}: {width} × {height} px: expected {camera.width_px} × {camera.height_px} "
+            f"px as in {request.sensor}"
+        )
+    numbers = frame_numbers(request.images, files)
+    seen = [
+        (one.found, number)
+        for one, number in zip(found, numbers, strict=True)
+        if isinstance(one.found, BoardView)
+    ]
+    board_m, surface = read_board_shape(request.sensor), None
+    if board_m is not None and seen:
+        corners_m = np.unique(np.concatenate([view.points_m for view, _ in seen]), axis=0)
+        surface = BoardSurface.measured(board_m, corners_m)
+    measured = measure_readout(
+        camera,
+        [view for view, _ in seen],
+        [number for _, number in seen],
+        request.frame_rate,
+        surface,
+        str(request.images),
+    )
+    return measured, {
+        "corners": {
+            "pixels_px": measured.pixels_px.round(3).tolist(),
+            "errors_px": measured.errors_px.round(4).tolist(),
+            "without_readout_px": measured.frozen_px.round(4).tolist(),
+        }
+    }
 
 
 def _frames(files: Sequence[Path], encoding: Encoding) -> Iterator[NDArray[np.float64]]:

@@ -10,13 +10,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.table import Table
 
 from omnisim.apps.cli.console import out, print_note
 from omnisim.core.errors import MeasurementError
 from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_target, write_text
 from omnisim.core.files.toml_file import Comment, toml_text
-from omnisim.measurement.quantity import Quantity, Unseen
+from omnisim.measurement.quantity import Quantity, Unobservable
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 
@@ -61,7 +63,7 @@ def write_measured(
     sensor: Path | None,
     tables: Mapping[str, Any],
     quantities: Sequence[Quantity],
-    unseen: Sequence[Unseen],
+    unobservable: Sequence[Unobservable],
     details: Mapping[str, Any],
 ) -> None:
     """Write a sensor file whose comments give the standard deviations, and a report as JSON.
@@ -74,7 +76,7 @@ def write_measured(
         sensor: sensor file that was completed.
         tables: tables of the sensor file.
         quantities: measured quantities.
-        unseen: quantities that the images do not determine.
+        unobservable: quantities that the images do not determine.
         details: further entries of the report, JSON values.
 
     Raises:
@@ -84,7 +86,7 @@ def write_measured(
         asdict(one) | {"sigma": one.sigma if math.isfinite(one.sigma) else None}
         for one in quantities
     ]
-    report = {"quantities": rows, "not_measured": [asdict(one) for one in unseen], **details}
+    report = {"quantities": rows, "not_measured": [asdict(one) for one in unobservable], **details}
     reports = {**read_reports(sensor), part: report}
     lines = [line for name, one in reports.items() for line in _comments(name, one)]
     write_text(output, toml_text({f"# {line}": Comment(line) for line in lines} | dict(tables)))
@@ -114,10 +116,28 @@ def read_reports(sensor: Path | None) -> dict[str, dict[str, Any]]:
     try:
         reports = json.loads(path.read_text(encoding="utf-8"))
         for report in reports.values():
-            _check_texts([*quantities_of(report), *unseen_of(report)])
+            _check_texts([*quantities_of(report), *unobservable_of(report)])
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         raise MeasurementError(f"{path}: expected a report of `omnisim measure`") from None
     return dict(reports)
+
+
+def read_board_shape(sensor: Path) -> NDArray[np.float64] | None:
+    """Shape of the board in the report beside a sensor file, if there is one.
+
+    Raises:
+        MeasurementError: the report is damaged.
+    """
+    report, path = read_reports(sensor).get("geometry"), report_path(sensor)
+    if report is None:
+        return None
+    try:
+        shape = np.array(report["board_m"], dtype=np.float64)
+    except (KeyError, ValueError, TypeError) as reason:
+        raise MeasurementError(f"{path}: geometry: board_m: no positions: {reason}") from None
+    if shape.ndim != 2 or shape.shape[1] != 3 or not np.isfinite(shape).all():
+        raise MeasurementError(f"{path}: board_m: expected positions x, y, z of corners")
+    return shape
 
 
 def quantities_of(report: Mapping[str, Any]) -> list[Quantity]:
@@ -128,12 +148,12 @@ def quantities_of(report: Mapping[str, Any]) -> list[Quantity]:
     return [Quantity(**row) for row in rows]
 
 
-def unseen_of(report: Mapping[str, Any]) -> list[Unseen]:
+def unobservable_of(report: Mapping[str, Any]) -> list[Unobservable]:
     """Quantities of a part's report that its images do not determine."""
-    return [Unseen(**row) for row in report["not_measured"]]
+    return [Unobservable(**row) for row in report["not_measured"]]
 
 
-def _check_texts(rows: Sequence[Quantity | Unseen]) -> None:
+def _check_texts(rows: Sequence[Quantity | Unobservable]) -> None:
     """Reject rows with a name that is not a string.
 
     Raises:
@@ -148,10 +168,14 @@ def _comments(part: str, report: Mapping[str, Any]) -> list[str]:
     """Comments of a sensor file about a part's quantities."""
     known = [one for one in quantities_of(report) if math.isfinite(one.sigma)]
     lines = [f"{part}: {one.name} = {_number(one)} ({one.basis})" for one in known]
-    return lines + [f"{part}: {one.name} not measured: {one.reason}" for one in unseen_of(report)]
+    return lines + [
+        f"{part}: {one.name} not measured: {one.reason}" for one in unobservable_of(report)
+    ]
 
 
-def print_measured(output: Path, quantities: Sequence[Quantity], unseen: Sequence[Unseen]) -> None:
+def print_measured(
+    output: Path, quantities: Sequence[Quantity], unobservable: Sequence[Unobservable]
+) -> None:
     """Print the measured quantities as a table, and the reasons why others are missing."""
     table = Table(box=None, pad_edge=False)
     for heading in ("", "value", "±", "unit", "from"):
@@ -160,7 +184,7 @@ def print_measured(output: Path, quantities: Sequence[Quantity], unseen: Sequenc
         table.add_row(one.name, *format_quantity(one), one.unit, one.basis)
     out.print(f"{output}: written", markup=False)
     out.print(table)
-    for missing in unseen:
+    for missing in unobservable:
         print_note(f"{missing.name} not measured: {missing.reason}")
 
 

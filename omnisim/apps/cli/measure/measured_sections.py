@@ -14,7 +14,7 @@ from omnisim.apps.cli.measure.measured_files import (
     quantities_of,
     read_reports,
     report_path,
-    unseen_of,
+    unobservable_of,
 )
 from omnisim.core.errors import MeasurementError
 from omnisim.rendering.camera.omnicamera import OmniCamera
@@ -53,13 +53,13 @@ def measured_sections(sensor: Path) -> list[Section]:
 
 
 def _section(part: str, report: PartReport, camera: OmniCamera) -> Section:
-    quantities, unseen = quantities_of(report), unseen_of(report)
+    quantities, unobservable = quantities_of(report), unobservable_of(report)
     rows = tuple((one.name, *format_quantity(one), one.unit, one.basis) for one in quantities)
     tables = [
         ResultTable("Measured numbers.", ("name", "value", "±", "unit", "from"), rows),
     ]
-    if unseen:
-        missing = tuple((one.name, one.reason) for one in unseen)
+    if unobservable:
+        missing = tuple((one.name, one.reason) for one in unobservable)
         tables.append(ResultTable("Not measured.", ("name", "reason"), missing))
     if part == "geometry":
         tables += _geometry_tables(report)
@@ -143,8 +143,25 @@ def _sharpness_figures(report: PartReport, camera: OmniCamera) -> Figures:
 
 
 def _timing_figures(report: PartReport, camera: OmniCamera) -> Figures:
+    if "corners" in report:
+        return _turning_figures(report["corners"], camera)
     figure = timing_figure(report["profile"][0], report["fitted"][0], report["lines"])
     return {"timing": (figure, "Bands of the flickering lamp in the first frame.")}
+
+
+def _turning_figures(corners: PartReport, camera: OmniCamera) -> Figures:
+    pixels_px = np.array(corners["pixels_px"], dtype=np.float64)
+    size_px = camera.model.width_px, camera.model.height_px
+    figures: Figures = {}
+    for key, name, title in (
+        ("without_readout_px", "timing-global", "global shutter"),
+        ("errors_px", "timing", "rolling shutter"),
+    ):
+        errors_px = np.array(corners[key], dtype=np.float64)
+        rms_px = float(np.sqrt(np.square(errors_px).sum(axis=1).mean()))
+        figure = residual_figure(f"{title}: {rms_px:.3f} px RMS", size_px, pixels_px, errors_px)
+        figures[name] = (figure, f"Corners of the turning board minus their predictions: {title}.")
+    return figures
 
 
 _FIGURES: Mapping[str, Callable[[PartReport, OmniCamera], Figures]] = {

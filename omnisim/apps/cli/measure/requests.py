@@ -41,6 +41,10 @@ class MeasureGeometryRequest:
     """Size of the images, for corners from a file."""
     model: Annotated[list[str] | None, Option(metavar="MODEL", default="all that fit")] = None
     """Camera model to fit; repeatable: the best on held-out images is chosen."""
+    optics: Annotated[Path | None, Option(default="none: a central camera")] = None
+    """Optics file of a non-central camera, close to the true one; --free names what is fitted."""
+    free: Annotated[list[str] | None, Option(metavar="KEY", default="none")] = None
+    """Key of the optics file to fit, such as surfaces.0.tilt_deg; repeatable."""
     mirrored: bool = False
     """The camera looks into a mirror."""
     flat_board: bool = False
@@ -54,11 +58,12 @@ class MeasureCompareRequest:
     """Parameters of `omnisim measure compare`."""
 
     images: Annotated[Path, Argument(metavar="IMAGES")]
-    """Folder of images of a chessboard, a video or a ROS bag."""
+    """Folder of images of a board, a video or a ROS bag."""
     sensor: Path
     """Sensor file of the camera; the board's measured shape is read from the report beside it."""
     board: Annotated[str, Option(metavar="BOARD")]
-    """Chessboard: 8x6:30mm (inner corners and square), or a Kalibr file (.yaml)."""
+    """Board: 8x6:30mm, charuco:9x7:30mm:22mm:5X5_100, aprilgrid:6x6:88mm:0.3, or a Kalibr file
+    (.yaml), as for omnisim measure geometry."""
     output: Path
     """Folder to write: report.html, report.json and its figures."""
     mirrored: bool = False
@@ -88,15 +93,23 @@ class MeasureTimingRequest:
     """Parameters of `omnisim measure timing`."""
 
     images: Annotated[Path, Argument(metavar="FRAMES")]
-    """Folder of frames of a still surface under a flickering lamp, a video or a ROS bag."""
-    flicker: Annotated[float, Option(metavar="HZ")]
-    """Frequency of the light: twice the mains', such as 100, or a driven LED's."""
+    """Folder of frames of a still surface under a flickering lamp, or of a turning board; a video
+    or a ROS bag."""
     output: Path
     """Sensor file to write: .toml; a report is written beside it."""
+    flicker: Annotated[float | None, Option(metavar="HZ", default="none: a turning board")] = None
+    """Frequency of the light: twice the mains', such as 100, or a driven LED's."""
     modulation: Annotated[float | None, Option(metavar="SHARE", default="unknown")] = None
     """Amplitude of the lamp's light over its mean, from 0 to 1, for the exposure time."""
+    board: Annotated[str | None, Option(metavar="BOARD", default="none: a flickering lamp")] = None
+    """Turning board, as for omnisim measure geometry, in consecutive frames."""
+    frame_rate: Annotated[float | None, Option(metavar="HZ", default="none")] = None
+    """Frames per second, of a turning board."""
+    mirrored: bool = False
+    """The camera looks into a mirror."""
     sensor: Annotated[Path | None, Option(default="none")] = None
-    """Sensor file to add readout and exposure to; its transfer function applies to the frames."""
+    """Sensor file to add readout and exposure to; its transfer function applies to frames under a
+    lamp, its camera model to a board."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -74,6 +74,7 @@ def calibrate_system(
     free: Sequence[str],
     boards: Sequence[BoardCorners],
     source: str = "optics",
+    poses: Floats | None = None,
 ) -> SystemCalibration:
     """Fit parameters of an optical system, together with the poses of the boards.
 
@@ -82,6 +83,8 @@ def calibrate_system(
         free: keys of the free parameters, see `FreeParameters`; empty: fit only the poses.
         boards: corners in the images.
         source: file name, for messages.
+        poses: (boards, 4, 4) initial poses of the boards in the sensor's optical frame; None: as if
+            all rays met in one point.
 
     Raises:
         OpticsError: there is no board, the system does not see the corners, or the corners do not
@@ -91,8 +94,9 @@ def calibrate_system(
         raise OpticsError("corners: expected a board, got none")
     fixed, parameters = (FreeParameters(table, keys, source) for keys in ((), free))
     system = fixed.system(fixed.values)
-    viewpoint_m = CentralView(system).viewpoint_m
-    poses = np.stack([first_pose(system, viewpoint_m, board) for board in boards])
+    if poses is None:
+        viewpoint_m = CentralView(system).viewpoint_m
+        poses = np.stack([first_pose(system, viewpoint_m, board) for board in boards])
     rough = _Problem(fixed, boards, poses).solve()
     if not parameters.names:
         return rough

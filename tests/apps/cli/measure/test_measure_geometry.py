@@ -49,3 +49,37 @@ def test_images_become_a_sensor_file(omnisim, tmp_path):
     assert status == 0, err
     report = json.loads(output.with_suffix(".json").read_text())["geometry"]
     assert report["held_out_rms_px"] < 0.15
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--free", "surfaces.0.tilt_deg"], "--free: expected --optics, whose keys it names"),
+        (["--optics", "mirror.toml"], "--optics: expected --free KEY, such as surfaces.0.tilt_deg"),
+        (
+            ["--optics", "mirror.toml", "--free", "surfaces.0.k", "--model", "unified"],
+            "--model: expected none, as --optics states the model",
+        ),
+        (
+            ["--optics", "mirror.toml", "--free", "surfaces.1.k"],
+            "mirror.toml: surfaces.1.k: expected a number, got no such key",
+        ),
+        (
+            ["--optics", "mirror.toml", "--free", "surfaces.0.tilt_deg.0"],
+            "corners.csv: 400 × 300 px: expected 360 × 360 px as in mirror.toml",
+        ),
+    ],
+)
+def test_faults_of_optics_are_named(omnisim, tmp_path, arguments, message):
+    views = noisy_views(LENS, varied_poses(5), corner_grid(), 0.05)
+    corners = [BoardCorners(one.points_m, one.pixels_px) for one in views]
+    write_corners(tmp_path / "corners.csv", corners)
+    (tmp_path / "mirror.toml").write_text(
+        "[camera]\nmodel = 'perspective'\nwidth_px = 360\nheight_px = 360\n"
+        "focal_length_px = 1330\n[[surfaces]]\nshape = 'hyperbolic'\nrim_radius_m = 0.0119\n"
+    )
+    status, _, error = omnisim(
+        "measure", "geometry", "corners.csv", "--size", "400", "300", *arguments, "-o", "c.toml"
+    )
+    assert (status, error) == (1, f"error: {message}\n")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["corners.csv", "mirror.toml"]

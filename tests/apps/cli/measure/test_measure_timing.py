@@ -44,3 +44,21 @@ def test_parts_add_to_one_sensor_file_and_report(omnisim, tmp_path):
     status, _, err = omnisim("measure", "timing", tmp_path / "frames", *options)
     assert status == 1
     assert "camera.json: expected a report of `omnisim measure`" in err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "timing: expected either --flicker HZ or --board BOARD"),
+        (
+            ["--flicker", 100, "--board", "8x6:30mm"],
+            "timing: expected either --flicker HZ or --board BOARD",
+        ),
+        (["--board", "8x6:30mm"], "--board: expected --sensor with the measured camera model"),
+        (["--board", "8x6:30mm", "--sensor", "c.toml"], "--board: expected --frame-rate HZ"),
+    ],
+)
+def test_options_that_contradict_each_other_are_refused(omnisim, tmp_path, arguments, message):
+    (tmp_path / "c.toml").write_text("")
+    status, _, error = omnisim("measure", "timing", "frames", *arguments, "-o", "camera.toml")
+    assert (status, error) == (1, f"error: {message}\n")
