@@ -33,7 +33,7 @@ void main() {
     if (!LIGHT_NEEDS_DERIVATIVES) discard_hole(color.a);
     vec3 light = lit_color(color.rgb, triangle_normal);
     if (LIGHT_NEEDS_DERIVATIVES) discard_hole(color.a);
-    light = fogged(light, length(surface_position()));
+    light = fogged(light, fog_range(surface_position()));
     // near a punctual light the value is unbounded; infinity would spoil mip levels
     out_color = vec4(min(light, vec3(MAX_HALF_FLOAT)), IS_BLENDED ? color.a : 1.0);
 }

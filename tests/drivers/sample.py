@@ -41,7 +41,7 @@ from tests.drivers.cases import (
     optics_sensor,
     poses_in,
 )
-from tests.rendering.opengl.sheets import LAMP, SUN, mixed_scene
+from tests.rendering.opengl.sheets import LAMP, SUN, mixed_scene, with_mirrors
 from tests.skinned_figure import Figure
 
 EVERY_CHANNEL = tuple(CHANNELS)
@@ -63,6 +63,7 @@ def sample_cases(size_px: int, poses: int) -> Cases:
         "optics in fog": of(
             _sheets_in_fog, optics_sensor("sphere"), size_px=size_px // 2, channels=EVERY_CHANNEL
         ),
+        "mirrors": of(_mirrors_in_fog, PANORAMA),
         "materials": of(_materials, PANORAMA, channels=EVERY_CHANNEL),
         "bad day": partial(_degraded, preset("bad-day"), size_px, poses),
         "mean meter": partial(
@@ -84,6 +85,10 @@ def sample_cases(size_px: int, poses: int) -> Cases:
 def _sheets_in_fog() -> Scene:
     scene = mixed_scene(SUN, LAMP)
     return dataclasses.replace(scene, lighting=dataclasses.replace(scene.lighting, fog=FOG))
+
+
+def _mirrors_in_fog() -> Scene:
+    return with_mirrors(_sheets_in_fog())
 
 
 def _materials() -> Scene:

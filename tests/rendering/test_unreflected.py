@@ -5,7 +5,9 @@ import pytest
 
 from omnisim.rendering.unreflected import reflection_notes, reflects_scene
 from omnisim.scene.model import Lighting, Material, Texture
+from omnisim.validation.material_chart import sphere
 from tests.scenes import scene_of, square
+from tests.vehicles import box
 
 
 def _map(green):
@@ -30,13 +32,19 @@ def _map(green):
 )
 def test_smooth_metal_gloss_and_coats_reflect_the_scene(material, expected):
     assert reflects_scene(material) is expected
-    scene = scene_of([square()], [material])
+    scene = scene_of([sphere(1.0, 8)], [material])
     notes = reflection_notes(scene)
     assert len(notes) == expected
     start = "reflections show the sky and lamps, not the scene (1 material)"
     assert all(note.startswith(start) for note in notes)
     matte = Lighting((1.0, 1.0, 1.0), (), is_matte=True)
-    assert not reflection_notes(scene_of([square()], [material], None, matte))
+    assert not reflection_notes(scene_of([sphere(1.0, 8)], [material], None, matte))
+
+
+def test_planar_mirrors_are_drawn():
+    chrome = Material(metallic=1.0, roughness=0.0)
+    assert not reflection_notes(scene_of([square(), box("box", 0)], [chrome]))
+    assert reflection_notes(scene_of([square(), sphere(1.0, 8)], [chrome]))
 
 
 def test_panes_are_opaque():

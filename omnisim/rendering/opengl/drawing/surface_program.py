@@ -29,11 +29,14 @@ from omnisim.rendering.opengl.shader_files import build_program
 from omnisim.rendering.opengl.uniforms import find_uniform, set_sampler, write_fog
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind
+from omnisim.scene.planar_mirrors import MAX_MIRRORS
 from omnisim.scene.surface_reflectance import environment_table
 
 _ALL_DIRECTIONS = (-1.0, -2.0)  # cosines of a cone with all directions: a point light's
 _NO_RANGE_M = 1e9  # large, finite and a float32, because the shader divides by it
 _ENVIRONMENT_UNITS = {"u_environment_table": 5, "u_filtered_sky": 6}
+# Units of the normal maps, which planar mirrors do not have.
+MIRROR_UNITS = {"u_mirror_owners": 2, "u_mirrored": 15}
 
 
 class SurfaceVariant(NamedTuple):
@@ -50,6 +53,8 @@ class SurfaceVariant(NamedTuple):
         in_fog: True if drawn with the scene's fog, if it has one.
         light: source of the light on lit surfaces.
         both_sides: each side has its own light in the lightmap.
+        is_planar_mirror: shows the mirrored views of `MirrorPass`.
+        in_mirror: drawn from a mirrored rig, clipped at the mirror.
     """
 
     lit: bool
@@ -64,6 +69,8 @@ class SurfaceVariant(NamedTuple):
     in_fog: bool = True
     light: LightSource = LightSource.COMPUTED
     both_sides: bool = False
+    is_planar_mirror: bool = False
+    in_mirror: bool = False
 
     @property
     def computes_light(self) -> bool:
@@ -102,7 +109,11 @@ class SurfaceVariant(NamedTuple):
             defines += self.light.defines
         if self.both_sides:
             defines.append("BOTH_SIDES")
-        if is_placed:
+        if self.is_planar_mirror:
+            defines.append(f"PLANAR_MIRRORS {MAX_MIRRORS}")
+        if self.in_mirror:
+            defines.append("IN_MIRROR")
+        if is_placed or self.in_mirror:
             defines.append("POSITION")
         if in_fog:
             defines.append("FOG")
@@ -225,6 +236,11 @@ class SurfaceProgram:
             connect_material(program, variant.clustered)
             for name, unit in _ENVIRONMENT_UNITS.items():
                 set_sampler(program, name, unit)
+        self._mirror_planes = find_uniform(program, "u_mirror_planes")
+        self._mirror = find_uniform(program, "u_mirror")
+        if variant.is_planar_mirror:
+            for name, unit in MIRROR_UNITS.items():
+                set_sampler(program, name, unit)
         if lighting.fog is not None and variant.in_fog:
             write_fog(program, lighting.fog)
         if variant.computes_light:
@@ -243,6 +259,18 @@ class SurfaceProgram:
         if self._probes_viewpoint is not None and self._baked is not None:
             offset_m = viewpoint_m - self._baked.probes.origin_m
             self._probes_viewpoint.write(offset_m.astype(np.float32))
+
+    def set_mirrors(self, planes: NDArray[np.float64]) -> None:
+        """Set the planes (n, 4) of the mirrors: unit normals, and the viewpoint's heights."""
+        if self._mirror_planes is not None:
+            padded = np.zeros((MAX_MIRRORS, 4), dtype=np.float32)
+            padded[: len(planes)] = planes
+            self._mirror_planes.write(padded)
+
+    def set_mirror(self, plane: NDArray[np.float64]) -> None:
+        """Set the plane (4,) of a mirrored view: unit normal, and the viewpoint's height."""
+        if self._mirror is not None:
+            self._mirror.write(plane.astype(np.float32))
 
     def set_matrices(
         self,

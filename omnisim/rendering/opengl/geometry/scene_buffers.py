@@ -29,6 +29,8 @@ from omnisim.rendering.opengl.materials.material_table import MaterialTable, pla
 from omnisim.rendering.opengl.materials.scene_textures import MaterialTextures
 from omnisim.scene.model import Instance, Scene
 from omnisim.scene.parts import LightRectangle
+from omnisim.scene.planar_mirrors import MirrorPlane, find_mirrors
+from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
 # Extensions of OpenGL 4.5 that are part of 4.6.
 _CALLS_OF_CLUSTERS = {"GL_ARB_indirect_parameters", "GL_ARB_shader_draw_parameters"}
@@ -50,6 +52,7 @@ class SceneBuffers:
         draw_items: opaque and masked instances, then blended ones; each part sorted by material.
         radii_m: (n,) radii of their bounding spheres at 0 s.
         deforming: indices of items whose meshes deform.
+        mirrors: planes of the planar mirrors, whose surfaces are items.
 
     Raises:
         GraphicsError: a texture beyond the limits of the GPU.
@@ -102,6 +105,14 @@ class SceneBuffers:
         self._is_drawn, self._free = np.ones(len(items), dtype=np.bool_), set[int]()
         for name in ("triangles", "clustered_geometry"):
             self.__dict__.pop(name, None)
+        self.mirrors = self._find_mirrors(np.ones(len(items), dtype=np.bool_))
+
+    def _find_mirrors(self, possible: NDArray[np.bool_]) -> tuple[MirrorPlane, ...]:
+        """Find planar mirrors among the possible items (n,)."""
+        if self._lighting.is_matte:
+            return ()
+        surfaces = {index: self.draw_items[index] for index in np.flatnonzero(possible).tolist()}
+        return find_mirrors(surfaces, MIN_ROUGHNESS)
 
     def _set_items(self, items: Sequence[DrawItem]) -> None:
         self.draw_items = tuple(items)
@@ -188,6 +199,7 @@ class SceneBuffers:
         self._is_drawn[numbers[: len(new)]] = True
         if self.clustered_geometry is not None:
             self.clustered_geometry.show(self._is_drawn)
+        self.mirrors = self._find_mirrors(self._is_drawn & ~self._static_mask)
         self._textures.keep([item.texture_layer for item in items])
         table = self.__dict__.get("triangles")
         if table is not None and not table.append(self._store.ranges, self.indices):
@@ -284,8 +296,9 @@ class SceneBuffers:
         """Clusters of opaque and masked instances; None without any, or without multi-draws."""
         if not self._uses_clusters or not self.context.extensions >= _CALLS_OF_CLUSTERS:
             return None
+        alone = {index for plane in self.mirrors for index in plane.parts}
         return build_clustered_geometry(
-            self.context, self.draw_items, self._lighting, len(self._dynamic_objects)
+            self.context, self.draw_items, self._lighting, len(self._dynamic_objects), alone
         )
 
     def check_readable(self, purpose: str) -> None:

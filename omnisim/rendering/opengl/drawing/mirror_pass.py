@@ -1,0 +1,239 @@
+"""Mirror pass: the scene as planar mirrors show it, seen from mirrored viewpoints.
+
+The mirrored rig has the tiles of the rig itself, so that the view in a mirror has the atlas
+coordinates of the mirror. Each mirror's view is drawn only in the texels where that mirror is the
+nearest one. Mirrors within a mirrored view reflect sky and lamps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
+from omnisim.rendering.opengl.drawing.reversed_depth import CLEAR_DEPTH, depth_texture
+from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
+from omnisim.rendering.opengl.drawing.scene_view import SceneView
+from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
+from omnisim.rendering.opengl.drawing.surface_program import MIRROR_UNITS, SurfacePrograms
+from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.shader_files import build_program
+from omnisim.rendering.opengl.uniforms import uniform
+
+_ROW_TRIANGLES = 4096
+_OWNERS_UNIT = 0
+
+
+class MirrorPass:
+    """Draws the mirrored views of a camera; of no use once the buffers have changed.
+
+    Args:
+        buffers: scene and dynamic objects, with at least one mirror.
+        programs: surface programs for the scene's lights.
+        plan: tiles of the camera's atlas.
+        cameras: virtual cameras.
+        sky: pass of the visible sky; None: no sky.
+
+    Attributes:
+        items: indices of the items that are mirrors.
+
+    Raises:
+        GraphicsError: the views do not fit on the GPU.
+    """
+
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        programs: SurfacePrograms,
+        plan: TilePlan,
+        cameras: VirtualCameras,
+        sky: SkyPass | None,
+    ):
+        context = buffers.context
+        self._buffers, self._mirrors, self._state = buffers, buffers.mirrors, GlState()
+        self._background = cameras.background
+        size = (plan.width_px, plan.height_px)
+        with gpu_allocation(
+            f"views in mirrors of {size[0]} × {size[1]} px",
+            "make the image or virtual_cameras.size_px smaller",
+        ):
+            self._colors = context.texture(size, 4, dtype="f2")
+            self._owners = context.texture(size, 1, dtype="u1")
+            depth = depth_texture(context, size)
+        for texture in (self._colors, self._owners):
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._target = context.framebuffer([self._colors], depth)
+        self._owners_target = context.framebuffer([self._owners], depth)
+        self._depth_target = context.framebuffer(depth_attachment=depth)
+        # a mirror shows the vehicle's own body, too
+        seen = replace(cameras, hidden=frozenset(), samples=1)
+        self._view = SceneView(buffers, programs, plan, seen, depth, 1, sky, is_mirrored=True)
+        shown = np.flatnonzero(buffers.shown_one_by_one(cameras.hidden)).tolist()
+        self.items = frozenset(
+            index for plane in self._mirrors for index in plane.parts if index in set(shown)
+        )
+        self._owner_drawer = self._make_owner_drawer()
+        window = build_program(context, "common/full_screen.vert", "scene/mirror_window.frag")
+        uniform(window, "u_mirror_owners").value = _OWNERS_UNIT
+        self._window = uniform(window, "u_number")
+        self._triangle = context.vertex_array(window, [])
+
+    def _make_owner_drawer(self) -> SceneDrawer[OwnerProgram]:
+        """Drawer of the mirrors' numbers."""
+        items = self._buffers.draw_items
+        first_of_item: dict[int, int] = {}
+        numbers: list[NDArray[np.uint8]] = []
+        for index in sorted(self.items):
+            first_of_item[index] = sum(len(one) for one in numbers)
+            of_triangles = np.zeros(items[index].triangles, dtype=np.uint8)
+            for number, plane in enumerate(self._mirrors, start=1):
+                if index in plane.parts:
+                    of_triangles[plane.parts[index]] = number
+            numbers.append(of_triangles)
+        program = OwnerProgram(self._buffers.context, np.concatenate(numbers))
+        return SceneDrawer(
+            self._buffers,
+            self._buffers.indices,
+            np.array(sorted(self.items), dtype=np.intp),
+            lambda item: program,
+            first_of_item,
+        )
+
+    def render(
+        self,
+        view: SceneView,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Render the mirrored views of a pose (4, 4), and bind them for the view's programs.
+
+        Shadow maps and tables are bound, and meshes are deformed.
+        """
+        planes = self._planes(world_from_rig[:3, 3], world_from_objects)
+        self._draw_owners(view, world_from_rig, world_from_objects)
+        self._state.use(self._target, has_depth=True)
+        self._state.clear([(*self._background, 1.0)], CLEAR_DEPTH)
+        for number in self._visible(view, world_from_rig, world_from_objects):
+            self._draw_view(number, planes[number], world_from_rig, world_from_objects)
+        for program in view.programs:
+            program.set_mirrors(planes)
+        self._owners.use(MIRROR_UNITS["u_mirror_owners"])
+        self._colors.use(MIRROR_UNITS["u_mirrored"])
+
+    def _planes(
+        self, viewpoint_m: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
+    ) -> NDArray[np.float64]:
+        """Unit normals toward the viewpoint (3,), and its heights in meters: (mirrors, 4)."""
+        planes = np.empty((len(self._mirrors), 4))
+        for number, mirror in enumerate(self._mirrors):
+            normal, offset_m = mirror.normal, mirror.offset_m
+            if mirror.object_index is not None:
+                pose = world_from_objects[mirror.object_index]
+                normal = pose[:3, :3] @ normal
+                offset_m += float(normal @ pose[:3, 3])
+            height_m = float(normal @ viewpoint_m) - offset_m
+            sign = -1.0 if height_m < 0.0 else 1.0
+            planes[number] = *(sign * normal), abs(height_m)
+        return planes
+
+    def _draw_owners(
+        self,
+        view: SceneView,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Draw the number of the nearest mirror, in exactly the texels that show it."""
+        target, tiles = self._owners_target, view.tiles
+        transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
+        tiles.begin(target, [None])
+        self._owner_drawer.begin(transforms)
+        items = np.array(sorted(self.items), dtype=np.intp)
+        with self._state.drawing():
+            views = tiles.views.at(world_from_rig)
+            tiles.draw_items(target, views, transforms, items, self._owner_drawer)
+
+    def _visible(
+        self,
+        view: SceneView,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> list[int]:
+        """Indices of the mirrors that some tile may show."""
+        transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
+        views = view.tiles.views.at(world_from_rig)
+        visible = []
+        for number, mirror in enumerate(self._mirrors):
+            items = np.array([one for one in mirror.parts if one in self.items], dtype=np.intp)
+            if any(view.tiles.cull_items(tile, transforms, items).any() for tile in views):
+                visible.append(number)
+        return visible
+
+    def _draw_view(
+        self,
+        number: int,
+        plane: NDArray[np.float64],
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Draw the view in a mirror, given its plane (4,)."""
+        normal, height_m = plane[:3], plane[3]
+        mirrored = world_from_rig.copy()
+        mirrored[:3, :3] -= 2.0 * np.outer(normal, normal @ world_from_rig[:3, :3])
+        mirrored[:3, 3] -= 2.0 * height_m * normal
+        self._owners.use(_OWNERS_UNIT)
+        self._window.value = number + 1
+        self._state.use(self._depth_target, has_depth=True)
+        with self._state.setting_depth():
+            self._triangle.render(moderngl.TRIANGLES, vertices=3)
+        for program in self._view.programs:
+            program.set_mirror(np.array((*normal, -height_m)))
+        self._state.use(self._target, has_depth=True)
+        self._view.draw(self._target, mirrored, world_from_objects)
+
+
+class OwnerProgram:
+    """Program that draws the numbers of mirrors.
+
+    Args:
+        context: OpenGL context.
+        numbers: (n,) number of each triangle's mirror; 0: none.
+    """
+
+    def __init__(self, context: moderngl.Context, numbers: NDArray[np.uint8]):
+        files = "scene/mirror_owner.vert", "scene/mirror_owner.frag"
+        self.program = build_program(context, *files)
+        self._item = ItemUniforms(self.program)
+        self._first_triangle = uniform(self.program, "u_first_triangle")
+        uniform(self.program, "u_numbers").value = _OWNERS_UNIT
+        rows = -(-len(numbers) // _ROW_TRIANGLES)
+        padded = np.zeros((rows, _ROW_TRIANGLES), dtype=np.uint8)
+        padded.ravel()[: len(numbers)] = numbers
+        self._numbers = context.texture((_ROW_TRIANGLES, rows), 1, padded, dtype="u1")
+        self._numbers.filter = (moderngl.NEAREST, moderngl.NEAREST)
+
+    def set_matrices(
+        self,
+        clip_from_mesh: NDArray[np.float32],
+        viewpoint_from_mesh: NDArray[np.float32],
+        normal_from_mesh: NDArray[np.float32],
+    ) -> None:
+        """Set the matrix (4, 4), column-major, for the next draw calls."""
+        self._item.set_clip_from_mesh(clip_from_mesh)
+
+    def bind_material(self, item: DrawItem) -> None:
+        """Bind the table of numbers."""
+        self._numbers.use(_OWNERS_UNIT)
+
+    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
+        """Draw `count` indices of a vertex array; `first_id`: place of its first number."""
+        self._first_triangle.value = first_id
+        array.render(moderngl.TRIANGLES, vertices=count, first=first)
