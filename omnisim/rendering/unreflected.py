@@ -1,4 +1,4 @@
-"""Notices on reflective and transmissive materials, for back ends without reflections."""
+"""Notices on reflective materials, for back ends that show the scene in planar mirrors only."""
 
 from __future__ import annotations
 
@@ -11,12 +11,18 @@ from numpy.typing import NDArray
 from omnisim.core.short_repr import counted
 from omnisim.scene import Scene
 from omnisim.scene.model import Material, Mesh
-from omnisim.scene.planar_mirrors import MirrorPlane, find_mirrors, is_smooth
-from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS, MIN_ROUGHNESS
+from omnisim.scene.planar_mirrors import (
+    MirrorPlane,
+    find_mirrors,
+    is_clear_pane,
+    is_planar_mirror,
+    is_smooth,
+)
+from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS
 
 
 def reflection_notes(scene: Scene) -> list[str]:
-    """Notices on materials that reflect or transmit the scene with `--backend rays` only."""
+    """Notices on materials that reflect the scene with `--backend rays` only."""
     if scene.lighting.is_matte:
         return []
     surfaces = {
@@ -27,22 +33,18 @@ def reflection_notes(scene: Scene) -> list[str]:
         )
         for number, one in enumerate(scene.instances)
     }
-    planes = find_mirrors(surfaces, MIN_ROUGHNESS)
-    materials = {id(one.material): one.material for one in surfaces.values()}
+    planes = *find_mirrors(surfaces, is_planar_mirror), *find_mirrors(surfaces, is_clear_pane)
     unreflected = {
         id(one.material)
         for number, one in surfaces.items()
         if reflects_scene(one.material) and not _is_planar(number, planes)
     }
-    mirrors = len(unreflected)
-    panes = sum(one.transmission > 0.0 and not one.unlit for one in materials.values())
-    notes = {
-        f"reflections show the sky and lamps, not the scene ({counted(mirrors, 'material')}): "
-        "--backend rays shows it": mirrors,
-        f"panes are opaque ({counted(panes, 'material')}): "
-        "--backend rays shows what is behind them": panes,
-    }
-    return [note for note, count in notes.items() if count]
+    if not unreflected:
+        return []
+    return [
+        "reflections show the sky and lamps, not the scene "
+        f"({counted(len(unreflected), 'material')}): --backend rays shows it"
+    ]
 
 
 class _Surface(NamedTuple):
@@ -61,5 +63,5 @@ def _is_planar(number: int, planes: Sequence[MirrorPlane]) -> bool:
 
 
 def reflects_scene(material: Material) -> bool:
-    """True if the ray back end traces reflections: smooth metal, gloss or clear coat."""
-    return is_smooth(material, MAX_TRACED_ROUGHNESS)
+    """True if the ray back end traces reflections: panes, smooth metal, gloss or clear coat."""
+    return material.pane_transmission > 0.0 or is_smooth(material, MAX_TRACED_ROUGHNESS)

@@ -6,7 +6,7 @@ the `MAX_MIRRORS` largest are mirrors; coplanar surfaces share one.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.scene.parts import AlphaMode, Material, Mesh
+from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
 MAX_MIRRORS = 8
 MIN_PLANE_SHARE = 0.05
@@ -84,26 +85,37 @@ def is_smooth(material: Material, max_roughness: float) -> bool:
     return is_coated or (is_glossy and roughness <= max_roughness)
 
 
-def is_planar_mirror(material: Material, max_roughness: float) -> bool:
+def is_planar_mirror(material: Material) -> bool:
     """True for smooth, opaque materials without normal maps."""
-    is_flat = material.normal_map is None and material.clearcoat_normal_map is None
-    is_opaque = material.alpha_mode is AlphaMode.OPAQUE and not material.transmission
-    return is_flat and is_opaque and is_smooth(material, max_roughness)
+    return (
+        _is_flat(material) and not material.pane_transmission and is_smooth(material, MIN_ROUGHNESS)
+    )
+
+
+def is_clear_pane(material: Material) -> bool:
+    """True for panes without normal maps; they reflect like mirrors."""
+    return _is_flat(material) and material.pane_transmission > 0.0
+
+
+def _is_flat(material: Material) -> bool:
+    """True without holes, blending and normal maps."""
+    has_normal_map = material.normal_map or material.clearcoat_normal_map
+    return material.alpha_mode is AlphaMode.OPAQUE and has_normal_map is None
 
 
 def find_mirrors(
-    surfaces: Mapping[int, ShownSurface], max_roughness: float
+    surfaces: Mapping[int, ShownSurface], is_mirror: Callable[[Material], bool]
 ) -> tuple[MirrorPlane, ...]:
     """Find the planes of the largest planar mirrors, largest first.
 
     Args:
         surfaces: surfaces of the scene and of its dynamic objects, by index.
-        max_roughness: roughness up to which materials are mirrors.
+        is_mirror: tells whether planes of a material are mirrors.
     """
     planes: list[MirrorPlane] = []
     for index, surface in surfaces.items():
         is_rigid = surface.mesh.deformation is None
-        if is_rigid and is_planar_mirror(surface.material, max_roughness):
+        if is_rigid and is_mirror(surface.material):
             for part in flat_parts(surface.mesh, surface.object_from_mesh):
                 _add(planes, index, surface.object_index, part)
     planes.sort(key=lambda plane: -plane.area_m2)

@@ -76,12 +76,12 @@ def test_mirrors_of_all_ways_to_draw(scene):
         frames = [renderer.render(state).rgb for state in states]
         for image, frame in zip(renderer.render_batch(states), frames, strict=True):
             np.testing.assert_array_equal(image, frame)
-        place = scene.instances[-3].world_from_mesh
-        renderer.move(scene.instances[-3].name, place @ pose((0.0, 0.4, 0.0)))
+        place = scene.instances[-5].world_from_mesh
+        renderer.move(scene.instances[-5].name, place @ pose((0.0, 0.4, 0.0)))
         edited = renderer.render(AT).rgb
         with open_sensor(renderer.scene, sensor) as fresh:
             assert psnr_of_levels_db(edited, fresh.render(AT).rgb) > 50.0
-    assert psnr_of_levels_db(edited, frames[0]) < 30.0
+    assert psnr_of_levels_db(edited, frames[0]) < 32.0
     finer = dataclasses.replace(sensor, samples=4)
     with open_sensor(scene, finer) as renderer:
         assert psnr_of_levels_db(renderer.render(AT).rgb, frames[0]) > 36.0

@@ -30,7 +30,7 @@ def _surface(mesh, place=None, object_index=None, material=CHROME):
 def test_planes_of_a_box():
     """Far from the origin, turned and scaled."""
     place = pose((400.0, -300.0, 20.0), 10.0, 20.0, 30.0) @ np.diag((0.5, 2.0, 1.5, 1.0))
-    planes = find_mirrors({7: _surface(box("box", 0), place)}, 0.04)
+    planes = find_mirrors({7: _surface(box("box", 0), place)}, is_planar_mirror)
     assert len(planes) == 6
     np.testing.assert_allclose([plane.area_m2 for plane in planes], [3, 3, 1, 1, 0.75, 0.75])
     for plane in planes:
@@ -55,7 +55,7 @@ def test_coplanar_surfaces_share_a_plane_unless_they_move():
         2: _surface(square(1.0), left, object_index=0),
         3: _surface(square(1.0), pose((0.0, 0.0, 1.01))),
     }  # fmt: skip
-    planes = find_mirrors(surfaces, 0.04)
+    planes = find_mirrors(surfaces, is_planar_mirror)
     assert sorted(sorted(plane.parts) for plane in planes) == [[0, 1], [2], [3]]
     shared = next(plane for plane in planes if len(plane.parts) == 2)
     assert shared.parts[0].all()
@@ -68,7 +68,7 @@ def test_the_largest_planes_are_mirrors():
         number: _surface(square(0.1 * (1 + number)), pose((0.0, 0.0, number)))
         for number in range(MAX_MIRRORS + 3)
     }
-    planes = find_mirrors(surfaces, 0.04)
+    planes = find_mirrors(surfaces, is_planar_mirror)
     kept = [number for plane in planes for number in plane.parts]
     assert kept == list(range(MAX_MIRRORS + 2, 2, -1))
 
@@ -87,4 +87,4 @@ def test_the_largest_planes_are_mirrors():
     ],
 )
 def test_materials_of_planar_mirrors(change, expected):
-    assert is_planar_mirror(dataclasses.replace(CHROME, **change), 0.04) is expected
+    assert is_planar_mirror(dataclasses.replace(CHROME, **change)) is expected

@@ -27,6 +27,7 @@ _MIRROR_CLIP_DISTANCE = 0x3004  # at a mirror, see shaders/scene/mirrored.glsl
 _GREATER, _EQUAL, _ALWAYS, _BACK = 0x0204, 0x0202, 0x0207, 0x0405
 _CLOCKWISE, _COUNTERCLOCKWISE = 0x0900, 0x0901
 _SRC_ALPHA, _ONE_MINUS_SRC_ALPHA, _ZERO, _ONE = 0x0302, 0x0303, 0, 1
+_SRC1_COLOR = 0x88F9
 _ENUM, _INT, _POINTER, _BOOLEAN = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_ubyte
 
 
@@ -70,6 +71,7 @@ class GlState:
         self._set_each_clip_distance = [_toggle(enable, disable, one) for one in _CLIP_DISTANCES]
         self._set_mirror_clip = _toggle(enable, disable, _MIRROR_CLIP_DISTANCE)
         self._set_front_face = gl_function("glFrontFace", _ENUM)
+        self._set_blend_function = gl_function("glBlendFuncSeparate", _ENUM, _ENUM, _ENUM, _ENUM)
 
     def use(self, target: moderngl.Framebuffer, has_depth: bool = False) -> None:
         """Draw to all of a target; `has_depth`: write depth, too.
@@ -115,6 +117,15 @@ class GlState:
             yield
         finally:
             self._set_blending(False)
+
+    @contextmanager
+    def blending_panes(self) -> Iterator[None]:
+        """Add the light of panes to that behind them times their second color; see `blending`."""
+        try:
+            self._set_blend_function(_ONE, _SRC1_COLOR, _ZERO, _ONE)
+            yield
+        finally:
+            self._set_blend_function(_SRC_ALPHA, _ONE_MINUS_SRC_ALPHA, _ZERO, _ONE)
 
     @contextmanager
     def where_clear(self) -> Iterator[None]:

@@ -64,6 +64,9 @@ LACQUER = Material(
     "lacquer", (0.2, 0.1, 0.1, 1.0), specular=1.0, roughness=0.8, clearcoat=1.0, double_sided=True
 )
 POLISH = Material("polish", (0.1, 0.2, 0.3, 1.0), specular=1.0, roughness=0.02, double_sided=True)
+PANE = Material(
+    "pane", (0.7, 0.9, 0.8, 1.0), specular=1.0, roughness=0.0, transmission=0.9, double_sided=True
+)
 # Without shadows, which have tests of their own.
 SUN = Light(
     LightKind.DIRECTIONAL,
@@ -134,19 +137,23 @@ def crowd(count=400):
 
 
 def with_mirrors(scene):
-    """Fewer of its sheets, a mirror's box, a coated table and a polished wall."""
+    """Fewer of its sheets, a mirror's box, a coated table, a polished wall and two panes."""
     scene = dataclasses.replace(scene, instances=(scene.instances[0], *scene.instances[3::4]))
-    first, materials = len(scene.materials), (CHROME, LACQUER, POLISH)
+    first, materials = len(scene.materials), (CHROME, LACQUER, POLISH, PANE)
     meshes = [
         box("block", first, 0.5),
         square(1.5, material=first + 1, name="table"),
         square(1.2, material=first + 2, name="wall"),
+        square(0.6, material=first + 3, name="window"),
+        square(0.4, material=first + 3, name="lid"),
     ]
     places = [
         make_pose((1.2, 0.6, 0.0), yaw_deg=30.0, roll_deg=15.0),
         make_pose((0.5, 0.0, -1.0)),
         # flips the winding
         make_pose((2.7, -0.4, 0.3), pitch_deg=80.0) @ np.diag((1.0, -1.0, 1.0, 1.0)),
+        make_pose((0.0, 0.1, 0.2), pitch_deg=85.0, yaw_deg=10.0),
+        make_pose((0.0, 0.9, -0.4), roll_deg=20.0),
     ]
     count = len(scene.meshes)
     instances = [

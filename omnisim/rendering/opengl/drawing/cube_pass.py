@@ -91,7 +91,6 @@ class CubePass:
     def refresh(self) -> None:
         """Update after the buffers changed."""
         self._mirrors = self._make_mirrors()
-        items = frozenset[int]() if self._mirrors is None else self._mirrors.items
         self._view = SceneView(
             self._buffers,
             self._programs,
@@ -100,7 +99,7 @@ class CubePass:
             self._depth,
             self._samples,
             self._sky,
-            items,
+            self._mirrors,
         )
         self._layers: CubeLayers | None = None
 
@@ -109,14 +108,18 @@ class CubePass:
         """Renderer of the tiles."""
         return self._view.tiles
 
-    def _make_mirrors(self) -> MirrorPass | None:
-        """Pass of the views in mirrors; None: the scene has none, or base colors are shown."""
+    def _make_mirrors(self) -> list[MirrorPass]:
+        """Passes of the views in mirrors and in panes; none if base colors are shown."""
         buffers = self._buffers
-        if self._cameras.unlit or not buffers.mirrors:
-            return None
+        planes = [one for one in (buffers.mirrors, buffers.pane_mirrors) if one]
+        if self._cameras.unlit or not planes:
+            return []
         from omnisim.rendering.opengl.drawing.mirror_pass import MirrorPass  # few scenes need it
 
-        return MirrorPass(buffers, self._programs, self.plan, self._cameras, self._sky)
+        return [
+            MirrorPass(buffers, one, self._programs, self.plan, self._cameras, self._sky)
+            for one in planes
+        ]
 
     def render(
         self,
@@ -198,8 +201,8 @@ class CubePass:
         if self._programs.shadows is not None and not self._cameras.unlit:
             self._programs.shadows.prepare(world_from_rig[:3, 3], world_from_objects)
         self._programs.bind_tables()
-        if self._mirrors is not None:
-            self._mirrors.render(self._view, world_from_rig, world_from_objects)
+        for mirrors in self._mirrors:
+            mirrors.render(self._view, world_from_rig, world_from_objects)
         self.tiles.begin(target, [(*self._background, 1.0)])
         self._view.draw(target, world_from_rig, world_from_objects)
         if self._is_multisampled:

@@ -1,13 +1,14 @@
-"""Mirror pass: the scene as planar mirrors show it, seen from mirrored viewpoints.
+"""Mirror pass: the scene as planar mirrors and panes reflect it, from mirrored viewpoints.
 
 The mirrored rig has the tiles of the rig itself, so that the view in a mirror has the atlas
 coordinates of the mirror. Each mirror's view is drawn only in the texels where that mirror is the
-nearest one. Mirrors within a mirrored view reflect sky and lamps.
+nearest one. Panes have views of their own, since mirrors may be behind them. Mirrors within a
+mirrored view reflect sky and lamps.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import moderngl
@@ -20,7 +21,11 @@ from omnisim.rendering.opengl.drawing.reversed_depth import CLEAR_DEPTH, depth_t
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
 from omnisim.rendering.opengl.drawing.scene_view import SceneView
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
-from omnisim.rendering.opengl.drawing.surface_program import MIRROR_UNITS, SurfacePrograms
+from omnisim.rendering.opengl.drawing.surface_program import (
+    MIRROR_UNITS,
+    SurfaceProgram,
+    SurfacePrograms,
+)
 from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
@@ -28,23 +33,26 @@ from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.rendering.opengl.shader_files import build_program
 from omnisim.rendering.opengl.uniforms import uniform
+from omnisim.scene.planar_mirrors import MirrorPlane
 
 _ROW_TRIANGLES = 4096
 _OWNERS_UNIT = 0
 
 
 class MirrorPass:
-    """Draws the mirrored views of a camera; of no use once the buffers have changed.
+    """Draws a camera's views in mirrors, or in panes; of no use once the buffers have changed.
 
     Args:
-        buffers: scene and dynamic objects, with at least one mirror.
+        buffers: scene and dynamic objects.
+        mirrors: planes of the mirrors, or of the panes.
         programs: surface programs for the scene's lights.
         plan: tiles of the camera's atlas.
         cameras: virtual cameras.
         sky: pass of the visible sky; None: no sky.
 
     Attributes:
-        items: indices of the items that are mirrors.
+        items: indices of the items that show the views.
+        of_panes: True for views in panes.
 
     Raises:
         GraphicsError: the views do not fit on the GPU.
@@ -53,13 +61,15 @@ class MirrorPass:
     def __init__(
         self,
         buffers: SceneBuffers,
+        mirrors: Sequence[MirrorPlane],
         programs: SurfacePrograms,
         plan: TilePlan,
         cameras: VirtualCameras,
         sky: SkyPass | None,
     ):
         context = buffers.context
-        self._buffers, self._mirrors, self._state = buffers, buffers.mirrors, GlState()
+        self._buffers, self._mirrors, self._state = buffers, mirrors, GlState()
+        self._planes = np.zeros((len(mirrors), 4))
         self._background = cameras.background
         size = (plan.width_px, plan.height_px)
         with gpu_allocation(
@@ -81,6 +91,7 @@ class MirrorPass:
         self.items = frozenset(
             index for plane in self._mirrors for index in plane.parts if index in set(shown)
         )
+        self.of_panes = any(buffers.draw_items[index].is_pane for index in self.items)
         self._owner_drawer = self._make_owner_drawer()
         window = build_program(context, "common/full_screen.vert", "scene/mirror_window.frag")
         uniform(window, "u_mirror_owners").value = _OWNERS_UNIT
@@ -114,22 +125,29 @@ class MirrorPass:
         world_from_rig: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]],
     ) -> None:
-        """Render the mirrored views of a pose (4, 4), and bind them for the view's programs.
+        """Render the mirrored views of a pose (4, 4).
 
         Shadow maps and tables are bound, and meshes are deformed.
         """
-        planes = self._planes(world_from_rig[:3, 3], world_from_objects)
+        self._planes = self._planes_at(world_from_rig[:3, 3], world_from_objects)
         self._draw_owners(view, world_from_rig, world_from_objects)
         self._state.use(self._target, has_depth=True)
         self._state.clear([(*self._background, 1.0)], CLEAR_DEPTH)
         for number in self._visible(view, world_from_rig, world_from_objects):
-            self._draw_view(number, planes[number], world_from_rig, world_from_objects)
-        for program in view.programs:
-            program.set_mirrors(planes)
+            self._draw_view(number, world_from_rig, world_from_objects)
+
+    def connect(self, programs: Collection[SurfaceProgram]) -> None:
+        """Set the planes of the last rendered views in the programs that show them."""
+        for program in programs:
+            if program.is_pane is self.of_panes:
+                program.set_mirrors(self._planes)
+
+    def bind(self) -> None:
+        """Bind the views for the next draw calls."""
         self._owners.use(MIRROR_UNITS["u_mirror_owners"])
         self._colors.use(MIRROR_UNITS["u_mirrored"])
 
-    def _planes(
+    def _planes_at(
         self, viewpoint_m: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
     ) -> NDArray[np.float64]:
         """Unit normals toward the viewpoint (3,), and its heights in meters: (mirrors, 4)."""
@@ -180,12 +198,11 @@ class MirrorPass:
     def _draw_view(
         self,
         number: int,
-        plane: NDArray[np.float64],
         world_from_rig: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]],
     ) -> None:
-        """Draw the view in a mirror, given its plane (4,)."""
-        normal, height_m = plane[:3], plane[3]
+        """Draw the view in a mirror."""
+        normal, height_m = self._planes[number, :3], self._planes[number, 3]
         mirrored = world_from_rig.copy()
         mirrored[:3, :3] -= 2.0 * np.outer(normal, normal @ world_from_rig[:3, :3])
         mirrored[:3, 3] -= 2.0 * height_m * normal

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from typing import Protocol
 
 import moderngl
 import numpy as np
@@ -31,6 +32,24 @@ from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl_state import GlState
 
 
+class MirroredViews(Protocol):
+    """Rendered views in planar mirrors, or in panes."""
+
+    @property
+    def of_panes(self) -> bool:
+        """True for views in panes."""
+
+    @property
+    def items(self) -> frozenset[int]:
+        """Indices of the items that show the views."""
+
+    def connect(self, programs: Collection[SurfaceProgram]) -> None:
+        """Set the mirrors' planes in the programs that show the views."""
+
+    def bind(self) -> None:
+        """Bind the views for the next draw calls."""
+
+
 class SceneView:
     """Drawers of a scene for the tiles of an atlas; of no use once the buffers have changed.
 
@@ -42,7 +61,7 @@ class SceneView:
         depth: depth of the atlas; None if shaders cannot read it.
         samples: samples per texel.
         sky: pass of the visible sky; None: no sky.
-        mirrors: items that show the mirrored views of `MirrorPass`.
+        mirrors: views in mirrors, and in panes.
         is_mirrored: draw from mirrored rigs, clipped at the mirror.
 
     Attributes:
@@ -60,17 +79,21 @@ class SceneView:
         depth: moderngl.Texture | None,
         samples: int,
         sky: SkyPass | None,
-        mirrors: frozenset[int] = frozenset(),
+        mirrors: Sequence[MirroredViews] = (),
         is_mirrored: bool = False,
     ):
         self._buffers, self._cameras, self._surface_programs = buffers, cameras, programs
         self._sky, self._state, self._is_mirrored = sky, GlState(), is_mirrored
         shown = buffers.shown_one_by_one(cameras.hidden)
-        blended = np.array([item.is_blended for item in buffers.draw_items], dtype=np.bool_)
+        items = buffers.draw_items
+        blended = np.array([item.is_blended for item in items], dtype=np.bool_)
+        if cameras.unlit:  # panes are opaque
+            blended = np.array([item.material.is_blended for item in items], dtype=np.bool_)
         self.blended = np.flatnonzero(shown & blended)
         opaque = np.flatnonzero(shown & ~blended)
         self.programs: set[SurfaceProgram] = set()
-        of_mirrors = {id(buffers.draw_items[index]) for index in mirrors}
+        self._mirrors = mirrors
+        of_mirrors = {id(items[index]) for one in mirrors for index in one.items}
 
         def find_item_program(item: DrawItem) -> SurfaceProgram:
             variant = variant_of(item, cameras.unlit)
@@ -126,14 +149,23 @@ class SceneView:
         """
         for program in self.programs:
             program.set_viewpoint(world_from_rig[:3, 3])
+        for mirrors in self._mirrors:
+            mirrors.connect(self.programs)
         with self._state.drawing(), self._mirrored():
             with self._clipped():
+                self._bind_mirrors(of_panes=False)
                 self.tiles.draw(target, world_from_rig, world_from_objects, self._drawer)
             if self._sky is not None:
                 self._sky.draw(target, world_from_rig[None])
             if self.blended.size:
                 with self._state.blending(), self._clipped():
+                    self._bind_mirrors(of_panes=True)
                     self._draw_blended(target, world_from_rig, world_from_objects)
+
+    def _bind_mirrors(self, of_panes: bool) -> None:
+        for mirrors in self._mirrors:
+            if mirrors.of_panes is of_panes:
+                mirrors.bind()
 
     def _mirrored(self) -> AbstractContextManager[None]:
         return self._state.mirrored() if self._is_mirrored else nullcontext()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from functools import cached_property
 from typing import NamedTuple
 
@@ -22,6 +23,7 @@ from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
 from omnisim.rendering.opengl.geometry.light_baking import Shading
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.materials import baked_textures
 from omnisim.rendering.opengl.materials.environment_textures import filtered_texture, sky_texture
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
@@ -53,6 +55,7 @@ class SurfaceVariant(NamedTuple):
         in_fog: True if drawn with the scene's fog, if it has one.
         light: source of the light on lit surfaces.
         both_sides: each side has its own light in the lightmap.
+        is_pane: the surface is a pane of glass.
         is_planar_mirror: shows the mirrored views of `MirrorPass`.
         in_mirror: drawn from a mirrored rig, clipped at the mirror.
     """
@@ -69,6 +72,7 @@ class SurfaceVariant(NamedTuple):
     in_fog: bool = True
     light: LightSource = LightSource.COMPUTED
     both_sides: bool = False
+    is_pane: bool = False
     is_planar_mirror: bool = False
     in_mirror: bool = False
 
@@ -109,6 +113,8 @@ class SurfaceVariant(NamedTuple):
             defines += self.light.defines
         if self.both_sides:
             defines.append("BOTH_SIDES")
+        if self.is_pane:
+            defines.append("PANE")
         if self.is_planar_mirror:
             defines.append(f"PLANAR_MIRRORS {MAX_MIRRORS}")
         if self.in_mirror:
@@ -142,7 +148,11 @@ def variant_of(item: DrawItem, unlit: bool) -> SurfaceVariant:
     return (
         variant
         if reflectance is None
-        else _reflective(variant, reflectance.maps, reflectance.second_coordinates)
+        else _reflective(
+            variant._replace(is_pane=item.is_pane),
+            reflectance.maps,
+            reflectance.second_coordinates,
+        )
     )
 
 
@@ -199,6 +209,7 @@ class SurfaceProgram:
 
     Attributes:
         program: compiled OpenGL program.
+        is_pane: see `SurfaceVariant`.
     """
 
     def __init__(
@@ -219,7 +230,8 @@ class SurfaceProgram:
             baked_textures.connect(program, lighting.baked)
         if shadows is not None:
             shadows.connect(program)
-        self._is_textured = variant.textured
+        self._is_textured, self.is_pane = variant.textured, variant.is_pane
+        self._state = GlState()
         # uniforms of single items
         self._item = ItemUniforms(program)
         # the compiler removes both if ambient light alone is left
@@ -296,7 +308,8 @@ class SurfaceProgram:
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
         """Draw `count` indices of a vertex array from `first`; `first_id` is unused."""
-        array.render(moderngl.TRIANGLES, vertices=count, first=first)
+        with self._state.blending_panes() if self.is_pane else nullcontext():
+            array.render(moderngl.TRIANGLES, vertices=count, first=first)
 
 
 class SurfacePrograms:

@@ -29,8 +29,12 @@ from omnisim.rendering.opengl.materials.material_table import MaterialTable, pla
 from omnisim.rendering.opengl.materials.scene_textures import MaterialTextures
 from omnisim.scene.model import Instance, Scene
 from omnisim.scene.parts import LightRectangle
-from omnisim.scene.planar_mirrors import MirrorPlane, find_mirrors
-from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
+from omnisim.scene.planar_mirrors import (
+    MirrorPlane,
+    find_mirrors,
+    is_clear_pane,
+    is_planar_mirror,
+)
 
 # Extensions of OpenGL 4.5 that are part of 4.6.
 _CALLS_OF_CLUSTERS = {"GL_ARB_indirect_parameters", "GL_ARB_shader_draw_parameters"}
@@ -52,7 +56,7 @@ class SceneBuffers:
         draw_items: opaque and masked instances, then blended ones; each part sorted by material.
         radii_m: (n,) radii of their bounding spheres at 0 s.
         deforming: indices of items whose meshes deform.
-        mirrors: planes of the planar mirrors, whose surfaces are items.
+        mirrors, pane_mirrors: planes of the planar mirrors and of panes; their surfaces are items.
 
     Raises:
         GraphicsError: a texture beyond the limits of the GPU.
@@ -105,14 +109,17 @@ class SceneBuffers:
         self._is_drawn, self._free = np.ones(len(items), dtype=np.bool_), set[int]()
         for name in ("triangles", "clustered_geometry"):
             self.__dict__.pop(name, None)
-        self.mirrors = self._find_mirrors(np.ones(len(items), dtype=np.bool_))
+        self._find_mirrors(np.ones(len(items), dtype=np.bool_))
 
-    def _find_mirrors(self, possible: NDArray[np.bool_]) -> tuple[MirrorPlane, ...]:
-        """Find planar mirrors among the possible items (n,)."""
-        if self._lighting.is_matte:
-            return ()
-        surfaces = {index: self.draw_items[index] for index in np.flatnonzero(possible).tolist()}
-        return find_mirrors(surfaces, MIN_ROUGHNESS)
+    def _find_mirrors(self, possible: NDArray[np.bool_]) -> None:
+        """Find planar mirrors and panes among the possible items (n,)."""
+        self.mirrors: tuple[MirrorPlane, ...] = ()
+        self.pane_mirrors: tuple[MirrorPlane, ...] = ()
+        if not self._lighting.is_matte:
+            numbers = np.flatnonzero(possible).tolist()
+            surfaces = {number: self.draw_items[number] for number in numbers}
+            self.mirrors = find_mirrors(surfaces, is_planar_mirror)
+            self.pane_mirrors = find_mirrors(surfaces, is_clear_pane)
 
     def _set_items(self, items: Sequence[DrawItem]) -> None:
         self.draw_items = tuple(items)
@@ -179,7 +186,7 @@ class SceneBuffers:
         offsets = []
         for instance in added:
             mesh = scene.meshes[instance.mesh]
-            offsets.append(self._store.place(mesh, scene.materials[mesh.material].is_blended))
+            offsets.append(self._store.place(mesh, scene.materials[mesh.material].is_see_through))
         if self._store.is_overgrown:
             self._build(scene)
             return
@@ -199,7 +206,7 @@ class SceneBuffers:
         self._is_drawn[numbers[: len(new)]] = True
         if self.clustered_geometry is not None:
             self.clustered_geometry.show(self._is_drawn)
-        self.mirrors = self._find_mirrors(self._is_drawn & ~self._static_mask)
+        self._find_mirrors(self._is_drawn & ~self._static_mask)
         self._textures.keep([item.texture_layer for item in items])
         table = self.__dict__.get("triangles")
         if table is not None and not table.append(self._store.ranges, self.indices):
