@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.short_repr import counted
+from omnisim.rendering.camera.quality import DEFAULT_MIRRORS
 from omnisim.scene import Scene
 from omnisim.scene.model import Material, Mesh
 from omnisim.scene.planar_mirrors import (
@@ -21,8 +22,13 @@ from omnisim.scene.planar_mirrors import (
 from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS
 
 
-def reflection_notes(scene: Scene) -> list[str]:
-    """Notices on materials that reflect the scene with `--backend rays` only."""
+def reflection_notes(scene: Scene, mirrors: int = DEFAULT_MIRRORS) -> list[str]:
+    """Notices on materials that reflect the scene with `--backend rays` only.
+
+    Args:
+        scene: scene.
+        mirrors: number of planar mirrors, and of panes, that virtual cameras show.
+    """
     if scene.lighting.is_matte:
         return []
     surfaces = {
@@ -33,18 +39,27 @@ def reflection_notes(scene: Scene) -> list[str]:
         )
         for number, one in enumerate(scene.instances)
     }
-    planes = *find_mirrors(surfaces, is_planar_mirror), *find_mirrors(surfaces, is_clear_pane)
+    of_mirrors = find_mirrors(surfaces, is_planar_mirror)
+    of_panes = find_mirrors(surfaces, is_clear_pane)
+    planes = (*of_mirrors, *of_panes) if mirrors else ()
     unreflected = {
         id(one.material)
         for number, one in surfaces.items()
         if reflects_scene(one.material) and not _is_planar(number, planes)
     }
-    if not unreflected:
-        return []
-    return [
-        "reflections show the sky and lamps, not the scene "
-        f"({counted(len(unreflected), 'material')}): --backend rays shows it"
-    ]
+    notes = []
+    if unreflected:
+        notes.append(
+            "reflections show the sky and lamps, not the scene "
+            f"({counted(len(unreflected), 'material')}): --backend rays shows it"
+        )
+    most = max(len(of_mirrors), len(of_panes))
+    if most > mirrors > 0:
+        notes.append(
+            f"{most} planar mirrors: the {mirrors} largest in view show the scene "
+            "(virtual_cameras.mirrors of a sensor file)"
+        )
+    return notes
 
 
 class _Surface(NamedTuple):

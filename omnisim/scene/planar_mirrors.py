@@ -1,23 +1,22 @@
 """Planar mirrors of a scene: planes in which smooth materials reflect exactly one mirrored view.
 
-A plane counts if it holds at least `MIN_PLANE_SHARE` of its mesh's area. Of all planes in a scene,
-the `MAX_MIRRORS` largest are mirrors; coplanar surfaces share one.
+A plane counts if it holds at least `MIN_PLANE_SHARE` of its mesh's area, and is among the
+`MAX_PLANES` largest of the scene. Coplanar surfaces share one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.scene.parts import AlphaMode, Material, Mesh
-from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
+from omnisim.scene.surface_reflectance import MAX_MIRRORED_ROUGHNESS, MIN_ROUGHNESS
 
-MAX_MIRRORS = 8
-MIN_PLANE_SHARE = 0.05
+MIN_PLANE_SHARE, MAX_PLANES = 0.05, 64
 # Differences within one plane: of unit normals, of heights as a share of the mesh's size, and of
 # offsets. They shift a reflection by up to 0.1 px at 40 px per degree.
 _SAME_NORMAL, _SAME_HEIGHT, _SAME_OFFSET_M = 2e-5, 2e-5, 1e-4
@@ -54,6 +53,7 @@ class MirrorPlane:
         normal: (3,) unit normal.
         offset_m: distance of the plane from the origin, along the normal.
         area_m2: area of its triangles.
+        sides: signs of the sides from which it is visible: 1 for that of the normal, −1.
         parts: indices of the surfaces on it, each with the mask (triangles,) of its triangles.
     """
 
@@ -61,7 +61,8 @@ class MirrorPlane:
     normal: NDArray[np.float64]
     offset_m: float
     area_m2: float
-    parts: dict[int, NDArray[np.bool_]] = field(default_factory=dict)
+    sides: frozenset[int]
+    parts: dict[int, NDArray[np.bool_]]
 
 
 class FlatPart(NamedTuple):
@@ -70,6 +71,7 @@ class FlatPart(NamedTuple):
     normal: NDArray[np.float64]
     offset_m: float
     area_m2: float
+    sides: frozenset[int]
     triangles: NDArray[np.bool_]
 
 
@@ -88,8 +90,17 @@ def is_smooth(material: Material, max_roughness: float) -> bool:
 def is_planar_mirror(material: Material) -> bool:
     """True for smooth, opaque materials without normal maps."""
     return (
-        _is_flat(material) and not material.pane_transmission and is_smooth(material, MIN_ROUGHNESS)
+        _is_flat(material)
+        and not material.pane_transmission
+        and is_smooth(material, MAX_MIRRORED_ROUGHNESS)
     )
+
+
+def is_rough_mirror(material: Material) -> bool:
+    """True for planar mirrors whose gloss or coat may be rougher than a perfect mirror."""
+    is_rough = material.roughness > MIN_ROUGHNESS and bool(material.metallic or material.specular)
+    is_coated = material.clearcoat > 0.0 and material.clearcoat_roughness > MIN_ROUGHNESS
+    return not material.pane_transmission and (is_rough or is_coated)
 
 
 def is_clear_pane(material: Material) -> bool:
@@ -106,7 +117,7 @@ def _is_flat(material: Material) -> bool:
 def find_mirrors(
     surfaces: Mapping[int, ShownSurface], is_mirror: Callable[[Material], bool]
 ) -> tuple[MirrorPlane, ...]:
-    """Find the planes of the largest planar mirrors, largest first.
+    """Find the planes of planar mirrors, largest first.
 
     Args:
         surfaces: surfaces of the scene and of its dynamic objects, by index.
@@ -117,26 +128,32 @@ def find_mirrors(
         is_rigid = surface.mesh.deformation is None
         if is_rigid and is_mirror(surface.material):
             for part in flat_parts(surface.mesh, surface.object_from_mesh):
+                if surface.material.double_sided:
+                    part = part._replace(sides=frozenset((1, -1)))
                 _add(planes, index, surface.object_index, part)
-    planes.sort(key=lambda plane: -plane.area_m2)
-    return tuple(planes[:MAX_MIRRORS])
+    return tuple(sorted(planes, key=lambda plane: -plane.area_m2)[:MAX_PLANES])
 
 
 def _add(planes: list[MirrorPlane], surface: int, object_index: int | None, part: FlatPart) -> None:
     """Add a part to its plane, or to a new one."""
     for number, plane in enumerate(planes):
-        sign = np.sign(part.normal @ plane.normal)
+        sign = 1 if part.normal @ plane.normal > 0.0 else -1
         if (
             plane.object_index == object_index
             and np.linalg.norm(sign * part.normal - plane.normal) <= _SAME_NORMAL
             and abs(sign * part.offset_m - plane.offset_m) <= _SAME_OFFSET_M
         ):
             triangles = plane.parts.get(surface, np.zeros_like(part.triangles)) | part.triangles
-            area_m2, parts = plane.area_m2 + part.area_m2, {**plane.parts, surface: triangles}
-            planes[number] = MirrorPlane(object_index, plane.normal, plane.offset_m, area_m2, parts)
+            planes[number] = replace(
+                plane,
+                area_m2=plane.area_m2 + part.area_m2,
+                sides=plane.sides | {sign * side for side in part.sides},
+                parts={**plane.parts, surface: triangles},
+            )
             return
-    parts = {surface: part.triangles}
-    planes.append(MirrorPlane(object_index, part.normal, part.offset_m, part.area_m2, parts))
+    normal, offset_m, area_m2, sides, triangles = part
+    parts = {surface: triangles}
+    planes.append(MirrorPlane(object_index, normal, offset_m, area_m2, sides, parts))
 
 
 def flat_parts(mesh: Mesh, transform: NDArray[np.float64]) -> list[FlatPart]:
@@ -151,6 +168,7 @@ def flat_parts(mesh: Mesh, transform: NDArray[np.float64]) -> list[FlatPart]:
     size_m = max(float(np.ptp(positions, axis=0).max()), 1e-30)
     min_area_m2 = MIN_PLANE_SHARE * float(areas_m2.sum())
     left = (areas_m2 > 0.0) & _has_flat_normals(mesh, transform, normals)
+    handedness = np.sign(np.linalg.det(transform[:3, :3]))
     parts = []
     for first in _candidates(normals, corners - middle, size_m, np.where(left, areas_m2, 0.0)):
         if not left[first]:
@@ -167,7 +185,8 @@ def flat_parts(mesh: Mesh, transform: NDArray[np.float64]) -> list[FlatPart]:
         normal = signs @ crosses[triangles]
         normal /= np.linalg.norm(normal)
         offset_m = float(corners[triangles].mean(axis=(0, 1)) @ normal)
-        parts.append(FlatPart(normal, offset_m, area_m2, triangles))
+        sides = frozenset((signs * handedness).astype(int).tolist())
+        parts.append(FlatPart(normal, offset_m, area_m2, sides, triangles))
     return parts
 
 

@@ -13,7 +13,8 @@
 // beside maps: Lazarov, "Getting more physical in Call of Duty: Black Ops II", 2013.
 
 const float PI = 3.14159265358979;
-const float MIN_ROUGHNESS = 0.04, COAT_F0 = 0.04;  // omnisim/scene/surface_reflectance.py
+// omnisim/scene/surface_reflectance.py
+const float MIN_ROUGHNESS = 0.04, MAX_MIRRORED_ROUGHNESS = 0.3, COAT_F0 = 0.04;
 const float MIN_COSINE = 1e-3;
 
 struct Reflectance {
@@ -117,16 +118,22 @@ vec3 reflected_environment(
                 dominant_direction(normal, view, surface.roughness), surface.roughness,
                 normal, light);
 #ifdef PLANAR_MIRRORS
-    vec3 mirrored;
-    bool is_mirrored = mirrored_light(position, mirrored);
-    if (is_mirrored && surface.roughness <= MIN_ROUGHNESS)
+    ivec2 at;
+    uint mirror = mirror_at(position, at);
+    if (mirror != 0u && surface.roughness <= MAX_MIRRORED_ROUGHNESS)
         total = surface.body * (1.0 - lost) * light
-            + mix(surface.f0, vec3(surface.f90), pow(1.0 - cosine, 5.0)) * mirrored;
+            + mirrored_gloss(
+                mirror, at, position, normal, view, surface.roughness, surface.f0, surface.f90);
 #endif
     total *= 1.0 - coat;
 #ifdef PLANAR_MIRRORS
-    if (is_mirrored && surface.coat_roughness <= MIN_ROUGHNESS)
-        return surface.occlusion * (total + coat * mirrored);
+    if (mirror != 0u && surface.coat_roughness <= MAX_MIRRORED_ROUGHNESS) {
+        vec3 coated = vec3(0.0);
+        if (coat > 0.0)
+            coated = coat * mirrored_gloss(
+                mirror, at, position, coat_normal, view, surface.coat_roughness, vec3(1.0), 1.0);
+        return surface.occlusion * (total + coated);
+    }
 #endif
     if (coat > 0.0) {
         vec2 coated = environment_shares(

@@ -30,6 +30,11 @@ const bool IS_BLENDED = true;
 const bool IS_BLENDED = false;
 #endif
 const float MAX_HALF_FLOAT = 65504.0;
+#ifdef IN_MIRROR
+#define OPAQUE -length(surface_position())  // as in scene/planar_mirror.glsl
+#else
+#define OPAQUE 1.0
+#endif
 
 void main() {
     vec4 color = v_color * texture_color();
@@ -43,5 +48,5 @@ void main() {
     if (LIGHT_NEEDS_DERIVATIVES) discard_hole(color.a);
     light = fogged(light, fog_range(surface_position()));
     // near a punctual light the value is unbounded; infinity would spoil mip levels
-    out_color = vec4(min(light, vec3(MAX_HALF_FLOAT)), IS_BLENDED ? color.a : 1.0);
+    out_color = vec4(min(light, vec3(MAX_HALF_FLOAT)), IS_BLENDED ? color.a : OPAQUE);
 }

@@ -56,16 +56,16 @@ def _db(ours, traced):
     ids=["fisheye", "mirror in fog"],
 )
 def test_views_in_mirrors_are_those_of_rays(scene, sensor, fog, monkeypatch):
-    """Boxes, coats, flipped and moving mirrors; measured: 42.1 and 43.6 dB, at edges."""
+    """Boxes, coats, flipped and moving mirrors; measured: 42.7 and 43.6 dB, at edges."""
     scene = dataclasses.replace(scene, lighting=dataclasses.replace(scene.lighting, fog=fog))
-    sensor = dataclasses.replace(sensor, supersampling=2)
+    sensor = dataclasses.replace(sensor, supersampling=2, mirrors=8)
     ours = _seen(scene, sensor, "cube")
     monkeypatch.setattr(reflections, "MAX_BOUNCES", 1)  # mirrors in mirrors reflect the sky
     of_mirrors = _db(ours, _seen(scene, sensor, "rays"))
     monkeypatch.setattr(reflections, "MAX_BOUNCES", 0)
     of_sky = _db(ours, _seen(scene, sensor, "rays"))
     assert of_mirrors >= 40.0
-    assert of_sky < of_mirrors - 6.0
+    assert of_sky < of_mirrors - 4.0
 
 
 def test_mirrors_of_all_ways_to_draw(scene):
@@ -76,8 +76,8 @@ def test_mirrors_of_all_ways_to_draw(scene):
         frames = [renderer.render(state).rgb for state in states]
         for image, frame in zip(renderer.render_batch(states), frames, strict=True):
             np.testing.assert_array_equal(image, frame)
-        place = scene.instances[-5].world_from_mesh
-        renderer.move(scene.instances[-5].name, place @ pose((0.0, 0.4, 0.0)))
+        place = scene.instances[-6].world_from_mesh
+        renderer.move(scene.instances[-6].name, place @ pose((0.0, 0.4, 0.0)))
         edited = renderer.render(AT).rgb
         with open_sensor(renderer.scene, sensor) as fresh:
             assert psnr_of_levels_db(edited, fresh.render(AT).rgb) > 50.0

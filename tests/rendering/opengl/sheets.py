@@ -67,6 +67,7 @@ POLISH = Material("polish", (0.1, 0.2, 0.3, 1.0), specular=1.0, roughness=0.02, 
 PANE = Material(
     "pane", (0.7, 0.9, 0.8, 1.0), specular=1.0, roughness=0.0, transmission=0.9, double_sided=True
 )
+CLOTH = Material("cloth", (0.5, 0.4, 0.8, 1.0), specular=1.0, roughness=0.6, normal_map=_leaves())
 # Without shadows, which have tests of their own.
 SUN = Light(
     LightKind.DIRECTIONAL,
@@ -137,15 +138,16 @@ def crowd(count=400):
 
 
 def with_mirrors(scene):
-    """Fewer of its sheets, a mirror's box, a coated table, a polished wall and two panes."""
+    """Fewer of its sheets, a mirror's box, a coated table, a polished wall and two panes, beside a bumpy cloth."""
     scene = dataclasses.replace(scene, instances=(scene.instances[0], *scene.instances[3::4]))
-    first, materials = len(scene.materials), (CHROME, LACQUER, POLISH, PANE)
+    first, materials = len(scene.materials), (CHROME, LACQUER, POLISH, PANE, CLOTH)
     meshes = [
         box("block", first, 0.5),
         square(1.5, material=first + 1, name="table"),
         square(1.2, material=first + 2, name="wall"),
         square(0.6, material=first + 3, name="window"),
         square(0.4, material=first + 3, name="lid"),
+        sheet("cloth", first + 4, up=1.0),
     ]
     places = [
         make_pose((1.2, 0.6, 0.0), yaw_deg=30.0, roll_deg=15.0),
@@ -154,6 +156,7 @@ def with_mirrors(scene):
         make_pose((2.7, -0.4, 0.3), pitch_deg=80.0) @ np.diag((1.0, -1.0, 1.0, 1.0)),
         make_pose((0.0, 0.1, 0.2), pitch_deg=85.0, yaw_deg=10.0),
         make_pose((0.0, 0.9, -0.4), roll_deg=20.0),
+        make_pose((1.2, -0.6, -0.3), pitch_deg=-60.0),
     ]
     count = len(scene.meshes)
     instances = [

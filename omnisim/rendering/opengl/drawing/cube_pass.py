@@ -112,7 +112,7 @@ class CubePass:
         """Passes of the views in mirrors and in panes; none if base colors are shown."""
         buffers = self._buffers
         planes = [one for one in (buffers.mirrors, buffers.pane_mirrors) if one]
-        if self._cameras.unlit or not planes:
+        if not planes or self._cameras.unlit or not self._cameras.mirrors:
             return []
         from omnisim.rendering.opengl.drawing.mirror_pass import MirrorPass  # few scenes need it
 

@@ -37,6 +37,7 @@ from omnisim.scene.planar_mirrors import MirrorPlane
 
 _ROW_TRIANGLES = 4096
 _OWNERS_UNIT = 0
+_NOWHERE_M = 1e9  # height above a plane without a view
 
 
 class MirrorPass:
@@ -69,6 +70,8 @@ class MirrorPass:
     ):
         context = buffers.context
         self._buffers, self._mirrors, self._state = buffers, mirrors, GlState()
+        self._count = cameras.mirrors
+        self._plan, self._world_from_rig = plan, np.eye(4)
         self._planes = np.zeros((len(mirrors), 4))
         self._background = cameras.background
         size = (plan.width_px, plan.height_px)
@@ -129,18 +132,22 @@ class MirrorPass:
 
         Shadow maps and tables are bound, and meshes are deformed.
         """
-        self._planes = self._planes_at(world_from_rig[:3, 3], world_from_objects)
+        planes, sides = self._planes_at(world_from_rig[:3, 3], world_from_objects)
+        visible = self._visible(view, sides, world_from_rig, world_from_objects)
+        self._planes = np.full_like(planes, _NOWHERE_M)
+        self._planes[visible] = planes[visible]
+        self._world_from_rig = world_from_rig
         self._draw_owners(view, world_from_rig, world_from_objects)
         self._state.use(self._target, has_depth=True)
         self._state.clear([(*self._background, 1.0)], CLEAR_DEPTH)
-        for number in self._visible(view, world_from_rig, world_from_objects):
+        for number in visible:
             self._draw_view(number, world_from_rig, world_from_objects)
 
     def connect(self, programs: Collection[SurfaceProgram]) -> None:
         """Set the planes of the last rendered views in the programs that show them."""
         for program in programs:
             if program.is_pane is self.of_panes:
-                program.set_mirrors(self._planes)
+                program.set_mirrors(self._planes, self._plan, self._world_from_rig)
 
     def bind(self) -> None:
         """Bind the views for the next draw calls."""
@@ -149,9 +156,13 @@ class MirrorPass:
 
     def _planes_at(
         self, viewpoint_m: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
-    ) -> NDArray[np.float64]:
-        """Unit normals toward the viewpoint (3,), and its heights in meters: (mirrors, 4)."""
+    ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+        """Planes (mirrors, 4) and sides (mirrors,) that face a viewpoint (3,).
+
+        Planes have unit normals toward the viewpoint, and its heights in meters.
+        """
         planes = np.empty((len(self._mirrors), 4))
+        sides = np.empty(len(self._mirrors), dtype=np.intp)
         for number, mirror in enumerate(self._mirrors):
             normal, offset_m = mirror.normal, mirror.offset_m
             if mirror.object_index is not None:
@@ -159,9 +170,9 @@ class MirrorPass:
                 normal = pose[:3, :3] @ normal
                 offset_m += float(normal @ pose[:3, 3])
             height_m = float(normal @ viewpoint_m) - offset_m
-            sign = -1.0 if height_m < 0.0 else 1.0
-            planes[number] = *(sign * normal), abs(height_m)
-        return planes
+            sides[number] = side = -1 if height_m < 0.0 else 1
+            planes[number] = *(side * normal), abs(height_m)
+        return planes, sides
 
     def _draw_owners(
         self,
@@ -182,15 +193,20 @@ class MirrorPass:
     def _visible(
         self,
         view: SceneView,
+        sides: NDArray[np.intp],
         world_from_rig: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]],
     ) -> list[int]:
-        """Indices of the mirrors that some tile may show."""
+        """Indices of the largest mirrors that face the viewpoint and that some tile may show."""
         transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
         views = view.tiles.views.at(world_from_rig)
-        visible = []
+        visible: list[int] = []
         for number, mirror in enumerate(self._mirrors):
             items = np.array([one for one in mirror.parts if one in self.items], dtype=np.intp)
+            if len(visible) == self._count:
+                break
+            if sides[number] not in mirror.sides:
+                continue
             if any(view.tiles.cull_items(tile, transforms, items).any() for tile in views):
                 visible.append(number)
         return visible

@@ -30,6 +30,7 @@ from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.scene.planar_mirrors import is_rough_mirror
 
 
 class MirroredViews(Protocol):
@@ -97,7 +98,10 @@ class SceneView:
 
         def find_item_program(item: DrawItem) -> SurfaceProgram:
             variant = variant_of(item, cameras.unlit)
-            return self._program(variant._replace(is_planar_mirror=id(item) in of_mirrors))
+            if id(item) in of_mirrors:
+                is_rough = is_rough_mirror(item.material)
+                variant = variant._replace(is_planar_mirror=True, is_rough_mirror=is_rough)
+            return self._program(variant)
 
         def find_program(bucket: Bucket) -> BucketProgram:
             return BucketProgram(self._program(variant_of_bucket(bucket, cameras.unlit)).program)

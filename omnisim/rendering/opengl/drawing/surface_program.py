@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
 from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
 from omnisim.rendering.opengl.drawing.material_units import (
     bind_materials,
@@ -28,16 +30,17 @@ from omnisim.rendering.opengl.materials import baked_textures
 from omnisim.rendering.opengl.materials.environment_textures import filtered_texture, sky_texture
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
 from omnisim.rendering.opengl.shader_files import build_program
-from omnisim.rendering.opengl.uniforms import find_uniform, set_sampler, write_fog
+from omnisim.rendering.opengl.uniforms import columns_first, find_uniform, set_sampler, write_fog
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind
-from omnisim.scene.planar_mirrors import MAX_MIRRORS
+from omnisim.scene.planar_mirrors import MAX_PLANES
 from omnisim.scene.surface_reflectance import environment_table
 
 _ALL_DIRECTIONS = (-1.0, -2.0)  # cosines of a cone with all directions: a point light's
 _NO_RANGE_M = 1e9  # large, finite and a float32, because the shader divides by it
 _ENVIRONMENT_UNITS = {"u_environment_table": 5, "u_filtered_sky": 6}
-# Units of the normal maps, which planar mirrors do not have.
+# Units of the normal maps, which planar mirrors do not have. A unit keeps the maps, which are array
+# textures, beside these.
 MIRROR_UNITS = {"u_mirror_owners": 2, "u_mirrored": 15}
 
 
@@ -57,6 +60,7 @@ class SurfaceVariant(NamedTuple):
         both_sides: each side has its own light in the lightmap.
         is_pane: the surface is a pane of glass.
         is_planar_mirror: shows the mirrored views of `MirrorPass`.
+        is_rough_mirror: shows them through rough gloss, too.
         in_mirror: drawn from a mirrored rig, clipped at the mirror.
     """
 
@@ -74,6 +78,7 @@ class SurfaceVariant(NamedTuple):
     both_sides: bool = False
     is_pane: bool = False
     is_planar_mirror: bool = False
+    is_rough_mirror: bool = False
     in_mirror: bool = False
 
     @property
@@ -116,7 +121,9 @@ class SurfaceVariant(NamedTuple):
         if self.is_pane:
             defines.append("PANE")
         if self.is_planar_mirror:
-            defines.append(f"PLANAR_MIRRORS {MAX_MIRRORS}")
+            defines.append(f"PLANAR_MIRRORS {MAX_PLANES}")
+        if self.is_rough_mirror:
+            defines.append("MIRROR_GLOSS")
         if self.in_mirror:
             defines.append("IN_MIRROR")
         if is_placed or self.in_mirror:
@@ -248,6 +255,7 @@ class SurfaceProgram:
             connect_material(program, variant.clustered)
             for name, unit in _ENVIRONMENT_UNITS.items():
                 set_sampler(program, name, unit)
+        self._rig_from_world = find_uniform(program, "u_rig_from_world")
         self._mirror_planes = find_uniform(program, "u_mirror_planes")
         self._mirror = find_uniform(program, "u_mirror")
         if variant.is_planar_mirror:
@@ -272,10 +280,21 @@ class SurfaceProgram:
             offset_m = viewpoint_m - self._baked.probes.origin_m
             self._probes_viewpoint.write(offset_m.astype(np.float32))
 
-    def set_mirrors(self, planes: NDArray[np.float64]) -> None:
-        """Set the planes (n, 4) of the mirrors: unit normals, and the viewpoint's heights."""
+    def set_mirrors(
+        self, planes: NDArray[np.float64], plan: TilePlan, world_from_rig: NDArray[np.float64]
+    ) -> None:
+        """Set the mirrors of a rig's pose (4, 4).
+
+        Args:
+            planes: (n, 4) unit normals, and the viewpoint's heights.
+            plan: tiles of the atlas.
+            world_from_rig: (4, 4) pose.
+        """
+        if self._rig_from_world is not None:
+            self._rig_from_world.write(columns_first(world_from_rig[:3, :3].T))
+            bind_tiles(self.program, plan, np.eye(3))
         if self._mirror_planes is not None:
-            padded = np.zeros((MAX_MIRRORS, 4), dtype=np.float32)
+            padded = np.zeros((MAX_PLANES, 4), dtype=np.float32)
             padded[: len(planes)] = planes
             self._mirror_planes.write(padded)
 
