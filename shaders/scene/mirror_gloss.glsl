@@ -1,8 +1,8 @@
 // Rough lobes of planar mirrors, by sampled facets.
 // vec3 sampled_gloss(…), with the arguments of mirrored_gloss in scene/planar_mirror.glsl.
-// A planar mirror is a window to a mirrored scene. Rays from the surface into that scene are
-// continued to the surfaces that the mirrored view shows, by fixed-point iteration. Rays that leave
-// the view are omitted.
+// A planar mirror is a window to a mirrored scene. Each facet's ray into that scene ends as far from
+// the surface as a perfect mirror's ray, and takes the light of the mirrored view there. Rays that
+// leave the view are omitted.
 // Twin of omnisim/rendering/rays/shading/reflections.py, which has the sources.
 
 #include "capture/tiles.glsl"
@@ -10,7 +10,7 @@
 
 uniform mat3 u_rig_from_world;
 uniform vec2 u_atlas_px;
-const int FACETS = 4, STEPS = 3;
+const int FACETS = 4;
 const float FARTHEST_M = 1e4;
 const vec2 R2_STEPS = vec2(0.7548776662466927, 0.5698402909980532);
 
@@ -27,10 +27,6 @@ bool find_mirrored(uint mirror, vec3 direction, out vec4 texel) {
     ivec2 at = ivec2(uv * u_atlas_px);
     texel = texelFetch(u_mirrored, at, 0);
     return texelFetch(u_mirror_owners, at, 0).r == mirror;
-}
-
-float distance_m(vec4 texel) {
-    return texel.a < 0.0 ? -texel.a : FARTHEST_M;
 }
 
 // Facet normal, sampled in proportion to its area visible from the view direction.
@@ -64,10 +60,11 @@ vec3 sampled_gloss(
     uint mirror, ivec2 at, vec3 position, vec3 normal, vec3 view, float roughness, vec3 f0,
     float f90) {
     vec3 plane = u_mirror_planes[mirror - 1u].xyz;
-    float alpha = roughness * roughness, range_m = length(position);
+    float alpha = roughness * roughness;
     uvec4 hashes = pcg4d(uvec4(uvec2(gl_FragCoord.xy), mirror, 0u));
     vec2 start = vec2(uniform_number(hashes.x), uniform_number(hashes.y));
-    float seen_m = max(distance_m(texelFetch(u_mirrored, at, 0)) - range_m, 0.0);
+    vec4 straight = texelFetch(u_mirrored, at, 0);
+    float path_m = max((straight.a < 0.0 ? -straight.a : FARTHEST_M) - length(position), 0.0);
     vec3 total = vec3(0.0);
     float count = 0.0;
     for (int number = 0; number < FACETS; ++number) {
@@ -80,16 +77,8 @@ vec3 sampled_gloss(
             continue;
         }
         direction -= 2.0 * dot(direction, plane) * plane;
-        vec4 texel = vec4(0.0);
-        float path_m = seen_m;
-        bool is_found = true;
-        for (int iteration = 0; iteration < STEPS; ++iteration) {
-            vec3 point = position + path_m * direction;
-            is_found = find_mirrored(mirror, point, texel);
-            if (!is_found) break;
-            path_m = max(dot(distance_m(texel) * normalize(point) - position, direction), 0.0);
-        }
-        if (!is_found) continue;
+        vec4 texel;
+        if (!find_mirrored(mirror, position + path_m * direction, texel)) continue;
         float grazing = pow(1.0 - clamp(along, 0.0, 1.0), 5.0);
         float share = unshadowed(light, max(dot(normal, view), MIN_COSINE), alpha * alpha);
         total += share * mix(f0, vec3(f90), grazing) * texel.rgb;
@@ -97,5 +86,5 @@ vec3 sampled_gloss(
     }
     if (count > 0.0) return total / count;
     float grazing = pow(1.0 - clamp(dot(normal, view), MIN_COSINE, 1.0), 5.0);
-    return mix(f0, vec3(f90), grazing) * texelFetch(u_mirrored, at, 0).rgb;
+    return mix(f0, vec3(f90), grazing) * straight.rgb;
 }
