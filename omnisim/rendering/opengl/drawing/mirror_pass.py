@@ -94,7 +94,7 @@ class MirrorPass:
         self.items = frozenset(
             index for plane in self._mirrors for index in plane.parts if index in set(shown)
         )
-        self.of_panes = any(buffers.draw_items[index].is_pane for index in self.items)
+        self.of_panes = mirrors is buffers.pane_mirrors
         self._owner_drawer = self._make_owner_drawer()
         window = build_program(context, "common/full_screen.vert", "scene/mirror_window.frag")
         uniform(window, "u_mirror_owners").value = _OWNERS_UNIT
@@ -113,6 +113,7 @@ class MirrorPass:
                 if index in plane.parts:
                     of_triangles[plane.parts[index]] = number
             numbers.append(of_triangles)
+        numbers.append(np.zeros(1, dtype=np.uint8))  # all mirrors may be hidden
         program = OwnerProgram(self._buffers.context, np.concatenate(numbers))
         return SceneDrawer(
             self._buffers,
