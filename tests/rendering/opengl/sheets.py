@@ -138,7 +138,7 @@ def crowd(count=400):
 
 
 def with_mirrors(scene):
-    """Fewer of its sheets, a mirror's box, a coated table, a polished wall and two panes, beside a bumpy cloth."""
+    """Fewer of its sheets, a mirror's box, a coated table, a wall, two panes and a bumpy cloth."""
     scene = dataclasses.replace(scene, instances=(scene.instances[0], *scene.instances[3::4]))
     first, materials = len(scene.materials), (CHROME, LACQUER, POLISH, PANE, CLOTH)
     meshes = [
