@@ -6,8 +6,8 @@ A plane counts if it holds at least `MIN_PLANE_SHARE` of its mesh's area, and is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -66,8 +66,27 @@ class MirrorPlane:
 
 
 class FlatPart(NamedTuple):
-    """Coplanar triangles of a mesh, after a transform; fields as in `MirrorPlane`."""
+    """Coplanar triangles of a mesh, in its frame.
 
+    Attributes:
+        normal, point: (3,) unit normal and a point of the plane.
+        area: area of the triangles.
+        sides: see `MirrorPlane`.
+        triangles: mask (triangles,) of the triangles.
+    """
+
+    normal: NDArray[np.float64]
+    point: NDArray[np.float64]
+    area: float
+    sides: frozenset[int]
+    triangles: NDArray[np.bool_]
+
+
+class _PlacedPart(NamedTuple):
+    """Flat part of a surface in the frame of its object; −1: static. As in `MirrorPlane`."""
+
+    surface: int
+    object_index: int
     normal: NDArray[np.float64]
     offset_m: float
     area_m2: float
@@ -123,82 +142,94 @@ def find_mirrors(
         surfaces: surfaces of the scene and of its dynamic objects, by index.
         is_mirror: tells whether planes of a material are mirrors.
     """
-    planes: list[MirrorPlane] = []
+    of_mesh: dict[int, list[FlatPart]] = {}
+    parts: list[_PlacedPart] = []
     for index, surface in surfaces.items():
-        is_rigid = surface.mesh.deformation is None
-        if is_rigid and is_mirror(surface.material):
-            for part in flat_parts(surface.mesh, surface.object_from_mesh):
-                if surface.material.double_sided:
-                    part = part._replace(sides=frozenset((1, -1)))
-                _add(planes, index, surface.object_index, part)
+        mesh, material = surface.mesh, surface.material
+        if mesh.deformation is None and is_mirror(material):
+            if id(mesh) not in of_mesh:
+                of_mesh[id(mesh)] = flat_parts(mesh)
+            parts += [_placed(index, surface, part) for part in of_mesh[id(mesh)]]
+    return _planes(sorted(parts, key=lambda part: -part.area_m2))
+
+
+def _placed(index: int, surface: ShownSurface, part: FlatPart) -> _PlacedPart:
+    """Flat part of a surface in the frame of its object."""
+    transform = surface.object_from_mesh
+    linear = transform[:3, :3]
+    cofactors = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
+    normal = cofactors @ part.normal
+    scale = max(float(np.linalg.norm(normal)), 1e-30)
+    normal *= np.sign(np.linalg.det(linear)) / scale
+    offset_m = float((linear @ part.point + transform[:3, 3]) @ normal)
+    sides = frozenset((1, -1)) if surface.material.double_sided else part.sides
+    number = -1 if surface.object_index is None else surface.object_index
+    return _PlacedPart(index, number, normal, offset_m, scale * part.area, sides, part.triangles)
+
+
+def _planes(parts: Sequence[_PlacedPart]) -> tuple[MirrorPlane, ...]:
+    """Group coplanar parts, given the largest first; the smallest may be omitted."""
+    normals = np.array([part.normal for part in parts]).reshape(-1, 3)
+    offsets_m = np.array([part.offset_m for part in parts])
+    objects = np.array([part.object_index for part in parts])
+    left = np.ones(len(parts), dtype=np.bool_)
+    planes: list[MirrorPlane] = []
+    while left.any() and len(planes) < 4 * MAX_PLANES:
+        first = parts[int(np.argmax(left))]
+        signs = np.where(normals @ first.normal < 0.0, -1, 1)
+        turned = np.linalg.norm(signs[:, None] * normals - first.normal, axis=1)
+        beside_m = np.abs(signs * offsets_m - first.offset_m)
+        is_own = left & (objects == first.object_index)
+        is_own &= (turned <= _SAME_NORMAL) & (beside_m <= _SAME_OFFSET_M)
+        is_own[int(np.argmax(left))] = True
+        left &= ~is_own
+        area_m2, sides, masks = 0.0, frozenset[int](), dict[int, NDArray[np.bool_]]()
+        for number in np.flatnonzero(is_own).tolist():
+            part, sign = parts[number], int(signs[number])
+            area_m2 += part.area_m2
+            sides |= {sign * side for side in part.sides}
+            known = masks.get(part.surface)
+            masks[part.surface] = part.triangles if known is None else known | part.triangles
+        index = None if first.object_index < 0 else first.object_index
+        planes.append(MirrorPlane(index, first.normal, first.offset_m, area_m2, sides, masks))
     return tuple(sorted(planes, key=lambda plane: -plane.area_m2)[:MAX_PLANES])
 
 
-def _add(planes: list[MirrorPlane], surface: int, object_index: int | None, part: FlatPart) -> None:
-    """Add a part to its plane, or to a new one."""
-    for number, plane in enumerate(planes):
-        sign = 1 if part.normal @ plane.normal > 0.0 else -1
-        if (
-            plane.object_index == object_index
-            and np.linalg.norm(sign * part.normal - plane.normal) <= _SAME_NORMAL
-            and abs(sign * part.offset_m - plane.offset_m) <= _SAME_OFFSET_M
-        ):
-            triangles = plane.parts.get(surface, np.zeros_like(part.triangles)) | part.triangles
-            planes[number] = replace(
-                plane,
-                area_m2=plane.area_m2 + part.area_m2,
-                sides=plane.sides | {sign * side for side in part.sides},
-                parts={**plane.parts, surface: triangles},
-            )
-            return
-    normal, offset_m, area_m2, sides, triangles = part
-    parts = {surface: triangles}
-    planes.append(MirrorPlane(object_index, normal, offset_m, area_m2, sides, parts))
-
-
-def flat_parts(mesh: Mesh, transform: NDArray[np.float64]) -> list[FlatPart]:
-    """Coplanar parts of a transformed mesh; triangles with curved normals are in none."""
+def flat_parts(mesh: Mesh) -> list[FlatPart]:
+    """Coplanar parts of a mesh; triangles with curved normals are in none."""
     if len(mesh.triangles) == 0:
         return []
-    positions = mesh.positions @ transform[:3, :3].T + transform[:3, 3]
+    positions = mesh.positions.astype(np.float64)
     corners, middle = positions[mesh.triangles], positions.mean(axis=0)
     crosses = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    areas_m2 = np.linalg.norm(crosses, axis=1)
-    normals = crosses / np.maximum(areas_m2, 1e-30)[:, None]
-    size_m = max(float(np.ptp(positions, axis=0).max()), 1e-30)
-    min_area_m2 = MIN_PLANE_SHARE * float(areas_m2.sum())
-    left = (areas_m2 > 0.0) & _has_flat_normals(mesh, transform, normals)
-    handedness = np.sign(np.linalg.det(transform[:3, :3]))
+    areas = np.linalg.norm(crosses, axis=1)
+    normals = crosses / np.maximum(areas, 1e-30)[:, None]
+    size = max(float(np.ptp(positions, axis=0).max()), 1e-30)
+    min_area = MIN_PLANE_SHARE * float(areas.sum())
+    left = (areas > 0.0) & _has_flat_normals(mesh, normals)
     parts = []
-    for first in _candidates(normals, corners - middle, size_m, np.where(left, areas_m2, 0.0)):
-        if not left[first]:
-            continue
-        heights_m = (corners - corners[first, 0]) @ normals[first]
-        is_level = np.abs(heights_m).max(axis=1) <= _SAME_HEIGHT * size_m
-        triangles = left & is_level
-        area_m2 = float(areas_m2[triangles].sum())
-        if area_m2 < min_area_m2:
+    for first in _candidates(normals, corners - middle, size, np.where(left, areas, 0.0)):
+        heights = (corners - corners[first, 0]) @ normals[first]
+        triangles = left & (np.abs(heights).max(axis=1) <= _SAME_HEIGHT * size)
+        area = float(areas[triangles].sum())
+        if not left[first] or area < min_area:
             continue
         left &= ~triangles
         # both sides of a sheet are one plane
         signs = np.sign(normals[triangles] @ normals[first])
         normal = signs @ crosses[triangles]
         normal /= np.linalg.norm(normal)
-        offset_m = float(corners[triangles].mean(axis=(0, 1)) @ normal)
-        sides = frozenset((signs * handedness).astype(int).tolist())
-        parts.append(FlatPart(normal, offset_m, area_m2, sides, triangles))
+        point = corners[triangles].mean(axis=(0, 1))
+        sides = frozenset(signs.astype(int).tolist())
+        parts.append(FlatPart(normal, point, area, sides, triangles))
     return parts
 
 
-def _has_flat_normals(
-    mesh: Mesh, transform: NDArray[np.float64], normals: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def _has_flat_normals(mesh: Mesh, normals: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Mask of the triangles (n,) whose vertex normals are, up to sign, their own (n, 3)."""
     if mesh.normals is None:
         return np.ones(len(normals), dtype=np.bool_)
-    linear = transform[:3, :3]
-    cofactors = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
-    of_vertices = mesh.normals.astype(np.float64) @ cofactors.T
+    of_vertices = mesh.normals.astype(np.float64)
     lengths = np.linalg.norm(of_vertices, axis=1, keepdims=True)
     of_vertices /= np.maximum(lengths, 1e-30)
     cosines = np.abs(np.einsum("nkc,nc->nk", of_vertices[mesh.triangles], normals))
@@ -210,16 +241,16 @@ def _has_flat_normals(
 def _candidates(
     normals: NDArray[np.float64],
     corners: NDArray[np.float64],
-    size_m: float,
-    areas_m2: NDArray[np.float64],
+    size: float,
+    areas: NDArray[np.float64],
 ) -> list[int]:
     """Largest triangle of each coarse class of planes that may hold enough area."""
-    offsets = np.einsum("nc,nc->n", normals, corners[:, 0]) / size_m
+    offsets = np.einsum("nc,nc->n", normals, corners[:, 0]) / size
     classes = np.rint(np.column_stack((normals, offsets)) * 200.0).astype(np.int64)
     _, inverse = np.unique(classes, axis=0, return_inverse=True)
     inverse = inverse.reshape(-1)
-    sums = np.bincount(inverse, weights=areas_m2)
+    sums = np.bincount(inverse, weights=areas)
     # rounding may split a plane
-    kept = np.flatnonzero(sums >= 0.25 * MIN_PLANE_SHARE * areas_m2.sum())
-    largest = [int(np.argmax(np.where(inverse == one, areas_m2, 0.0))) for one in kept.tolist()]
-    return sorted(largest, key=lambda index: -areas_m2[index])
+    kept = np.flatnonzero(sums >= 0.25 * MIN_PLANE_SHARE * areas.sum())
+    largest = [int(np.argmax(np.where(inverse == one, areas, 0.0))) for one in kept.tolist()]
+    return sorted(largest, key=lambda index: -areas[index])

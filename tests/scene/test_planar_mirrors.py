@@ -8,7 +8,7 @@ import pytest
 
 from omnisim.core.poses import pose
 from omnisim.scene.model import AlphaMode, Material, Texture
-from omnisim.scene.planar_mirrors import find_mirrors, flat_parts, is_planar_mirror
+from omnisim.scene.planar_mirrors import MAX_PLANES, find_mirrors, flat_parts, is_planar_mirror
 from omnisim.validation.material_chart import sphere
 from tests.rendering.opengl.sheets import sheet
 from tests.scenes import square
@@ -44,7 +44,26 @@ def test_curved_and_bumpy_meshes_have_none():
     ball = sphere(0.7, 24)
     flat_shaded = dataclasses.replace(ball, normals=None)
     for mesh in (ball, flat_shaded, sheet("bumpy", 0)):
-        assert not flat_parts(mesh, np.eye(4))
+        assert not flat_parts(mesh)
+
+
+def test_the_planes_of_many_boxes_are_limited():
+    places = [pose((1.5 * (n % 20), 1.5 * (n // 20), 0.0)) for n in range(400)]
+    block = box("box", 0)
+    surfaces = {n: _surface(block, place) for n, place in enumerate(places)}
+    planes = find_mirrors(surfaces, is_planar_mirror)
+    assert len(planes) == MAX_PLANES
+    np.testing.assert_allclose([plane.area_m2 for plane in planes[:3]], (400.0, 400.0, 20.0))
+    assert all(plane.sides == {1} for plane in planes)
+
+
+@pytest.mark.parametrize("flip", [1.0, -1.0])
+def test_sides_of_mirrored_surfaces(flip):
+    """The front of a mirrored square is still up."""
+    (plane,) = find_mirrors(
+        {0: _surface(square(), pose() @ np.diag((flip, 1.0, 1.0, 1.0)))}, is_planar_mirror
+    )
+    assert plane.sides == {round(plane.normal[2])}
 
 
 def test_coplanar_surfaces_share_a_plane_unless_they_move():
