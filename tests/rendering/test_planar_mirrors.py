@@ -13,8 +13,9 @@ from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.scene.model import Fog, Material
 from omnisim.validation.psnr import psnr_db, psnr_of_levels_db
 from omnisim.validation.traced_light import fisheye
-from tests.rendering.opengl.sheets import CHROME, LAMP, SUN, mixed_scene, with_mirrors
-from tests.scenes import scene_of, square
+from tests.rendering.opengl.sheets import CHROME, LAMP, PANE, SUN, mixed_scene, with_mirrors
+from tests.scenes import room, scene_of, square
+from tests.vehicles import box
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
@@ -85,6 +86,20 @@ def test_mirrors_of_all_ways_to_draw(scene):
     finer = dataclasses.replace(sensor, samples=4)
     with open_sensor(scene, finer) as renderer:
         assert psnr_of_levels_db(renderer.render(AT).rgb, frames[0]) > 36.0
+
+
+def test_sorted_triangles_of_panes_keep_their_planes():
+    glass = dataclasses.replace(PANE, double_sided=False)
+    scene = scene_of([room(), box("block", 1)], [Material(unlit=True, double_sided=True), glass])
+    sensor = dataclasses.replace(fisheye(60), supersampling=1)
+    behind = pose((1.5, 0.8, 0.4), yaw_deg=200.0)
+    with open_sensor(scene, sensor) as renderer:
+        renderer.render(pose((-1.5, -0.8, 0.2)))
+        seen = renderer.render(behind).rgb
+    with open_sensor(scene, sensor) as fresh:
+        np.testing.assert_array_equal(seen, fresh.render(behind).rgb)
+    with open_sensor(scene, sensor, backend="rays") as reference:
+        assert psnr_of_levels_db(seen, reference.render(behind).rgb) > 34.0
 
 
 def test_a_mirror_shows_the_housing_that_the_camera_does_not_see():

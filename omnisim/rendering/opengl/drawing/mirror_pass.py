@@ -91,9 +91,7 @@ class MirrorPass:
         seen = replace(cameras, hidden=frozenset(), samples=1)
         self._view = SceneView(buffers, programs, plan, seen, depth, 1, sky, is_mirrored=True)
         shown = np.flatnonzero(buffers.shown_one_by_one(cameras.hidden)).tolist()
-        self.items = frozenset(
-            index for plane in self._mirrors for index in plane.parts if index in set(shown)
-        )
+        self.items = frozenset(index for one in mirrors for index in one.parts) & frozenset(shown)
         self.of_panes = mirrors is buffers.pane_mirrors
         self._owner_drawer = self._make_owner_drawer()
         window = build_program(context, "common/full_screen.vert", "scene/mirror_window.frag")
@@ -106,18 +104,25 @@ class MirrorPass:
         items = self._buffers.draw_items
         first_of_item: dict[int, int] = {}
         numbers: list[NDArray[np.uint8]] = []
+        # of their own, since panes are sorted in the scene's
+        triangles: list[NDArray[np.uint32]] = []
+        count = 0
         for index in sorted(self.items):
-            first_of_item[index] = sum(len(one) for one in numbers)
+            first_of_item[index] = count
+            count += items[index].triangles
+            triangles.append(items[index].mesh.triangles + np.uint32(items[index].base))
             of_triangles = np.zeros(items[index].triangles, dtype=np.uint8)
             for number, plane in enumerate(self._mirrors, start=1):
                 if index in plane.parts:
                     of_triangles[plane.parts[index]] = number
             numbers.append(of_triangles)
-        numbers.append(np.zeros(1, dtype=np.uint8))  # all mirrors may be hidden
+        # all mirrors may be hidden
+        numbers.append(np.zeros(1, dtype=np.uint8))
+        triangles.append(np.zeros((1, 3), dtype=np.uint32))
         program = OwnerProgram(self._buffers.context, np.concatenate(numbers))
         return SceneDrawer(
             self._buffers,
-            self._buffers.indices,
+            self._buffers.context.buffer(np.concatenate(triangles).astype("<u4")),
             np.array(sorted(self.items), dtype=np.intp),
             lambda item: program,
             first_of_item,
@@ -268,6 +273,6 @@ class OwnerProgram:
         self._numbers.use(_OWNERS_UNIT)
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
-        """Draw `count` indices of a vertex array; `first_id`: place of its first number."""
+        """Draw `count` indices of a vertex array; `first_id`: its first triangle, and number."""
         self._first_triangle.value = first_id
-        array.render(moderngl.TRIANGLES, vertices=count, first=first)
+        array.render(moderngl.TRIANGLES, vertices=count, first=3 * first_id)
