@@ -137,7 +137,7 @@ def crowd(count=400):
     return scene_of(meshes, MATERIALS, poses, lighting=lighting, background=(0.1, 0.2, 0.4))
 
 
-def with_mirrors(scene):
+def with_mirrors(scene, panes=True):
     """Fewer of its sheets, a mirror's box, a coated table, a wall, two panes and a bumpy cloth."""
     scene = dataclasses.replace(scene, instances=(scene.instances[0], *scene.instances[3::4]))
     first, materials = len(scene.materials), (CHROME, LACQUER, POLISH, PANE, CLOTH)
@@ -163,6 +163,8 @@ def with_mirrors(scene):
         Instance(one.name, count + number, place)
         for number, (one, place) in enumerate(zip(meshes, places, strict=True))
     ]
+    if not panes:
+        instances = [one for one in instances if one.name not in ("window", "lid")]
     return dataclasses.replace(
         scene,
         meshes=(*scene.meshes, *meshes),
