@@ -89,6 +89,7 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
             setup.unlit,
             seen_background(world.scene, setup.unlit),
             setup.hidden,
+            mirrors=setup.sensor.mirrors,
         )
         self._hit_source: HitsT | None = None
 

@@ -1,37 +1,82 @@
-"""Notices on reflective and transmissive materials, for back ends without reflections."""
+"""Notices on reflective materials, for back ends that show the scene in planar mirrors only."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
 from omnisim.core.short_repr import counted
+from omnisim.rendering.camera.quality import DEFAULT_MIRRORS
 from omnisim.scene import Scene
-from omnisim.scene.model import Material
+from omnisim.scene.model import Material, Mesh
+from omnisim.scene.planar_mirrors import (
+    MirrorPlane,
+    find_mirrors,
+    is_clear_pane,
+    is_planar_mirror,
+    is_smooth,
+)
 from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS
 
 
-def reflection_notes(scene: Scene) -> list[str]:
-    """Notices on materials that reflect or transmit the scene with `--backend rays` only."""
+def reflection_notes(scene: Scene, mirrors: int = DEFAULT_MIRRORS) -> list[str]:
+    """Notices on materials that reflect the scene with `--backend rays` only.
+
+    Args:
+        scene: scene.
+        mirrors: number of planar mirrors, and of panes, that virtual cameras show.
+    """
     if scene.lighting.is_matte:
         return []
-    used = {scene.meshes[one.mesh].material for one in scene.instances}
-    materials = [scene.materials[number] for number in used]
-    mirrors = sum(reflects_scene(one) for one in materials)
-    panes = sum(one.transmission > 0.0 and not one.unlit for one in materials)
-    notes = {
-        f"reflections show the sky and lamps, not the scene ({counted(mirrors, 'material')}): "
-        "--backend rays shows it": mirrors,
-        f"panes are opaque ({counted(panes, 'material')}): "
-        "--backend rays shows what is behind them": panes,
+    surfaces = {
+        number: _Surface(
+            scene.meshes[one.mesh],
+            scene.materials[scene.meshes[one.mesh].material],
+            one.world_from_mesh,
+        )
+        for number, one in enumerate(scene.instances)
     }
-    return [note for note, count in notes.items() if count]
+    of_mirrors = find_mirrors(surfaces, is_planar_mirror)
+    of_panes = find_mirrors(surfaces, is_clear_pane)
+    planes = (*of_mirrors, *of_panes) if mirrors else ()
+    unreflected = {
+        id(one.material)
+        for number, one in surfaces.items()
+        if reflects_scene(one.material) and not _is_planar(number, planes)
+    }
+    notes = []
+    if unreflected:
+        notes.append(
+            "reflections show the sky and lamps, not the scene "
+            f"({counted(len(unreflected), 'material')}): --backend rays shows it"
+        )
+    most = max(len(of_mirrors), len(of_panes))
+    if most > mirrors > 0:
+        notes.append(
+            f"{most} planar mirrors: the {mirrors} largest in view show the scene "
+            "(virtual_cameras.mirrors of a sensor file)"
+        )
+    return notes
+
+
+class _Surface(NamedTuple):
+    """Instance of a static mesh, see `ShownSurface`."""
+
+    mesh: Mesh
+    material: Material
+    object_from_mesh: NDArray[np.float64]
+    object_index: None = None
+
+
+def _is_planar(number: int, planes: Sequence[MirrorPlane]) -> bool:
+    """True if planar mirrors show all triangles of a surface."""
+    masks = [plane.parts[number] for plane in planes if number in plane.parts]
+    return bool(masks) and bool(np.any(masks, axis=0).all())
 
 
 def reflects_scene(material: Material) -> bool:
-    """True if the ray back end traces reflections: smooth metal, gloss or clear coat."""
-    if material.is_matte:
-        return False
-    roughness = material.roughness
-    if material.metallic_roughness_map is not None:
-        roughness *= float(material.metallic_roughness_map.pixels[..., 1].min()) / 255.0
-    is_glossy = bool(material.metallic or material.specular)
-    is_coated = bool(material.clearcoat) and material.clearcoat_roughness <= MAX_TRACED_ROUGHNESS
-    return is_coated or (is_glossy and roughness <= MAX_TRACED_ROUGHNESS)
+    """True if the ray back end traces reflections: panes, smooth metal, gloss or clear coat."""
+    return material.pane_transmission > 0.0 or is_smooth(material, MAX_TRACED_ROUGHNESS)

@@ -87,7 +87,7 @@ class Material:
         clearcoat, clearcoat_roughness: strength and roughness of the clear coat, multiplied with
             red and green of `clearcoat_map`.
         transmission: transmitted share of the light that is not reflected, tinted by the base
-            color; the surface is a thin pane. Drawn by rays; opaque in virtual cameras.
+            color; the surface is a thin pane.
         emissive: emitted light, linear RGB ≥ 0, multiplied with `emissive_map`.
         normal_scale, occlusion_strength, clearcoat_normal_scale: strengths of the maps.
         metallic_roughness_map, normal_map, occlusion_map: linear textures.
@@ -148,6 +148,16 @@ class Material:
     def is_blended(self) -> bool:
         """True for transparent materials, blended with the background."""
         return self.alpha_mode is AlphaMode.BLEND
+
+    @property
+    def pane_transmission(self) -> float:
+        """Transmitted share of the light that a pane does not reflect; 0: no pane."""
+        return 0.0 if self.unlit else self.transmission * (1.0 - self.metallic)
+
+    @property
+    def is_see_through(self) -> bool:
+        """True for blended materials and panes, which are drawn back to front."""
+        return self.is_blended or self.pane_transmission > 0.0
 
     def __repr__(self) -> str:
         texture = "" if self.texture is None else repr(self.texture)

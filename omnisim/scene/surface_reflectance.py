@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 # Smoother surfaces would act as mirrors, which do not reflect a lamp without extent.
 MIN_ROUGHNESS = 0.04
-# Rougher surfaces reflect the prefiltered sky and surroundings only, in both back ends.
-MAX_TRACED_ROUGHNESS = 0.5
+# Rougher surfaces reflect the prefiltered sky and surroundings only, by rays; and rougher planar
+# mirrors do so by virtual cameras.
+MAX_TRACED_ROUGHNESS, MAX_MIRRORED_ROUGHNESS = 0.5, 0.3
 COAT_F0 = 0.04  # clear coat with a refractive index of 1.5
 TABLE_SIZE = 64, 32  # numbers of cosines and of roughnesses
 _DIRECTIONS = 512

@@ -7,12 +7,14 @@
 // With BAKED_LIGHT, the light of the surroundings is the baked light minus that of the lamps. The
 // reflection of an environment map is then scaled by the share of its light that reaches the
 // surface.
+// With PLANAR_MIRRORS, smooth gloss and coats reflect the mirrored views of scene/planar_mirror.glsl.
 // Twin of omnisim/rendering/rays/shading/ray_reflectance.py. Includes scene/lighting.glsl.
 // Source: glTF 2.0, appendix B; KHR_materials_specular, KHR_materials_clearcoat; for baked light
 // beside maps: Lazarov, "Getting more physical in Call of Duty: Black Ops II", 2013.
 
 const float PI = 3.14159265358979;
-const float MIN_ROUGHNESS = 0.04, COAT_F0 = 0.04;  // omnisim/scene/surface_reflectance.py
+// omnisim/scene/surface_reflectance.py
+const float MIN_ROUGHNESS = 0.04, MAX_MIRRORED_ROUGHNESS = 0.3, COAT_F0 = 0.04;
 const float MIN_COSINE = 1e-3;
 
 struct Reflectance {
@@ -101,8 +103,12 @@ vec3 light_of_surroundings(vec3 position, vec3 normal, vec3 shape_normal) {
 #endif
 }
 
+#ifdef PLANAR_MIRRORS
+#include "scene/planar_mirror.glsl"
+#endif
+
 vec3 reflected_environment(
-    Reflectance surface, vec3 normal, vec3 coat_normal, vec3 view, float coat, vec3 light) {
+    Reflectance surface, vec3 position, vec3 normal, vec3 coat_normal, vec3 view, float coat, vec3 light) {
     float cosine = clamp(abs(dot(normal, view)), MIN_COSINE, 1.0);
     vec3 shares = environment_shares(cosine, surface.roughness);
     float lost = largest(mix(surface.dielectric_f0, vec3(surface.dielectric_f90), shares.z));
@@ -111,7 +117,24 @@ vec3 reflected_environment(
             * surroundings(
                 dominant_direction(normal, view, surface.roughness), surface.roughness,
                 normal, light);
+#ifdef PLANAR_MIRRORS
+    ivec2 at;
+    uint mirror = mirror_at(position, at);
+    if (mirror != 0u && surface.roughness <= MAX_MIRRORED_ROUGHNESS)
+        total = surface.body * (1.0 - lost) * light
+            + mirrored_gloss(
+                mirror, at, position, normal, view, surface.roughness, surface.f0, surface.f90);
+#endif
     total *= 1.0 - coat;
+#ifdef PLANAR_MIRRORS
+    if (mirror != 0u && surface.coat_roughness <= MAX_MIRRORED_ROUGHNESS) {
+        vec3 coated = vec3(0.0);
+        if (coat > 0.0)
+            coated = coat * mirrored_gloss(
+                mirror, at, position, coat_normal, view, surface.coat_roughness, vec3(1.0), 1.0);
+        return surface.occlusion * (total + coated);
+    }
+#endif
     if (coat > 0.0) {
         vec2 coated = environment_shares(
             clamp(abs(dot(coat_normal, view)), MIN_COSINE, 1.0), surface.coat_roughness).xy;
@@ -130,7 +153,7 @@ vec3 reflected_light(
     float coat = surface.coat * mix(COAT_F0, 1.0, pow(1.0 - coat_cosine, 5.0));
     vec3 light = light_of_surroundings(position, normal, shape_normal);
     vec3 total = (1.0 - coat) * surface.emissive
-        + reflected_environment(surface, normal, coat_normal, view, coat, light);
+        + reflected_environment(surface, position, normal, coat_normal, view, coat, light);
     vec3 area = surface_area(position);
 #define REFLECT(lamp) total += reflected_lamp(surface, lamp, normal, coat_normal, view, coat);
 #if DIRECTIONAL_LIGHTS > 0

@@ -11,7 +11,12 @@
 flat
 #endif
 in vec4 v_color;  // base color, times light if it is computed at the vertices
+#ifdef PANE
+layout(location = 0, index = 0) out vec4 out_color;
+layout(location = 0, index = 1) out vec4 out_transmittance;  // factor of the light behind
+#else
 layout(location = 0) out vec4 out_color;
+#endif
 
 // Light from maps needs derivatives of the whole 2 x 2 block, so it is computed before any discard.
 #if defined(REFLECTANCE) || defined(SHADOWS)
@@ -25,6 +30,11 @@ const bool IS_BLENDED = true;
 const bool IS_BLENDED = false;
 #endif
 const float MAX_HALF_FLOAT = 65504.0;
+#ifdef IN_MIRROR
+#define OPAQUE -length(surface_position())  // as in scene/planar_mirror.glsl
+#else
+#define OPAQUE 1.0
+#endif
 
 void main() {
     vec4 color = v_color * texture_color();
@@ -32,8 +42,11 @@ void main() {
     discard_hidden_side();
     if (!LIGHT_NEEDS_DERIVATIVES) discard_hole(color.a);
     vec3 light = lit_color(color.rgb, triangle_normal);
+#ifdef PANE
+    out_transmittance = vec4(transmittance(color.rgb, triangle_normal), 1.0);
+#endif
     if (LIGHT_NEEDS_DERIVATIVES) discard_hole(color.a);
-    light = fogged(light, length(surface_position()));
+    light = fogged(light, fog_range(surface_position()));
     // near a punctual light the value is unbounded; infinity would spoil mip levels
-    out_color = vec4(min(light, vec3(MAX_HALF_FLOAT)), IS_BLENDED ? color.a : 1.0);
+    out_color = vec4(min(light, vec3(MAX_HALF_FLOAT)), IS_BLENDED ? color.a : OPAQUE);
 }

@@ -6,6 +6,7 @@
 #include "scene/vertex_light.glsl"
 #include "scene/vertex_placement.glsl"
 #include "scene/vertex_details.glsl"
+#include "scene/mirror_clip.glsl"
 
 #ifdef BAKED
 flat
@@ -20,4 +21,5 @@ void main() {
     pass_light_coordinate();
     pass_placement();
     pass_details();
+    clip_at_mirror();
 }

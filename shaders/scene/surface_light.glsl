@@ -1,5 +1,6 @@
 // vec3 lit_color(vec3 base_color, vec3 triangle_normal): linear RGB from a surface toward the
 //     viewpoint.
+// PANE: the surface is a thin pane; vec3 transmittance(...) is that of scene/pane.glsl.
 // REFLECTANCE: the surface has metal, gloss, maps or emission. LIGHTMAP without LIT: the surface is
 // matte, and the lightmap contains all of its light. Neither LIT nor LIGHTMAP: the result is the
 // base color; light is computed at the vertices, or ignored.
@@ -8,6 +9,9 @@
 #include "scene/lighting.glsl"
 #include "scene/reflectance.glsl"
 #include "scene/reflective_material.glsl"
+#ifdef PANE
+#include "scene/pane.glsl"
+#endif
 
 vec3 lit_color(vec3 base_color, vec3 triangle_normal) {
     vec2 uv = texture_coordinate();
@@ -15,9 +19,12 @@ vec3 lit_color(vec3 base_color, vec3 triangle_normal) {
     float side = gl_FrontFacing ? 1.0 : -1.0;
     vec3 normal = shading_normal(plain_normal, position, uv, side);
     vec3 coat_normal = coat_shading_normal(plain_normal, position, uv, side);
+    Reflectance surface = reflectance_of(base_color, uv);
+#ifdef PANE
+    make_pane(surface, abs(dot(normal, normalize(-position))));
+#endif
     return reflected_light(
-        reflectance_of(base_color, uv), position, normal, coat_normal, plain_normal,
-        normalize(-position));
+        surface, position, normal, coat_normal, plain_normal, normalize(-position));
 }
 #elif defined(LIT)
 #include "scene/lighting.glsl"

@@ -21,10 +21,15 @@ invariant gl_Position;  // bit-identical vertices in batches and in single frame
 
 layout(location = 0) in vec3 in_position;
 
+#ifdef IN_MIRROR
+out float gl_ClipDistance[5];  // the last one is that of scene/mirror_clip.glsl
+#endif
 #ifdef CLUSTERED
 layout(location = 6) in mat4 in_clip_from_object;
 layout(location = 10) in vec4 in_placement;  // scale and shift of the tile in the atlas
+#ifndef IN_MIRROR
 out float gl_ClipDistance[4];
+#endif
 
 vec4 clip_position() {
     vec4 clip = in_clip_from_object * vec4(in_position, 1.0);

@@ -272,12 +272,11 @@ STATEMENTS = {
         (README, HOW_TO + "own-scene.md"),
     ),
     "reflections": (
-        "eflections show the scene by `--backend rays` only",
-        (README, HOW_TO + "light.md", WHY + "rendering.md", WHY + "assumptions.md"),
+        "urved reflections show the scene by `--backend rays` only",
+        (README, HOW_TO + "light.md", WHY + "assumptions.md"),
     ),
     "transmission": (
-        "Thin, clear panes transmit by `--backend rays` only: other glass is opaque unless alpha "
-        "blends it.",
+        "Thin, clear panes transmit: other glass is opaque unless alpha blends it.",
         (README, WHY + "assumptions.md"),
     ),
     "emission": (

@@ -24,7 +24,8 @@ STAGES = (".vert", ".frag", ".comp")
 # Of each kind one: these are drawn by virgl, too, to which each call is a message.
 BY_VIRGL = (
     "courtyard", "mapping", "soccer by its lamps", "sphere in courtyard", "folded in courtyard",
-    "tilted-mirror in courtyard", "sheets", "materials", "bad day", "skin", "lidar", "laser",
+    "tilted-mirror in courtyard", "sheets", "mirrors", "materials", "bad day", "skin",
+    "lidar", "laser",
 )  # fmt: skip
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("needs_opengl")]
 

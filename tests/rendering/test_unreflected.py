@@ -5,7 +5,9 @@ import pytest
 
 from omnisim.rendering.unreflected import reflection_notes, reflects_scene
 from omnisim.scene.model import Lighting, Material, Texture
+from omnisim.validation.material_chart import sphere
 from tests.scenes import scene_of, square
+from tests.vehicles import box
 
 
 def _map(green):
@@ -30,16 +32,28 @@ def _map(green):
 )
 def test_smooth_metal_gloss_and_coats_reflect_the_scene(material, expected):
     assert reflects_scene(material) is expected
-    scene = scene_of([square()], [material])
+    scene = scene_of([sphere(1.0, 8)], [material])
     notes = reflection_notes(scene)
     assert len(notes) == expected
     start = "reflections show the sky and lamps, not the scene (1 material)"
     assert all(note.startswith(start) for note in notes)
     matte = Lighting((1.0, 1.0, 1.0), (), is_matte=True)
-    assert not reflection_notes(scene_of([square()], [material], None, matte))
+    assert not reflection_notes(scene_of([sphere(1.0, 8)], [material], None, matte))
 
 
-def test_panes_are_opaque():
-    pane = Material(transmission=0.5, roughness=0.0, specular=1.0)
-    notes = reflection_notes(scene_of([square()], [pane]))
-    assert notes[1] == "panes are opaque (1 material): --backend rays shows what is behind them"
+def test_planar_mirrors_and_panes_are_drawn():
+    chrome = Material(metallic=1.0, roughness=0.0)
+    pane = Material(transmission=0.5, roughness=0.6, specular=1.0)
+    for material in (chrome, pane):
+        block = scene_of([box("box", 0)], [material])
+        assert not reflection_notes(block, 6)
+        assert reflection_notes(block) == [
+            "6 planar mirrors: the 4 largest in view show the scene (virtual_cameras.mirrors of a "
+            "sensor file)"
+        ]
+        for notes in (
+            reflection_notes(block, 0),
+            reflection_notes(scene_of([square(), sphere(1.0, 8)], [material])),
+        ):
+            assert len(notes) == 1
+            assert notes[0].startswith("reflections show the sky and lamps")

@@ -8,17 +8,23 @@ pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing
 
 from omnisim.rendering.rays.shading import reflections
 from omnisim.validation.checks import reflective_rooms
-from omnisim.validation.checks.reflections import MIN_DB, both
+from omnisim.validation.checks.reflections import MIN_DB, NOT_BY_CUBE, rendered, traced_paths
 from omnisim.validation.psnr import psnr_db
 
 
 @pytest.mark.parametrize("name", MIN_DB)
-def test_rays_reflect_as_mitsuba_s_paths(name, monkeypatch):
-    """At 64 px, with 36 of Mitsuba's paths per pixel, whose noise is the larger."""
+@pytest.mark.usefixtures("needs_opengl")
+def test_surfaces_reflect_as_mitsuba_s_paths(name, monkeypatch):
+    """At 64 px, with 36 of Mitsuba's paths per pixel, whose noise is the larger.
+
+    Measured by cube: 40.0, 40.4, 36.7 and 42.3 dB.
+    """
     scene = reflective_rooms.rooms()[name]
-    ours, traced = both(scene, 64, samples=36, supersampling=3)
-    everywhere = np.ones(ours.shape[:2], dtype=bool)
-    assert psnr_db(ours, traced, everywhere) >= MIN_DB[name]
+    traced = traced_paths(scene, 64, samples=36)
+    everywhere = np.ones(traced.shape[:2], dtype=bool)
+    assert psnr_db(rendered(scene, 64, 3), traced, everywhere) >= MIN_DB[name]
+    if name not in NOT_BY_CUBE:
+        assert psnr_db(rendered(scene, 64, 3, "cube"), traced, everywhere) >= MIN_DB[name]
     monkeypatch.setattr(reflections, "MAX_BOUNCES", 0)  # the sky alone
-    without, _ = both(scene, 64, samples=1, supersampling=1)
+    without = rendered(scene, 64, 1)
     assert psnr_db(without, traced, everywhere) < MIN_DB[name] - 5.0

@@ -252,9 +252,9 @@ def load_requested_scene(world: SceneOptions, light: LightOptions | None = None)
     return scene
 
 
-def note_unreflected(name: str, scene: Scene, backend: BackendName) -> None:
-    """Print a note if the back end leaves out reflections of the scene, or panes."""
-    for note in reflection_notes(scene) if backend == "cube" else ():
+def note_unreflected(name: str, scene: Scene, backend: BackendName, mirrors: int) -> None:
+    """Print a note if the back end, with this number of mirrors, leaves out reflections."""
+    for note in reflection_notes(scene, mirrors) if backend == "cube" else ():
         print_note(f"{name}: {note}")
 
 

@@ -21,10 +21,12 @@ from omnisim.core.short_repr import short_repr
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons, max_polygons, mesh_error_px
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.quality import (
+    DEFAULT_MIRRORS,
     DEFAULT_NEAR_M,
     DEFAULT_QUALITY,
     MAX_DENSITY,
     MAX_IMAGE_PX,
+    MAX_MIRRORS,
     MAX_SUPERSAMPLING,
     MIN_DENSITY,
     QUALITIES,
@@ -69,6 +71,8 @@ class OmniCamera:
         near_m, far_m: clipping planes of the virtual cameras; far may be infinite. The default
             near plane is nearer in small scenes, see `seeing`.
         samples: samples per texel of the virtual cameras, against jagged edges.
+        mirrors: maximum number of planar mirrors in view, and of panes, that reflect the scene in
+            virtual cameras.
         supersampling: samples per pixel side of the image, averaged in linear light.
         texels_per_pixel: texels of the virtual cameras per side of the image's finest pixels, if no
             size is given.
@@ -88,6 +92,7 @@ class OmniCamera:
     near_m: float = DEFAULT_NEAR_M
     far_m: float = np.inf
     samples: int = 1
+    mirrors: int = DEFAULT_MIRRORS
     supersampling: int = QUALITIES[DEFAULT_QUALITY].supersampling
     texels_per_pixel: float = QUALITIES[DEFAULT_QUALITY].texels_per_pixel
     degradation: Degradation = field(default_factory=Degradation)
@@ -120,6 +125,8 @@ class OmniCamera:
             )
         if self.samples not in (1, 2, 4, 8):
             raise OpticsError(f"samples: expected 1, 2, 4 or 8, got {self.samples}")
+        if self.mirrors not in range(MAX_MIRRORS + 1):
+            raise OpticsError(f"mirrors: expected 0 to {MAX_MIRRORS}, got {self.mirrors}")
         if self.supersampling not in range(1, MAX_SUPERSAMPLING + 1):
             raise OpticsError(
                 f"supersampling: expected 1 to {MAX_SUPERSAMPLING}, got {self.supersampling}"
@@ -209,6 +216,7 @@ class OmniCamera:
             near_m=virtual.near_m,
             far_m=virtual.far_m,
             samples=virtual.samples,
+            mirrors=virtual.mirrors,
             supersampling=settings.quality.supersampling,
             texels_per_pixel=settings.quality.texels_per_pixel,
             degradation=settings.degradation,

@@ -36,6 +36,8 @@ QUALITIES: dict[str, CaptureQuality] = {
     "fine": CaptureQuality(4, 4.0),
 }
 DEFAULT_NEAR_M = 0.05  # of the virtual cameras
+# Numbers of planar mirrors that virtual cameras reflect the scene in, and of panes.
+DEFAULT_MIRRORS, MAX_MIRRORS = 4, 8
 DEFAULT_QUALITY: QualityName = "default"
 
 

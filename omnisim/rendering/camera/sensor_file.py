@@ -38,10 +38,12 @@ from omnisim.rendering.auto_mesh import max_polygons
 from omnisim.rendering.camera.degradations.degradation import Degradation
 from omnisim.rendering.camera.degradations.degradation_file import parse_degradation
 from omnisim.rendering.camera.quality import (
+    DEFAULT_MIRRORS,
     DEFAULT_NEAR_M,
     DEFAULT_QUALITY,
     MAX_DENSITY,
     MAX_IMAGE_PX,
+    MAX_MIRRORS,
     MAX_SUPERSAMPLING,
     MIN_DENSITY,
     CaptureQuality,
@@ -152,6 +154,9 @@ class VirtualCamerasTable(Table):
     """Far plane in meters; farther surfaces are invisible; may be inf."""
     samples: Literal[1, 2, 4, 8] = 1
     """Samples per texel, against jagged edges; at most as many as the GPU supports."""
+    mirrors: Annotated[int, Field(strict=True, ge=0, le=MAX_MIRRORS)] = DEFAULT_MIRRORS
+    """Maximum number of planar mirrors and glossy floors in view that reflect the scene, largest
+    first, and of panes likewise; each costs another rendering. 0: they reflect sky and lamps."""
 
     @model_validator(mode="after")
     def _near_before_far(self) -> VirtualCamerasTable:

@@ -11,6 +11,7 @@ from omnisim.cameras import HyperbolicCamera, NonCentralCamera
 from omnisim.core.files.toml_file import toml_text
 from omnisim.core.poses import roll_pitch_yaw_from_rotation
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.camera.quality import DEFAULT_MIRRORS
 
 
 def sensor_toml(sensor: OmniCamera) -> str:
@@ -43,6 +44,7 @@ def sensor_toml(sensor: OmniCamera) -> str:
                 "near_m": sensor.near_m,
                 "far_m": float(sensor.far_m),
                 "samples": sensor.samples,
+                "mirrors": None if sensor.mirrors == DEFAULT_MIRRORS else sensor.mirrors,
             },
             "camera": {**image, "supersampling": sensor.supersampling},
             "degradation": sensor.degradation.tables() or None,

@@ -23,8 +23,11 @@ _FRAMEBUFFER, _COLOR, _DEPTH = 0x8D40, 0x1800, 0x1801
 _RGBA, _UNSIGNED_BYTE = 0x1908, 0x1401
 _CULL_FACE, _DEPTH_TEST, _BLEND, _SCISSOR_TEST = 0x0B44, 0x0B71, 0x0BE2, 0x0C11
 _CLIP_DISTANCES = range(0x3000, 0x3004)  # at tile edges, see shaders/scene/vertex.glsl
-_GREATER, _EQUAL, _CLOCKWISE, _BACK = 0x0204, 0x0202, 0x0900, 0x0405
+_MIRROR_CLIP_DISTANCE = 0x3004  # at a mirror, see shaders/scene/mirrored.glsl
+_GREATER, _EQUAL, _ALWAYS, _BACK = 0x0204, 0x0202, 0x0207, 0x0405
+_CLOCKWISE, _COUNTERCLOCKWISE = 0x0900, 0x0901
 _SRC_ALPHA, _ONE_MINUS_SRC_ALPHA, _ZERO, _ONE = 0x0302, 0x0303, 0, 1
+_SRC1_COLOR = 0x88F9
 _ENUM, _INT, _POINTER, _BOOLEAN = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_ubyte
 
 
@@ -66,6 +69,9 @@ class GlState:
         self._set_blending = _toggle(enable, disable, _BLEND)
         self._set_scissor_test = _toggle(enable, disable, _SCISSOR_TEST)
         self._set_each_clip_distance = [_toggle(enable, disable, one) for one in _CLIP_DISTANCES]
+        self._set_mirror_clip = _toggle(enable, disable, _MIRROR_CLIP_DISTANCE)
+        self._set_front_face = gl_function("glFrontFace", _ENUM)
+        self._set_blend_function = gl_function("glBlendFuncSeparate", _ENUM, _ENUM, _ENUM, _ENUM)
 
     def use(self, target: moderngl.Framebuffer, has_depth: bool = False) -> None:
         """Draw to all of a target; `has_depth`: write depth, too.
@@ -113,6 +119,15 @@ class GlState:
             self._set_blending(False)
 
     @contextmanager
+    def blending_panes(self) -> Iterator[None]:
+        """Add the light of panes to that behind them times their second color; see `blending`."""
+        try:
+            self._set_blend_function(_ONE, _SRC1_COLOR, _ZERO, _ONE)
+            yield
+        finally:
+            self._set_blend_function(_SRC_ALPHA, _ONE_MINUS_SRC_ALPHA, _ZERO, _ONE)
+
+    @contextmanager
     def where_clear(self) -> Iterator[None]:
         """Draw where depth has its clear value, with programs that write no clip distances.
 
@@ -127,6 +142,35 @@ class GlState:
         finally:
             self._set_depth_function(_GREATER)
             self._set_depth_mask(True)
+
+    @contextmanager
+    def setting_depth(self) -> Iterator[None]:
+        """Write all depths, whatever the old ones are, with programs without clip distances."""
+        try:
+            self._set_depth_test(True)
+            self._set_depth_function(_ALWAYS)
+            yield
+        finally:
+            self._set_depth_function(_GREATER)
+            self._set_depth_test(False)
+
+    @contextmanager
+    def mirrored(self) -> Iterator[None]:
+        """Draw with a mirrored rig, which reverses the winding of all triangles."""
+        try:
+            self._set_front_face(_COUNTERCLOCKWISE)
+            yield
+        finally:
+            self._set_front_face(_CLOCKWISE)
+
+    @contextmanager
+    def clipped_at_mirror(self) -> Iterator[None]:
+        """Clip at a mirror's plane, with programs that write the distance from it."""
+        try:
+            self._set_mirror_clip(True)
+            yield
+        finally:
+            self._set_mirror_clip(False)
 
     @contextmanager
     def within_rectangles(self, target: moderngl.Framebuffer) -> Iterator[Callable[..., None]]:

@@ -1,4 +1,5 @@
 import math
+import tomllib
 
 import numpy as np
 import pytest
@@ -6,6 +7,7 @@ import pytest
 from omnisim.core.errors import SensorFileError
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
+from omnisim.rendering.camera.sensor_toml import sensor_toml
 
 
 def test_documented_default_file_is_the_default():
@@ -50,6 +52,14 @@ def test_every_group_is_read(tmp_path):
     assert (sensor.face_size_px, sensor.near_m, sensor.far_m, sensor.samples) == (512, 0.1, 50, 1)
     np.testing.assert_allclose(sensor.base_from_rig[:3, 3], (0.1, 0.0, 0.5))
     np.testing.assert_allclose(sensor.base_from_rig[:3, 0], (0.0, 1.0, 0.0), atol=1e-15)
+
+
+@pytest.mark.parametrize("mirrors", [0, 4, 8])
+def test_the_number_of_mirrors_is_written_unless_it_is_the_default(mirrors):
+    sensor = OmniCamera(mirrors=mirrors)
+    text = sensor_toml(sensor)
+    assert ("mirrors" in text) == (mirrors != 4)
+    assert OmniCamera.from_table(tomllib.loads(text)).mirrors == mirrors
 
 
 def test_base_pose_puts_the_viewpoint_at_the_point():
@@ -115,6 +125,7 @@ def test_resizing_keeps_the_view():
         ("[virtual_cameras]\nnear_m = 0", "near_m: expected a number > 0.*, got 0"),
         ("[virtual_cameras]\nfar_m = 0.01", r"far_m: expected more than near_m = 0\.05, got 0\.01"),
         ("[virtual_cameras]\nsamples = 3", "samples: expected 1, 2, 4 or 8.*, got 3"),
+        ("[virtual_cameras]\nmirrors = 9", "mirrors: expected a number ≤ 8.*, got 9"),
         ("[camera]\nwidth_px = 0", r"camera\.width_px: expected a number ≥ 1.*, got 0"),
         (
             "[camera]\nheight_px = 1e9",

@@ -5,8 +5,19 @@ import dataclasses
 import numpy as np
 
 from omnisim.core.poses import pose as make_pose
-from omnisim.scene.model import AlphaMode, Light, Lighting, LightKind, Material, Mesh, Texture, Wrap
-from tests.scenes import room, scene_of
+from omnisim.scene.model import (
+    AlphaMode,
+    Instance,
+    Light,
+    Lighting,
+    LightKind,
+    Material,
+    Mesh,
+    Texture,
+    Wrap,
+)
+from tests.scenes import room, scene_of, square
+from tests.vehicles import box
 
 
 def sheet(name, material, side=12, size_m=1.0, bumps_m=0.15, seed=0, up=None):
@@ -48,6 +59,15 @@ MATERIALS = [
     Material("red on both sides", (0.8, 0.2, 0.1, 1.0), double_sided=True),
     Material("red unlit", (0.8, 0.2, 0.1, 1.0), unlit=True),
 ]
+CHROME = Material("chrome", (0.9, 0.8, 0.7, 1.0), metallic=1.0, roughness=0.0)
+LACQUER = Material(
+    "lacquer", (0.2, 0.1, 0.1, 1.0), specular=1.0, roughness=0.8, clearcoat=1.0, double_sided=True
+)
+POLISH = Material("polish", (0.1, 0.2, 0.3, 1.0), specular=1.0, roughness=0.02, double_sided=True)
+PANE = Material(
+    "pane", (0.7, 0.9, 0.8, 1.0), specular=1.0, roughness=0.0, transmission=0.9, double_sided=True
+)
+CLOTH = Material("cloth", (0.5, 0.4, 0.8, 1.0), specular=1.0, roughness=0.6, normal_map=_leaves())
 # Without shadows, which have tests of their own.
 SUN = Light(
     LightKind.DIRECTIONAL,
@@ -115,3 +135,39 @@ def crowd(count=400):
     meshes = [dataclasses.replace(meshes[n], name=str(at)) for at, n in enumerate(numbers)]
     lighting = Lighting((0.2, 0.2, 0.25), (SUN,))
     return scene_of(meshes, MATERIALS, poses, lighting=lighting, background=(0.1, 0.2, 0.4))
+
+
+def with_mirrors(scene, panes=True):
+    """Fewer of its sheets, a mirror's box, a coated table, a wall, two panes and a bumpy cloth."""
+    scene = dataclasses.replace(scene, instances=(scene.instances[0], *scene.instances[3::4]))
+    first, materials = len(scene.materials), (CHROME, LACQUER, POLISH, PANE, CLOTH)
+    meshes = [
+        box("block", first, 0.5),
+        square(1.5, material=first + 1, name="table"),
+        square(1.2, material=first + 2, name="wall"),
+        square(0.6, material=first + 3, name="window"),
+        square(0.4, material=first + 3, name="lid"),
+        sheet("cloth", first + 4, up=1.0),
+    ]
+    places = [
+        make_pose((1.2, 0.6, 0.0), yaw_deg=30.0, roll_deg=15.0),
+        make_pose((0.5, 0.0, -1.0)),
+        # flips the winding
+        make_pose((2.7, -0.4, 0.3), pitch_deg=80.0) @ np.diag((1.0, -1.0, 1.0, 1.0)),
+        make_pose((0.0, 0.1, 0.2), pitch_deg=85.0, yaw_deg=10.0),
+        make_pose((0.0, 0.9, -0.4), roll_deg=20.0),
+        make_pose((1.2, -0.6, -0.3), pitch_deg=-60.0),
+    ]
+    count = len(scene.meshes)
+    instances = [
+        Instance(one.name, count + number, place)
+        for number, (one, place) in enumerate(zip(meshes, places, strict=True))
+    ]
+    if not panes:
+        instances = [one for one in instances if one.name not in ("window", "lid")]
+    return dataclasses.replace(
+        scene,
+        meshes=(*scene.meshes, *meshes),
+        materials=(*scene.materials, *materials),
+        instances=(*scene.instances, *instances),
+    )

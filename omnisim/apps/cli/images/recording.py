@@ -56,7 +56,8 @@ def drive_of(request: DriveRequest | RenderRequest, vehicle: Vehicle, route: Rou
     channels = () if truth.also is None else parse_channels(truth.also)
     scene, backend = load_labeled_scene(world, light, truth, channels), checked_backend(request.gpu)
     if vehicle.cameras and not light.unlit:
-        note_unreflected(world.scene, scene, backend)
+        mirrors = min(one.sensor.mirrors for one in vehicle.cameras)
+        note_unreflected(world.scene, scene, backend, mirrors)
     return Drive(
         scene,
         as_requested(vehicle, request.image),

@@ -51,6 +51,7 @@ class SceneDrawer(Generic[P]):
         find_program: function from an item to its program.
         id_of_item: function from an item to the ID of its first triangle.
         both_sides: draw back faces, too.
+        is_mirrored: the rig is mirrored, see `GlState.mirrored`.
 
     Attributes:
         programs: all programs in use.
@@ -64,8 +65,10 @@ class SceneDrawer(Generic[P]):
         find_program: Callable[[DrawItem], P],
         id_of_item: Mapping[int, int],
         both_sides: bool = False,
+        is_mirrored: bool = False,
     ):
         self._both_sides = both_sides
+        self._front_faces = ("ccw", "cw") if is_mirrored else ("cw", "ccw")
         self._context, self._items = buffers.context, buffers.draw_items
         self._state = GlState()
         self._programs = {
@@ -93,11 +96,11 @@ class SceneDrawer(Generic[P]):
         item, program = self._items[index], self._programs[index]
         viewpoint_from_mesh, normal_from_mesh = self._transforms
         if item.flips_winding:
-            self._context.front_face = "ccw"
+            self._context.front_face = self._front_faces[1]
         self._state.set_culling(not (item.material.double_sided or self._both_sides))
         program.set_matrices(clip_from_mesh, viewpoint_from_mesh[index], normal_from_mesh[index])
         program.bind_material(item)
         first_id = self._id_of_item.get(index, 0)
         program.draw(self._arrays[program], item.first, item.count, first_id)
         if item.flips_winding:
-            self._context.front_face = "cw"
+            self._context.front_face = self._front_faces[0]

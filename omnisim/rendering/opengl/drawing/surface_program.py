@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import nullcontext
 from functools import cached_property
 from typing import NamedTuple
 
@@ -11,6 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
 from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
 from omnisim.rendering.opengl.drawing.material_units import (
     bind_materials,
@@ -22,18 +25,23 @@ from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
 from omnisim.rendering.opengl.geometry.light_baking import Shading
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.materials import baked_textures
 from omnisim.rendering.opengl.materials.environment_textures import filtered_texture, sky_texture
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
 from omnisim.rendering.opengl.shader_files import build_program
-from omnisim.rendering.opengl.uniforms import find_uniform, set_sampler, write_fog
+from omnisim.rendering.opengl.uniforms import columns_first, find_uniform, set_sampler, write_fog
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind
+from omnisim.scene.planar_mirrors import MAX_PLANES
 from omnisim.scene.surface_reflectance import environment_table
 
 _ALL_DIRECTIONS = (-1.0, -2.0)  # cosines of a cone with all directions: a point light's
 _NO_RANGE_M = 1e9  # large, finite and a float32, because the shader divides by it
 _ENVIRONMENT_UNITS = {"u_environment_table": 5, "u_filtered_sky": 6}
+# Units of the normal maps, which planar mirrors do not have. A unit keeps the maps, which are array
+# textures, beside these.
+MIRROR_UNITS = {"u_mirror_owners": 2, "u_mirrored": 15}
 
 
 class SurfaceVariant(NamedTuple):
@@ -50,6 +58,10 @@ class SurfaceVariant(NamedTuple):
         in_fog: True if drawn with the scene's fog, if it has one.
         light: source of the light on lit surfaces.
         both_sides: each side has its own light in the lightmap.
+        is_pane: the surface is a pane of glass.
+        is_planar_mirror: shows the mirrored views of `MirrorPass`.
+        is_rough_mirror: shows them through rough gloss, too.
+        in_mirror: drawn from a mirrored rig, clipped at the mirror.
     """
 
     lit: bool
@@ -64,6 +76,10 @@ class SurfaceVariant(NamedTuple):
     in_fog: bool = True
     light: LightSource = LightSource.COMPUTED
     both_sides: bool = False
+    is_pane: bool = False
+    is_planar_mirror: bool = False
+    is_rough_mirror: bool = False
+    in_mirror: bool = False
 
     @property
     def computes_light(self) -> bool:
@@ -102,7 +118,15 @@ class SurfaceVariant(NamedTuple):
             defines += self.light.defines
         if self.both_sides:
             defines.append("BOTH_SIDES")
-        if is_placed:
+        if self.is_pane:
+            defines.append("PANE")
+        if self.is_planar_mirror:
+            defines.append(f"PLANAR_MIRRORS {MAX_PLANES}")
+        if self.is_rough_mirror:
+            defines.append("MIRROR_GLOSS")
+        if self.in_mirror:
+            defines.append("IN_MIRROR")
+        if is_placed or self.in_mirror:
             defines.append("POSITION")
         if in_fog:
             defines.append("FOG")
@@ -131,7 +155,11 @@ def variant_of(item: DrawItem, unlit: bool) -> SurfaceVariant:
     return (
         variant
         if reflectance is None
-        else _reflective(variant, reflectance.maps, reflectance.second_coordinates)
+        else _reflective(
+            variant._replace(is_pane=item.is_pane),
+            reflectance.maps,
+            reflectance.second_coordinates,
+        )
     )
 
 
@@ -188,6 +216,7 @@ class SurfaceProgram:
 
     Attributes:
         program: compiled OpenGL program.
+        is_pane: see `SurfaceVariant`.
     """
 
     def __init__(
@@ -208,7 +237,8 @@ class SurfaceProgram:
             baked_textures.connect(program, lighting.baked)
         if shadows is not None:
             shadows.connect(program)
-        self._is_textured = variant.textured
+        self._is_textured, self.is_pane = variant.textured, variant.is_pane
+        self._state = GlState()
         # uniforms of single items
         self._item = ItemUniforms(program)
         # the compiler removes both if ambient light alone is left
@@ -224,6 +254,12 @@ class SurfaceProgram:
         if variant.maps is not None:
             connect_material(program, variant.clustered)
             for name, unit in _ENVIRONMENT_UNITS.items():
+                set_sampler(program, name, unit)
+        self._rig_from_world = find_uniform(program, "u_rig_from_world")
+        self._mirror_planes = find_uniform(program, "u_mirror_planes")
+        self._mirror = find_uniform(program, "u_mirror")
+        if variant.is_planar_mirror:
+            for name, unit in MIRROR_UNITS.items():
                 set_sampler(program, name, unit)
         if lighting.fog is not None and variant.in_fog:
             write_fog(program, lighting.fog)
@@ -243,6 +279,29 @@ class SurfaceProgram:
         if self._probes_viewpoint is not None and self._baked is not None:
             offset_m = viewpoint_m - self._baked.probes.origin_m
             self._probes_viewpoint.write(offset_m.astype(np.float32))
+
+    def set_mirrors(
+        self, planes: NDArray[np.float64], plan: TilePlan, world_from_rig: NDArray[np.float64]
+    ) -> None:
+        """Set the mirrors of a rig's pose (4, 4).
+
+        Args:
+            planes: (n, 4) unit normals, and the viewpoint's heights.
+            plan: tiles of the atlas.
+            world_from_rig: (4, 4) pose.
+        """
+        if self._rig_from_world is not None:
+            self._rig_from_world.write(columns_first(world_from_rig[:3, :3].T))
+            bind_tiles(self.program, plan, np.eye(3))
+        if self._mirror_planes is not None:
+            padded = np.zeros((MAX_PLANES, 4), dtype=np.float32)
+            padded[: len(planes)] = planes
+            self._mirror_planes.write(padded)
+
+    def set_mirror(self, plane: NDArray[np.float64]) -> None:
+        """Set the plane (4,) of a mirrored view: unit normal, and the viewpoint's height."""
+        if self._mirror is not None:
+            self._mirror.write(plane.astype(np.float32))
 
     def set_matrices(
         self,
@@ -268,7 +327,8 @@ class SurfaceProgram:
 
     def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
         """Draw `count` indices of a vertex array from `first`; `first_id` is unused."""
-        array.render(moderngl.TRIANGLES, vertices=count, first=first)
+        with self._state.blending_panes() if self.is_pane else nullcontext():
+            array.render(moderngl.TRIANGLES, vertices=count, first=first)
 
 
 class SurfacePrograms:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.world import ObjectPart
+from omnisim.rendering.camera.quality import DEFAULT_MIRRORS
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.atlas.tile_views import TileView, TileViews, clips_from_rig
 from omnisim.rendering.opengl.culling.cluster_culling import MIN_TRIANGLES_OF_PASSES, ClusterCuller
@@ -39,6 +40,7 @@ class VirtualCameras:
         background: linear RGB of rays that hit nothing.
         hidden: parts of dynamic objects to leave out.
         both_sides: draw back faces, too.
+        mirrors: maximum number of planar mirrors in view, and of panes, that reflect the scene.
     """
 
     near_m: float
@@ -48,6 +50,7 @@ class VirtualCameras:
     background: tuple[float, float, float] = (0.0, 0.0, 0.0)
     hidden: frozenset[ObjectPart] = frozenset()
     both_sides: bool = False
+    mirrors: int = DEFAULT_MIRRORS
 
 
 class TileRenderer:

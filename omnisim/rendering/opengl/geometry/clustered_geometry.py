@@ -6,7 +6,7 @@ that one call draws all clusters of a bucket, which share program and texture ar
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -112,7 +112,11 @@ class ClusteredGeometry:
 
 
 def build_clustered_geometry(
-    context: moderngl.Context, items: Sequence[DrawItem], lighting: Lighting, dynamic_objects: int
+    context: moderngl.Context,
+    items: Sequence[DrawItem],
+    lighting: Lighting,
+    dynamic_objects: int,
+    alone: Collection[int] = (),
 ) -> ClusteredGeometry | None:
     """Build the clustered geometry of a scene; None if no instance qualifies.
 
@@ -121,9 +125,10 @@ def build_clustered_geometry(
         items: all draw items.
         lighting: lighting of the scene.
         dynamic_objects: number of dynamic objects.
+        alone: indices of items to draw one by one.
     """
     anchor_m = _anchor(items)
-    contains = _contained(items, anchor_m)
+    contains = _contained(items, anchor_m, alone)
     items = [item for item, is_contained in zip(items, contains, strict=True) if is_contained]
     if not items:
         return None
@@ -242,13 +247,15 @@ def _anchor(items: Sequence[DrawItem]) -> NDArray[np.float64]:
     return middle
 
 
-def _contained(items: Sequence[DrawItem], anchor_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _contained(
+    items: Sequence[DrawItem], anchor_m: NDArray[np.float64], alone: Collection[int]
+) -> NDArray[np.bool_]:
     contained = np.zeros(len(items), dtype=np.bool_)
     triangles = 0
     for index, item in enumerate(items):
         # a mesh without triangles has no cluster
         fits = item.triangles and triangles + item.triangles <= MAX_SCENE_TRIANGLES
-        is_rigid = item.mesh.deformation is None
+        is_rigid = item.mesh.deformation is None and index not in alone
         if is_rigid and not item.is_blended and fits and item.is_near(anchor_m):
             triangles += item.triangles
             contained[index] = True

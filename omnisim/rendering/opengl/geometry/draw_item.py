@@ -114,9 +114,15 @@ class DrawItem:
         return self.texture_layer.texture
 
     @property
+    def is_pane(self) -> bool:
+        """True for panes, unless all materials are matte."""
+        is_shiny = self.texture_layer.reflectance is not None
+        return is_shiny and self.material.pane_transmission > 0.0
+
+    @property
     def is_blended(self) -> bool:
-        """True for blended materials, through which the background is visible."""
-        return self.material.is_blended
+        """True for blended materials and panes, through which the background is visible."""
+        return self.material.is_blended or self.is_pane
 
 
 class InstanceTransforms(NamedTuple):

@@ -167,7 +167,7 @@ def _concatenate_meshes(
         offsets.append([])
         for instance in part.instances:
             mesh = part.meshes[instance.mesh]
-            is_blended = part.materials[mesh.material].is_blended
+            is_blended = part.materials[mesh.material].is_see_through
             if is_blended or instance.mesh not in shared:
                 ranges.append(IndexRange(mesh, first, bases[instance.mesh], is_blended))
                 shared[instance.mesh] = first

@@ -29,6 +29,12 @@ from omnisim.rendering.opengl.materials.material_table import MaterialTable, pla
 from omnisim.rendering.opengl.materials.scene_textures import MaterialTextures
 from omnisim.scene.model import Instance, Scene
 from omnisim.scene.parts import LightRectangle
+from omnisim.scene.planar_mirrors import (
+    MirrorPlane,
+    find_mirrors,
+    is_clear_pane,
+    is_planar_mirror,
+)
 
 # Extensions of OpenGL 4.5 that are part of 4.6.
 _CALLS_OF_CLUSTERS = {"GL_ARB_indirect_parameters", "GL_ARB_shader_draw_parameters"}
@@ -50,6 +56,7 @@ class SceneBuffers:
         draw_items: opaque and masked instances, then blended ones; each part sorted by material.
         radii_m: (n,) radii of their bounding spheres at 0 s.
         deforming: indices of items whose meshes deform.
+        mirrors, pane_mirrors: planes of the planar mirrors and of panes; their surfaces are items.
 
     Raises:
         GraphicsError: a texture beyond the limits of the GPU.
@@ -102,6 +109,17 @@ class SceneBuffers:
         self._is_drawn, self._free = np.ones(len(items), dtype=np.bool_), set[int]()
         for name in ("triangles", "clustered_geometry"):
             self.__dict__.pop(name, None)
+        self._find_mirrors(np.ones(len(items), dtype=np.bool_))
+
+    def _find_mirrors(self, possible: NDArray[np.bool_]) -> None:
+        """Find planar mirrors and panes among the possible items (n,)."""
+        self.mirrors: tuple[MirrorPlane, ...] = ()
+        self.pane_mirrors: tuple[MirrorPlane, ...] = ()
+        if not self._lighting.is_matte:
+            numbers = np.flatnonzero(possible).tolist()
+            surfaces = {number: self.draw_items[number] for number in numbers}
+            self.mirrors = find_mirrors(surfaces, is_planar_mirror)
+            self.pane_mirrors = find_mirrors(surfaces, is_clear_pane)
 
     def _set_items(self, items: Sequence[DrawItem]) -> None:
         self.draw_items = tuple(items)
@@ -168,7 +186,7 @@ class SceneBuffers:
         offsets = []
         for instance in added:
             mesh = scene.meshes[instance.mesh]
-            offsets.append(self._store.place(mesh, scene.materials[mesh.material].is_blended))
+            offsets.append(self._store.place(mesh, scene.materials[mesh.material].is_see_through))
         if self._store.is_overgrown:
             self._build(scene)
             return
@@ -188,6 +206,7 @@ class SceneBuffers:
         self._is_drawn[numbers[: len(new)]] = True
         if self.clustered_geometry is not None:
             self.clustered_geometry.show(self._is_drawn)
+        self._find_mirrors(self._is_drawn & ~self._static_mask)
         self._textures.keep([item.texture_layer for item in items])
         table = self.__dict__.get("triangles")
         if table is not None and not table.append(self._store.ranges, self.indices):
@@ -284,8 +303,9 @@ class SceneBuffers:
         """Clusters of opaque and masked instances; None without any, or without multi-draws."""
         if not self._uses_clusters or not self.context.extensions >= _CALLS_OF_CLUSTERS:
             return None
+        alone = {index for plane in self.mirrors for index in plane.parts}
         return build_clustered_geometry(
-            self.context, self.draw_items, self._lighting, len(self._dynamic_objects)
+            self.context, self.draw_items, self._lighting, len(self._dynamic_objects), alone
         )
 
     def check_readable(self, purpose: str) -> None:

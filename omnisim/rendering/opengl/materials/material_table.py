@@ -109,9 +109,10 @@ def _record(material: Material, layers: Sequence[int | None]) -> NDArray[np.floa
     record[1] = (
         material.metallic, material.roughness, material.normal_scale, material.occlusion_strength
     )  # fmt: skip
-    record[2, :3] = material.emissive
-    record[3, :3] = (
-        material.clearcoat, material.clearcoat_roughness, material.clearcoat_normal_scale
+    record[2] = *material.emissive, material.pane_transmission
+    record[3] = (
+        material.clearcoat, material.clearcoat_roughness, material.clearcoat_normal_scale,
+        material.ior,
     )  # fmt: skip
     record[4, :3] = tinted_reflectance(material.ior, material.specular_color)
     for number, (texture, layer) in enumerate(zip(material.maps, layers, strict=True)):

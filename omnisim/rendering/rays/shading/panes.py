@@ -35,7 +35,7 @@ class Panes(NamedTuple):
     @classmethod
     def of(cls, materials: list[Material]) -> Panes:
         """Pane parameters of materials, one per surface; metal transmits nothing."""
-        shares = [0.0 if m.unlit else m.transmission * (1.0 - m.metallic) for m in materials]
+        shares = [material.pane_transmission for material in materials]
         return cls(np.array(shares), np.array([material.ior for material in materials]))
 
     def transmitted(

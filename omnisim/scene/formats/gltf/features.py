@@ -231,7 +231,7 @@ FEATURES = (
     ),
     Feature(
         "KHR_materials_transmission", _APPLIED,
-        "of thin, clear panes, in the back end `rays`; opaque in `cube`, with a note",
+        "of thin, clear panes",
     ),
     Feature(
         "transmission: thick, frosted or mapped", _LEFT_OUT,

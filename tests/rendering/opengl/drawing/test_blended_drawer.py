@@ -61,7 +61,7 @@ POSES = [make_pose((0.1 * n, 0.2 - 0.2 * n, -0.3), yaw_deg=80.0 * n) for n in ra
 
 def _take(stage, unlit=False):
     with stage.open(CAMERA, unlit=unlit) as renderer:
-        drawer = renderer._passes.cube._blended_drawer
+        drawer = renderer._passes.cube._view.blended_drawer
         return drawer, [renderer.render(pose).rgba for pose in POSES]
 
 
@@ -89,5 +89,5 @@ def test_too_many_are_drawn_one_by_one(limit, monkeypatch):
             expected = renderer.render(POSES[0]).rgba
         monkeypatch.setattr(blended_drawer, limit, 1)
         with stage.open(CAMERA) as renderer:
-            assert renderer._passes.cube._blended_drawer is None
+            assert renderer._passes.cube._view.blended_drawer is None
             assert_same(renderer.render(POSES[0]).rgba, expected)

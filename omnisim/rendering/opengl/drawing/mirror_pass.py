@@ -1,0 +1,278 @@
+"""Mirror pass: the scene as planar mirrors and panes reflect it, from mirrored viewpoints.
+
+The mirrored rig has the tiles of the rig itself, so that the view in a mirror has the atlas
+coordinates of the mirror. Each mirror's view is drawn only in the texels where that mirror is the
+nearest one. Panes have views of their own, since mirrors may be behind them. Mirrors within a
+mirrored view reflect sky and lamps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
+from omnisim.rendering.opengl.drawing.reversed_depth import CLEAR_DEPTH, depth_texture
+from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
+from omnisim.rendering.opengl.drawing.scene_view import SceneView
+from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
+from omnisim.rendering.opengl.drawing.surface_program import (
+    MIRROR_UNITS,
+    SurfaceProgram,
+    SurfacePrograms,
+)
+from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.shader_files import build_program
+from omnisim.rendering.opengl.uniforms import uniform
+from omnisim.scene.planar_mirrors import MirrorPlane
+
+_ROW_TRIANGLES = 4096
+_OWNERS_UNIT = 0
+_NOWHERE_M = 1e9  # height above a plane without a view
+
+
+class MirrorPass:
+    """Draws a camera's views in mirrors, or in panes; of no use once the buffers have changed.
+
+    Args:
+        buffers: scene and dynamic objects.
+        mirrors: planes of the mirrors, or of the panes.
+        programs: surface programs for the scene's lights.
+        plan: tiles of the camera's atlas.
+        cameras: virtual cameras.
+        sky: pass of the visible sky; None: no sky.
+
+    Attributes:
+        items: indices of the items that show the views.
+        of_panes: True for views in panes.
+
+    Raises:
+        GraphicsError: the views do not fit on the GPU.
+    """
+
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        mirrors: Sequence[MirrorPlane],
+        programs: SurfacePrograms,
+        plan: TilePlan,
+        cameras: VirtualCameras,
+        sky: SkyPass | None,
+    ):
+        context = buffers.context
+        self._buffers, self._mirrors, self._state = buffers, mirrors, GlState()
+        self._count = cameras.mirrors
+        self._plan, self._world_from_rig = plan, np.eye(4)
+        self._planes = np.zeros((len(mirrors), 4))
+        self._background = cameras.background
+        size = (plan.width_px, plan.height_px)
+        with gpu_allocation(
+            f"views in mirrors of {size[0]} × {size[1]} px",
+            "make the image or virtual_cameras.size_px smaller",
+        ):
+            self._colors = context.texture(size, 4, dtype="f2")
+            self._owners = context.texture(size, 1, dtype="u1")
+            depth = depth_texture(context, size)
+        for texture in (self._colors, self._owners):
+            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._target = context.framebuffer([self._colors], depth)
+        self._owners_target = context.framebuffer([self._owners], depth)
+        self._depth_target = context.framebuffer(depth_attachment=depth)
+        # a mirror shows the vehicle's own body, too
+        seen = replace(cameras, hidden=frozenset(), samples=1)
+        self._view = SceneView(buffers, programs, plan, seen, depth, 1, sky, is_mirrored=True)
+        shown = np.flatnonzero(buffers.shown_one_by_one(cameras.hidden)).tolist()
+        self.items = frozenset(index for one in mirrors for index in one.parts) & frozenset(shown)
+        self.of_panes = mirrors is buffers.pane_mirrors
+        self._owner_drawer = self._make_owner_drawer()
+        window = build_program(context, "common/full_screen.vert", "scene/mirror_window.frag")
+        uniform(window, "u_mirror_owners").value = _OWNERS_UNIT
+        self._window = uniform(window, "u_number")
+        self._triangle = context.vertex_array(window, [])
+
+    def _make_owner_drawer(self) -> SceneDrawer[OwnerProgram]:
+        """Drawer of the mirrors' numbers."""
+        items = self._buffers.draw_items
+        first_of_item: dict[int, int] = {}
+        numbers: list[NDArray[np.uint8]] = []
+        # of their own, since panes are sorted in the scene's
+        triangles: list[NDArray[np.uint32]] = []
+        count = 0
+        for index in sorted(self.items):
+            first_of_item[index] = count
+            count += items[index].triangles
+            triangles.append(items[index].mesh.triangles + np.uint32(items[index].base))
+            of_triangles = np.zeros(items[index].triangles, dtype=np.uint8)
+            for number, plane in enumerate(self._mirrors, start=1):
+                if index in plane.parts:
+                    of_triangles[plane.parts[index]] = number
+            numbers.append(of_triangles)
+        # all mirrors may be hidden
+        numbers.append(np.zeros(1, dtype=np.uint8))
+        triangles.append(np.zeros((1, 3), dtype=np.uint32))
+        program = OwnerProgram(self._buffers.context, np.concatenate(numbers))
+        return SceneDrawer(
+            self._buffers,
+            self._buffers.context.buffer(np.concatenate(triangles).astype("<u4")),
+            np.array(sorted(self.items), dtype=np.intp),
+            lambda item: program,
+            first_of_item,
+        )
+
+    def render(
+        self,
+        view: SceneView,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Render the mirrored views of a pose (4, 4).
+
+        Shadow maps and tables are bound, and meshes are deformed.
+        """
+        planes, sides = self._planes_at(world_from_rig[:3, 3], world_from_objects)
+        visible = self._visible(view, sides, world_from_rig, world_from_objects)
+        self._planes = np.full_like(planes, _NOWHERE_M)
+        self._planes[visible] = planes[visible]
+        self._world_from_rig = world_from_rig
+        self._draw_owners(view, world_from_rig, world_from_objects)
+        self._state.use(self._target, has_depth=True)
+        self._state.clear([(*self._background, 1.0)], CLEAR_DEPTH)
+        for number in visible:
+            self._draw_view(number, world_from_rig, world_from_objects)
+
+    def connect(self, programs: Collection[SurfaceProgram]) -> None:
+        """Set the planes of the last rendered views in the programs that show them."""
+        for program in programs:
+            if program.is_pane is self.of_panes:
+                program.set_mirrors(self._planes, self._plan, self._world_from_rig)
+
+    def bind(self) -> None:
+        """Bind the views for the next draw calls."""
+        self._owners.use(MIRROR_UNITS["u_mirror_owners"])
+        self._colors.use(MIRROR_UNITS["u_mirrored"])
+
+    def _planes_at(
+        self, viewpoint_m: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
+    ) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+        """Planes (mirrors, 4) and sides (mirrors,) that face a viewpoint (3,).
+
+        Planes have unit normals toward the viewpoint, and its heights in meters.
+        """
+        planes = np.empty((len(self._mirrors), 4))
+        sides = np.empty(len(self._mirrors), dtype=np.intp)
+        for number, mirror in enumerate(self._mirrors):
+            normal, offset_m = mirror.normal, mirror.offset_m
+            if mirror.object_index is not None:
+                pose = world_from_objects[mirror.object_index]
+                normal = pose[:3, :3] @ normal
+                offset_m += float(normal @ pose[:3, 3])
+            height_m = float(normal @ viewpoint_m) - offset_m
+            sides[number] = side = -1 if height_m < 0.0 else 1
+            planes[number] = *(side * normal), abs(height_m)
+        return planes, sides
+
+    def _draw_owners(
+        self,
+        view: SceneView,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Draw the number of the nearest mirror, in exactly the texels that show it."""
+        target, tiles = self._owners_target, view.tiles
+        transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
+        tiles.begin(target, [None])
+        self._owner_drawer.begin(transforms)
+        items = np.array(sorted(self.items), dtype=np.intp)
+        with self._state.drawing():
+            views = tiles.views.at(world_from_rig)
+            tiles.draw_items(target, views, transforms, items, self._owner_drawer)
+
+    def _visible(
+        self,
+        view: SceneView,
+        sides: NDArray[np.intp],
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> list[int]:
+        """Indices of the largest mirrors that face the viewpoint and that some tile may show."""
+        transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
+        views = view.tiles.views.at(world_from_rig)
+        visible: list[int] = []
+        for number, mirror in enumerate(self._mirrors):
+            items = np.array([one for one in mirror.parts if one in self.items], dtype=np.intp)
+            if len(visible) == self._count:
+                break
+            if sides[number] not in mirror.sides:
+                continue
+            if any(view.tiles.cull_items(tile, transforms, items).any() for tile in views):
+                visible.append(number)
+        return visible
+
+    def _draw_view(
+        self,
+        number: int,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Draw the view in a mirror."""
+        normal, height_m = self._planes[number, :3], self._planes[number, 3]
+        mirrored = world_from_rig.copy()
+        mirrored[:3, :3] -= 2.0 * np.outer(normal, normal @ world_from_rig[:3, :3])
+        mirrored[:3, 3] -= 2.0 * height_m * normal
+        self._owners.use(_OWNERS_UNIT)
+        self._window.value = number + 1
+        self._state.use(self._depth_target, has_depth=True)
+        with self._state.setting_depth():
+            self._triangle.render(moderngl.TRIANGLES, vertices=3)
+        for program in self._view.programs:
+            program.set_mirror(np.array((*normal, -height_m)))
+        self._state.use(self._target, has_depth=True)
+        self._view.draw(self._target, mirrored, world_from_objects)
+
+
+class OwnerProgram:
+    """Program that draws the numbers of mirrors.
+
+    Args:
+        context: OpenGL context.
+        numbers: (n,) number of each triangle's mirror; 0: none.
+    """
+
+    def __init__(self, context: moderngl.Context, numbers: NDArray[np.uint8]):
+        files = "scene/mirror_owner.vert", "scene/mirror_owner.frag"
+        self.program = build_program(context, *files)
+        self._item = ItemUniforms(self.program)
+        self._first_triangle = uniform(self.program, "u_first_triangle")
+        uniform(self.program, "u_numbers").value = _OWNERS_UNIT
+        rows = -(-len(numbers) // _ROW_TRIANGLES)
+        padded = np.zeros((rows, _ROW_TRIANGLES), dtype=np.uint8)
+        padded.ravel()[: len(numbers)] = numbers
+        self._numbers = context.texture((_ROW_TRIANGLES, rows), 1, padded, dtype="u1")
+        self._numbers.filter = (moderngl.NEAREST, moderngl.NEAREST)
+
+    def set_matrices(
+        self,
+        clip_from_mesh: NDArray[np.float32],
+        viewpoint_from_mesh: NDArray[np.float32],
+        normal_from_mesh: NDArray[np.float32],
+    ) -> None:
+        """Set the matrix (4, 4), column-major, for the next draw calls."""
+        self._item.set_clip_from_mesh(clip_from_mesh)
+
+    def bind_material(self, item: DrawItem) -> None:
+        """Bind the table of numbers."""
+        self._numbers.use(_OWNERS_UNIT)
+
+    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
+        """Draw `count` indices of a vertex array; `first_id`: its first triangle, and number."""
+        self._first_triangle.value = first_id
+        array.render(moderngl.TRIANGLES, vertices=count, first=3 * first_id)

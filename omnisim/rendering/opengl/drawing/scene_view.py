@@ -1,0 +1,208 @@
+"""Draws the scene from one viewpoint into an atlas: clusters, single items, sky, blended items."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from typing import Protocol
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.world import time_of
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.opengl.atlas.tile_views import TileView
+from omnisim.rendering.opengl.drawing.blended_drawer import BlendedDrawer, arrays_of, fits
+from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
+from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
+from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
+from omnisim.rendering.opengl.drawing.surface_program import (
+    SurfaceProgram,
+    SurfacePrograms,
+    SurfaceVariant,
+    variant_of,
+    variant_of_blended,
+    variant_of_bucket,
+)
+from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer, VirtualCameras
+from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.scene.planar_mirrors import is_rough_mirror
+
+
+class MirroredViews(Protocol):
+    """Rendered views in planar mirrors, or in panes."""
+
+    @property
+    def of_panes(self) -> bool:
+        """True for views in panes."""
+
+    @property
+    def items(self) -> frozenset[int]:
+        """Indices of the items that show the views."""
+
+    def connect(self, programs: Collection[SurfaceProgram]) -> None:
+        """Set the mirrors' planes in the programs that show the views."""
+
+    def bind(self) -> None:
+        """Bind the views for the next draw calls."""
+
+
+class SceneView:
+    """Drawers of a scene for the tiles of an atlas; of no use once the buffers have changed.
+
+    Args:
+        buffers: scene and dynamic objects; other passes may share them.
+        programs: surface programs for the scene's lights.
+        plan: tiles of the atlas.
+        cameras: virtual cameras.
+        depth: depth of the atlas; None if shaders cannot read it.
+        samples: samples per texel.
+        sky: pass of the visible sky; None: no sky.
+        mirrors: views in mirrors, and in panes.
+        is_mirrored: draw from mirrored rigs, clipped at the mirror.
+
+    Attributes:
+        tiles: renderer of the tiles.
+        blended: indices of the blended items.
+        programs: surface programs in use.
+    """
+
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        programs: SurfacePrograms,
+        plan: TilePlan,
+        cameras: VirtualCameras,
+        depth: moderngl.Texture | None,
+        samples: int,
+        sky: SkyPass | None,
+        mirrors: Sequence[MirroredViews] = (),
+        is_mirrored: bool = False,
+    ):
+        self._buffers, self._cameras, self._surface_programs = buffers, cameras, programs
+        self._sky, self._state, self._is_mirrored = sky, GlState(), is_mirrored
+        shown = buffers.shown_one_by_one(cameras.hidden)
+        items = buffers.draw_items
+        blended = np.array([item.is_blended for item in items], dtype=np.bool_)
+        if cameras.unlit:  # panes are opaque
+            blended = np.array([item.material.is_blended for item in items], dtype=np.bool_)
+        self.blended = np.flatnonzero(shown & blended)
+        opaque = np.flatnonzero(shown & ~blended)
+        self.programs: set[SurfaceProgram] = set()
+        self._mirrors = mirrors
+        of_mirrors = {id(items[index]) for one in mirrors for index in one.items}
+
+        def find_item_program(item: DrawItem) -> SurfaceProgram:
+            variant = variant_of(item, cameras.unlit)
+            if id(item) in of_mirrors:
+                is_rough = is_rough_mirror(item.material)
+                variant = variant._replace(is_planar_mirror=True, is_rough_mirror=is_rough)
+            return self._program(variant)
+
+        def find_program(bucket: Bucket) -> BucketProgram:
+            return BucketProgram(self._program(variant_of_bucket(bucket, cameras.unlit)).program)
+
+        self._drawer = SceneDrawer(
+            buffers,
+            buffers.indices,
+            opaque if self._sorts_blended else np.flatnonzero(shown),
+            find_item_program,
+            id_of_item={},
+            is_mirrored=is_mirrored,
+        )
+        self.tiles = TileRenderer(buffers, plan, cameras, opaque, find_program, depth, samples)
+        self.blended_drawer = self._make_blended_drawer()
+
+    def _program(self, variant: SurfaceVariant) -> SurfaceProgram:
+        program = self._surface_programs[variant._replace(in_mirror=self._is_mirrored)]
+        self.programs.add(program)
+        return program
+
+    @property
+    def _blended_items(self) -> list[DrawItem]:
+        return [self._buffers.draw_items[index] for index in self.blended.tolist()]
+
+    @property
+    def _sorts_blended(self) -> bool:
+        """The blended items are sorted on the GPU."""
+        return fits(self._blended_items, self._buffers.clustered_geometry)
+
+    def _make_blended_drawer(self) -> BlendedDrawer | None:
+        """Drawer that sorts blended items on the GPU; None: no blended items, or too many."""
+        geometry, culler = self._buffers.clustered_geometry, self.tiles.culler
+        if geometry is None or culler is None or not self._sorts_blended:
+            return None
+        items = self._blended_items
+        variant = variant_of_blended(len(arrays_of(items)), self._cameras.unlit, items)
+        program = self._program(variant).program
+        return BlendedDrawer(self._buffers.context, geometry, culler, items, program)
+
+    def draw(
+        self,
+        target: moderngl.Framebuffer,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Draw from a pose (4, 4) onto the bound target.
+
+        The target is cleared, shadow maps and tables are bound, and meshes are deformed.
+        """
+        for program in self.programs:
+            program.set_viewpoint(world_from_rig[:3, 3])
+        for mirrors in self._mirrors:
+            mirrors.connect(self.programs)
+        with self._state.drawing(), self._mirrored():
+            with self._clipped():
+                self._bind_mirrors(of_panes=False)
+                self.tiles.draw(target, world_from_rig, world_from_objects, self._drawer)
+            if self._sky is not None:
+                self._sky.draw(target, world_from_rig[None])
+            if self.blended.size:
+                with self._state.blending(), self._clipped():
+                    self._bind_mirrors(of_panes=True)
+                    self._draw_blended(target, world_from_rig, world_from_objects)
+
+    def _bind_mirrors(self, of_panes: bool) -> None:
+        for mirrors in self._mirrors:
+            if mirrors.of_panes is of_panes:
+                mirrors.bind()
+
+    def _mirrored(self) -> AbstractContextManager[None]:
+        return self._state.mirrored() if self._is_mirrored else nullcontext()
+
+    def _clipped(self) -> AbstractContextManager[None]:
+        return self._state.clipped_at_mirror() if self._is_mirrored else nullcontext()
+
+    def _draw_blended(
+        self,
+        target: moderngl.Framebuffer,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Draw the blended items."""
+        if self.blended_drawer is not None:
+            self.blended_drawer.draw()
+            return
+        transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
+        views = self.tiles.views.at(world_from_rig)
+        blended = self._back_to_front(views, transforms, time_of(world_from_objects))
+        self._drawer.begin(transforms)
+        self.tiles.draw_items(target, views, transforms, blended, self._drawer)
+
+    def _back_to_front(
+        self, views: Sequence[TileView], transforms: InstanceTransforms, time_s: float
+    ) -> NDArray[np.intp]:
+        """Sort visible blended items, and their triangles, back to front."""
+        seen = [self.tiles.cull_items(view, transforms, self.blended) for view in views]
+        blended = self.blended[np.any(seen, axis=0)]
+        distances = np.linalg.norm(transforms.centers_m[blended], axis=1)
+        blended = blended[np.argsort(-distances, kind="stable")]
+        for index in blended:
+            self._buffers.sort_triangles(
+                self._buffers.draw_items[index], transforms.viewpoint_from_mesh[index], time_s
+            )
+        return blended

@@ -1,0 +1,256 @@
+"""Planar mirrors of a scene: planes in which smooth materials reflect exactly one mirrored view.
+
+A plane counts if it holds at least `MIN_PLANE_SHARE` of its mesh's area, and is among the
+`MAX_PLANES` largest of the scene. Coplanar surfaces share one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.scene.parts import AlphaMode, Material, Mesh
+from omnisim.scene.surface_reflectance import MAX_MIRRORED_ROUGHNESS, MIN_ROUGHNESS
+
+MIN_PLANE_SHARE, MAX_PLANES = 0.05, 64
+# Differences within one plane: of unit normals, of heights as a share of the mesh's size, and of
+# offsets. They shift a reflection by up to 0.1 px at 40 px per degree.
+_SAME_NORMAL, _SAME_HEIGHT, _SAME_OFFSET_M = 2e-5, 2e-5, 1e-4
+# Interpolated normals within 0.1° of the plane's are those of a plane.
+_MIN_NORMAL_COSINE = float(np.cos(np.radians(0.1)))
+
+
+class ShownSurface(Protocol):
+    """Mesh in its place, such as a draw item."""
+
+    @property
+    def mesh(self) -> Mesh:
+        """Mesh of the surface."""
+
+    @property
+    def material(self) -> Material:
+        """Material of the mesh."""
+
+    @property
+    def object_index(self) -> int | None:
+        """Index of its dynamic object; None: static."""
+
+    @property
+    def object_from_mesh(self) -> NDArray[np.float64]:
+        """(4, 4) transform to the world or the dynamic object's frame."""
+
+
+@dataclass(frozen=True, eq=False)
+class MirrorPlane:
+    """Plane of one or more mirrors, in the world or in a dynamic object's frame.
+
+    Attributes:
+        object_index: index of its dynamic object; None: static.
+        normal: (3,) unit normal.
+        offset_m: distance of the plane from the origin, along the normal.
+        area_m2: area of its triangles.
+        sides: signs of the sides from which it is visible: 1 for that of the normal, −1.
+        parts: indices of the surfaces on it, each with the mask (triangles,) of its triangles.
+    """
+
+    object_index: int | None
+    normal: NDArray[np.float64]
+    offset_m: float
+    area_m2: float
+    sides: frozenset[int]
+    parts: dict[int, NDArray[np.bool_]]
+
+
+class FlatPart(NamedTuple):
+    """Coplanar triangles of a mesh, in its frame.
+
+    Attributes:
+        normal, point: (3,) unit normal and a point of the plane.
+        area: area of the triangles.
+        sides: see `MirrorPlane`.
+        triangles: mask (triangles,) of the triangles.
+    """
+
+    normal: NDArray[np.float64]
+    point: NDArray[np.float64]
+    area: float
+    sides: frozenset[int]
+    triangles: NDArray[np.bool_]
+
+
+class _PlacedPart(NamedTuple):
+    """Flat part of a surface in the frame of its object; −1: static. As in `MirrorPlane`."""
+
+    surface: int
+    object_index: int
+    normal: NDArray[np.float64]
+    offset_m: float
+    area_m2: float
+    sides: frozenset[int]
+    triangles: NDArray[np.bool_]
+
+
+def is_smooth(material: Material, max_roughness: float) -> bool:
+    """True for metal, gloss or clear coats that somewhere are at most this rough."""
+    if material.is_matte:
+        return False
+    roughness = material.roughness
+    if material.metallic_roughness_map is not None:
+        roughness *= float(material.metallic_roughness_map.pixels[..., 1].min()) / 255.0
+    is_glossy = bool(material.metallic or material.specular)
+    is_coated = bool(material.clearcoat) and material.clearcoat_roughness <= max_roughness
+    return is_coated or (is_glossy and roughness <= max_roughness)
+
+
+def is_planar_mirror(material: Material) -> bool:
+    """True for smooth, opaque materials without normal maps."""
+    return (
+        _is_flat(material)
+        and not material.pane_transmission
+        and is_smooth(material, MAX_MIRRORED_ROUGHNESS)
+    )
+
+
+def is_rough_mirror(material: Material) -> bool:
+    """True for planar mirrors whose gloss or coat may be rougher than a perfect mirror."""
+    is_rough = material.roughness > MIN_ROUGHNESS and bool(material.metallic or material.specular)
+    is_coated = material.clearcoat > 0.0 and material.clearcoat_roughness > MIN_ROUGHNESS
+    return not material.pane_transmission and (is_rough or is_coated)
+
+
+def is_clear_pane(material: Material) -> bool:
+    """True for panes without normal maps; they reflect like mirrors."""
+    return _is_flat(material) and material.pane_transmission > 0.0
+
+
+def _is_flat(material: Material) -> bool:
+    """True without holes, blending and normal maps."""
+    has_normal_map = material.normal_map or material.clearcoat_normal_map
+    return material.alpha_mode is AlphaMode.OPAQUE and has_normal_map is None
+
+
+def find_mirrors(
+    surfaces: Mapping[int, ShownSurface], is_mirror: Callable[[Material], bool]
+) -> tuple[MirrorPlane, ...]:
+    """Find the planes of planar mirrors, largest first.
+
+    Args:
+        surfaces: surfaces of the scene and of its dynamic objects, by index.
+        is_mirror: tells whether planes of a material are mirrors.
+    """
+    of_mesh: dict[int, list[FlatPart]] = {}
+    parts: list[_PlacedPart] = []
+    for index, surface in surfaces.items():
+        mesh, material = surface.mesh, surface.material
+        if mesh.deformation is None and is_mirror(material):
+            if id(mesh) not in of_mesh:
+                of_mesh[id(mesh)] = flat_parts(mesh)
+            parts += [_placed(index, surface, part) for part in of_mesh[id(mesh)]]
+    return _planes(sorted(parts, key=lambda part: -part.area_m2))
+
+
+def _placed(index: int, surface: ShownSurface, part: FlatPart) -> _PlacedPart:
+    """Flat part of a surface in the frame of its object."""
+    transform = surface.object_from_mesh
+    linear = transform[:3, :3]
+    cofactors = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
+    normal = cofactors @ part.normal
+    scale = max(float(np.linalg.norm(normal)), 1e-30)
+    normal *= np.sign(np.linalg.det(linear)) / scale
+    offset_m = float((linear @ part.point + transform[:3, 3]) @ normal)
+    sides = frozenset((1, -1)) if surface.material.double_sided else part.sides
+    number = -1 if surface.object_index is None else surface.object_index
+    return _PlacedPart(index, number, normal, offset_m, scale * part.area, sides, part.triangles)
+
+
+def _planes(parts: Sequence[_PlacedPart]) -> tuple[MirrorPlane, ...]:
+    """Group coplanar parts, given the largest first; the smallest may be omitted."""
+    normals = np.array([part.normal for part in parts]).reshape(-1, 3)
+    offsets_m = np.array([part.offset_m for part in parts])
+    objects = np.array([part.object_index for part in parts])
+    left = np.ones(len(parts), dtype=np.bool_)
+    planes: list[MirrorPlane] = []
+    while left.any() and len(planes) < 4 * MAX_PLANES:
+        first = parts[int(np.argmax(left))]
+        signs = np.where(normals @ first.normal < 0.0, -1, 1)
+        turned = np.linalg.norm(signs[:, None] * normals - first.normal, axis=1)
+        beside_m = np.abs(signs * offsets_m - first.offset_m)
+        is_own = left & (objects == first.object_index)
+        is_own &= (turned <= _SAME_NORMAL) & (beside_m <= _SAME_OFFSET_M)
+        is_own[int(np.argmax(left))] = True
+        left &= ~is_own
+        area_m2, sides, masks = 0.0, frozenset[int](), dict[int, NDArray[np.bool_]]()
+        for number in np.flatnonzero(is_own).tolist():
+            part, sign = parts[number], int(signs[number])
+            area_m2 += part.area_m2
+            sides |= {sign * side for side in part.sides}
+            known = masks.get(part.surface)
+            masks[part.surface] = part.triangles if known is None else known | part.triangles
+        index = None if first.object_index < 0 else first.object_index
+        planes.append(MirrorPlane(index, first.normal, first.offset_m, area_m2, sides, masks))
+    return tuple(sorted(planes, key=lambda plane: -plane.area_m2)[:MAX_PLANES])
+
+
+def flat_parts(mesh: Mesh) -> list[FlatPart]:
+    """Coplanar parts of a mesh; triangles with curved normals are in none."""
+    if len(mesh.triangles) == 0:
+        return []
+    positions = mesh.positions.astype(np.float64)
+    corners, middle = positions[mesh.triangles], positions.mean(axis=0)
+    crosses = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(crosses, axis=1)
+    normals = crosses / np.maximum(areas, 1e-30)[:, None]
+    size = max(float(np.ptp(positions, axis=0).max()), 1e-30)
+    min_area = MIN_PLANE_SHARE * float(areas.sum())
+    left = (areas > 0.0) & _has_flat_normals(mesh, normals)
+    parts = []
+    for first in _candidates(normals, corners - middle, size, np.where(left, areas, 0.0)):
+        heights = (corners - corners[first, 0]) @ normals[first]
+        triangles = left & (np.abs(heights).max(axis=1) <= _SAME_HEIGHT * size)
+        area = float(areas[triangles].sum())
+        if not left[first] or area < min_area:
+            continue
+        left &= ~triangles
+        # both sides of a sheet are one plane
+        signs = np.sign(normals[triangles] @ normals[first])
+        normal = signs @ crosses[triangles]
+        normal /= np.linalg.norm(normal)
+        point = corners[triangles].mean(axis=(0, 1))
+        sides = frozenset(signs.astype(int).tolist())
+        parts.append(FlatPart(normal, point, area, sides, triangles))
+    return parts
+
+
+def _has_flat_normals(mesh: Mesh, normals: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Mask of the triangles (n,) whose vertex normals are, up to sign, their own (n, 3)."""
+    if mesh.normals is None:
+        return np.ones(len(normals), dtype=np.bool_)
+    of_vertices = mesh.normals.astype(np.float64)
+    lengths = np.linalg.norm(of_vertices, axis=1, keepdims=True)
+    of_vertices /= np.maximum(lengths, 1e-30)
+    cosines = np.abs(np.einsum("nkc,nc->nk", of_vertices[mesh.triangles], normals))
+    is_missing = lengths[mesh.triangles, 0] < 1e-20  # the triangle's normal is used
+    flat: NDArray[np.bool_] = np.all(is_missing | (cosines >= _MIN_NORMAL_COSINE), axis=1)
+    return flat
+
+
+def _candidates(
+    normals: NDArray[np.float64],
+    corners: NDArray[np.float64],
+    size: float,
+    areas: NDArray[np.float64],
+) -> list[int]:
+    """Largest triangle of each coarse class of planes that may hold enough area."""
+    offsets = np.einsum("nc,nc->n", normals, corners[:, 0]) / size
+    classes = np.rint(np.column_stack((normals, offsets)) * 200.0).astype(np.int64)
+    _, inverse = np.unique(classes, axis=0, return_inverse=True)
+    inverse = inverse.reshape(-1)
+    sums = np.bincount(inverse, weights=areas)
+    # rounding may split a plane
+    kept = np.flatnonzero(sums >= 0.25 * MIN_PLANE_SHARE * areas.sum())
+    largest = [int(np.argmax(np.where(inverse == one, areas, 0.0))) for one in kept.tolist()]
+    return sorted(largest, key=lambda index: -areas[index])
