@@ -2,8 +2,8 @@
 
 python .ci/make_report_card.py out/report-card [PLAN …] [--processes N]
 
-The default is all built-in plans. The table in the documentation is renewed only if all of them are
-evaluated. An interrupted evaluation resumes.
+The default is all built-in plans. The documentation's plots of the evaluated plans are renewed, and
+its table if all plans are evaluated. An interrupted evaluation resumes.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from pages import EXPLANATION, ROOT, renew_block, renew_figures
+from pages import EXPLANATION, ROOT, renew_block, renew_plots
 
 sys.path.insert(0, str(ROOT))
 
@@ -20,15 +20,15 @@ from omnisim.core.errors import OmnisimError
 from omnisim.core.package_files import sweep_names
 from omnisim.evaluation.drive_sweep import PointResult, run_sweep
 from omnisim.evaluation.sweep_plan import SweepPlan, find_plan, read_plan
-from omnisim.validation.report.estimator_report import SWEEP_COLUMNS, sweep_sections
+from omnisim.validation.report.estimator_report import (
+    SWEEP_COLUMNS,
+    lesson_figure,
+    sweep_sections,
+)
 from omnisim.validation.report.report import Report, Section
 
-# Figures of the documentation's page: errors over the values of a variation.
-LESSONS = (
-    "field-of-view-vary-0-errors", "field-of-view-vary-1-errors", "shutter-vary-0-errors",
-    "shutter-vary-1-errors", "calibration-vary-0-errors", "calibration-vary-1-errors",
-    "calibration-vary-2-errors", "lidar-vary-0-errors", "lidar-vary-1-errors",
-)  # fmt: skip
+# Plans whose errors over the varied values are plots of the documentation's page.
+LESSONS = ("field-of-view", "shutter", "calibration", "conditions", "lidar", "imu")
 TEXT = (
     "Third-party and our own estimators on simulated drives with known truth: the benchmark set, "
     "and the effects of lens, shutter, calibration, lidar and IMU."
@@ -50,12 +50,14 @@ def main() -> None:
             plan_sections = sweep_sections(plan, results, f"{name}-", plan.title)
             sections += plan_sections
             rows += _rows(name, plan_sections[0])
+            if name in LESSONS:
+                lesson_figure(plan, results).savefig(arguments.folder / f"{name}.png")
             print(f"{name}: {len(results)} drives", flush=True)
         Report("Report card", TEXT, sections).write(arguments.folder)
     except OmnisimError as reason:
         sys.exit(f"error: {reason}")
-    figures = [name for name in LESSONS if (arguments.folder / f"{name}.png").is_file()]
-    renew_figures(arguments.folder, EXPLANATION / "report-card", figures)
+    lessons = [name for name in LESSONS if name in arguments.plans]
+    renew_plots(arguments.folder, EXPLANATION / "figures" / "report-card", lessons)
     if set(arguments.plans) == set(sweep_names()):
         head = "| plan | estimator | ATE, % of the path | drift, % | lost, % | |"
         table = "\n".join((head, "| --- | --- | ---: | ---: | ---: | --- |", *rows)) + "\n"

@@ -100,6 +100,17 @@ def _with_pcd(run, folder):
     return Recording.read(folder)
 
 
+def test_a_stride_takes_every_third_image(run):
+    """For estimators that need only part of a long run."""
+    whole = Recording.read(run).in_frames(["front"], lambda note: None)
+    part = whole.every(3)
+    assert part.steps == -(-whole.steps // 3)
+    assert np.array_equal(part.truth.times_s, whole.truth.times_s[::3])
+    assert np.array_equal(part.times_s("front")[2], whole.times_s("front")[6])
+    assert np.array_equal(part.cameras[0].image(2), whole.cameras[0].image(6))
+    assert not np.array_equal(part.cameras[0].image(2), whole.cameras[0].image(2))
+
+
 def test_focal_lengths_are_scaled(run, tmp_path):
     wrong = given(run, tmp_path, front={"focal_scale": 1.02}).cameras[0].mount.camera
     assert wrong.parameters()["focal_length_px"] == pytest.approx(10.2)

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 FEATURES = 3000  # per image
 OVERLAP = 8  # following images that each image is matched with
-MIN_IMAGES = 3
+MIN_IMAGES, MAX_IMAGES = 3, 60  # per camera; of a longer run, images at equal intervals are taken
 
 
 class ColmapMapping(Estimator):
@@ -50,6 +50,7 @@ class ColmapMapping(Estimator):
             run = Recording.read(run.run.path, run.cameras[0].name)
         form = format_named("colmap")
         taken = for_format(run, form, lambda note: None)
+        taken = taken.every(-(-taken.steps // MAX_IMAGES))
         export = work / "export"
         export.mkdir()
         for _ in form.write(taken, export, ExportSettings(), lambda note: None):

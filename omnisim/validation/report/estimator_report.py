@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from omnisim.core.errors import OmnisimError
 from omnisim.core.poses import inverse
@@ -26,11 +27,13 @@ from omnisim.evaluation.trajectory_errors import TrajectoryErrors, lost_interval
 from omnisim.validation.plots.estimator_plots import (
     LostRow,
     SweepLine,
+    SweepPanel,
     TrackDrawing,
     TrackPanel,
     lost_figure,
     offsets_figure,
     sweep_figure,
+    sweep_grid,
     trajectories_figure,
 )
 from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
@@ -53,6 +56,11 @@ def ate_percent(errors: TrajectoryErrors) -> float:
     return 100.0 * errors.ate_m / errors.way_m if errors.way_m > 0.0 else math.nan
 
 
+def lost_percent(errors: TrajectoryErrors) -> float:
+    """Share of the time without an estimate, percent."""
+    return 100.0 * errors.lost
+
+
 _MEASURES: dict[str, tuple[Measure, str]] = {
     "ATE m": (lambda one: one.ate_m, ".4f"),
     "% of path": (ate_percent, ".3f"),
@@ -62,7 +70,7 @@ _MEASURES: dict[str, tuple[Measure, str]] = {
     "yaw °": (lambda one: one.yaw_deg, ".2f"),
     "gravity °": (lambda one: one.gravity_deg, ".2f"),
     "scale": (lambda one: one.scale, ".4f"),
-    "lost %": (lambda one: 100.0 * one.lost, ".1f"),
+    "lost %": (lost_percent, ".1f"),
 }
 RUN_COLUMNS = ("estimator", *_MEASURES, "aligned", "s")
 CAMERA_COLUMNS = ("estimator", "model", "focal length %", "RMS px", "max px", "of the image %")
@@ -197,6 +205,26 @@ def error_lines(
     return lines
 
 
+def lesson_figure(plan: SweepPlan, results: Sequence[PointResult]) -> Figure:
+    """Errors and lost tracking of all variations of a plan."""
+    errors, lost = [], []
+    for index in range(len(plan.vary)):
+        values = value_results(results, index)
+        title = varied_title(plan, index)
+        errors.append(_ate_panel(plan, title, values))
+        lines = error_lines(plan, values, lost_percent)
+        lost.append(SweepPanel(title, "lost (% of the time)", [one for one, _ in values], lines))
+    return sweep_grid([errors, lost])
+
+
+def _ate_panel(
+    plan: SweepPlan, title: str, values: Sequence[tuple[str, list[PointResult]]]
+) -> SweepPanel:
+    labels = [label for label, _ in values]
+    lines = error_lines(plan, values)
+    return SweepPanel(title, "ATE (% of path length)", labels, lines, "no trajectory")
+
+
 def _sweep_section(
     plan: SweepPlan, results: Sequence[PointResult], variation: int | None, key: str
 ) -> Section:
@@ -216,8 +244,7 @@ def _sweep_section(
         figures.append(
             CaptionedFigure(
                 f"{name}-errors",
-                sweep_figure(title, "ATE (% of path length)", labels, error_lines(plan, values),
-                             "no trajectory"),
+                sweep_figure(_ate_panel(plan, title, values)),
                 "Absolute trajectory error by the varied value, with its 95 % interval over the "
                 "seeds, and the single seeds as dots",
             )
@@ -226,8 +253,8 @@ def _sweep_section(
     figures.append(
         CaptionedFigure(
             f"{name}-times",
-            sweep_figure("" if variation is None else title, "time taken (s)", labels,
-                         _time_lines(plan, values)),
+            sweep_figure(SweepPanel("" if variation is None else title, "time taken (s)", labels,
+                                    _time_lines(plan, values))),
             "Time that the estimators took",
         )
     )  # fmt: skip
