@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 FEATURES = 3000  # per image
 OVERLAP = 8  # following images that each image is matched with
-MIN_IMAGES, MAX_IMAGES = 3, 60  # per camera; of a longer run, images at equal intervals are taken
+MIN_IMAGES, MAX_IMAGES = 3, 40  # per camera; of a longer run, images at equal intervals are taken
 
 
 class ColmapMapping(Estimator):
