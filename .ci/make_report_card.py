@@ -46,7 +46,7 @@ def main() -> None:
     rows: list[str] = []
     try:
         for name in arguments.plans:
-            plan, results = _results(name, arguments.folder / name, arguments.processes)
+            plan, results = _results(name, arguments.folder / "drives", arguments.processes)
             plan_sections = sweep_sections(plan, results, f"{name}-", plan.title)
             sections += plan_sections
             rows += _rows(name, plan_sections[0])
@@ -65,9 +65,12 @@ def main() -> None:
 
 
 def _results(name: str, folder: Path, processes: int) -> tuple[SweepPlan, list[PointResult]]:
-    """Plan of a name or path, and the results of its points in the plan's order."""
+    """Plan of a name or path, and the results of its points in the plan's order.
+
+    Plans with equal drives share recordings and estimates in the folder.
+    """
     plan, points = read_plan(find_plan(Path(name)))
-    results = list(run_sweep(plan, points, folder / "drives", processes))
+    results = list(run_sweep(plan, points, folder, processes))
     order = {(one.variation, one.label, one.seed): index for index, one in enumerate(points)}
     results.sort(key=lambda one: order[one.point.variation, one.point.label, one.point.seed])
     return plan, results
