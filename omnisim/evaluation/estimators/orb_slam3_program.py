@@ -29,7 +29,7 @@ class Slices(NamedTuple):
     """Slices of processor time of a thread: their sum in ns and number, and the last one's kind."""
 
     used_ns: int
-    count: int
+    number: int
     is_long: bool
 
 
@@ -88,14 +88,14 @@ def _is_busy(task: Path, seen: dict[str, Slices]) -> bool:
     """
     try:
         state = (task / "stat").read_text().rpartition(")")[2].split()[0]
-        used_ns, _, count = map(int, (task / "schedstat").read_text().split())
+        used_ns, _, number = map(int, (task / "schedstat").read_text().split())
     except (OSError, ValueError):  # the thread has ended
         return False
-    last = seen.get(task.name, Slices(used_ns, count, True))
+    last = seen.get(task.name, Slices(used_ns, number, True))
     is_long = last.is_long
-    if count > last.count:
-        is_long = used_ns - last.used_ns > MAX_POLL_NS * (count - last.count)
-    seen[task.name] = Slices(used_ns, count, is_long)
+    if number > last.number:
+        is_long = used_ns - last.used_ns > MAX_POLL_NS * (number - last.number)
+    seen[task.name] = Slices(used_ns, number, is_long)
     return state in "RD" and is_long
 
 
