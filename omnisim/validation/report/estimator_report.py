@@ -47,6 +47,7 @@ METHOD = (
     "share of the time without a pose: before the first one, after the last one, and in gaps."
 )
 MIN_LOST = 0.01  # shortest drawn interval without an estimate, as a share of the drive's time
+MIN_LOST_PERCENT = 10.0  # of a plot of lost tracking; the first and last moments are always lost
 MAX_NAME = 28  # characters of an estimator's name in tables and legends
 Measure = Callable[[TrajectoryErrors], float]
 
@@ -206,7 +207,7 @@ def error_lines(
 
 
 def lesson_figure(plan: SweepPlan, results: Sequence[PointResult]) -> Figure:
-    """Errors and lost tracking of all variations of a plan."""
+    """Errors of all variations of a plan, and lost tracking if there is some."""
     errors, lost = [], []
     for index in range(len(plan.vary)):
         values = value_results(results, index)
@@ -214,7 +215,9 @@ def lesson_figure(plan: SweepPlan, results: Sequence[PointResult]) -> Figure:
         errors.append(_ate_panel(plan, title, values))
         lines = error_lines(plan, values, lost_percent)
         lost.append(SweepPanel(title, "lost (% of the time)", [one for one, _ in values], lines))
-    return sweep_grid([errors, lost])
+    means = [mean for panel in lost for line in panel.lines for mean in line.means]
+    is_lost = max((one for one in means if math.isfinite(one)), default=0.0) > MIN_LOST_PERCENT
+    return sweep_grid([errors, lost] if is_lost else [errors])
 
 
 def _ate_panel(
