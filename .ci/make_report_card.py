@@ -2,8 +2,8 @@
 
 python .ci/make_report_card.py out/report-card [PLAN …] [--processes N]
 
-The default is all built-in plans. The documentation's plots and table rows of the evaluated plans
-are renewed. An interrupted evaluation resumes.
+The default is all built-in plans. The documentation's plots of plans with variations, and table
+rows of those without, are renewed. An interrupted evaluation resumes.
 """
 
 from __future__ import annotations
@@ -49,7 +49,8 @@ def main() -> None:
             plan, results = _results(name, arguments.folder / "drives", arguments.processes)
             plan_sections = sweep_sections(plan, results, f"{name}-", plan.title)
             sections += plan_sections
-            rows[name] = _rows(name, plan_sections[0])
+            if not plan.vary:
+                rows[name] = _rows(name, plan_sections[0])
             if name in LESSONS:
                 lesson_figure(plan, results).savefig(arguments.folder / f"{name}.png")
             print(f"{name}: {len(results)} drives", flush=True)
