@@ -52,7 +52,7 @@ def main() -> None:
             if not plan.vary:
                 rows[name] = _rows(name, plan_sections[0])
             if name in LESSONS:
-                lesson_figure(plan, results).savefig(arguments.folder / f"{name}.png")
+                lesson_figure(plan, results, name).figure.savefig(arguments.folder / f"{name}.png")
             print(f"{name}: {len(results)} drives", flush=True)
         Report("Report card", TEXT, sections).write(arguments.folder)
     except OmnisimError as reason:

@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from omnisim.core.errors import OmnisimError
 from omnisim.core.poses import inverse
@@ -206,7 +205,7 @@ def error_lines(
     return lines
 
 
-def lesson_figure(plan: SweepPlan, results: Sequence[PointResult]) -> Figure:
+def lesson_figure(plan: SweepPlan, results: Sequence[PointResult], name: str) -> CaptionedFigure:
     """Errors of all variations of a plan, and lost tracking if there is some."""
     errors, lost = [], []
     for index in range(len(plan.vary)):
@@ -217,7 +216,8 @@ def lesson_figure(plan: SweepPlan, results: Sequence[PointResult]) -> Figure:
         lost.append(SweepPanel(title, "lost (% of the time)", [one for one, _ in values], lines))
     means = [mean for panel in lost for line in panel.lines for mean in line.means]
     is_lost = max((one for one in means if math.isfinite(one)), default=0.0) > MIN_LOST_PERCENT
-    return sweep_grid([errors, lost] if is_lost else [errors])
+    figure = sweep_grid([errors, lost] if is_lost else [errors])
+    return CaptionedFigure(name, figure, "Absolute trajectory error by the varied values")
 
 
 def _ate_panel(
