@@ -2,8 +2,8 @@
 
 python .ci/make_report_card.py out/report-card [PLAN …] [--processes N]
 
-The default is all built-in plans. The table in the documentation is renewed only if all of them are
-evaluated. An interrupted evaluation resumes.
+The default is all built-in plans. The documentation's plots of plans with variations, and table
+rows of those without, are renewed. An interrupted evaluation resumes.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from pages import EXPLANATION, ROOT, renew_block, renew_figures
+from pages import EXPLANATION, ROOT, renew_block, renew_plots
 
 sys.path.insert(0, str(ROOT))
 
@@ -20,15 +20,15 @@ from omnisim.core.errors import OmnisimError
 from omnisim.core.package_files import sweep_names
 from omnisim.evaluation.drive_sweep import PointResult, run_sweep
 from omnisim.evaluation.sweep_plan import SweepPlan, find_plan, read_plan
-from omnisim.validation.report.estimator_report import SWEEP_COLUMNS, sweep_sections
+from omnisim.validation.report.estimator_report import (
+    SWEEP_COLUMNS,
+    lesson_figure,
+    sweep_sections,
+)
 from omnisim.validation.report.report import Report, Section
 
-# Figures of the documentation's page: errors over the values of a variation.
-LESSONS = (
-    "field-of-view-vary-0-errors", "field-of-view-vary-1-errors", "shutter-vary-0-errors",
-    "shutter-vary-1-errors", "calibration-vary-0-errors", "calibration-vary-1-errors",
-    "calibration-vary-2-errors", "lidar-vary-0-errors", "lidar-vary-1-errors",
-)  # fmt: skip
+# Plans whose errors over the varied values are plots of the documentation's page.
+LESSONS = ("field-of-view", "shutter", "calibration", "conditions", "lidar", "imu")
 TEXT = (
     "Third-party and our own estimators on simulated drives with known truth: the benchmark set, "
     "and the effects of lens, shutter, calibration, lidar and IMU."
@@ -43,32 +43,46 @@ def main() -> None:
     parser.add_argument("--processes", type=int, default=2)
     arguments = parser.parse_args()
     sections: list[Section] = []
-    rows: list[str] = []
+    rows: dict[str, list[str]] = {}
     try:
         for name in arguments.plans:
-            plan, results = _results(name, arguments.folder / name, arguments.processes)
+            plan, results = _results(name, arguments.folder / "drives", arguments.processes)
             plan_sections = sweep_sections(plan, results, f"{name}-", plan.title)
             sections += plan_sections
-            rows += _rows(name, plan_sections[0])
+            if not plan.vary:
+                rows[name] = _rows(name, plan_sections[0])
+            if name in LESSONS:
+                lesson_figure(plan, results, name).figure.savefig(arguments.folder / f"{name}.png")
             print(f"{name}: {len(results)} drives", flush=True)
         Report("Report card", TEXT, sections).write(arguments.folder)
     except OmnisimError as reason:
         sys.exit(f"error: {reason}")
-    figures = [name for name in LESSONS if (arguments.folder / f"{name}.png").is_file()]
-    renew_figures(arguments.folder, EXPLANATION / "report-card", figures)
-    if set(arguments.plans) == set(sweep_names()):
-        head = "| plan | estimator | ATE, % of the path | drift, % | lost, % | |"
-        table = "\n".join((head, "| --- | --- | ---: | ---: | ---: | --- |", *rows)) + "\n"
-        renew_block("report card", table, [EXPLANATION / "report-card.md"])
+    lessons = [name for name in LESSONS if name in arguments.plans]
+    renew_plots(arguments.folder, EXPLANATION / "figures" / "report-card", lessons)
+    _renew_table(rows)
 
 
 def _results(name: str, folder: Path, processes: int) -> tuple[SweepPlan, list[PointResult]]:
-    """Plan of a name or path, and the results of its points in the plan's order."""
+    """Plan of a name or path, and the results of its points in the plan's order.
+
+    Plans with equal drives share recordings and estimates in the folder.
+    """
     plan, points = read_plan(find_plan(Path(name)))
-    results = list(run_sweep(plan, points, folder / "drives", processes))
+    results = list(run_sweep(plan, points, folder, processes))
     order = {(one.variation, one.label, one.seed): index for index, one in enumerate(points)}
     results.sort(key=lambda one: order[one.point.variation, one.point.label, one.point.seed])
     return plan, results
+
+
+def _renew_table(rows: dict[str, list[str]]) -> None:
+    """Replace the rows of the evaluated built-in plans in the documentation's table."""
+    page = EXPLANATION / "report-card.md"
+    written = page.read_text(encoding="utf-8").splitlines()
+    table = ["| plan | estimator | ATE, % of the path | drift, % | lost, % | |"]
+    table.append("| --- | --- | ---: | ---: | ---: | --- |")
+    for name in sweep_names():
+        table += rows.get(name) or [line for line in written if line.startswith(f"| `{name}` | `")]
+    renew_block("report card", "\n".join(table) + "\n", [page])
 
 
 def _rows(name: str, section: Section) -> list[str]:
@@ -76,8 +90,8 @@ def _rows(name: str, section: Section) -> list[str]:
     rows = []
     for row in section.tables[0].rows:
         cells = dict(zip(SWEEP_COLUMNS, row, strict=True))
-        shown = (cells[key] for key in ("estimator", "% of path", "drift %", "lost %", "without"))
-        rows.append(f"| `{name}` | {' | '.join(shown)} |")
+        shown = (cells[key] for key in ("% of path", "drift %", "lost %", "without"))
+        rows.append(f"| `{name}` | `{cells['estimator']}` | {' | '.join(shown)} |")
     return rows
 
 

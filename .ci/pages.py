@@ -17,6 +17,7 @@ PAGES = (
     *(EXPLANATION / f"{name}.md" for name in ("accuracy", "performance", "self-localization")),
 )
 WIDEST_PX = 1100
+PLOT_COLORS = 48
 
 
 def renew_figures(source: Path, target: Path, names: Iterable[str]) -> None:
@@ -35,6 +36,15 @@ def block_of(mark: str, pages: Iterable[Path] = PAGES) -> str:
         if found is not None:
             return found[0].partition("\n")[2].rpartition("<!--")[0]
     sys.exit(f"{mark}: expected a page that has a place for it between two comments, got none")
+
+
+def renew_plots(source: Path, target: Path, names: Iterable[str]) -> None:
+    """Copy PNG plots of a folder to another, at most as wide as a page, with few colors."""
+    target.mkdir(parents=True, exist_ok=True)
+    for name in names:
+        image = Image.open(source / f"{name}.png").convert("RGB")
+        image.thumbnail((WIDEST_PX, 10 * WIDEST_PX), Image.Resampling.LANCZOS)
+        image.quantize(PLOT_COLORS).save(target / f"{name}.png", optimize=True)
 
 
 def renew_block(mark: str, block: str, pages: Iterable[Path] = PAGES) -> None:

@@ -21,12 +21,13 @@ from pydantic import Field
 from omnisim.core.errors import EstimatorError, OutputError
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.parameters import Number, Point, Table
-from omnisim.core.poses import pose
+from omnisim.core.poses import inverse, pose
 from omnisim.datasets.export.recording import Recording
 from omnisim.runs.run_folder import TIMES
 from omnisim.sensors.calibration_file import CALIBRATION
 from omnisim.sensors.imu.mounted_imu import BIASES, PARAMETERS, READINGS
 from omnisim.sensors.lidar.mounted_lidar import MountedLidar
+from omnisim.sensors.lidar.point_files import write_points
 
 Floats = NDArray[np.float64]
 _FOCAL = ("focal_length_px", "focal_lengths_px")
@@ -156,13 +157,26 @@ def _later(text: str, shift_s: float) -> str:
 
 
 def _wrong_lidar(run: Recording, name: str, error: CalibrationError, folder: Path) -> None:
-    """Replace the pose in the first cloud, which determines the lidar's extrinsics."""
+    """Replace poses and times in the headers of all clouds; the points are unchanged."""
     suffix = f".{(run.run.manifest.sensors[name].model_extra or {})['file_format']}"
-    path = folder / run.run.file(name, 0, suffix).name
-    shifted_s = run.times_s(name)[:1] + error.time_offset_s
-    world_from_base = run.states(shifted_s).world_from_base[0]
-    world_from_lidar = world_from_base @ error.wrong(run.base_from_lidar(name))
-    head, line, rest = path.read_bytes().partition(b"world_from_lidar: ")
-    _, end, rest = rest.partition(b"\n")
-    path.unlink()
-    path.write_bytes(head + line + json.dumps(world_from_lidar.tolist()).encode() + end + rest)
+    base_from_lidar = run.base_from_lidar(name)
+    base_from_wrong = error.wrong(base_from_lidar)
+    lidar_from_wrong = inverse(base_from_lidar) @ base_from_wrong
+    late_s = run.times_s(name) + error.time_offset_s
+    for index, world_from_base in enumerate(run.states(late_s).world_from_base):
+        cloud = run.cloud(name, index)
+        end_from_start = inverse(cloud.header.pose("world_from_lidar")) @ cloud.header.pose(
+            "world_from_lidar_at_start"
+        )
+        world_from_end = world_from_base @ base_from_wrong
+        world_from_start = (
+            world_from_end @ inverse(lidar_from_wrong) @ end_from_start @ lidar_from_wrong
+        )
+        changes = {
+            "time_s": float(late_s[index]),
+            "world_from_lidar_at_start": world_from_start.tolist(),
+            "world_from_lidar": world_from_end.tolist(),
+        }
+        path = folder / run.run.file(name, index, suffix).name
+        path.unlink()
+        write_points(path, cloud.points, world_from_end, {**cloud.header.values, **changes})

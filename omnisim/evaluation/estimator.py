@@ -29,6 +29,7 @@ class Estimator(ABC):
         alignment: unknowns of the estimate's world: "se3": its pose; "sim3": its scale, too;
             "none": the method starts at the true pose.
         is_level: True if the method observes the direction of gravity.
+        is_repeatable: True if a failure recurs: it is then kept, and not tried again.
     """
 
     title: ClassVar[str]
@@ -37,6 +38,7 @@ class Estimator(ABC):
     extra: ClassVar[str] = "estimators"
     alignment: ClassVar[AlignmentKind] = "se3"
     is_level: ClassVar[bool] = False
+    is_repeatable: ClassVar[bool] = True
 
     @abstractmethod
     def estimate(self, run: Recording, work: Path) -> Trajectory | CentralCamera:

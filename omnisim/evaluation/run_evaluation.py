@@ -33,7 +33,6 @@ from omnisim.runs.run_folder import MANIFEST
 OUTCOME, OUTPUT = "outcome.json", "output.txt"
 MAX_GAP_S = 0.11  # between two recorded states; a spline bridges no longer gap
 _TAIL = 200  # characters of a crashed process's last line
-_FINAL = ("ok", "failed", "crashed")  # cached; other statuses may change on the next attempt
 
 
 def evaluate_estimator(
@@ -47,7 +46,9 @@ def evaluate_estimator(
 ) -> Outcome:
     """Apply an estimator to a run, in its own process, and measure its errors.
 
-    If the folder has an outcome of the same run and estimator, it is returned instead.
+    If the folder has an outcome of the same run and estimator, it is returned instead, unless it is
+    a failure that may not recur: a crash, a time limit, or one of an estimator that is not
+    repeatable.
 
     Args:
         run: folder of a finished run with the true calibration.
@@ -67,7 +68,7 @@ def evaluate_estimator(
     label = "" if given == run else given.name
     inputs = fingerprint(manifest, name, _version(estimator), label)
     before = _read_outcome(folder / OUTCOME, inputs)
-    if before is not None:
+    if before is not None and _is_final(before, estimator):
         return before
     _make_folder(folder)
     if estimator.module and not is_installed(estimator.module):
@@ -105,15 +106,19 @@ def _version(estimator: Estimator) -> str:
 
 
 def _read_outcome(path: Path, inputs: str) -> Outcome | None:
-    """Cached outcome of the same inputs; None: missing, or not final."""
+    """Cached outcome of the same inputs; None: missing."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         if content.pop("inputs") != inputs:
             return None
-        outcome = outcome_from(content)
+        return outcome_from(content)
     except (OSError, ValueError, KeyError, TypeError):
         return None
-    return outcome if outcome.status in _FINAL else None
+
+
+def _is_final(outcome: Outcome, estimator: Estimator) -> bool:
+    """True if another attempt would have the same outcome."""
+    return outcome.status == "ok" or (outcome.status == "failed" and estimator.is_repeatable)
 
 
 def _run_worker(

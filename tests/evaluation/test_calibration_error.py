@@ -1,5 +1,7 @@
 """Wrong calibrations: what estimators are given; the drive's own files stay as they are."""
 
+import shutil
+
 import numpy as np
 import pytest
 
@@ -7,8 +9,10 @@ from omnisim.core.errors import EstimatorError, PlanError
 from omnisim.core.files.parameters import parse_table
 from omnisim.core.poses import inverse, pose
 from omnisim.datasets.export.recording import Recording
+from omnisim.datasets.export.stored_clouds import read_cloud
 from omnisim.evaluation.calibration_error import CalibrationError, write_given_run
 from omnisim.evaluation.run_evaluation import evaluate_estimator
+from omnisim.sensors.lidar.point_files import write_points
 from tests.evaluation.test_estimators import IMU, LIDAR, record
 
 LENS = """
@@ -61,6 +65,52 @@ def test_extrinsics_are_wrong_by_the_error(run, tmp_path):
         np.testing.assert_allclose((inverse(before) @ after)[:3, :3], turn[:3, :3], atol=1e-9)
 
 
+@pytest.mark.parametrize("file_format", ["ply", "pcd"])
+def test_all_clouds_have_the_wrong_mount(run, tmp_path, file_format):
+    """Each cloud's poses are those of the miscalibrated lidar; its points are as recorded."""
+    true = Recording.read(run)
+    if file_format == "pcd":
+        true = _with_pcd(run, tmp_path / "pcd")
+    error = CalibrationError(offset_m=(0.01, 0.0, -0.02), yaw_deg=2.0)
+    write_given_run(true, {"lidar": error}, tmp_path / "given")
+    wrong = Recording.read(tmp_path / "given")
+    true_from_wrong = inverse(true.base_from_lidar("lidar")) @ wrong.base_from_lidar("lidar")
+    assert len(true.times_s("lidar")) > 3
+    for index in range(len(true.times_s("lidar"))):
+        before, after = (one.cloud("lidar", index) for one in (true, wrong))
+        for key in ("world_from_lidar_at_start", "world_from_lidar"):
+            expected = before.header.pose(key) @ true_from_wrong
+            np.testing.assert_allclose(after.header.pose(key), expected, atol=1e-6)
+        assert np.array_equal(after.points, before.points)
+        changed = {key for key, value in before.header.values.items()
+                   if after.header.values[key] != value}  # fmt: skip
+        assert changed == {"world_from_lidar_at_start", "world_from_lidar"}
+
+
+def _with_pcd(run, folder):
+    """Copy of the run whose clouds are PCD files."""
+    shutil.copytree(run, folder)
+    for path in (folder / "lidar").glob("*.ply"):
+        cloud = read_cloud(path)
+        pose = cloud.header.pose("world_from_lidar")
+        write_points(path.with_suffix(".pcd"), cloud.points, pose, cloud.header.values)
+        path.unlink()
+    manifest = (folder / "manifest.json").read_text()
+    (folder / "manifest.json").write_text(manifest.replace('"ply"', '"pcd"'))
+    return Recording.read(folder)
+
+
+def test_a_stride_takes_every_third_image(run):
+    """For estimators that need only part of a long run."""
+    whole = Recording.read(run).in_frames(["front"], lambda note: None)
+    part = whole.every(3)
+    assert part.steps == -(-whole.steps // 3)
+    assert np.array_equal(part.truth.times_s, whole.truth.times_s[::3])
+    assert np.array_equal(part.times_s("front")[2], whole.times_s("front")[6])
+    assert np.array_equal(part.cameras[0].image(2), whole.cameras[0].image(6))
+    assert not np.array_equal(part.cameras[0].image(2), whole.cameras[0].image(2))
+
+
 def test_focal_lengths_are_scaled(run, tmp_path):
     wrong = given(run, tmp_path, front={"focal_scale": 1.02}).cameras[0].mount.camera
     assert wrong.parameters()["focal_length_px"] == pytest.approx(10.2)
@@ -76,6 +126,10 @@ def test_stamps_are_late_and_all_else_is_linked(run, tmp_path):
     readings = wrong.imu_readings("imu"), true.imu_readings("imu")
     np.testing.assert_allclose(readings[0].times_s - readings[1].times_s, 0.025, atol=1e-12)
     assert np.array_equal(readings[0].values, readings[1].values)
+    late_s = wrong.times_s("lidar")
+    for index in range(len(late_s)):
+        header = wrong.cloud("lidar", index).header
+        assert header.number("time_s") == pytest.approx(late_s[index])
     # the lidar's mount does not follow from the wrong stamp
     mounts = wrong.base_from_lidar("lidar"), true.base_from_lidar("lidar")
     np.testing.assert_allclose(*mounts, atol=1e-9)

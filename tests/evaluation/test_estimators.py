@@ -178,6 +178,9 @@ def test_a_crash_is_an_outcome(imu_run, tmp_path, monkeypatch):
     monkeypatch.setattr("omnisim.evaluation.run_evaluation.is_installed", lambda name: True)
     outcome = evaluate_estimator(imu_run, "kiss-icp", tmp_path / "out", 60.0)
     assert (outcome.status, outcome.reason) == ("crashed", "SIGABRT: without a message")
+    (tmp_path / "kiss_icp" / "__init__.py").write_text("import os; os._exit(3)")
+    again = evaluate_estimator(imu_run, "kiss-icp", tmp_path / "out", 60.0)
+    assert again.reason == "exit status 3: without a message"
 
 
 def test_a_missing_package_is_an_outcome(imu_run, tmp_path, monkeypatch):
@@ -198,6 +201,15 @@ def test_an_outcome_is_not_found_twice(imu_run, tmp_path):
     again = evaluate_estimator(imu_run, "imu", tmp_path / "out", 60.0)
     assert again.seconds != 123.0
     assert again.errors.ate_m == first.errors.ate_m
+
+
+def test_a_mended_command_is_tried_again(imu_run, tmp_path):
+    program = tmp_path / "slam.py"
+    program.write_text("raise SystemExit('no features')")
+    name = f"command:{sys.executable} {program} {{run}} {{out}}"
+    assert evaluate_estimator(imu_run, name, tmp_path / "out", 60.0).status == "failed"
+    program.write_text(COPY)
+    assert evaluate_estimator(imu_run, name, tmp_path / "out", 60.0).status == "ok"
 
 
 def test_names_are_checked():

@@ -197,6 +197,26 @@ def test_the_end_of_its_process_is_an_error(tmp_path, monkeypatch, code, reason)
         orb_slam3._run_program(tmp_path, iter([b"x" * 1_000_000]))
 
 
+def test_a_thread_that_only_looks_for_work_is_not_busy(tmp_path):
+    """Also not while it waits for a processor, as it nearly always does on a loaded machine."""
+
+    def is_busy(state, used_ns, count):
+        (tmp_path / "stat").write_text(f"7 (a) b) {state} 1 7")
+        (tmp_path / "schedstat").write_text(f"{used_ns} 123 {count}\n")
+        return orb_slam3_program._is_busy(tmp_path, seen)
+
+    seen = {}
+    assert is_busy("R", 5_000, 3)  # it has not run yet since the image came
+    assert is_busy("R", 5_000, 3)
+    assert not is_busy("S", 9_000_000, 4)  # it has mapped, and sleeps
+    assert is_busy("R", 12_000_000, 5)
+    assert not is_busy("R", 12_020_000, 6)
+    assert not is_busy("R", 12_020_000, 6)
+    assert is_busy("R", 15_000_000, 7)
+    (tmp_path / "stat").unlink()
+    assert not orb_slam3_program._is_busy(tmp_path, seen)  # it has ended
+
+
 def test_nothing_else_imports_it():
     """It is under the GPL: its process has nothing of omnisim, and omnisim's nothing of it."""
     package = Path(orb_slam3_program.__file__).parents[2]

@@ -26,6 +26,15 @@ class FileHeader:
         self._path = path
         self._texts = {key: text for key, _, text in (line.partition(": ") for line in lines)}
 
+    @property
+    def values(self) -> dict[str, Any]:
+        """Values by key, in the order of the file; lines without a value are left out.
+
+        Raises:
+            RunError: a value is damaged.
+        """
+        return {key: self.value(key) for key, text in self._texts.items() if text}
+
     def value(self, key: str) -> Any:
         """Value of a key.
 

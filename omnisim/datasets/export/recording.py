@@ -167,6 +167,19 @@ class Recording:
         truth = Trajectory(times[clock], poses)
         return dataclasses.replace(self, truth=truth, odometry=None, cameras=cameras, frames=frames)
 
+    def every(self, stride: int) -> Recording:
+        """Recording with every `stride`-th step or frame, from the first, and no wheel odometry."""
+        if stride == 1:
+            return self
+        names = self.frames or [camera.name for camera in self.cameras]
+        numbers = np.arange(self.steps)
+        frames = {name: self.frames.get(name, numbers)[::stride] for name in names}
+        cameras = tuple(
+            dataclasses.replace(camera, indices=frames.get(camera.name)) for camera in self.cameras
+        )
+        truth = Trajectory(self.truth.times_s[::stride], self.truth.world_from_base[::stride])
+        return dataclasses.replace(self, truth=truth, odometry=None, cameras=cameras, frames=frames)
+
     def imu_readings(self, name: str) -> ImuReadings:
         """Readings of an IMU.
 

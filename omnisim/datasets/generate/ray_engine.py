@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,10 +10,9 @@ import ray
 
 from omnisim.core.errors import OmnisimError, PlanError
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
+from omnisim.datasets.generate.ray_cluster import ONE_THREAD, RESTARTS, ray_cluster
 from omnisim.datasets.generate.shard import ShardMaker
 from omnisim.datasets.generate.workers import Job, ShardProgress
-
-RESTARTS = 3  # of an actor after its process ends
 
 
 class _Maker:
@@ -48,31 +46,17 @@ def make_shards_on_ray(
     if not shards:
         return
     job = job._replace(plan=Path(job.plan).resolve(), folder=Path(job.folder).resolve())
-    try:
-        ray.init(
-            address=address,
-            include_dashboard=False,
-            log_to_driver=False,
-            logging_level=logging.ERROR,
-        )
-    except (ConnectionError, ValueError, RuntimeError) as reason:
-        raise PlanError(f"--address {address}: {str(reason).partition(chr(10))[0]}") from None
-    try:
+    with ray_cluster(address):
         resources: dict[str, float] = ray.cluster_resources()  # type: ignore[no-untyped-call]
         count = min(len(shards), max(1, int(resources.get("CPU", 1))))
-        environment = {"env_vars": {"LP_NUM_THREADS": "1"}}
         actor = ray.remote(num_cpus=1, max_restarts=RESTARTS, max_task_retries=RESTARTS)(_Maker)
-        makers = [actor.options(runtime_env=environment).remote(job) for _ in range(count)]
+        makers = [actor.options(runtime_env=ONE_THREAD).remote(job) for _ in range(count)]
         pool = ray.util.ActorPool(makers)
         steps: Iterator[int | str] = pool.map_unordered(_begin, list(shards))
         for result in steps:
             if isinstance(result, str):
                 raise PlanError(result)
             yield ShardProgress(result, True)
-    except ray.exceptions.RayError as reason:
-        raise PlanError(f"ray: {str(reason).partition(chr(10))[0]}") from None
-    finally:
-        ray.shutdown()
 
 
 def _begin(maker: Any, number: int) -> Any:

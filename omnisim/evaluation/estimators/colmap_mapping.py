@@ -17,6 +17,7 @@ from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.export import for_format
 from omnisim.datasets.export.export_format import ExportSettings
 from omnisim.datasets.export.export_formats import format_named
+from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimator import Estimator
 from omnisim.evaluation.estimators.camera_center import camera_center_from_base
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 FEATURES = 3000  # per image
 OVERLAP = 8  # following images that each image is matched with
-MIN_IMAGES = 3
+MIN_IMAGES, MAX_IMAGES = 3, 40  # per camera; of a longer run, images at equal intervals are taken
 
 
 class ColmapMapping(Estimator):
@@ -50,6 +51,7 @@ class ColmapMapping(Estimator):
             run = Recording.read(run.run.path, run.cameras[0].name)
         form = format_named("colmap")
         taken = for_format(run, form, lambda note: None)
+        taken = taken.every(-(-taken.steps // MAX_IMAGES))
         export = work / "export"
         export.mkdir()
         for _ in form.write(taken, export, ExportSettings(), lambda note: None):
@@ -150,13 +152,14 @@ def _trajectory(
     poses = {}
     if models:
         largest = max(models.values(), key=lambda one: int(one.num_reg_images()))
-        optical_from_tracked = inverse(tracked_from_base @ camera.mount.base_from_optical)
+        base_from_lens = LensCamera.of(camera, lambda note: None).base_from_lens  # as exported
+        lens_from_tracked = inverse(tracked_from_base @ base_from_lens)
         for image in largest.images.values():
             folder, _, file = image.name.partition("/")
             if folder == camera.name and image.has_pose:
-                world_from_optical = np.eye(4)
-                world_from_optical[:3] = image.cam_from_world().inverse().matrix()
-                poses[int(Path(file).stem)] = world_from_optical @ optical_from_tracked
+                world_from_lens = np.eye(4)
+                world_from_lens[:3] = image.cam_from_world().inverse().matrix()
+                poses[int(Path(file).stem)] = world_from_lens @ lens_from_tracked
     if len(poses) < MIN_IMAGES:
         raise EstimatorError(f"{len(poses)} images in COLMAP's largest model")
     steps = sorted(poses)

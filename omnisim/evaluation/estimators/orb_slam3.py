@@ -55,6 +55,7 @@ class OrbSlam3(Estimator):
     title = "ORB-SLAM3 (one camera)"
     package, module, extra = "pyorbslam3", "pyorbslam3", "orb-slam3"
     alignment: ClassVar[AlignmentKind] = "sim3"
+    is_repeatable = False
     cameras = 1
     has_imu = False
 

@@ -15,12 +15,22 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 REQUEST, SETTINGS, TIMES, IMU = "request.json", "settings.yaml", "times.npy", "imu.npy"
 FRAMES, KEYFRAMES = "frames.txt", "keyframes.txt"
 IDLE_CHECKS, CHECK_S, MAX_WAIT_S = 4, 1.5e-3, 5.0  # the mapping thread sleeps 3 ms at a time
+MAX_POLL_NS = 100_000  # processor time of a thread that looks for work and finds none
+
+
+class Slices(NamedTuple):
+    """Slices of processor time of a thread: their sum in ns and number, and the last one's kind."""
+
+    used_ns: int
+    number: int
+    is_long: bool
 
 
 def main(folder: Path) -> None:
@@ -56,23 +66,35 @@ def main(folder: Path) -> None:
 def wait_for_mapping() -> None:
     """Wait until all other threads are idle, so that the map is independent of the load."""
     end_s, idle = time.monotonic() + MAX_WAIT_S, 0
+    seen: dict[str, Slices] = {}
     while idle < IDLE_CHECKS and time.monotonic() < end_s:
         time.sleep(CHECK_S)
-        idle = 0 if _is_busy() else idle + 1
+        busy = [_is_busy(task, seen) for task in _other_threads()]
+        idle = 0 if any(busy) else idle + 1
 
 
-def _is_busy() -> bool:
-    """True if a thread other than this one runs or waits for a processor."""
+def _other_threads() -> list[Path]:
     own = str(threading.get_native_id())
-    for task in Path("/proc/self/task").iterdir():
-        if task.name != own:
-            try:
-                state = (task / "stat").read_text().rpartition(")")[2].split()[0]
-            except OSError:  # the thread has ended
-                continue
-            if state in "RD":
-                return True
-    return False
+    return [task for task in Path("/proc/self/task").iterdir() if task.name != own]
+
+
+def _is_busy(task: Path, seen: dict[str, Slices]) -> bool:
+    """True if a thread works, or waits for a processor in order to work.
+
+    A thread without work wakes every 3 ms, and finds none. On a loaded machine it nearly always
+    waits for a processor, too, but its slices of processor time are short.
+    """
+    try:
+        state = (task / "stat").read_text().rpartition(")")[2].split()[0]
+        used_ns, _, number = map(int, (task / "schedstat").read_text().split())
+    except (OSError, ValueError):  # the thread has ended
+        return False
+    last = seen.get(task.name, Slices(used_ns, number, True))
+    is_long = last.is_long
+    if number > last.number:
+        is_long = used_ns - last.used_ns > MAX_POLL_NS * (number - last.number)
+    seen[task.name] = Slices(used_ns, number, is_long)
+    return state in "RD" and is_long
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ class OwnCommand(Estimator):
     """
 
     title = "own command"
+    is_repeatable = False
 
     def __init__(self, command: str):
         if "{run}" not in command or "{out}" not in command:

@@ -170,24 +170,59 @@ class SweepLine:
     seeds: Sequence[Sequence[float]] = ()
 
 
-def sweep_figure(
-    title: str, quantity: str, labels: Sequence[str], lines: Sequence[SweepLine], missing: str = ""
-) -> Figure:
+@dataclass(frozen=True)
+class SweepPanel:
     """Measure of all estimators over the values of a variation.
 
     The axis is numeric if all labels are ascending numbers. Lines have gaps at values without a
     measure.
 
-    Args:
+    Attributes:
         title: label of the axis of values.
         quantity: label of the measure's axis.
         labels: labels of the values, in order.
         lines: one line per estimator, with one mean per value.
         missing: legend for values without a measure.
     """
+
+    title: str
+    quantity: str
+    labels: Sequence[str]
+    lines: Sequence[SweepLine]
+    missing: str = ""
+
+
+def sweep_figure(panel: SweepPanel) -> Figure:
+    """Figure with one panel."""
     figure = Figure(figsize=(9.5, 4.5), dpi=DPI, layout="constrained")
-    axes = figure.add_subplot()
-    label_axes(axes, "", title, quantity)
+    _draw_sweep(figure.add_subplot(), panel)
+    figure.legend(loc="outside right upper", fontsize=8)
+    return figure
+
+
+def sweep_grid(rows: Sequence[Sequence[SweepPanel]]) -> Figure:
+    """Figure with rows of panels, one column per variation, and one legend."""
+    columns = len(rows[0])
+    size = 1.6 + 3.4 * columns, 0.5 + 2.6 * len(rows)
+    figure = Figure(figsize=size, dpi=DPI, layout="constrained")
+    handles: dict[str, Artist] = {}
+    for row, panels in enumerate(rows):
+        for column, panel in enumerate(panels):
+            axes = figure.add_subplot(len(rows), columns, row * columns + column + 1)
+            _draw_sweep(axes, panel)
+            axes.xaxis.label.set_size(8)
+            axes.yaxis.label.set_size(8)
+            axes.tick_params(labelsize=8)
+            for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
+                handles.setdefault(str(label), handle)
+    figure.legend(list(handles.values()), list(handles), loc="outside upper center", fontsize=8,
+                  ncols=max(1, len(handles)))  # fmt: skip
+    return figure
+
+
+def _draw_sweep(axes: Axes, panel: SweepPanel) -> None:
+    labels, lines, missing = panel.labels, panel.lines, panel.missing
+    label_axes(axes, "", panel.title, panel.quantity)
     at, is_numeric = _axis_positions(labels)
     step = float(np.diff(at).min()) if len(at) > 1 else 1.0
     shift = 0.25 * step / max(len(lines), 1)  # so that intervals do not overlap
@@ -218,8 +253,6 @@ def sweep_figure(
         axes.set_xticks(at, labels, rotation=20 if max(map(len, labels)) > 12 else 0)
     if missing and not np.all(np.isfinite(means)):
         axes.plot([], [], "x", color=GRAY, label=missing)
-    figure.legend(loc="outside right upper", fontsize=8)
-    return figure
 
 
 def _axis_positions(labels: Sequence[str]) -> tuple[Floats, bool]:

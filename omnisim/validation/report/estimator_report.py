@@ -26,11 +26,13 @@ from omnisim.evaluation.trajectory_errors import TrajectoryErrors, lost_interval
 from omnisim.validation.plots.estimator_plots import (
     LostRow,
     SweepLine,
+    SweepPanel,
     TrackDrawing,
     TrackPanel,
     lost_figure,
     offsets_figure,
     sweep_figure,
+    sweep_grid,
     trajectories_figure,
 )
 from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
@@ -44,6 +46,7 @@ METHOD = (
     "share of the time without a pose: before the first one, after the last one, and in gaps."
 )
 MIN_LOST = 0.01  # shortest drawn interval without an estimate, as a share of the drive's time
+MIN_LOST_PERCENT = 10.0  # of a plot of lost tracking; the first and last moments are always lost
 MAX_NAME = 28  # characters of an estimator's name in tables and legends
 Measure = Callable[[TrajectoryErrors], float]
 
@@ -51,6 +54,11 @@ Measure = Callable[[TrajectoryErrors], float]
 def ate_percent(errors: TrajectoryErrors) -> float:
     """Absolute trajectory error, percent of the path length; NaN: no motion."""
     return 100.0 * errors.ate_m / errors.way_m if errors.way_m > 0.0 else math.nan
+
+
+def lost_percent(errors: TrajectoryErrors) -> float:
+    """Share of the time without an estimate, percent."""
+    return 100.0 * errors.lost
 
 
 _MEASURES: dict[str, tuple[Measure, str]] = {
@@ -62,7 +70,7 @@ _MEASURES: dict[str, tuple[Measure, str]] = {
     "yaw °": (lambda one: one.yaw_deg, ".2f"),
     "gravity °": (lambda one: one.gravity_deg, ".2f"),
     "scale": (lambda one: one.scale, ".4f"),
-    "lost %": (lambda one: 100.0 * one.lost, ".1f"),
+    "lost %": (lost_percent, ".1f"),
 }
 RUN_COLUMNS = ("estimator", *_MEASURES, "aligned", "s")
 CAMERA_COLUMNS = ("estimator", "model", "focal length %", "RMS px", "max px", "of the image %")
@@ -197,6 +205,29 @@ def error_lines(
     return lines
 
 
+def lesson_figure(plan: SweepPlan, results: Sequence[PointResult], name: str) -> CaptionedFigure:
+    """Errors of all variations of a plan, and lost tracking if there is some."""
+    errors, lost = [], []
+    for index in range(len(plan.vary)):
+        values = value_results(results, index)
+        title = varied_title(plan, index)
+        errors.append(_ate_panel(plan, title, values))
+        lines = error_lines(plan, values, lost_percent)
+        lost.append(SweepPanel(title, "lost (% of the time)", [one for one, _ in values], lines))
+    means = [mean for panel in lost for line in panel.lines for mean in line.means]
+    is_lost = max((one for one in means if math.isfinite(one)), default=0.0) > MIN_LOST_PERCENT
+    figure = sweep_grid([errors, lost] if is_lost else [errors])
+    return CaptionedFigure(name, figure, "Absolute trajectory error by the varied values")
+
+
+def _ate_panel(
+    plan: SweepPlan, title: str, values: Sequence[tuple[str, list[PointResult]]]
+) -> SweepPanel:
+    labels = [label for label, _ in values]
+    lines = error_lines(plan, values)
+    return SweepPanel(title, "ATE (% of path length)", labels, lines, "no trajectory")
+
+
 def _sweep_section(
     plan: SweepPlan, results: Sequence[PointResult], variation: int | None, key: str
 ) -> Section:
@@ -216,8 +247,7 @@ def _sweep_section(
         figures.append(
             CaptionedFigure(
                 f"{name}-errors",
-                sweep_figure(title, "ATE (% of path length)", labels, error_lines(plan, values),
-                             "no trajectory"),
+                sweep_figure(_ate_panel(plan, title, values)),
                 "Absolute trajectory error by the varied value, with its 95 % interval over the "
                 "seeds, and the single seeds as dots",
             )
@@ -226,8 +256,8 @@ def _sweep_section(
     figures.append(
         CaptionedFigure(
             f"{name}-times",
-            sweep_figure("" if variation is None else title, "time taken (s)", labels,
-                         _time_lines(plan, values)),
+            sweep_figure(SweepPanel("" if variation is None else title, "time taken (s)", labels,
+                                    _time_lines(plan, values))),
             "Time that the estimators took",
         )
     )  # fmt: skip

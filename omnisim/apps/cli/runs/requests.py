@@ -219,7 +219,7 @@ class EvaluateRequest:
     run: Annotated[Path, Argument(metavar="RUN|PLAN")]
     """Folder of a finished run, file of a sweep's plan (.toml), or name of a built-in plan."""
     output: Annotated[Path, Option(metavar="DIR")]
-    """Folder of the report and the trajectories; existing outcomes in it are kept."""
+    """Folder of the report and the trajectories; existing results in it are kept."""
     estimators: Annotated[
         list[str] | None,
         Option(flags=("--with",), metavar="NAME", default="all", names=lambda: ESTIMATORS),
