@@ -210,8 +210,8 @@ def sweep_grid(rows: Sequence[Sequence[SweepPanel]]) -> Figure:
         for column, panel in enumerate(panels):
             axes = figure.add_subplot(len(rows), columns, row * columns + column + 1)
             _draw_sweep(axes, panel)
-            axes.xaxis.label.set_size(8)
-            axes.yaxis.label.set_size(8)
+            axes.xaxis.label.set_fontsize(8)
+            axes.yaxis.label.set_fontsize(8)
             axes.tick_params(labelsize=8)
             for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
                 handles.setdefault(str(label), handle)
