@@ -1,8 +1,8 @@
 // Rough lobes of planar mirrors, by sampled facets.
 // vec3 sampled_gloss(…), with the arguments of mirrored_gloss in scene/planar_mirror.glsl.
-// A planar mirror is a window to a mirrored scene. Each facet's ray into that scene ends as far from
-// the surface as a perfect mirror's ray, and takes the light of the mirrored view there. Rays that
-// leave the view are omitted.
+// A planar mirror is a window to a mirrored scene. Each facet's ray into that scene ends as far
+// from the surface as a perfect mirror's ray, and takes the light of the mirrored view there. Rays
+// that leave the view are omitted.
 // Twin of omnisim/rendering/rays/shading/reflections.py, which has the sources.
 
 #include "capture/tiles.glsl"

@@ -1,6 +1,6 @@
 // Thin panes of glass, of which one surface represents both interfaces.
-// void make_pane(inout Reflectance surface, float cosine): makes it a mirror of a pane's reflectance;
-//     cosine: that of the angle of incidence.
+// void make_pane(inout Reflectance surface, float cosine): makes it a mirror of a pane's
+//     reflectance; cosine: that of the angle of incidence.
 // vec3 transmittance(vec3 base_color, vec3 triangle_normal): factors of the light behind the pane,
 //     linear RGB.
 // Twin of omnisim/rendering/rays/shading/panes.py, which has the sources.

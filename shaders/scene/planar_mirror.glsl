@@ -2,9 +2,10 @@
 // uint mirror_at(vec3 position, out ivec2 at): number of the mirror that a surface is in, counted
 //     from 1, and the texel that shows its view; 0: no mirrored view. position: meters from the
 //     viewpoint.
-// vec3 mirrored_gloss(uint mirror, ivec2 at, vec3 position, vec3 normal, vec3 view, float roughness,
-//     vec3 f0, float f90): light, linear RGB, that a lobe reflects toward the viewpoint. Vectors are
-//     unit vectors in world axes; view is the direction toward the viewpoint.
+// vec3 mirrored_gloss(uint mirror, ivec2 at, vec3 position, vec3 normal, vec3 view,
+//     float roughness, vec3 f0, float f90): light, linear RGB, that a lobe reflects toward the
+//     viewpoint. Vectors are unit vectors in world axes; view is the direction toward the
+//     viewpoint.
 // The numbers are those of omnisim/rendering/opengl/drawing/mirror_pass.py.
 // With MIRROR_GLOSS, rough lobes reflect by sampled facets, see scene/mirror_gloss.glsl.
 

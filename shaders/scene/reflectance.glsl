@@ -7,7 +7,7 @@
 // With BAKED_LIGHT, the light of the surroundings is the baked light minus that of the lamps. The
 // reflection of an environment map is then scaled by the share of its light that reaches the
 // surface.
-// With PLANAR_MIRRORS, smooth gloss and coats reflect the mirrored views of scene/planar_mirror.glsl.
+// With PLANAR_MIRRORS, smooth gloss and coats reflect the views of scene/planar_mirror.glsl.
 // Twin of omnisim/rendering/rays/shading/ray_reflectance.py. Includes scene/lighting.glsl.
 // Source: glTF 2.0, appendix B; KHR_materials_specular, KHR_materials_clearcoat; for baked light
 // beside maps: Lazarov, "Getting more physical in Call of Duty: Black Ops II", 2013.
@@ -108,7 +108,8 @@ vec3 light_of_surroundings(vec3 position, vec3 normal, vec3 shape_normal) {
 #endif
 
 vec3 reflected_environment(
-    Reflectance surface, vec3 position, vec3 normal, vec3 coat_normal, vec3 view, float coat, vec3 light) {
+    Reflectance surface, vec3 position, vec3 normal, vec3 coat_normal, vec3 view, float coat,
+    vec3 light) {
     float cosine = clamp(abs(dot(normal, view)), MIN_COSINE, 1.0);
     vec3 shares = environment_shares(cosine, surface.roughness);
     float lost = largest(mix(surface.dielectric_f0, vec3(surface.dielectric_f90), shares.z));

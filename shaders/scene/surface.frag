@@ -14,8 +14,12 @@ in vec4 v_color;  // base color, times light if it is computed at the vertices
 #ifdef PANE
 layout(location = 0, index = 0) out vec4 out_color;
 layout(location = 0, index = 1) out vec4 out_transmittance;  // factor of the light behind
+void write_transmittance(vec3 base_color, vec3 triangle_normal) {
+    out_transmittance = vec4(transmittance(base_color, triangle_normal), 1.0);
+}
 #else
 layout(location = 0) out vec4 out_color;
+void write_transmittance(vec3 base_color, vec3 triangle_normal) {}
 #endif
 
 // Light from maps needs derivatives of the whole 2 x 2 block, so it is computed before any discard.
@@ -42,9 +46,7 @@ void main() {
     discard_hidden_side();
     if (!LIGHT_NEEDS_DERIVATIVES) discard_hole(color.a);
     vec3 light = lit_color(color.rgb, triangle_normal);
-#ifdef PANE
-    out_transmittance = vec4(transmittance(color.rgb, triangle_normal), 1.0);
-#endif
+    write_transmittance(color.rgb, triangle_normal);
     if (LIGHT_NEEDS_DERIVATIVES) discard_hole(color.a);
     light = fogged(light, fog_range(surface_position()));
     // near a punctual light the value is unbounded; infinity would spoil mip levels
