@@ -69,6 +69,7 @@ def test_rays_of_the_measured_lens_are_those_of_the_lens():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_standard_deviations_are_honest_in_100_sets():
     within = []
     truth = {
