@@ -208,7 +208,9 @@ def flat_parts(mesh: Mesh) -> list[FlatPart]:
     min_area = MIN_PLANE_SHARE * float(areas.sum())
     left = (areas > 0.0) & _has_flat_normals(mesh, normals)
     parts = []
-    for first in _candidates(normals, corners - middle, size, np.where(left, areas, 0.0)):
+    left_areas = np.where(left, areas, 0.0)
+    # rounding may split a plane into several classes
+    for first in _candidates(normals, corners - middle, size, left_areas, 0.25 * min_area):
         heights = (corners - corners[first, 0]) @ normals[first]
         triangles = left & (np.abs(heights).max(axis=1) <= _SAME_HEIGHT * size)
         area = float(areas[triangles].sum())
@@ -243,14 +245,14 @@ def _candidates(
     corners: NDArray[np.float64],
     size: float,
     areas: NDArray[np.float64],
+    min_area: float,
 ) -> list[int]:
-    """Largest triangle of each coarse class of planes that may hold enough area."""
+    """Largest triangle of each coarse class of planes that holds at least an area, and some."""
     offsets = np.einsum("nc,nc->n", normals, corners[:, 0]) / size
     classes = np.rint(np.column_stack((normals, offsets)) * 200.0).astype(np.int64)
     _, inverse = np.unique(classes, axis=0, return_inverse=True)
     inverse = inverse.reshape(-1)
     sums = np.bincount(inverse, weights=areas)
-    # rounding may split a plane
-    kept = np.flatnonzero(sums >= 0.25 * MIN_PLANE_SHARE * areas.sum())
+    kept = np.flatnonzero((sums > 0.0) & (sums >= min_area))
     largest = [int(np.argmax(np.where(inverse == one, areas, 0.0))) for one in kept.tolist()]
     return sorted(largest, key=lambda index: -areas[index])

@@ -41,7 +41,7 @@ def test_planes_of_a_box():
 
 
 def test_curved_and_bumpy_meshes_have_none():
-    ball = sphere(0.7, 24)
+    ball = sphere(0.7, 200)
     flat_shaded = dataclasses.replace(ball, normals=None)
     for mesh in (ball, flat_shaded, sheet("bumpy", 0)):
         assert not flat_parts(mesh)
