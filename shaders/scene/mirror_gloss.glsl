@@ -50,10 +50,9 @@ vec3 visible_facet(vec3 normal, vec3 view, float alpha, vec2 numbers) {
 
 // Share of a visible facet's light that other facets do not shadow.
 float unshadowed(float light, float view, float squared) {
-    float behind = light * sqrt(view * view * (1.0 - squared) + squared);
     float root = sqrt(view * view * (1.0 - squared) + squared);
-    float before = view * sqrt(light * light * (1.0 - squared) + squared);
-    return light * (view + root) / max(behind + before, 1e-7);
+    float other = view * sqrt(light * light * (1.0 - squared) + squared);
+    return light * (view + root) / max(light * root + other, 1e-7);
 }
 
 vec3 sampled_gloss(

@@ -49,7 +49,7 @@ class MeasuredReadout:
     Attributes:
         readout_s: time from the first to the last line; 0: a global shutter.
         lines: "rows" or "columns": the lines that are read out one after another.
-        quantities: readout, line time and turn rate.
+        quantities: readout time and line time, with their standard deviations.
         unobservable: quantities that the images do not determine.
         pixels_px: (n, 2) corners of all images.
         errors_px, frozen_px: (n, 2) their errors with the readout, and without it.
@@ -127,10 +127,11 @@ def measure_readout(
     if readout_s < _GLOBAL * sigma_s:
         readout_s, lines = 0.0, "rows"
     elif fit.readout < 0.0:
-        reason = f"{lines} are read out from the last to the first; a sensor file says it of the "
-        unobservable.append(
-            Unobservable("readout_direction", reason + "first row: turn the images")
+        reason = (
+            f"{lines} are read out from the last to the first, which a sensor file cannot describe: "
+            "rotate the images by 180°"
         )
+        unobservable.append(Unobservable("readout_direction", reason))
     quantities = (
         Quantity("readout_s", readout_s, sigma_s, "s", basis),
         Quantity("line_s", readout_s / (count - 1), sigma_s / (count - 1), "s", basis),
