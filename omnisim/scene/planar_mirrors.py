@@ -83,7 +83,7 @@ class FlatPart(NamedTuple):
 
 
 class _PlacedPart(NamedTuple):
-    """Flat part of a surface in the frame of its object; −1: static. As in `MirrorPlane`."""
+    """Flat part of a surface, with the attributes of `MirrorPlane`; object −1: static."""
 
     surface: int
     object_index: int

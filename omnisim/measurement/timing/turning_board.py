@@ -128,8 +128,8 @@ def measure_readout(
         readout_s, lines = 0.0, "rows"
     elif fit.readout < 0.0:
         reason = (
-            f"{lines} are read out from the last to the first, which a sensor file cannot describe: "
-            "rotate the images by 180°"
+            f"{lines} are read out from the last to the first, which a sensor file cannot "
+            "describe: rotate the images by 180°"
         )
         unobservable.append(Unobservable("readout_direction", reason))
     quantities = (

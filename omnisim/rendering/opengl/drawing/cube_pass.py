@@ -111,14 +111,19 @@ class CubePass:
     def _make_mirrors(self) -> list[MirrorPass]:
         """Passes of the views in mirrors and in panes; none if base colors are shown."""
         buffers = self._buffers
-        planes = [one for one in (buffers.mirrors, buffers.pane_mirrors) if one]
-        if not planes or self._cameras.unlit or not self._cameras.mirrors:
+        if self._cameras.unlit or not self._cameras.mirrors:
+            return []
+        planes = ((buffers.mirrors, False), (buffers.pane_mirrors, True))
+        if not any(mirrors for mirrors, _ in planes):
             return []
         from omnisim.rendering.opengl.drawing.mirror_pass import MirrorPass  # few scenes need it
 
         return [
-            MirrorPass(buffers, one, self._programs, self.plan, self._cameras, self._sky)
-            for one in planes
+            MirrorPass(
+                buffers, mirrors, of_panes, self._programs, self.plan, self._cameras, self._sky
+            )
+            for mirrors, of_panes in planes
+            if mirrors
         ]
 
     def render(

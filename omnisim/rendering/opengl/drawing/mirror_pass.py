@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
+from omnisim.rendering.opengl.atlas.tile_views import TileView
+from omnisim.rendering.opengl.drawing.mirror_owner_program import MirrorOwnerProgram
 from omnisim.rendering.opengl.drawing.reversed_depth import CLEAR_DEPTH, depth_texture
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
 from omnisim.rendering.opengl.drawing.scene_view import SceneView
@@ -27,7 +28,7 @@ from omnisim.rendering.opengl.drawing.surface_program import (
     SurfacePrograms,
 )
 from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
-from omnisim.rendering.opengl.geometry.draw_item import DrawItem
+from omnisim.rendering.opengl.geometry.draw_item import InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.memory import gpu_allocation
@@ -35,7 +36,6 @@ from omnisim.rendering.opengl.shader_files import build_program
 from omnisim.rendering.opengl.uniforms import uniform
 from omnisim.scene.planar_mirrors import MirrorPlane
 
-_ROW_TRIANGLES = 4096
 _OWNERS_UNIT = 0
 _NOWHERE_M = 1e9  # height above a plane without a view
 
@@ -46,6 +46,7 @@ class MirrorPass:
     Args:
         buffers: scene and dynamic objects.
         mirrors: planes of the mirrors, or of the panes.
+        of_panes: True for panes.
         programs: surface programs for the scene's lights.
         plan: tiles of the camera's atlas.
         cameras: virtual cameras.
@@ -53,7 +54,7 @@ class MirrorPass:
 
     Attributes:
         items: indices of the items that show the views.
-        of_panes: True for views in panes.
+        of_panes: see the arguments.
 
     Raises:
         GraphicsError: the views do not fit on the GPU.
@@ -63,6 +64,7 @@ class MirrorPass:
         self,
         buffers: SceneBuffers,
         mirrors: Sequence[MirrorPlane],
+        of_panes: bool,
         programs: SurfacePrograms,
         plan: TilePlan,
         cameras: VirtualCameras,
@@ -80,7 +82,8 @@ class MirrorPass:
             "make the image or virtual_cameras.size_px smaller",
         ):
             self._colors = context.texture(size, 4, dtype="f2")
-            self._owners = context.texture(size, 1, dtype="u1")
+            nobody = bytes(size[0] * size[1])  # until a mirror is in view
+            self._owners = context.texture(size, 1, nobody, alignment=1, dtype="u1")
             depth = depth_texture(context, size)
         for texture in (self._colors, self._owners):
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
@@ -92,14 +95,15 @@ class MirrorPass:
         self._view = SceneView(buffers, programs, plan, seen, depth, 1, sky, is_mirrored=True)
         shown = np.flatnonzero(buffers.shown_one_by_one(cameras.hidden)).tolist()
         self.items = frozenset(index for one in mirrors for index in one.parts) & frozenset(shown)
-        self.of_panes = mirrors is buffers.pane_mirrors
+        self.of_panes = of_panes
+        self._items = np.array(sorted(self.items), dtype=np.intp)
         self._owner_drawer = self._make_owner_drawer()
         window = build_program(context, "common/full_screen.vert", "scene/mirror_window.frag")
         uniform(window, "u_mirror_owners").value = _OWNERS_UNIT
         self._window = uniform(window, "u_number")
         self._triangle = context.vertex_array(window, [])
 
-    def _make_owner_drawer(self) -> SceneDrawer[OwnerProgram]:
+    def _make_owner_drawer(self) -> SceneDrawer[MirrorOwnerProgram]:
         """Drawer of the mirrors' numbers."""
         items = self._buffers.draw_items
         first_of_item: dict[int, int] = {}
@@ -107,7 +111,7 @@ class MirrorPass:
         # of their own, since panes are sorted in the scene's
         triangles: list[NDArray[np.uint32]] = []
         count = 0
-        for index in sorted(self.items):
+        for index in self._items.tolist():
             first_of_item[index] = count
             count += items[index].triangles
             triangles.append(items[index].mesh.triangles + np.uint32(items[index].base))
@@ -119,11 +123,11 @@ class MirrorPass:
         # all mirrors may be hidden
         numbers.append(np.zeros(1, dtype=np.uint8))
         triangles.append(np.zeros((1, 3), dtype=np.uint32))
-        program = OwnerProgram(self._buffers.context, np.concatenate(numbers))
+        program = MirrorOwnerProgram(self._buffers.context, np.concatenate(numbers))
         return SceneDrawer(
             self._buffers,
             self._buffers.context.buffer(np.concatenate(triangles).astype("<u4")),
-            np.array(sorted(self.items), dtype=np.intp),
+            self._items,
             lambda item: program,
             first_of_item,
         )
@@ -139,11 +143,15 @@ class MirrorPass:
         Shadow maps and tables are bound, and meshes are deformed.
         """
         planes, sides = self._planes_at(world_from_rig[:3, 3], world_from_objects)
-        visible = self._visible(view, sides, world_from_rig, world_from_objects)
+        transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
+        views = view.tiles.views.at(world_from_rig)
+        visible = self._visible(view, sides, views, transforms)
         self._planes = np.full_like(planes, _NOWHERE_M)
         self._planes[visible] = planes[visible]
         self._world_from_rig = world_from_rig
-        self._draw_owners(view, world_from_rig, world_from_objects)
+        if not visible:
+            return
+        self._draw_owners(view, views, transforms)
         self._state.use(self._target, has_depth=True)
         self._state.clear([(*self._background, 1.0)], CLEAR_DEPTH)
         for number in visible:
@@ -181,38 +189,31 @@ class MirrorPass:
         return planes, sides
 
     def _draw_owners(
-        self,
-        view: SceneView,
-        world_from_rig: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
+        self, view: SceneView, views: Sequence[TileView], transforms: InstanceTransforms
     ) -> None:
         """Draw the number of the nearest mirror, in exactly the texels that show it."""
-        target, tiles = self._owners_target, view.tiles
-        transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
-        tiles.begin(target, [None])
+        view.tiles.begin(self._owners_target, [None])
         self._owner_drawer.begin(transforms)
-        items = np.array(sorted(self.items), dtype=np.intp)
         with self._state.drawing():
-            views = tiles.views.at(world_from_rig)
-            tiles.draw_items(target, views, transforms, items, self._owner_drawer)
+            view.tiles.draw_items(
+                self._owners_target, views, transforms, self._items, self._owner_drawer
+            )
 
     def _visible(
         self,
         view: SceneView,
         sides: NDArray[np.intp],
-        world_from_rig: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
+        views: Sequence[TileView],
+        transforms: InstanceTransforms,
     ) -> list[int]:
         """Indices of the largest mirrors that face the viewpoint and that some tile may show."""
-        transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
-        views = view.tiles.views.at(world_from_rig)
         visible: list[int] = []
         for number, mirror in enumerate(self._mirrors):
-            items = np.array([one for one in mirror.parts if one in self.items], dtype=np.intp)
             if len(visible) == self._count:
                 break
             if sides[number] not in mirror.sides:
                 continue
+            items = np.array([one for one in mirror.parts if one in self.items], dtype=np.intp)
             if any(view.tiles.cull_items(tile, transforms, items).any() for tile in views):
                 visible.append(number)
         return visible
@@ -237,42 +238,3 @@ class MirrorPass:
             program.set_mirror(np.array((*normal, -height_m)))
         self._state.use(self._target, has_depth=True)
         self._view.draw(self._target, mirrored, world_from_objects)
-
-
-class OwnerProgram:
-    """Program that draws the numbers of mirrors.
-
-    Args:
-        context: OpenGL context.
-        numbers: (n,) number of each triangle's mirror; 0: none.
-    """
-
-    def __init__(self, context: moderngl.Context, numbers: NDArray[np.uint8]):
-        files = "scene/mirror_owner.vert", "scene/mirror_owner.frag"
-        self.program = build_program(context, *files)
-        self._item = ItemUniforms(self.program)
-        self._first_triangle = uniform(self.program, "u_first_triangle")
-        uniform(self.program, "u_numbers").value = _OWNERS_UNIT
-        rows = -(-len(numbers) // _ROW_TRIANGLES)
-        padded = np.zeros((rows, _ROW_TRIANGLES), dtype=np.uint8)
-        padded.ravel()[: len(numbers)] = numbers
-        self._numbers = context.texture((_ROW_TRIANGLES, rows), 1, padded, dtype="u1")
-        self._numbers.filter = (moderngl.NEAREST, moderngl.NEAREST)
-
-    def set_matrices(
-        self,
-        clip_from_mesh: NDArray[np.float32],
-        viewpoint_from_mesh: NDArray[np.float32],
-        normal_from_mesh: NDArray[np.float32],
-    ) -> None:
-        """Set the matrix (4, 4), column-major, for the next draw calls."""
-        self._item.set_clip_from_mesh(clip_from_mesh)
-
-    def bind_material(self, item: DrawItem) -> None:
-        """Bind the table of numbers."""
-        self._numbers.use(_OWNERS_UNIT)
-
-    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
-        """Draw `count` indices of a vertex array; `first_id`: its first triangle, and number."""
-        self._first_triangle.value = first_id
-        array.render(moderngl.TRIANGLES, vertices=count, first=3 * first_id)
