@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
 
@@ -83,18 +84,29 @@ def plan(request: MeasurePlanRequest) -> None:
             out.print(f"{name}: measured before", markup=False)
         else:
             out.print(f"[bold]{name}[/]")
-            part.measure(part.request(**tables[name], output=request.output, sensor=sensor))
+            with _named(f"{request.plan}: {name}"):
+                part.measure(part.request(**tables[name], output=request.output, sensor=sensor))
             mark_inputs(request.output, name, digest)
         sensor = request.output
     if _COMPARE in tables:
         out.print(f"[bold]{_COMPARE}[/]")
-        compare(MeasureCompareRequest(**tables[_COMPARE], output=folder, sensor=request.output))
+        with _named(f"{request.plan}: {_COMPARE}"):
+            compare(MeasureCompareRequest(**tables[_COMPARE], output=folder, sensor=request.output))
         return
     from omnisim.apps.cli.measure.measured_sections import measured_sections
 
     sections = measured_sections(request.output)
     Report("Measured camera", "", sections, {"sensor": request.output.name}).write(folder)
     out.print(f"{folder}: written", markup=False)
+
+
+@contextmanager
+def _named(place: str) -> Iterator[None]:
+    """Name the plan and its table in errors of a part, which names options of its command."""
+    try:
+        yield
+    except MeasurementError as reason:
+        raise MeasurementError(f"{place}: {reason}") from None
 
 
 def _read_plan(path: Path, output: Path) -> dict[str, dict[str, Any]]:

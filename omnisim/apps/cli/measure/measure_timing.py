@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -61,7 +62,10 @@ def timing(request: MeasureTimingRequest) -> None:
     unobservable = list(measured.unobservable)
     written = {"readout_s", "exposure_s"}
     if measured.lines == "columns":
-        reason = "columns are read out one after the other; a sensor file says it of rows: turn it"
+        reason = (
+            "columns are read out one after another, and a sensor file describes rows only: "
+            "rotate the images by 90°"
+        )
         unobservable.append(Unobservable("degradation.shutter.readout_s", reason))
         written.remove("readout_s")
     for quantity in measured.quantities:
@@ -88,9 +92,9 @@ def _check_options(request: MeasureTimingRequest) -> None:
     """
     if (request.flicker is None) == (request.board is None):
         raise MeasurementError("timing: expected either --flicker HZ or --board BOARD")
-    if request.flicker is not None and not request.flicker > 0.0:
-        message = f"flicker: expected a frequency above 0 Hz, got {request.flicker:g}"
-        raise MeasurementError(message)
+    for option, value in (("--flicker", request.flicker), ("--frame-rate", request.frame_rate)):
+        if value is not None and not 0.0 < value < math.inf:
+            raise MeasurementError(f"{option}: expected a frequency above 0 Hz, got {value:g}")
     if request.board is None:
         return
     if request.sensor is None:

@@ -85,6 +85,7 @@ def test_a_changed_file_is_measured_again(omnisim, folder):
         ("[compare]\n[response]\nimages = 's'\n", "plan.toml: compare.images: missing"),
         ("[response]\nimages = 's'\nblack = -1\n", "plan.toml: response.black: expected a number"),
         ("[response]\nimages = 's'\noutput = 'a'\n", "plan.toml: response.output: unknown key"),
+        ("[geometry]\nimages = '.'\noptics = 'a'\n", "plan.toml: geometry: --optics: expected"),
         ("[response]\nimages = 'none'\n", "none: expected a folder"),
     ],
 )
