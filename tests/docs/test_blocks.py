@@ -13,10 +13,20 @@ from pathlib import Path
 
 import pytest
 
+from tests.slow import slow_but
+
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted({ROOT / "README.md", *(ROOT / "docs").rglob("*.md")})
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 INCLUDE = re.compile(r"^```\{include\} (\S+)$", re.MULTILINE)
+# They take more than 20 s each. That their commands have such options is tested in test_commands.
+LONG = {
+    *(f"docs/how-to/{name}.md" for name in (
+        "any-optics", "calibrations", "data-sets", "drives", "evaluate", "light", "measure-camera",
+        "own-world", "rigs", "robots", "use-with",
+    )),
+    *(f"docs/tutorials/{name}.md" for name in ("ball-bearing", "camera-twin", "self-localization")),
+}  # fmt: skip
 MAIN = (
     "import sys; sys.argv[0] = 'omnisim'; from omnisim.apps.cli.start import main; sys.exit(main())"
 )
@@ -58,13 +68,13 @@ def _run(arguments, folder):
     assert done.returncode == 0, f"{arguments[-1]}\n{done.stdout}{done.stderr}"
 
 
-@pytest.mark.slow
+NAMES = [str(page.relative_to(ROOT)) for page in PAGES if _blocks(page)]
+
+
 @pytest.mark.usefixtures("needs_opengl")
-@pytest.mark.parametrize(
-    "page", [page for page in PAGES if _blocks(page)], ids=lambda page: str(page.relative_to(ROOT))
-)
+@pytest.mark.parametrize("page", slow_but(NAMES, long=LONG))
 def test_blocks_run(page, folder):
-    for language, code in _blocks(page):
+    for language, code in _blocks(ROOT / page):
         if language == "toml":
             name = re.match(r"# (\S+\.toml)\n", code)
             if name:

@@ -16,6 +16,7 @@ from tests.fuzz.__main__ import cases_of
 from tests.fuzz.cases import Case, Finding, Samples, message_fault
 from tests.fuzz.readers import READERS, Reader
 from tests.fuzz.workers import run_cases
+from tests.slow import slow_but
 
 
 @pytest.fixture(scope="module")
@@ -34,12 +35,12 @@ def test_damaged_samples_are_one_line(samples):
     assert [finding for finding in findings if finding] == []
 
 
-@pytest.mark.slow
-def test_many_damaged_samples(samples, tmp_path):
-    inputs = cases_of(tuple(READERS), 1500, seed=1)
+@pytest.mark.parametrize("count", slow_but([500, 3000], long=[3000]))
+def test_many_damaged_samples(samples, tmp_path, count):
+    inputs = cases_of(tuple(READERS), count, seed=1)
     events = list(run_cases(samples, inputs, 2, tmp_path))
     assert [event for event in events if isinstance(event, Finding)] == []
-    assert sum(event.total() for event in events if not isinstance(event, Finding)) == 1500
+    assert sum(event.total() for event in events if not isinstance(event, Finding)) == count
 
 
 def test_a_case_is_the_same_damage_every_time(samples, tmp_path):

@@ -11,9 +11,8 @@ pytestmark = pytest.mark.usefixtures("needs_opengl")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(seed, marks=pytest.mark.long) for seed in (1, 2, 3))]
-)
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(4))
 def test_killed_at_any_moment_a_drive_resumes_and_ends_the_same(tmp_path, seed):
     kills(tmp_path, 3, seed)
 

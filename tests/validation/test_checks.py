@@ -41,14 +41,22 @@ def _missed(key, fixture):
 
 @pytest.mark.parametrize(
     "key",
-    slow_but(BY_KEY, "viewpoint", "markers", "polygons", "optics", long=("baked", "twin")),
+    slow_but(
+        BY_KEY,
+        "viewpoint",
+        "markers",
+        "polygons",
+        "optics",
+        long=("baked", "shadows", "sharpness", "twin"),
+    ),
 )
 def test_every_bound_holds(key, fixture):
     assert not _missed(key, fixture)
 
 
 @pytest.mark.parametrize(
-    "key", slow_but(["rings", "viewpoint", "omnidir", "path-tracer"], "viewpoint")
+    "key",
+    slow_but(["rings", "viewpoint", "omnidir", "path-tracer"], "viewpoint", long=["path-tracer"]),
 )
 def test_a_wrong_mirror_is_found_out(key, fixture, monkeypatch):
     """The camera model believes in a mirror 2 % off: what is independent of it must say so."""
@@ -67,6 +75,7 @@ def test_a_surface_that_faces_aside_is_found_out(fixture, monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_mirror_that_reflects_aside_is_found_out(fixture, monkeypatch):
     """Its normals are turned by half a degree: what OpenCV calibrates is no central mirror."""
     normals, turned = Surface.normals, poses.pose((0.0, 0.0, 0.0), roll_deg=0.5)[:3, :3]
@@ -78,6 +87,7 @@ def test_a_mirror_that_reflects_aside_is_found_out(fixture, monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_system_that_faces_aside_is_found_out(fixture, monkeypatch):
     """A tenth of a degree is a fraction of a pixel."""
     normals, turned = Surface.normals, poses.pose((0.0, 0.0, 0.0), roll_deg=0.1)[:3, :3]

@@ -240,6 +240,7 @@ def test_nothing_is_wider_than_the_window(page, width):
     assert page.evaluate("document.documentElement.scrollWidth") <= width
 
 
+@pytest.mark.long
 def test_a_robot_is_driven_by_keys(browser, tmp_path):
     with started(tmp_path, "soccer", "--robot", "p2at", "--size", "96") as url:
         page = browser.new_page()

@@ -20,6 +20,7 @@ from omnisim.cameras.optics.shapes import Conic
 from omnisim.core import poses
 from omnisim.core.errors import CalibrationError, OpticsError
 from tests.cameras.optics.examples import FISHEYE, HYPERBOLA, SYSTEMS
+from tests.slow import slow_but
 
 
 def _turned_hyperbola(turn):
@@ -80,8 +81,7 @@ def test_fit_is_right_at_the_distance_asked():
     assert infinity.mean_px > at_five.mean_px
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("form", slow_but(FORMATS, long=("ocamcalib", "omnisim")))
 def test_every_format_says_what_is_left(form, tmp_path):
     """A dome a little off is nearly a lens, which most formats represent."""
     system = dataclasses.replace(SYSTEMS["dome"], camera=FISHEYE.scaled(0.25))

@@ -36,6 +36,7 @@ def test_every_example_is_shown(maker):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_page_is_up_to_date(maker):
     errors, chosen = maker.mesh_errors()
     page = (maker.FOLDER / "README.md").read_text(encoding="utf-8")

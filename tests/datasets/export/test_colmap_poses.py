@@ -79,6 +79,7 @@ def _aligned(found, true):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.usefixtures("needs_opengl")
 def test_poses_are_found_from_the_images_to_5_mm(tmp_path):
     pycolmap = pytest.importorskip("pycolmap")

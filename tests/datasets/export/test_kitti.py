@@ -158,10 +158,8 @@ def _estimated(data, folder, *words):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "scene",
-    [one if one == "soccer" else pytest.param(one, marks=pytest.mark.long) for one in WAYS],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("scene", WAYS)
 def test_kiss_icp_finds_the_lidars_way(scene, tmp_path):
     """By KITTI's layout and by the bag with each point's time; every revolution has a cloud."""
     pytest.importorskip("kiss_icp", reason="kiss-icp is not installed")

@@ -140,6 +140,7 @@ def test_a_bake_is_finished_or_replaced(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_killed_bake_goes_on_with_the_same_bytes(tmp_path):
     command = [sys.executable, "-m", "omnisim", "bake", "rings", "--texel-m", "0.1",
                "--samples", "64", "--bounces", "2"]  # fmt: skip

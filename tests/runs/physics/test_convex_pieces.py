@@ -9,6 +9,7 @@ from omnisim.runs.physics.convex_pieces import SLAB_M, Region, convex_pieces, hu
 from omnisim.runs.physics.facets import area_vectors, convex_facets
 from omnisim.scene import Scene, load_scene
 from tests.runs.physics.worlds import rover, solid
+from tests.slow import slow_but
 
 
 def _pieces(scene, *free_points_m):
@@ -135,8 +136,7 @@ def test_any_triangles_are_pieces_that_mujoco_takes_without_a_word(flatness, two
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["soccer", "mapping", "courtyard"])
+@pytest.mark.parametrize("name", slow_but(["soccer", "mapping", "courtyard"], long=["mapping"]))
 def test_shipped_scenes_are_open_above_their_starts(name):
     scene = load_scene(name)
     starts = [start.position_m for start in scene.starts] or [scene.start.position_m]

@@ -40,6 +40,7 @@ def folder(photos, response_series, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_parts_are_measured_once(omnisim, folder):
     status, out, error = omnisim("measure", "plan", "plan.toml", "-o", "camera.toml")
     assert status == 0, error

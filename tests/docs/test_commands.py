@@ -1,0 +1,64 @@
+"""Every `omnisim` command of README and the documentation has options that exist, and their values.
+
+Whether they work is for the tests of blocks, of which the longest run only by `make test-all`.
+"""
+
+import re
+import shlex
+
+import pytest
+import typer
+import typer.main
+
+from omnisim.apps.cli.app import app
+from omnisim.apps.cli.command import DefaultGroup
+from tests.docs.pages import ROOT
+
+PAGES = sorted({ROOT / "README.md", *(ROOT / "docs").rglob("*.md")})
+SHELL = re.compile(r"^```sh\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+ENDS = {"|", "||", "&", "&&", ";", ">", ">>", "2>", "<", "(", ")"}
+
+
+def _commands(page):
+    """Words of each command that a page's shell blocks call, without `omnisim` itself."""
+    for block in SHELL.findall(page.read_text(encoding="utf-8")):
+        for line in block.replace("\\\n", " ").splitlines():
+            lexer = shlex.shlex(line, posix=True, punctuation_chars="|&;<>()")
+            lexer.whitespace_split = True
+            words = list(lexer)
+            for start in (at for at, word in enumerate(words) if word == "omnisim"):
+                end = next((at for at in range(start, len(words)) if words[at] in ENDS), None)
+                yield words[start + 1 : end]
+
+
+@pytest.fixture(scope="module")
+def program():
+    return typer.main.get_command(app)
+
+
+def _check(command, words, name="omnisim"):
+    """Raise a usage error unless a command takes the words; it is not run."""
+    if isinstance(command, typer.core.TyperGroup):
+        if isinstance(command, DefaultGroup) and words[0] not in command.commands:
+            words = ["show", *words]
+        child = command.commands.get(words[0])
+        assert child is not None, f"{name} {words[0]}: no such command"
+        _check(child, words[1:], f"{name} {words[0]}")
+    else:
+        command.make_context(name, list(words))
+
+
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if any(_commands(page))], ids=lambda page: page.stem
+)
+def test_commands_are_understood(page, program):
+    for words in _commands(page):
+        if not words[0].startswith("--"):
+            _check(program, words)
+
+
+def test_a_wrong_option_is_refused(program):
+    with pytest.raises(Exception, match="No such option: --sizes"):
+        _check(program, ["render", "soccer", "-o", "a.png", "--sizes", "3"])
+    with pytest.raises(Exception, match="valid integer"):
+        _check(program, ["render", "soccer", "-o", "a.png", "--size", "wide"])
