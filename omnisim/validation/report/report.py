@@ -20,7 +20,7 @@ from omnisim.validation.report.measure import Measure
 TEMPLATE = Path(__file__).with_name("report.html.jinja")
 FORMAT_VERSION = 2
 HTML, JSON = "report.html", "report.json"
-Status = Literal["passed", "failed", "skipped"]
+Status = Literal["passed", "failed", "skipped", "measured"]
 
 
 @dataclass(frozen=True)
@@ -73,10 +73,13 @@ class Section:
 
     @property
     def status(self) -> Status:
-        """Skipped if nothing was measured; failed after an error or a missed bound; else passed."""
+        """Failed after an error or a missed bound; measured if there is no bound."""
         if self.skipped:
             return "skipped"
-        return "failed" if self.failure or self.missed else "passed"
+        if self.failure or self.missed:
+            return "failed"
+        has_bound = any(measure.bound is not None for measure in self.measures)
+        return "passed" if has_bound else "measured"
 
     def as_dict(self) -> dict[str, Any]:
         """JSON object without the figures' contents."""
@@ -128,7 +131,8 @@ class Report:
     def status(self) -> Status:
         """Failed if a section failed; skipped if all sections are."""
         statuses = {section.status for section in self.sections}
-        return "failed" if "failed" in statuses else "passed" if "passed" in statuses else "skipped"
+        order: tuple[Status, ...] = ("failed", "passed", "measured")
+        return next((status for status in order if status in statuses), "skipped")
 
     @property
     def passed(self) -> bool:

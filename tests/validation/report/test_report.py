@@ -64,3 +64,10 @@ def test_a_place_that_cannot_be_is_refused_early(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError):
         _report(0.1).write(tmp_path / "file")
+
+
+def test_a_section_without_bounds_did_not_pass_them():
+    without = Section("Errors", "", (Measure("drift", 1.0, "%"),))
+    assert without.status == Report("", "", [without]).status == "measured"
+    with_bound = Section("Bounds", "", (Measure("drift", 1.0, "%", 2.0),))
+    assert Report("", "", [without, with_bound]).status == "passed"

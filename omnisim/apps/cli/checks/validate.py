@@ -17,7 +17,7 @@ from omnisim.validation.report.machine import machine_of_device
 from omnisim.validation.report.report import HTML, Section, check_report_target
 from omnisim.validation.suite import make_report, run_checks
 
-_COLORS = {"passed": "green", "failed": "bold red", "skipped": "yellow"}
+_COLORS = {"passed": "green", "failed": "bold red", "skipped": "yellow", "measured": "default"}
 
 
 def run(request: ValidateRequest) -> bool:
