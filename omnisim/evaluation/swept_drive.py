@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -38,12 +39,12 @@ class SweptDrive:
     scene_tables: Mapping[str, Any] = field(default_factory=dict)
     seed: int = 0
 
-    @property
+    @cached_property
     def name(self) -> str:
-        """Folder name of the drive; equal drives have equal names."""
+        """Folder name of the drive; equal drives, of equal files, have equal names."""
         robot = re.sub(r"[^A-Za-z0-9-]+", "-", str(self.robot.get("name", "robot")))[:30]
-        given = (self.robot, self.options, self.files, self.scene_tables)
-        digest = fingerprint(self.scene, self.path, json.dumps(_plain(given), sort_keys=True))
+        given = (self.scene, self.path, self.robot, self.options, self.files, self.scene_tables)
+        digest = fingerprint(json.dumps(_plain(given), sort_keys=True))
         return f"{robot}-seed{self.seed}-{digest[:8]}"
 
     def write(self, folder: Path) -> list[str]:
@@ -72,11 +73,16 @@ class SweptDrive:
 
 
 def _plain(value: Any) -> Any:
-    """JSON value with integers as floats, so that 1 and 1.0 give the same name."""
+    """JSON value with integers as floats, so that 1 and 1.0 give the same name.
+
+    The absolute path of a file is followed by a hash of its contents.
+    """
     if isinstance(value, Mapping):
         return {str(key): _plain(one) for key, one in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(one) for one in value]
+    if isinstance(value, str) and value.startswith("/") and Path(value).is_file():
+        return [value, fingerprint(Path(value).read_bytes().hex())]
     is_whole = isinstance(value, int) and not isinstance(value, bool)
     return float(value) if is_whole else value if _is_simple(value) else str(value)
 

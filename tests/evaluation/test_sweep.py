@@ -65,6 +65,14 @@ def test_each_value_and_seed_is_a_drive(folder):
     assert len({one.drive.name for one in points}) == len(points)
 
 
+@pytest.mark.parametrize("changed", ["front.toml", "way.csv"])
+def test_a_changed_file_is_another_drive(folder, changed):
+    names = [plan(folder)[1][0].drive.name for _ in range(2)]
+    text = (folder / changed).read_text()
+    (folder / changed).write_text(text.replace("0.01", "0.02").replace("0.6", "0.7"))
+    assert len({*names, plan(folder)[1][0].drive.name}) == 2
+
+
 def test_a_value_that_is_given_is_no_other_drive(folder):
     _, points = plan(folder, ("sensors.imu.rate_hz", [200, 50]))
     shown = {label: len(group) for label, group in shown_points(points, 0)}
