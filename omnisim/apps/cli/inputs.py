@@ -34,6 +34,7 @@ from omnisim.core.errors import (
 from omnisim.core.extras import require_extra
 from omnisim.core.poses import pose
 from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.rendering.baking.even_light import emission_notes
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.omnicamera import ExposureOption, OmniCamera, Polygons
 from omnisim.rendering.shared_scene import BackendName
@@ -252,9 +253,17 @@ def load_requested_scene(world: SceneOptions, light: LightOptions | None = None)
     return scene
 
 
-def note_unreflected(name: str, scene: Scene, backend: BackendName, mirrors: int) -> None:
-    """Print a note if the back end, with this number of mirrors, leaves out reflections."""
-    for note in reflection_notes(scene, mirrors) if backend == "cube" else ():
+def note_lighting(name: str, scene: Scene, backend: BackendName, mirrors: int) -> None:
+    """Print notes on emission without baked light, and reflections that the back end leaves out.
+
+    Args:
+        name: scene as requested.
+        scene: loaded scene.
+        backend: back end.
+        mirrors: number of planar mirrors that virtual cameras show.
+    """
+    reflections = reflection_notes(scene, mirrors) if backend == "cube" else []
+    for note in (*emission_notes(scene), *reflections):
         print_note(f"{name}: {note}")
 
 

@@ -1,11 +1,12 @@
-"""Even light of files without lamps, and its removal for baking."""
+"""Emissive surfaces that light a scene: even light makes way for them, and they must be baked."""
 
 from __future__ import annotations
 
 import dataclasses
 
+from omnisim.core.short_repr import counted
 from omnisim.scene.light.lighting import DEFAULT_LIGHTING, background_light
-from omnisim.scene.model import Scene
+from omnisim.scene.model import Material, Scene
 
 
 def without_even_light(scene: Scene) -> Scene:
@@ -16,9 +17,23 @@ def without_even_light(scene: Scene) -> Scene:
     """
     lighting = scene.lighting
     is_even = lighting.lights is DEFAULT_LIGHTING.lights and not lighting.is_matte
-    shining = any(not one.unlit and max(one.emissive) > 1.0 for one in scene.materials)
-    if not (is_even and shining):
+    if not (is_even and any(map(_shines, scene.materials))):
         return scene
     sky = background_light(scene.background)
     shone = dataclasses.replace(lighting, lights=(), ambient=sky)
     return dataclasses.replace(scene, lighting=shone)
+
+
+def emission_notes(scene: Scene) -> list[str]:
+    """Notices on bright emissive materials of a scene without baked light."""
+    shining = sum(map(_shines, scene.materials))
+    if not shining or scene.lighting.is_matte or scene.lighting.baked is not None:
+        return []
+    return [
+        f"{counted(shining, 'emissive material')} brighter than white: "
+        "lights other surfaces only once baked, see omnisim bake"
+    ]
+
+
+def _shines(material: Material) -> bool:
+    return not material.unlit and max(material.emissive) > 1.0

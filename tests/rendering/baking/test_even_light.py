@@ -4,7 +4,8 @@ import dataclasses
 
 import pytest
 
-from omnisim.rendering.baking.even_light import without_even_light
+from omnisim import load_scene
+from omnisim.rendering.baking.even_light import emission_notes, without_even_light
 from omnisim.scene.light.baked_fingerprint import baked_fingerprint
 from omnisim.scene.light.lighting import DEFAULT_LIGHTING
 from omnisim.scene.model import Lighting, Material
@@ -51,3 +52,13 @@ def test_lamps_and_ambient_light_of_a_file_stay():
     lighting = Lighting((0.5, 0.5, 0.5), ())
     scene = scene_of([square()], [Material(emissive=(9.0, 9.0, 9.0))], lighting=lighting)
     assert without_even_light(scene) is scene
+
+
+def test_bright_surfaces_that_light_nothing_are_noted():
+    panel, screen = Material(emissive=(4.0, 4.0, 4.0)), Material(emissive=(1.0, 1.0, 1.0))
+    lighting = dataclasses.replace(DEFAULT_LIGHTING, is_matte=False)
+    note, *others = emission_notes(scene_of([square()] * 2, [panel, screen], lighting=lighting))
+    assert note.startswith("1 emissive material brighter than white")
+    assert not others
+    assert not emission_notes(scene_of([square()], [screen], lighting=lighting))
+    assert not emission_notes(load_scene("soccer"))  # with baked light

@@ -20,7 +20,7 @@ from omnisim.apps.cli.images.requests import RenderRequest
 from omnisim.apps.cli.inputs import (
     checked_backend,
     load_labeled_scene,
-    note_unreflected,
+    note_lighting,
     parse_channel_format,
     parse_exposure,
     parse_polygons,
@@ -57,7 +57,7 @@ def drive_of(request: DriveRequest | RenderRequest, vehicle: Vehicle, route: Rou
     scene, backend = load_labeled_scene(world, light, truth, channels), checked_backend(request.gpu)
     if vehicle.cameras and not light.unlit:
         mirrors = min(one.sensor.mirrors for one in vehicle.cameras)
-        note_unreflected(world.scene, scene, backend, mirrors)
+        note_lighting(world.scene, scene, backend, mirrors)
     return Drive(
         scene,
         as_requested(vehicle, request.image),

@@ -22,7 +22,7 @@ from omnisim.apps.cli.inputs import (
     check_seconds,
     checked_backend,
     load_labeled_scene,
-    note_unreflected,
+    note_lighting,
     parse_channel_format,
     parse_exposure,
     parse_polygons,
@@ -92,7 +92,7 @@ def run(request: RenderRequest) -> None:
     ) as renderer:
         _note_near_plane(request.world.scene, scene, camera, renderer.camera, base)
         if not request.light.unlit:
-            note_unreflected(request.world.scene, scene, backend, camera.mirrors)
+            note_lighting(request.world.scene, scene, backend, camera.mirrors)
         states = {
             other: WorldState(
                 {renderer.vehicle: other_viewpoint.base_of(camera)},
