@@ -19,7 +19,7 @@ def test_a_run(omnisim, folder):
     robot = ("--robot", "robot.toml", "--path", "way.csv")
     status, _, error = omnisim("drive", "soccer", *robot, "-o", "run")
     assert status == 0, error
-    names = ("--with", "wheels", "--with", "imu", "--with", "command:false {run} {out}")
+    names = ("--with", "wheels,imu", "--with", "command:false {run} {out}")
     status, out, error = omnisim("evaluate", "run", "-o", "report", *names)
     assert status == 0, error
     assert "report: written" in out

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from rich.table import Table
@@ -15,7 +15,7 @@ from omnisim.core.errors import OmnisimError, PlanError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import write_text
 from omnisim.datasets.export.recording import Recording
-from omnisim.evaluation.estimator_registry import ESTIMATORS, estimator_named
+from omnisim.evaluation.estimator_registry import COMMAND, ESTIMATORS, estimator_named
 from omnisim.evaluation.outcome import Outcome
 from omnisim.evaluation.run_evaluation import estimator_folder, evaluate_estimator
 from omnisim.evaluation.sweep_plan import find_plan
@@ -51,11 +51,19 @@ def run(request: EvaluateRequest) -> None:
     _evaluate_run(request)
 
 
+def _names(given: Iterable[str]) -> list[str]:
+    """Names of estimators, each once; a value lists several, unless it is a command."""
+    names = []
+    for value in given:
+        names += [value] if value.startswith(COMMAND) else value.split(",")
+    return list(dict.fromkeys(names))
+
+
 def _evaluate_run(request: EvaluateRequest) -> None:
     from omnisim.validation.report.estimator_report import run_section
     from omnisim.validation.report.report import Report
 
-    names = list(dict.fromkeys(request.estimators or ESTIMATORS))
+    names = _names(request.estimators or ESTIMATORS)
     for name in names:
         estimator_named(name)
     recording = Recording.read(request.run)

@@ -222,9 +222,10 @@ class EvaluateRequest:
     """Folder of the report and the trajectories; existing results in it are kept."""
     estimators: Annotated[
         list[str] | None,
-        Option(flags=("--with",), metavar="NAME", default="all", names=lambda: ESTIMATORS),
+        Option(flags=("--with",), metavar="NAMES", default="all", names=lambda: ESTIMATORS),
     ] = None
-    """Estimator: {names}, or command:… with {run} and {out}; repeatable; not with a plan."""
+    """Estimators, comma-separated: {names}; or command:… with {run} and {out}; repeatable. Not with
+    a plan."""
     limit_s: Annotated[float, Option(min=1.0, max=86400.0)] = 600.0
     """Time limit of each estimator of a run; plans have `limit_s`."""
     processes: Annotated[int, Option(min=1, max=256)] = 1
