@@ -123,8 +123,8 @@ class SoccerEnv(VectorEnv):
         """Move along arcs: the exact solution for constant speeds of the wheels."""
         limit = MAX_WHEEL_SPEED_RADPS
         left, right = np.clip(wheels_radps, -limit, limit).T * WHEEL_RADIUS_M * STEP_S
-        turn_rad, way_m = (right - left) / TRACK_M, 0.5 * (left + right)
-        chord_m = way_m * np.sinc(0.5 * turn_rad / np.pi)
+        turn_rad, distance_m = (right - left) / TRACK_M, 0.5 * (left + right)
+        chord_m = distance_m * np.sinc(0.5 * turn_rad / np.pi)
         heading_rad = self._yaw_rad + 0.5 * turn_rad
         self._position_m += chord_m[:, None] * np.stack(
             (np.cos(heading_rad), np.sin(heading_rad)), axis=1

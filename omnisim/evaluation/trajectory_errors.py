@@ -34,7 +34,7 @@ class TrajectoryErrors:
         kind: kind of the alignment.
         alignment: transform from the estimate's world to the true one.
         poses: number of estimated poses with a true state.
-        way_m: length of the true path between the first and the last of these poses.
+        path_length_m: length of the true path between the first and the last of these poses.
         ate_m: root mean square distance of the aligned positions (absolute trajectory error).
         rpe_m, rpe_deg: root mean square error of the motion between successive poses (relative
             pose error), after scaling by the alignment.
@@ -50,7 +50,7 @@ class TrajectoryErrors:
     kind: AlignmentKind
     alignment: Alignment
     poses: int
-    way_m: float
+    path_length_m: float
     ate_m: float
     rpe_m: float
     rpe_deg: float

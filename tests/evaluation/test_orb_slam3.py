@@ -111,12 +111,12 @@ def test_it_finds_the_way_and_with_an_imu_scale_and_gravity(rig_run, tmp_path):
     if not is_installed("pyorbslam3"):
         pytest.skip("ORB-SLAM3 is not installed")
     stereo = _errors(rig_run, "orb-slam3-stereo", tmp_path)
-    assert stereo.ate_m < 0.01 * stereo.way_m
+    assert stereo.ate_m < 0.01 * stereo.path_length_m
     assert stereo.lost < 0.1
     inertial = _errors(rig_run, "orb-slam3-stereo-imu", tmp_path)
     if abs(inertial.scale - 1.0) > 0.01 or inertial.gravity_deg > 0.2:  # it is not deterministic
         inertial = _errors(rig_run, "orb-slam3-stereo-imu", tmp_path / "again")
-    assert inertial.ate_m < 0.01 * inertial.way_m
+    assert inertial.ate_m < 0.01 * inertial.path_length_m
     assert inertial.scale == pytest.approx(1.0, abs=0.01)
     assert inertial.gravity_deg < 0.2
 

@@ -72,7 +72,7 @@ def test_drift_is_the_share_of_the_way():
     estimate = Trajectory(times, pose_from_rotation(still, 1.03 * ways))
     errors = trajectory_errors(estimate, truth, "none")
     assert errors.drift == pytest.approx(0.03, rel=1e-9)
-    assert errors.way_m == pytest.approx(10.0)
+    assert errors.path_length_m == pytest.approx(10.0)
     assert errors.scale == 1.0  # positions on a line: no alignment
 
 

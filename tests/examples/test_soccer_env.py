@@ -71,13 +71,13 @@ def test_wheels_drive_ahead_and_turn(envs):
     for _ in range(2):
         envs.step(np.array([ahead, turn, arc], np.float32))
     moved = envs._position_m - before
-    way_m = 2 * 1.2 * soccer_env.STEP_S
+    distance_m = 2 * 1.2 * soccer_env.STEP_S
     np.testing.assert_allclose(
-        moved[0], way_m * np.array([np.cos(yaw[0]), np.sin(yaw[0])]), atol=1e-6
+        moved[0], distance_m * np.array([np.cos(yaw[0]), np.sin(yaw[0])]), atol=1e-6
     )
     np.testing.assert_allclose(moved[1], 0.0, atol=1e-9)
     np.testing.assert_allclose(
-        envs._yaw_rad - yaw, np.array([0.0, 2.0, 1.0]) * way_m / soccer_env.TRACK_M, rtol=1e-6
+        envs._yaw_rad - yaw, np.array([0.0, 2.0, 1.0]) * distance_m / soccer_env.TRACK_M, rtol=1e-6
     )
     # about the left wheels: the base keeps its distance to them
     center = before[2] + 0.5 * soccer_env.TRACK_M * np.array([-np.sin(yaw[2]), np.cos(yaw[2])])

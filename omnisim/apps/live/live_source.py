@@ -276,9 +276,9 @@ class LiveSource:
     def _render(self, renderer: Renderer, draw: Draw, channels: Collection[str]) -> Frame:
         base, time_s = self._base(renderer, draw.state.place), draw.state.time_s
         states = {}
-        for other, way_m in (("next", ADVANCE_M), ("previous", -ADVANCE_M)):
+        for other, distance_m in (("next", ADVANCE_M), ("previous", -ADVANCE_M)):
             moved = base.copy()
-            moved[:3, 3] += way_m * base[:3, 0]
+            moved[:3, 3] += distance_m * base[:3, 0]
             states[other] = WorldState({renderer.vehicle: moved}, time_s)
         return renderer.render(
             WorldState({renderer.vehicle: base}, time_s),

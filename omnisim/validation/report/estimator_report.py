@@ -53,7 +53,7 @@ Measure = Callable[[TrajectoryErrors], float]
 
 def ate_percent(errors: TrajectoryErrors) -> float:
     """Absolute trajectory error, percent of the path length; NaN: no motion."""
-    return 100.0 * errors.ate_m / errors.way_m if errors.way_m > 0.0 else math.nan
+    return 100.0 * errors.ate_m / errors.path_length_m if errors.path_length_m > 0.0 else math.nan
 
 
 def lost_percent(errors: TrajectoryErrors) -> float:
