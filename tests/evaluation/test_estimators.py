@@ -89,6 +89,7 @@ def test_the_imu_integrates_to_the_true_pose(imu_run, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_lidar_odometry_closes(tmp_path):
     """Required: KISS-ICP within 0.5 % of the path length, and larger errors without deskewing."""
     if not is_installed("kiss_icp") or not is_installed("small_gicp"):

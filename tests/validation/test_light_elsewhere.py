@@ -49,6 +49,7 @@ def test_shadows_are_a_path_tracers(scene):
     assert psnr_db(traced, _ours(scene), inside_rim(SENSOR)) > shadows.BOUND_DB
 
 
+@pytest.mark.long
 def test_a_draft_of_baked_light_is_a_path_tracers(scene):
     """Measured: 37.6 dB and 0.983; what is asked of built-in scenes is asked of a file, too."""
     ours = _ours(baked.in_baked_light(scene, DRAFT))
