@@ -24,7 +24,7 @@ from omnisim.scene.labels import BODY, find_labels
 
 if TYPE_CHECKING:  # slow to import, and seldom needed
     from omnisim.ground_truth.hits import HitDetails
-    from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution
+    from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution
     from omnisim.rendering.camera.degraded_camera import DegradedCamera
     from omnisim.rendering.hit_source import HitSource
     from omnisim.rendering.truth.ground_truth import GroundTruth
@@ -219,7 +219,11 @@ class SceneBackend(ABC):
 
     @abstractmethod
     def range_finder(
-        self, angles_rad: NDArray[np.float64], max_range_m: float, hidden: frozenset[ObjectPart]
+        self,
+        angles_rad: NDArray[np.float64],
+        max_range_m: float,
+        hidden: frozenset[ObjectPart],
+        limits: EchoLimits | None = None,
     ) -> RangeFinder:
         """Beams of a scanner.
 
@@ -227,6 +231,7 @@ class SceneBackend(ABC):
             angles_rad: (n,) in the scanner's frame, counter-clockwise from its x axis.
             max_range_m: range beyond which surfaces may be missed; may be infinite.
             hidden: parts of the vehicle that beams pass through.
+            limits: limits of echoes behind glass and mirrors; None: beams end at them.
         """
 
     @abstractmethod

@@ -13,7 +13,7 @@ from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
-from omnisim.ground_truth.lidar_beams import LidarBeams
+from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams
 from omnisim.rendering.backend import CameraBackend, CameraSetup, SceneBackend
 from omnisim.rendering.camera.degradations.development import (
     developed,
@@ -94,10 +94,14 @@ class RayBackend(SceneBackend):
         return RayCamera(self, setup)
 
     def range_finder(
-        self, angles_rad: NDArray[np.float64], max_range_m: float, hidden: frozenset[ObjectPart]
+        self,
+        angles_rad: NDArray[np.float64],
+        max_range_m: float,
+        hidden: frozenset[ObjectPart],
+        limits: EchoLimits | None = None,
     ) -> Beams:
         """Beams of a scanner."""
-        return Beams(lambda: self.rays, angles_rad, max_range_m, hidden)
+        return Beams(lambda: self.rays, angles_rad, max_range_m, hidden, limits)
 
     def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> LidarCaster:
         """Beams of a spinning lidar."""
