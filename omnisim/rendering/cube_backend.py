@@ -26,7 +26,6 @@ from omnisim.rendering.backend import (
 )
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.quality import QUALITIES
-from omnisim.rendering.followed_beams import FollowedBeams, FollowedRanges
 from omnisim.rendering.near_plane import near_plane_m, scene_size_m
 from omnisim.rendering.opengl.atlas.tile_plan import whole_faces
 from omnisim.rendering.opengl.capture.image_pass import RemapPass
@@ -47,10 +46,11 @@ from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.pipeline import Pipeline, check_image_size
 from omnisim.rendering.opengl.shadows.shadow_maps import ShadowMaps
 from omnisim.rendering.opengl_camera import DrawnHits, DrawnScene, OpenGLCamera
+from omnisim.rendering.rays.followed_beams import FollowedBeams, FollowedRanges
 from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene import Scene
-from omnisim.scene.specular import has_specular
+from omnisim.scene.specular_materials import has_specular
 
 if TYPE_CHECKING:  # imported where they are made: few images need them
     from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams

@@ -11,7 +11,7 @@ from omnisim.core.short_repr import counted
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.scene import Scene
 from omnisim.scene.planar_mirrors import find_mirrors
-from omnisim.scene.specular import has_specular, is_specular
+from omnisim.scene.specular_materials import has_specular, is_specular
 from omnisim.scene.static_surfaces import is_surface_planar, shown_surfaces
 
 if TYPE_CHECKING:

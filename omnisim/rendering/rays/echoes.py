@@ -19,7 +19,7 @@ from omnisim.rendering.rays.embree import NO_TRIANGLE
 from omnisim.rendering.rays.mirrored_rays import mirrored_rays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.shading.shading import View
-from omnisim.rendering.rays.shading.specular import SurfaceLight, surface_light
+from omnisim.rendering.rays.shading.surface_light import SurfaceLight, surface_light
 
 MAX_SURFACES = 16  # panes and mirrors along a path
 # Dynamic range of a receiver, an assumption: fainter paths are not followed, and fainter echoes are

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from omnisim.rendering.rays.caster import RayCaster, RayHits, Rays
-from omnisim.rendering.rays.shading.specular import SurfaceLight
+from omnisim.rendering.rays.shading.surface_light import SurfaceLight
 
 _MIN_COSINE = 0.02  # a ray that grazes a mirror starts at most 50 steps behind its hit
 
