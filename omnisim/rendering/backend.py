@@ -27,6 +27,7 @@ if TYPE_CHECKING:  # slow to import, and seldom needed
     from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution
     from omnisim.rendering.camera.degraded_camera import DegradedCamera
     from omnisim.rendering.hit_source import HitSource
+    from omnisim.rendering.rays.ray_scene import RayScene
     from omnisim.rendering.truth.ground_truth import GroundTruth
 
 
@@ -207,6 +208,14 @@ class SceneBackend(ABC):
         """Replace the static scene by one with the same lights and background.
 
         Unchanged parts are not loaded again, if the back end can. Cameras must `refresh`.
+        """
+
+    @abstractmethod
+    def ray_scene(self) -> RayScene:
+        """Scene to cast rays at, in its current state.
+
+        Raises:
+            OmnisimError: embreex is not installed.
         """
 
     @abstractmethod

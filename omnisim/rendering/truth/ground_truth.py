@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.world import ObjectPart
-from omnisim.ground_truth.channels import CHANNELS, FLOWS
+from omnisim.ground_truth.channels import CHANNELS, FLOWS, THROUGH
 from omnisim.ground_truth.hits import HitDetails, Hits
 from omnisim.ground_truth.label_names import Labels
 from omnisim.rendering.hit_source import HitSource
@@ -117,6 +117,10 @@ class GroundTruth:
         flows = [
             (pair, poses[CHANNELS[pair[0]].other]) for pair in FLOWS.items() if pair[0] in names
         ]
+        if not THROUGH.isdisjoint(names):
+            through = self._source.through(current, hits)
+            make["range_through"] = lambda: through.ranges_m
+            make["semantic_through"] = lambda: self._class_of_draw.take(through.draw_ids)
         motion = self._flow.begin(hits, current, flows[0][1]) if flows else None
         # the GPU renders the occlusion meanwhile
         channels = {name: np.ascontiguousarray(make[name]()) for name in names if name in make}
