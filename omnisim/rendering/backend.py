@@ -15,12 +15,14 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.extras import missing_packages
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.label_names import Labels
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.readback import FrameRequest, Readback, ScenePoses, SubFrames
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
+from omnisim.scene.specular_materials import has_specular
 
 if TYPE_CHECKING:  # slow to import, and seldom needed
     from omnisim.ground_truth.hits import HitDetails
@@ -209,6 +211,10 @@ class SceneBackend(ABC):
 
         Unchanged parts are not loaded again, if the back end can. Cameras must `refresh`.
         """
+
+    def follows_specular(self) -> bool:
+        """True if the scene has glass or mirrors, and embreex is installed to follow beams."""
+        return has_specular(self.scene, self.objects.values()) and not missing_packages("rays")
 
     @abstractmethod
     def ray_scene(self) -> RayScene:

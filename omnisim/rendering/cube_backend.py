@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import GraphicsError
-from omnisim.core.extras import missing_packages
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.rendering.backend import (
@@ -50,7 +49,6 @@ from omnisim.rendering.rays.followed_beams import FollowedBeams, FollowedRanges
 from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene import Scene
-from omnisim.scene.specular_materials import has_specular
 
 if TYPE_CHECKING:  # imported where they are made: few images need them
     from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams
@@ -179,10 +177,6 @@ class CubeBackend(SceneBackend):
         return FollowedBeams(
             self.follows_specular, drawn, lambda: LidarCaster(self.ray_scene, beams, hidden)
         )
-
-    def follows_specular(self) -> bool:
-        """True if the scene has glass or mirrors, and embreex is installed to follow beams."""
-        return has_specular(self.scene, self.objects.values()) and not missing_packages("rays")
 
     def ray_scene(self) -> RayScene:
         """Scene to cast rays at, built on first use after an edit.
