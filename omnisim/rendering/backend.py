@@ -186,6 +186,7 @@ class SceneBackend(ABC):
 
     def __init__(self, scene: Scene, objects: Mapping[str, Scene]):
         self.scene, self.objects = scene, objects
+        self._specular: tuple[Scene, bool] | None = None
 
     @property
     @abstractmethod
@@ -214,7 +215,9 @@ class SceneBackend(ABC):
 
     def follows_specular(self) -> bool:
         """True if the scene has glass or mirrors, and embreex is installed to follow beams."""
-        return has_specular(self.scene, self.objects.values()) and not missing_packages("rays")
+        if self._specular is None or self._specular[0] is not self.scene:
+            self._specular = self.scene, has_specular(self.scene, self.objects.values())
+        return self._specular[1] and not missing_packages("rays")
 
     @abstractmethod
     def ray_scene(self) -> RayScene:

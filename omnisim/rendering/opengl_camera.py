@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.core.extras import require_extra
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
@@ -21,7 +22,7 @@ from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.pipeline import DegradedPipeline, Pipeline
 from omnisim.rendering.readback import FrameRequest, Readback, ScenePoses
-from omnisim.scene.specular_materials import is_specular
+from omnisim.scene.specular_materials import specular_mask
 
 if TYPE_CHECKING:
     from omnisim.rendering.rays.through import ThroughCaster
@@ -74,13 +75,17 @@ class DrawnHits(HitSource):
         assert self.through_caster is not None
         return self.through_caster.cast(poses, hits, self._is_specular, self.draws)
 
+    @cached_property
+    def _is_specular(self) -> NDArray[np.bool_]:
+        """Mask (draws,) of glass and mirrors."""
+        materials = [item.material for item in self._buffers.draw_items]
+        return specular_mask(materials, self._buffers.is_matte)
+
     def _find_draws(self) -> None:
         from omnisim.rendering.truth.deforming_draws import deforming_draws
 
-        items, is_matte = self._buffers.draw_items, self._buffers.is_matte
-        self.draws = [(item.object_index, item.name) for item in items]
-        is_specular_item = [is_specular(item.material) and not is_matte for item in items]
-        self._is_specular = np.array(is_specular_item, dtype=np.bool_)
+        self.draws = [(item.object_index, item.name) for item in self._buffers.draw_items]
+        self.__dict__.pop("_is_specular", None)
         self.deforming = deforming_draws(self._buffers)
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.scene.model import AlphaMode, Material, Scene
 from omnisim.scene.planar_mirrors import is_smooth
@@ -20,12 +23,22 @@ def is_specular(material: Material) -> bool:
     return material.pane_transmission > 0.0 or is_smooth(material, MIN_ROUGHNESS)
 
 
+def specular_mask(materials: Sequence[Material], is_matte: bool) -> NDArray[np.bool_]:
+    """Mask (n,) of specular materials; none is if the scene is shaded as matte."""
+    if is_matte:
+        return np.zeros(len(materials), dtype=np.bool_)
+    known: dict[int, bool] = {}
+    for one in materials:
+        if id(one) not in known:
+            known[id(one)] = is_specular(one)
+    return np.array([known[id(one)] for one in materials], dtype=np.bool_)
+
+
 def has_specular(scene: Scene, others: Iterable[Scene] = ()) -> bool:
     """True if a scene, or one of its dynamic objects, has visible specular surfaces."""
-    if scene.lighting.is_matte:
-        return False
-    return any(
-        is_specular(part.materials[part.meshes[instance.mesh].material])
+    materials = [
+        part.materials[part.meshes[instance.mesh].material]
         for part in (scene, *others)
         for instance in part.instances
-    )
+    ]
+    return bool(specular_mask(materials, scene.lighting.is_matte).any())

@@ -9,9 +9,9 @@ The second view is to the right, so shadows are on the left of the objects that 
 independent per pixel. Real devices match windows, which makes noise smooth and edges ragged.
 
 Clean panes and mirrors have no pattern of their own. The depth is then that of the surface that the
-image shows there: behind a pane, or as far away as in the mirror. Too little light is left if panes
-and mirrors take more than nine tenths of it, twice for a projector's: the pixel is a hole. The model
-omits dark surfaces, highlights, sunlight and lens distortion.
+image shows there: behind a pane, or as far away as in the mirror. If panes and mirrors leave less
+than a tenth of the light, twice for a projector's, the pixel is a hole. The model omits dark
+surfaces, highlights, sunlight and lens distortion.
 
 Sources: Khoshelham and Elberink, "Accuracy and resolution of Kinect depth data", Sensors 12(2),
 2012; Konolige and Mihelich, "Technical description of Kinect calibration", ROS, 2010; Nguyen, Izadi

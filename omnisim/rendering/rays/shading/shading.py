@@ -36,7 +36,7 @@ from omnisim.rendering.rays.shading.shadows import CastShadow, Shadows
 from omnisim.rendering.rays.shading.surface_table import NORMAL_SCALES, Sampler, SurfaceTable
 from omnisim.scene.light.baked_light import BakedLight
 from omnisim.scene.model import AlphaMode, Lighting
-from omnisim.scene.specular_materials import is_specular
+from omnisim.scene.specular_materials import specular_mask
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
 # Mip level bias, as in `sensor_tiles`: averaging within the pixel removes slight oversharpness.
@@ -88,8 +88,7 @@ class Shading:
         self.is_blended = np.array([mode is AlphaMode.BLEND for mode in modes], dtype=np.bool_)
         self.panes = Panes.of(materials)
         self.is_pane = (self.panes.transmission > 0.0) & (not lighting.is_matte)
-        is_specular_material = [is_specular(material) for material in materials]
-        self.is_specular = np.array(is_specular_material, np.bool_) & (not lighting.is_matte)
+        self.is_specular = specular_mask(materials, lighting.is_matte)
         self.hit_cutoff = np.array([m.hit_cutoff for m in materials], dtype=np.float32)
         self.shadow_cutoff = np.array([m.shadow_cutoff for m in materials], dtype=np.float32)
 
