@@ -134,21 +134,29 @@ def test_a_mirror_leaves_schlicks_share_on_both_ways(material, degrees):
 
 
 def test_polished_metal_returns_nothing_but_perpendicularly():
-    """Facets return f0 π D cosθ / (4 cos²θ), with GGX's D for the smallest roughness, 0.04."""
+    """A Gaussian beam whose return falls to 1/e where the plane turns it by 3.2 mrad."""
     scene, limits = scene_of([square(half_m=1e3)], [METAL]), EchoLimits(1, 0.1, 100.0)
-    for degrees in (0.0, 1.0, 3.0, 20.0, 60.0, 85.0):
+    peak = 0.8 / (4.0 * 0.0016**2)
+    for degrees in (0.0, 0.2, 0.3, 1.0, 20.0, 60.0, 85.0):
         found = echoes(scene, slope(degrees))
-        angle, squared = np.radians(degrees), 0.04**4
-        spread = np.sin(angle) ** 2 + np.cos(angle) ** 2 * squared
-        shadowing = (
-            2.0
-            * np.cos(angle)
-            / (np.cos(angle) + np.sqrt(squared + (1.0 - squared) * np.cos(angle) ** 2))
-        )
-        expected = 0.8 * squared / spread**2 / (4.0 * np.cos(angle)) * shadowing
-        np.testing.assert_allclose(found.intensities, [expected], rtol=1e-3)
+        expected = peak * np.exp(-((np.radians(degrees) / 0.0016) ** 2))
+        # small angles: tangents and cosines differ by less than 1 %
+        np.testing.assert_allclose(found.intensities, [expected], rtol=0.01, atol=1e-4)
         returned = np.isfinite(select_returns(found, 1, limits).ranges_m[0, 0])
-        assert returned == (degrees < 8.0)
+        assert returned == (degrees < 0.39)
+
+
+def test_rough_metal_returns_by_gltf_s_facets():
+    """f0 π D V cosθ, where half vector, view and light are one direction, at roughness 0.3."""
+    rough = dataclasses.replace(METAL, roughness=0.3)
+    scene = scene_of([square(half_m=1e3)], [rough])
+    for degrees in (0.0, 5.0, 30.0, 70.0):
+        cosine, squared = np.cos(np.radians(degrees)), 0.3**4
+        facets = squared / (cosine**2 * (squared - 1.0) + 1.0) ** 2
+        visible = 0.5 / (2.0 * cosine * np.sqrt(cosine**2 * (1.0 - squared) + squared))
+        found = echoes(scene, slope(degrees))
+        np.testing.assert_allclose(found.intensities, [0.8 * facets * visible * cosine], rtol=1e-4)
+        assert found.is_certain.all()
 
 
 def test_a_curved_mirror_returns_only_its_glint():

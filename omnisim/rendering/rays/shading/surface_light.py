@@ -2,10 +2,11 @@
 
 A surface returns light to where it came from by two ways. The body below the gloss is Lambertian,
 and the light crosses the gloss twice. Facets of the gloss return light where they face it: half
-vector, view and light are one direction, so that polished surfaces return next to nothing unless
-they are met perpendicularly.
+vector, view and light are one direction. A polished surface returns nothing unless it is met
+perpendicularly, to within the beam's divergence, for which 3.2 mrad are assumed: the VLP-16 has 3.
 
-Sources: glTF 2.0, appendix B, for facets and Schlick's Fresnel; `panes` for thin panes; Höfle and
+Sources: glTF 2.0, appendix B, for facets and Schlick's Fresnel; Walter et al., "Microfacet Models
+for Refraction through Rough Surfaces", 2007, for Beckmann's; `panes` for thin panes; Höfle and
 Pfeifer, "Correction of laser scanning intensity data", ISPRS Journal 62 (2007), for the returned
 share, which is relative to a white Lambertian surface met perpendicularly at the same range.
 """
@@ -27,6 +28,8 @@ Shares = NDArray[np.float64]
 _MIN_FLAT_COSINE = float(np.cos(np.radians(0.1)))
 _SMOOTH = MIN_ROUGHNESS + 1e-6
 _MIN_COSINE = 1e-4
+# Squared slope at which a plane returns 1/e of the light: it turns the beam by 3.2 mrad.
+_BEAM_SQUARED = MIN_ROUGHNESS**4
 
 
 class SurfaceLight(NamedTuple):
@@ -106,8 +109,17 @@ def _of_gloss(surface: Reflectance, cosines: Shares) -> tuple[Shares, Shares]:
 
 
 def _facets(roughness: NDArray[np.floating], cosines: Shares) -> Shares:
-    """Light (n,) that facets of reflectance 1 return, by the cosines (n,) of incidence."""
+    """Light (n,) that facets of reflectance 1 return, by the cosines (n,) of incidence.
+
+    Smooth surfaces are flat. The beam's divergence takes the place of their facets: a Gaussian, as
+    Beckmann's facets of the smallest roughness.
+    """
+    squares = 1.0 - cosines**2
+    is_smooth = roughness <= _SMOOTH
     normals = np.broadcast_to((0.0, 0.0, 1.0), (len(cosines), 3))
-    halfway = np.stack((np.sqrt(1.0 - cosines**2), np.zeros_like(cosines), cosines), axis=1)
-    returned: Shares = cosines * microfacets(roughness, normals, halfway, cosines, cosines)
+    halfway = np.stack((np.sqrt(squares), np.zeros_like(cosines), cosines), axis=1)
+    rough = cosines * microfacets(roughness, normals, halfway, cosines, cosines)
+    tangents = squares / cosines**2
+    flat = np.exp(-tangents / _BEAM_SQUARED) / (4.0 * _BEAM_SQUARED * cosines**5)
+    returned: Shares = np.where(is_smooth, flat, rough)
     return returned
