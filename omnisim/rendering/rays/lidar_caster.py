@@ -59,6 +59,7 @@ class LidarCaster:
         hits = _no_hits(size, limits is not None)
         if limits is not None and limits.returns > 1:
             hits = hits._replace(second=_no_hits(size, True))
+        targets = [hits] if hits.second is None else [hits, hits.second]
         parts = [
             (one, first, min(first + _FIRINGS_AT_ONCE, one.last))
             for one in revolution.slices
@@ -79,14 +80,12 @@ class LidarCaster:
                 np.full(len(directions), self._beams.max_range_m),
             )
             returns = self._cast_slice(scene, one, rays, shares, limits)
-            number, target = 0, hits
-            while target is not None:
+            for number, target in enumerate(targets):
                 target.ranges_m[:, firings] = returns.ranges_m[number].reshape(size[0], -1)
                 target.draw_ids[:, firings] = returns.surfaces_plus_one[number].reshape(size[0], -1)
                 if target.intensities is not None:
                     values = returns.intensities[number].reshape(size[0], -1)
                     target.intensities[:, firings] = values
-                number, target = number + 1, target.second
 
         scene.in_threads(cast_part, parts)
         return hits

@@ -79,7 +79,8 @@ def pane_reflectance_by_series(cosines: Floats, ior: float) -> Floats:
     across = (np.sin(outside - inside) / np.sin(outside + inside)) ** 2
     along = (np.tan(outside - inside) / np.tan(outside + inside)) ** 2
     once = 0.5 * (across + along)
-    total, inner = once.copy(), (1.0 - once) ** 2 * once
+    total: Floats = once.copy()
+    inner = (1.0 - once) ** 2 * once
     for _ in range(60):
         total += inner
         inner *= once**2

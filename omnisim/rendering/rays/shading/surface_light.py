@@ -3,7 +3,8 @@
 A surface returns light to where it came from by two ways. The body below the gloss is Lambertian,
 and the light crosses the gloss twice. Facets of the gloss return light where they face it: half
 vector, view and light are one direction. A polished surface returns nothing unless it is met
-perpendicularly, to within the beam's divergence, for which 3.2 mrad are assumed: the VLP-16 has 3.
+perpendicularly, to within the beam's divergence, for which 3.2 mrad are assumed: the VLS-128 has 3
+(Velodyne, VLS-128 User Manual, table F-1).
 
 Sources: glTF 2.0, appendix B, for facets and Schlick's Fresnel; Walter et al., "Microfacet Models
 for Refraction through Rough Surfaces", 2007, for Beckmann's; `panes` for thin panes; Höfle and
