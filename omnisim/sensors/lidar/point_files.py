@@ -53,12 +53,13 @@ def write_points(
 
 def _ply_header(points: NDArray[np.void], world_from_lidar: Pose, comments: Sequence[str]) -> bytes:
     """Header of a PLY file. Source: Turk, The PLY Polygon File Format (1994)."""
+    names = points.dtype.names or ()
     lines = [
         "ply",
         "format binary_little_endian 1.0",
         *(f"comment {comment}" for comment in comments),
         f"element vertex {len(points)}",
-        *(f"property {_PLY_TYPES[kind]} {name}" for name, kind in points.dtype.descr),
+        *(f"property {_PLY_TYPES[points.dtype[name].str]} {name}" for name in names),
         "end_header",
     ]
     return ("\n".join(lines) + "\n").encode("ascii")
