@@ -138,9 +138,9 @@ def test_objects_behind_a_pane_are_where_a_slice_s_middle_has_them(backend):
     azimuths_rad = np.abs(cloud.points["azimuth"])
     ahead = (azimuths_rad > 0.01) & (azimuths_rad < 0.3)
     times_s = cloud.points["time"][ahead]
-    off_m = cloud.points["x"][ahead] - (1.5 + 2.0 * times_s)
+    errors_m = cloud.points["x"][ahead] - (1.5 + 2.0 * times_s)
     assert ahead.sum() > 5
-    assert np.abs(off_m).max() < 0.5 * MAX_PATH_M + 1e-4
+    assert np.abs(errors_m).max() < 0.5 * MAX_PATH_M + 1e-4
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
