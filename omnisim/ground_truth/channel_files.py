@@ -2,6 +2,7 @@
 
     frame.range.png             16 bits: 0 outside the camera, 65535: no hit; a step is 1 mm, or
                                 2, 5, 10 mm … for ranges beyond 65.534 m, as stated in the JSON
+    frame.range_through.png     as frame.range.png, with its own scale
     frame.z.exr, frame.position.exr            as in the EXR of all channels
     frame.scene_flow.exr, frame.scene_flow_camera.exr    as in the EXR of all channels
     frame.normals.png, frame.normals_camera.png    16 bits, 32768 + 32767 n; 0 0 0: no hit
@@ -9,6 +10,7 @@
     frame.roughness.png, frame.metallic.png    16 bits, 1 + 65534 x; 0: no hit
     frame.emissive.exr          as in the EXR of all channels
     frame.semantic.png          8 bits, or 16 if a class ID exceeds 255
+    frame.semantic_through.png  as frame.semantic.png
     frame.instance.png          16 bits
     frame.flow.flo, frame.flow.png             formats of Middlebury and KITTI
     frame.occluded.png          8 bits: 0 visible, 1 occluded, 2 outside, 255 no ray
@@ -33,7 +35,7 @@ from numpy.typing import NDArray
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import is_float_format, write_image, write_numbers
 from omnisim.core.srgb import srgb8_from_linear
-from omnisim.ground_truth.channels import CHANNELS, FLOWS
+from omnisim.ground_truth.channels import CHANNELS, CLASSES, FLOWS, RANGES
 from omnisim.ground_truth.coco import VISIBLE_SHARE, BoxLimits, coco_image, write_json
 from omnisim.ground_truth.exr import write_exr
 from omnisim.ground_truth.flow_files import KITTI_STEPS_PER_PX, write_flo, write_kitti_flow
@@ -46,10 +48,14 @@ _SIDECARS = ("channels.json", "coco.json", BOXES_3D)  # in addition to the chann
 _MAX_ID = 2**16 - 1
 FINEST_RANGE_STEPS_PER_M = 1000
 _NOTHING_HIT = _MAX_ID
-_RANGE_ABOUT = (
-    "length of the ray from the effective viewpoint, in steps, at least 1; the scale is this "
-    "image's own"
-)
+_IN_STEPS = "in steps, at least 1; the scale is this image's own"
+_RANGE_ABOUT = {
+    "range": f"length of the ray from the effective viewpoint, {_IN_STEPS}",
+    "range_through": (
+        "length of the ray's path to the first surface that is no glass, and after mirrors, "
+        f"{_IN_STEPS}"
+    ),
+}
 
 
 def write_sidecars(
@@ -78,8 +84,8 @@ def write_sidecars(
         channel = CHANNELS[name]
         described[name] = {"unit": channel.unit, "about": channel.about}
         if channel_format is not ChannelFormat.NPY and not is_float_format(image):
-            if name == "range":
-                files, scale = _write_ranges(image, values, has_ray)
+            if name in RANGES:
+                files, scale = _write_ranges(image, name, values, has_ray)
             else:
                 files, scale = _write(image, name, values, labels, metadata)
             described[name] = {"files": files} | described[name] | scale
@@ -173,7 +179,7 @@ def range_steps_per_m(ranges_m: NDArray[Any]) -> float:
 
 
 def _write_ranges(
-    image: Path, ranges_m: NDArray[Any], has_ray: NDArray[np.bool_]
+    image: Path, name: str, ranges_m: NDArray[Any], has_ray: NDArray[np.bool_]
 ) -> tuple[list[str], dict[str, Any]]:
     """Write ranges as a PNG; return its file name, and the scale and meaning of its values."""
     steps_per_m = range_steps_per_m(ranges_m)
@@ -181,10 +187,10 @@ def _write_ranges(
     steps = np.rint(steps_per_m * np.where(hit, ranges_m, 0.0))
     # 0 means outside the camera, so a hit is at least one step away
     steps = np.where(hit, np.maximum(steps, 1), np.where(has_ray, _NOTHING_HIT, 0))
-    path = sidecar_path(image, "range.png")
+    path = sidecar_path(image, f"{name}.png")
     write_numbers(path, steps.astype(np.uint16))
     return [path.name], {
-        "about": _RANGE_ABOUT,
+        "about": _RANGE_ABOUT[name],
         "steps_per_m": int(steps_per_m) if steps_per_m.is_integer() else steps_per_m,
         "nothing_hit": _NOTHING_HIT,
         "outside": 0,
@@ -249,5 +255,5 @@ def _ids(
     if ids.max(initial=0) > _MAX_ID:
         raise OutputError(f"{path}: {ids.max()} instances: 16 bits hold {_MAX_ID}: expected .exr")
     # by the scene's labels, not by this image's: all images of a scene get the same bit depth
-    few = name == "semantic" and labels is not None and labels.classes[-1].id < 256
+    few = name in CLASSES and labels is not None and labels.classes[-1].id < 256
     return ids.astype(np.uint8 if few else np.uint16)

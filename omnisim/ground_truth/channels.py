@@ -4,7 +4,8 @@ Each value belongs to the ray of the pixel's center, from the effective viewpoin
 unlike the image's colors, it is never averaged over the pixel or blended with its neighbors.
 
 A surface with an alpha mask counts except at its holes. An alpha-blended surface counts where its
-alpha is at least 0.5, so channels show the surface behind clear glass.
+alpha is at least 0.5. Panes that transmit light, and mirrors, are surfaces as well: only
+`range_through` and `semantic_through` see through and by them.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from omnisim.core.errors import OutputError, did_you_mean
 
 ChannelName = Literal[
     "range",
+    "range_through",
     "z",
     "position",
     "normals",
@@ -27,6 +29,7 @@ ChannelName = Literal[
     "metallic",
     "emissive",
     "semantic",
+    "semantic_through",
     "instance",
     "flow",
     "occluded",
@@ -74,6 +77,12 @@ CHANNELS: dict[str, Channel] = {
             math.inf,
         ),
         Channel(
+            "range_through", ("range_through",), "float32", "m",
+            "length of the ray's path to the first surface that is no glass, and after mirrors, "
+            "as reflected; +inf: nothing is hit",
+            math.inf,
+        ),
+        Channel(
             "z", ("Z",), "float32", "m",
             "coordinate along the optical frame's z, not a distance: negative behind its plane, "
             "and a mirror's optical frame looks up into the mirror; +inf: nothing is hit",
@@ -116,6 +125,10 @@ CHANNELS: dict[str, Channel] = {
         Channel(
             "semantic", ("semantic",), "uint16", "",
             "number of the class, see the label table; 0: nothing is hit",
+        ),
+        Channel(
+            "semantic_through", ("semantic_through",), "uint16", "",
+            "number of the class of range_through's surface; 0: nothing is hit",
         ),
         Channel(
             "instance", ("instance",), "uint32", "",
@@ -163,6 +176,9 @@ CHANNELS: dict[str, Channel] = {
 }  # fmt: skip
 # Optical flow always comes with its occlusion channel.
 FLOWS = {"flow": "occluded", "flow_backward": "occluded_backward"}
+# Channels of the first surface, and of the one behind glass and after mirrors.
+RANGES, CLASSES = ("range", "range_through"), ("semantic", "semantic_through")
+THROUGH = frozenset(("range_through", "semantic_through"))
 # Alternative names.
 _SYNONYMS = {
     "depth": "range",

@@ -9,7 +9,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from omnisim.core.files.image_files import write_channels
-from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth.channels import CHANNELS, CLASSES
 from omnisim.ground_truth.label_names import Labels
 
 
@@ -46,6 +46,6 @@ def write_exr(
         layers |= {layer: planes[..., index] for index, layer in enumerate(channel.layers)}
         unit = f"{channel.unit}; " if channel.unit else ""
         attributes[f"omnisim:{name}"] = f"{', '.join(channel.layers)}: {unit}{channel.about}"
-    if labels is not None and channels.keys() & {"semantic", "instance"}:
+    if labels is not None and channels.keys() & {*CLASSES, "instance"}:
         metadata = {**metadata, "labels": labels.to_json()}
     write_channels(path, layers, metadata, attributes)

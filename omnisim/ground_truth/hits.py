@@ -50,6 +50,29 @@ class HitDetails(NamedTuple):
 NO_DETAILS = HitDetails()
 
 
+class ThroughHits(NamedTuple):
+    """Surfaces that pixels show behind glass and after mirrors, (height, width) each.
+
+    Attributes:
+        ranges_m: lengths of the paths; +inf: no hit.
+        draw_ids: 1 + draw item; 0: no hit.
+        cosines: cosines of the angles of incidence there; NaN: neither glass nor mirror before it.
+        shares: share of light, mean of linear RGB, that panes and mirrors on the way leave.
+    """
+
+    ranges_m: NDArray[np.float32]
+    draw_ids: NDArray[np.uint32]
+    cosines: NDArray[np.float32]
+    shares: NDArray[np.float32]
+
+    @classmethod
+    def of_first(cls, hits: Hits) -> ThroughHits:
+        """The first surfaces: where no glass and no mirror is."""
+        unknown = np.full(hits.draw_ids.shape, np.nan, dtype=np.float32)
+        everything = np.ones(hits.draw_ids.shape, dtype=np.float32)
+        return cls(hits.ranges_m.copy(), hits.draw_ids.copy(), unknown, everything)
+
+
 class Hits(NamedTuple):
     """Ray hits per pixel, first row at the top.
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth.channels import CHANNELS, CLASSES, RANGES
 from omnisim.ground_truth.label_names import Labels, distinct_color
 from omnisim.ground_truth.previews import NEAR_TO_FAR, OCCLUSION, range_limits, signed_limit
 
@@ -33,7 +33,7 @@ def legend(name: str, values: NDArray[Any], labels: Labels | None = None) -> Leg
     with `items` of a name and a color, largest areas first, and `more`, the number of further
     items; or "text", with `text`.
     """
-    if name == "range":
+    if name in RANGES:
         near, far = range_limits(values)
         colors = [_hex(color) for color in NEAR_TO_FAR.tolist()]
         return _ramp(near, far, CHANNELS[name].unit, colors, "logarithmic")
@@ -41,7 +41,7 @@ def legend(name: str, values: NDArray[Any], labels: Labels | None = None) -> Leg
         largest = signed_limit(values)
         colors = [_hex((35, 95, 235)), "#ffffff", _hex((235, 55, 35))]
         return _ramp(-largest, largest, CHANNELS[name].unit, colors, "linear")
-    if name == "semantic" and labels is not None:
+    if name in CLASSES and labels is not None:
         names = {one.id: one.name for one in labels.classes}
         palette = {one.id: _hex(one.color) for one in labels.classes}
         return _items(values, names, palette)

@@ -10,6 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 
+class EchoLimits(NamedTuple):
+    """Limits of a receiver behind glass and mirrors.
+
+    Attributes:
+        returns: number of returns of a beam: 1, or 2.
+        min_intensity: intensity of the faintest echo that is detected at `range_max_m`, relative to
+            a white surface met perpendicularly; nearer echoes may be fainter by the squared range.
+        range_max_m: nominal maximum range.
+    """
+
+    returns: int
+    min_intensity: float
+    range_max_m: float
+
+
 class LidarBeams(NamedTuple):
     """Beam directions of a lidar.
 
@@ -17,11 +32,13 @@ class LidarBeams(NamedTuple):
         elevations_rad: (rings,), ascending.
         azimuths_rad: (firings,), evenly descending from π over a full turn.
         max_range_m: range beyond which surfaces may be omitted.
+        echo_limits: limits of echoes behind glass and mirrors; None: beams end at them.
     """
 
     elevations_rad: NDArray[np.float64]
     azimuths_rad: NDArray[np.float64]
     max_range_m: float
+    echo_limits: EchoLimits | None = None
 
     @property
     def directions(self) -> NDArray[np.float64]:
@@ -89,3 +106,6 @@ class BeamHits(NamedTuple):
 
     ranges_m: NDArray[np.floating]  # (rings, firings); +inf: no hit
     draw_ids: NDArray[np.uint32]  # (rings, firings), 1 + draw item; 0: no hit
+    # (rings, firings), see `EchoLimits`; None: beams end at glass and mirrors
+    intensities: NDArray[np.floating] | None = None
+    second: BeamHits | None = None  # second returns; None: one return per beam

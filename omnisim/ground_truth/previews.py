@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.srgb import srgb8_from_linear
+from omnisim.ground_truth.channels import CLASSES
 from omnisim.ground_truth.label_names import Labels, distinct_color
 
 _NOTHING = (0, 0, 0)
@@ -32,7 +33,7 @@ def preview(name: str, values: NDArray[Any], labels: Labels | None = None) -> ND
     percentile. Scene flow: x, y, z as red, green, blue, gray at rest, full at the 99th percentile.
     Occlusion: green visible, red occluded, yellow outside.
     """
-    if name == "semantic" and labels is not None:
+    if name in CLASSES and labels is not None:
         return labels.class_colors.take(values, axis=0)
     return _PREVIEWS[name](values)
 
@@ -148,6 +149,7 @@ def _valid(valid: NDArray[Any]) -> NDArray[np.uint8]:
 
 _PREVIEWS: dict[str, Callable[[NDArray[Any]], NDArray[np.uint8]]] = {
     "range": _distances,
+    "range_through": _distances,
     "z": _signed,
     "position": _positions,
     "normals": _normals,
@@ -157,6 +159,7 @@ _PREVIEWS: dict[str, Callable[[NDArray[Any]], NDArray[np.uint8]]] = {
     "metallic": _shares,
     "emissive": lambda light: srgb8_from_linear(np.clip(light, 0.0, 1.0)),
     "semantic": _ids,
+    "semantic_through": _ids,
     "instance": _ids,
     "flow": _flow,
     "occluded": _occlusion,

@@ -15,7 +15,7 @@ from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.files.image_files import is_float_format, read_channels, read_image
 from omnisim.core.srgb import linear_from_srgb8
 from omnisim.ground_truth.channel_files import sidecar_path
-from omnisim.ground_truth.channels import CHANNELS, FLOWS
+from omnisim.ground_truth.channels import CHANNELS, FLOWS, RANGES
 from omnisim.ground_truth.flow_files import read_flo
 from omnisim.ground_truth.label_names import Labels
 from omnisim.ground_truth.npy import read_npy
@@ -153,7 +153,7 @@ def _decode(path: Path, name: str, described: Mapping[str, Any]) -> NDArray[Any]
     if name in ("roughness", "metallic"):
         shares = (numbers.astype(np.float64) - described["zero"]) / described["steps_per_unit"]
         values = np.where(numbers > 0, shares, np.nan)
-    if name == "range":
+    if name in RANGES:
         is_hit = (numbers != described["outside"]) & (numbers != described["nothing_hit"])
         values = np.where(is_hit, numbers / described["steps_per_m"], np.inf)
     return values

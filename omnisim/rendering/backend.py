@@ -15,18 +15,21 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.extras import missing_packages
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.label_names import Labels
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.readback import FrameRequest, Readback, ScenePoses, SubFrames
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
+from omnisim.scene.specular_materials import has_specular
 
 if TYPE_CHECKING:  # slow to import, and seldom needed
     from omnisim.ground_truth.hits import HitDetails
-    from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution
+    from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution
     from omnisim.rendering.camera.degraded_camera import DegradedCamera
     from omnisim.rendering.hit_source import HitSource
+    from omnisim.rendering.rays.ray_scene import RayScene
     from omnisim.rendering.truth.ground_truth import GroundTruth
 
 
@@ -183,6 +186,7 @@ class SceneBackend(ABC):
 
     def __init__(self, scene: Scene, objects: Mapping[str, Scene]):
         self.scene, self.objects = scene, objects
+        self._specular: tuple[Scene, bool] | None = None
 
     @property
     @abstractmethod
@@ -209,6 +213,20 @@ class SceneBackend(ABC):
         Unchanged parts are not loaded again, if the back end can. Cameras must `refresh`.
         """
 
+    def follows_specular(self) -> bool:
+        """True if the scene has glass or mirrors, and embreex is installed to follow beams."""
+        if self._specular is None or self._specular[0] is not self.scene:
+            self._specular = self.scene, has_specular(self.scene, self.objects.values())
+        return self._specular[1] and not missing_packages("rays")
+
+    @abstractmethod
+    def ray_scene(self) -> RayScene:
+        """Scene to cast rays at, in its current state.
+
+        Raises:
+            OmnisimError: embreex is not installed.
+        """
+
     @abstractmethod
     def camera(self, setup: CameraSetup) -> CameraBackend:
         """Camera in the scene.
@@ -219,7 +237,11 @@ class SceneBackend(ABC):
 
     @abstractmethod
     def range_finder(
-        self, angles_rad: NDArray[np.float64], max_range_m: float, hidden: frozenset[ObjectPart]
+        self,
+        angles_rad: NDArray[np.float64],
+        max_range_m: float,
+        hidden: frozenset[ObjectPart],
+        limits: EchoLimits | None = None,
     ) -> RangeFinder:
         """Beams of a scanner.
 
@@ -227,6 +249,7 @@ class SceneBackend(ABC):
             angles_rad: (n,) in the scanner's frame, counter-clockwise from its x axis.
             max_range_m: range beyond which surfaces may be missed; may be infinite.
             hidden: parts of the vehicle that beams pass through.
+            limits: limits of echoes behind glass and mirrors; None: beams end at them.
         """
 
     @abstractmethod

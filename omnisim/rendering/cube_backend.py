@@ -16,7 +16,13 @@ from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
-from omnisim.rendering.backend import CameraBackend, CameraSetup, SceneBackend
+from omnisim.rendering.backend import (
+    BeamCaster,
+    CameraBackend,
+    CameraSetup,
+    RangeFinder,
+    SceneBackend,
+)
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.quality import QUALITIES
 from omnisim.rendering.near_plane import near_plane_m, scene_size_m
@@ -44,12 +50,11 @@ from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene import Scene
 
 if TYPE_CHECKING:  # imported where they are made: few images need them
-    from omnisim.ground_truth.lidar_beams import LidarBeams
+    from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams
     from omnisim.rendering.opengl.batch_pipeline import BatchPipeline
-    from omnisim.rendering.opengl.drawing.range_pass import RangePass
-    from omnisim.rendering.opengl.ground_truth.lidar_pass import LidarPass
     from omnisim.rendering.opengl.ground_truth.occlusion_pass import OcclusionPass
     from omnisim.rendering.opengl.hit_batches import HitBatches
+    from omnisim.rendering.rays.ray_scene import RayScene
 
 # A triangle is hit if a texel near the ray shows it or an adjacent one. Measured in the warehouse:
 # 0.1 % of the rays miss one at 1 texel per pixel, 0.05 % at 1.5, mostly at silhouettes.
@@ -76,6 +81,7 @@ class CubeBackend(SceneBackend):
 
     def __init__(self, scene: Scene, objects: Mapping[str, Scene], device: int | None = None):
         super().__init__(scene, objects)
+        self._rays: RayScene | None = None
         self.context = open_context(device)
         self._finalizer = weakref.finalize(
             self, release_unclosed_context, self.context, threading.current_thread()
@@ -122,7 +128,7 @@ class CubeBackend(SceneBackend):
         self.buffers.update(scene)
         if self._shadows is not None:
             self._shadows.refresh()
-        self.scene = scene
+        self.scene, self._rays = scene, None
 
     def camera(self, setup: CameraSetup) -> CameraBackend:
         """Camera in the scene; needs the current context, as do all its methods."""
@@ -134,24 +140,61 @@ class CubeBackend(SceneBackend):
         return CubeCamera(self, drawn, setup)
 
     def range_finder(
-        self, angles_rad: NDArray[np.float64], max_range_m: float, hidden: frozenset[ObjectPart]
-    ) -> RangePass:
+        self,
+        angles_rad: NDArray[np.float64],
+        max_range_m: float,
+        hidden: frozenset[ObjectPart],
+        limits: EchoLimits | None = None,
+    ) -> RangeFinder:
         """Beams of a scanner; needs the current context, as do the pass's methods."""
         from omnisim.rendering.opengl.drawing.range_pass import RangePass
+        from omnisim.rendering.rays.beams import Beams
+        from omnisim.rendering.rays.followed_beams import FollowedRanges
 
-        return RangePass(self.buffers, angles_rad, max_range_m, hidden)
+        def drawn() -> RangePass:
+            return RangePass(self.buffers, angles_rad, max_range_m, hidden)
 
-    def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> LidarPass:
+        if limits is None:
+            return drawn()
+        return FollowedRanges(
+            self.follows_specular,
+            drawn,
+            lambda: Beams(self.ray_scene, angles_rad, max_range_m, hidden, limits),
+        )
+
+    def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> BeamCaster:
         """Beams of a spinning lidar; needs the current context, as do the pass's methods."""
         from omnisim.rendering.opengl.ground_truth.lidar_pass import LidarPass
+        from omnisim.rendering.rays.followed_beams import FollowedBeams
+        from omnisim.rendering.rays.lidar_caster import LidarCaster
 
         near_m = near_plane_m(scene_size_m(self.scene), LIDAR_NEAR_M)
-        return LidarPass(self.buffers, beams, near_m, hidden)
+
+        def drawn() -> LidarPass:
+            return LidarPass(self.buffers, beams, near_m, hidden)
+
+        if beams.echo_limits is None:
+            return drawn()
+        return FollowedBeams(
+            self.follows_specular, drawn, lambda: LidarCaster(self.ray_scene, beams, hidden)
+        )
+
+    def ray_scene(self) -> RayScene:
+        """Scene to cast rays at, built on first use after an edit.
+
+        Raises:
+            OmnisimError: embreex is not installed.
+        """
+        if self._rays is None:
+            from omnisim.rendering.rays.ray_scene import RayScene  # needs an extra
+
+            self._rays = RayScene(self.scene, tuple(self.objects.values()))
+        return self._rays
 
     def close(self) -> None:
         """Release the OpenGL context and everything in it."""
         if self._finalizer.detach() is not None:
-            for name in ("buffers", "surface_programs", "_shadows"):
+            for name in ("buffers", "surface_programs", "_shadows", "_rays"):
                 self.__dict__.pop(name, None)
             release_context(self.context)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
 from omnisim.core.world import ObjectPart
-from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
 from omnisim.rendering.readback import ScenePoses
 from omnisim.scene.model import Mesh
 
@@ -61,6 +61,14 @@ class HitSource(ABC):
         """Cast all rays of each image, in order; by default one after the other."""
         for one in poses:
             yield self.hits(one, details)
+
+    @abstractmethod
+    def through(self, poses: ScenePoses, hits: Hits) -> ThroughHits:
+        """Surfaces behind glass and after mirrors, given the first hits at the same poses.
+
+        Raises:
+            OmnisimError: the rays show glass or mirrors, and embreex is not installed.
+        """
 
     @abstractmethod
     def begin_occlusion(

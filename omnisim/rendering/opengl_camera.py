@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from typing import Generic, NamedTuple, TypeVar
+from functools import cached_property
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
-from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.extras import require_extra
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
 from omnisim.rendering.backend import CameraBackend, CameraSetup, SceneBackend, seen_background
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.hit_source import HitSource
@@ -16,7 +21,11 @@ from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.pipeline import DegradedPipeline, Pipeline
-from omnisim.rendering.readback import FrameRequest, Readback
+from omnisim.rendering.readback import FrameRequest, Readback, ScenePoses
+from omnisim.scene.specular_materials import specular_mask
+
+if TYPE_CHECKING:
+    from omnisim.rendering.rays.through import ThroughCaster
 
 
 class DrawnScene(NamedTuple):
@@ -37,7 +46,10 @@ class DrawnHits(HitSource):
 
     Attributes:
         details: see the arguments.
+        through_caster: caster of rays at glass and mirrors; its camera sets it.
     """
+
+    through_caster: ThroughCaster | None = None
 
     def __init__(
         self,
@@ -54,10 +66,26 @@ class DrawnHits(HitSource):
         """Update after the buffers changed."""
         self._find_draws()
 
+    def through(self, poses: ScenePoses, hits: Hits) -> ThroughHits:
+        """Surfaces behind glass and after mirrors, cast as rays where those are first."""
+        draws = np.unique(hits.draw_ids)
+        if not self._is_specular[draws[draws > 0] - 1].any():
+            return ThroughHits.of_first(hits)
+        require_extra("rays", "what pixels show behind glass and in mirrors")
+        assert self.through_caster is not None
+        return self.through_caster.cast(poses, hits, self._is_specular, self.draws)
+
+    @cached_property
+    def _is_specular(self) -> NDArray[np.bool_]:
+        """Mask (draws,) of glass and mirrors."""
+        materials = [item.material for item in self._buffers.draw_items]
+        return specular_mask(materials, self._buffers.is_matte)
+
     def _find_draws(self) -> None:
         from omnisim.rendering.truth.deforming_draws import deforming_draws
 
         self.draws = [(item.object_index, item.name) for item in self._buffers.draw_items]
+        self.__dict__.pop("_is_specular", None)
         self.deforming = deforming_draws(self._buffers)
 
 
@@ -106,8 +134,15 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
         needed = details.of_texels.joined(NO_DETAILS if held is None else held.details)
         if held is None or needed != held.details:
             self._hit_source = held = self._make_hits(needed)
+            held.through_caster = self._through_caster
             collect_garbage(self._drawn.buffers.context)
         return held
+
+    @cached_property
+    def _through_caster(self) -> ThroughCaster:
+        from omnisim.rendering.rays.through import ThroughCaster  # seldom needed
+
+        return ThroughCaster(self.world.ray_scene, self.setup)
 
     @abstractmethod
     def _make_hits(self, details: HitDetails) -> HitsT:

@@ -29,7 +29,6 @@ from omnisim.rendering.readback import FrameRequest, Readback, ScenePoses
 from omnisim.rendering.truth.sample_rays import sample_rays
 
 if TYPE_CHECKING:
-    from omnisim.rendering.rays.ray_scene import RayScene
     from omnisim.rendering.truth.parallax_hits import ParallaxHits
 
 _RAYS_PER_BATCH = 1 << 12
@@ -54,7 +53,6 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
                 f"virtual_cameras.samples: expected 1 for an optical system, got {sensor.samples}"
             )
         context = drawn.buffers.context
-        self._rays: RayScene | None = None
         colors = _rays_by_color(sensor)
         directions, origins_m = colors[len(colors) // 2].centers()
         every = slice(None, None, max(1, len(directions) // 10_000))
@@ -83,11 +81,6 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
         )
         self._use(self._parallax)
 
-    def refresh(self) -> None:
-        """Update after the buffers changed."""
-        self._rays = None
-        super().refresh()
-
     def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
         """Render an image; also return the metadata of its degradation and undecided samples."""
         self._parallax.undecided_samples = 0
@@ -110,7 +103,7 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
             self._cameras,
             self._viewpoint_m,
             details,
-            self._ray_scene if casts else None,
+            self.world.ray_scene if casts else None,
         )
 
     def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
@@ -121,19 +114,12 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
         """
         raise GraphicsError("faces: expected a central camera, got an optical system")
 
-    def _ray_scene(self) -> RayScene:
-        from omnisim.rendering.rays.ray_scene import RayScene  # needs an extra
-
-        if self._rays is None:
-            self._rays = RayScene(self.world.scene, tuple(self.world.objects.values()))
-        return self._rays
-
     def _cast(self, poses: ScenePoses, rays: SampleRays) -> NDArray[np.float32]:
         """Linear RGB (n, 3) along rays (n,) with their own origins, rig frame."""
         from omnisim.rendering.rays.depth_limits import DepthLimits
         from omnisim.rendering.rays.ray_scene import ObjectState
 
-        scene, rotation = self._ray_scene(), poses.world_from_rig[:3, :3]
+        scene, rotation = self.world.ray_scene(), poses.world_from_rig[:3, :3]
         aimed = DepthLimits(self._sensor.near_m, self._sensor.far_m).aim(
             rays.directions, poses.world_from_rig
         )

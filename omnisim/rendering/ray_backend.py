@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import ObjectPart
-from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
-from omnisim.ground_truth.lidar_beams import LidarBeams
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
+from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams
 from omnisim.rendering.backend import CameraBackend, CameraSetup, SceneBackend
 from omnisim.rendering.camera.degradations.development import (
     developed,
@@ -31,6 +31,7 @@ from omnisim.rendering.rays.lidar_caster import LidarCaster
 from omnisim.rendering.rays.pixel_hits import PixelHits
 from omnisim.rendering.rays.pixel_rays import PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
+from omnisim.rendering.rays.through import ThroughCaster
 from omnisim.rendering.readback import FrameRequest, Readback, ScenePoses, SubFrames
 from omnisim.scene import Scene
 
@@ -64,6 +65,10 @@ class RayBackend(SceneBackend):
             raise GraphicsError("this stage is closed: open a new one")
         return self._rays
 
+    def ray_scene(self) -> RayScene:
+        """Scene to cast rays at."""
+        return self.rays
+
     @property
     def is_open(self) -> bool:
         """False after `close`."""
@@ -94,10 +99,14 @@ class RayBackend(SceneBackend):
         return RayCamera(self, setup)
 
     def range_finder(
-        self, angles_rad: NDArray[np.float64], max_range_m: float, hidden: frozenset[ObjectPart]
+        self,
+        angles_rad: NDArray[np.float64],
+        max_range_m: float,
+        hidden: frozenset[ObjectPart],
+        limits: EchoLimits | None = None,
     ) -> Beams:
         """Beams of a scanner."""
-        return Beams(lambda: self.rays, angles_rad, max_range_m, hidden)
+        return Beams(lambda: self.rays, angles_rad, max_range_m, hidden, limits)
 
     def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> LidarCaster:
         """Beams of a spinning lidar."""
@@ -212,6 +221,8 @@ class RayHitSource(HitSource):
             for one in rays.caster.geometry.deforming
         }
         self._hidden = setup.hidden
+        self._is_specular = rays.shading.is_specular
+        self._through = ThroughCaster(lambda: rays, setup)
         self._pixels = PixelHits(rays, PixelRays(sensor.model, sensor.mesh_polygons), limits)
         self.has_ray = self._pixels.has_ray
         self._occluded = np.zeros_like(self.has_ray)
@@ -224,6 +235,10 @@ class RayHitSource(HitSource):
         """Cast all rays."""
         objects = ObjectState(poses.world_from_objects, self._hidden)
         return self._pixels.cast(poses.world_from_rig, objects, details)
+
+    def through(self, poses: ScenePoses, hits: Hits) -> ThroughHits:
+        """Surfaces behind glass and after mirrors."""
+        return self._through.cast(poses, hits, self._is_specular, self.draws)
 
     def begin_occlusion(
         self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
-
 from omnisim.core.short_repr import counted
 from omnisim.rendering.camera.quality import DEFAULT_MIRRORS
 from omnisim.scene import Scene
-from omnisim.scene.model import Material, Mesh
+from omnisim.scene.model import Material
 from omnisim.scene.planar_mirrors import (
-    MirrorPlane,
     find_mirrors,
     is_clear_pane,
     is_planar_mirror,
     is_smooth,
 )
+from omnisim.scene.static_surfaces import is_surface_planar, shown_surfaces
 from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS
 
 
@@ -31,21 +25,14 @@ def reflection_notes(scene: Scene, mirrors: int = DEFAULT_MIRRORS) -> list[str]:
     """
     if scene.lighting.is_matte:
         return []
-    surfaces = {
-        number: _Surface(
-            scene.meshes[one.mesh],
-            scene.materials[scene.meshes[one.mesh].material],
-            one.world_from_mesh,
-        )
-        for number, one in enumerate(scene.instances)
-    }
+    surfaces = shown_surfaces(scene)
     of_mirrors = find_mirrors(surfaces, is_planar_mirror)
     of_panes = find_mirrors(surfaces, is_clear_pane)
     planes = (*of_mirrors, *of_panes) if mirrors else ()
     unreflected = {
         id(one.material)
         for number, one in surfaces.items()
-        if reflects_scene(one.material) and not _is_planar(number, planes)
+        if reflects_scene(one.material) and not is_surface_planar(number, planes)
     }
     notes = []
     if unreflected:
@@ -60,21 +47,6 @@ def reflection_notes(scene: Scene, mirrors: int = DEFAULT_MIRRORS) -> list[str]:
             "(virtual_cameras.mirrors of a sensor file)"
         )
     return notes
-
-
-class _Surface(NamedTuple):
-    """Instance of a static mesh, see `ShownSurface`."""
-
-    mesh: Mesh
-    material: Material
-    object_from_mesh: NDArray[np.float64]
-    object_index: None = None
-
-
-def _is_planar(number: int, planes: Sequence[MirrorPlane]) -> bool:
-    """True if planar mirrors show all triangles of a surface."""
-    masks = [plane.parts[number] for plane in planes if number in plane.parts]
-    return bool(masks) and bool(np.any(masks, axis=0).all())
 
 
 def reflects_scene(material: Material) -> bool:

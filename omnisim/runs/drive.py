@@ -57,6 +57,7 @@ from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
 from omnisim.sensors.omnicamera.mounted_omnicamera import CAMERA_POSES
 from omnisim.sensors.sensor import DriveSettings, Moment, MountedSensor
+from omnisim.sensors.specular_keys import specular_notes
 
 MAX_SEED = 2**63 - 1
 SAME_MOTION_M = 1e-3  # far below a pixel; contacts that amplify rounding exceed it
@@ -292,6 +293,9 @@ class PlannedDrive:
         for one in drive.vehicle.cameras:
             note = near_plane_note(drive.scene, one.sensor, start)
             notes.append(None if note is None else f"{one.name}: {note}")
+        if any(getattr(one.sensor, "specular", False) for one in drive.vehicle.sensors):
+            objects = [one.shape for one in drive.scene.objects]
+            notes += specular_notes(drive.scene, objects, drive.backend)
         return [note for note in notes if note is not None]
 
     def _moment(self, run: RunFolder, sensor: str, index: int) -> Moment:

@@ -8,6 +8,7 @@ from typing import Any
 
 from omnisim.core.errors import RunError
 from omnisim.ground_truth import Labels
+from omnisim.ground_truth.channels import CLASSES
 from omnisim.ground_truth.coco import merged, write_json
 from omnisim.runs.run_folder import BOXES, LABELS, RunFolder
 from omnisim.sensors.omnicamera.mounted_omnicamera import BOXES_SUFFIX
@@ -20,7 +21,7 @@ def write_labels(run: RunFolder, labels: Labels) -> None:
         OutputError: the file cannot be written.
     """
     manifest = run.manifest
-    is_needed = bool({"semantic", "instance"} & set(manifest.channels)) or any(
+    is_needed = bool({*CLASSES, "instance"} & set(manifest.channels)) or any(
         manifest.sensor_class(name).has_instances for name in manifest.sensors
     )
     if is_needed and not run.has(LABELS):

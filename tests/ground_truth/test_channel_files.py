@@ -39,6 +39,7 @@ def _channels(height=7, width=9):
     distances = random.uniform(0.2, 90.0, hit.shape).astype(np.float32)
     return {
         "range": np.where(hit, distances, np.float32(np.inf)),
+        "range_through": np.where(hit, 2.0 * distances, np.float32(np.inf)),
         "z": np.where(hit, distances - 50, np.float32(np.inf)).astype(np.float32),
         "position": np.where(hit[..., None], random.normal(size=(height, width, 3)), np.nan),
         "normals": normals.astype(np.float32),
@@ -48,6 +49,7 @@ def _channels(height=7, width=9):
         "metallic": np.where(hit, instance == 1, np.nan).astype(np.float32),
         "emissive": (random.uniform(0, 40, normals.shape) * hit[..., None]).astype(np.float32),
         "semantic": LABELS.class_of_instance[instance],
+        "semantic_through": LABELS.class_of_instance[instance[:, ::-1]],
         "instance": instance,
         "flow": flow,
         "occluded": occlusion,

@@ -31,10 +31,10 @@ def test_flow_has_its_occlusion():
     ("text", "words"),
     [
         ("rnage", "'rnage': there is no such channel; did you mean 'range'?"),
-        ("range,semantics", "'semantics': there is no such channel; did you mean 'semantic'?"),
-        ("xyzzy", "'xyzzy': there is no such channel; expected one of range, z, position"),
+        ("range,semantics", "'semantics': there is no such channel; did you mean 'semantic' or"),
+        ("xyzzy", "'xyzzy': there is no such channel; expected one of range, range_through"),
         ("backward_flow", "did you mean 'flow_backward'?"),
-        (" , ", "expected names with commas: range,z"),
+        (" , ", "expected names with commas: range,range_through,z"),
     ],
 )
 def test_unknown_channels_are_refused_with_the_nearest(text, words):

@@ -41,6 +41,7 @@ def test_sidecars_are_read_in_their_own_steps(tmp_path):
     bounds = {"range": 1e-3, "normals": 2e-5, "normals_camera": 2e-5, "albedo": 5e-3}
     bounds |= {"roughness": 1e-5, "metallic": 1e-5}  # of 65534 steps
     bounds["position"] = 1e-6
+    bounds["range_through"] = 2.5e-3  # beyond 131 m a step is 5 mm
     for name, values in found.items():
         assert values.dtype == channels[name].dtype
         np.testing.assert_allclose(

@@ -33,6 +33,7 @@ from omnisim.core.errors import (
 )
 from omnisim.core.extras import require_extra
 from omnisim.core.poses import pose
+from omnisim.ground_truth.channels import CLASSES
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.baking.even_light import emission_notes
 from omnisim.rendering.camera.degradations import Degradation
@@ -42,7 +43,7 @@ from omnisim.rendering.unreflected import reflection_notes
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
 
-LABELED = frozenset(("semantic", "instance"))  # channels whose files name classes
+LABELED = frozenset((*CLASSES, "instance"))  # channels whose files name classes
 
 MAX_S = 1e9  # maximum world time, some 30 years
 

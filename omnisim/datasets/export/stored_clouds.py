@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import RunError
 from omnisim.datasets.export.file_headers import FileHeader
-from omnisim.sensors.lidar.point_files import POINT
+from omnisim.sensors.lidar.point_files import ECHO_POINT, POINT
 
 _ENDS = {".ply": b"end_header\n", ".pcd": b"DATA binary\n"}
 _COMMENTS = {".ply": "comment ", ".pcd": "# "}
@@ -23,7 +23,8 @@ class StoredCloud:
 
     Attributes:
         header: parameters and poses of the lidar.
-        points: (n,) records of type `omnisim.sensors.lidar.point_files.POINT`.
+        points: (n,) records of type `POINT` or `ECHO_POINT` of
+            `omnisim.sensors.lidar.point_files`.
     """
 
     header: FileHeader
@@ -33,6 +34,14 @@ class StoredCloud:
     def points_m(self) -> NDArray[np.float64]:
         """Points (n, 3) in the lidar's frame at each point's own time."""
         return np.stack([self.points[axis] for axis in "xyz"], axis=-1).astype(np.float64)
+
+    @property
+    def reflectances(self) -> NDArray[np.float32]:
+        """Intensities (n,), at most 1; 0 without intensities."""
+        if self.points.dtype != ECHO_POINT:
+            return np.zeros(len(self.points), dtype=np.float32)
+        reflectances: NDArray[np.float32] = np.minimum(self.points["intensity"], np.float32(1.0))
+        return reflectances
 
 
 def read_cloud(path: Path) -> StoredCloud:
@@ -50,8 +59,9 @@ def read_cloud(path: Path) -> StoredCloud:
     counts = [line.removeprefix(_COUNTS[path.suffix]) for line in lines if
               line.startswith(_COUNTS[path.suffix])]  # fmt: skip
     count = int(counts[0]) if counts and counts[0].isdecimal() else -1
-    if not end or len(data) != count * POINT.itemsize:
+    kind = ECHO_POINT if any("intensity" in line.split() for line in lines) else POINT
+    if not end or len(data) != count * kind.itemsize:
         raise RunError(f"{path}: is damaged: expected a point cloud as a drive writes it")
     comment = _COMMENTS[path.suffix]
     comments = [line.removeprefix(comment) for line in lines if line.startswith(comment)]
-    return StoredCloud(FileHeader(path, comments), np.frombuffer(data, dtype=POINT))
+    return StoredCloud(FileHeader(path, comments), np.frombuffer(data, dtype=kind))

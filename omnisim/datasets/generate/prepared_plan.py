@@ -26,6 +26,7 @@ from omnisim.datasets.generate.distributions import ConstantShares
 from omnisim.datasets.generate.plan import Plan, PlanObjectTable, PlanSceneTable, read_plan
 from omnisim.datasets.generate.plan_cameras import PlanRig, RigFile
 from omnisim.datasets.generate.plan_light import draw_light
+from omnisim.ground_truth.channels import CLASSES
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
 
@@ -106,7 +107,7 @@ class PreparedPlan:
         for index in range(len(self.plan.scenes)):
             scene = self.scene(index)
             notices += [f"{scene.name}: {notice}" for notice in scene.notices]
-            if "semantic" in self.plan.channels:
+            if not set(CLASSES).isdisjoint(self.plan.channels):
                 for label in find_labels(scene).classes:
                     if numbers.setdefault(label.name, label.id) != label.id:
                         notices.append(

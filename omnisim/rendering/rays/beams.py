@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.world import ObjectPart
+from omnisim.ground_truth.lidar_beams import EchoLimits
 from omnisim.rendering.rays.caster import Rays
+from omnisim.rendering.rays.echoes import no_returns, replace_specular
 from omnisim.rendering.rays.embree import NO_TRIANGLE
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 
@@ -24,6 +26,7 @@ class Beams:
         angles_rad: (n,) in the scanner's frame, counter-clockwise from its x axis.
         max_range_m: surfaces farther away are ignored; may be infinite.
         hidden: parts of dynamic objects that beams pass through.
+        limits: limits of echoes behind glass and mirrors; None: beams end at them.
     """
 
     def __init__(
@@ -32,8 +35,10 @@ class Beams:
         angles_rad: NDArray[np.float64],
         max_range_m: float,
         hidden: frozenset[ObjectPart],
+        limits: EchoLimits | None = None,
     ):
         self._scene, self._max_range_m, self._hidden = scene, max_range_m, hidden
+        self._limits = limits
         flat = np.zeros_like(angles_rad)
         self._directions = np.stack((np.cos(angles_rad), np.sin(angles_rad), flat), axis=1)
 
@@ -55,8 +60,12 @@ class Beams:
         )
         objects = ObjectState(world_from_objects, self._hidden)
         hits = scene.first_hits(rays, objects, both_sides=True)
-        ranges_m = np.full(count, np.inf)
+        returns = no_returns(1, count)
         hit = np.flatnonzero(hits.triangles != NO_TRIANGLE)
         exact = scene.caster.exact(rays.take(hit), hits.take(hit), world_from_objects)
-        ranges_m[hit] = exact.ranges_m
+        returns.ranges_m[0, hit] = exact.ranges_m
+        returns.surfaces_plus_one[0, hit] = scene.shading.surfaces(exact) + 1
+        if self._limits is not None and scene.shading.is_specular.any():
+            replace_specular(returns, scene, rays, objects, self._limits)
+        ranges_m: NDArray[np.float64] = returns.ranges_m[0]
         return ranges_m

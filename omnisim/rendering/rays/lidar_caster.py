@@ -8,8 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.world import ObjectPart
-from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, Revolution, Slice
+from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution, Slice
 from omnisim.rendering.rays.caster import Rays
+from omnisim.rendering.rays.echoes import (
+    Returns,
+    direct_intensities,
+    no_returns,
+    replace_specular,
+)
 from omnisim.rendering.rays.embree import NO_TRIANGLE
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 
@@ -22,7 +28,8 @@ class LidarCaster:
 
     Surfaces reflect on both sides. The surface that a beam hits is found with the dynamic objects
     at their poses in the middle of a slice; its range is computed with the object at its pose at
-    the time of firing.
+    the time of firing. Beams that hit glass or mirrors first are followed with the objects as in
+    the middle of the slice, if the beams have `EchoLimits`.
 
     Args:
         scene: scene to cast at, in its current state; earlier states are not kept.
@@ -48,7 +55,11 @@ class LidarCaster:
         """Hits of all beams of a revolution."""
         scene = self._scene()
         size = self._directions.shape[:2]
-        hits = BeamHits(np.full(size, np.inf), np.zeros(size, dtype=np.uint32))
+        limits = self._beams.echo_limits if scene.shading.is_specular.any() else None
+        hits = _no_hits(size, limits is not None)
+        if limits is not None and limits.returns > 1:
+            hits = hits._replace(second=_no_hits(size, True))
+        targets = [hits] if hits.second is None else [hits, hits.second]
         parts = [
             (one, first, min(first + _FIRINGS_AT_ONCE, one.last))
             for one in revolution.slices
@@ -68,19 +79,30 @@ class LidarCaster:
                 np.zeros(len(directions)),
                 np.full(len(directions), self._beams.max_range_m),
             )
-            ranges_m, draw_ids = self._cast_slice(scene, one, rays, shares)
-            hits.ranges_m[:, firings] = ranges_m.reshape(size[0], -1)
-            hits.draw_ids[:, firings] = draw_ids.reshape(size[0], -1)
+            returns = self._cast_slice(scene, one, rays, shares, limits)
+            for number, target in enumerate(targets):
+                target.ranges_m[:, firings] = returns.ranges_m[number].reshape(size[0], -1)
+                target.draw_ids[:, firings] = returns.surfaces_plus_one[number].reshape(size[0], -1)
+                if target.intensities is not None:
+                    values = returns.intensities[number].reshape(size[0], -1)
+                    target.intensities[:, firings] = values
 
         scene.in_threads(cast_part, parts)
         return hits
 
     def _cast_slice(
-        self, scene: RayScene, one: Slice, rays: Rays, shares: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.uint32]]:
-        """Ranges and 1 + instance (n,) of rays (n,) in a slice."""
+        self,
+        scene: RayScene,
+        one: Slice,
+        rays: Rays,
+        shares: NDArray[np.float64],
+        limits: EchoLimits | None,
+    ) -> Returns:
+        """Returns of rays (n,) in a slice; without limits, rays end at the first surface."""
         poses = one.middle.world_from_objects
-        hits = scene.first_hits(rays, ObjectState(poses, self._hidden), both_sides=True)
+        objects = ObjectState(poses, self._hidden)
+        beams = rays
+        hits = scene.first_hits(rays, objects, both_sides=True)
         hit = np.flatnonzero(hits.triangles != NO_TRIANGLE)
         hits, rays = hits.take(hit), rays.take(hit)
         geometry = scene.caster.geometry
@@ -92,9 +114,9 @@ class LidarCaster:
                 shares[hit[moving]],
                 *(pose.world_from_objects[number] for pose in (one.start, one.middle, one.end)),
             )
-        ranges_m = np.full(len(shares), np.inf)
-        draw_ids = np.zeros(len(shares), dtype=np.uint32)
-        ranges_m[hit] = scene.caster.exact(rays, hits, poses).ranges_m
+        returns = no_returns(1 if limits is None else limits.returns, len(shares))
+        exact = scene.caster.exact(rays, hits, poses)
+        ranges_m = exact.ranges_m
         for moving, some in bent:
             share = shares[hit[moving], None, None]
             start_m, end_m = (
@@ -102,12 +124,21 @@ class LidarCaster:
                 for pose in (one.start, one.end)
             )
             corners_m = start_m + share * (end_m - start_m)
-            exact = scene.caster.exact_at(corners_m, some, hits.take(moving))
+            moved = scene.caster.exact_at(corners_m, some, hits.take(moving))
             # a ray that misses the triangle at its own time keeps the hit of the slice's middle
-            inside = np.flatnonzero(exact.weights.min(axis=1) > -_BESIDE)
-            ranges_m[hit[moving[inside]]] = exact.ranges_m[inside]
-        draw_ids[hit] = geometry.surface_of_triangle[hits.triangles] + 1
-        return ranges_m, draw_ids
+            inside = np.flatnonzero(moved.weights.min(axis=1) > -_BESIDE)
+            ranges_m[moving[inside]] = moved.ranges_m[inside]
+        returns.ranges_m[0, hit] = ranges_m
+        returns.surfaces_plus_one[0, hit] = geometry.surface_of_triangle[hits.triangles] + 1
+        if limits is not None:
+            returns.intensities[0, hit] = direct_intensities(scene, rays, exact, objects)
+            replace_specular(returns, scene, beams, objects, limits)
+        return returns
+
+
+def _no_hits(size: tuple[int, int], has_intensities: bool) -> BeamHits:
+    intensities = np.zeros(size) if has_intensities else None
+    return BeamHits(np.full(size, np.inf), np.zeros(size, dtype=np.uint32), intensities)
 
 
 def _moving(one: Slice, parts: NDArray[np.intp]) -> Sequence[tuple[NDArray[np.intp], int]]:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.world import ObjectPart
-from omnisim.ground_truth.channels import CHANNELS, FLOWS
-from omnisim.ground_truth.hits import HitDetails, Hits
+from omnisim.ground_truth.channels import CHANNELS, FLOWS, THROUGH
+from omnisim.ground_truth.hits import HitDetails, Hits, ThroughHits
 from omnisim.ground_truth.label_names import Labels
 from omnisim.rendering.hit_source import HitSource
 from omnisim.rendering.readback import ScenePoses
@@ -61,6 +61,19 @@ class GroundTruth:
         """
         hits = self._source.hits(current, HitDetails.of_channels(names))
         return self._channels_of(hits, names, current, others or {})
+
+    def channels_through(
+        self, names: Sequence[str], current: ScenePoses
+    ) -> tuple[dict[str, NDArray[Any]], ThroughHits]:
+        """Channels without flow, and the surfaces behind glass and after mirrors.
+
+        Args:
+            names: see `channels`; without flow, scene flow, and channels through glass.
+            current: poses of the camera and the dynamic objects.
+        """
+        hits = self._source.hits(current, HitDetails.of_channels(names))
+        channels = self._channels_of(hits, names, current, {})
+        return channels, self._source.through(current, hits)
 
     def batch(
         self,
@@ -117,6 +130,10 @@ class GroundTruth:
         flows = [
             (pair, poses[CHANNELS[pair[0]].other]) for pair in FLOWS.items() if pair[0] in names
         ]
+        if not THROUGH.isdisjoint(names):
+            through = self._source.through(current, hits)
+            make["range_through"] = lambda: through.ranges_m
+            make["semantic_through"] = lambda: self._class_of_draw.take(through.draw_ids)
         motion = self._flow.begin(hits, current, flows[0][1]) if flows else None
         # the GPU renders the occlusion meanwhile
         channels = {name: np.ascontiguousarray(make[name]()) for name in names if name in make}

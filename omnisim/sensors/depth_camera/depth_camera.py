@@ -6,8 +6,12 @@ so that σ_z = σ_disparity z²/(f baseline). A pixel is a hole if its point is 
 view or out of range, or if the ray grazes the surface.
 
 The second view is to the right, so shadows are on the left of the objects that cast them. Noise is
-independent per pixel. Real devices match windows, which makes noise smooth and edges ragged. The
-model omits dark, shiny and transparent surfaces, sunlight and lens distortion.
+independent per pixel. Real devices match windows, which makes noise smooth and edges ragged.
+
+Clean panes and mirrors have no pattern of their own. The depth is then that of the surface that the
+image shows there: behind a pane, or as far away as in the mirror. If panes and mirrors leave less
+than a tenth of the light, twice for a projector's, the pixel is a hole. The model omits dark
+surfaces, highlights, sunlight and lens distortion.
 
 Sources: Khoshelham and Elberink, "Accuracy and resolution of Kinect depth data", Sensors 12(2),
 2012; Konolige and Mihelich, "Technical description of Kinect calibration", ROS, 2010; Nguyen, Izadi
@@ -19,16 +23,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.core.files.parameters import NotNegative, Parameters, Positive
+from omnisim.core.files.parameters import Flag, NotNegative, Parameters, Positive
 from omnisim.core.poses import pose
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import ObjectPart, WorldState
@@ -46,6 +50,8 @@ MAX_RANGE_M = 65.535  # 16 bits of millimeters
 SHADOW_SHARE = 1e-3
 # Ratio of neighboring depths at an edge: more than along a surface inclined by 85° to the rays.
 EDGE_RATIO = 1.05
+# Share of the light that panes and mirrors must leave: an assumption.
+MIN_SHARE = 0.1
 Size = Annotated[int, Field(strict=True, ge=1, le=MAX_IMAGE_PX)]
 
 
@@ -63,6 +69,8 @@ class DepthCamera(Parameters, name="depth_camera"):
         max_incidence_deg: maximum angle between a surface's normal and the ray.
         disparity_sigma_px: standard deviation of the disparity, including rounding.
         disparity_step_px: disparities are rounded to multiples of this step; 0: no rounding.
+        specular: depths are those behind panes and in mirrors, in scenes with such materials;
+            False: those of the first surface.
     """
 
     width_px: Size = 640
@@ -75,6 +83,7 @@ class DepthCamera(Parameters, name="depth_camera"):
     max_incidence_deg: Annotated[float, Field(strict=True, gt=0.0, le=90.0)] = 80.0
     disparity_sigma_px: NotNegative = 1.0 / 16.0
     disparity_step_px: NotNegative = 1.0 / 8.0
+    specular: Flag = True
 
     def __repr__(self) -> str:
         return short_repr(self, self.summary())
@@ -245,16 +254,43 @@ class _Views:
         self.second.refresh()
 
 
-def _channels(
-    view: CameraBackend,
-    names: Sequence[str],
-    world_from_base: NDArray[np.float64],
-    world_from_objects: Sequence[NDArray[np.float64]],
-) -> dict[str, NDArray[np.float32]]:
-    """Ground-truth channels (height, width, …) of a view at the poses, by name."""
-    world_from_rig = world_from_base @ view.setup.sensor.base_from_rig
-    poses = ScenePoses(world_from_rig, world_from_objects)
-    return view.ground_truth(names).channels(names, poses)
+class _Depths(NamedTuple):
+    """Depths of a view, (height, width) each.
+
+    Attributes:
+        z_m: depths along the optical axis; +inf: no surface.
+        incidence_cosines: cosines between normals and rays; None: not determined.
+        shares: share of light that panes and mirrors leave on one way; None: there are none.
+    """
+
+    z_m: NDArray[np.float32]
+    incidence_cosines: NDArray[np.float32] | None
+    shares: NDArray[np.float32] | None
+
+
+def _depths(view: CameraBackend, poses: ScenePoses, has_cosines: bool, through: bool) -> _Depths:
+    """Depths of a view at the poses, of the first surfaces or through glass and by mirrors."""
+    names = ("range", "z") if through else ("z",)
+    names = (*names, "normals_camera") if has_cosines else names
+    truth, model = view.ground_truth(names), view.setup.sensor.model
+    seen = None
+    if through:
+        channels, seen = truth.channels_through(names, poses)
+    else:
+        channels = truth.channels(names, poses)
+    z_m, cosines = channels["z"], None
+    if has_cosines:
+        u, v = np.meshgrid(np.arange(model.width_px), np.arange(model.height_px))
+        rays = model.ray_from_pixel(np.stack((u, v), axis=-1)).directions.astype(np.float32)
+        cosines = np.abs(np.einsum("hwc,hwc->hw", channels["normals_camera"], rays))
+    if seen is None:
+        return _Depths(z_m, cosines, None)
+    followed = np.isfinite(seen.cosines) | np.isinf(seen.ranges_m)
+    followed &= np.isfinite(channels["range"])
+    z_m[followed] *= seen.ranges_m[followed] / channels["range"][followed]
+    if cosines is not None:
+        cosines = np.where(np.isfinite(seen.cosines), seen.cosines, cosines)
+    return _Depths(z_m, cosines, seen.shares)
 
 
 class DepthRenderer(SensorRenderer[DepthCamera, _Views]):
@@ -287,24 +323,22 @@ class DepthRenderer(SensorRenderer[DepthCamera, _Views]):
             OmnisimError: an invalid pose, an object without a pose, or a closed renderer or stage.
         """
         now = self._state(state)
-        world_from_base = now.world_from_object[self.vehicle]
-        stage_poses = self._stage.poses_in(now)
+        world_from_base, sensor = now.world_from_object[self.vehicle], self.sensor
+        objects = self._stage.poses_in(now)
         with self._current() as views:
-            names = ("z", "normals_camera")
-            first = _channels(views.first, names, world_from_base, stage_poses)
-            second_z_m = _channels(views.second, ("z",), world_from_base, stage_poses)["z"]
-        return self.sensor.measure(
-            first["z"],
-            second_z_m,
-            self._incidence_cosines(first["normals_camera"]),
-            self._seed,
-            frame_number,
-        )
-
-    def _incidence_cosines(self, normals: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Cosines (height, width) between rays and normals (height, width, 3), optical frame."""
-        model = self.sensor.model
-        u, v = np.meshgrid(np.arange(model.width_px), np.arange(model.height_px))
-        rays = model.ray_from_pixel(np.stack((u, v), axis=-1)).directions.astype(np.float32)
-        cosines: NDArray[np.float32] = np.abs(np.einsum("hwc,hwc->hw", normals, rays))
-        return cosines
+            through = sensor.specular and self._stage.backend.follows_specular()
+            first, second = (
+                _depths(
+                    view,
+                    ScenePoses(world_from_base @ view.setup.sensor.base_from_rig, objects),
+                    view is views.first,
+                    through,
+                )
+                for view in (views.first, views.second)
+            )
+        assert first.incidence_cosines is not None
+        z_m = first.z_m
+        if first.shares is not None:
+            left = first.shares if sensor.is_stereo else first.shares**2
+            z_m = np.where(left >= MIN_SHARE, z_m, np.float32(np.inf))
+        return sensor.measure(z_m, second.z_m, first.incidence_cosines, self._seed, frame_number)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.core.files.image_files import write_numbers
-from omnisim.core.files.parameters import AboveZero, Level, Number
+from omnisim.core.files.parameters import AboveZero, Flag, Level, Number
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.sensors.calibration_file import CALIBRATION, calibration_json
 from omnisim.sensors.depth_camera.depth_camera import (
@@ -100,6 +100,9 @@ class DepthCameraMount(SensorMount):
     """Standard deviation of the disparity in pixels, including rounding."""
     disparity_step_px: Level | None = None
     """Step of the disparity in pixels; 0: no rounding."""
+    specular: Flag | None = None
+    """True: depths are those behind panes and in mirrors, in scenes with such materials; false:
+    those of the first surface."""
 
     def parameters(self) -> DepthCamera:
         """Build the camera's parameters."""

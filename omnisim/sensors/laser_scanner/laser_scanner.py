@@ -19,14 +19,24 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from omnisim.core.errors import OpticsError
-from omnisim.core.files.parameters import NotNegative, Number, Parameters, Positive, Seed
+from omnisim.core.files.parameters import (
+    Flag,
+    Fraction,
+    NotNegative,
+    Number,
+    Parameters,
+    Positive,
+    Seed,
+)
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import ObjectPart, WorldState
+from omnisim.ground_truth.lidar_beams import EchoLimits
 from omnisim.rendering.backend import RangeFinder
 from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
 from omnisim.rendering.shared_scene import SharedScene
 from omnisim.sensors.commented_csv import write_commented_csv
 from omnisim.sensors.device_noise import check_number, round_ranges
+from omnisim.sensors.specular_keys import stated_parameters
 
 LMS200_MODES = {"mm": (8.19, 0.001), "cm": (81.9, 0.01)}  # range_max_m and step_m: 13 bits
 _LMS200_FIELDS_DEG = {1.0: 180.0, 0.5: 180.0, 0.25: 100.0}  # by resolution
@@ -49,6 +59,9 @@ class LaserScanner(Parameters, name="scanner"):
         systematic_error_m: bound of the device's constant error, which is drawn once from the seed.
             Its uniform distribution is an assumption.
         seed: seed of the device, which sets its constant error and all its noise.
+        specular: beams pass panes and are reflected by mirrors, in scenes with such materials, and
+            the strongest return counts; False: they end at the first surface.
+        min_intensity: see `SpinningLidar`; an assumption.
 
     Raises:
         OpticsError: a parameter is invalid; names it, the actual and the expected value.
@@ -63,6 +76,8 @@ class LaserScanner(Parameters, name="scanner"):
     sigma_per_m: NotNegative = 0.0
     systematic_error_m: NotNegative = 0.015
     seed: Seed = 0
+    specular: Flag = True
+    min_intensity: Fraction = 0.1
 
     def __repr__(self) -> str:
         beams = f"{len(self.angles_deg)} beams over {self.field_of_view_deg:g}°"
@@ -271,7 +286,7 @@ class Scan:
         """
         header = {
             **self.metadata,
-            **dataclasses.asdict(self.scanner),
+            **stated_parameters(self.scanner),
             "world_from_scanner": self.world_from_scanner.tolist(),
         }
         rows = (
@@ -287,8 +302,11 @@ class LaserRenderer(SensorRenderer[LaserScanner, RangeFinder]):
     """Renders a scanner's scans of a scene."""
 
     def _open_passes(self, hidden: frozenset[ObjectPart]) -> RangeFinder:
-        angles_rad, reach_m = self.sensor.angles_rad, self.sensor.reach_m
-        return self._stage.backend.range_finder(angles_rad, reach_m, hidden)
+        sensor = self.sensor
+        limits = EchoLimits(1, sensor.min_intensity, sensor.range_max_m)
+        return self._stage.backend.range_finder(
+            sensor.angles_rad, sensor.reach_m, hidden, limits if sensor.specular else None
+        )
 
     def scan(self, state: WorldState | ArrayLike, scan_number: int = 0) -> Scan:
         """Render one scan.

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
-from omnisim.core.files.parameters import AboveZero, Level, Number, Seed
+from omnisim.core.files.parameters import AboveZero, Flag, Level, Number, Seed
 from omnisim.sensors.laser_scanner.laser_scanner import LaserRenderer, LaserScanner
 from omnisim.sensors.sensor import (
     TABLE_SUFFIX,
@@ -55,10 +56,14 @@ class Lms200Mount(SensorMount):
     """True: the device's errors; false: ranges are exact except for rounding."""
     seed: Seed = 0
     """Seed of the device, which determines its errors."""
+    specular: Flag = True
+    """True: beams pass panes and are reflected by mirrors, in scenes with such materials; false:
+    they end at the first surface."""
 
     def parameters(self) -> LaserScanner:
         """Build the LMS200's parameters."""
         scanner = LaserScanner.lms200(self.resolution_deg, self.mode, self.seed)
+        scanner = dataclasses.replace(scanner, specular=self.specular)
         return scanner if self.noise else scanner.without_noise()
 
 
@@ -80,10 +85,13 @@ class RangeScannerMount(SensorMount):
     """Standard deviation relative to the range: USARSim's Noise."""
     seed: Seed = 0
     """Seed of the device, which determines its noise."""
+    specular: Flag = True
+    """True: beams pass panes and are reflected by mirrors, in scenes with such materials; false:
+    they end at the first surface."""
 
     def parameters(self) -> LaserScanner:
         """Build the parameters of USARSim's scanner."""
-        return LaserScanner.usarsim(
+        scanner = LaserScanner.usarsim(
             # 6.2832 is a full turn with its last digit rounded up
             scan_fov_rad=min(self.scan_fov_rad, 2.0 * math.pi),
             resolution_rad=self.resolution_rad,
@@ -92,3 +100,4 @@ class RangeScannerMount(SensorMount):
             noise=self.noise_share,
             seed=self.seed,
         )
+        return dataclasses.replace(scanner, specular=self.specular)

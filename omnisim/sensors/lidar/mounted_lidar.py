@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.core.files.parameters import AboveZero, Level, Number, Seed
-from omnisim.sensors.lidar.spinning_lidar import LidarRenderer, SpinningLidar
+from omnisim.core.files.parameters import AboveZero, Flag, Fraction, Level, Number, Seed
+from omnisim.sensors.lidar.spinning_lidar import LidarRenderer, Returns, SpinningLidar
 from omnisim.sensors.rate import LATE
 from omnisim.sensors.sensor import (
     DriveSettings,
@@ -101,6 +101,15 @@ class LidarMount(SensorMount):
     """Standard deviation of a range in meters."""
     step_m: Level | None = None
     """Ranges are rounded to multiples of this step in meters; 0: no rounding."""
+    specular: Flag | None = None
+    """True: beams pass panes and are reflected by mirrors, in scenes with such materials; false:
+    they end at the first surface."""
+    returns: Returns | None = None
+    """Returns per beam behind glass and mirrors: 1, the strongest; or 2, the strongest and the
+    last."""
+    min_intensity: Fraction | None = None
+    """Faintest return at the maximum range from specular surfaces, and from what is behind them; 1
+    is a white surface met perpendicularly. Nearer returns may be fainter by the squared range."""
 
     def parameters(self) -> SpinningLidar:
         """Build the lidar's parameters."""

@@ -25,6 +25,8 @@ _FIELDS = {
     "instance": "<u4",
 }
 POINT = np.dtype(list(_FIELDS.items()))
+# Points of a lidar that sees through glass and by mirrors.
+ECHO_POINT = np.dtype([*_FIELDS.items(), ("intensity", "<f4"), ("return", "<u2")])
 _PLY_TYPES = {"<f4": "float", "<u2": "ushort", "<u4": "uint"}
 
 
@@ -35,7 +37,7 @@ def write_points(
 
     Args:
         path: output path.
-        points: (n,) points of type `POINT`, as in `PointCloud`.
+        points: (n,) points of type `POINT` or `ECHO_POINT`, as in `PointCloud`.
         world_from_lidar: (4, 4) viewpoint.
         metadata: header comments, written as `key: value` with the value in JSON.
 
@@ -44,34 +46,36 @@ def write_points(
         KeyError: any other suffix.
     """
     comments = [f"{key}: {json.dumps(value)}" for key, value in metadata.items()]
-    content = FORMATS[path.suffix](len(points), world_from_lidar, comments) + points.tobytes()
+    content = FORMATS[path.suffix](points, world_from_lidar, comments) + points.tobytes()
     with atomic_write(path) as partial:
         partial.write_bytes(content)
 
 
-def _ply_header(count: int, world_from_lidar: Pose, comments: Sequence[str]) -> bytes:
+def _ply_header(points: NDArray[np.void], world_from_lidar: Pose, comments: Sequence[str]) -> bytes:
     """Header of a PLY file. Source: Turk, The PLY Polygon File Format (1994)."""
+    names = points.dtype.names or ()
     lines = [
         "ply",
         "format binary_little_endian 1.0",
         *(f"comment {comment}" for comment in comments),
-        f"element vertex {count}",
-        *(f"property {_PLY_TYPES[kind]} {name}" for name, kind in _FIELDS.items()),
+        f"element vertex {len(points)}",
+        *(f"property {_PLY_TYPES[points.dtype[name].str]} {name}" for name in names),
         "end_header",
     ]
     return ("\n".join(lines) + "\n").encode("ascii")
 
 
-def _pcd_header(count: int, world_from_lidar: Pose, comments: Sequence[str]) -> bytes:
+def _pcd_header(points: NDArray[np.void], world_from_lidar: Pose, comments: Sequence[str]) -> bytes:
     """Header of a PCD file. Source: PCL, The PCD file format, version 0.7."""
     x, y, z, w = quaternion_from_rotation(world_from_lidar[None, :3, :3])[0]
     viewpoint = " ".join(f"{value:.9g}" for value in (*world_from_lidar[:3, 3], w, x, y, z))
-    kinds = [np.dtype(kind) for kind in _FIELDS.values()]
+    names, count = points.dtype.names or (), len(points)
+    kinds = [points.dtype[name] for name in names]
     lines = [
         "# .PCD v0.7 - Point Cloud Data file format",
         *(f"# {comment}" for comment in comments),
         "VERSION 0.7",
-        f"FIELDS {' '.join(_FIELDS)}",
+        f"FIELDS {' '.join(names)}",
         f"SIZE {' '.join(str(kind.itemsize) for kind in kinds)}",
         f"TYPE {' '.join(kind.kind.upper() for kind in kinds)}",
         f"COUNT {' '.join('1' for _ in kinds)}",

@@ -20,18 +20,27 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from omnisim.core.files.parameters import NotNegative, Number, Parameters, Positive, Seed
+from omnisim.core.files.parameters import (
+    Flag,
+    Fraction,
+    NotNegative,
+    Number,
+    Parameters,
+    Positive,
+    Seed,
+)
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import Motion, ObjectPart, WorldState
-from omnisim.ground_truth.lidar_beams import LidarBeams, LidarPoses
+from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams, LidarPoses
 from omnisim.rendering.backend import BeamCaster, LabelCache
 from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
 from omnisim.rendering.shared_scene import SharedScene
 from omnisim.rendering.truth.ground_truth import instances_of_draws
 from omnisim.rendering.truth.moving_boxes import MovingBoxes
 from omnisim.sensors.device_noise import check_number, round_ranges
-from omnisim.sensors.lidar.point_files import POINT, write_points
+from omnisim.sensors.lidar.point_files import ECHO_POINT, POINT, write_points
 from omnisim.sensors.lidar.revolution import plan_revolution
+from omnisim.sensors.specular_keys import stated_parameters
 
 MAX_RINGS, MAX_FIRINGS = 1024, 16384
 MAX_ELEVATION_DEG = 80.0
@@ -41,6 +50,7 @@ HDL64E_ELEVATIONS_DEG = (
     *(-25.0 / 3.0 + ring / 3.0 for ring in range(32)),  # upper block: −8.33° to 2°
 )
 
+Returns = Annotated[int, Field(strict=True, ge=1, le=2)]
 Elevation = Annotated[Number, Field(ge=-MAX_ELEVATION_DEG, le=MAX_ELEVATION_DEG)]
 
 
@@ -56,6 +66,13 @@ class SpinningLidar(Parameters, name="lidar"):
         step_m: ranges are rounded to multiples of this step; 0: no rounding.
         sigma_m: standard deviation of a range's normally distributed error.
         seed: seed of the device, which sets all its noise.
+        specular: beams pass panes and are reflected by mirrors, in scenes with such materials;
+            False: they end at the first surface.
+        returns: number of returns per beam behind glass and mirrors: 1, the strongest; or 2, the
+            strongest and the last (or the second strongest).
+        min_intensity: faintest echo at `range_max_m` that is a return, relative to a white surface
+            met perpendicularly; nearer ones may be fainter by the squared range. An assumption. It
+            applies to specular surfaces, and to what is behind them.
 
     Raises:
         OpticsError: a parameter is invalid; names it, the actual and the expected value.
@@ -71,6 +88,9 @@ class SpinningLidar(Parameters, name="lidar"):
     step_m: NotNegative = 0.002
     sigma_m: NotNegative = 0.03
     seed: Seed = 0
+    specular: Flag = True
+    returns: Returns = 1
+    min_intensity: Fraction = 0.1
 
     def __repr__(self) -> str:
         rings = f"{self.rings} rings × {self.firings} firings at {self.rate_hz:g} Hz"
@@ -157,9 +177,17 @@ class SpinningLidar(Parameters, name="lidar"):
     @cached_property
     def beams(self) -> LidarBeams:
         """Directions of all beams."""
-        return LidarBeams(np.radians(self.elevations_deg), self.azimuths_rad, self.reach_m)
+        limits = EchoLimits(self.returns, self.min_intensity, self.range_max_m)
+        return LidarBeams(
+            np.radians(self.elevations_deg),
+            self.azimuths_rad,
+            self.reach_m,
+            limits if self.specular else None,
+        )
 
-    def measure(self, true_ranges_m: NDArray[np.floating], revolution: int) -> NDArray[np.float64]:
+    def measure(
+        self, true_ranges_m: NDArray[np.floating], revolution: int, number: int = 0
+    ) -> NDArray[np.float64]:
         """Simulate measured ranges (rings, firings) in meters; +inf: no return.
 
         The noise depends only on the seed, the revolution's number, the ring and the firing, so any
@@ -168,6 +196,7 @@ class SpinningLidar(Parameters, name="lidar"):
         Args:
             true_ranges_m: (rings, firings) true ranges, +inf for misses.
             revolution: index of the revolution; equal numbers have equal noise.
+            number: index of the return.
 
         Raises:
             OpticsError: the index is not a whole number of 32 bits.
@@ -175,25 +204,41 @@ class SpinningLidar(Parameters, name="lidar"):
         check_number("lidar: revolution", revolution)
         ranges_m = np.array(true_ranges_m, dtype=np.float64)
         if self.sigma_m:
-            random = np.random.default_rng((self.seed, revolution))
+            seeds = (self.seed, revolution, number) if number else (self.seed, revolution)
+            random = np.random.default_rng(seeds)
             ranges_m += self.sigma_m * random.standard_normal(ranges_m.shape)
         ranges_m = round_ranges(ranges_m, self.step_m)
         ranges_m[(ranges_m < self.range_min_m) | (ranges_m > self.range_max_m)] = np.inf
         return ranges_m
 
     def points(
-        self, ranges_m: NDArray[np.float64], instances: NDArray[np.uint32]
+        self,
+        ranges_m: NDArray[np.float64],
+        instances: NDArray[np.uint32],
+        intensities: NDArray[np.floating] | None = None,
     ) -> NDArray[np.void]:
-        """Points (n,) of ranges, +inf for misses, and instance IDs, both (rings, firings)."""
-        firings, rings = np.nonzero(np.isfinite(ranges_m.T))
-        points = np.empty(len(rings), dtype=POINT)
-        ranges = ranges_m[rings, firings]
+        """Points (n,) of beams, in the order of measurement.
+
+        Args:
+            ranges_m: (rings, firings) or (returns, rings, firings), +inf for misses.
+            instances: instance IDs, of the same shape.
+            intensities: intensities, of the same shape; None: points have none.
+        """
+        shape = (-1, self.rings, self.firings)
+        ranges_m, instances = ranges_m.reshape(shape), instances.reshape(shape)
+        firings, rings, returns = np.nonzero(np.isfinite(ranges_m.T))
+        points = np.empty(len(rings), dtype=POINT if intensities is None else ECHO_POINT)
+        beams = returns, rings, firings
+        ranges = ranges_m[beams]
         xyz = ranges[:, None] * self.beams.directions[rings, firings]
         for axis, values in zip("xyz", xyz.T, strict=True):
             points[axis] = values
         points["ring"], points["range"] = rings, ranges
         points["time"], points["azimuth"] = self.times_s[firings], self.azimuths_rad[firings]
-        points["instance"] = instances[rings, firings]
+        points["instance"] = instances[beams]
+        if intensities is not None:
+            points["intensity"] = intensities.reshape(shape)[beams]
+            points["return"] = 1 + returns
         return points
 
 
@@ -204,7 +249,9 @@ class PointCloud:
     Attributes:
         points: (n,) points of type `POINT`: position in meters in the lidar's frame at the point's
             own time, ring number, seconds since the revolution's start, azimuth in radians
-            counter-clockwise, range in meters, and instance ID as in the ground truth.
+            counter-clockwise, range in meters, and instance ID as in the ground truth. In scenes
+            with glass or mirrors of type `ECHO_POINT`: also intensity, 1 for a white surface met
+            perpendicularly, and number of the return, from 1.
         lidar: lidar of the cloud.
         world_from_lidar_at_start, world_from_lidar: (4, 4) lidar poses at the start and the end of
             the revolution.
@@ -237,7 +284,7 @@ class PointCloud:
         """
         comments = {
             **self.metadata,
-            **dataclasses.asdict(self.lidar),
+            **stated_parameters(self.lidar),
             "world_from_lidar_at_start": self.world_from_lidar_at_start.tolist(),
             "world_from_lidar": self.world_from_lidar.tolist(),
         }
@@ -284,9 +331,17 @@ class LidarRenderer(SensorRenderer[SpinningLidar, BeamCaster]):
             draws = caster.draws
         labels = self._labels.find(stage.scene, stage.objects, tuple(stage.vehicles))
         instances = instances_of_draws(labels, draws, list(stage.objects))
-        ranges_m = lidar.measure(hits.ranges_m, revolution)
+        returns = [hits] if hits.second is None else [hits, hits.second]
+        ranges_m = [
+            lidar.measure(one.ranges_m, revolution, number) for number, one in enumerate(returns)
+        ]
+        intensities = [one.intensities for one in returns if one.intensities is not None]
         return PointCloud(
-            lidar.points(ranges_m, instances.take(hits.draw_ids)),
+            lidar.points(
+                np.stack(ranges_m),
+                np.stack([instances.take(one.draw_ids) for one in returns]),
+                np.stack(intensities) if intensities else None,
+            ),
             lidar,
             plan.slices[0].start.world_from_lidar,
             plan.slices[-1].end.world_from_lidar,

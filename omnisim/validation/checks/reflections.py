@@ -12,6 +12,7 @@ from omnisim.rendering.stage import open_sensor
 from omnisim.scene import Scene
 from omnisim.validation.checks import reflective_rooms
 from omnisim.validation.fixture import Fixture
+from omnisim.validation.oracles.mirrored_beams import beam_measures
 from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import psnr_db
 from omnisim.validation.report.measure import Measure
@@ -36,7 +37,8 @@ def check(fixture: Fixture, title: str) -> Section:
     images: dict[str, NDArray[np.uint8]] = {}
     measures = []
     width_px = QUICK_WIDTH_PX if fixture.is_quick else WIDTH_PX
-    for name, scene in reflective_rooms.rooms().items():
+    rooms = reflective_rooms.rooms()
+    for name, scene in rooms.items():
         ours, traced = rendered(scene, width_px), traced_paths(scene, width_px, SAMPLES)
         by_backend = {name: ours}
         if name not in NOT_BY_CUBE:
@@ -52,12 +54,16 @@ def check(fixture: Fixture, title: str) -> Section:
                 255.0 * np.clip(_SHOWN_FACTOR * off, 0.0, 1.0)
             ).astype(np.uint8),
         }
+    measures += beam_measures(
+        rooms["thin pane"], rooms["planar mirror"], reflective_rooms.camera_pose()
+    )
     return Section(
         title,
         "A room with luminous walls, reflected in a mirror, a glossy floor and a chrome ball, and "
         "seen through a pane, by `--backend rays`; planar surfaces also by the default back end, "
         "`cube`. Mitsuba's paths are converged. Its shadowing and masking of facets are "
-        "uncorrelated.",
+        "uncorrelated. A lidar at the camera's place is compared with straight rays behind the "
+        "pane, and with the mirrored room.",
         tuple(measures),
         figures=(
             CaptionedFigure(

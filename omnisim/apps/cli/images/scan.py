@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from omnisim.apps.cli.console import out
+from omnisim.apps.cli.console import out, print_note
 from omnisim.apps.cli.images.requests import ScanRequest
 from omnisim.apps.cli.inputs import Viewpoint, check_seconds, load_requested_scene
 from omnisim.core.errors import OutputError
@@ -13,6 +13,7 @@ from omnisim.core.files.atomic_file import check_target
 from omnisim.core.world import WorldState
 from omnisim.rendering.stage import open_sensor
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
+from omnisim.sensors.specular_keys import specular_notes
 
 
 def run(request: ScanRequest) -> None:
@@ -29,6 +30,8 @@ def run(request: ScanRequest) -> None:
     if not request.noise:
         scanner = scanner.without_noise()
     scene = load_requested_scene(request.world)
+    for note in specular_notes(scene, [one.shape for one in scene.objects], "cube"):
+        print_note(note)
     viewpoint = Viewpoint.in_scene(scene, request.viewpoint)
     with open_sensor(scene, scanner, device=request.gpu.device) as renderer:
         time_s = check_seconds("--time", request.viewpoint.time_s)

@@ -1,7 +1,7 @@
 """KITTI's odometry benchmark: rectified pinholes, deskewed point clouds, poses of camera 0.
 
     sequences/00/image_2/000000.png         the first pinhole; image_3: the second one
-    sequences/00/velodyne/000000.bin        x, y, z, reflectance (0: none) as float32
+    sequences/00/velodyne/000000.bin        x, y, z, reflectance (0: unknown) as float32
     sequences/00/calib.txt                  P0 to P3 (3 × 4), Tr from the lidar to camera 0
     sequences/00/times.txt                  seconds since the first step
     poses/00.txt                            poses of camera 0 in its frame at the first step
@@ -79,7 +79,8 @@ class Kitti(ExportFormat):
                 camera.copy_image(step, sequence / name / f"{step:06d}.png")
             if base_from_lidar is not None:
                 cloud = recording.cloud(lidars[0], step)
-                points = np.zeros((len(cloud.points), 4), dtype="<f4")  # no reflectance
+                points = np.zeros((len(cloud.points), 4), dtype="<f4")
+                points[:, 3] = cloud.reflectances
                 points[:, :3] = deskewed_points_m(cloud, recording.fine_truth, base_from_lidar)
                 (sequence / "velodyne" / f"{step:06d}.bin").write_bytes(points.tobytes())
             yield step + 1

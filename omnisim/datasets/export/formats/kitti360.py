@@ -83,10 +83,11 @@ class Kitti360(ExportFormat):
             for camera, data in images.items():
                 camera.copy_image(step, data / f"{step:010d}.png")
             if lidars:
-                cloud = recording.cloud(lidars[0], step).points
-                points = np.zeros((len(cloud), 4), dtype="<f4")  # no reflectance
+                cloud = recording.cloud(lidars[0], step)
+                points = np.zeros((len(cloud.points), 4), dtype="<f4")
                 for index, axis in enumerate("xyz"):
-                    points[:, index] = cloud[axis]
+                    points[:, index] = cloud.points[axis]
+                points[:, 3] = cloud.reflectances
                 (clouds / f"{step:010d}.bin").write_bytes(points.tobytes())
             yield step + 1
 

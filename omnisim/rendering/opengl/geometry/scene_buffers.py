@@ -137,6 +137,11 @@ class SceneBuffers:
         self._deformed_spheres: tuple[float, NDArray[np.float64], NDArray[np.float64]] | None = None
 
     @property
+    def is_matte(self) -> bool:
+        """True if all surfaces are shaded as matte."""
+        return self._lighting.is_matte
+
+    @property
     def materials(self) -> MaterialTable:
         """Records of the materials that are not matte."""
         return self._textures.table

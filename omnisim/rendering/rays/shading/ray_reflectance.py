@@ -100,12 +100,12 @@ def _lamp(
     gloss = _between(surface.f0, surface.f90, grazing)
     light = np.maximum(_dot(directions.normals, toward), 0.0)
     view = _cosines(directions.normals, directions.views)
-    gloss *= _microfacets(surface.roughness, directions.normals, halfway, light, view)[:, None]
+    gloss *= microfacets(surface.roughness, directions.normals, halfway, light, view)[:, None]
     lost = _between(surface.dielectric_f0, surface.dielectric_f90, grazing).max(axis=1)
     total = (light * (1.0 - coat))[:, None] * (surface.body * (1.0 - lost)[:, None] + gloss)
     light = np.maximum(_dot(directions.coat_normals, toward), 0.0)
     view = _cosines(directions.coat_normals, directions.views)
-    facets = _microfacets(surface.coat_roughness, directions.coat_normals, halfway, light, view)
+    facets = microfacets(surface.coat_roughness, directions.coat_normals, halfway, light, view)
     total += (coat * light * facets)[:, None]
     lit: Floats = lamp.levels[:, None] * lamp.color * total
     return lit
@@ -176,7 +176,7 @@ def _shares(cosines: Floats, roughness: Floats) -> Floats:
     return np.stack([sample(table[..., channel], texels) for channel in range(3)], axis=-1)
 
 
-def _microfacets(
+def microfacets(
     roughness: Floats, normals: Floats, halfway: Floats, light: Floats, view: Floats
 ) -> Floats:
     """GGX distribution times visibility, times pi (n,)."""

@@ -36,6 +36,7 @@ from omnisim.rendering.rays.shading.shadows import CastShadow, Shadows
 from omnisim.rendering.rays.shading.surface_table import NORMAL_SCALES, Sampler, SurfaceTable
 from omnisim.scene.light.baked_light import BakedLight
 from omnisim.scene.model import AlphaMode, Lighting
+from omnisim.scene.specular_materials import specular_mask
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
 # Mip level bias, as in `sensor_tiles`: averaging within the pixel removes slight oversharpness.
@@ -67,7 +68,8 @@ class Shading:
         lighting: lighting of the scene.
 
     Attributes:
-        is_blended, is_unlit, is_pane: (surfaces,) masks.
+        is_blended, is_unlit, is_pane, is_specular: (surfaces,) masks.
+        panes: parameters of the surfaces that are panes.
         table: reflectance of the surfaces.
         hit_cutoff, shadow_cutoff: (surfaces,) alpha cutoffs, see `omnisim.scene.model.Material`.
     """
@@ -84,8 +86,9 @@ class Shading:
         self.is_unlit = np.array([material.unlit for material in materials], dtype=np.bool_)
         modes = [material.alpha_mode for material in materials]
         self.is_blended = np.array([mode is AlphaMode.BLEND for mode in modes], dtype=np.bool_)
-        self._panes = Panes.of(materials)
-        self.is_pane = (self._panes.transmission > 0.0) & (not lighting.is_matte)
+        self.panes = Panes.of(materials)
+        self.is_pane = (self.panes.transmission > 0.0) & (not lighting.is_matte)
+        self.is_specular = specular_mask(materials, lighting.is_matte)
         self.hit_cutoff = np.array([m.hit_cutoff for m in materials], dtype=np.float32)
         self.shadow_cutoff = np.array([m.shadow_cutoff for m in materials], dtype=np.float32)
 
@@ -129,7 +132,7 @@ class Shading:
         if len(indices):
             normals = self.normals(hits.take(indices), poses)
             cosines = np.abs(np.einsum("nc,nc->n", normals, rays.directions[indices]))
-            shares[indices] = self._panes.transmitted(
+            shares[indices] = self.panes.transmitted(
                 surfaces[indices], colors[indices, :3], cosines
             )
         return shares
@@ -198,7 +201,7 @@ class Shading:
         materials[:, 0] = 1.0
         glossy = np.flatnonzero(~self.table.is_matte[surfaces])
         if len(glossy):
-            values = self.table.values(surfaces[glossy], self._sampler(view.take(glossy)))
+            values = self.table.values(surfaces[glossy], self.sampler(view.take(glossy)))
             materials[glossy, 0], materials[glossy, 1] = values.roughness, values.metallic
             materials[glossy, 2:] = values.emissive
         return materials
@@ -289,7 +292,7 @@ class Shading:
         tracing: Tracing | None,
     ) -> NDArray[np.float32]:
         """Light (n, 3), linear RGB, from surfaces of which some are not matte."""
-        surfaces, sampled = self.surfaces(view.hits), self._sampler(view)
+        surfaces, sampled = self.surfaces(view.hits), self.sampler(view)
         mapped, coat = (self._mapped(slot, normals, view, sampled) for slot in NORMAL_SCALES)
         directions = SurfaceDirections(mapped, coat, -view.rays.directions)
         reflectance = self.table.reflectance(surfaces, colors, sampled)
@@ -312,7 +315,7 @@ class Shading:
         indices: NDArray[np.intp],
     ) -> Reflectance:
         """Reflectance in which the panes at indices (m,) are mirrors with a pane's reflectance."""
-        panes, body, f0, f90 = self._panes, surface.body.copy(), surface.f0.copy(), surface.f90
+        panes, body, f0, f90 = self.panes, surface.body.copy(), surface.f0.copy(), surface.f90
         cosines = np.abs(
             np.einsum("nc,nc->n", directions.normals[indices], directions.views[indices])
         )
@@ -322,7 +325,7 @@ class Shading:
         body[indices] *= 1.0 - panes.transmission[surfaces[indices], None]
         return surface._replace(body=body, f0=f0, f90=f90, roughness=roughness)
 
-    def _sampler(self, view: View) -> Sampler:
+    def sampler(self, view: View) -> Sampler:
         """Function that looks up textures at hits by their indices."""
         surfaces = self.surfaces(view.hits)
 

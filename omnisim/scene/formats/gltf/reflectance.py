@@ -7,11 +7,11 @@ from dataclasses import replace
 
 from omnisim.scene.formats.gltf.json_object import JsonObject
 from omnisim.scene.model import Material, Texture
+from omnisim.scene.surface_reflectance import MAX_PANE_ROUGHNESS
 
 DEFAULT_IOR = 1.5
 _BRIGHTEST = 65504.0  # largest half float, the precision of images
 _MAX_SCALE = 1e3
-MAX_PANE_ROUGHNESS = 0.2  # frosted glass beyond is opaque
 Color = tuple[float, float, float]
 
 

@@ -1,0 +1,187 @@
+"""Lidars and laser scanners in scenes with panes and mirrors, by both back ends."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from omnisim.core.poses import pose
+from omnisim.core.world import WorldState
+from omnisim.datasets.export.stored_clouds import read_cloud
+from omnisim.rendering.stage import Stage, open_sensor
+from omnisim.scene.model import Material
+from omnisim.sensors import LaserScanner, SpinningLidar
+from omnisim.sensors.lidar.point_files import ECHO_POINT, POINT
+from omnisim.sensors.lidar.revolution import MAX_PATH_M
+from omnisim.validation.checks.reflective_rooms import rooms
+from tests.scenes import room, scene_of, square
+
+pytest.importorskip("embreex", reason="embreex, which casts the beams, is missing")
+pytestmark = pytest.mark.usefixtures("needs_opengl")
+BACKENDS = ["cube", "rays"]
+LIDAR = dataclasses.replace(
+    SpinningLidar.vlp16().without_errors(), firings=90, elevations_deg=(-20.0, 0.0, 10.0),
+    range_min_m=0.0,
+)  # fmt: skip
+SCANNER = dataclasses.replace(
+    LaserScanner.lms200(1.0).without_errors(), range_min_m=0.0, range_max_m=LIDAR.range_max_m
+)
+AT = pose((-1.5, 0.3, 0.1))
+PANE, MIRROR = rooms()["thin pane"], rooms()["planar mirror"]
+
+
+def without_panel(scene):
+    """The room without its pane or mirror."""
+    return scene.removed("panel")
+
+
+def cloud_of(scene, lidar=LIDAR, backend="rays", at=AT):
+    with open_sensor(scene, lidar, backend=backend) as renderer:
+        return renderer.scan(at)
+
+
+def grid(cloud, name, number=1, empty=np.inf):
+    """Values (rings, firings) of the returns with a number."""
+    points = cloud.points
+    if "return" in points.dtype.names:
+        points = points[points["return"] == number]
+    values = np.full((cloud.lidar.rings, cloud.lidar.firings), empty)
+    firing = np.rint(points["time"] / cloud.lidar.period_s * cloud.lidar.firings).astype(int)
+    values[points["ring"], firing] = points[name]
+    return values
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_points_behind_a_pane_are_those_without_it(backend):
+    behind = grid(cloud_of(PANE, backend=backend), "range")
+    np.testing.assert_allclose(behind, grid(cloud_of(without_panel(PANE)), "range"), atol=1e-3)
+    stops = grid(cloud_of(PANE, dataclasses.replace(LIDAR, specular=False), backend), "range")
+    assert np.sum(behind - stops > 0.1) > 20
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_points_behind_a_mirror_are_ghosts_of_the_room(backend):
+    cloud = cloud_of(MIRROR, backend=backend)
+    free = grid(cloud_of(MIRROR, dataclasses.replace(LIDAR, specular=False)), "range")
+    ranges, instances = grid(cloud, "range"), grid(cloud, "instance")
+    seen = np.isfinite(ranges) & (ranges > free + 0.1)
+    assert seen.sum() > 10
+    # the mirrored points, moved back, are on walls or the post
+    panel = next(one for one in MIRROR.meshes if one.name == "panel")
+    corners = panel.positions.astype(np.float64)
+    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    normal /= np.linalg.norm(normal)
+    rings, firings = np.nonzero(seen)
+    ghosts = ranges[seen, None] * LIDAR.beams.directions[rings, firings] + AT[:3, 3]
+    real = ghosts - 2.0 * ((ghosts - corners[0]) @ normal)[:, None] * normal
+    on_wall = np.isclose(np.abs(real), (3.0, 2.5, 1.5), atol=1e-3).any(axis=1)
+    names = [one.name for one in MIRROR.instances]
+    is_post = instances[seen] == 1 + names.index("post")
+    assert (on_wall | is_post).all()
+    assert on_wall.sum() > 10
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_two_returns_of_a_pane(backend, tmp_path):
+    """A perpendicular beam returns from the glass and from the wall, others from the wall."""
+    scene = scene_of(
+        [room(), _upright(1.0)],
+        [
+            Material(double_sided=True),
+            Material(roughness=0.0, specular=1.0, transmission=1.0, double_sided=True),
+        ],
+    )
+    lidar = dataclasses.replace(LIDAR, returns=2, min_intensity=0.01)
+    cloud = cloud_of(scene, lidar, backend, np.eye(4))
+    ahead = LIDAR.firings // 2
+    np.testing.assert_allclose(
+        [grid(cloud, "range", number)[1, ahead] for number in (1, 2)], [1.0, 3.0], atol=1e-4
+    )  # the wall behind the lidar, by the glass, is too faint
+    inner = grid(cloud, "range")[1, ahead - 6]
+    assert inner == pytest.approx(3.0 / np.cos(np.radians(24.0)), abs=1e-4)
+    for suffix in (".ply", ".pcd"):
+        path = tmp_path / f"cloud{suffix}"
+        cloud.save(path)
+        stored = read_cloud(path)
+        np.testing.assert_array_equal(stored.points, cloud.points)
+        assert stored.points.dtype == ECHO_POINT
+        np.testing.assert_array_equal(
+            stored.reflectances, np.minimum(cloud.points["intensity"], 1.0)
+        )
+        assert stored.header.value("returns") == 2
+
+
+def _upright(x_m):
+    mesh = square(half_m=1.9, material=1, name="pane")
+    positions = mesh.positions[:, [2, 0, 1]] * (1.0, 1.0, 0.7) + (x_m, 0.0, 0.0)
+    return dataclasses.replace(mesh, positions=positions.astype(np.float32))
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_objects_behind_a_pane_are_where_a_slice_s_middle_has_them(backend):
+    """A plate recedes at 2 m/s behind a pane: it moves 1 cm within a slice at most."""
+    glass = Material(roughness=0.0, specular=1.0, transmission=1.0, double_sided=True)
+    still = scene_of([room(), _upright(1.0)], [Material(double_sided=True), glass])
+    plate = scene_of([_upright(0.0)], [Material(), Material(double_sided=True)])
+
+    def world(time_s):
+        return WorldState({"body": np.eye(4), "plate": pose((1.5 + 2.0 * time_s, 0.0, 0.0))})
+
+    lidar = dataclasses.replace(LIDAR, elevations_deg=(0.0,))
+    with (
+        Stage(still, dynamic_objects={"plate": plate}, backend=backend) as stage,
+        stage.open(lidar) as renderer,
+    ):
+        cloud = renderer.scan(world, time_s=0.1)
+    # the perpendicular beam returns from the pane
+    azimuths_rad = np.abs(cloud.points["azimuth"])
+    ahead = (azimuths_rad > 0.01) & (azimuths_rad < 0.3)
+    times_s = cloud.points["time"][ahead]
+    errors_m = cloud.points["x"][ahead] - (1.5 + 2.0 * times_s)
+    assert ahead.sum() > 5
+    assert np.abs(errors_m).max() < 0.5 * MAX_PATH_M + 1e-4
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_scans_pass_panes_and_return_from_mirrors(backend):
+    for scene in (PANE, MIRROR):
+        with open_sensor(scene, SCANNER, backend=backend) as renderer:
+            ranges_m = renderer.scan(AT).ranges_m
+        lidar = dataclasses.replace(LIDAR, elevations_deg=(0.0,), firings=360)
+        around = grid(cloud_of(scene, lidar), "range")[0]
+        # the lidar turns clockwise from behind
+        np.testing.assert_allclose(ranges_m, around[270:89:-1], atol=1e-3)
+
+
+def test_a_mirror_that_is_added_later_is_followed():
+    mirror = next(one for one in MIRROR.instances if one.name == "panel")
+    with Stage(without_panel(MIRROR)) as stage, stage.open(LIDAR) as renderer:
+        plain = renderer.scan(AT)
+        stage.scene = MIRROR
+        ghosts = renderer.scan(AT)
+        stage.scene = without_panel(MIRROR)
+        again = renderer.scan(AT)
+    assert mirror.name == "panel"
+    assert ghosts.points.dtype == ECHO_POINT
+    assert plain.points.dtype == again.points.dtype == POINT
+    np.testing.assert_array_equal(plain.points, again.points)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_files_of_matte_scenes_are_as_without_the_keys(backend, tmp_path):
+    scene = scene_of([room()])
+    for index, lidar in enumerate((LIDAR, dataclasses.replace(LIDAR, specular=False))):
+        cloud_of(scene, lidar, backend, AT).save(tmp_path / f"{index}.ply")
+    files = [(tmp_path / f"{index}.ply").read_bytes() for index in (0, 1)]
+    assert files[0] == files[1].replace(b"comment specular: false\n", b"")
+    assert b"intensity" not in files[0]
+    with open_sensor(scene, SCANNER, backend=backend) as renderer:
+        renderer.scan(AT).save_csv(tmp_path / "scan.csv")
+    comments = [
+        line[2:].split(": ", 1)
+        for line in (tmp_path / "scan.csv").read_text(encoding="utf-8").splitlines()
+        if line.startswith("#")
+    ]
+    keys = {key: json.loads(value) for key, value in comments}
+    assert not {"specular", "min_intensity"} & keys.keys()

@@ -1,0 +1,42 @@
+"""Lidars behind a pane and by a mirror: the validation's numbers, and that it finds faults."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("embreex", reason="embreex, which casts the beams, is missing")
+
+from omnisim.rendering.rays import echoes
+from omnisim.validation.checks import reflective_rooms
+from omnisim.validation.oracles.mirrored_beams import beam_measures
+
+
+def measures():
+    rooms = reflective_rooms.rooms()
+    at = reflective_rooms.camera_pose()
+    return beam_measures(rooms["thin pane"], rooms["planar mirror"], at, firings=90)
+
+
+def test_ranges_are_within_a_millimeter_and_intensities_within_a_percent():
+    found = measures()
+    assert [one.unit for one in found] == ["mm", "%", "mm", "%"]
+    assert all(one.passed for one in found), found
+
+
+def test_other_intensities_and_straight_mirrored_rays_are_found(monkeypatch):
+    seen = echoes.surface_light
+
+    def brighter(shading, view):
+        light = seen(shading, view)
+        return light._replace(passed=1.02 * light.passed, reflected=1.02 * light.reflected)
+
+    monkeypatch.setattr(echoes, "surface_light", brighter)
+    assert [one.passed for one in measures()] == [True, False, True, False]
+    monkeypatch.setattr(echoes, "surface_light", seen)
+    mirrored = echoes.mirrored_rays
+
+    def late(caster, rays, hits, light):
+        rays = mirrored(caster, rays, hits, light)
+        return rays._replace(origins_m=rays.origins_m - 2e-3 * rays.directions)
+
+    monkeypatch.setattr(echoes, "mirrored_rays", late)
+    assert [bool(np.isfinite(one.value)) and one.passed for one in measures()][2] is False
