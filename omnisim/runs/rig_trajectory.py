@@ -83,7 +83,7 @@ class RigRoute:
         Raises:
             OmnisimError: the file cannot be read, or the rig lacks the frame.
         """
-        poses, names, times_s = self.read_poses(rig, print_note)
+        poses, _, times_s = self.read_poses(rig, print_note)
         if times_s is not None and self.rate_hz is not None:
             raise TrajectoryError(f"{self.path}: has times of its own: expected no --rate")
         is_timed = times_s is not None or self.rate_hz is not None
@@ -124,9 +124,7 @@ class RigRoute:
         axes = self.axes or ("kitti" if parsed.format == "kitti" else "world")
         if parsed.format == "csv" and axes != "world":
             raise TrajectoryError(f"{self.path}: --axes: expected world, got {axes}")
-        return _FilePoses(
-            parsed.format, parsed.times_s, parsed.world_from_base, axes, parsed.names
-        )
+        return _FilePoses(parsed.format, parsed.times_s, parsed.world_from_base, axes, parsed.names)
 
     def _frame(self, rig: Rig, file_format: str) -> str | None:
         """Name of the posed frame; None: a camera that looks ahead, as KITTI's do."""

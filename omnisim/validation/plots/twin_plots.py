@@ -50,3 +50,18 @@ def edge_figure(comparison: Comparison) -> Figure:
     rises.set_ylim(bottom=0.0)
     rises.legend(fontsize=8)
     return figure
+
+
+def noise_figure(comparison: Comparison) -> Figure:
+    """Noise of images and twin by gray level."""
+    figure = Figure(figsize=(6.0, 4.2), dpi=DPI, layout="constrained")
+    axes = figure.subplots()
+    label_axes(axes, "Noise", "gray level", "standard deviation (gray levels)")
+    levels = [one.level for one in comparison.noise]
+    for name, color, attribute in (("images", BLUE, "noise"), ("twin", ORANGE, "twin_noise")):
+        values = [getattr(one, attribute) for one in comparison.noise]
+        axes.plot(levels, values, "o-", color=color, label=name)
+    axes.set_xlim(0.0, 255.0)
+    axes.set_ylim(bottom=0.0)
+    axes.legend(fontsize=8)
+    return figure

@@ -139,8 +139,9 @@ def _with_board(read: Mapping[str, Any], output: Path) -> dict[str, Any]:
     if not isinstance(board, Mapping) or "images" not in board:
         return tables
     given = {key: board[key] for key in ("images", "board", "mirrored") if key in board}
-    if isinstance(read.get(_COMPARE), Mapping):
-        tables[_COMPARE] = given | read[_COMPARE]
+    comparison = read.get(_COMPARE)
+    if isinstance(comparison, Mapping) and "scene" not in comparison:
+        tables[_COMPARE] = given | comparison
     edges = read.get("sharpness")
     if isinstance(edges, Mapping) and "images" not in edges:
         corners = output.with_name(f"{output.stem}-corners.csv").absolute()
