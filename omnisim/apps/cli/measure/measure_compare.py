@@ -118,14 +118,15 @@ def _compare_scene(request: MeasureCompareRequest, sensor: OmniCamera) -> Compar
     rig = Rig("base", (RigCamera("camera", sensor.model, sensor.base_from_optical),))
     axes = None if request.axes is None else request.axes.value
     route = RigRoute(request.trajectory, request.trajectory_frame, axes)
-    poses = route.read_poses(rig, print_note)
+    notes: list[str] = []  # printed if all images have poses
+    poses = route.read_poses(rig, notes.append)
     indices = pose_indices(files, poses.names, len(poses.world_from_body), request.trajectory)
     exposure = parse_exposure(request.exposure_ev)
     if exposure is not None:
         sensor = sensor.with_exposure(exposure)
     scene = read_scene(request.scene)
-    for notice in scene.notices:
-        print_note(notice)
+    for note in (*notes, *scene.notices):
+        print_note(note)
     note_unreflected(request.scene, scene, "cube", sensor.mirrors)
     shutter = sensor.degradation.shutter
     if shutter is not None and shutter.duration_s:
