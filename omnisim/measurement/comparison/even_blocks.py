@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import convolve2d
 
 Floats = NDArray[np.float64]
+_T = TypeVar("_T", bound=np.generic)
 BLOCK_PX = 8
 BIN_LEVELS = 16
 MIN_BLOCKS = 20  # of a bin, in the images and in the twin's
@@ -85,7 +86,7 @@ def noise_by_level(blocks: Sequence[Floats]) -> tuple[NoiseLevel, ...]:
     return tuple(rows)
 
 
-def _blocks(values: NDArray[np.float64] | NDArray[np.bool_]) -> NDArray[np.float64]:
+def _blocks(values: NDArray[_T]) -> NDArray[_T]:
     """Blocks (rows, columns, BLOCK_PX, BLOCK_PX) of an image, without the rest at its edges."""
     rows, columns = (size // BLOCK_PX for size in values.shape)
     cut = values[: rows * BLOCK_PX, : columns * BLOCK_PX]

@@ -54,7 +54,7 @@ def track_corners(image: Gray, twin: Gray, field: Gray) -> tuple[Floats, Floats]
     if found is None:
         return np.zeros((0, 2)), np.zeros((0, 2))
     one, other = _normalized(image), _normalized(twin)
-    options = {
+    options: dict[str, Any] = {
         "winSize": (_WINDOW_PX, _WINDOW_PX),
         "maxLevel": _LEVELS,
         "criteria": (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 50, 1e-3),
@@ -68,13 +68,19 @@ def track_corners(image: Gray, twin: Gray, field: Gray) -> tuple[Floats, Floats]
     is_found &= np.linalg.norm(offsets, axis=1) <= MAX_OFFSET_PX
     corners = found.reshape(-1, 2).astype(np.float64)
     for index in np.flatnonzero(is_found).tolist():
-        windows = [
-            cv2.getRectSubPix(gray, (_WINDOW_PX, _WINDOW_PX), np.float32(position).tolist())
-            for gray, position in ((one, corners[index]), (other, corners[index] + offsets[index]))
-        ]
-        correlation = np.corrcoef(*(window.ravel().astype(np.float64) for window in windows))[0, 1]
+        first, second = _window(one, corners[index]), _window(other, (corners + offsets)[index])
+        correlation = float(np.corrcoef(first, second)[0, 1])
         is_found[index] = correlation >= _MIN_CORRELATION  # False for NaN
     return corners, np.where(is_found[:, None], offsets, np.nan)
+
+
+def _window(image: Gray, center_px: Floats) -> Floats:
+    """Pixels (n,) of the window around a position in an image."""
+    import cv2
+
+    center = float(center_px[0]), float(center_px[1])
+    window: Any = cv2.getRectSubPix(image, (_WINDOW_PX, _WINDOW_PX), center)
+    return np.asarray(window, dtype=np.float64).ravel()
 
 
 def _normalized(image: Gray) -> Gray:
@@ -85,4 +91,7 @@ def _normalized(image: Gray) -> Gray:
     mean: Any = cv2.GaussianBlur(levels, (0, 0), _SMOOTH_PX)
     variance: Any = cv2.GaussianBlur(np.square(levels - mean), (0, 0), _SMOOTH_PX)
     contrast = np.sqrt(variance) + _MIN_CONTRAST
-    return np.clip(np.rint(128.0 + 40.0 * (levels - mean) / contrast), 0, 255).astype(np.uint8)
+    normalized: Gray = np.clip(128.5 + 40.0 * (levels - mean) / contrast, 0.0, 255.0).astype(
+        np.uint8
+    )
+    return normalized

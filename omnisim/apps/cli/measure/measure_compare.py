@@ -10,8 +10,8 @@ from omnisim.apps.cli.measure.requests import MeasureCompareRequest
 from omnisim.cameras.calibration.rig import Rig, RigCamera
 from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
+from omnisim.core.trajectories.formats.parsed_trajectory import Axes
 from omnisim.measurement.comparison import (
-    Comparison,
     ImageComparison,
     compare_images,
     compare_scene,
@@ -116,7 +116,7 @@ def _compare_scene(request: MeasureCompareRequest, sensor: OmniCamera) -> Compar
     assert request.trajectory is not None
     files = image_files(request.images)
     rig = Rig("base", (RigCamera("camera", sensor.model, sensor.base_from_optical),))
-    axes = None if request.axes is None else request.axes.value
+    axes: Axes | None = None if request.axes is None else request.axes.value
     route = RigRoute(request.trajectory, request.trajectory_frame, axes)
     notes: list[str] = []  # printed if all images have poses
     poses = route.read_poses(rig, notes.append)
@@ -133,8 +133,8 @@ def _compare_scene(request: MeasureCompareRequest, sensor: OmniCamera) -> Compar
         print_note("the twin is at rest in each image: no motion blur, no rolling shutter")
     photos = zip(files, poses.world_from_body[indices], strict=True)
     twins = compare_scene(sensor, scene, photos)
-    compared = list(track(twins, "Images", len(files)))
-    comparison: Comparison = compare_scene_images(sensor, compared)
+    compared = [next(twins) for _ in track(range(len(files)), "Images", len(files))]
+    comparison = compare_scene_images(sensor, compared)
     return ComparisonSummary(comparison, SCENE_SUBJECT, brighter_ev(sensor, compared))
 
 

@@ -142,7 +142,7 @@ def _with_board(read: Mapping[str, Any], output: Path) -> dict[str, Any]:
     given = {key: board[key] for key in ("images", "board", "mirrored") if key in board}
     comparison = read.get(_COMPARE)
     if isinstance(comparison, Mapping) and "scene" not in comparison:
-        tables[_COMPARE] = given | comparison
+        tables[_COMPARE] = given | dict(comparison)
     edges = read.get("sharpness")
     if isinstance(edges, Mapping) and "images" not in edges:
         corners = output.with_name(f"{output.stem}-corners.csv").absolute()
