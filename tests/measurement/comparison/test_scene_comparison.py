@@ -1,7 +1,6 @@
 """Images of a scene beside a twin's: corners by OpenCV, edges, gray levels, noise."""
 
 import dataclasses
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,7 @@ from scipy.ndimage import gaussian_filter, shift
 
 from omnisim.cameras import KannalaBrandtCamera
 from omnisim.core.errors import MeasurementError
-from omnisim.measurement.comparison import compare_scene, compare_scene_images, pose_indices
+from omnisim.measurement.comparison import compare_scene_images, pose_indices
 from omnisim.measurement.comparison.even_blocks import even_blocks, noise_by_level
 from omnisim.measurement.comparison.scene_comparison import (
     brighter_ev,
@@ -18,11 +17,10 @@ from omnisim.measurement.comparison.scene_comparison import (
     compare_scene_image,
 )
 from omnisim.measurement.comparison.tracked_points import seen_field, track_corners
-from omnisim.measurement.geometry.board_images import read_gray
+from omnisim.measurement.geometry.board_images import LUMA
 from omnisim.rendering.camera.degradations import Degradation, Noise, Vignetting
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.stage import open_sensor
-from omnisim.scene import read_scene
+from omnisim.rendering.stage import Stage
 
 LENS = KannalaBrandtCamera(
     400, 300, (128.0, 128.4), (202.0, 148.5), (0.012, -0.008, 0.002, -0.0005), np.radians(95.0)
@@ -109,32 +107,37 @@ def test_poses_go_by_name_or_by_order():
             pose_indices(files, names, count, poses)
 
 
-@cache
-def courtyard():
-    return read_scene("courtyard")
+WRONG = dataclasses.replace(LENS, focal_lengths_px=(128.0 * 1.005, 128.4 * 1.005))
 
 
 @pytest.fixture(scope="module")
-def photos(tmp_path_factory):
-    """Images of the courtyard by the hidden camera, each with its pose."""
+def courtyard():
+    """Images of the courtyard by the hidden camera, by its true twin, and by a wrong one."""
     pytest.importorskip("cv2")
-    folder, taken = tmp_path_factory.mktemp("photos"), []
-    with open_sensor(courtyard(), SENSOR, seed="another") as renderer:
-        for number in range(2):
-            base = SENSOR.base_pose((0.1 * number, 0.2, 0.9), 100.0 * number, 5.0 * number, 3.0)
-            renderer.render(base, frame_number=number).save(folder / f"{number}.png")
-            taken.append((folder / f"{number}.png", base))
-    return taken
+    poses = [
+        SENSOR.base_pose((0.1 * number, 0.2, 0.9), 100.0 * number, 5.0 * number, 3.0)
+        for number in range(2)
+    ]
+    cameras = ((SENSOR, "another"), (SENSOR, 0), (dataclasses.replace(SENSOR, model=WRONG), 0))
+    with Stage("courtyard") as stage:
+        renderers = [stage.open(sensor, seed=seed) for sensor, seed in cameras]
+        frames = [
+            [renderer.render(base, frame_number=number) for number, base in enumerate(poses)]
+            for renderer in renderers
+        ]
+    return [[gray(frame.rgba[..., :3] @ LUMA) for frame in own] for own in frames]
 
 
-def compared(sensor, photos):
-    images = list(compare_scene(sensor, courtyard(), photos))
-    return images, compare_scene_images(sensor, images)
+def compared(images, twins):
+    mask = seen_field(LENS)
+    pairs = enumerate(zip(images, twins, strict=True))
+    compared = [compare_scene_image(f"{number}.png", *pair, mask) for number, pair in pairs]
+    return compared, compare_scene_images(SENSOR, compared)
 
 
 @pytest.mark.slow
-def test_the_true_twin_shows_the_same_scene(photos):
-    images, comparison = compared(SENSOR, photos)
+def test_the_true_twin_shows_the_same_scene(courtyard):
+    images, comparison = compared(courtyard[0], courtyard[1])
     assert comparison.lost < 0.01 * sum(ring.corners for ring in comparison.rings)
     assert comparison.bias_px < 0.01
     assert np.percentile(np.abs(comparison.level_errors), 90.0) < 1.0
@@ -150,12 +153,11 @@ def test_the_true_twin_shows_the_same_scene(photos):
 
 
 @pytest.mark.slow
-def test_a_focal_length_off_by_half_a_percent_shows(photos):
-    wrong = dataclasses.replace(LENS, focal_lengths_px=(128.0 * 1.005, 128.4 * 1.005))
-    images, comparison = compared(dataclasses.replace(SENSOR, model=wrong), photos)
+def test_a_focal_length_off_by_half_a_percent_shows(courtyard):
+    images, comparison = compared(courtyard[0], courtyard[2])
     corners = np.concatenate([one.corners_px for one in images])
     offsets = np.concatenate([one.offsets_px for one in images])
-    true = wrong.pixel_from_ray(LENS.ray_from_pixel(corners).directions).positions_px - corners
+    true = WRONG.pixel_from_ray(LENS.ray_from_pixel(corners).directions).positions_px - corners
     errors = (offsets - true)[np.isfinite(offsets).all(axis=1)]
     assert np.median(np.linalg.norm(errors, axis=1)) < 0.05
     assert np.abs(np.median(errors, axis=0)).max() < 0.02
@@ -166,11 +168,9 @@ def test_a_focal_length_off_by_half_a_percent_shows(photos):
 
 
 @pytest.mark.slow
-def test_other_poses_are_refused(photos):
-    images, mask = [read_gray(path) for path, _ in photos], seen_field(LENS)
-    swapped = [compare_scene_image("a", one, other, mask) for one, other in (images, images[::-1])]
+def test_images_of_other_poses_are_refused(courtyard):
     with pytest.raises(MeasurementError, match="corners are found in the twin's images"):
-        compare_scene_images(SENSOR, swapped)
+        compared(courtyard[0], courtyard[1][::-1])
 
 
 def test_an_image_of_another_size_is_refused():

@@ -16,8 +16,8 @@ from omnisim.validation.chessboards import PATTERN, SQUARE_M, board_scene
 LENS = KannalaBrandtCamera(
     320, 240, (210.0, 210.4), (160.8, 118.5), (0.012, -0.008, 0.002, -0.0005), np.radians(44.0)
 )
-READOUT_S, EXPOSURE_S, FRAME_RATE_HZ, FRAMES = 0.021, 0.002, 30.0, 10
-SUB_FRAMES = 46  # each row averages four of them: steps of 0.2 px at the rim of the board
+READOUT_S, EXPOSURE_S, FRAME_RATE_HZ, FRAMES = 0.021, 0.002, 30.0, 8
+SUB_FRAMES = 23  # of 1 ms: each row averages two of them
 
 
 def base_pose(time_s):
