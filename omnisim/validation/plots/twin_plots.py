@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from omnisim.measurement.comparison.comparison import Comparison, ImageComparison
 from omnisim.validation.plots.style import BLUE, DPI, GRAY, ORANGE, label_axes
 
+_SMALL_PX = 0.05  # least extent of the axis of biases
 _GAIN = 2.0  # of differences, around middle gray
 
 
@@ -39,6 +40,8 @@ def edge_figure(comparison: Comparison) -> Figure:
         values = [ring.bias_px[index] for ring in comparison.rings]
         offsets.plot(radii, values, "o-", color=color, label=name)
     offsets.axhline(0.0, color=GRAY, linewidth=0.6)
+    low, high = offsets.get_ylim()
+    offsets.set_ylim(min(low, -_SMALL_PX), max(high, _SMALL_PX))
     offsets.legend(fontsize=8)
     label_axes(rises, "10–90 % rise of edges", "radius (px)", "rise (px)")
     for name, color, attribute in (

@@ -58,6 +58,22 @@ def test_a_report_without_bounds_has_no_verdict():
     assert Report("", "", (Section("a", "", (Measure("count", 3.0),)),)).verdict == ""
 
 
+def test_columns_of_numbers_are_told_from_text():
+    rows = (("a", "1.5", "0.3 px", "", "4800 pixels at 6 times"), ("b", "–", "-2 px", "±3", "9"))
+    assert ResultTable("", tuple("abcde"), rows).are_numbers == (False, True, True, True, False)
+    assert ResultTable("", ("a",), ()).are_numbers == ()
+
+
+def test_a_section_without_bounds_passes_and_fails_nothing(tmp_path):
+    parts = (
+        Section("a", "", (Measure("count", 3.0),)),
+        Section("b", "", (Measure("c", 1.0, "", 2.0),)),
+    )
+    assert [one.is_judged for one in parts] == [False, True]
+    Report("", "", parts).write(tmp_path)
+    assert (tmp_path / "report.html").read_text().count(">passed<") == 2  # in the contents, at b
+
+
 def test_a_place_that_cannot_be_is_refused_early(tmp_path):
     with pytest.raises(OutputError, match="does not exist"):
         check_report_target(tmp_path / "none" / "out")

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from omnisim.validation.report.report import ResultTable, Section
 
 _SHOWN = 6  # images in the report
-_BIAS_PX, _LEVELS, _RISE, _NOISE = 0.05, 4.0, 0.15, 0.5
+_BIAS_PX, _LEVELS, _RISE_PERCENT, _NOISE = 0.05, 4.0, 15.0, 0.5
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class ComparisonSummary:
         measures = [
             Measure("largest bias of corners, by ring", comparison.bias_px, "px", _BIAS_PX),
             Measure(f"gray levels of 90 % of the {patches}", self.level_error, "of 255", _LEVELS),
-            Measure("10–90 % rise of edges, by ring", self.rise_error, "", _RISE),
+            Measure("10–90 % rise of edges, by ring", 100.0 * self.rise_error, "%", _RISE_PERCENT),
         ]
         figures = [
             CaptionedFigure(
@@ -154,4 +154,6 @@ class ComparisonSummary:
 
 
 def _number(value: float, form: str) -> str:
-    return format(value, form) if math.isfinite(value) else "–"
+    if not math.isfinite(value):
+        return "–"
+    return format(round(value, 3) + 0.0, form)  # no -0

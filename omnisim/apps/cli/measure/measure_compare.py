@@ -5,7 +5,7 @@ from __future__ import annotations
 from omnisim.apps.cli.console import out, pluralize, print_note, track
 from omnisim.apps.cli.inputs import note_unreflected, parse_exposure, refuse_given
 from omnisim.apps.cli.measure.comparison_summary import ComparisonSummary, Subject
-from omnisim.apps.cli.measure.measured_files import read_board_shape
+from omnisim.apps.cli.measure.measured_files import check_size, read_board_shape
 from omnisim.apps.cli.measure.requests import MeasureCompareRequest
 from omnisim.cameras.calibration.rig import Rig, RigCamera
 from omnisim.core.errors import MeasurementError
@@ -91,12 +91,7 @@ def _compare_board(
     for number in track(range(len(files)), "Images", len(files)):
         search = next(searches)
         view = search.found
-        if search.size_px != (sensor.model.width_px, sensor.model.height_px):
-            size = search.size_px
-            raise MeasurementError(
-                f"{files[number]}: {size[0]} × {size[1]} px: expected {sensor.model.width_px} × "
-                f"{sensor.model.height_px} px as in {request.sensor}"
-            )
+        check_size(files[number], search.size_px, sensor.model, request.sensor)
         if not isinstance(view, BoardView):
             print_note(f"{view.name} not used: {view.reason}")
             continue
