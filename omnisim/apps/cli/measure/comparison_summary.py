@@ -20,7 +20,7 @@ _BIAS_PX, _LEVELS, _RISE_PERCENT, _NOISE = 0.05, 4.0, 15.0, 0.5
 
 @dataclass(frozen=True)
 class Subject:
-    """What the images show.
+    """Content of the images.
 
     Attributes:
         text: description of the comparison.
@@ -39,7 +39,7 @@ class ComparisonSummary:
 
     Attributes:
         comparison: errors of the twin.
-        subject: what the images show.
+        subject: content of the images.
         brighter_ev: light of the images over that of the twin's, EV; None: fitted.
     """
 

@@ -88,18 +88,21 @@ def _compare_board(
     files = image_files(request.images)
     searches = find_boards(files, board, request.mirrored)
     compared: list[ImageComparison] = []
+    notes = []  # printed when all files are read: readers silence the process's standard error
     for number in track(range(len(files)), "Images", len(files)):
         search = next(searches)
         view = search.found
         check_size(files[number], search.size_px, sensor.model, request.sensor)
         if not isinstance(view, BoardView):
-            print_note(f"{view.name} not used: {view.reason}")
+            notes.append(f"{view.name} not used: {view.reason}")
             continue
         image = read_gray(files[number])
         try:
             compared.append(compare_image(sensor, board, view, image, board_m, request.mirrored))
         except MeasurementError as reason:
-            print_note(f"{reason}: not compared")
+            notes.append(f"{reason}: not compared")
+    for note in notes:
+        print_note(note)
     if not compared:
         raise MeasurementError(f"{request.images}: no image could be compared")
     return ComparisonSummary(compare_images(sensor, compared), BOARD_SUBJECT)
