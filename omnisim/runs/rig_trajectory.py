@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,20 @@ NERFSTUDIO = "nerfstudio"
 OPTICAL_AXES = "x right, y down, z forward"
 AHEAD = pose_from_rotation(BASE_FROM_OPTICAL_LOOKING_AHEAD, np.zeros(3))
 UNTIMED_HZ = 1.0  # poses per second of a file without times, by default
+
+
+class RigPoses(NamedTuple):
+    """Poses of a rig's body in the scene.
+
+    Attributes:
+        world_from_body: (n, 4, 4) poses.
+        names: (n,) image file of each pose, or None if the file has no names.
+        times_s: (n,) times, or None if the file has none.
+    """
+
+    world_from_body: NDArray[np.float64]
+    names: tuple[str, ...] | None
+    times_s: NDArray[np.float64] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,36 +83,48 @@ class RigRoute:
         Raises:
             OmnisimError: the file cannot be read, or the rig lacks the frame.
         """
-        poses = self._parse(rig)
-        frame = self._frame(rig, poses.format)
-        body_from_posed, label = _posed_frame(rig, frame, self.path)
-        moved = self.world_from_file @ poses.upright() @ inverse(body_from_posed)
-        times_s = poses.times_s
+        poses, _, times_s = self.read_poses(rig, print_note)
         if times_s is not None and self.rate_hz is not None:
             raise TrajectoryError(f"{self.path}: has times of its own: expected no --rate")
-        if self.frame is None:
-            axes = ", in KITTI's axes" if poses.axes == "kitti" else ""
-            print_note(f"{self.path}: poses of {label}{axes}; --trajectory-frame says otherwise")
         is_timed = times_s is not None or self.rate_hz is not None
         if times_s is None:
-            times_s = np.arange(len(moved)) / self._checked_rate_hz(print_note)
-        trajectory = Trajectory(times_s, moved)
+            times_s = np.arange(len(poses)) / self._checked_rate_hz(print_note)
+        trajectory = Trajectory(times_s, poses)
         try:
             check_printed_times(trajectory.times_s)
         except TrajectoryError as reason:
             raise TrajectoryError(f"{self.path}: {reason}") from None
         return trajectory, is_timed
 
+    def read_poses(self, rig: Rig, print_note: Callable[[str], None]) -> RigPoses:
+        """Poses of the rig's body in the scene, with the names and times that the file has.
+
+        Args:
+            rig: rig with the posed frame.
+            print_note: callback for a note on the assumed frame.
+
+        Raises:
+            OmnisimError: the file cannot be read, or the rig lacks the frame.
+        """
+        poses = self._parse(rig)
+        frame = self._frame(rig, poses.format)
+        body_from_posed, label = _posed_frame(rig, frame, self.path)
+        moved = self.world_from_file @ poses.upright() @ inverse(body_from_posed)
+        if self.frame is None:
+            axes = ", in KITTI's axes" if poses.axes == "kitti" else ""
+            print_note(f"{self.path}: poses of {label}{axes}; --trajectory-frame says otherwise")
+        return RigPoses(moved, poses.names, poses.times_s)
+
     def _parse(self, rig: Rig) -> _FilePoses:
         if self.path.suffix.lower() == ".json":
             if self.axes is not None:
                 raise TrajectoryError(f"{self.path}: --axes: expected a text file of poses")
-            return _FilePoses(NERFSTUDIO, None, _nerfstudio_poses(self.path, rig), "world")
+            return _nerfstudio_poses(self.path, rig)
         parsed = parse_trajectory(self.path, axes="world")
         axes = self.axes or ("kitti" if parsed.format == "kitti" else "world")
         if parsed.format == "csv" and axes != "world":
             raise TrajectoryError(f"{self.path}: --axes: expected world, got {axes}")
-        return _FilePoses(parsed.format, parsed.times_s, parsed.world_from_base, axes)
+        return _FilePoses(parsed.format, parsed.times_s, parsed.world_from_base, axes, parsed.names)
 
     def _frame(self, rig: Rig, file_format: str) -> str | None:
         """Name of the posed frame; None: a camera that looks ahead, as KITTI's do."""
@@ -127,12 +154,14 @@ class _FilePoses:
         times_s: (n,) times, or None.
         file_from_posed: (n, 4, 4) poses of the posed frame.
         axes: axes of the file's world.
+        names: (n,) image file of each pose, or None.
     """
 
     format: str
     times_s: NDArray[np.float64] | None
     file_from_posed: NDArray[np.float64]
     axes: Axes
+    names: tuple[str, ...] | None
 
     def upright(self) -> NDArray[np.float64]:
         """Poses (n, 4, 4) in a world with z up."""
@@ -165,8 +194,8 @@ def _posed_frame(rig: Rig, frame: str | None, path: Path) -> tuple[NDArray[np.fl
     return chosen.body_from_camera, f"{chosen.name} ({OPTICAL_AXES})"
 
 
-def _nerfstudio_poses(path: Path, rig: Rig) -> NDArray[np.float64]:
-    """Poses (n, 4, 4) of the frames of one camera, the only one of `rig`."""
+def _nerfstudio_poses(path: Path, rig: Rig) -> _FilePoses:
+    """Poses of the frames of one camera, the only one of `rig`."""
     calibration = load_calibration(path, NERFSTUDIO)
     camera = calibration.cameras[0]
     if len(calibration.cameras) > 1:
@@ -177,7 +206,8 @@ def _nerfstudio_poses(path: Path, rig: Rig) -> NDArray[np.float64]:
                 "with intrinsics of their own: --camera-name takes one"
             )
         camera = calibration.camera(names[0])
-    poses = [pose.target_from_source for pose in camera.poses if pose.target == WORLD]
+    poses = [pose for pose in camera.poses if pose.target == WORLD]
     if not poses:
         raise TrajectoryError(f"{path}: frames: expected frames with a transform_matrix, got none")
-    return np.array(poses)
+    matrices = np.array([pose.target_from_source for pose in poses])
+    return _FilePoses(NERFSTUDIO, None, matrices, "world", tuple(pose.source for pose in poses))

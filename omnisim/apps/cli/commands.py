@@ -163,7 +163,7 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
                     "measure.requests.MeasureGeometryRequest",
                 ),
                 "compare": Entry(
-                    "Compare a camera's images of a chessboard with those of its sensor file.",
+                    "Compare a camera's images of a board or a scene with its sensor file's.",
                     "measure.measure_compare.compare",
                     "measure.requests.MeasureCompareRequest",
                 ),
@@ -177,7 +177,7 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
                     "measure.requests.MeasureResponseRequest",
                 ),
                 "timing": Entry(
-                    "Measure readout and exposure time from frames under a flickering lamp.",
+                    "Measure readout and exposure from a flickering lamp or a turning board.",
                     "measure.measure_timing.timing",
                     "measure.requests.MeasureTimingRequest",
                 ),

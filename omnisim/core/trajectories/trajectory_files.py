@@ -19,6 +19,7 @@ from omnisim.core.trajectories.formats import euroc, kitti, pose_csv, tum
 from omnisim.core.trajectories.formats.parsed_trajectory import Axes, ParsedTrajectory
 from omnisim.core.trajectories.formats.text_table import (
     TextTable,
+    is_file_name,
     is_number,
     quote,
     read_text_table,
@@ -166,7 +167,7 @@ def _format_of(path: Path, table: TextTable) -> str:
     if suffix in (".tum", ".kitti"):
         return suffix[1:]
     cells = table.lines[0].cells
-    if table.separator is None and is_number(cells[0]) and suffix != ".csv":
+    if table.separator is None and suffix != ".csv" and _starts_a_pose(cells):
         by_width = {len(tum.COLUMNS): "tum", len(kitti.COLUMNS): "kitti"}
         if len(cells) in by_width:
             return by_width[len(cells)]
@@ -180,3 +181,9 @@ def _format_of(path: Path, table: TextTable) -> str:
         f"{len(cells)} column{'s' if len(cells) > 1 else ''} between {between}, "
         f"first {quote(cells[0])!r}: {WANTED}",
     )
+
+
+def _starts_a_pose(cells: list[str]) -> bool:
+    """True for a number, or for the name of an image before the numbers of a TUM file."""
+    is_named = len(cells) == len(tum.COLUMNS) and is_file_name(cells[0]) and is_number(cells[1])
+    return is_named or is_number(cells[0])

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,11 @@ from omnisim.measurement.comparison.board_light import (
     patch_levels,
     patch_samples_px,
     visible_patches,
+)
+from omnisim.measurement.comparison.even_blocks import (
+    NoiseLevel,
+    even_blocks,
+    noise_by_level,
 )
 from omnisim.measurement.comparison.printed_pattern import PrintedPattern, possible_patterns
 from omnisim.measurement.comparison.twin_board import render_twin
@@ -27,6 +34,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 
 Floats = NDArray[np.float64]
 RINGS = 5
+MIN_EDGES = 3  # of a ring
 MAX_OFFSET_PX = 1.0  # beyond it, another edge was found: the corner counts as lost
 
 
@@ -43,6 +51,7 @@ class ImageComparison:
         edge_centers_px: (edges, 2) middle of each edge in the image.
         levels: (patches, 2) gray levels of squares or other patches of one color in the image and
             in the twin.
+        blocks: (blocks, 2, 2) gray level and noise of even blocks in the image and in the twin.
     """
 
     name: str
@@ -53,6 +62,7 @@ class ImageComparison:
     rises_px: Floats
     edge_centers_px: Floats
     levels: Floats
+    blocks: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,11 +72,13 @@ class Ring:
     Attributes:
         radius_px: outer radius about the principal point.
         corners: number of corners.
-        lost: number of corners more than 1 px off, or not found, in the twin; `bias_px` and
+        lost: number of corners that are too far off, or not found, in the twin; `bias_px` and
             `rms_px` exclude them.
-        bias_px: (2,) mean offset of the corners along the radius and across the radius.
+        bias_px: (2,) mean or median offset of the corners along the radius and across the radius;
+            NaN: all are lost.
         rms_px: root mean square of the corners' offsets.
-        rise_px, twin_rise_px: median 10-90 % rise of edges in the images and in the twin.
+        rise_px, twin_rise_px: median 10-90 % rise of edges in the images and in the twin; NaN: too
+            few edges.
     """
 
     radius_px: float
@@ -86,20 +98,26 @@ class Comparison:
         images: each image with its twin.
         rings: rings of the image with equally many corners, from the middle outward.
         level_errors: (patches,) gray levels of the twin minus those of the images.
+        noise: noise of images and twin by gray level.
     """
 
     images: tuple[ImageComparison, ...]
     rings: tuple[Ring, ...]
     level_errors: Floats
+    noise: tuple[NoiseLevel, ...]
 
     @property
     def bias_px(self) -> float:
-        """Largest absolute mean offset of a ring's corners, along or across the radius."""
-        return max(float(np.abs(ring.bias_px).max()) for ring in self.rings)
+        """Largest absolute offset of a ring's corners, along or across the radius.
+
+        Infinite if all corners of a ring are lost.
+        """
+        biases = [float(np.abs(ring.bias_px).max()) for ring in self.rings]
+        return max(bias if math.isfinite(bias) else math.inf for bias in biases)
 
     @property
     def lost(self) -> int:
-        """Number of corners that are more than 1 px off, or not found, in the twin."""
+        """Number of corners that are too far off, or not found, in the twin."""
         return sum(ring.lost for ring in self.rings)
 
 
@@ -162,7 +180,18 @@ def compare_image(
         np.array(rises).reshape(-1, 2),
         0.5 * (starts + ends),
         np.stack(levels, axis=1),
+        even_blocks(image, twin, _board_field(view, image)),
     )
+
+
+def _board_field(view: BoardView, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Mask (height, width) of the convex hull of a board's corners; 255: inside."""
+    import cv2
+
+    field = np.zeros(image.shape, dtype=np.uint8)
+    hull = cv2.convexHull(np.rint(view.pixels_px).astype(np.int32))
+    cv2.fillConvexPoly(field, hull, (255,))
+    return field
 
 
 def _offsets_px(view: BoardView, found: BoardView) -> Floats:
@@ -183,12 +212,19 @@ def _keys(points_m: Floats) -> list[tuple[float, ...]]:
     return [tuple(point) for point in np.round(points_m, 9).tolist()]
 
 
-def compare_images(sensor: OmniCamera, images: list[ImageComparison]) -> Comparison:
+def compare_images(
+    sensor: OmniCamera,
+    images: list[ImageComparison],
+    max_offset_px: float = MAX_OFFSET_PX,
+    average: Callable[[Floats], np.floating[Any]] = np.mean,
+) -> Comparison:
     """Errors of a twin over the field.
 
     Args:
         sensor: twin of the camera.
         images: images beside their twins, at least one.
+        max_offset_px: offset beyond which a corner counts as lost.
+        average: average of a ring's offsets.
     """
     center = np.array(sensor.model.principal_point_px)
     corners = np.concatenate([one.corners_px for one in images])
@@ -205,23 +241,28 @@ def compare_images(sensor: OmniCamera, images: list[ImageComparison]) -> Compari
     rings = []
     for low, high in pairwise(limits):
         in_ring = (radii >= low) & (radii < high)
-        inside = in_ring & (np.linalg.norm(offsets, axis=1) <= MAX_OFFSET_PX)
+        inside = in_ring & (np.linalg.norm(offsets, axis=1) <= max_offset_px)
+        bias, rms = np.full(2, np.nan), math.nan
+        if inside.any():
+            bias = np.array([average(along[inside]), average(across[inside])])
+            rms = float(np.sqrt(np.mean(np.square(offsets[inside]).sum(axis=1))))
         of_edges = (edge_radii >= low) & (edge_radii < high) & np.isfinite(rises).all(axis=1)
         seen = rises[of_edges]
-        median = np.median(seen, axis=0) if len(seen) else np.full(2, np.nan)
+        median = np.median(seen, axis=0) if len(seen) >= MIN_EDGES else np.full(2, np.nan)
         rings.append(
             Ring(
                 float(radii[in_ring].max()),
                 int(in_ring.sum()),
                 int(in_ring.sum() - inside.sum()),
-                np.array([along[inside].mean(), across[inside].mean()]),
-                float(np.sqrt(np.mean(np.square(offsets[inside]).sum(axis=1)))),
+                bias,
+                rms,
                 float(median[0]),
                 float(median[1]),
             )
         )
     levels = np.concatenate([one.levels for one in images])
-    return Comparison(tuple(images), tuple(rings), levels[:, 1] - levels[:, 0])
+    noise = noise_by_level([one.blocks for one in images])
+    return Comparison(tuple(images), tuple(rings), levels[:, 1] - levels[:, 0], noise)
 
 
 def _edges(view: BoardView, pattern: PrintedPattern) -> tuple[Floats, Floats]:

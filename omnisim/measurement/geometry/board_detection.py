@@ -88,9 +88,9 @@ def _chessboard_corners(
     size = board.columns, board.rows
     if grid is None or grid.shape[:2] != (board.rows, board.columns):
         # the outer edges of the outermost squares may pass for corners: the size as it should be
-        flags = cv2.CALIB_CB_EXHAUSTIVE
-        is_found, corners = cv2.findChessboardCorners(image, size)
+        is_found, corners = _by_quadrangles(image, size)
         if not is_found:
+            flags = cv2.CALIB_CB_EXHAUSTIVE
             is_found, corners = cv2.findChessboardCornersSB(image, size, flags=flags)
         if not is_found:
             seen = "" if grid is None else f", but of {grid.shape[1]} x {grid.shape[0]}"
@@ -110,6 +110,20 @@ def _chessboard_corners(
     y, x = np.mgrid[: board.rows, : board.columns]
     points = np.stack((x.ravel(), y.ravel()), axis=1) * board.square_m
     return points, grid.reshape(-1, 2)
+
+
+def _by_quadrangles(image: NDArray[np.uint8], size: tuple[int, int]) -> tuple[bool, Any]:
+    """OpenCV's search for black quadrangles: True if all corners are found, and the corners.
+
+    Large images are searched at half their size, as the search takes seconds where there is no
+    board.
+    """
+    import cv2
+
+    if min(image.shape) < _LARGE_PX:
+        return cv2.findChessboardCorners(image, size)
+    is_found, corners = cv2.findChessboardCorners(cv2.pyrDown(image), size)
+    return is_found, 2.0 * corners if is_found else corners
 
 
 def _larger_grid(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.float64] | None:

@@ -121,5 +121,7 @@ def timing_figure(profile: Sequence[float], fitted: Sequence[float], lines: str)
     figure, axes = plot("Bands of the lamp", lines, "relative light")
     axes.plot(profile, color=BLUE, linewidth=0.9, label="measured")
     axes.plot(fitted, color=ORANGE, linewidth=1.2, label="fitted")
-    axes.legend(fontsize=8, loc="lower left")
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.15 * (high - low))  # room for the legend
+    axes.legend(fontsize=8, loc="upper right", ncols=2)
     return figure

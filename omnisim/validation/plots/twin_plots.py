@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from omnisim.measurement.comparison.comparison import Comparison, ImageComparison
 from omnisim.validation.plots.style import BLUE, DPI, GRAY, ORANGE, label_axes
 
+_SMALL_PX = 0.05  # least extent of the axis of biases
 _GAIN = 2.0  # of differences, around middle gray
 
 
@@ -39,6 +40,8 @@ def edge_figure(comparison: Comparison) -> Figure:
         values = [ring.bias_px[index] for ring in comparison.rings]
         offsets.plot(radii, values, "o-", color=color, label=name)
     offsets.axhline(0.0, color=GRAY, linewidth=0.6)
+    low, high = offsets.get_ylim()
+    offsets.set_ylim(min(low, -_SMALL_PX), max(high, _SMALL_PX))
     offsets.legend(fontsize=8)
     label_axes(rises, "10–90 % rise of edges", "radius (px)", "rise (px)")
     for name, color, attribute in (
@@ -49,4 +52,19 @@ def edge_figure(comparison: Comparison) -> Figure:
         rises.plot(radii, values, "o-", color=color, label=name)
     rises.set_ylim(bottom=0.0)
     rises.legend(fontsize=8)
+    return figure
+
+
+def noise_figure(comparison: Comparison) -> Figure:
+    """Noise of images and twin by gray level."""
+    figure = Figure(figsize=(6.0, 4.2), dpi=DPI, layout="constrained")
+    axes = figure.subplots()
+    label_axes(axes, "Noise", "gray level", "standard deviation (gray levels)")
+    levels = [one.level for one in comparison.noise]
+    for name, color, attribute in (("images", BLUE, "noise"), ("twin", ORANGE, "twin_noise")):
+        values = [getattr(one, attribute) for one in comparison.noise]
+        axes.plot(levels, values, "o-", color=color, label=name)
+    axes.set_xlim(0.0, 255.0)
+    axes.set_ylim(bottom=0.0)
+    axes.legend(fontsize=8)
     return figure

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +21,8 @@ from omnisim.validation.report.measure import Measure
 TEMPLATE = Path(__file__).with_name("report.html.jinja")
 FORMAT_VERSION = 2
 HTML, JSON = "report.html", "report.json"
+_NUMBER = re.compile(r"\s*([–-]?\s*$|[-+−±]?[.\d])")
+_MAX_WORDS = 2  # of a number with its unit
 Status = Literal["passed", "failed", "skipped", "measured"]
 
 
@@ -39,6 +42,19 @@ class ResultTable:
     caption: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+
+    @property
+    def are_numbers(self) -> tuple[bool, ...]:
+        """True for each column, but the first one, whose cells are numbers with at most a unit."""
+        columns = zip(*self.rows, strict=True)
+        return tuple(
+            index > 0 and all(map(_is_number, cells)) for index, cells in enumerate(columns)
+        )
+
+
+def _is_number(cell: str) -> bool:
+    """True for a number with or without a unit, an empty cell or a dash."""
+    return len(cell.split()) <= _MAX_WORDS and bool(_NUMBER.match(cell))
 
 
 @dataclass(frozen=True)

@@ -155,6 +155,21 @@ def test_heading_of_what_stands_still(count):
     np.testing.assert_array_equal(heading_along(np.ones((count, 2))), np.zeros(count))
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a/0001.png 1 2 3 0 0 0 1\nb.jpg 4 5 6 0 0 0 1\n",
+        "image,x_m,y_m,z_m,yaw_deg\na/0001.png,1,2,3,0\nb.jpg,4,5,6,0\n",
+        "x_m,y_m,z_m,yaw_deg,image\n1,2,3,0,a/0001.png\n4,5,6,0,b.jpg\n",
+    ],
+)
+def test_poses_with_names_of_images(tmp_path, text):
+    parsed = parse_trajectory(_write(tmp_path, "poses.txt", text))
+    assert parsed.names == ("a/0001.png", "b.jpg")
+    assert parsed.times_s is None
+    assert parsed.world_from_base[:, :3, 3].tolist() == [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
+
+
 def test_rate(tmp_path):
     path = tmp_path / "a.kitti"
     write_trajectory(path, _trajectory(5))

@@ -58,6 +58,12 @@ def test_a_report_without_bounds_has_no_verdict():
     assert Report("", "", (Section("a", "", (Measure("count", 3.0),)),)).verdict == ""
 
 
+def test_columns_of_numbers_are_told_from_text():
+    rows = (("a", "1.5", "0.3 px", "", "4800 pixels at 6 times"), ("b", "–", "-2 px", "±3", "9"))
+    assert ResultTable("", tuple("abcde"), rows).are_numbers == (False, True, True, True, False)
+    assert ResultTable("", ("a",), ()).are_numbers == ()
+
+
 def test_a_place_that_cannot_be_is_refused_early(tmp_path):
     with pytest.raises(OutputError, match="does not exist"):
         check_report_target(tmp_path / "none" / "out")

@@ -39,6 +39,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 
 _SHOWN_MODELS = 5
+_MANY_PX = 0.3  # RMS error; sharp images of one camera and a firm board leave less
 _CAMERAS = ("lens", "mirror", "optics")  # tables of a sensor file, one of which states the camera
 
 
@@ -265,3 +266,8 @@ def _print(measured: MeasuredGeometry, rejected: Sequence[RejectedImage]) -> Non
         print_note(f"the board is bent by up to {1e3 * bow_m:.2g} mm, which was measured too")
     for image in rejected:
         print_note(f"{image.name} not used: {image.reason}")
+    if measured.rms_px > _MANY_PX:
+        print_note(
+            f"{measured.rms_px:.2f} px RMS is more than sharp images leave: several cameras, zoom "
+            "or focus, a board that moved or bent, or a lens that no model describes"
+        )

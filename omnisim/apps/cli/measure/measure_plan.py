@@ -54,6 +54,7 @@ _PARTS = {
 }
 _COMPARE = "compare"
 _OWN = ("output", "sensor")  # which the plan's command sets
+_NAME_OR_FILE = ("board", "scene")
 
 
 def plan(request: MeasurePlanRequest) -> None:
@@ -139,8 +140,9 @@ def _with_board(read: Mapping[str, Any], output: Path) -> dict[str, Any]:
     if not isinstance(board, Mapping) or "images" not in board:
         return tables
     given = {key: board[key] for key in ("images", "board", "mirrored") if key in board}
-    if isinstance(read.get(_COMPARE), Mapping):
-        tables[_COMPARE] = given | read[_COMPARE]
+    comparison = read.get(_COMPARE)
+    if isinstance(comparison, Mapping) and "scene" not in comparison:
+        tables[_COMPARE] = given | dict(comparison)
     edges = read.get("sharpness")
     if isinstance(edges, Mapping) and "images" not in edges:
         corners = output.with_name(f"{output.stem}-corners.csv").absolute()
@@ -165,9 +167,14 @@ def _schema(kind: type) -> type[Table]:
 
 def _below(folder: Path, table: dict[str, Any]) -> dict[str, Any]:
     """Table with relative paths resolved from the plan's folder."""
-    return {
+    resolved = {
         key: folder / value if isinstance(value, Path) else value for key, value in table.items()
     }
+    for key in _NAME_OR_FILE:
+        name = resolved.get(key)
+        if isinstance(name, str) and Path(name).suffix and (folder / name).is_file():
+            resolved[key] = str(folder / name)
+    return resolved
 
 
 def _digest(before: str, table: Mapping[str, Any]) -> str:

@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 from omnisim.apps.cli.console import out, track
 from omnisim.apps.cli.measure.measured_files import (
     check_outputs,
+    check_size,
     print_measured,
     round_to_sigma,
     sensor_tables,
+    stated_camera,
     write_measured,
 )
 from omnisim.apps.cli.measure.requests import MeasureResponseRequest
@@ -30,7 +32,6 @@ from omnisim.measurement.response import (
     measure_vignetting,
 )
 from omnisim.measurement.response.mean_images import check_unclipped, mean_image
-from omnisim.rendering.camera.omnicamera import OmniCamera
 
 _GREEN = 1
 _NAMES = ("red", "green", "blue")
@@ -119,10 +120,12 @@ def _vignetting(
 ) -> dict[str, MeasuredVignetting]:
     """Vignetting of each channel, by name; a gray image has a single channel."""
     files = image_files(folder)
-    center = None
-    if request.sensor is not None:
-        u, v = OmniCamera.from_file(request.sensor).model.principal_point_px
-        center = float(u), float(v)
+    camera = stated_camera(request.sensor)
+    center = (
+        None
+        if camera is None
+        else (float(camera.principal_point_px[0]), float(camera.principal_point_px[1]))
+    )
     channels: dict[str, MeasuredVignetting] = {}
     planes: list[NDArray[np.float64]] = []
     for number in track(range(3), "Channels", 3):
@@ -131,6 +134,8 @@ def _vignetting(
         if planes and np.array_equal(mean, planes[0]):
             continue  # gray images
         planes.append(mean)
+        if camera is not None and request.sensor is not None:
+            check_size(folder, (mean.shape[1], mean.shape[0]), camera, request.sensor)
         check_unclipped(mean, largest, str(folder))
         levels = np.clip((mean - request.black) / (largest - request.black), 0.0, 1.0)
         name = _NAMES[number] if number else "red"

@@ -10,9 +10,11 @@ from typing import Any
 from omnisim.apps.cli.console import print_note, track
 from omnisim.apps.cli.measure.measured_files import (
     check_outputs,
+    check_size,
     print_measured,
     read_reports,
     sensor_tables,
+    stated_camera,
     write_measured,
 )
 from omnisim.apps.cli.measure.requests import MeasureSharpnessRequest
@@ -26,7 +28,6 @@ from omnisim.measurement.sharpness import (
     read_edge_image,
 )
 from omnisim.rendering.camera.degradations import Encoding
-from omnisim.rendering.camera.omnicamera import OmniCamera
 
 MIN_GAMMA, MAX_GAMMA = 0.1, 10.0
 
@@ -49,11 +50,12 @@ def sharpness(request: MeasureSharpnessRequest) -> None:
         boards = read_corners(request.corners)
         files = _files_with_board(request, files, boards)
     center_px = None
-    if request.sensor is not None:
-        camera = OmniCamera.from_file(request.sensor).model
+    camera = stated_camera(request.sensor)
+    if camera is not None and request.sensor is not None:
         u_px, v_px = camera.principal_point_px
         center_px = float(u_px), float(v_px)
-        _check_size(files[0], encoding, (camera.width_px, camera.height_px), request.sensor)
+        height, width = read_edge_image(files[0], encoding).shape[:2]
+        check_size(files[0], (width, height), camera, request.sensor)
     numbers = track(range(len(files)), "Images", len(files))
     measured = measure_sharpness(
         (read_edge_image(files[number], encoding) for number in numbers),
@@ -76,7 +78,7 @@ def sharpness(request: MeasureSharpnessRequest) -> None:
     print_measured(request.output, measured.quantities, measured.unobservable)
     for flaw, count in measured.flaws.items():
         print_note(f"{count} edges left out: {flaw.value}")
-    if request.sensor is None:
+    if camera is None:
         width, height = measured.size_px
         print_note(f"radii are those of {width} × {height} px: give the camera's --sensor file")
 
@@ -116,16 +118,6 @@ def _files_with_board(
             f"their names, got those of {len(boards)}"
         )
     return files
-
-
-def _check_size(
-    file: Path, encoding: Encoding | None, size_px: tuple[int, int], sensor: Path
-) -> None:
-    """Check that the images have the size of the sensor file."""
-    height, width = read_edge_image(file, encoding).shape[:2]
-    if (width, height) != size_px:
-        expected = f"expected {size_px[0]} × {size_px[1]} px as in {sensor}"
-        raise MeasurementError(f"{file}: {expected}, got {width} × {height} px")
 
 
 def _degradation(tables: dict[str, Any], measured: MeasuredSharpness) -> dict[str, Any]:

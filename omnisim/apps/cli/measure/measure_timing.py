@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from omnisim.apps.cli.console import track
 from omnisim.apps.cli.measure.measured_files import (
     check_outputs,
+    check_size,
     print_measured,
     read_board_shape,
     round_to_sigma,
@@ -127,12 +128,7 @@ def _of_a_board(request: MeasureTimingRequest) -> tuple[MeasuredReadout, dict[st
     files = image_files(request.images)
     searches = find_boards(files, board, request.mirrored)
     found = [next(searches) for _ in track(range(len(files)), "Boards", len(files))]
-    if found[0].size_px != (camera.width_px, camera.height_px):
-        width, height = found[0].size_px
-        raise MeasurementError(
-            f"{files[0]}: {width} × {height} px: expected {camera.width_px} × {camera.height_px} "
-            f"px as in {request.sensor}"
-        )
+    check_size(files[0], found[0].size_px, camera, request.sensor)
     numbers = frame_numbers(request.images, files)
     seen = [
         (one.found, number)

@@ -15,12 +15,15 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from omnisim.apps.cli.console import out, print_note
-from omnisim.core.errors import MeasurementError
+from omnisim.cameras import CentralCamera
+from omnisim.core.errors import MeasurementError, SensorFileError
 from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_target, write_text
-from omnisim.core.files.toml_file import Comment, toml_text
+from omnisim.core.files.toml_file import Comment, read_tables, toml_text
 from omnisim.measurement.quantity import Quantity, Unobservable
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_toml import sensor_toml
+
+_CAMERA = ("lens", "mirror", "optics", "camera")  # tables that state a camera
 
 
 def check_outputs(output: Path, sensor: Path | None, **others: Path) -> None:
@@ -51,10 +54,46 @@ def report_path(output: Path) -> Path:
 def sensor_tables(sensor: Path | None) -> dict[str, Any]:
     """Tables of a sensor file to complete, without values at their defaults; empty without a file.
 
+    A file that states no camera, such as one of a measured response, gets none.
+
     Raises:
         SensorFileError: the file is invalid.
     """
-    return {} if sensor is None else tomllib.loads(sensor_toml(OmniCamera.from_file(sensor)))
+    if sensor is None:
+        return {}
+    tables = tomllib.loads(sensor_toml(OmniCamera.from_file(sensor)))
+    if stated_camera(sensor) is None:
+        tables = {key: table for key, table in tables.items() if key not in _CAMERA}
+    return tables
+
+
+def stated_camera(sensor: Path | None) -> CentralCamera | None:
+    """Camera model of a sensor file; None without a file, or if the file states no camera.
+
+    Raises:
+        SensorFileError: the file is invalid.
+    """
+    if sensor is None:
+        return None
+    camera = OmniCamera.from_file(sensor)
+    stated = read_tables(sensor, SensorFileError)
+    return camera.model if stated.keys() & set(_CAMERA) else None
+
+
+def check_size(
+    name: Path | str, size_px: tuple[int, int], camera: CentralCamera, sensor: Path
+) -> None:
+    """Check that images have the size, width and height, of a sensor file's camera.
+
+    Raises:
+        MeasurementError: they have another size.
+    """
+    wanted = camera.width_px, camera.height_px
+    if size_px != wanted:
+        raise MeasurementError(
+            f"{name}: {size_px[0]} × {size_px[1]} px: expected {wanted[0]} × {wanted[1]} px as in "
+            f"{sensor}"
+        )
 
 
 def write_measured(

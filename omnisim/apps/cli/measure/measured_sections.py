@@ -30,7 +30,7 @@ from omnisim.validation.plots.residual_plot import residual_figure
 from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 
 PartReport = Mapping[str, Any]
-_MODELS = ("model", "numbers", "RMS px", "held out px")
+_MODELS = ("model", "numbers", "RMS px", "held out px", "not fitted")
 
 
 def measured_sections(sensor: Path) -> list[Section]:
@@ -74,9 +74,10 @@ def _geometry_tables(report: PartReport) -> list[ResultTable]:
     models = tuple(
         (
             one["name"],
-            str(one["parameters"]),
+            str(one["parameters"]) if one["parameters"] else "–",
             _pixels(one["rms_px"]),
             _pixels(one["held_out_rms_px"]),
+            str(one.get("reason", "")).removeprefix("camera: "),
         )
         for one in report["models"]
     )

@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
+from omnisim.apps.cli import completion
+from omnisim.apps.cli.option_groups import PoseAxes
 from omnisim.apps.cli.options import Argument, Option
 
 
@@ -58,16 +60,34 @@ class MeasureCompareRequest:
     """Parameters of `omnisim measure compare`."""
 
     images: Annotated[Path, Argument(metavar="IMAGES")]
-    """Folder of images of a board, a video or a ROS bag."""
+    """Folder of images of a board or a scene, a video or a ROS bag."""
     sensor: Path
     """Sensor file of the camera; the board's measured shape is read from the report beside it."""
-    board: Annotated[str, Option(metavar="BOARD")]
-    """Board: 8x6:30mm, charuco:9x7:30mm:22mm:5X5_100, aprilgrid:6x6:88mm:0.3, or a Kalibr file
-    (.yaml), as for omnisim measure geometry."""
     output: Path
     """Folder to write: report.html, report.json and its figures."""
+    board: Annotated[str | None, Option(metavar="BOARD", default="none: --scene")] = None
+    """Board: 8x6:30mm, charuco:9x7:30mm:22mm:5X5_100, aprilgrid:6x6:88mm:0.3, or a Kalibr file
+    (.yaml), as for omnisim measure geometry."""
     mirrored: bool = False
-    """The camera looks into a mirror."""
+    """The camera looks into a mirror, and sees a board in it."""
+    scene: Annotated[
+        str | None,
+        Option(metavar="SCENE", default="none: --board", complete=completion.complete_scene),
+    ] = None
+    """Scene in the images, instead of a board: a scene file, or name of a built-in scene."""
+    trajectory: Annotated[Path | None, Option(default="none: --board")] = None
+    """Pose of each image in the scene: TUM, .csv, KITTI, EuRoC or transforms.json; with the names
+    of the images, such as a.png x y z qx qy qz qw, or one pose per image in their order."""
+    trajectory_frame: Annotated[
+        str | None, Option(metavar="body|camera", default="by the file's format, with a note")
+    ] = None
+    """Frame that the poses describe: the camera, or the vehicle on which it is mounted."""
+    axes: Annotated[PoseAxes | None, Option(default="kitti for KITTI's files, else world")] = None
+    """Axes of the poses, as for omnisim render --trajectory."""
+    exposure_ev: Annotated[
+        str | None, Option(metavar="EV|auto", default="the camera's", names=lambda: ("auto",))
+    ] = None
+    """Exposure of the twin, in stops, in a scene whose light is not that of the images."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -40,6 +40,7 @@ class ParsedTrajectory:
         axes: axes of the poses in the file.
         has_heights: False for poses on a floor plan: x, y and heading.
         format: name of the file format.
+        names: (n,) image file of each pose, or None if the file has no names.
     """
 
     source: str
@@ -49,6 +50,7 @@ class ParsedTrajectory:
     axes: Axes = "world"
     has_heights: bool = True
     format: str = ""
+    names: tuple[str, ...] | None = None
 
     def trajectory(self, rate_hz: float | None = None) -> Trajectory:
         """Trajectory at the poses' times; poses without times are spaced at `rate_hz` from 0 s.

@@ -3,6 +3,7 @@
 `x_m` and `y_m` are required. `z_m`, `roll_deg` and `pitch_deg` default to 0; without all three, the
 poses lie on a floor plan. Without `yaw_deg` the robot looks along its path, toward the next
 distinct position, and at the end it keeps its heading. Without `t_s` the poses have no times.
+`image` may name the image file of each pose.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from omnisim.core.trajectories.formats.text_table import TextTable, check_printe
 from omnisim.core.trajectories.trajectory import Trajectory
 
 COLUMNS = ["t_s", "x_m", "y_m", "z_m", "yaw_deg", "roll_deg", "pitch_deg"]
+IMAGE_COLUMN = "image"
 
 
 def read(table: TextTable) -> ParsedTrajectory:
@@ -34,6 +36,10 @@ def read(table: TextTable) -> ParsedTrajectory:
     """
     names = _header(table)
     table = table.without_header()
+    images = None
+    if IMAGE_COLUMN in names:
+        table, images = table.without_column(names.index(IMAGE_COLUMN))
+        names = [name for name in names if name != IMAGE_COLUMN]
     values = dict(zip(names, table.numbers(names).T, strict=True))
     zeros = np.zeros(len(table.lines))
     positions = np.column_stack((values["x_m"], values["y_m"], values.get("z_m", zeros)))
@@ -45,13 +51,13 @@ def read(table: TextTable) -> ParsedTrajectory:
     times_s = read_times(table, values["t_s"]) if "t_s" in values else None
     parsed = parsed_trajectory(table, times_s, positions, rotations)
     has_heights = any(name in values for name in ("z_m", "roll_deg", "pitch_deg"))
-    return dataclasses.replace(parsed, has_heights=has_heights)
+    return dataclasses.replace(parsed, has_heights=has_heights, names=images)
 
 
 def _header(table: TextTable) -> list[str]:
     line = table.lines[0]
     for k, name in enumerate(line.cells):
-        if name not in COLUMNS:
+        if name not in (*COLUMNS, IMAGE_COLUMN):
             hint = did_you_mean(name, COLUMNS)
             raise table.fault(line, f"column {quote(name)!r}: {hint}")
         if name in line.cells[:k]:

@@ -16,6 +16,7 @@ NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
 NOT_FINITE = re.compile(r"[+-]?(nan|inf|infinity)", re.IGNORECASE)
 MAX_NUMBER = 1e20  # above any timestamp in nanoseconds; squares do not overflow
 MAX_QUOTE = 40
+_FILE_NAME = re.compile(r".+\.[A-Za-z]\w*")
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,18 @@ class TextTable:
                 f"{self.source}: only a header: expected at least one line of numbers"
             )
         return replace(self, lines=self.lines[1:])
+
+    def without_column(self, index: int) -> tuple[TextTable, tuple[str, ...]]:
+        """Table without a column, and the column's cells; lines that lack it are left as they are.
+
+        Args:
+            index: number of the column, from 0.
+        """
+        cells = tuple(line.cells[index] if index < len(line.cells) else "" for line in self.lines)
+        lines = [
+            Line(line.number, line.cells[:index] + line.cells[index + 1 :]) for line in self.lines
+        ]
+        return replace(self, lines=lines), cells
 
     def numbers(self, names: list[str]) -> NDArray[np.float64]:
         """All cells (lines, columns) as finite numbers.
@@ -132,6 +145,11 @@ def read_text_table(path: Path) -> TextTable:
 def is_number(cell: str) -> bool:
     """True if a cell is a number, finite or not."""
     return bool(NUMBER.fullmatch(cell) or NOT_FINITE.fullmatch(cell))
+
+
+def is_file_name(cell: str) -> bool:
+    """True if a cell is the name of a file with a suffix, such as 0001.png."""
+    return bool(_FILE_NAME.fullmatch(cell)) and not is_number(cell)
 
 
 def quote(text: str) -> str:

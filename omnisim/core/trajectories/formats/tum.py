@@ -1,10 +1,13 @@
 """TUM: `t x y z qx qy qz qw` in seconds and meters, separated by blanks.
 
+Names of image files may take the place of the times: `0001.png x y z qx qy qz qw`.
+
 Source: TUM RGB-D benchmark, file formats.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
@@ -16,7 +19,11 @@ from omnisim.core.trajectories.formats.parsed_trajectory import (
     read_quaternions,
     read_times,
 )
-from omnisim.core.trajectories.formats.text_table import TextTable, check_printed_times
+from omnisim.core.trajectories.formats.text_table import (
+    TextTable,
+    check_printed_times,
+    is_file_name,
+)
 from omnisim.core.trajectories.trajectory import Trajectory
 
 COLUMNS = ["t", "x", "y", "z", "qx", "qy", "qz", "qw"]
@@ -28,6 +35,12 @@ def read(table: TextTable) -> ParsedTrajectory:
     Raises:
         TrajectoryError: the file is invalid; names file, line, actual and expected value.
     """
+    if is_file_name(table.lines[0].cells[0]):
+        table, names = table.without_column(0)
+        numbers = table.numbers(COLUMNS[1:])
+        rotations = read_quaternions(table, numbers[:, 3:])
+        parsed = parsed_trajectory(table, None, numbers[:, :3], rotations)
+        return dataclasses.replace(parsed, names=names)
     numbers = table.numbers(COLUMNS)
     times_s = read_times(table, numbers[:, 0])
     return parsed_trajectory(

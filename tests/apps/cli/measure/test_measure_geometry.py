@@ -26,6 +26,7 @@ def test_corners_become_a_sensor_file(omnisim, tmp_path):
     arguments = [str(corners), "--size", "400", "300", "--model", "kannala_brandt"]
     status, out, err = omnisim("measure", "geometry", *arguments, "-o", output)
     assert status == 0, err
+    assert "RMS is more than" not in err
     assert "kannala_brandt: 0.06" in out  # 0.05 px along each axis, less what the poses take
     camera = OmniCamera.from_file(output).model
     assert isinstance(camera, KannalaBrandtCamera)
@@ -35,6 +36,16 @@ def test_corners_become_a_sensor_file(omnisim, tmp_path):
     assert {one["name"] for one in report["quantities"]} > {"focal_lengths_px.0", "coefficients.3"}
     assert (tmp_path / "camera-corners.csv").exists()
     assert (tmp_path / "camera-residuals.png").exists()
+
+
+def test_corners_that_fit_badly_leave_a_note(omnisim, tmp_path):
+    views = noisy_views(LENS, varied_poses(10), corner_grid(), 0.5)
+    corners = [BoardCorners(one.points_m, one.pixels_px) for one in views]
+    write_corners(tmp_path / "corners.csv", corners)
+    options = ("--size", "400", "300", "--model", "kannala_brandt", "-o", "camera.toml")
+    status, _, error = omnisim("measure", "geometry", "corners.csv", *options)
+    assert status == 0, error
+    assert "px RMS is more than sharp images leave: several cameras, zoom" in error
 
 
 @pytest.mark.slow

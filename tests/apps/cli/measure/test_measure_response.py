@@ -43,6 +43,19 @@ def test_encoding_and_vignetting_are_written(omnisim, folders):
     assert "errors of full scale: linear" in out
 
 
+def test_flat_fields_of_another_camera_are_refused(omnisim, folders):
+    options = ("--flat", "flat", "--sensor", "lens.toml", "-o", "camera.toml")
+    (folders / "lens.toml").write_text("[mirror]\nk = 12.0\n")
+    status, _, error = omnisim("measure", "response", "series", *options)
+    expected = "error: flat: 160 × 120 px: expected 360 × 360 px as in lens.toml\n"
+    assert (status, error) == (1, expected)
+    assert not (folders / "camera.toml").exists()
+    (folders / "lens.toml").write_text("[degradation.jpeg]\n")  # states no camera
+    status, _, error = omnisim("measure", "response", "series", *options)
+    assert status == 0, error
+    assert "[mirror" not in (folders / "camera.toml").read_text()
+
+
 def test_without_flat_fields_vignetting_is_not_measured(omnisim, folders):
     status, _, err = omnisim("measure", "response", folders / "series", "-o", "camera.toml")
     assert status == 0

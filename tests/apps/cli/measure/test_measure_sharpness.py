@@ -114,7 +114,10 @@ def test_bad_input(omnisim, edge, tmp_path):
         (("edge", "-o", "c.toml", "--response", "x"), "--response: expected srgb or a number"),
         (("edge", "-o", "c.toml", "--corners", "two.csv"), "two.csv: expected corners in each of"),
         (("edge", "-o", "c.toml", "--sensor", "s.toml"), "s.toml: cannot be read"),
-        (("edge", "-o", "c.toml", "--sensor", "lens.toml"), "edge/0.png: expected 360 × 360 px as"),
+        (
+            ("edge", "-o", "c.toml", "--sensor", "lens.toml"),
+            "edge/0.png: 80 × 80 px: expected 360 ×",
+        ),
     ):
         status, out, error = omnisim("measure", "sharpness", *arguments)
         assert (status, out) == (1, ""), arguments
