@@ -139,10 +139,13 @@ def _bsdf(material: Material) -> dict[str, Any]:
 
 def _medium(material: Material) -> dict[str, Any]:
     """Medium that absorbs light and scatters none."""
+    absorption = _absorption(material)
+    most = max(absorption)  # colors are at most 1
     return {
         "type": "homogeneous",
         "albedo": 0.0,
-        "sigma_t": rgb(_absorption(material)),
+        "scale": most,
+        "sigma_t": rgb(tuple(one / most for one in absorption)),
     }
 
 
