@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from omnisim.core.poses import pose
 from omnisim.scene.model import Lighting, Material, Mesh
 from omnisim.validation.material_chart import sphere
 from tests.rendering.rays.test_caster import rays_from
@@ -15,7 +16,8 @@ from tests.scenes import room, room_color, room_hit, scene_of, square
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
 
 from omnisim.rendering.rays import ray_scene
-from omnisim.rendering.rays.ray_scene import RayScene
+from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
+from omnisim.rendering.rays.through import cast_through
 
 DARK = Lighting((0.0, 0.0, 0.0), ())
 GLASS = Material(
@@ -142,6 +144,16 @@ def test_glass_attenuates_light_by_the_length_of_its_path_and_tints_it_at_each_s
     np.testing.assert_allclose(light[0], straight + mirrored + within, atol=5e-4)
 
 
+def test_a_ray_may_start_in_glass_and_is_reflected_within_it():
+    color = np.array((0.5, 0.25, 1.0))
+    scene = slab(thickness_m=0.6, attenuation_color=tuple(color), attenuation_distance_m=1.0)
+    light = traced(scene, rays_from((0.0, 0.0, -0.2), [(0.0, 0.0, 1.0)]))
+    once = fresnel(0.0, 1.5)
+    up, down = (1.0 - once) * color**0.2 * ABOVE, (1.0 - once) * color**0.8 * BELOW
+    # the second reflection is below 1/512
+    np.testing.assert_allclose(light[0], up + once * down, atol=1e-6)
+
+
 def test_light_beyond_the_critical_angle_is_totally_reflected():
     """A ray enters a leg of a prism perpendicularly, and is turned to the other leg at 45°."""
     corners = np.array([(0.0, -0.5), (1.0, -0.5), (0.0, 0.5)])  # in x and z
@@ -192,3 +204,55 @@ def test_each_channel_is_seen_through_glass_of_its_own_index():
     ]  # fmt: skip
     np.testing.assert_allclose(lights[0], np.diagonal(lights[1:]), atol=1e-6)
     assert np.ptp(lights[1:], axis=0).max() > 1e-2
+
+
+def in_room(ball, material=GLASS, objects=(), objects_at=()):
+    """Light of rays at a room with a ball of glass, or with dynamic objects."""
+    walls = dataclasses.replace(room(), material=0)
+    meshes = [walls] if ball is None else [walls, dataclasses.replace(ball, material=1)]
+    scene = scene_of(meshes, [SHINING, material], None, DARK)
+    directions = np.random.default_rng(3).normal((2.0, 0.0, 0.0), 0.4, (60, 3))
+    rays = rays_from((-2.0, 0.1, 0.2), directions)
+    return RayScene(scene, objects).radiance(
+        rays, objects=ObjectState(objects_at), paths=paths_of(60)
+    )
+
+
+def test_sides_mirroring_and_motion_change_nothing():
+    ball = sphere(0.8, 24)
+    expected = in_room(ball)
+    assert np.abs(expected - in_room(None)).max() > 0.1
+    double = in_room(ball, dataclasses.replace(GLASS, double_sided=True))
+    np.testing.assert_array_equal(double, expected)
+    moved = pose((0.3, -0.2, 0.1), yaw_deg=165.0)
+    for flip, most in ((1.0, 1e-4), (-1.0, 0.02)):  # quads are mirrored, but not their diagonals
+        still = np.linalg.inv(moved) @ np.diag((1.0, 1.0, flip, 1.0))
+        part = scene_of([ball], [GLASS], [still])
+        light = in_room(None, objects=[part], objects_at=[moved])
+        assert np.mean(np.abs(light - expected) > most) < 0.05
+
+
+def test_an_open_mesh_fills_the_space_behind_it():
+    color = np.array((0.5, 0.25, 1.0))
+    glass = dataclasses.replace(GLASS, attenuation_color=tuple(color), attenuation_distance_m=2.0)
+    floor = dataclasses.replace(SHINING, base_color=(*BELOW, 1.0))
+    once = 1.0 - fresnel(40.0, 1.5)
+    length_m = 3.0 / np.cos(np.arcsin(np.sin(np.radians(40.0)) / 1.5))
+    for sky in ((0.0, 0.0, 0.0), (0.3, 0.6, 0.9)):
+        sheet = square(half_m=1e3, material=1)
+        above = traced(
+            scene_of([square(half_m=1e3, z_m=-3.0), sheet], [floor, glass], None, DARK, sky),
+            slope(40.0),
+        )
+        through = once * color ** (length_m / 2.0) * BELOW
+        np.testing.assert_allclose(above[0], through + (1.0 - once) * np.array(sky), atol=1e-4)
+    alone = traced(scene_of([sheet], [SHINING, glass], None, DARK, sky), slope(40.0))
+    expected = np.where(color < 1.0, 0.0, once) * sky + (1.0 - once) * np.array(sky)
+    np.testing.assert_allclose(alone[0], expected, atol=1e-4)
+
+
+def test_ranges_through_panes_end_at_thick_glass():
+    scene = RayScene(slab())
+    ends = cast_through(scene, slope(20.0), ObjectState(), np.zeros((1, 2, 3), dtype=np.float32))
+    np.testing.assert_allclose(ends.ranges_m, 1.0 / np.cos(np.radians(20.0)), rtol=1e-6)
+    assert ends.surfaces_plus_one == 3

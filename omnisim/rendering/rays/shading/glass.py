@@ -102,11 +102,10 @@ def interface_reflectance(cosines: Floats, ratios: Floats) -> Floats:
         ratios: (n,) refractive indices behind the interfaces, relative to before them.
     """
     cosines = np.clip(cosines, 1e-4, 1.0).astype(np.float64)
-    squared = 1.0 - (1.0 - cosines**2) / ratios**2
-    beyond = np.sqrt(np.maximum(squared, 0.0))
+    beyond = np.sqrt(np.maximum(1.0 - (1.0 - cosines**2) / ratios**2, 0.0))
     across = ((cosines - ratios * beyond) / (cosines + ratios * beyond)) ** 2
     along = ((beyond - ratios * cosines) / (beyond + ratios * cosines)) ** 2
-    reflected: Floats = np.where(squared > 0.0, 0.5 * (across + along), 1.0)
+    reflected: Floats = 0.5 * (across + along)
     return reflected
 
 
