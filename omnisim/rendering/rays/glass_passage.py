@@ -1,4 +1,4 @@
-"""Passage of rays through bodies of glass: the media that they are in, and their directions."""
+"""Passage of rays through bodies of glass: their media and directions."""
 
 from __future__ import annotations
 
