@@ -32,13 +32,15 @@ class GlassPassage:
         self._media = air if paths.media is None else paths.media.copy()
         self.sides, self.paths = shading.is_glass, paths._replace(media=self._media)
 
-    def left(self, indices: NDArray[np.intp], rays: Rays, hits: RayHits) -> NDArray[np.float32]:
-        """Shares (m, 3) of light that glass before the hits leaves to rays at indices (m,)."""
+    def attenuation(
+        self, indices: NDArray[np.intp], rays: Rays, hits: RayHits
+    ) -> NDArray[np.float32]:
+        """Attenuation (m, 3) of light by glass before the hits of rays at indices (m,)."""
         hit = np.flatnonzero(hits.triangles != NO_TRIANGLE)
         media = self._media[indices]
         media[hit] = self._shading.media(hits.take(hit), media[hit], self._poses)
         self._media[indices] = media
-        return self._shading.glass.left(media, hits.ranges_m - rays.near_m)
+        return self._shading.glass.attenuation(media, hits.ranges_m - rays.near_m)
 
     def refract(
         self,

@@ -114,7 +114,7 @@ class RayScene:
         for layer in range(MAX_LAYERS):
             hits = self.caster.cast(rays, poses, objects.hidden, behind, sides)
             if glass is not None:
-                share[active] *= glass.left(active, rays, hits)
+                share[active] *= glass.attenuation(active, rays, hits)
             is_hit = hits.triangles != NO_TRIANGLE
             missed = active[~is_hit]
             seen = background

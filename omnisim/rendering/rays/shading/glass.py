@@ -70,8 +70,8 @@ class Glass(NamedTuple):
         indices = np.maximum(np.stack((ior - spreads, ior, ior + spreads)), 1.0)
         return cls(shares, indices, absorption, bool(spreads[shares > 0.0].any()))
 
-    def left(self, media: NDArray[np.int32], lengths_m: Floats) -> NDArray[np.float32]:
-        """Shares (n, 3) of light left after lengths (n,), which may be infinite, in media (n,)."""
+    def attenuation(self, media: NDArray[np.int32], lengths_m: Floats) -> NDArray[np.float32]:
+        """Shares (n, 3) of light that remain after lengths (n,), which may be infinite, in media (n,)."""
         shares = np.ones((len(media), 3), dtype=np.float32)
         inside = np.flatnonzero(media != NO_MEDIUM)
         absorption = self.absorption[media[inside]]

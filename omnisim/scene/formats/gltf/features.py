@@ -223,7 +223,7 @@ FEATURES = (
     ),
     Feature("KHR_materials_dispersion", _APPLIED, "of thick glass, with `--backend rays`"),
     Feature("KHR_materials_emissive_strength", _APPLIED, "times the emission"),
-    Feature("KHR_materials_ior", _APPLIED, "of the gloss of a dielectric"),
+    Feature("KHR_materials_ior", _APPLIED, "of the gloss of a dielectric, and of glass"),
     _extension("KHR_materials_iridescence", "iridescenceFactor", "iridescence is not drawn"),
     Feature("KHR_materials_sheen", _LEFT_OUT, "sheen is not drawn", "materials", _has_sheen),
     Feature(
