@@ -71,7 +71,7 @@ class Glass(NamedTuple):
         return cls(shares, indices, absorption, bool(spreads[shares > 0.0].any()))
 
     def attenuation(self, media: NDArray[np.int32], lengths_m: Floats) -> NDArray[np.float32]:
-        """Shares (n, 3) of light that remain after lengths (n,), which may be infinite, in media (n,)."""
+        """Shares (n, 3) of light that remain after lengths (n,), up to infinity, in media (n,)."""
         shares = np.ones((len(media), 3), dtype=np.float32)
         inside = np.flatnonzero(media != NO_MEDIUM)
         absorption = self.absorption[media[inside]]
