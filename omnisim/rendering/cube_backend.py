@@ -45,7 +45,6 @@ from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.pipeline import Pipeline, check_image_size
 from omnisim.rendering.opengl.shadows.shadow_maps import ShadowMaps
 from omnisim.rendering.opengl_camera import DrawnHits, DrawnScene, OpenGLCamera
-from omnisim.rendering.rays.followed_beams import FollowedBeams, FollowedRanges
 from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene import Scene
@@ -150,6 +149,7 @@ class CubeBackend(SceneBackend):
         """Beams of a scanner; needs the current context, as do the pass's methods."""
         from omnisim.rendering.opengl.drawing.range_pass import RangePass
         from omnisim.rendering.rays.beams import Beams
+        from omnisim.rendering.rays.followed_beams import FollowedRanges
 
         def drawn() -> RangePass:
             return RangePass(self.buffers, angles_rad, max_range_m, hidden)
@@ -165,6 +165,7 @@ class CubeBackend(SceneBackend):
     def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> BeamCaster:
         """Beams of a spinning lidar; needs the current context, as do the pass's methods."""
         from omnisim.rendering.opengl.ground_truth.lidar_pass import LidarPass
+        from omnisim.rendering.rays.followed_beams import FollowedBeams
         from omnisim.rendering.rays.lidar_caster import LidarCaster
 
         near_m = near_plane_m(scene_size_m(self.scene), LIDAR_NEAR_M)

@@ -33,9 +33,10 @@ BASE = poses.pose((-0.9, 0.6, 0.0), yaw_deg=35.0)
 PREVIOUS_BASE = poses.pose((-1.0, 0.5, 0.0), yaw_deg=29.0)
 NEXT_BASE = poses.pose((-0.8, 0.7, 0.0), yaw_deg=41.0)
 LENS_THETA_MAX_DEG = 95.0
-# For the tiles of materials: soccer has neither metal nor emissive surfaces.
+# For the tiles of materials: soccer has neither metal, mirrors nor emissive surfaces.
 GLOWING, METALLIC = ("lamp_glow", "screens", "outside"), 0.8
-LENS_CHANNELS = ("range", "normals", "semantic")
+MIRROR = "wall_east"
+LENS_CHANNELS = ("range", "range_through", "normals", "semantic", "semantic_through")
 Tile = tuple[str, NDArray[np.uint8]]
 
 
@@ -58,7 +59,11 @@ def ground_truth_tiles() -> list[Tile]:
 
 
 def _glowing(material: Material) -> Material:
-    """Material that emits its own color, if its name is in `GLOWING`; else the same material."""
+    """Material that emits its own color, or is a mirror, by its name; else the same material."""
+    if material.name == MIRROR:
+        return dataclasses.replace(
+            material, base_color=(0.9, 0.9, 0.9, 1.0), texture=None, metallic=1.0, roughness=0.0
+        )
     if material.name not in GLOWING:
         return material
     red, green, blue, _ = material.base_color

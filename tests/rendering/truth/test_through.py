@@ -8,11 +8,13 @@ import pytest
 from omnisim.cameras import pixel_grid
 from omnisim.core.errors import OmnisimError
 from omnisim.core.extras import EXTRAS
+from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene.labels import find_labels
 from omnisim.scene.model import Material
 from omnisim.sensors import DepthCamera
 from omnisim.validation.checks import reflective_rooms
+from tests.cameras.optics.examples import SYSTEMS
 from tests.rendering.rays.test_panes import reflected_by_pane
 from tests.scenes import room, scene_of, square
 
@@ -83,6 +85,15 @@ def test_curved_mirrors_bend_rays_by_their_normals():
         drawn["range_through"][both], found["range_through"][both], rtol=1e-3
     )
     assert (found["range_through"] - found["range"]).max() > 2.0
+
+
+@pytest.mark.parametrize("name", ["tilted camera", "hyperbola"])
+def test_optical_systems_follow_each_ray_from_its_origin(name):
+    sensor = OmniCamera(SYSTEMS[name].scaled(0.15), supersampling=1)
+    cast, drawn = (channels(ROOMS["planar mirror"], backend, sensor) for backend in BACKENDS[::-1])
+    np.testing.assert_allclose(drawn["range_through"], cast["range_through"], atol=1e-3)
+    seen = np.isfinite(cast["range"])
+    assert np.mean(cast["range_through"][seen] > cast["range"][seen] + 0.1) > 0.01
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

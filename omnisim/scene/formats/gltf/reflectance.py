@@ -8,11 +8,11 @@ from dataclasses import replace
 
 from omnisim.scene.formats.gltf.json_object import JsonObject
 from omnisim.scene.model import Material, Texture
+from omnisim.scene.surface_reflectance import MAX_PANE_ROUGHNESS
 
 DEFAULT_IOR = 1.5
 _BRIGHTEST = 65504.0  # largest half float, the precision of images
 _MAX_SCALE = 1e3
-MAX_GLASS_ROUGHNESS = 0.2  # frosted glass beyond is opaque
 Color = tuple[float, float, float]
 
 
@@ -88,7 +88,7 @@ def is_clear_glass(entry: JsonObject) -> bool:
         transmission is not None
         and transmits(entry)
         and not transmission.has("transmissionTexture")
-        and roughness <= MAX_GLASS_ROUGHNESS
+        and roughness <= MAX_PANE_ROUGHNESS
     )
 
 

@@ -5,6 +5,8 @@ Colors of a model are sRGB, as its own renderer displays them.
 
 from __future__ import annotations
 
+import dataclasses
+
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,7 @@ from omnisim.scene.formats.mjcf.textures import Textures
 from omnisim.scene.parts import AlphaMode, Material, Texture
 
 NO_MATERIAL = -1
+_MIRROR_IOR = 1e6  # reflects all but 4e-6 at normal incidence
 _OPAQUE_FROM = 0.995  # threshold of MuJoCo's renderer
 _GEOM_GRAY = (0.5, 0.5, 0.5, 1.0)  # default color of a geom
 _Role = mujoco.mjtTextureRole
@@ -32,6 +35,18 @@ def own_or_material_rgba(model: mujoco.MjModel, rgba: NDArray[np.float32], mater
     return red, green, blue, alpha
 
 
+def _mirror(material: Material, reflectance: float) -> Material:
+    """Material whose plane mirrors the scene with a reflectance at all angles.
+
+    A dielectric of a very large index reflects its `specular` at all angles, and the body below has
+    the rest of the light. MuJoCo adds this share of the mirrored geoms to the plane's full color,
+    and does not mirror the sky.
+    """
+    return dataclasses.replace(
+        material, specular=reflectance, ior=_MIRROR_IOR, metallic=0.0, roughness=0.0
+    )
+
+
 class Materials:
     """Materials of a model, each created once per color and cube face.
 
@@ -43,7 +58,7 @@ class Materials:
         self.entries: list[Material] = []
         self.textures = Textures(model)
         self._model = model
-        self._index_of: dict[tuple[int, Rgba, int | None, bool], int] = {}
+        self._index_of: dict[tuple[int, Rgba, int | None, bool, bool], int] = {}
 
     def color_texture(self, material: int) -> int | None:
         """Index of a material's base color texture; None: no texture."""
@@ -52,7 +67,14 @@ class Materials:
         textures = [int(self._model.mat_texid[material, role]) for role in _COLORS]
         return next((texture for texture in textures if texture >= 0), None)
 
-    def index(self, material: int, rgba: Rgba, face: int | None, is_solid: bool) -> int:
+    def index(
+        self,
+        material: int,
+        rgba: Rgba,
+        face: int | None,
+        is_solid: bool,
+        is_plane: bool = False,
+    ) -> int:
         """Index of a material in `entries`.
 
         Args:
@@ -60,12 +82,20 @@ class Materials:
             rgba: effective color.
             face: face of its cube texture; None: an image, or no texture.
             is_solid: visible from outside only.
+            is_plane: of a plane, which mirrors the scene by the reflectance if it is opaque.
         """
-        key = (material, rgba, face, is_solid)
+        is_mirror = is_plane and rgba[3] >= _OPAQUE_FROM and self._reflectance(material) > 0.0
+        key = (material, rgba, face, is_solid, is_mirror)
         if key not in self._index_of:
+            made = self._make(material, rgba, face, is_solid)
             self._index_of[key] = len(self.entries)
-            self.entries.append(self._make(material, rgba, face, is_solid))
+            self.entries.append(_mirror(made, self._reflectance(material)) if is_mirror else made)
         return self._index_of[key]
+
+    def _reflectance(self, material: int) -> float:
+        if material == NO_MATERIAL:
+            return 0.0
+        return min(max(float(self._model.mat_reflectance[material]), 0.0), 1.0)
 
     def _make(self, material: int, rgba: Rgba, face: int | None, is_solid: bool) -> Material:
         red, green, blue = np.asarray(linear_from_srgb(np.clip(rgba[:3], 0.0, 1.0))).tolist()
@@ -115,9 +145,15 @@ class Materials:
     @property
     def notices(self) -> list[str]:
         """Notices for unsupported features of the created materials, one line each."""
-        used = sorted({material for material, _, _, _ in self._index_of if material != NO_MATERIAL})
+        used = sorted({material for material, *_ in self._index_of if material != NO_MATERIAL})
         model = self._model
-        mirrors = sum(model.mat_reflectance[material] > 0.0 for material in used)
+        mirrors = len(
+            {
+                material
+                for material, *_, is_mirror in self._index_of
+                if self._reflectance(material) > 0.0 and not is_mirror
+            }
+        )
         roles = (
             _Role.mjTEXROLE_OCCLUSION, _Role.mjTEXROLE_ROUGHNESS,
             _Role.mjTEXROLE_METALLIC, _Role.mjTEXROLE_OPACITY,
@@ -127,7 +163,10 @@ class Materials:
         )
         notices = []
         if mirrors:
-            notices.append(f"not drawn: mirror images in {counted(int(mirrors), 'material')}")
+            notices.append(
+                f"not drawn: mirror images in {counted(mirrors, 'material')} of geoms that are no "
+                "opaque planes"
+            )
         if single:
             notices.append(
                 f"not drawn: {counted(single, 'texture')} of occlusion, roughness, metallic or "

@@ -52,13 +52,13 @@ class Meshes:
                 self._shapes[shape_key] = geom_shape(model, geom)
             mapped = self._map(self._shapes[shape_key], material, model.geom_size[geom])
             self._parts[key] = tuple(
-                self._add(name, part, material, self.rgba(geom), kind in _SOLIDS) for part in mapped
+                self._add(name, part, material, self.rgba(geom), kind) for part in mapped
             )
         return self._parts[key]
 
     def add(self, name: str, mapped: MappedSurface, material: int, rgba: Rgba) -> Parts:
         """Double-sided meshes of skins and flexible bodies."""
-        return (self._add(name, mapped, material, rgba, False),)
+        return (self._add(name, mapped, material, rgba, None),)
 
     def _map(self, shape: Shape, material: int, sizes: NDArray[np.float64]) -> list[MappedSurface]:
         """Parts of a shape, with texture coordinates if the material has a texture."""
@@ -77,10 +77,12 @@ class Meshes:
         return map_cube(shape, sizes, is_uniform)
 
     def _add(
-        self, name: str, mapped: MappedSurface, material: int, rgba: Rgba, is_solid: bool
+        self, name: str, mapped: MappedSurface, material: int, rgba: Rgba, kind: int | None
     ) -> tuple[int, NDArray[np.float64]]:
         surface = mapped.surface
-        index = self.materials.index(material, rgba, mapped.face, is_solid)
+        index = self.materials.index(
+            material, rgba, mapped.face, kind in _SOLIDS, kind == Geom.mjGEOM_PLANE
+        )
         mesh, center = make_mesh(
             name,
             surface.positions,

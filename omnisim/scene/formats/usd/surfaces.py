@@ -14,6 +14,7 @@ from omnisim.scene.formats.usd.shading import omni_pbr
 from omnisim.scene.formats.usd.shading.shading import Affine, Inputs, ShaderInput, TextureSource
 from omnisim.scene.formats.usd.shading.texture_files import CHANNELS, TextureFiles
 from omnisim.scene.parts import AlphaMode, Material, Texture
+from omnisim.scene.surface_reflectance import MAX_PANE_ROUGHNESS
 
 _PREVIEW = ("UsdPreviewSurface", "ND_UsdPreviewSurface_surfaceshader")
 _NOT_DRAWN = {"displacement": 0.0, "useSpecularWorkflow": 0.0}
@@ -84,6 +85,8 @@ class _PreviewSurface:
         material = self._base(Material(self._name, specular=1.0), diffuse, opacity)
         material = self._with_normals(self._with_gloss(material))
         material = self._with_emission(self._with_occlusion(material))
+        if self._is_pane(material, opacity):
+            material = _pane(material)
         return Appearance(material, self._uv, diffuse.primvar, opacity.primvar)
 
     def _base(self, material: Material, diffuse: ShaderInput, opacity: ShaderInput) -> Material:
@@ -137,6 +140,15 @@ class _PreviewSurface:
             clearcoat_roughness=clearcoat_roughness, metallic_roughness_map=packed,
         )  # fmt: skip
 
+    def _is_pane(self, material: Material, opacity: ShaderInput) -> bool:
+        """True for blended materials of one color that are smooth and clear: panes of glass."""
+        is_plain = material.texture is None and material.metallic_roughness_map is None
+        is_plain &= material.normal_map is None and not opacity.primvar and not opacity.texture
+        is_plain &= not self._inputs.get("diffuseColor").primvar
+        is_smooth = material.metallic == 0.0 and material.roughness <= MAX_PANE_ROUGHNESS
+        is_faded = str(self._inputs.get("opacityMode").value or "transparent") == "presence"
+        return material.is_blended and is_plain and is_smooth and not is_faded
+
     def _with_normals(self, material: Material) -> Material:
         source = self._inputs.get("normal").texture
         texture = None if source is None else self._files.normals(source, self._name)
@@ -179,6 +191,25 @@ class _PreviewSurface:
         if transform == texture.uv_transform:
             return texture
         return replace(texture, uv_transform=transform)
+
+
+def _pane(material: Material) -> Material:
+    """Thin pane of a blended material.
+
+    The specification passes the share 1 − opacity of the light, whatever the color, and has a body
+    of opacity · diffuse color, below a full gloss. A pane tints both by one base color: exact for
+    gray, else the light is tinted as far as the body is visible.
+    """
+    *diffuse, opacity = material.base_color
+    opacity = min(max(opacity, 0.0), 1.0)
+    red, green, blue = (1.0 - opacity + opacity * one for one in diffuse)
+    transmission = (1.0 - opacity) / max((red + green + blue) / 3.0, 1e-6)
+    return replace(
+        material,
+        base_color=(red, green, blue, 1.0),
+        transmission=min(transmission, 1.0),
+        alpha_mode=AlphaMode.OPAQUE,
+    )
 
 
 def _relative(target: Affine, applied: Affine) -> Affine:

@@ -39,8 +39,8 @@ class OpenGL:
         self._egl.eglDestroyContext(self._display, self._context)
 
 
-def render(model, data, camera, width_px, height_px):
-    """Image (height, width, 3) uint8 and geoms (height, width), without shadows and mirrors."""
+def render(model, data, camera, width_px, height_px, mirrors=False):
+    """Image (height, width, 3) uint8 and geoms (height, width), without shadows."""
     model.vis.global_.offwidth, model.vis.global_.offheight = width_px, height_px
     scene, view, option = mujoco.MjvScene(model, 1000), mujoco.MjvCamera(), mujoco.MjvOption()
     view.type = mujoco.mjtCamera.mjCAMERA_FIXED
@@ -49,6 +49,7 @@ def render(model, data, camera, width_px, height_px):
     flags = mujoco.mjtRndFlag
     for flag in (flags.mjRND_SHADOW, flags.mjRND_REFLECTION, flags.mjRND_HAZE, flags.mjRND_FOG):
         scene.flags[flag] = 0
+    scene.flags[flags.mjRND_REFLECTION] = int(mirrors)
     rectangle = mujoco.MjrRect(0, 0, width_px, height_px)
     found = []
     with OpenGL():

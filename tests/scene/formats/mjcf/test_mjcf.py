@@ -13,6 +13,7 @@ from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene.labels import find_labels
 from omnisim.scene.light.lighting import DEFAULT_LIGHTING
 from omnisim.scene.model import AlphaMode, LightKind
+from omnisim.scene.surface_reflectance import dielectric_f0
 from tests.scene.formats.mjcf.models import SHAPES
 from tests.scene.gltf_builder import png
 
@@ -48,12 +49,29 @@ def test_what_is_not_drawn_is_said(shapes):
         f"shapes.xml: {notice}"
         for notice in (
             "not drawn, as in MuJoCo: 1 geom of group 3",
-            "not drawn: mirror images in 1 material",
             "the headlight shines from everywhere",
             "attenuation of lamps is drawn as that of 1/distance², equal where they point to",
             "the sky box is drawn in its mean color",
         )
     )
+
+
+def test_planes_mirror_the_scene_and_other_geoms_do_not(tmp_path):
+    body = """<asset><material name="glaze" rgba=".5 .5 .5 1" reflectance="{share}"/></asset>
+      <worldbody>
+        <geom name="floor" type="plane" size="4 4 1" material="glaze"/>
+        <geom name="crate" type="box" size="1 1 1" pos="0 0 2" material="glaze"/>
+      </worldbody>"""
+    scene = load_scene(_written(tmp_path, body.format(share=0.3)))
+    floor, crate = _material(scene, "floor"), _material(scene, "crate")
+    # reflected at all angles, with the rest for the body
+    assert dielectric_f0(floor.ior, floor.specular, (1.0, 1.0, 1.0))[0] == pytest.approx(0.3, 1e-4)
+    assert (floor.specular, floor.roughness, floor.metallic) == (pytest.approx(0.3), 0.0, 0.0)
+    assert crate.is_matte
+    assert any("mirror images in 1 material" in notice for notice in scene.notices)
+    clear = load_scene(_written(tmp_path, body.format(share=0.0)))
+    assert _material(clear, "floor").is_matte
+    assert not any("mirror" in notice for notice in clear.notices)
 
 
 def _material(scene, name):

@@ -86,3 +86,33 @@ def test_colors_and_textures_are_those_that_mujoco_draws(images, name):
     steps = np.abs(theirs.astype(int) - ours)[is_seen].max(axis=-1)
     assert np.median(steps) <= 2
     assert (steps <= 8).mean() > 0.99
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_planes_mirror_what_mujoco_mirrors():
+    """MuJoCo adds mirrored geoms to the floor's color: they show in its black squares."""
+    pytest.importorskip("embreex", reason="embreex, which casts mirrored rays, is missing")
+    from tests.scene.formats.mjcf.mujoco_images import render
+
+    model = mujoco.MjModel.from_xml_string(SHAPES.replace('reflectance=".2"', 'reflectance="1"'))
+    model.vis.headlight.ambient[:] = 1.0
+    model.vis.headlight.diffuse[:] = model.vis.headlight.specular[:] = 0.0
+    model.light_active[:] = 0
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    try:
+        theirs, ids = render(model, data, "view", WIDTH_PX, HEIGHT_PX, mirrors=True)
+        plain, _ = render(model, data, "view", WIDTH_PX, HEIGHT_PX)
+    except (OSError, mujoco.FatalError) as reason:
+        pytest.skip(f"MuJoCo's renderer does not work here: {reason}")
+    focal_px = 0.5 * HEIGHT_PX / np.tan(np.radians(0.5 * FOV_Y_DEG))
+    middle = (0.5 * (WIDTH_PX - 1), 0.5 * (HEIGHT_PX - 1))
+    lens = PerspectiveCamera(WIDTH_PX, HEIGHT_PX, focal_px, middle)
+    with Camera(model, data, OmniCamera(lens, supersampling=1), camera="view") as camera:
+        frame = camera.render(also=("instance", "semantic_through"))
+        floor = (ids == camera.geoms["floor"]) & (camera.geom_ids(frame) == ids)
+    black = floor & (maximum_filter(plain, (3, 3, 1)).max(axis=-1) < 10)
+    mirrored = theirs.max(axis=-1) > 40
+    ours = frame.channels["semantic_through"] > 0
+    assert 1000 < (black & mirrored).sum() < 0.5 * black.sum()
+    assert (mirrored == ours)[black].mean() > 0.998  # others are on silhouettes

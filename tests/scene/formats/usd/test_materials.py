@@ -90,6 +90,51 @@ def test_values_of_a_surface(tmp_path):
     assert not material.double_sided
 
 
+def _glass(folder, **inputs):
+    stage = new_stage(folder / "glass.usda")
+    values = {"diffuseColor": (0.2, 0.2, 0.2), "opacity": 0.1, "roughness": 0.0, "ior": 1.52}
+    _material(stage, define_box(stage, "/World/box"), **{**values, **inputs})
+    stage.Save()
+    return _load_only_material(folder / "glass.usda")[2]
+
+
+def test_smooth_clear_surfaces_are_panes(tmp_path):
+    """Light passes by 1 − opacity, and the body has opacity · color, as the specification says."""
+    glass = _glass(tmp_path)
+    assert glass.alpha_mode is AlphaMode.OPAQUE
+    assert (glass.ior, glass.roughness) == (pytest.approx(1.52), 0.0)
+    color = np.array(glass.base_color[:3])
+    np.testing.assert_allclose(glass.pane_transmission * color, 0.9, rtol=1e-6)
+    np.testing.assert_allclose((1.0 - glass.pane_transmission) * color, 0.1 * 0.2, rtol=1e-5)
+    assert _glass(tmp_path, opacity=0.0).pane_transmission == 1.0
+    # a colored body tints the light a little: on average it is the same
+    tinted = _glass(tmp_path, diffuseColor=(0.0, 1.0, 0.2), opacity=0.2)
+    color = np.array(tinted.base_color[:3])
+    assert np.mean(tinted.pane_transmission * color) == pytest.approx(0.8)
+    np.testing.assert_allclose(tinted.pane_transmission * color, 0.8, rtol=0.15)
+
+
+@pytest.mark.parametrize(
+    "inputs",
+    [
+        {"roughness": 0.3},
+        {"metallic": 0.5},
+        {"opacityMode": "presence"},
+    ],
+)
+def test_other_surfaces_are_blended(tmp_path, inputs):
+    blended = _glass(tmp_path, **inputs)
+    assert blended.alpha_mode is AlphaMode.BLEND
+    assert blended.base_color == pytest.approx((0.2, 0.2, 0.2, 0.1))
+    assert blended.pane_transmission == 0.0
+
+
+def test_opaque_and_masked_surfaces_are_no_panes(tmp_path):
+    assert _glass(tmp_path, opacity=1.0).pane_transmission == 0.0
+    masked = _glass(tmp_path, opacityThreshold=0.05)
+    assert (masked.alpha_mode, masked.pane_transmission) == (AlphaMode.MASK, 0.0)
+
+
 def test_a_texture_with_scale_wrap_and_transform(tmp_path):
     pixels = np.arange(48, dtype=np.uint8).reshape(4, 4, 3)
     (tmp_path / "a.png").write_bytes(png(pixels))
