@@ -52,7 +52,7 @@ _IN_STEPS = "in steps, at least 1; the scale is this image's own"
 _RANGE_ABOUT = {
     "range": f"length of the ray from the effective viewpoint, {_IN_STEPS}",
     "range_through": (
-        "length of the ray's path to the first surface that is no glass, and after mirrors, "
+        "length of the ray's path to the first surface that is no pane, and after mirrors, "
         f"{_IN_STEPS}"
     ),
 }

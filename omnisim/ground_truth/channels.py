@@ -78,7 +78,7 @@ CHANNELS: dict[str, Channel] = {
         ),
         Channel(
             "range_through", ("range_through",), "float32", "m",
-            "length of the ray's path to the first surface that is no glass, and after mirrors, "
+            "length of the ray's path to the first surface that is no pane, and after mirrors, "
             "as reflected; +inf: nothing is hit",
             math.inf,
         ),

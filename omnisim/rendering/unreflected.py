@@ -17,7 +17,7 @@ from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS
 
 
 def reflection_notes(scene: Scene, mirrors: int = DEFAULT_MIRRORS) -> list[str]:
-    """Notices on materials that reflect the scene with `--backend rays` only.
+    """Notices on materials that reflect or refract the scene with `--backend rays` only.
 
     Args:
         scene: scene.
@@ -46,9 +46,15 @@ def reflection_notes(scene: Scene, mirrors: int = DEFAULT_MIRRORS) -> list[str]:
             f"{most} planar mirrors: the {mirrors} largest in view show the scene "
             "(virtual_cameras.mirrors of a sensor file)"
         )
+    thick = {id(one.material) for one in surfaces.values() if one.material.glass_transmission}
+    if thick:
+        notes.append(
+            f"thick glass is opaque ({counted(len(thick), 'material')}): --backend rays refracts"
+        )
     return notes
 
 
 def reflects_scene(material: Material) -> bool:
-    """True if the ray back end traces reflections: panes, smooth metal, gloss or clear coat."""
-    return material.pane_transmission > 0.0 or is_smooth(material, MAX_TRACED_ROUGHNESS)
+    """True if the ray back end traces reflections: glass, smooth metal, gloss or clear coat."""
+    transmission = material.pane_transmission + material.glass_transmission
+    return transmission > 0.0 or is_smooth(material, MAX_TRACED_ROUGHNESS)

@@ -87,7 +87,12 @@ class Material:
         clearcoat, clearcoat_roughness: strength and roughness of the clear coat, multiplied with
             red and green of `clearcoat_map`.
         transmission: transmitted share of the light that is not reflected, tinted by the base
-            color; the surface is a thin pane.
+            color at each surface.
+        thickness_m: 0: transmission is that of a thin pane; above: that of a closed body of glass.
+        attenuation_color: linear RGB share of white light that is left in glass after
+            `attenuation_distance_m`.
+        attenuation_distance_m: distance in glass; infinite: clear glass.
+        dispersion: 20 over the Abbe number of glass; 0: none.
         emissive: emitted light, linear RGB ≥ 0, multiplied with `emissive_map`.
         normal_scale, occlusion_strength, clearcoat_normal_scale: strengths of the maps.
         metallic_roughness_map, normal_map, occlusion_map: linear textures.
@@ -97,7 +102,7 @@ class Material:
         clearcoat_map, clearcoat_normal_map: linear textures.
 
     Source: glTF 2.0, section 3.9 and appendix B; KHR_materials_specular, _ior, _clearcoat,
-        _transmission.
+        _transmission, _volume, _dispersion.
     """
 
     name: str = ""
@@ -127,6 +132,10 @@ class Material:
     clearcoat_map: Texture | None = None
     clearcoat_normal_map: Texture | None = None
     transmission: float = 0.0
+    thickness_m: float = 0.0
+    attenuation_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    attenuation_distance_m: float = math.inf
+    dispersion: float = 0.0
 
     @property
     def maps(self) -> tuple[Texture | None, ...]:
@@ -152,6 +161,15 @@ class Material:
     @property
     def pane_transmission(self) -> float:
         """Transmitted share of the light that a pane does not reflect; 0: no pane."""
+        return 0.0 if self.thickness_m > 0.0 else self._transmission
+
+    @property
+    def glass_transmission(self) -> float:
+        """Transmitted share of the light that thick glass does not reflect; 0: no thick glass."""
+        return self._transmission if self.thickness_m > 0.0 else 0.0
+
+    @property
+    def _transmission(self) -> float:
         return 0.0 if self.unlit else self.transmission * (1.0 - self.metallic)
 
     @property

@@ -258,7 +258,7 @@ def test_numbers_of_physics():
 
 def test_what_gltf_materials_lack_is_said():
     (transmission,) = [one for one in FEATURES if "glass is opaque" in one.effect]
-    assert transmission.name == "transmission: thick, frosted or mapped"
+    assert transmission.name == "transmission: frosted or mapped"
 
 
 # Sentences that several pages have, whole: one that changes on one page changes on all.
@@ -276,7 +276,8 @@ STATEMENTS = {
         (README, HOW_TO + "light.md", WHY + "assumptions.md"),
     ),
     "transmission": (
-        "Thin, clear panes transmit: other glass is opaque unless alpha blends it.",
+        "Clear panes transmit, and thick glass refracts by `--backend rays`: other glass is opaque "
+        "unless alpha blends it.",
         (README, WHY + "assumptions.md"),
     ),
     "emission": (

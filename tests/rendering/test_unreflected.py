@@ -57,3 +57,12 @@ def test_planar_mirrors_and_panes_are_drawn():
         ):
             assert len(notes) == 1
             assert notes[0].startswith("reflections show the sky and lamps")
+
+
+def test_thick_glass_is_opaque():
+    glass = Material(transmission=1.0, thickness_m=0.1, roughness=0.6, specular=1.0)
+    reflections, note = reflection_notes(scene_of([sphere(1.0, 8)], [glass]))
+    assert reflections.startswith("reflections show the sky and lamps")
+    assert note == "thick glass is opaque (1 material): --backend rays refracts"
+    matte = Lighting((1.0, 1.0, 1.0), (), is_matte=True)
+    assert not reflection_notes(scene_of([sphere(1.0, 8)], [glass], None, matte))

@@ -285,7 +285,7 @@ USES = {
     "KHR_materials_sheen": _extension("KHR_materials_sheen", sheenColorFactor=[1, 0, 0]),
     "KHR_materials_specular": _extension("KHR_materials_specular", specularFactor=0),
     "KHR_materials_transmission": _pane,
-    "transmission: thick, frosted or mapped": _extension(
+    "transmission: frosted or mapped": _extension(
         "KHR_materials_transmission", transmissionFactor=1
     ),
     "KHR_materials_volume": _extension("KHR_materials_volume", thicknessFactor=1),
@@ -363,19 +363,23 @@ def test_every_feature_has_a_file():
 
 def test_a_file_may_require_what_only_changes_its_look(tmp_path):
     def use(plain):
-        USES["transmission: thick, frosted or mapped"](plain)
+        USES["transmission: frosted or mapped"](plain)
         plain.require("KHR_materials_transmission")
 
     assert _load(tmp_path, use).notices == (
-        "a.glb: transmission of thick or frosted glass and its maps are not drawn: glass is opaque "
+        "a.glb: transmission of frosted glass and its maps are not drawn: glass is opaque "
         "(1 material)",
     )
 
 
-def test_thin_and_clear_panes_transmit_and_others_say_that_they_do_not(tmp_path):
+def test_clear_glass_transmits_and_other_glass_says_that_it_does_not(tmp_path):
     def thick(plain):
         _pane(plain)
-        plain.extend(plain.material, "KHR_materials_volume", thicknessFactor=0.01)
+        plain.extend(
+            plain.material, "KHR_materials_volume", thicknessFactor=0.01,
+            attenuationDistance=0.2, attenuationColor=[0.5, 0.25, 1.0],
+        )  # fmt: skip
+        plain.extend(plain.material, "KHR_materials_dispersion", dispersion=0.5)
 
     def mapped(plain):
         texture = {"index": plain.gltf.texture(IMAGE)}
@@ -385,11 +389,21 @@ def test_thin_and_clear_panes_transmit_and_others_say_that_they_do_not(tmp_path)
             transmissionTexture=texture,
         )  # fmt: skip
 
-    found = _load(tmp_path, _pane)
-    assert (found.materials[0].transmission, found.notices) == (0.9, ())
-    write_glb(found, tmp_path / "written.glb")
-    assert load_scene(tmp_path / "written.glb").materials[0].transmission == 0.9
-    for change in (thick, mapped, USES["transmission: thick, frosted or mapped"]):
+    pane, glass = _load(tmp_path, _pane), _load(tmp_path, thick)
+    for scene in (pane, glass):
+        write_glb(scene, tmp_path / "written.glb")
+        material = scene.materials[0]
+        written = load_scene(tmp_path / "written.glb").materials[0]
+        assert (material.transmission, scene.notices) == (0.9, ())
+        assert fingerprint(material) == fingerprint(written)
+    assert (material.thickness_m, material.dispersion) == (0.01, 0.5)
+    assert material.attenuation_distance_m == 0.2
+    assert material.attenuation_color == (0.5, 0.25, 1.0)
+    shares = [
+        (one.pane_transmission, one.glass_transmission) for one in (pane.materials[0], material)
+    ]
+    assert shares == [(0.9, 0.0), (0.0, 0.9)]
+    for change in (mapped, USES["transmission: frosted or mapped"]):
         found = _load(tmp_path, change)
         assert found.materials[0].transmission == 0.0
         assert any("glass is opaque (1 material)" in notice for notice in found.notices)

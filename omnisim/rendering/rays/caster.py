@@ -21,6 +21,8 @@ _BEYOND = 1e-6
 _MIN_STEP_M = 1e-7
 _MESHES_KEPT = 8
 
+Sides = bool | NDArray[np.bool_]  # of all surfaces, or of each (surfaces,)
+
 
 class Rays(NamedTuple):
     """Rays in the world, each with its own origin."""
@@ -94,7 +96,7 @@ class RayCaster:
         world_from_objects: Poses = (),
         hidden: frozenset[ObjectPart] = frozenset(),
         behind: NDArray[np.int32] | None = None,
-        both_sides: bool = False,
+        both_sides: Sides = False,
     ) -> RayHits:
         """Find the nearest triangles that face the rays or are double-sided.
 
@@ -103,7 +105,7 @@ class RayCaster:
             world_from_objects: (4, 4) each, poses of the dynamic objects.
             hidden: instances to ignore.
             behind: (n,) triangles that the rays have passed and that are not hit again.
-            both_sides: treat all triangles as double-sided.
+            both_sides: treat all triangles as double-sided, or those of the surfaces in a mask.
         """
         identity = np.eye(4)
         hits = self._cast_part(self._part_mesh(0, frozenset()), rays, identity, behind, both_sides)
@@ -194,14 +196,14 @@ class RayCaster:
         rays: Rays,
         world_from_part: NDArray[np.float64],
         behind: NDArray[np.int32] | None,
-        both_sides: bool,
+        both_sides: Sides,
     ) -> RayHits:
         """Cast rays (n,) at one part, and continue them behind triangles that are not hit."""
         rotation = world_from_part[:3, :3]
         origins_m = _rotated(rays.origins_m - world_from_part[:3, 3], rotation.T) - part.center_m
         directions = _rotated(rays.directions, rotation.T)
         hits, near_m = _no_hits(len(origins_m)), rays.near_m
-        is_double_sided = self.geometry.is_double_sided
+        is_double_sided = self.geometry.is_double_sided | both_sides
         active = np.arange(len(origins_m))
         while len(active):
             starts_m = origins_m[active] + near_m[active, None] * directions[active]
@@ -216,7 +218,7 @@ class RayCaster:
             is_back = _dot(planes, aims[is_hit]) > 0.0
             rays_hit = active[is_hit]
             ranges_m = near_m[rays_hit] + embree_hits.ranges_m[is_hit]
-            shows = ~is_back | both_sides
+            shows = ~is_back
             shows |= is_double_sided[self.geometry.surface_of_triangle[triangles]]
             if behind is not None:
                 shows &= behind[rays_hit] != triangles

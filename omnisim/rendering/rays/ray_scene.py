@@ -14,9 +14,10 @@ from omnisim.core.world import ObjectPart
 from omnisim.rendering.rays.caster import RayCaster, RayHits, Rays
 from omnisim.rendering.rays.embree import NO_TRIANGLE
 from omnisim.rendering.rays.geometry import Poses
+from omnisim.rendering.rays.glass_passage import GlassPassage
 from omnisim.rendering.rays.shading.fog import fogged
 from omnisim.rendering.rays.shading.reflections import Paths, Tracing
-from omnisim.rendering.rays.shading.shading import Shading
+from omnisim.rendering.rays.shading.shading import Shading, View
 from omnisim.rendering.rays.shading.shadows import CastShadow
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import Scene
@@ -93,19 +94,27 @@ class RayScene:
                 reflect its sky and lamps only.
             behind: (n,) triangles that the rays start at.
         """
-        poses, shading = objects.world_from_objects, self.shading
+        poses, shading, glass = objects.world_from_objects, self.shading, None
+        if paths is not None and not unlit and shading.is_glass.any():
+            if shading.glass.is_dispersive and paths.channel is None:
+                return self._by_channel(rays, footprints, objects, paths, behind)
+            glass = GlassPassage(shading, paths, poses)
+            paths = glass.paths
+        sides = False if glass is None else glass.sides
         fog = None if unlit else self._fog
         background = self._background if fog is None else np.array(fog.color, dtype=np.float32)
         environment = self.scene.lighting.environment if fog is None else None
         total = np.zeros((len(rays.near_m), 3), dtype=np.float32)
         has_panes = paths is not None and not unlit and bool(shading.is_pane.any())
-        # of each color behind tinted panes, else of all
-        share = np.ones((len(total), 3 if has_panes else 1), dtype=np.float32)
+        # of each color behind tinted glass, else of all
+        share = np.ones((len(total), 3 if has_panes or glass else 1), dtype=np.float32)
         active = np.arange(len(total))
         # fog in front of a mirror is that of the rays before
         starts_m = rays.near_m if paths is not None and paths.bounce else np.zeros(len(total))
         for layer in range(MAX_LAYERS):
-            hits = self.caster.cast(rays, poses, objects.hidden, behind)
+            hits = self.caster.cast(rays, poses, objects.hidden, behind, sides)
+            if glass is not None:
+                share[active] *= glass.attenuation(active, rays, hits)
             is_hit = hits.triangles != NO_TRIANGLE
             missed = active[~is_hit]
             seen = background
@@ -137,6 +146,10 @@ class RayScene:
             if has_panes and layer < MAX_LAYERS - 1:
                 passing = shading.transmitted(rays, hits, colors, poses)
                 through = through + opacity[:, None] * passing
+            if glass is not None and layer < MAX_LAYERS - 1:
+                view = View(rays, hits, poses, widths)
+                rays, passing = glass.refract(active, view, colors, opacity)
+                through = through + opacity[:, None] * passing
             share[active] *= through
             on = np.flatnonzero(share[active].max(axis=1) > _MIN_SHARE)
             if len(on) == 0:
@@ -144,6 +157,23 @@ class RayScene:
             active, behind = active[on], hits.triangles[on]
             rays = self.caster.behind(rays.take(on), hits.ranges_m[on])
         return total
+
+    def _by_channel(
+        self,
+        rays: Rays,
+        footprints: NDArray[np.float32] | None,
+        objects: ObjectState,
+        paths: Paths,
+        behind: NDArray[np.int32] | None,
+    ) -> NDArray[np.float32]:
+        """Radiance along rays that dispersive glass refracts differently in each channel."""
+        channels = [
+            self.radiance(
+                rays, footprints, objects, paths=paths._replace(channel=one), behind=behind
+            )[:, one]
+            for one in range(3)
+        ]
+        return np.stack(channels, axis=1)
 
     def first_hits(
         self,

@@ -26,9 +26,10 @@ MIN_DB = {
     "floor of roughness 0.1": 34.0,
     "floor of roughness 0.3": 34.0,
     "chrome ball": 32.0,
+    "thick glass ball": 32.0,
     "thin pane": 36.0,
 }
-NOT_BY_CUBE = ("chrome ball",)
+NOT_BY_CUBE = ("chrome ball", "thick glass ball")
 _SHOWN_FACTOR = 8
 
 
@@ -60,10 +61,10 @@ def check(fixture: Fixture, title: str) -> Section:
     return Section(
         title,
         "A room with luminous walls, reflected in a mirror, a glossy floor and a chrome ball, and "
-        "seen through a pane, by `--backend rays`; planar surfaces also by the default back end, "
-        "`cube`. Mitsuba's paths are converged. Its shadowing and masking of facets are "
-        "uncorrelated. A lidar at the camera's place is compared with straight rays behind the "
-        "pane, and with the mirrored room.",
+        "seen through a pane and a glass ball, by `--backend rays`; planar surfaces also by the "
+        "default back end, `cube`. Mitsuba's paths are converged. Its shadowing and masking of "
+        "facets are uncorrelated. A lidar at the camera's place is compared with straight rays "
+        "behind the pane, and with the mirrored room.",
         tuple(measures),
         figures=(
             CaptionedFigure(

@@ -1,4 +1,4 @@
-"""Test rooms: luminous walls and one reflective surface, a mirror, floor, ball or pane."""
+"""Test rooms: luminous walls and a mirror, a reflective floor, a ball or a pane."""
 
 from __future__ import annotations
 
@@ -19,6 +19,14 @@ _CHROME = Material("chrome", (1.0, 1.0, 1.0, 1.0), metallic=1.0, roughness=0.0, 
 _PANE = Material(
     "pane", (0.7, 0.9, 0.8, 1.0), roughness=0.0, specular=1.0, transmission=1.0, double_sided=True
 )
+_GLASS = dataclasses.replace(
+    _PANE,
+    name="glass",
+    base_color=(0.95, 0.97, 1.0, 1.0),
+    thickness_m=1.4,
+    attenuation_color=(0.9, 0.75, 0.6),
+    attenuation_distance_m=1.0,
+)
 _FLOOR = dataclasses.replace(_CHROME, name="floor", base_color=(0.9, 0.85, 0.8, 1.0))
 
 
@@ -33,6 +41,7 @@ def rooms() -> dict[str, Scene]:
             dataclasses.replace(_FLOOR, roughness=0.3), _level(2.9, 2.4, -1.2)
         ),
         "chrome ball": _room(_CHROME, _moved(sphere(0.7, 96), pose((1.2, 0.0, 0.0)))),
+        "thick glass ball": _room(_GLASS, _moved(sphere(0.7, 96), pose((1.2, 0.0, 0.0)))),
         "thin pane": _room(_PANE, _panel(1.2, 0.9, (1.0, 0.3, -0.1), 55.0)),
     }
 

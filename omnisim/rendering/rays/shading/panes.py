@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.rendering.rays.shading.glass import interface_reflectance
 from omnisim.scene.model import Material
 
 Floats = NDArray[np.floating]
@@ -56,10 +57,6 @@ class Panes(NamedTuple):
 
 def pane_reflectance(cosines: Floats, ior: Floats) -> Floats:
     """Reflectance (n,) of panes by the cosines (n,) of the angles of incidence."""
-    cosines = np.clip(cosines, 1e-4, 1.0).astype(np.float64)
-    inside = np.sqrt(np.maximum(1.0 - (1.0 - cosines**2) / ior**2, 0.0))
-    across = ((cosines - ior * inside) / (cosines + ior * inside)) ** 2
-    along = ((inside - ior * cosines) / (inside + ior * cosines)) ** 2
-    once = 0.5 * (across + along)
+    once = interface_reflectance(cosines, ior)
     reflected: Floats = 2.0 * once / (1.0 + once)
     return reflected

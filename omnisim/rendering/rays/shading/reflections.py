@@ -45,6 +45,8 @@ class Paths(NamedTuple):
         weights: (n,) shares of the paths' light in their samples.
         key: key of the camera's random numbers.
         bounce: number of reflections so far.
+        media: (n,) surfaces whose glass the paths are in, or `NO_MEDIUM`; None: all in air.
+        channel: channel for whose light glass refracts; None: see `Glass.ratios`.
     """
 
     pixels: NDArray[np.uint32]
@@ -52,6 +54,8 @@ class Paths(NamedTuple):
     weights: NDArray[np.float32]
     key: int
     bounce: int = 0
+    media: NDArray[np.int32] | None = None
+    channel: int | None = None
 
     def take(self, indices: NDArray[np.intp]) -> Paths:
         """Paths at indices (m,)."""
@@ -59,6 +63,7 @@ class Paths(NamedTuple):
             pixels=self.pixels[indices],
             numbers=self.numbers[indices],
             weights=self.weights[indices],
+            media=None if self.media is None else self.media[indices],
         )
 
 

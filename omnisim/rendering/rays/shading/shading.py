@@ -15,6 +15,13 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.rendering.rays.geometry import Geometry, Poses
+from omnisim.rendering.rays.shading.glass import (
+    NO_MEDIUM,
+    Glass,
+    Refracted,
+    interface_reflectance,
+    refracted_rays,
+)
 from omnisim.rendering.rays.shading.lights import (
     LampLight,
     lamps_at,
@@ -33,7 +40,12 @@ from omnisim.rendering.rays.shading.ray_reflectance import (
 from omnisim.rendering.rays.shading.ray_textures import TextureTable
 from omnisim.rendering.rays.shading.reflections import Arrivals, Lobe, Tracing, traced_gloss
 from omnisim.rendering.rays.shading.shadows import CastShadow, Shadows
-from omnisim.rendering.rays.shading.surface_table import NORMAL_SCALES, Sampler, SurfaceTable
+from omnisim.rendering.rays.shading.surface_table import (
+    NORMAL,
+    NORMAL_SCALES,
+    Sampler,
+    SurfaceTable,
+)
 from omnisim.scene.light.baked_light import BakedLight
 from omnisim.scene.model import AlphaMode, Lighting
 from omnisim.scene.specular_materials import specular_mask
@@ -68,8 +80,9 @@ class Shading:
         lighting: lighting of the scene.
 
     Attributes:
-        is_blended, is_unlit, is_pane, is_specular: (surfaces,) masks.
+        is_blended, is_unlit, is_pane, is_glass, is_specular: (surfaces,) masks.
         panes: parameters of the surfaces that are panes.
+        glass: parameters of the surfaces that are thick glass.
         table: reflectance of the surfaces.
         hit_cutoff, shadow_cutoff: (surfaces,) alpha cutoffs, see `omnisim.scene.model.Material`.
     """
@@ -88,6 +101,8 @@ class Shading:
         self.is_blended = np.array([mode is AlphaMode.BLEND for mode in modes], dtype=np.bool_)
         self.panes = Panes.of(materials)
         self.is_pane = (self.panes.transmission > 0.0) & (not lighting.is_matte)
+        self.glass = Glass.of(materials, lighting.is_matte)
+        self.is_glass = self.glass.transmission > 0.0
         self.is_specular = specular_mask(materials, lighting.is_matte)
         self.hit_cutoff = np.array([m.hit_cutoff for m in materials], dtype=np.float32)
         self.shadow_cutoff = np.array([m.shadow_cutoff for m in materials], dtype=np.float32)
@@ -136,6 +151,42 @@ class Shading:
                 surfaces[indices], colors[indices, :3], cosines
             )
         return shares
+
+    def media(
+        self, hits: RayHits, media: NDArray[np.int32], world_from_objects: Poses
+    ) -> NDArray[np.int32]:
+        """Media (n,) before hits of rays that started in media (n,), see `Refracted`.
+
+        The back of glass is hit from its inside.
+        """
+        surfaces = self.surfaces(hits)
+        glass = np.flatnonzero(self.is_glass[surfaces])
+        leaving = glass[~self._is_front(hits.take(glass), world_from_objects)]
+        media = media.copy()
+        media[leaving] = surfaces[leaving]
+        return media
+
+    def refracted(self, view: View, colors: NDArray[np.float32], channel: int | None) -> Refracted:
+        """Rays that pass surfaces of thick glass.
+
+        Args:
+            view: rays (n,) and their hits, all on thick glass.
+            colors: (n, 3 or more) base colors.
+            channel: see `Glass.ratios`.
+        """
+        surfaces = self.surfaces(view.hits)
+        is_front = self._is_front(view.hits, view.world_from_objects)
+        normals = self.normals(view.hits, view.world_from_objects)
+        normals = self._mapped(NORMAL, normals, view, self.sampler(view))
+        ratios = self.glass.ratios(surfaces, is_front, channel)
+        cosines = np.abs(np.einsum("nc,nc->n", normals, view.rays.directions))
+        passing = 1.0 - interface_reflectance(cosines, ratios)
+        shares = (passing * self.glass.transmission[surfaces])[:, None] * colors[:, :3]
+        return Refracted(
+            refracted_rays(view.rays, view.hits, normals, ratios),
+            shares.astype(np.float32),
+            np.where(is_front, surfaces, np.int32(NO_MEDIUM)),
+        )
 
     def emitted(self, hits: RayHits) -> NDArray[np.float32]:
         """Light (n, 3), linear RGB, that surfaces emit; all rays must hit."""
@@ -264,9 +315,9 @@ class Shading:
             light[others] = baked.probes.light(points_m[others], normals[others])
         return light
 
-    def _is_front(self, hits: RayHits) -> NDArray[np.bool_]:
-        """Mask (n,) of hits on the front of static triangles."""
-        a, b, c = np.moveaxis(self._geometry.corners_m(hits.triangles), 1, 0)
+    def _is_front(self, hits: RayHits, world_from_objects: Poses = ()) -> NDArray[np.bool_]:
+        """Mask (n,) of hits on the front of triangles; without poses, of static ones."""
+        a, b, c = np.moveaxis(self._geometry.corners_m(hits.triangles, world_from_objects), 1, 0)
         front: NDArray[np.bool_] = np.einsum("nc,nc->n", np.cross(b - a, c - a), hits.planes) > 0.0
         return front
 
@@ -298,31 +349,34 @@ class Shading:
         reflectance = self.table.reflectance(surfaces, colors, sampled)
         traced = None
         if tracing is not None:
-            indices = np.flatnonzero(self.is_pane[surfaces])
-            if len(indices):
-                reflectance = self._of_panes(reflectance, surfaces, directions, indices)
+            reflectance = self._of_glass(reflectance, view, directions, tracing.paths.channel)
             traced = _traced(reflectance, directions, view, tracing)
         light = reflected_light(
             reflectance, directions, self._lighting, lamps, surroundings, traced
         )
         return light.astype(np.float32)
 
-    def _of_panes(
-        self,
-        surface: Reflectance,
-        surfaces: NDArray[np.int32],
-        directions: SurfaceDirections,
-        indices: NDArray[np.intp],
+    def _of_glass(
+        self, surface: Reflectance, view: View, directions: SurfaceDirections, channel: int | None
     ) -> Reflectance:
-        """Reflectance in which the panes at indices (m,) are mirrors with a pane's reflectance."""
-        panes, body, f0, f90 = self.panes, surface.body.copy(), surface.f0.copy(), surface.f90
-        cosines = np.abs(
-            np.einsum("nc,nc->n", directions.normals[indices], directions.views[indices])
-        )
-        reflected = pane_reflectance(cosines, panes.ior[surfaces[indices]])
-        f0[indices], f90, roughness = reflected[:, None], f90.copy(), surface.roughness.copy()
-        f90[indices], roughness[indices] = reflected, MIN_ROUGHNESS
-        body[indices] *= 1.0 - panes.transmission[surfaces[indices], None]
+        """Reflectance in which panes and thick glass are mirrors with Fresnel's reflectance."""
+        surfaces = self.surfaces(view.hits)
+        panes, glass = (np.flatnonzero(one[surfaces]) for one in (self.is_pane, self.is_glass))
+        indices = np.concatenate((panes, glass))
+        if len(indices) == 0:
+            return surface
+        cosines = np.abs(np.einsum("nc,nc->n", directions.normals, directions.views))
+        is_front = self._is_front(view.hits.take(glass), view.world_from_objects)
+        ratios = self.glass.ratios(surfaces[glass], is_front, channel)
+        reflected = np.concatenate((
+            pane_reflectance(cosines[panes], self.panes.ior[surfaces[panes]]),
+            interface_reflectance(cosines[glass], ratios),
+        ))  # fmt: skip
+        body, f0, f90 = surface.body.copy(), surface.f0.copy(), surface.f90.copy()
+        roughness = surface.roughness.copy()
+        f0[indices], f90[indices], roughness[indices] = reflected[:, None], reflected, MIN_ROUGHNESS
+        transmission = self.panes.transmission + self.glass.transmission
+        body[indices] *= 1.0 - transmission[surfaces[indices], None]
         return surface._replace(body=body, f0=f0, f90=f90, roughness=roughness)
 
     def sampler(self, view: View) -> Sampler:

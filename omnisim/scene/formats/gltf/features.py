@@ -15,7 +15,7 @@ from omnisim.core.short_repr import counted
 from omnisim.scene.formats.gltf.further_extensions import IGNORED, LEFT_OUT, OTHER_IMAGES
 from omnisim.scene.formats.gltf.json_object import JsonObject
 from omnisim.scene.formats.gltf.primitives import POINTS_AND_LINES, TRIANGLES
-from omnisim.scene.formats.gltf.reflectance import is_thin_pane, transmits
+from omnisim.scene.formats.gltf.reflectance import is_clear_glass, transmits
 
 _GROUPS_OF_NODES = ("shining",)
 _NEAREST = 9728  # OpenGL's constant
@@ -221,9 +221,9 @@ FEATURES = (
         "KHR_materials_diffuse_transmission", "diffuseTransmissionFactor",
         "diffuse transmission is not drawn",
     ),
-    _extension("KHR_materials_dispersion", "dispersion", "dispersion is not drawn"),
+    Feature("KHR_materials_dispersion", _APPLIED, "of thick glass, with `--backend rays`"),
     Feature("KHR_materials_emissive_strength", _APPLIED, "times the emission"),
-    Feature("KHR_materials_ior", _APPLIED, "of the gloss of a dielectric"),
+    Feature("KHR_materials_ior", _APPLIED, "of the gloss of a dielectric, and of glass"),
     _extension("KHR_materials_iridescence", "iridescenceFactor", "iridescence is not drawn"),
     Feature("KHR_materials_sheen", _LEFT_OUT, "sheen is not drawn", "materials", _has_sheen),
     Feature(
@@ -231,14 +231,17 @@ FEATURES = (
     ),
     Feature(
         "KHR_materials_transmission", _APPLIED,
-        "of thin, clear panes",
+        "of thin, clear panes; of thick, clear glass with `--backend rays`",
     ),
     Feature(
-        "transmission: thick, frosted or mapped", _LEFT_OUT,
-        "transmission of thick or frosted glass and its maps are not drawn: glass is opaque",
-        "materials", lambda material: transmits(material) and not is_thin_pane(material),
+        "transmission: frosted or mapped", _LEFT_OUT,
+        "transmission of frosted glass and its maps are not drawn: glass is opaque",
+        "materials", lambda material: transmits(material) and not is_clear_glass(material),
     ),
-    _extension("KHR_materials_volume", "thicknessFactor", "volumes are not drawn"),
+    Feature(
+        "KHR_materials_volume", _APPLIED,
+        "of thick, clear glass, with `--backend rays`: its mesh is the body",
+    ),
     Feature(
         "KHR_materials_variants", _LEFT_OUT, "variants of materials are not used: the default is",
         "primitives", _has_extension("KHR_materials_variants"),

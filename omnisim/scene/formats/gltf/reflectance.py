@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -21,7 +22,7 @@ def with_reflectance(
     """Material with the reflectance of its JSON entry, and maps in the order of `Material.maps`.
 
     Source: glTF 2.0, section 3.9; KHR_materials_emissive_strength, _ior, _specular, _clearcoat,
-    and the glossiness of KHR_materials_pbrSpecularGlossiness.
+    _transmission, _volume, _dispersion, and the glossiness of KHR_materials_pbrSpecularGlossiness.
     """
     metallic_roughness, normal, occlusion, emissive, gloss, clear, coat_normal = maps
     metallic = entry.object("pbrMetallicRoughness")
@@ -42,6 +43,8 @@ def with_reflectance(
     coat = entry.extension("KHR_materials_clearcoat") or JsonObject({}, "")
     specular = entry.extension("KHR_materials_specular") or JsonObject({}, "")
     ior = entry.extension("KHR_materials_ior") or JsonObject({}, "")
+    volume = entry.extension("KHR_materials_volume") or JsonObject({}, "")
+    dispersion = entry.extension("KHR_materials_dispersion") or JsonObject({}, "")
     strength, coating = (
         _share(specular, "specularFactor", 1.0),
         _share(coat, "clearcoatFactor", 0.0),
@@ -54,7 +57,11 @@ def with_reflectance(
         specular=strength,
         specular_color=_color(specular, "specularColorFactor", 1.0),
         ior=max(ior.number("ior", DEFAULT_IOR), 1.0),
-        transmission=_transmission(entry) if is_thin_pane(entry) else 0.0,
+        transmission=_transmission(entry) if is_clear_glass(entry) else 0.0,
+        thickness_m=max(volume.number("thicknessFactor", 0.0), 0.0),
+        attenuation_color=_attenuation_color(volume),
+        attenuation_distance_m=_attenuation_distance_m(volume),
+        dispersion=max(dispersion.number("dispersion", 0.0), 0.0),
         clearcoat=coating,
         clearcoat_roughness=_share(coat, "clearcoatRoughnessFactor", 0.0),
         clearcoat_normal_scale=_scale(coat_scale),
@@ -70,21 +77,29 @@ def transmits(entry: JsonObject) -> bool:
     return _transmission(entry) > 0.0
 
 
-def is_thin_pane(entry: JsonObject) -> bool:
-    """True for a material that transmits light as a clear, thin pane does.
+def is_clear_glass(entry: JsonObject) -> bool:
+    """True for a material that transmits light as a clear pane or body of glass does.
 
-    Not: thick glass (KHR_materials_volume), frosted glass, and maps of the transmission.
+    Not: frosted glass, and maps of the transmission.
     """
     transmission = entry.extension("KHR_materials_transmission")
-    volume = entry.extension("KHR_materials_volume") or JsonObject({}, "")
     roughness = _share(entry.object("pbrMetallicRoughness"), "roughnessFactor", 1.0)
     return (
         transmission is not None
         and transmits(entry)
         and not transmission.has("transmissionTexture")
-        and volume.number("thicknessFactor", 0.0) <= 0.0
         and roughness <= MAX_PANE_ROUGHNESS
     )
+
+
+def _attenuation_color(volume: JsonObject) -> Color:
+    red, green, blue = (min(max(one, 0.0), 1.0) for one in _color(volume, "attenuationColor", 1.0))
+    return red, green, blue
+
+
+def _attenuation_distance_m(volume: JsonObject) -> float:
+    distance_m = volume.number("attenuationDistance", 0.0)
+    return distance_m if distance_m > 0.0 else math.inf
 
 
 def _transmission(entry: JsonObject) -> float:

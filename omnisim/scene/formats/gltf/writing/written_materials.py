@@ -92,6 +92,14 @@ class WrittenMaterials:
         if material.transmission > 0.0:
             transmission = {"transmissionFactor": material.transmission}
             extensions["KHR_materials_transmission"] = transmission
+        if material.thickness_m > 0.0:
+            volume: Entry = {"thicknessFactor": material.thickness_m}
+            if material.attenuation_distance_m < math.inf:
+                volume["attenuationDistance"] = material.attenuation_distance_m
+                volume["attenuationColor"] = list(material.attenuation_color)
+            extensions["KHR_materials_volume"] = volume
+        if material.dispersion > 0.0:
+            extensions["KHR_materials_dispersion"] = {"dispersion": material.dispersion}
         if material.clearcoat > 0.0:
             extensions["KHR_materials_clearcoat"] = {
                 "clearcoatFactor": material.clearcoat,

@@ -1,0 +1,131 @@
+"""Refraction by bodies of glass: closed meshes of materials with KHR_materials_volume.
+
+A ray enters glass at the front of a triangle and leaves it at the back, always from or to a medium
+of index 1. Light that is not reflected is multiplied by `transmission` and the base color at each
+surface, and by the attenuation along the way inside. Radiance is not scaled by the square of the
+index: what stands in glass is as bright as before it.
+
+Sources: Snell's law and Fresnel's equations for unpolarized light; KHR_materials_volume, for
+Beer and Lambert's law; KHR_materials_dispersion, for the indices of red and blue.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.rays.caster import RayHits, Rays
+from omnisim.scene.model import Material
+
+Floats = NDArray[np.floating]
+
+NO_MEDIUM = -1  # air, among the indices of surfaces
+_GREEN = 1  # channel whose index is the material's
+# Difference of the indices of red and green per dispersion and ior − 1: half of 1/20
+_SPREAD = 0.025
+_DARKEST = 1e-30  # share of light that fully absorbing glass leaves after its distance
+_BELOW = 1e-3  # minimum cosine between a refracted ray and the triangle's plane
+
+
+class Refracted(NamedTuple):
+    """Rays (m,) that pass surfaces of glass.
+
+    Attributes:
+        rays: (m,) with virtual origins: ranges are those of the whole path.
+        shares: (m, 3) transmitted share of the light, linear RGB; 0: total reflection.
+        media: (m,) surfaces whose glass the rays are in, or `NO_MEDIUM`.
+    """
+
+    rays: Rays
+    shares: NDArray[np.float32]
+    media: NDArray[np.int32]
+
+
+class Glass(NamedTuple):
+    """Glass parameters of a scene's surfaces.
+
+    Attributes:
+        transmission: (surfaces,) transmitted share of the light that is not reflected; 0: no glass.
+        indices: (3, surfaces) refractive indices, for each channel.
+        absorption: (surfaces, 3) natural logarithm of the light lost per meter.
+        is_dispersive: True if indices differ among the channels.
+    """
+
+    transmission: NDArray[np.float64]
+    indices: NDArray[np.float64]
+    absorption: NDArray[np.float64]
+    is_dispersive: bool
+
+    @classmethod
+    def of(cls, materials: list[Material], is_matte: bool) -> Glass:
+        """Glass parameters of materials, one per surface; none if all are shown as matte."""
+        shares = np.array([0.0 if is_matte else one.glass_transmission for one in materials])
+        ior = np.array([one.ior for one in materials])
+        spreads = np.array([_SPREAD * one.dispersion for one in materials]) * (ior - 1.0)
+        colors = np.array([one.attenuation_color for one in materials]).reshape(-1, 3)
+        distances_m = np.array([one.attenuation_distance_m for one in materials])
+        absorption = -np.log(np.maximum(colors, _DARKEST)) / distances_m[:, None]
+        indices = np.maximum(np.stack((ior - spreads, ior, ior + spreads)), 1.0)
+        return cls(shares, indices, absorption, bool(spreads[shares > 0.0].any()))
+
+    def attenuation(self, media: NDArray[np.int32], lengths_m: Floats) -> NDArray[np.float32]:
+        """Shares (n, 3) of light that remain after lengths (n,), up to infinity, in media (n,)."""
+        shares = np.ones((len(media), 3), dtype=np.float32)
+        inside = np.flatnonzero(media != NO_MEDIUM)
+        absorption = self.absorption[media[inside]]
+        lengths_m = np.minimum(np.maximum(lengths_m[inside, None], 0.0), 1e30)
+        shares[inside] = np.exp(-absorption * lengths_m)
+        return shares
+
+    def ratios(
+        self, surfaces: NDArray[np.int32], is_front: NDArray[np.bool_], channel: int | None
+    ) -> NDArray[np.float64]:
+        """Refractive indices (n,) behind surfaces (n,), relative to before them.
+
+        Args:
+            surfaces: (n,) surfaces of glass.
+            is_front: (n,) mask of rays that enter glass.
+            channel: channel of the light; None: the material's own index.
+        """
+        indices = self.indices[_GREEN if channel is None else channel, surfaces]
+        ratios: NDArray[np.float64] = np.where(is_front, indices, 1.0 / indices)
+        return ratios
+
+
+def interface_reflectance(cosines: Floats, ratios: Floats) -> Floats:
+    """Fresnel's reflectance (n,) of interfaces; 1: total reflection.
+
+    Args:
+        cosines: (n,) cosines of the angles of incidence.
+        ratios: (n,) refractive indices behind the interfaces, relative to before them.
+    """
+    cosines = np.clip(cosines, 1e-4, 1.0).astype(np.float64)
+    beyond = np.sqrt(np.maximum(1.0 - (1.0 - cosines**2) / ratios**2, 0.0))
+    across = ((cosines - ratios * beyond) / (cosines + ratios * beyond)) ** 2
+    along = ((beyond - ratios * cosines) / (beyond + ratios * cosines)) ** 2
+    reflected: Floats = 0.5 * (across + along)
+    return reflected
+
+
+def refracted_rays(rays: Rays, hits: RayHits, normals: Floats, ratios: Floats) -> Rays:
+    """Rays (n,) behind their hits; any direction at total reflection.
+
+    Args:
+        rays, hits: (n,); all rays must hit.
+        normals: (n, 3) unit normals of the visible side.
+        ratios: (n,) refractive indices behind the surfaces, relative to before them.
+    """
+    normals = normals.astype(np.float64)
+    along = np.clip(-np.einsum("nc,nc->n", normals, rays.directions), 0.0, 1.0)
+    beyond = np.sqrt(np.maximum(1.0 - (1.0 - along**2) / ratios**2, 0.0))
+    directions = rays.directions / ratios[:, None]
+    directions += (along / ratios - beyond)[:, None] * normals
+    planes = hits.planes / np.maximum(np.linalg.norm(hits.planes, axis=1), 1e-30)[:, None]
+    above = np.maximum(_BELOW + np.einsum("nc,nc->n", directions, planes), 0.0)
+    directions -= above[:, None] * planes  # interpolated normals may refract out of the surface
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    ranges_m = hits.ranges_m[:, None]
+    origins_m = rays.origins_m + ranges_m * (rays.directions - directions)
+    return rays._replace(origins_m=origins_m, directions=directions)
