@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from omnisim.apps.cli.console import out, pluralize, print_note, track
-from omnisim.apps.cli.inputs import note_unreflected, parse_exposure, refuse_given
+from omnisim.apps.cli.inputs import note_lighting, parse_exposure, refuse_given
 from omnisim.apps.cli.measure.comparison_summary import ComparisonSummary, Subject
 from omnisim.apps.cli.measure.measured_files import check_size, read_board_shape
 from omnisim.apps.cli.measure.requests import MeasureCompareRequest
@@ -125,7 +125,7 @@ def _compare_scene(request: MeasureCompareRequest, sensor: OmniCamera) -> Compar
     scene = read_scene(request.scene)
     for note in (*notes, *scene.notices):
         print_note(note)
-    note_unreflected(request.scene, scene, "cube", sensor.mirrors)
+    note_lighting(request.scene, scene, "cube", sensor.mirrors)
     shutter = sensor.degradation.shutter
     if shutter is not None and shutter.duration_s:
         print_note("the twin is at rest in each image: no motion blur, no rolling shutter")
