@@ -34,7 +34,6 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 
 Floats = NDArray[np.float64]
 RINGS = 5
-MIN_EDGES = 3  # of a ring
 MAX_OFFSET_PX = 1.0  # beyond it, another edge was found: the corner counts as lost
 
 
@@ -217,6 +216,7 @@ def compare_images(
     images: list[ImageComparison],
     max_offset_px: float = MAX_OFFSET_PX,
     average: Callable[[Floats], np.floating[Any]] = np.mean,
+    min_edges: int = 1,
 ) -> Comparison:
     """Errors of a twin over the field.
 
@@ -225,6 +225,7 @@ def compare_images(
         images: images beside their twins, at least one.
         max_offset_px: offset beyond which a corner counts as lost.
         average: average of a ring's offsets.
+        min_edges: edges of a ring without which its rise is unknown.
     """
     center = np.array(sensor.model.principal_point_px)
     corners = np.concatenate([one.corners_px for one in images])
@@ -248,7 +249,7 @@ def compare_images(
             rms = float(np.sqrt(np.mean(np.square(offsets[inside]).sum(axis=1))))
         of_edges = (edge_radii >= low) & (edge_radii < high) & np.isfinite(rises).all(axis=1)
         seen = rises[of_edges]
-        median = np.median(seen, axis=0) if len(seen) >= MIN_EDGES else np.full(2, np.nan)
+        median = np.median(seen, axis=0) if len(seen) >= min_edges else np.full(2, np.nan)
         rings.append(
             Ring(
                 float(radii[in_ring].max()),

@@ -33,6 +33,7 @@ from omnisim.scene.model import Scene
 
 Floats = NDArray[np.float64]
 MIN_CORNERS = 10 * RINGS
+_MIN_EDGES = 3  # of a ring: single edges of a scene may be no steps
 _MIN_FOUND = 0.2  # share of the corners; of unrelated images, fewer are found by chance
 
 
@@ -145,7 +146,7 @@ def compare_scene_images(sensor: OmniCamera, images: list[ImageComparison]) -> C
             f"{found} of {count} corners are found in the twin's images: expected most of them: "
             "the poses, their frame (--trajectory-frame), the scene or the sensor file are others"
         )
-    return compare_images(sensor, images, MAX_OFFSET_PX, np.median)
+    return compare_images(sensor, images, MAX_OFFSET_PX, np.median, _MIN_EDGES)
 
 
 def brighter_ev(sensor: OmniCamera, images: list[ImageComparison]) -> float:
