@@ -12,7 +12,7 @@ from omnisim.scene.planar_mirrors import (
     is_planar_mirror,
     is_smooth,
 )
-from omnisim.scene.static_surfaces import is_surface_planar, shown_surfaces
+from omnisim.scene.scene_surfaces import is_surface_planar, scene_surfaces
 from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS
 
 
@@ -25,7 +25,7 @@ def reflection_notes(scene: Scene, mirrors: int = DEFAULT_MIRRORS) -> list[str]:
     """
     if scene.lighting.is_matte:
         return []
-    surfaces = shown_surfaces(scene)
+    surfaces = scene_surfaces(scene, [one.shape for one in scene.objects])
     of_mirrors = find_mirrors(surfaces, is_planar_mirror)
     of_panes = find_mirrors(surfaces, is_clear_pane)
     planes = (*of_mirrors, *of_panes) if mirrors else ()

@@ -11,8 +11,8 @@ from omnisim.core.short_repr import counted
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.scene import Scene
 from omnisim.scene.planar_mirrors import find_mirrors
+from omnisim.scene.scene_surfaces import is_surface_planar, scene_surfaces
 from omnisim.scene.specular_materials import has_specular, is_specular
-from omnisim.scene.static_surfaces import is_surface_planar, shown_surfaces
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -46,7 +46,9 @@ def specular_notes(scene: Scene, objects: Collection[Scene], backend: BackendNam
     if backend == "cube" and missing_packages("rays"):
         return [f"beams and depths end at glass and mirrors: {install_hint('rays')} follows them"]
     surfaces = {
-        number: one for number, one in shown_surfaces(scene).items() if is_specular(one.material)
+        number: one
+        for number, one in scene_surfaces(scene, objects).items()
+        if is_specular(one.material)
     }
     planes = find_mirrors(surfaces, is_specular)
     curved = {

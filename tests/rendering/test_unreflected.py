@@ -1,10 +1,13 @@
 """Materials whose reflections of the scene the back end of cubes leaves out."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from omnisim.rendering.unreflected import reflection_notes, reflects_scene
-from omnisim.scene.model import Lighting, Material, Texture
+from omnisim.scene.model import DynamicObject, Lighting, Material, Texture
+from omnisim.scene.motion.object_motion import Rest
 from omnisim.validation.material_chart import sphere
 from tests.scenes import scene_of, square
 from tests.vehicles import box
@@ -66,3 +69,19 @@ def test_thick_glass_is_opaque():
     assert note == "thick glass is opaque (1 material): --backend rays refracts"
     matte = Lighting((1.0, 1.0, 1.0), (), is_matte=True)
     assert not reflection_notes(scene_of([sphere(1.0, 8)], [glass], None, matte))
+
+
+@pytest.mark.parametrize(
+    ("material", "expected"),
+    [
+        (Material(metallic=1.0, roughness=0.1), 1),
+        (Material(), 0),
+    ],
+)
+def test_dynamic_objects_are_noted_too(material, expected):
+    ball = scene_of([sphere(1.0, 8)], [material])
+    scene = scene_of([square()])
+    moving = dataclasses.replace(
+        scene, objects=(DynamicObject("ball", ball, Rest((0.0, 0.0, 0.0))),)
+    )
+    assert len(reflection_notes(moving)) == expected

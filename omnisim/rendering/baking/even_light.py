@@ -26,7 +26,8 @@ def without_even_light(scene: Scene) -> Scene:
 
 def emission_notes(scene: Scene) -> list[str]:
     """Notices on bright emissive materials of a scene without baked light."""
-    shining = sum(map(_shines, scene.materials))
+    shapes = (scene, *(one.shape for one in scene.objects))
+    shining = sum(_shines(material) for shape in shapes for material in shape.materials)
     if not shining or scene.lighting.is_matte or scene.lighting.baked is not None:
         return []
     return [
