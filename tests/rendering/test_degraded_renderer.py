@@ -68,7 +68,7 @@ def test_rolling_shutter_slants_an_edge_by_the_rotation(exposure_s):
     """A vertical edge, each row at its own time: to 0.1 px everywhere, 3.6 px aslant."""
     frame = _turning_left(Shutter(exposure_s=exposure_s, readout_s=0.05))
     rows = np.arange(SIZE_PX[1])
-    middle_s = ((rows + 0.5) / SIZE_PX[1] - 0.5) * 0.05
+    middle_s = (rows / (SIZE_PX[1] - 1) - 0.5) * 0.05
     instants_s = middle_s[:, None] + np.linspace(-0.5, 0.5, 101) * (exposure_s or 0.0)
     expected = _edge_px(instants_s).mean(axis=1)
     seen = _edges_px(frame.linear)

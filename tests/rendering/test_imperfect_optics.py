@@ -96,7 +96,7 @@ def test_rows_of_a_rolling_shutter_are_those_of_their_instants(system, backend):
             ours = renderer.render(motion(0.0), linear=True, motion=motion)
         with stage.open(_sensor(system, Degradation()), unlit=True) as still:
             rows = np.arange(2, height, 9)
-            times_s = ((rows + 0.5) / height - 0.5) * readout_s
+            times_s = (rows / (height - 1) - 0.5) * readout_s
             instants = [still.render(motion(time_s), linear=True) for time_s in times_s]
             middle = still.render(motion(0.0), linear=True)
     expected = np.stack([one.linear[row] for one, row in zip(instants, rows, strict=True)])

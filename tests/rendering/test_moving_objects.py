@@ -58,7 +58,7 @@ def test_rolling_shutter_slants_an_object_that_passes(exposure_s):
     ):
         frame = renderer.render(motion(10.0), linear=True, motion=motion)
     rows = np.arange(SIZE_PX[1])
-    middle_s = ((rows + 0.5) / SIZE_PX[1] - 0.5) * readout_s
+    middle_s = (rows / (SIZE_PX[1] - 1) - 0.5) * readout_s
     expected = 23.5 + FOCAL_PX * speed_mps * middle_s / 4.0
     seen = _edges_px(frame.linear)
     assert np.abs(seen - expected).max() <= 0.1

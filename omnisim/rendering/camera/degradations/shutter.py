@@ -87,7 +87,7 @@ class Shutter(Effect, name="degradation.shutter"):
 
     def row_weights(self, count: int, height_px: int) -> NDArray[np.float32]:
         """Shares (count, height) of each row's exposure in the sub-frames."""
-        starts = (np.arange(height_px) + 0.5) / height_px * self.readout_s
+        starts = np.linspace(0.0, self.readout_s, height_px)
         step_s = self.duration_s / count
         if self.exposure_s is None:
             indices = np.clip(np.floor(starts / step_s), 0, count - 1)
