@@ -23,7 +23,7 @@ def _hits():
             batch = renderer.render_batch(POSES, channels=CHANNELS)
         with stage.open(LaserScanner()) as laser:
             scans = [laser.scan(one).ranges_m for one in POSES]
-            windows = laser._passes._compiled_windows
+            windows = laser._passes._caster._compiled_windows
     return [*(frame.channels[name] for name in CHANNELS), *batch.values(), *scans], windows
 
 
