@@ -49,7 +49,7 @@ class Glass(NamedTuple):
     Attributes:
         transmission: (surfaces,) transmitted share of the light that is not reflected; 0: no glass.
         indices: (3, surfaces) refractive indices, for each channel.
-        absorption: (surfaces, 3) natural logarithm of the light lost per meter.
+        absorption: (surfaces, 3) absorption coefficients of Beer and Lambert's law, 1/m.
         is_dispersive: True if indices differ among the channels.
     """
 
