@@ -137,8 +137,8 @@ def compare_scene_images(sensor: OmniCamera, images: list[ImageComparison]) -> C
     count = sum(len(one.corners_px) for one in images)
     if count < MIN_CORNERS:
         raise MeasurementError(
-            f"{count} corners in {len(images)} images: expected at least {MIN_CORNERS}: take "
-            "sharp images of a scene with more detail"
+            f"{count} corners in the images: expected at least {MIN_CORNERS}: take sharp images of "
+            "a scene with more detail"
         )
     found = sum(int(np.isfinite(one.offsets_px).all(axis=1).sum()) for one in images)
     if found < max(_MIN_FOUND * count, RINGS):
