@@ -84,7 +84,7 @@ CHECKS = (
     ),
     Check(
         "reflections",
-        "Mirrors, gloss and panes, traced by another renderer",
+        "Mirrors, gloss and glass, traced by another renderer",
         "reflections.check",
         oracles=("mitsuba", "embreex"),
         is_quick=False,
