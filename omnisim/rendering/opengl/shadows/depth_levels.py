@@ -13,7 +13,7 @@ import moderngl
 
 from omnisim.rendering.opengl.drawing.reversed_depth import DEPTH_FUNCTION, depth_texture
 from omnisim.rendering.opengl.fences import use_target
-from omnisim.rendering.opengl.gl_functions import limit_levels
+from omnisim.rendering.opengl.gl_functions import copy_region, limit_levels
 from omnisim.rendering.opengl.layer_targets import DEPTH, attach_texture
 from omnisim.rendering.opengl.shader_files import build_program
 from omnisim.rendering.opengl.uniforms import uniform
@@ -69,6 +69,27 @@ class DepthLevels:
         self._sampler.clear(0)
         context.depth_func = DEPTH_FUNCTION
         context.disable(moderngl.DEPTH_TEST)
+
+    def copy(
+        self,
+        source: DepthLevels,
+        rectangle_px: Sequence[int],
+        first_px: tuple[int, int] | None = None,
+    ) -> None:
+        """Copy a rectangle of all levels.
+
+        Args:
+            source: where to copy from.
+            rectangle_px: left, top, width and height of the target in the finest level.
+            first_px: left and top in the source, by which the rectangle moves multiples of the
+                coarsest level's texels; None: the same place.
+        """
+        left_px, top_px = rectangle_px[:2] if first_px is None else first_px
+        names = source.texture.glo, self.texture.glo
+        for level in range(LEVELS):
+            to_left, to_top, *size_px = _halved(rectangle_px, level)
+            first = left_px >> level, top_px >> level
+            copy_region(*names, level, first, (to_left, to_top), (size_px[0], size_px[1]))
 
 
 def _halved(rectangle_px: Sequence[int], level: int) -> tuple[int, int, int, int]:

@@ -7,8 +7,8 @@ they cover. Cascades are redrawn when the viewpoint leaves their central region.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,10 +17,10 @@ from omnisim.core.world import time_of
 from omnisim.rendering.opengl.drawing.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.fences import use_target
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl_functions import copy_regions
 from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer
 from omnisim.rendering.opengl.shadows.depth_levels import DepthLevels
+from omnisim.rendering.opengl.shadows.kept_cascades import KeptCascades
 from omnisim.rendering.opengl.shadows.map_regions import covered_px
 from omnisim.rendering.opengl.shadows.shadow_plan import make_shadow_plan
 from omnisim.scene.model import LAMP_NEAR_M, Lighting
@@ -45,6 +45,7 @@ class ShadowMaps:
     def __init__(self, buffers: SceneBuffers, lighting: Lighting):
         self._buffers, self._lighting = buffers, lighting
         self._maps: list[DepthLevels] = []
+        self._kept: KeptCascades | None = None
         self.refresh()
 
     def refresh(self) -> None:
@@ -56,11 +57,21 @@ class ShadowMaps:
         self._plan = plan = make_shadow_plan(self._lighting, boxes_m - self.anchor_m, limit)
         self._rectangles_px = plan.rectangles_px
         size_px = plan.width_px, plan.height_px
-        self._drawer = CasterDrawer(buffers, self.anchor_m, self._rectangles_px, size_px)
+        self._drawer = CasterDrawer(
+            buffers, self.anchor_m, self._rectangles_px, size_px, plan.follows_viewpoint
+        )
         if self._maps and self._maps[0].texture.size != size_px:
             self._maps = []
         while len(self._maps) < 1 + self._drawer.has_dynamic:
-            self._maps.append(_allocate(context, size_px))
+            with _allocation(size_px):
+                self._maps.append(DepthLevels(context, size_px))
+        if plan.follows_viewpoint:
+            with _allocation(plan.kept_size_px):
+                levels = None if self._kept is None else self._kept.levels
+                self._kept = KeptCascades(context, plan, levels)
+        else:
+            self._kept = None
+        self._follows = plan.maps_that_follow
         at_anchor = self._clips(self.anchor_m)
         # empty if all casters have cubes
         size = max(16, plan.block_data(at_anchor).nbytes)
@@ -108,7 +119,10 @@ class ShadowMaps:
         if self._drawn is not None:
             stale = np.any(clips != self._drawn, axis=(1, 2))
         if stale.any():
-            self._draw_static(clips, stale, world_from_objects)
+            self._draw_static(clips, stale & ~self._follows, world_from_objects)
+            if self._kept is not None:
+                at_m = viewpoint_m - self.anchor_m
+                self._kept.update(self._maps[0], at_m, self._drawer, world_from_objects)
             self._block.write(self._plan.block_data(clips))
             self._drawn = clips
         if len(self._maps) > 1:
@@ -126,13 +140,15 @@ class ShadowMaps:
         stale: NDArray[np.bool_],
         world_from_objects: Sequence[NDArray[np.float64]],
     ) -> None:
+        if not stale.any():
+            return
         target = self._maps[0].target
         use_target(target)
-        for rectangle_px in self._rectangles_px[stale].astype(int).tolist():
+        rectangles_px = self._rectangles_px[stale].astype(int).tolist()
+        for rectangle_px in rectangles_px:
             target.clear(depth=CLEAR_DEPTH, viewport=tuple(rectangle_px))
         self._drawer.draw(target, clips, stale, world_from_objects, dynamic=False)
-        if len(self._maps) == 1:
-            self._maps[0].coarsen(self._rectangles_px[stale].astype(int).tolist())
+        self._maps[0].coarsen(rectangles_px)
 
     def _draw_dynamic(
         self,
@@ -154,7 +170,8 @@ class ShadowMaps:
         whole = self._rectangles_px[stale].astype(np.intp)
         restored = np.concatenate((whole, self._covered)).tolist()
         static, live = self._maps
-        copy_regions(static.texture.glo, live.texture.glo, restored)
+        for rectangle_px in restored:
+            live.copy(static, rectangle_px)
         transforms = self._buffers.instance_transforms(self.anchor_m, world_from_objects)
         self._covered = covered_px(
             clips,
@@ -165,7 +182,7 @@ class ShadowMaps:
         )
         every = np.ones(len(clips), dtype=np.bool_)
         self._drawer.draw(live.target, clips, every, world_from_objects, dynamic=True)
-        live.coarsen(restored + self._covered.tolist())
+        live.coarsen(self._covered.tolist())
         self._posed = time_s, poses
 
 
@@ -178,11 +195,10 @@ def _at_rest(worlds: Sequence[Sequence[NDArray[np.float64]]]) -> bool:
     )
 
 
-def _allocate(context: moderngl.Context, size_px: tuple[int, int]) -> DepthLevels:
-    with gpu_allocation(
+def _allocation(size_px: tuple[int, int]) -> AbstractContextManager[None]:
+    return gpu_allocation(
         f"shadow maps of {size_px[0]} × {size_px[1]} px", "switch the lamps' shadows off"
-    ):
-        return DepthLevels(context, size_px)
+    )
 
 
 def _anchor_m(buffers: SceneBuffers, boxes_m: NDArray[np.float64]) -> NDArray[np.float64]:

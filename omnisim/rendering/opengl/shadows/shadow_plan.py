@@ -83,6 +83,21 @@ class ShadowPlan:
         return np.concatenate([block.rectangles_px for block in self.blocks])
 
     @property
+    def maps_that_follow(self) -> NDArray[np.bool_]:
+        """Mask (maps,) of the maps that follow the viewpoint."""
+        follow = np.zeros(sum(block.columns * block.rows for block in self.blocks), dtype=np.bool_)
+        casting = sum(one is not None for one in self.cascades)
+        of_light = np.arange(casting * self.cascade_count) % self.cascade_count
+        follow[: casting * self.cascade_count] = of_light < self.cascade_count - 1
+        return follow
+
+    @property
+    def kept_size_px(self) -> tuple[int, int]:
+        """Size of a texture with a column per cascade that follows and a row per light."""
+        casting, size_px = sum(one is not None for one in self.cascades), self.blocks[0].size_px
+        return (self.cascade_count - 1) * size_px, casting * size_px
+
+    @property
     def punctual_casters(self) -> tuple[Light, ...]:
         """Point and spot lights that cast shadows."""
         return tuple(light for light in self.punctual if light.casts_shadow)
