@@ -146,7 +146,9 @@ class CasterDrawer:
                 rectangles_px = self._rectangles_px[active].astype(int).tolist()
                 maps = [
                     MapPart(clip, clip, rectangle, rectangle)
-                    for clip, rectangle in zip(clips[active], map(tuple, rectangles_px), strict=True)
+                    for clip, rectangle in zip(
+                        clips[active], map(tuple, rectangles_px), strict=True
+                    )
                 ]
                 self._draw_items(target, maps, world_from_objects, self._items[dynamic])
 
@@ -173,9 +175,7 @@ class CasterDrawer:
             if self._items[False].size:
                 self._draw_items(target, [part], world_from_objects, self._items[False])
 
-    def _place_static(
-        self, culler: ClusterCuller, part: MapPart, size_px: tuple[int, int]
-    ) -> None:
+    def _place_static(self, culler: ClusterCuller, part: MapPart, size_px: tuple[int, int]) -> None:
         """Draw static clusters, culled for a part of a map, with the matrix of the whole map."""
         left, top, width, height = part.map_px
         scale = np.array([width, height]) / size_px

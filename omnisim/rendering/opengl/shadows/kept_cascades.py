@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.drawing.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.fences import use_target
-from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer, MapPart
 from omnisim.rendering.opengl.shadows.cascades import CELLS, Cascades
+from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer, MapPart
 from omnisim.rendering.opengl.shadows.depth_levels import DepthLevels
 from omnisim.rendering.opengl.shadows.lamp_views import orthographic_clip
 from omnisim.rendering.opengl.shadows.shadow_plan import ShadowPlan
@@ -140,15 +140,16 @@ class KeptCascades:
 
 
 def _kept(plan: ShadowPlan) -> list[_Kept]:
-    """All cascades that follow the viewpoint, with one row of tori per light."""
-    casting = [one for one in plan.cascades if one is not None]
+    """All cascades that follow the viewpoint, light by light."""
+    lights = [one for one in plan.cascades if one is not None]
+    places_px = plan.kept_places_px.tolist()
     return [
         _Kept(
             cascades,
             level,
             (block.left_px + level * block.size_px, block.top_px, block.size_px),
-            (level * block.size_px, row * block.size_px),
+            tuple(places_px[light * (plan.cascade_count - 1) + level]),
         )
-        for row, (cascades, block) in enumerate(zip(casting, plan.blocks, strict=False))
+        for light, (cascades, block) in enumerate(zip(lights, plan.blocks, strict=False))
         for level in range(plan.cascade_count - 1)
     ]

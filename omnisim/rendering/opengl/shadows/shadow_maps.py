@@ -1,7 +1,7 @@
 """Shadow maps of a scene's lamps, in one texture.
 
 Static geometry is drawn once; each frame draws dynamic objects on a copy, in the few texels that
-they cover. Cascades are redrawn when the viewpoint leaves their central region.
+they cover. Cascades that follow the viewpoint move in steps, and keep most of what was drawn.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 
+import moderngl
 import numpy as np
 from numpy.typing import NDArray
 

@@ -92,10 +92,17 @@ class ShadowPlan:
         return follow
 
     @property
+    def kept_places_px(self) -> NDArray[np.intp]:
+        """Left and top (n, 2) of a square in another texture for each map that follows."""
+        count, size_px = int(np.count_nonzero(self.maps_that_follow)), self.blocks[0].size_px
+        row, column = np.divmod(np.arange(count), self.width_px // size_px)
+        return np.stack((column, row), axis=-1) * size_px
+
+    @property
     def kept_size_px(self) -> tuple[int, int]:
-        """Size of a texture with a column per cascade that follows and a row per light."""
-        casting, size_px = sum(one is not None for one in self.cascades), self.blocks[0].size_px
-        return (self.cascade_count - 1) * size_px, casting * size_px
+        """Size of the texture of these squares, no larger than that of the maps."""
+        width_px, height_px = self.kept_places_px.max(axis=0) + self.blocks[0].size_px
+        return int(width_px), int(height_px)
 
     @property
     def punctual_casters(self) -> tuple[Light, ...]:
