@@ -27,13 +27,16 @@ class DepthLevels:
     Args:
         context: OpenGL context.
         size_px: size of the finest level, multiples of the coarsest level's texels.
+        like: other depth in the context, whose program is used, too; None: the first.
 
     Attributes:
         texture: texture for samplers that compare.
         target: the finest level as a render target.
     """
 
-    def __init__(self, context: moderngl.Context, size_px: tuple[int, int]):
+    def __init__(
+        self, context: moderngl.Context, size_px: tuple[int, int], like: DepthLevels | None = None
+    ):
         self._context = context
         self.texture = depth_texture(context, size_px, LEVELS)
         self.texture.compare_func = ">="
@@ -46,9 +49,7 @@ class DepthLevels:
         limit_levels(self.texture.glo, 0, LEVELS - 1)
         self._sampler = context.sampler(filter=(moderngl.NEAREST, moderngl.NEAREST))
         self._sampler.compare_func = ""
-        program = build_program(context, "common/full_screen.vert", "scene/coarser_depth.frag")
-        uniform(program, "u_finer").value = 0
-        self._triangle = context.vertex_array(program, [])
+        self._triangle = _coarser_triangle(context) if like is None else like._triangle
 
     def coarsen(self, rectangles_px: Sequence[Sequence[int]]) -> None:
         """Draw the coarser levels of rectangles of the finest: left, top, width and height."""
@@ -90,6 +91,13 @@ class DepthLevels:
             to_left, to_top, *size_px = _halved(rectangle_px, level)
             first = left_px >> level, top_px >> level
             copy_region(*names, level, first, (to_left, to_top), (size_px[0], size_px[1]))
+
+
+def _coarser_triangle(context: moderngl.Context) -> moderngl.VertexArray:
+    """Triangle over the whole target, with the program of the coarser levels."""
+    program = build_program(context, "common/full_screen.vert", "scene/coarser_depth.frag")
+    uniform(program, "u_finer").value = 0
+    return context.vertex_array(program, [])
 
 
 def _halved(rectangle_px: Sequence[int], level: int) -> tuple[int, int, int, int]:

@@ -81,6 +81,7 @@ class KeptCascades:
     Args:
         context: OpenGL context.
         plan: plan with such cascades.
+        maps: depth of all maps.
         levels: depth to use if it has the right size.
 
     Attributes:
@@ -88,12 +89,16 @@ class KeptCascades:
     """
 
     def __init__(
-        self, context: moderngl.Context, plan: ShadowPlan, levels: DepthLevels | None = None
+        self,
+        context: moderngl.Context,
+        plan: ShadowPlan,
+        maps: DepthLevels,
+        levels: DepthLevels | None = None,
     ):
         self._kept = _kept(plan)
         size_px = plan.kept_size_px
         if levels is None or levels.texture.size != size_px:
-            levels = DepthLevels(context, size_px)
+            levels = DepthLevels(context, size_px, maps)
         self.levels = levels
         self._first: list[tuple[int, int] | None] = [None] * len(self._kept)
 
@@ -112,15 +117,22 @@ class KeptCascades:
             drawer: drawer of the static casters.
             world_from_objects: (4, 4) each, poses of the dynamic objects.
         """
+        is_clear = not any(self._first)
+        if is_clear:  # quicker than part by part
+            use_target(self.levels.target)
+            self.levels.target.clear(depth=CLEAR_DEPTH)
         for number, kept in enumerate(self._kept):
             cells = kept.cascades.first_cells(viewpoint_m)[kept.level]
             first, old = (int(cells[0]), int(cells[1])), self._first[number]
             if first == old:
                 continue
             self._first[number] = None  # if drawing is interrupted
-            for cells in entered_cells(old, first, CELLS):
-                for part in torus_parts(cells, CELLS):
-                    self._draw(kept.map_part(part), drawer, world_from_objects)
+            parts = [
+                kept.map_part(part)
+                for cells in entered_cells(old, first, CELLS)
+                for part in torus_parts(cells, CELLS)
+            ]
+            self._draw(parts, is_clear, drawer, world_from_objects)
             for part in torus_parts(Cells(*first, CELLS, CELLS), CELLS):
                 place_px = kept.on_torus_px(part.place)
                 maps.copy(self.levels, kept.on_map_px(part.cells, first), place_px[:2])
@@ -128,15 +140,18 @@ class KeptCascades:
 
     def _draw(
         self,
-        part: MapPart,
+        parts: Sequence[MapPart],
+        is_clear: bool,
         drawer: CasterDrawer,
         world_from_objects: Sequence[NDArray[np.float64]],
     ) -> None:
         target = self.levels.target
-        use_target(target)
-        target.clear(depth=CLEAR_DEPTH, viewport=part.part_px)
-        drawer.draw_part(target, part, world_from_objects)
-        self.levels.coarsen([part.part_px])
+        for part in parts:
+            use_target(target)
+            if not is_clear:
+                target.clear(depth=CLEAR_DEPTH, viewport=part.part_px)
+            drawer.draw_part(target, part, world_from_objects)
+        self.levels.coarsen([part.part_px for part in parts])
 
 
 def _kept(plan: ShadowPlan) -> list[_Kept]:

@@ -65,11 +65,12 @@ class ShadowMaps:
             self._maps = []
         while len(self._maps) < 1 + self._drawer.has_dynamic:
             with _allocation(size_px):
-                self._maps.append(DepthLevels(context, size_px))
+                like = self._maps[0] if self._maps else None
+                self._maps.append(DepthLevels(context, size_px, like))
         if plan.follows_viewpoint:
             with _allocation(plan.kept_size_px):
                 levels = None if self._kept is None else self._kept.levels
-                self._kept = KeptCascades(context, plan, levels)
+                self._kept = KeptCascades(context, plan, self._maps[0], levels)
         else:
             self._kept = None
         self._follows = plan.maps_that_follow
@@ -120,7 +121,8 @@ class ShadowMaps:
         if self._drawn is not None:
             stale = np.any(clips != self._drawn, axis=(1, 2))
         if stale.any():
-            self._draw_static(clips, stale & ~self._follows, world_from_objects)
+            if self._drawn is None:
+                self._draw_fixed(clips, world_from_objects)
             if self._kept is not None:
                 at_m = viewpoint_m - self.anchor_m
                 self._kept.update(self._maps[0], at_m, self._drawer, world_from_objects)
@@ -135,21 +137,16 @@ class ShadowMaps:
         """Matrices (maps, 4, 4) clip_from_anchor of the maps for a viewpoint (3,), world."""
         return self._plan.clips(self._plan.middles_m(viewpoint_m - self.anchor_m), self.anchor_m)
 
-    def _draw_static(
-        self,
-        clips: NDArray[np.float64],
-        stale: NDArray[np.bool_],
-        world_from_objects: Sequence[NDArray[np.float64]],
+    def _draw_fixed(
+        self, clips: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
     ) -> None:
-        if not stale.any():
-            return
+        """Draw the static casters into the maps that do not follow the viewpoint."""
+        fixed = ~self._follows
         target = self._maps[0].target
         use_target(target)
-        rectangles_px = self._rectangles_px[stale].astype(int).tolist()
-        for rectangle_px in rectangles_px:
-            target.clear(depth=CLEAR_DEPTH, viewport=tuple(rectangle_px))
-        self._drawer.draw(target, clips, stale, world_from_objects, dynamic=False)
-        self._maps[0].coarsen(rectangles_px)
+        target.clear(depth=CLEAR_DEPTH)  # of all maps: those that follow are copied later
+        self._drawer.draw(target, clips, fixed, world_from_objects, dynamic=False)
+        self._maps[0].coarsen(self._rectangles_px[fixed].astype(int).tolist())
 
     def _draw_dynamic(
         self,
