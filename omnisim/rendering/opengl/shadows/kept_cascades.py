@@ -122,8 +122,8 @@ class KeptCascades:
             use_target(self.levels.target)
             self.levels.target.clear(depth=CLEAR_DEPTH)
         for number, kept in enumerate(self._kept):
-            cells = kept.cascades.first_cells(viewpoint_m)[kept.level]
-            first, old = (int(cells[0]), int(cells[1])), self._first[number]
+            left, top = kept.cascades.first_cells(viewpoint_m)[kept.level].tolist()
+            first, old = (left, top), self._first[number]
             if first == old:
                 continue
             self._first[number] = None  # if drawing is interrupted

@@ -347,7 +347,8 @@ def test_cascades_keep_what_they_have_drawn(moving, monkeypatch):
 
     # each map drawn as a whole: other matrices round differently
     monkeypatch.setattr(ShadowPlan, "follows_viewpoint", False)
-    monkeypatch.setattr(ShadowPlan, "maps_that_follow", np.zeros(1, dtype=np.bool_))
+    none = property(lambda plan: np.zeros(len(plan.rectangles_px), dtype=np.bool_))
+    monkeypatch.setattr(ShadowPlan, "maps_that_follow", none)
     [(whole, _)] = _walk(scene, WALK_M[-1:], moving, monkeypatch)
     assert np.mean(whole[0] > 0.0) > 0.2
     assert np.mean(np.abs(kept[-1][0][0] - whole[0]) > 1e-5) < 1e-4
