@@ -49,7 +49,9 @@ class DepthLevels:
         limit_levels(self.texture.glo, 0, LEVELS - 1)
         self._sampler = context.sampler(filter=(moderngl.NEAREST, moderngl.NEAREST))
         self._sampler.compare_func = ""
-        self._triangle = _coarser_triangle(context) if like is None else like._triangle
+        self._triangle: moderngl.VertexArray = (
+            _coarser_triangle(context) if like is None else like._triangle
+        )
 
     def coarsen(self, rectangles_px: Sequence[Sequence[int]]) -> None:
         """Draw the coarser levels of rectangles of the finest: left, top, width and height."""
