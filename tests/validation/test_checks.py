@@ -47,7 +47,16 @@ def _missed(key, fixture):
         "markers",
         "polygons",
         "optics",
-        long=("baked", "shadows", "sharpness", "twin"),
+        long=(
+            "baked",
+            "noise",
+            "optics-calibration",
+            "optics-path-tracer",
+            "path-tracer",
+            "shadows",
+            "sharpness",
+            "twin",
+        ),  # fmt: skip
     ),
 )
 def test_every_bound_holds(key, fixture):
