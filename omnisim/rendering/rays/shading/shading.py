@@ -80,7 +80,7 @@ class Shading:
         lighting: lighting of the scene.
 
     Attributes:
-        is_blended, is_unlit, is_pane, is_glass, is_specular: (surfaces,) masks.
+        is_blended, is_unlit, is_pane, is_glass, is_specular, is_double_sided: (surfaces,) masks.
         panes: parameters of the surfaces that are panes.
         glass: parameters of the surfaces that are thick glass.
         table: reflectance of the surfaces.
@@ -104,6 +104,7 @@ class Shading:
         self.glass = Glass.of(materials, lighting.is_matte)
         self.is_glass = self.glass.transmission > 0.0
         self.is_specular = specular_mask(materials, lighting.is_matte)
+        self.is_double_sided = geometry.is_double_sided
         self.hit_cutoff = np.array([m.hit_cutoff for m in materials], dtype=np.float32)
         self.shadow_cutoff = np.array([m.shadow_cutoff for m in materials], dtype=np.float32)
 
@@ -161,7 +162,7 @@ class Shading:
         """
         surfaces = self.surfaces(hits)
         glass = np.flatnonzero(self.is_glass[surfaces])
-        leaving = glass[~self._is_front(hits.take(glass), world_from_objects)]
+        leaving = glass[~self.is_front(hits.take(glass), world_from_objects)]
         media = media.copy()
         media[leaving] = surfaces[leaving]
         return media
@@ -175,7 +176,7 @@ class Shading:
             channel: see `Glass.ratios`.
         """
         surfaces = self.surfaces(view.hits)
-        is_front = self._is_front(view.hits, view.world_from_objects)
+        is_front = self.is_front(view.hits, view.world_from_objects)
         normals = self.normals(view.hits, view.world_from_objects)
         normals = self._mapped(NORMAL, normals, view, self.sampler(view))
         ratios = self.glass.ratios(surfaces, is_front, channel)
@@ -310,12 +311,12 @@ class Shading:
         if light_coordinates is not None and len(static):
             seen = hits.take(static)
             front, back = np.split(self._interpolated(light_coordinates, seen), 2, axis=1)
-            light[static] = baked.light(np.where(self._is_front(seen)[:, None], front, back))
+            light[static] = baked.light(np.where(self.is_front(seen)[:, None], front, back))
         if len(others):
             light[others] = baked.probes.light(points_m[others], normals[others])
         return light
 
-    def _is_front(self, hits: RayHits, world_from_objects: Poses = ()) -> NDArray[np.bool_]:
+    def is_front(self, hits: RayHits, world_from_objects: Poses = ()) -> NDArray[np.bool_]:
         """Mask (n,) of hits on the front of triangles; without poses, of static ones."""
         a, b, c = np.moveaxis(self._geometry.corners_m(hits.triangles, world_from_objects), 1, 0)
         front: NDArray[np.bool_] = np.einsum("nc,nc->n", np.cross(b - a, c - a), hits.planes) > 0.0
@@ -366,7 +367,7 @@ class Shading:
         if len(indices) == 0:
             return surface
         cosines = np.abs(np.einsum("nc,nc->n", directions.normals, directions.views))
-        is_front = self._is_front(view.hits.take(glass), view.world_from_objects)
+        is_front = self.is_front(view.hits.take(glass), view.world_from_objects)
         ratios = self.glass.ratios(surfaces[glass], is_front, channel)
         reflected = np.concatenate((
             pane_reflectance(cosines[panes], self.panes.ior[surfaces[panes]]),
