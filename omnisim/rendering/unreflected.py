@@ -54,17 +54,27 @@ def reflection_notes(scene: Scene, mirrors: int = DEFAULT_MIRRORS) -> list[str]:
     return notes
 
 
-def frosted_notes(scene: Scene) -> list[str]:
-    """Notice on frosted glass, which transmits light in bakes only."""
+def frosted_notes(scene: Scene, is_traced: bool) -> list[str]:
+    """Notice on frosted glass that is drawn opaque.
+
+    Args:
+        scene: scene.
+        is_traced: True for the ray back end, which draws frosted panes.
+    """
     if scene.lighting.is_matte:
         return []
     surfaces = scene_surfaces(scene, [one.shape for one in scene.objects])
-    frosted = {id(one.material) for one in surfaces.values() if one.material.frosted_transmission}
+    frosted = {
+        id(one.material)
+        for one in surfaces.values()
+        if one.material.frosted_transmission and (one.material.thickness_m or not is_traced)
+    }
     if not frosted:
         return []
-    return [
-        f"frosted glass is opaque ({counted(len(frosted), 'material')}): bakes light through it"
-    ]
+    number = counted(len(frosted), "material")
+    if is_traced:
+        return [f"thick, frosted glass is opaque ({number})"]
+    return [f"frosted glass is opaque ({number}): --backend rays shows what is behind panes"]
 
 
 def reflects_scene(material: Material) -> bool:

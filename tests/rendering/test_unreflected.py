@@ -64,12 +64,16 @@ def test_planar_mirrors_and_panes_are_drawn():
 
 
 def test_frosted_glass_is_opaque():
-    frosted = Material(transmission=1.0, roughness=0.6, specular=1.0)
-    scene = scene_of([sphere(1.0, 8)], [frosted])
-    expected = "frosted glass is opaque (1 material): bakes light through it"
-    assert frosted_notes(scene) == [expected]
-    assert not frosted_notes(scene_of([sphere(1.0, 8)], [Material(roughness=0.6, specular=1.0)]))
-    assert not frosted_notes(scene_of([sphere(1.0, 8)], [frosted], None, MATTE))
+    pane = Material(transmission=1.0, roughness=0.6, specular=1.0)
+    thick = dataclasses.replace(pane, thickness_m=0.1)
+    meshes = [sphere(1.0, 8), dataclasses.replace(sphere(1.0, 8), material=1)]
+    scene = scene_of(meshes, [pane, thick])
+    opaque = "frosted glass is opaque (2 materials): --backend rays shows what is behind panes"
+    assert frosted_notes(scene, False) == [opaque]
+    assert frosted_notes(scene, True) == ["thick, frosted glass is opaque (1 material)"]
+    clear = scene_of([sphere(1.0, 8)], [dataclasses.replace(pane, roughness=0.2)])
+    for other in (clear, scene_of(meshes, [pane, thick], None, MATTE)):
+        assert not frosted_notes(other, False) + frosted_notes(other, True)
 
 
 def test_thick_glass_is_opaque():

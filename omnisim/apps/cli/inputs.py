@@ -264,7 +264,7 @@ def note_lighting(name: str, scene: Scene, backend: BackendName, mirrors: int) -
         mirrors: number of planar mirrors that virtual cameras show.
     """
     reflections = reflection_notes(scene, mirrors) if backend == "cube" else []
-    for note in (*emission_notes(scene), *reflections, *frosted_notes(scene)):
+    for note in (*emission_notes(scene), *reflections, *frosted_notes(scene, backend == "rays")):
         print_note(f"{name}: {note}")
 
 

@@ -72,6 +72,54 @@ def test_two_panes_reflect_each_other():
     np.testing.assert_allclose(light[0], total, atol=2e-3)  # reflections below 1/512 are left out
 
 
+def _ggx(roughness, view, light):
+    """Reflectance of GGX facets, before Fresnel's term, of directions (n, 3) about z."""
+    halfway = view + light
+    halfway /= np.linalg.norm(halfway, axis=-1, keepdims=True)
+    squared = roughness**4
+    facets = squared / (np.pi * (halfway[..., 2] ** 2 * (squared - 1.0) + 1.0) ** 2)
+
+    def spread(cosine):
+        return 0.5 * (np.sqrt(1.0 + squared * (1.0 / cosine**2 - 1.0)) - 1.0)
+
+    shadowing = 1.0 / (1.0 + spread(view[2]) + spread(light[..., 2]))
+    along = np.einsum("...c,c->...", halfway, view)
+    return facets * shadowing / (4.0 * view[2] * light[..., 2]), along
+
+
+@pytest.mark.parametrize("degrees", [0.0, 50.0])
+@pytest.mark.parametrize("roughness", [0.3, 0.6, 1.0])
+def test_frosted_glass_scatters_by_its_mirrored_gloss(degrees, roughness):
+    """Half of the world behind a pane shines; its light is integrated over all directions."""
+    glass = Material(
+        base_color=(*TINT, 1.0), roughness=roughness, transmission=0.8, double_sided=True
+    )
+    shining = Material(base_color=(*BELOW, 1.0), unlit=True, double_sided=True)
+    half = square(half_m=1e4, z_m=-1.0, material=1)
+    half = replace(half, positions=(half.positions + np.float32((1e4 + 0.5, 0, 0))))
+    pane = square(half_m=1e5, material=0)
+    dark = Material(base_color=(0.0, 0.0, 0.0, 1.0), unlit=True)
+    scene = scene_of(
+        [pane, half, square(half_m=1e5, z_m=9.0, material=2)], [glass, shining, dark], None, DARK
+    )
+    angle = np.radians(degrees)
+    toward = np.array((np.sin(angle), 0.0, -np.cos(angle)))
+    rays = rays_from(-toward, np.tile(toward, (400, 1)))
+    light = traced(scene, rays).mean(axis=0)
+    heights, azimuths = (np.arange(800) + 0.5) / 800, np.radians(np.arange(360) + 0.5)
+    side = np.sqrt(1.0 - heights**2)[:, None]
+    mirrored = np.stack(
+        (side * np.cos(azimuths), side * np.sin(azimuths), heights[:, None] + 0.0 * azimuths), -1
+    )
+    shown, along = _ggx(roughness, -toward, mirrored)
+    normal = reflected_by_pane(0.0, 1.5)
+    shown = shown * (1.0 - normal) * (1.0 - (1.0 - along) ** 5)
+    # a mirrored direction goes to the other side
+    is_lit = mirrored[..., 0] / mirrored[..., 2] > 0.5
+    share = np.mean(shown * mirrored[..., 2] * is_lit) * 2.0 * np.pi
+    np.testing.assert_allclose(light, 0.8 * TINT * BELOW * share, rtol=0.03)
+
+
 @pytest.mark.parametrize(
     ("thickness_m", "double_sided", "from_below", "tints"),
     [(0.0, True, False, 1), (0.0, False, False, 0), (0.0, False, True, 1), (0.5, True, False, 2)],

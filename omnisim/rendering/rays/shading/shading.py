@@ -38,7 +38,13 @@ from omnisim.rendering.rays.shading.ray_reflectance import (
     reflected_light,
 )
 from omnisim.rendering.rays.shading.ray_textures import TextureTable
-from omnisim.rendering.rays.shading.reflections import Arrivals, Lobe, Tracing, traced_gloss
+from omnisim.rendering.rays.shading.reflections import (
+    Arrivals,
+    Lobe,
+    TracedGloss,
+    Tracing,
+    traced_gloss,
+)
 from omnisim.rendering.rays.shading.shadows import CastShadow, Shadows
 from omnisim.rendering.rays.shading.surface_table import (
     NORMAL,
@@ -83,6 +89,7 @@ class Shading:
         is_blended, is_unlit, is_pane, is_glass, is_specular, is_double_sided: (surfaces,) masks.
         panes: parameters of the surfaces that are panes.
         glass: parameters of the surfaces that are thick glass.
+        frosted: (surfaces,) transmitted share of the light that frosted panes do not reflect.
         table: reflectance of the surfaces.
         hit_cutoff, shadow_cutoff: (surfaces,) alpha cutoffs, see `omnisim.scene.model.Material`.
     """
@@ -103,6 +110,8 @@ class Shading:
         self.is_pane = (self.panes.transmission > 0.0) & (not lighting.is_matte)
         self.glass = Glass.of(materials, lighting.is_matte)
         self.is_glass = self.glass.transmission > 0.0
+        frosted = [one.frosted_transmission * (one.thickness_m == 0.0) for one in materials]
+        self.frosted = np.array(frosted) * (not lighting.is_matte)
         self.is_specular = specular_mask(materials, lighting.is_matte)
         self.is_double_sided = geometry.is_double_sided
         self.hit_cutoff = np.array([m.hit_cutoff for m in materials], dtype=np.float32)
@@ -348,14 +357,50 @@ class Shading:
         mapped, coat = (self._mapped(slot, normals, view, sampled) for slot in NORMAL_SCALES)
         directions = SurfaceDirections(mapped, coat, -view.rays.directions)
         reflectance = self.table.reflectance(surfaces, colors, sampled)
-        traced = None
+        traced = scattered = None
         if tracing is not None:
             reflectance = self._of_glass(reflectance, view, directions, tracing.paths.channel)
             traced = _traced(reflectance, directions, view, tracing)
+            if self.frosted.any():
+                scattered = self._scattered(reflectance, colors, view, directions, tracing)
+                body = reflectance.body * (1.0 - self.frosted[surfaces, None])
+                reflectance = reflectance._replace(body=body)
         light = reflected_light(
             reflectance, directions, self._lighting, lamps, surroundings, traced
         )
+        if scattered is not None:
+            light[scattered.indices] += scattered.light
         return light.astype(np.float32)
+
+    def _scattered(
+        self,
+        surface: Reflectance,
+        colors: NDArray[np.float32],
+        view: View,
+        directions: SurfaceDirections,
+        tracing: Tracing,
+    ) -> TracedGloss | None:
+        """Light that frosted panes among surfaces (n,) transmit; None: none."""
+        shares = self.frosted[self.surfaces(view.hits)]
+        indices = np.flatnonzero(shares > 0.0)
+        if len(indices) == 0:
+            return None
+        ior = self.panes.ior[self.surfaces(view.hits)[indices]]
+        passing = shares[indices] * (1.0 - pane_reflectance(np.ones(len(indices)), ior))
+        lobe = Lobe(
+            directions.normals[indices],
+            surface.roughness[indices],
+            passing[:, None] * colors[indices],
+            np.zeros(len(indices)),  # by Schlick's term, none at grazing incidence
+            (1.0 - coat_fresnel(surface.coat, directions))[indices],
+        )
+        some = view.take(indices)
+        arrivals = Arrivals(some.rays, some.hits, some.footprints)
+        found = traced_gloss(lobe, arrivals, tracing.take(indices), transmits=True)
+        if found is None:
+            return None
+        light = lobe.strength[found.indices, None] * found.light
+        return TracedGloss(indices[found.indices], light)
 
     def _of_glass(
         self, surface: Reflectance, view: View, directions: SurfaceDirections, channel: int | None
