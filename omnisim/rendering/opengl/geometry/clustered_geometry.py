@@ -157,7 +157,7 @@ def build_clustered_geometry(
     )
     # parts of dynamic objects can be hidden individually, and items without shadows stay out of
     # shadow maps
-    casts = np.array([item.material.casts_shadow for item in items])
+    casts = np.array([item.casts_shadow for item in items])
     part = np.where(is_static & casts, 0, 1 + np.arange(len(items)))
     objects = 1 + dynamic_objects
     group_key = bucket * objects + object_of_item[item_of_triangle]

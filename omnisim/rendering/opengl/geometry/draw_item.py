@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from omnisim.rendering.opengl.materials.scene_textures import MaterialTexture
 from omnisim.scene.model import Material, Mesh
 from omnisim.scene.motion.deformation import Sphere
-from omnisim.scene.parts import LightRectangle
+from omnisim.scene.parts import BLENDED_CUTOFF, LightRectangle
 
 MAX_DISTANCE_M = 2048.0  # up to which float32 rounds to 0.07 mm, and beyond to 0.13 mm
 
@@ -118,6 +118,13 @@ class DrawItem:
         """True for panes, unless all materials are matte."""
         is_shiny = self.texture_layer.reflectance is not None
         return is_shiny and self.material.pane_transmission > 0.0
+
+    @property
+    def casts_shadow(self) -> bool:
+        """True for surfaces in shadow maps: not glass that passes at least half of the light."""
+        is_shiny = self.texture_layer.reflectance is not None
+        is_clear = is_shiny and self.material.clear_share >= BLENDED_CUTOFF
+        return self.material.casts_shadow and not is_clear
 
     @property
     def is_blended(self) -> bool:
