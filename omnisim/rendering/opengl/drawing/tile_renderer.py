@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.world import ObjectPart
-from omnisim.rendering.camera.quality import DEFAULT_MIRRORS
+from omnisim.rendering.camera.quality import DEFAULT_MIRRORS, DEFAULT_PROBES
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.atlas.tile_views import TileView, TileViews, clips_from_rig
 from omnisim.rendering.opengl.culling.cluster_culling import MIN_TRIANGLES_OF_PASSES, ClusterCuller
@@ -41,6 +41,7 @@ class VirtualCameras:
         hidden: parts of dynamic objects to leave out.
         both_sides: draw back faces, too.
         mirrors: maximum number of planar mirrors in view, and of panes, that reflect the scene.
+        reflection_probes: maximum number of probes that curved and rough surfaces reflect.
     """
 
     near_m: float
@@ -51,6 +52,7 @@ class VirtualCameras:
     hidden: frozenset[ObjectPart] = frozenset()
     both_sides: bool = False
     mirrors: int = DEFAULT_MIRRORS
+    reflection_probes: int = DEFAULT_PROBES
 
 
 class TileRenderer:
@@ -86,6 +88,7 @@ class TileRenderer:
         max_cameras: int = 1,
     ):
         self._buffers, self._items = buffers, items
+        self._all_items = items
         self._state = GlState()
         self.views = TileViews(plan, cameras.near_m, cameras.far_m)
         self.culler: ClusterCuller | None = None
@@ -117,8 +120,17 @@ class TileRenderer:
         # hidden static items have no triangles
         shown = buffers.shown(cameras.hidden)
         shown |= np.array([item.object_index is None for item in buffers.draw_items])
+        self._shown = shown
         self.culler.show(geometry.shown_clusters(shown))
         self._clusters = ClusterDrawer(context, geometry, self.culler, batches)
+
+    def leave_out(self, left_out: NDArray[np.bool_]) -> None:
+        """Do not draw the items of a mask (items,), except clusters of static ones."""
+        self._items = self._all_items[~left_out[self._all_items]]
+        geometry = self._buffers.clustered_geometry
+        if self.culler is not None and geometry is not None:
+            is_static = np.array([one.object_index is None for one in self._buffers.draw_items])
+            self.culler.show(geometry.shown_clusters(self._shown & (is_static | ~left_out)))
 
     @property
     def culling_bytes(self) -> int:
