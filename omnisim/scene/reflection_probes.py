@@ -19,7 +19,6 @@ from omnisim.scene.planar_mirrors import MirrorPlane, ShownSurface, is_smooth
 from omnisim.scene.scene_surfaces import is_surface_planar
 from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS
 
-MAX_PROBES = 16
 # Mean cosine between outward directions and normals: 1 for a ball, −1 for a room.
 _COMPACT, _HOLLOW = 0.25, -0.1
 # Parts within a body share its probe up to this radius: a car, but not the shops of a mall.

@@ -16,7 +16,10 @@ uniform vec4 u_probe;  // center of the probe, in meters from the viewpoint; ind
 const float FIRST_ALPHA = 0.024;    // squared roughness of level 1; it doubles from level to level
 const float MIN_PER_M = 1e-4;       // 1 / distance of the sky
 const float SPREAD_SHARE = 0.35;    // filter of a level, relative to its squared roughness
-const int STEPS = 6, BISECTIONS = 2;
+const float FARTHEST_M = 1e4;
+const float SAME_SHARE = 0.1;  // tolerance of a hit's distance from the center
+const float MIN_BLURRED = 0.2;  // roughness from which hits may be less precise
+const int STEPS = 4, REFINEMENTS = 2;
 
 float reflected_spread(vec3 normal, vec3 view) {
     vec3 direction = reflect(-view, normal);
@@ -33,21 +36,41 @@ float reach_m(float along, float squared, float distance_per_m) {
     return max(sqrt(max(along * along - squared + radius * radius, 0.0)) - along, 0.0);
 }
 
-// Distance in meters along a ray from a point relative to the probe's center.
-float hit_m(vec3 start, vec3 direction) {
+// Distance in meters along a ray from a point relative to the probe's center. The hit is bracketed
+// by points at equal angles around the center, then refined. Rays that pass behind a surface have
+// no hit there; they end at what is seen in their own direction.
+float hit_m(vec3 start, vec3 direction, int steps) {
     float along = dot(start, direction), squared = dot(start, start);
-    float range = reach_m(along, squared, per_m(direction));
-    for (int i = 0; i < STEPS; ++i)
+    float height = sqrt(max(squared - along * along, 0.0));  // of the center above the ray
+    float first = atan(along, height);
+    float before = 0.0, after = 0.0;
+    for (int i = 1; i <= steps; ++i) {
+        before = after;
+        float angle = mix(first, 0.5 * PI, float(i) / float(steps));
+        after = i < steps ? height * tan(angle) - along : FARTHEST_M;
+        vec3 at = start + after * direction;
+        if (i == steps || length(at) * per_m(at) >= 1.0) break;  // behind a surface
+    }
+    float range = after, off = 0.0;
+    for (int i = 0; i < REFINEMENTS; ++i) {
+        vec3 at = start + range * direction;
+        float at_per_m = per_m(at);
+        off = length(at) * at_per_m - 1.0;
+        range = clamp(reach_m(along, squared, at_per_m), before, after);
+    }
+    if (abs(off) < SAME_SHARE || steps == 1) return range;
+    range = FARTHEST_M;
+    for (int i = 0; i <= REFINEMENTS; ++i)
         range = reach_m(along, squared, per_m(start + range * direction));
     return range;
 }
 
 vec3 reflected_probe(vec3 position, vec3 direction, float roughness, float spread) {
     vec3 start = position - u_probe.xyz;
-    float range = hit_m(start, direction);
+    float range = hit_m(start, direction, roughness < MIN_BLURRED ? STEPS : 1);
     vec3 hit = start + range * direction;
     float size = float(textureSize(u_reflection_probes, 0).x);
-    float texel = 0.25 * 6.28318530717959 / size;
+    float texel = 0.5 * PI / size;
     float alpha = roughness * roughness * min(range / max(length(hit), 1e-6), 1.0);
     float filtered = SPREAD_SHARE * FIRST_ALPHA * max(spread / texel - 1.0, 0.0);
     alpha = sqrt(alpha * alpha + filtered * filtered);

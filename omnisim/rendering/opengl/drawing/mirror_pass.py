@@ -94,7 +94,9 @@ class MirrorPass:
         self._depth_target = context.framebuffer(depth_attachment=depth)
         # a mirror shows the vehicle's own body, too
         seen = replace(cameras, hidden=frozenset(), samples=1)
-        self._view = SceneView(buffers, programs, plan, seen, depth, 1, sky, is_mirrored=True, probes=probes)
+        self._view = SceneView(
+            buffers, programs, plan, seen, depth, 1, sky, is_mirrored=True, probes=probes
+        )
         shown = np.flatnonzero(buffers.shown_one_by_one(cameras.hidden)).tolist()
         self.items = frozenset(index for one in mirrors for index in one.parts) & frozenset(shown)
         self.of_panes = of_panes

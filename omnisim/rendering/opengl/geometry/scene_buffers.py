@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from omnisim.core.bounds import bounds_of
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import ObjectPart, time_of
+from omnisim.rendering.camera.quality import MAX_PROBES
 from omnisim.rendering.opengl.geometry.clustered_geometry import (
     ClusteredGeometry,
     build_clustered_geometry,
@@ -35,7 +36,7 @@ from omnisim.scene.planar_mirrors import (
     is_clear_pane,
     is_planar_mirror,
 )
-from omnisim.scene.reflection_probes import MAX_PROBES, ProbePlace, find_probes
+from omnisim.scene.reflection_probes import ProbePlace, find_probes
 
 # Extensions of OpenGL 4.5 that are part of 4.6.
 _CALLS_OF_CLUSTERS = {"GL_ARB_indirect_parameters", "GL_ARB_shader_draw_parameters"}
