@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from omnisim.scene.parts import Material
 from omnisim.scene.planar_mirrors import MirrorPlane, ShownSurface, is_smooth
 from omnisim.scene.scene_surfaces import is_surface_planar
-from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS
+from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS, MIN_ROUGHNESS
 
 # Mean cosine between outward directions and normals: 1 for a ball, −1 for a room.
 _COMPACT, _HOLLOW = 0.25, -0.1
@@ -76,6 +76,13 @@ def reflects_scene(material: Material) -> bool:
     """True if the ray back end traces reflections: glass, smooth metal, gloss or clear coat."""
     transmission = material.pane_transmission + material.glass_transmission
     return transmission > 0.0 or is_smooth(material, MAX_TRACED_ROUGHNESS)
+
+
+def is_perfect_mirror(material: Material) -> bool:
+    """True for gloss, metal and coats that are nowhere rougher than a perfect mirror."""
+    is_glossy = bool(material.metallic or material.specular)
+    is_coat_rough = material.clearcoat > 0.0 and material.clearcoat_roughness > MIN_ROUGHNESS
+    return not is_coat_rough and (not is_glossy or material.roughness <= MIN_ROUGHNESS)
 
 
 def find_probes(

@@ -7,12 +7,12 @@
 
 uniform samplerCubeArray u_cubes;  // sharper level only
 uniform float u_alpha;    // squared roughness between the two levels
+uniform int u_facets;  // number of samples
 uniform int u_face;
 uniform float u_cube;
 uniform float u_texel;  // 1 / size of the target
 layout(location = 0) out vec4 out_color;
 
-const int FACETS = 32;
 const float TURN = 6.28318530717959;
 const float R2_STEP = 0.7548776662466927;
 
@@ -22,8 +22,8 @@ void main() {
     vec3 side = normalize(cross(helper, normal)), up = cross(normal, side);
     vec3 total = vec3(0.0);
     float weight = 0.0;
-    for (int number = 0; number < FACETS; ++number) {
-        float share = (float(number) + 0.5) / float(FACETS);
+    for (int number = 0; number < u_facets; ++number) {
+        float share = (float(number) + 0.5) / float(u_facets);
         float azimuth = TURN * fract(float(number) * R2_STEP);
         float squared = (1.0 - share) / (1.0 + (u_alpha * u_alpha - 1.0) * share);
         float height = sqrt(squared), width = sqrt(1.0 - squared);

@@ -25,6 +25,8 @@ LEVELS = 6
 _ALPHAS = (0.0, *(0.024 * 2.0**level for level in range(LEVELS - 1)))
 _FACES = 6
 _COLORS_UNIT, _DEPTHS_UNIT, _CUBES_UNIT = 0, 1, 0
+_FACETS = 16, 32  # samples of levels 1 and beyond
+_SMOOTH_LEVELS, _SMOOTH_FACETS = 4, 4  # of probes that perfect mirrors alone reflect
 # Lobes of two levels add up between linearly and by their squares.
 _POWER = 1.5
 
@@ -64,21 +66,24 @@ class ProbeMaps:
         self._gloss_triangle = context.vertex_array(self._gloss, [])
 
     def draw(
-        self, cube: int, colors: moderngl.Texture, depths: moderngl.Texture, levels: int
+        self, cube: int, colors: moderngl.Texture, depths: moderngl.Texture, is_rough: bool
     ) -> None:
         """Copy a probe from its atlas, and filter its levels.
 
         Args:
             cube: index of the probe.
             colors, depths: atlas.
-            levels: number of levels that its surfaces look up.
+            is_rough: its surfaces may be rough; otherwise they look up few levels, which filter
+                small reflections.
         """
         colors.use(_COLORS_UNIT)
         depths.use(_DEPTHS_UNIT)
         self._draw_level(cube, 0, self._faces, self._face_triangle)
         bind_texture(_CUBES_UNIT, self.name)
         uniform(self._gloss, "u_cube").value = float(cube)
-        for level in range(1, levels):
+        for level in range(1, LEVELS if is_rough else _SMOOTH_LEVELS):
+            facets = _FACETS[min(level, len(_FACETS)) - 1] if is_rough else _SMOOTH_FACETS
+            uniform(self._gloss, "u_facets").value = facets
             between = (_ALPHAS[level] ** _POWER - _ALPHAS[level - 1] ** _POWER) ** (1.0 / _POWER)
             uniform(self._gloss, "u_alpha").value = between
             limit_levels(self.name, level - 1, level - 1)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.world import time_of
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, cube_plan
-from omnisim.rendering.opengl.drawing.probe_maps import LEVELS, ProbeMaps
+from omnisim.rendering.opengl.drawing.probe_maps import ProbeMaps
 from omnisim.rendering.opengl.drawing.reversed_depth import depth_texture
 from omnisim.rendering.opengl.drawing.scene_view import SceneView
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
@@ -25,13 +25,13 @@ from omnisim.rendering.opengl.drawing.surface_program import (
     SurfaceProgram,
     SurfacePrograms,
 )
-from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
+from omnisim.rendering.opengl.drawing.tile_renderer import SceneParts, VirtualCameras
+from omnisim.rendering.opengl.fences import end_pass
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl_functions import bind_texture
+from omnisim.rendering.opengl.gl_functions import bind_texture, copy_regions
+from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.memory import gpu_allocation
-from omnisim.scene.planar_mirrors import is_smooth
-from omnisim.scene.reflection_probes import ProbePlace
-from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
+from omnisim.scene.reflection_probes import ProbePlace, is_perfect_mirror
 
 SIZE_PX = 128  # of a face
 _NEAR_SHARE, _MAX_NEAR_M = 0.05, 0.05  # near plane, as a share of the smallest probe's radius
@@ -75,8 +75,11 @@ class ProbePass:
         self._view = self._make_view(plan, near_m)
         self.items = frozenset(index for one in places for index in one.surfaces)
         self._left_out = [self._mask(one.left_out) for one in places]
-        self._levels = [self._levels_of(one) for one in places]
+        self._is_rough = [self._reflects_roughly(one) for one in places]
         self._states: list[bytes | None] = [None] * len(places)
+        self._static: dict[int, tuple[moderngl.Texture, moderngl.Texture]] = {}
+        self._has_moving = any(item.moves for item in buffers.draw_items)
+        self._state = GlState()
 
     def _make_view(self, plan: TilePlan, near_m: float) -> SceneView:
         cameras = VirtualCameras(near_m, math.inf, background=self._background, mirrors=0)
@@ -96,11 +99,10 @@ class ProbePass:
         mask[list(left_out)] = True
         return mask
 
-    def _levels_of(self, place: ProbePlace) -> int:
-        """Number of levels that a probe's surfaces look up."""
+    def _reflects_roughly(self, place: ProbePlace) -> bool:
+        """True if a surface of a probe may be rougher than a perfect mirror."""
         materials = [self._buffers.draw_items[one].material for one in place.surfaces]
-        is_rough = any(not is_smooth(one, MIN_ROUGHNESS) or one.maps for one in materials)
-        return LEVELS if is_rough else 3
+        return any(not is_perfect_mirror(one) for one in materials)
 
     def render(
         self, seen: Collection[int], world_from_objects: Sequence[NDArray[np.float64]]
@@ -124,10 +126,59 @@ class ProbePass:
         if self._programs.shadows is not None:
             self._programs.shadows.prepare(world_from_probe[:3, 3], world_from_objects)
         self._programs.bind_tables()
-        self._view.leave_out(self._left_out[number])
-        self._view.tiles.begin(self._target, [(*self._background, 1.0)])
+        left_out, parts = self._left_out[number], SceneParts.ALL
+        if self._has_static_copy(self._places[number]):
+            parts = SceneParts.MOVING
+            self._copy_static(number, world_from_probe, world_from_objects)
+        else:
+            self._view.tiles.begin(self._target, [(*self._background, 1.0)])
+        self._view.select(left_out, parts)
+        self._state.use(self._target, has_depth=True)
         self._view.draw(self._target, world_from_probe, world_from_objects)
-        self._maps.draw(number, self._colors, self._depths, self._levels[number])
+        self._maps.draw(number, self._colors, self._depths, self._is_rough[number])
+
+    def _has_static_copy(self, place: ProbePlace) -> bool:
+        """True if the scene around a probe changes only where moving items are.
+
+        Moving items may cast shadows on static ones.
+        """
+        is_fixed = place.object_index is None and place.deforming is None
+        return is_fixed and self._has_moving and self._programs.shadows is None
+
+    def _copy_static(
+        self,
+        number: int,
+        world_from_probe: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Copy the static opaque items, drawn once, into the atlas."""
+        atlas = self._colors, self._depths
+        if number not in self._static:
+            size = self._colors.size
+            with gpu_allocation(
+                f"{len(self._places)} static copies of reflection probes",
+                "make virtual_cameras.reflection_probes smaller",
+            ):
+                copies = (
+                    self._buffers.context.texture(size, 4, dtype="f2"),
+                    depth_texture(self._buffers.context, size),
+                )
+            self._view.select(self._left_out[number], SceneParts.STATIC)
+            self._view.tiles.begin(self._target, [(*self._background, 1.0)])
+            self._view.draw_opaque(self._target, world_from_probe, world_from_objects)
+            self._copy(atlas, copies)
+            self._static[number] = copies
+        else:
+            self._copy(self._static[number], atlas)
+
+    def _copy(
+        self,
+        sources: tuple[moderngl.Texture, moderngl.Texture],
+        targets: tuple[moderngl.Texture, moderngl.Texture],
+    ) -> None:
+        end_pass(self._buffers.context)
+        for source, target in zip(sources, targets, strict=True):
+            copy_regions(source.glo, target.glo, [(0, 0, *source.size)])
 
     def _center_m(
         self, place: ProbePlace, world_from_objects: Sequence[NDArray[np.float64]]

@@ -25,7 +25,11 @@ from omnisim.rendering.opengl.drawing.surface_program import (
     variant_of_blended,
     variant_of_bucket,
 )
-from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer, VirtualCameras
+from omnisim.rendering.opengl.drawing.tile_renderer import (
+    SceneParts,
+    TileRenderer,
+    VirtualCameras,
+)
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
@@ -163,10 +167,22 @@ class SceneView:
         program = self._program(variant).program
         return BlendedDrawer(self._buffers.context, geometry, culler, items, program)
 
-    def leave_out(self, left_out: NDArray[np.bool_]) -> None:
-        """Do not draw the items of a mask (items,), except blended ones sorted on the GPU."""
+    def select(self, left_out: NDArray[np.bool_], parts: SceneParts = SceneParts.ALL) -> None:
+        """Select what to draw, see `TileRenderer.select`; blended items of all parts are drawn."""
         self.blended = self._all_blended[~left_out[self._all_blended]]
-        self.tiles.leave_out(left_out)
+        self.tiles.select(left_out, parts)
+
+    def draw_opaque(
+        self,
+        target: moderngl.Framebuffer,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Draw the selected opaque items alone; arguments and conditions as of `draw`."""
+        for program in self.programs:
+            program.set_viewpoint(world_from_rig[:3, 3])
+        with self._state.drawing():
+            self.tiles.draw(target, world_from_rig, world_from_objects, self._drawer)
 
     def draw(
         self,

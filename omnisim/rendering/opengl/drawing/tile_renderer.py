@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import Enum
 
 import moderngl
 import numpy as np
@@ -23,10 +24,24 @@ from omnisim.rendering.opengl.drawing.cluster_drawer import (
 from omnisim.rendering.opengl.drawing.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.drawing.scene_drawer import P, SceneDrawer
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
-from omnisim.rendering.opengl.geometry.draw_item import InstanceTransforms
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.uniforms import columns_first
+
+
+class SceneParts(Enum):
+    """Parts of a scene by their motion; dynamic objects and deforming meshes move."""
+
+    ALL = "all"
+    STATIC = "static"
+    MOVING = "moving"
+
+    def mask(self, items: Sequence[DrawItem]) -> NDArray[np.bool_]:
+        """Mask (items,) of the parts' items."""
+        if self is SceneParts.ALL:
+            return np.ones(len(items), dtype=np.bool_)
+        return np.array([one.moves is (self is SceneParts.MOVING) for one in items], dtype=np.bool_)
 
 
 @dataclass(frozen=True)
@@ -124,13 +139,20 @@ class TileRenderer:
         self.culler.show(geometry.shown_clusters(shown))
         self._clusters = ClusterDrawer(context, geometry, self.culler, batches)
 
-    def leave_out(self, left_out: NDArray[np.bool_]) -> None:
-        """Do not draw the items of a mask (items,), except clusters of static ones."""
-        self._items = self._all_items[~left_out[self._all_items]]
+    def select(self, left_out: NDArray[np.bool_], parts: SceneParts = SceneParts.ALL) -> None:
+        """Select items to draw; clusters of static items show all of them, or none.
+
+        Args:
+            left_out: mask (items,) of items not to draw.
+            parts: parts of the scene to draw.
+        """
+        drawn = parts.mask(self._buffers.draw_items)
+        self._items = self._all_items[(drawn & ~left_out)[self._all_items]]
         geometry = self._buffers.clustered_geometry
         if self.culler is not None and geometry is not None:
             is_static = np.array([one.object_index is None for one in self._buffers.draw_items])
-            self.culler.show(geometry.shown_clusters(self._shown & (is_static | ~left_out)))
+            drawn &= self._shown & (is_static | ~left_out)
+            self.culler.show(geometry.shown_clusters(drawn))
 
     @property
     def culling_bytes(self) -> int:
