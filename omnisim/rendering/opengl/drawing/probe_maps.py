@@ -26,7 +26,7 @@ _ALPHAS = (0.0, *(0.024 * 2.0**level for level in range(LEVELS - 1)))
 _FACES = 6
 _COLORS_UNIT, _DEPTHS_UNIT, _CUBES_UNIT = 0, 1, 0
 _FACETS = 16, 32  # samples of levels 1 and beyond
-_SMOOTH_LEVELS, _SMOOTH_FACETS = 4, 4  # of probes that perfect mirrors alone reflect
+_SMOOTH_FACETS = 4  # of probes that only perfect mirrors reflect: levels filter small reflections
 # Lobes of two levels add up between linearly and by their squares.
 _POWER = 1.5
 
@@ -73,15 +73,14 @@ class ProbeMaps:
         Args:
             cube: index of the probe.
             colors, depths: atlas.
-            is_rough: its surfaces may be rough; otherwise they look up few levels, which filter
-                small reflections.
+            is_rough: its surfaces may be rougher than perfect mirrors.
         """
         colors.use(_COLORS_UNIT)
         depths.use(_DEPTHS_UNIT)
         self._draw_level(cube, 0, self._faces, self._face_triangle)
         bind_texture(_CUBES_UNIT, self.name)
         uniform(self._gloss, "u_cube").value = float(cube)
-        for level in range(1, LEVELS if is_rough else _SMOOTH_LEVELS):
+        for level in range(1, LEVELS):
             facets = _FACETS[min(level, len(_FACETS)) - 1] if is_rough else _SMOOTH_FACETS
             uniform(self._gloss, "u_facets").value = facets
             between = (_ALPHAS[level] ** _POWER - _ALPHAS[level - 1] ** _POWER) ** (1.0 / _POWER)

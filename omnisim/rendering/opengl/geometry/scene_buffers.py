@@ -130,9 +130,11 @@ class SceneBuffers:
         """Find the reflection probes of the possible items (n,)."""
         if self._lighting.is_matte:
             return ()
-        surfaces = {index: self.draw_items[index] for index in np.flatnonzero(self._is_drawn)}
+        numbers = np.flatnonzero(self._is_drawn).tolist()
+        surfaces = {number: self.draw_items[number] for number in numbers}
         planes = (*self.mirrors, *self.pane_mirrors)
-        return find_probes(surfaces, planes, set(np.flatnonzero(possible)))[:MAX_PROBES]
+        own = set(np.flatnonzero(possible).tolist())
+        return find_probes(surfaces, planes, own)[:MAX_PROBES]
 
     def _set_items(self, items: Sequence[DrawItem]) -> None:
         self.draw_items = tuple(items)
