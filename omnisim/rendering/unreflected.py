@@ -56,8 +56,8 @@ def reflection_notes(
         )
     if len(places) > probes > 0:
         notes.append(
-            f"{len(places)} curved or rough reflective bodies: the {probes} largest show the scene "
-            "(virtual_cameras.reflection_probes of a sensor file)"
+            f"{len(places)} curved or rough reflective bodies: the {probes} most prominent show "
+            "the scene (virtual_cameras.reflection_probes of a sensor file)"
         )
     most = max(len(of_mirrors), len(of_panes))
     if most > mirrors > 0:

@@ -17,7 +17,12 @@ from numpy.typing import NDArray
 from omnisim.scene.parts import Material
 from omnisim.scene.planar_mirrors import MirrorPlane, ShownSurface, is_smooth
 from omnisim.scene.scene_surfaces import is_surface_planar
-from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS, MIN_ROUGHNESS
+from omnisim.scene.surface_reflectance import (
+    COAT_F0,
+    MAX_TRACED_ROUGHNESS,
+    MIN_ROUGHNESS,
+    dielectric_f0,
+)
 
 # Mean cosine between outward directions and normals: 1 for a ball, −1 for a room.
 _COMPACT, _HOLLOW = 0.25, -0.1
@@ -90,7 +95,9 @@ def find_probes(
     planes: Sequence[MirrorPlane],
     possible: Collection[int] | None = None,
 ) -> tuple[ProbePlace, ...]:
-    """Find the reflection probes of a scene, largest first; all of them, without a limit.
+    """Find the reflection probes of a scene, most prominent first; all of them, without a limit.
+
+    Prominent are large, smooth surfaces of a high reflectance.
 
     Args:
         surfaces: surfaces of the scene and of its dynamic objects, by index.
@@ -130,7 +137,20 @@ def find_probes(
                 place = replace(place, left_out=place.left_out | inside)
                 shared.append((len(places), box))
             places.append(place)
-    return tuple(places)
+
+    def prominence(place: ProbePlace) -> float:
+        return place.radius_m * max(_strength(surfaces[one].material) for one in place.surfaces)
+
+    return tuple(sorted(places, key=lambda place: -prominence(place)))
+
+
+def _strength(material: Material) -> float:
+    """Reflectance at normal incidence of a material's strongest lobe, less for rough ones."""
+    tinted = dielectric_f0(material.ior, material.specular, material.specular_color)
+    metallic = material.metallic
+    gloss = metallic * max(material.base_color[:3]) + (1.0 - metallic) * max(tinted)
+    coat = COAT_F0 * material.clearcoat
+    return max(gloss * (1.0 - material.roughness), coat * (1.0 - material.clearcoat_roughness))
 
 
 def _place(index: int, surface: ShownSurface, box: _Box) -> tuple[ProbePlace, bool]:

@@ -27,7 +27,7 @@ void main() {
         float azimuth = TURN * fract(float(number) * R2_STEP);
         float squared = (1.0 - share) / (1.0 + (u_alpha * u_alpha - 1.0) * share);
         float height = sqrt(squared), width = sqrt(1.0 - squared);
-        float along = 2.0 * squared - 1.0;  // of the reflected direction
+        float along = 2.0 * squared - 1.0;  // cosine of the reflected direction
         if (along <= 0.0) continue;
         vec3 beside = cos(azimuth) * side + sin(azimuth) * up;
         vec3 direction = along * normal + 2.0 * height * width * beside;

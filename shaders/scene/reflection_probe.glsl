@@ -41,7 +41,7 @@ float reach_m(float along, float squared, float distance_per_m) {
 // no hit there; they end at what is seen in their own direction.
 float hit_m(vec3 start, vec3 direction, int steps) {
     float along = dot(start, direction), squared = dot(start, start);
-    float height = sqrt(max(squared - along * along, 0.0));  // of the center above the ray
+    float height = sqrt(max(squared - along * along, 0.0));  // the center's, above the ray
     float first = atan(along, height);
     float before = 0.0, after = 0.0;
     for (int i = 1; i <= steps; ++i) {

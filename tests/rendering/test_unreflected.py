@@ -73,7 +73,7 @@ def test_more_bodies_than_probes_are_noted():
     approximate, unreflected, few = reflection_notes(scene, probes=2)
     assert approximate.startswith("curved and rough reflections are approximate")
     assert few == (
-        "3 curved or rough reflective bodies: the 2 largest show the scene "
+        "3 curved or rough reflective bodies: the 2 most prominent show the scene "
         "(virtual_cameras.reflection_probes of a sensor file)"
     )
     assert unreflected.startswith("reflections show the sky and lamps")

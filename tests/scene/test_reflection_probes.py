@@ -71,6 +71,15 @@ def test_parts_within_a_building_have_their_own_probes():
     assert smaller.surfaces == {1}
 
 
+def test_smooth_metal_precedes_larger_rough_gloss():
+    gloss = Material(metallic=0.0, roughness=0.4, specular=1.0)
+    meshes = [sphere(2.0, 8), dataclasses.replace(sphere(0.5, 8), material=1)]
+    places = [pose(), pose((9.0, 0.0, 0.0))]
+    assert [one.surfaces for one in _probes(meshes, [gloss, CHROME], places)] == [{1}, {0}]
+    coated = dataclasses.replace(gloss, clearcoat=1.0)
+    assert [one.surfaces for one in _probes(meshes, [coated, gloss], places)] == [{0}, {1}]
+
+
 def test_objects_do_not_share_probes():
     ball = sphere(1.0, 8)
     surfaces = {

@@ -161,8 +161,8 @@ class VirtualCamerasTable(Table):
     first, and of panes likewise; each costs another rendering. 0: they reflect sky and lamps."""
     reflection_probes: Annotated[int, Field(strict=True, ge=0, le=MAX_PROBES)] = DEFAULT_PROBES
     """Maximum number of reflection probes, by which curved and rough surfaces show the scene,
-    largest surfaces first; each costs a small rendering, and if objects move, another one per
-    image. 0: they reflect sky and lamps."""
+    most prominent surfaces first; each costs a small rendering, and if objects move, another one
+    per image. 0: they reflect sky and lamps."""
 
     @model_validator(mode="after")
     def _near_before_far(self) -> VirtualCamerasTable:

@@ -59,7 +59,7 @@ class SceneBuffers:
         radii_m: (n,) radii of their bounding spheres at 0 s.
         deforming: indices of items whose meshes deform.
         mirrors, pane_mirrors: planes of the planar mirrors and of panes; their surfaces are items.
-        probe_places: reflection probes, largest first; their surfaces are items.
+        probe_places: reflection probes, most prominent first; their surfaces are items.
         version: number of updates so far.
 
     Raises:
