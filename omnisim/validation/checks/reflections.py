@@ -52,7 +52,8 @@ def check(fixture: Fixture, title: str) -> Section:
             least = MIN_DB[name] if label == name else min_by_cube_db(name)
             measures.append(Measure(f"{label}: PSNR", value, "dB", least, at_least=True))
             if label == name or name in BY_PROBES:
-                images |= _compared(label, image, traced)
+                caption = name if label == name else f"{name}, cube"
+                images |= _compared(caption, image, traced)
     measures += beam_measures(
         rooms["thin pane"], rooms["planar mirror"], reflective_rooms.camera_pose()
     )
