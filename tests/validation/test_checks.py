@@ -56,7 +56,7 @@ def _missed(key, fixture):
             "shadows",
             "sharpness",
             "twin",
-        ),  # fmt: skip
+        ),
     ),
 )
 def test_every_bound_holds(key, fixture):
