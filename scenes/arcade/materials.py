@@ -9,7 +9,7 @@ from scenes.arcade.painted_pictures import make_pictures
 from scenes.arcade.plan import WALLS
 from scenes.modelling import interior_textures as indoor
 from scenes.modelling import surface_textures as surface
-from scenes.modelling.pbr_materials import Colour, metal, plain, see_through, smooth_glass, textured
+from scenes.modelling.pbr_materials import Colour, glass, metal, plain, textured
 from scenes.modelling.picture_atlas import Atlas, pack
 
 # Luminance of what shines, times its colour: 1 is white.
@@ -45,6 +45,7 @@ _BODIES: dict[str, tuple[Colour, float, float]] = {
 EXTENSIONS: dict[str, dict[str, dict]] = {
     "pane": {_TRANSMISSION: {"transmissionFactor": 1.0}},
     "roof_glass": {_TRANSMISSION: {"transmissionFactor": 1.0}},
+    "frosted": {_TRANSMISSION: {"transmissionFactor": 1.0}},
     **{
         name: {
             _TRANSMISSION: {"transmissionFactor": 1.0},
@@ -110,13 +111,13 @@ def make_materials(rng: np.random.Generator) -> tuple[dict[str, PBRMaterial], At
         _from_both_sides(plain("foliage", (0.05, 0.19, 0.03))),
         plain("asphalt", (0.12, 0.12, 0.13)),
         plain("pavement", (0.38, 0.37, 0.35)),
-        smooth_glass("pane", (0.96, 0.985, 0.97)),
-        smooth_glass("roof_glass", (0.93, 0.96, 0.95)),
-        see_through("frosted", (0.80, 0.86, 0.86, 0.82), 0.9),
+        glass("pane", (0.96, 0.985, 0.97)),
+        glass("roof_glass", (0.93, 0.96, 0.95)),
+        glass("frosted", (0.86, 0.92, 0.91), roughness=0.6),
     ]
     made += [plain(name, colour) for name, colour in (WALLS | _LIGHTS).items()]
     made += [metal(name, colour, roughness) for name, (colour, roughness) in METALS.items()]
-    made += [smooth_glass(name, is_pane=False) for name in _BODIES]
+    made += [glass(name, is_pane=False) for name in _BODIES]
     return {material.name: material for material in made}, atlas
 
 

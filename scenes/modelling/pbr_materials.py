@@ -73,7 +73,9 @@ def metal(name: str, colour: Colour, roughness: float) -> PBRMaterial:
     )
 
 
-def smooth_glass(name: str, colour: Colour = (1.0, 1.0, 1.0), is_pane: bool = True) -> PBRMaterial:
+def glass(
+    name: str, colour: Colour = (1.0, 1.0, 1.0), roughness: float = 0.0, is_pane: bool = True
+) -> PBRMaterial:
     """Glass that tints light in linear RGB at each surface; its extensions make it transparent.
 
     A pane has two sides; a body of thick glass has a front, and an inside.
@@ -82,7 +84,7 @@ def smooth_glass(name: str, colour: Colour = (1.0, 1.0, 1.0), is_pane: bool = Tr
         name=name,
         baseColorFactor=_bytes((*colour, 1.0)),
         metallicFactor=0.0,
-        roughnessFactor=0.0,
+        roughnessFactor=roughness,
         doubleSided=is_pane or None,
     )
 

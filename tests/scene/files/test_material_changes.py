@@ -1,4 +1,4 @@
-"""[[materials]] of a scene file: other properties for named materials, without another mesh file."""
+"""[[materials]] of a scene file: other properties for named materials of a mesh file."""
 
 import pytest
 import trimesh
