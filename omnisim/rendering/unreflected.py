@@ -1,4 +1,4 @@
-"""Notices on reflective materials, for back ends that show the scene in planar mirrors only."""
+"""Notices on reflective and transparent materials that are drawn approximately."""
 
 from __future__ import annotations
 
@@ -52,6 +52,19 @@ def reflection_notes(scene: Scene, mirrors: int = DEFAULT_MIRRORS) -> list[str]:
             f"thick glass is opaque ({counted(len(thick), 'material')}): --backend rays refracts"
         )
     return notes
+
+
+def frosted_notes(scene: Scene) -> list[str]:
+    """Notice on frosted glass, which transmits light in bakes only."""
+    if scene.lighting.is_matte:
+        return []
+    surfaces = scene_surfaces(scene, [one.shape for one in scene.objects])
+    frosted = {id(one.material) for one in surfaces.values() if one.material.frosted_transmission}
+    if not frosted:
+        return []
+    return [
+        f"frosted glass is opaque ({counted(len(frosted), 'material')}): bakes light through it"
+    ]
 
 
 def reflects_scene(material: Material) -> bool:

@@ -5,12 +5,14 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim.rendering.unreflected import reflection_notes, reflects_scene
+from omnisim.rendering.unreflected import frosted_notes, reflection_notes, reflects_scene
 from omnisim.scene.model import DynamicObject, Lighting, Material, Texture
 from omnisim.scene.motion.object_motion import Rest
 from omnisim.validation.material_chart import sphere
 from tests.scenes import scene_of, square
 from tests.vehicles import box
+
+MATTE = Lighting((1.0, 1.0, 1.0), (), is_matte=True)
 
 
 def _map(green):
@@ -40,13 +42,12 @@ def test_smooth_metal_gloss_and_coats_reflect_the_scene(material, expected):
     assert len(notes) == expected
     start = "reflections show the sky and lamps, not the scene (1 material)"
     assert all(note.startswith(start) for note in notes)
-    matte = Lighting((1.0, 1.0, 1.0), (), is_matte=True)
-    assert not reflection_notes(scene_of([sphere(1.0, 8)], [material], None, matte))
+    assert not reflection_notes(scene_of([sphere(1.0, 8)], [material], None, MATTE))
 
 
 def test_planar_mirrors_and_panes_are_drawn():
     chrome = Material(metallic=1.0, roughness=0.0)
-    pane = Material(transmission=0.5, roughness=0.6, specular=1.0)
+    pane = Material(transmission=0.5, roughness=0.1, specular=1.0)
     for material in (chrome, pane):
         block = scene_of([box("box", 0)], [material])
         assert not reflection_notes(block, 6)
@@ -62,13 +63,21 @@ def test_planar_mirrors_and_panes_are_drawn():
             assert notes[0].startswith("reflections show the sky and lamps")
 
 
+def test_frosted_glass_is_opaque():
+    frosted = Material(transmission=1.0, roughness=0.6, specular=1.0)
+    scene = scene_of([sphere(1.0, 8)], [frosted])
+    expected = "frosted glass is opaque (1 material): bakes light through it"
+    assert frosted_notes(scene) == [expected]
+    assert not frosted_notes(scene_of([sphere(1.0, 8)], [Material(roughness=0.6, specular=1.0)]))
+    assert not frosted_notes(scene_of([sphere(1.0, 8)], [frosted], None, MATTE))
+
+
 def test_thick_glass_is_opaque():
-    glass = Material(transmission=1.0, thickness_m=0.1, roughness=0.6, specular=1.0)
+    glass = Material(transmission=1.0, thickness_m=0.1, roughness=0.1, specular=1.0)
     reflections, note = reflection_notes(scene_of([sphere(1.0, 8)], [glass]))
     assert reflections.startswith("reflections show the sky and lamps")
     assert note == "thick glass is opaque (1 material): --backend rays refracts"
-    matte = Lighting((1.0, 1.0, 1.0), (), is_matte=True)
-    assert not reflection_notes(scene_of([sphere(1.0, 8)], [glass], None, matte))
+    assert not reflection_notes(scene_of([sphere(1.0, 8)], [glass], None, MATTE))
 
 
 @pytest.mark.parametrize(

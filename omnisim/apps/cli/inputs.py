@@ -39,7 +39,7 @@ from omnisim.rendering.baking.even_light import emission_notes
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.omnicamera import ExposureOption, OmniCamera, Polygons
 from omnisim.rendering.shared_scene import BackendName
-from omnisim.rendering.unreflected import reflection_notes
+from omnisim.rendering.unreflected import frosted_notes, reflection_notes
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
 
@@ -264,7 +264,7 @@ def note_lighting(name: str, scene: Scene, backend: BackendName, mirrors: int) -
         mirrors: number of planar mirrors that virtual cameras show.
     """
     reflections = reflection_notes(scene, mirrors) if backend == "cube" else []
-    for note in (*emission_notes(scene), *reflections):
+    for note in (*emission_notes(scene), *reflections, *frosted_notes(scene)):
         print_note(f"{name}: {note}")
 
 

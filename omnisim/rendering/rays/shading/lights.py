@@ -16,7 +16,7 @@ class LampLight(NamedTuple):
     """Light of one lamp at points.
 
     Attributes:
-        color: (3,) linear RGB on a surface that faces the lamp, at level 1.
+        color: (3,) or (n, 3) linear RGB on a surface that faces the lamp, at level 1.
         levels: (n,) factors of the color.
         directions: (n, 3) unit, toward the lamp; or (1, 3), the same for all points.
     """
@@ -27,9 +27,9 @@ class LampLight(NamedTuple):
 
     def take(self, indices: NDArray[np.intp]) -> LampLight:
         """Light at the selected points."""
-        directions = self.directions
+        color, directions = self.color, self.directions
         return LampLight(
-            self.color,
+            color if color.ndim == 1 else color[indices],
             self.levels[indices],
             directions if len(directions) == 1 else directions[indices],
         )
