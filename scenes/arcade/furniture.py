@@ -201,8 +201,8 @@ def bouquet(a: Atlas, seed: int) -> Model:
     parts = [
         a.in_material("grey", lathe([(0.11, 0.0), (0.14, 0.3), (0.13, 0.3), (0.1, 0.02)], 14, 40))
     ]
-    for k in range(12):
-        turn, reach = 2.4 * k, 0.05 + 0.012 * k
+    for k in range(9):
+        turn, reach = 2.4 * k, 0.05 + 0.016 * k
         x, y = reach * np.cos(turn), reach * np.sin(turn)
         z = float(rng.uniform(0.45, 0.6))
         parts.append(a.in_material("moss", bar((0.4 * x, 0.4 * y, 0.1), (x, y, z), 0.005, 3)))
@@ -254,7 +254,7 @@ def lamp_housing(a: Atlas) -> Model:
 
 def globe(a: Atlas) -> Model:
     """Luminous globe of 0.32 m about the origin."""
-    return Model("globe", "globe", ball(0.16, 10, 18))
+    return Model("globe", "globe", ball(0.16, 8, 16))
 
 
 def globe_chain(a: Atlas) -> Model:

@@ -8,7 +8,7 @@ from scenes.modelling.geometry import ball, lathe
 from scenes.modelling.picture_atlas import Atlas
 from scenes.modelling.stage import Model
 
-_SEGMENTS = 16
+_SEGMENTS = 14
 
 
 def _hollow(outer: list[tuple[float, float]], wall: float, floor: float) -> list:
@@ -64,4 +64,4 @@ def lens(a: Atlas, glass: str) -> Model:
 
 def chrome_ball(a: Atlas) -> Model:
     """Polished ball of unit radius about the origin."""
-    return Model("chrome_ball", "chrome", ball(1.0, 16, 28))
+    return Model("chrome_ball", "chrome", ball(1.0, 14, 26))

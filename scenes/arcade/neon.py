@@ -21,7 +21,7 @@ def neon_word(word: str, height: float) -> Patch:
         line = _thinned(np.array(stroke), _TOLERANCE * height)
         for piece in _between_corners(line):
             points = [(float(x), 0.0, float(z)) for x, z in piece]
-            parts.append(tube(points, _RADIUS_M, 5))
+            parts.append(tube(points, _RADIUS_M, 4))
     return join(parts)
 
 

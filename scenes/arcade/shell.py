@@ -1,4 +1,4 @@
-"""What divides the passage from the shops, the ground and the sky."""
+"""Shell of the passage, between the shops, the ground and the sky."""
 
 from __future__ import annotations
 
@@ -160,12 +160,12 @@ def _columns(show: Display) -> None:
 
 def _column(a: Atlas) -> Model:
     profile = [(0.0, 0.0), (0.13, 0.0), (0.13, 0.09), (0.085, 0.12), (0.085, 3.05)]
-    return Model("column", "brushed_steel", lathe(profile, 24, 30))
+    return Model("column", "brushed_steel", lathe(profile, 18, 30))
 
 
 def _capital(a: Atlas) -> Model:
     profile = [(0.085, 3.05), (0.10, 3.10), (0.10, 3.14), (0.17, 3.26), (0.17, 3.34), (0.0, 3.34)]
-    return Model("capital", "brass", lathe(profile, 24, 30))
+    return Model("capital", "brass", lathe(profile, 18, 30))
 
 
 def _gable(show: Display, number: int, x: float) -> None:

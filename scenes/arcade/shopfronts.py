@@ -35,7 +35,7 @@ def _upright(x0: float, x1: float, z0: float, z1: float, y: float = 0.0) -> Patc
 
 
 def door_middle(front: Front) -> float:
-    """Where the door is along the front, m to the right of its middle."""
+    """Position of the door along the front, m to the right of its middle."""
     return front.door * (HALF_FRONT - _FRAME - DOOR / 2)
 
 
@@ -123,8 +123,8 @@ def _leaf(a: Atlas, side: int) -> Model:
 def _handle(a: Atlas, side: int) -> Model:
     """Long handles on both sides."""
     x = -side * (DOOR - 0.05)
-    parts = [bar((x, y, 0.85), (x, y, 1.35), 0.014, 8) for y in (-0.06, 0.06)]
-    parts += [bar((x, -0.06, z), (x, 0.06, z), 0.009, 6) for z in (0.92, 1.28)]
+    parts = [bar((x, y, 0.85), (x, y, 1.35), 0.014, 6) for y in (-0.06, 0.06)]
+    parts += [bar((x, -0.06, z), (x, 0.06, z), 0.009, 5) for z in (0.92, 1.28)]
     return Model(f"handle_{'right' if side > 0 else 'left'}", "brass", join(parts))
 
 
@@ -192,6 +192,8 @@ def _lift_frame(a: Atlas, half: float, top: float) -> Model:
                 "+y-z",
             )
         )
+    sill = [(-half, 0, 0), (half, 0, 0), (half, 0.12, 0), (-half, 0.12, 0)]
+    parts.append(a.in_material("iron", polygon(sill)))
     under = [(-half, 0, top), (-half, 0.12, top), (half, 0.12, top), (half, 0, top)]
     parts.append(a.in_material("grey", polygon(under)))
     parts.append(a.block("grey", (2 * half, 0.04, 0.09), (0, -0.02, top + 0.045), "+y-x+x"))

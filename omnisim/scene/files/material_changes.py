@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from omnisim.core.errors import SceneError, did_you_mean
-from omnisim.scene.files.material_table import MaterialTable
+from omnisim.scene.files.material_keys import MaterialTable
 from omnisim.scene.model import AlphaMode, Material, Scene, Texture
 from omnisim.scene.planar_mirrors import is_smooth
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
