@@ -47,7 +47,7 @@ def _missed(key, fixture):
         "markers",
         "polygons",
         "optics",
-        long=("baked", "shadows", "sharpness", "twin"),
+        long=("arcade", "baked", "shadows", "sharpness", "twin"),
     ),
 )
 def test_every_bound_holds(key, fixture):
