@@ -48,6 +48,7 @@ def _missed(key, fixture):
         "polygons",
         "optics",
         long=(
+            "arcade",
             "baked",
             "noise",
             "optics-calibration",
