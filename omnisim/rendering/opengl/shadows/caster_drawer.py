@@ -94,7 +94,7 @@ class CasterDrawer:
         alphas = np.array([one.material.base_color[3] for one in items])
         single = buffers.shown_one_by_one()
         single &= alphas >= np.array([one.material.hit_cutoff for one in items])
-        casts = np.array([one.material.casts_shadow for one in items], dtype=np.bool_)
+        casts = np.array([one.casts_shadow for one in items], dtype=np.bool_)
         single &= casts
         moves = np.array([one.moves for one in items], dtype=np.bool_)
         dynamic, static = casts & moves, casts & ~moves

@@ -174,6 +174,25 @@ def test_materials_may_cast_no_shadow(backend):
     np.testing.assert_allclose(_render(scene, camera, backend), plain, atol=1e-3)
 
 
+@pytest.mark.parametrize("transmission", [0.9, 0.3])
+def test_clear_glass_casts_no_shadow_and_dark_glass_does(transmission):
+    pane = Material(specular=1.0, roughness=0.0, transmission=transmission, double_sided=True)
+    lighting = _lighting(LIGHTS["directional"])
+    camera = _camera()
+    scene = scene_of(_table(1), [Material(double_sided=True), pane], lighting=lighting)
+    if transmission > 0.5:
+        other = replace(scene, lighting=lighting.without_shadows())
+    else:  # its gloss has shadows, too, of which it casts none on itself
+        opaque = replace(pane, transmission=0.0)
+        other = scene_of(_table(1), [Material(double_sided=True), opaque], lighting=lighting)
+    shown, expected = _render(scene, camera), _render(other, camera)
+    # below the floor's horizon of the glass: pixels that show the floor alone
+    is_floor = np.abs(expected - AMBIENT) < 1e-3
+    assert (transmission > 0.5) or is_floor.sum() > 100
+    some = is_floor if transmission < 0.5 else np.isfinite(shown)
+    np.testing.assert_allclose(shown[some], expected[some], atol=1e-3)
+
+
 def _moving():
     return scene_of([square(0.25, 0.0, name="moving")], [Material(double_sided=True)])
 
