@@ -58,9 +58,10 @@ def check(fixture: Fixture, title: str) -> Section:
     return Section(
         title,
         "A room with luminous walls, reflected in a mirror, a glossy floor and metal balls, and "
-        "seen through a pane and a glass ball, by `--backend rays` and by the default back "
-        "end, `cube`, which approximates balls by probes. Mitsuba's paths are converged. "
-        "Its shadowing and masking of facets are uncorrelated. A lidar at the camera's place is compared with straight rays behind the pane, and with the mirrored room.",
+        "seen through a pane and a glass ball, by `--backend rays` and by the default back end, "
+        "`cube`, which approximates balls by probes. Mitsuba's paths are converged. Its shadowing "
+        "and masking of facets are uncorrelated. A lidar at the camera's place is compared with "
+        "straight rays behind the pane, and with the mirrored room.",
         tuple(measures),
         figures=(
             CaptionedFigure(
