@@ -21,7 +21,6 @@ from omnisim.scene.scene_surfaces import is_surface_planar
 from omnisim.scene.surface_reflectance import (
     COAT_F0,
     MAX_TRACED_ROUGHNESS,
-    MIN_ROUGHNESS,
     dielectric_f0,
 )
 
@@ -84,11 +83,17 @@ def reflects_scene(material: Material) -> bool:
     return transmission > 0.0 or is_smooth(material, MAX_TRACED_ROUGHNESS)
 
 
-def is_perfect_mirror(material: Material) -> bool:
-    """True for gloss, metal and coats that are nowhere rougher than a perfect mirror."""
-    is_glossy = bool(material.metallic or material.specular)
-    is_coat_rough = material.clearcoat > 0.0 and material.clearcoat_roughness > MIN_ROUGHNESS
-    return not is_coat_rough and (not is_glossy or material.roughness <= MIN_ROUGHNESS)
+def lobe_roughnesses(material: Material) -> list[float]:
+    """Roughnesses that the gloss and the coat of a material have somewhere."""
+    roughness = []
+    if material.metallic or material.specular:
+        roughness.append(material.roughness)
+        if material.metallic_roughness_map is not None:
+            least = float(material.metallic_roughness_map.pixels[..., 1].min()) / 255.0
+            roughness.append(least * material.roughness)
+    if material.clearcoat:
+        roughness.append(material.clearcoat_roughness)
+    return roughness
 
 
 def find_probes(
