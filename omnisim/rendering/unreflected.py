@@ -1,4 +1,4 @@
-"""Notices on reflective materials, for the back end that approximates or omits reflections."""
+"""Notices on reflective and transparent materials that are drawn approximately."""
 
 from __future__ import annotations
 
@@ -78,3 +78,26 @@ def reflection_notes(
                 "--backend rays refracts"
             )
     return notes
+
+
+def frosted_notes(scene: Scene, is_traced: bool) -> list[str]:
+    """Notice on frosted glass that is drawn opaque.
+
+    Args:
+        scene: scene.
+        is_traced: True for the ray back end, which draws frosted panes.
+    """
+    if scene.lighting.is_matte:
+        return []
+    surfaces = scene_surfaces(scene, [one.shape for one in scene.objects])
+    frosted = {
+        id(one.material)
+        for one in surfaces.values()
+        if one.material.frosted_transmission and (one.material.thickness_m or not is_traced)
+    }
+    if not frosted:
+        return []
+    number = counted(len(frosted), "material")
+    if is_traced:
+        return [f"thick, frosted glass is opaque ({number})"]
+    return [f"frosted glass is opaque ({number}): --backend rays shows what is behind panes"]

@@ -15,6 +15,7 @@ from omnisim.core.short_repr import counted, short_repr
 from omnisim.scene.light.baked_light import BakedLight
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.motion.deformation import Deformation
+from omnisim.scene.surface_reflectance import MAX_PANE_ROUGHNESS
 
 LightRectangle = tuple[float, float, float, float]
 
@@ -88,7 +89,7 @@ class Material:
         clearcoat, clearcoat_roughness: strength and roughness of the clear coat, multiplied with
             red and green of `clearcoat_map`.
         transmission: transmitted share of the light that is not reflected, tinted by the base
-            color at each surface.
+            color at each surface. Glass rougher than `MAX_PANE_ROUGHNESS` is frosted.
         thickness_m: 0: transmission is that of a thin pane; above: that of a closed body of glass.
         attenuation_color: linear RGB share of white light that is left in glass after
             `attenuation_distance_m`.
@@ -161,13 +162,29 @@ class Material:
 
     @property
     def pane_transmission(self) -> float:
-        """Transmitted share of the light that a pane does not reflect; 0: no pane."""
-        return 0.0 if self.thickness_m > 0.0 else self._transmission
+        """Transmitted share of the light that a clear pane does not reflect; 0: no such pane."""
+        return 0.0 if self.thickness_m > 0.0 or self._is_frosted else self._transmission
 
     @property
     def glass_transmission(self) -> float:
-        """Transmitted share of the light that thick glass does not reflect; 0: no thick glass."""
-        return self._transmission if self.thickness_m > 0.0 else 0.0
+        """Transmitted share of the light that clear, thick glass does not reflect; 0: none."""
+        return 0.0 if self.thickness_m == 0.0 or self._is_frosted else self._transmission
+
+    @property
+    def clear_share(self) -> float:
+        """Share of perpendicular light, mean of RGB, that passes a surface of clear glass."""
+        once = ((self.ior - 1.0) / (self.ior + 1.0)) ** 2
+        passing = (self.pane_transmission + self.glass_transmission) * (1.0 - once) / (1.0 + once)
+        return passing * sum(self.base_color[:3]) / 3.0
+
+    @property
+    def frosted_transmission(self) -> float:
+        """Transmitted share of the light that frosted glass, thin or thick, does not reflect."""
+        return self._transmission if self._is_frosted else 0.0
+
+    @property
+    def _is_frosted(self) -> bool:
+        return self.roughness > MAX_PANE_ROUGHNESS
 
     @property
     def absorption_per_m(self) -> tuple[float, float, float]:

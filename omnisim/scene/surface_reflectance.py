@@ -15,7 +15,7 @@ MIN_ROUGHNESS = 0.04
 # Rougher surfaces reflect the prefiltered sky and surroundings only, by rays; and rougher planar
 # mirrors do so by virtual cameras.
 MAX_TRACED_ROUGHNESS, MAX_MIRRORED_ROUGHNESS = 0.5, 0.3
-MAX_PANE_ROUGHNESS = 0.2  # frosted glass beyond transmits nothing
+MAX_PANE_ROUGHNESS = 0.2  # rougher glass is frosted: it scatters what it transmits
 COAT_F0 = 0.04  # clear coat with a refractive index of 1.5
 TABLE_SIZE = 64, 32  # numbers of cosines and of roughnesses
 _DIRECTIONS = 512

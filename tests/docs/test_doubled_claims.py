@@ -258,7 +258,7 @@ def test_numbers_of_physics():
 
 def test_what_gltf_materials_lack_is_said():
     (transmission,) = [one for one in FEATURES if "glass is opaque" in one.effect]
-    assert transmission.name == "transmission: frosted or mapped"
+    assert transmission.name == "transmissionTexture"
 
 
 # Sentences that several pages have, whole: one that changes on one page changes on all.

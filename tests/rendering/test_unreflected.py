@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from omnisim.core.poses import pose
-from omnisim.rendering.unreflected import reflection_notes
+from omnisim.rendering.unreflected import frosted_notes, reflection_notes
 from omnisim.scene.model import DynamicObject, Lighting, Material, Texture
 from omnisim.scene.motion.object_motion import Rest
 from omnisim.scene.reflection_probes import reflects_scene
 from omnisim.validation.material_chart import sphere
 from tests.scenes import scene_of, square
 from tests.vehicles import box
+
+MATTE = Lighting((1.0, 1.0, 1.0), (), is_matte=True)
 
 
 def _map(green):
@@ -46,13 +48,12 @@ def test_smooth_metal_gloss_and_coats_reflect_the_scene(material, expected):
     assert len(without) == expected
     start = "reflections show the sky and lamps, not the scene (1 material)"
     assert all(note.startswith(start) for note in without)
-    matte = Lighting((1.0, 1.0, 1.0), (), is_matte=True)
-    assert not reflection_notes(scene_of([sphere(1.0, 8)], [material], None, matte))
+    assert not reflection_notes(scene_of([sphere(1.0, 8)], [material], None, MATTE))
 
 
 def test_planar_mirrors_and_panes_are_drawn():
     chrome = Material(metallic=1.0, roughness=0.0)
-    pane = Material(transmission=0.5, roughness=0.6, specular=1.0)
+    pane = Material(transmission=0.5, roughness=0.1, specular=1.0)
     for material in (chrome, pane):
         block = scene_of([box("box", 0)], [material])
         assert not reflection_notes(block, 6)
@@ -80,8 +81,21 @@ def test_more_bodies_than_probes_are_noted():
     assert len(reflection_notes(scene)) == 1
 
 
+def test_frosted_glass_is_opaque():
+    pane = Material(transmission=1.0, roughness=0.6, specular=1.0)
+    thick = dataclasses.replace(pane, thickness_m=0.1)
+    meshes = [sphere(1.0, 8), dataclasses.replace(sphere(1.0, 8), material=1)]
+    scene = scene_of(meshes, [pane, thick])
+    opaque = "frosted glass is opaque (2 materials): --backend rays shows what is behind panes"
+    assert frosted_notes(scene, False) == [opaque]
+    assert frosted_notes(scene, True) == ["thick, frosted glass is opaque (1 material)"]
+    clear = scene_of([sphere(1.0, 8)], [dataclasses.replace(pane, roughness=0.2)])
+    for other in (clear, scene_of(meshes, [pane, thick], None, MATTE)):
+        assert not frosted_notes(other, False) + frosted_notes(other, True)
+
+
 def test_thick_glass_is_approximate_or_opaque():
-    glass = Material(transmission=1.0, thickness_m=0.1, roughness=0.6, specular=1.0)
+    glass = Material(transmission=1.0, thickness_m=0.1, roughness=0.1, specular=1.0)
     ball = scene_of([sphere(1.0, 8)], [glass])
     reflections, note = reflection_notes(ball)
     assert reflections.startswith("curved and rough reflections are approximate")
@@ -92,8 +106,7 @@ def test_thick_glass_is_approximate_or_opaque():
     block = scene_of([box("block", 0)], [dataclasses.replace(glass, roughness=0.0)])
     (note,) = reflection_notes(block, mirrors=8)
     assert note.startswith("thick glass is approximate")
-    matte = Lighting((1.0, 1.0, 1.0), (), is_matte=True)
-    assert not reflection_notes(dataclasses.replace(ball, lighting=matte))
+    assert not reflection_notes(dataclasses.replace(ball, lighting=MATTE))
 
 
 @pytest.mark.parametrize(

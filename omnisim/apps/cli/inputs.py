@@ -35,11 +35,11 @@ from omnisim.core.extras import require_extra
 from omnisim.core.poses import pose
 from omnisim.ground_truth.channels import CLASSES
 from omnisim.ground_truth.npy import ChannelFormat
-from omnisim.rendering.baking.even_light import emission_notes
+from omnisim.rendering.baking.emission_notes import emission_notes
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.omnicamera import ExposureOption, OmniCamera, Polygons
 from omnisim.rendering.shared_scene import BackendName
-from omnisim.rendering.unreflected import reflection_notes
+from omnisim.rendering.unreflected import frosted_notes, reflection_notes
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
 
@@ -270,7 +270,7 @@ def note_lighting(
         mirrors = min(one.mirrors for one in sensors)
         probes = min(one.reflection_probes for one in sensors)
         reflections = reflection_notes(scene, mirrors, probes)
-    for note in (*emission_notes(scene), *reflections):
+    for note in (*emission_notes(scene), *reflections, *frosted_notes(scene, backend == "rays")):
         print_note(f"{name}: {note}")
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.baking.atlas.atlas import automatic_atlas, build_atlas
 from omnisim.rendering.baking.atlas.bake_tiles import Arrays, Progress, TileFolder, in_tiles
-from omnisim.rendering.baking.atlas.patches import Patches, build_patches
+from omnisim.rendering.baking.atlas.patches import NO_PATCH, Patches, build_patches
 from omnisim.rendering.baking.denoising import TexelSurfaces, denoised
 from omnisim.rendering.baking.emitters import LUMINANCE, Emitters
 from omnisim.rendering.baking.gathering import Gatherer
@@ -20,6 +20,7 @@ from omnisim.rendering.baking.probes import ProbeBaker, ProbeGrid
 from omnisim.rendering.baking.sampling import Floats, generator, spread_points
 from omnisim.rendering.baking.settings import BakeSettings
 from omnisim.rendering.baking.solids import hollow_triangles, instances_of
+from omnisim.rendering.baking.specular import SpecularSurfaces
 from omnisim.rendering.baking.transport import INSIDE, SKY, Transport
 from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.scene.model import Scene
@@ -29,6 +30,7 @@ _LINKS = 32  # rays per patch, along which all bounces but the last are computed
 _AIMED_LINKS = 16  # rays to emitters
 _MAX_PLACES = 32
 _BRIGHT = 4.0  # times the mean: rays are aimed at patches that reflect more
+_MAX_HALF = 6e4  # within half floats
 _TRIED_PATCHES = 8  # one in 8 patches is tried to choose the lights to aim at
 _DIRECT, _GATHER = range(2)  # stages of random numbers
 
@@ -74,9 +76,10 @@ class Bake:
             if settings.texel_m is None
             else (settings.texel_m, build_atlas(scene, settings.texel_m, has_back))
         )
-        patches = build_patches(self.rays, self.atlas, hollow)
-        self.patches = usable(self.rays, Transport(self.rays, patches), patches)
-        self.transport = Transport(self.rays, self.patches)
+        specular = SpecularSurfaces(self.rays)
+        patches = build_patches(self.rays, specular, self.atlas, hollow)
+        self.patches = usable(self.rays, Transport(self.rays, specular, patches), patches)
+        self.transport = Transport(self.rays, specular, self.patches)
         entries = len(self.patches.of_sample)
         self._points = points_at(self.rays, self.transport, self.patches, 0, entries)
         self._links = min(_LINKS, settings.samples)
@@ -105,7 +108,7 @@ class Bake:
             direct["lamps"],
             bounced["light"],
             bounced["halves"],
-            self.patches.albedo * (direct["lamps"] + bounced["light"]),
+            self._scattered(direct["lamps"] + bounced["light"]),
             bounced["is_valid"],
         )
 
@@ -115,9 +118,17 @@ class Bake:
         self._gather(tile, np.zeros_like(self.patches.emission), self._coarse_emitters)
 
     def light(self, baked: BakedPatches) -> Floats:
-        """Denoised light (p, 3) of patches."""
+        """Denoised light (p, 3) of patches.
+
+        On frosted glass it is the light on an opaque surface of the same color and brightness.
+        """
         surfaces = self.surfaces(baked.is_valid)
-        return baked.lamps + denoised(self.patches, surfaces, baked.gathered, baked.halves)
+        light = baked.lamps + denoised(self.patches, surfaces, baked.gathered, baked.halves)
+        colors = self.patches.albedo + self.patches.transmitted
+        some = np.flatnonzero(self.patches.transmitted.any(axis=1))
+        shown = self._scattered(light)[some] / np.maximum(colors[some], np.float32(1e-6))
+        light[some] = shown
+        return light
 
     def probes(
         self, folder: TileFolder, baked: BakedPatches, jobs: int | None, progress: Progress
@@ -185,20 +196,26 @@ class Bake:
         count = last - first
         lamps, other = np.zeros((2, count, 3), dtype=np.float32)
         links = np.full((count, self._links), SKY, dtype=np.int32)
+        is_specular = self.transport.specular.any
+        shares = np.zeros((count, self._links, 3), dtype=np.float16) if is_specular else None
         some, places = self._places(first, last)
         if len(some):
             lamps[some] = self._lamps(places)
             random = generator(self.settings.seed, _DIRECT, tile)
             shifts = random.random((count, 6), dtype=np.float32)[some]
             emitters = self._focused(self._coarse_emitters, places, shifts[:, 4:])
-            hits, directions, cosines = self._coarse.hits(places, shifts[:, :2], 0, self._links)
+            hits, cosines = self._coarse.hits(places, shifts[:, :2], 0, self._links)
             nothing = np.zeros((self.patches.count, 3), dtype=np.float32)
-            light = self._coarse.seen(hits, directions, cosines, nothing, emitters)
+            light = self._coarse.seen(hits, cosines, nothing, emitters)
             valid = np.maximum((hits.patches != INSIDE).reshape(len(some), -1).sum(axis=1), 1)
             other[some] = light.reshape(len(some), -1, 3).sum(axis=1) / valid[:, None]
             other[some] += self._aimed(emitters, places, shifts[:, 2:4]).sum(axis=1)
             links[some] = hits.patches.reshape(len(some), -1)
-        return {"lamps": lamps, "other": other, "links": links}
+            if shares is not None:
+                of_links = hits.shares.reshape(len(some), self._links, -1)
+                shares[some] = np.minimum(of_links, _MAX_HALF)
+        tile_light = {"lamps": lamps, "other": other, "links": links}
+        return tile_light if shares is None else tile_light | {"shares": shares}
 
     def _lamps(self, places: list[Points]) -> Floats:
         lighting, total = self.scene.lighting, np.zeros_like(places[0].origins_m)
@@ -229,19 +246,27 @@ class Bake:
 
     def _solve(self, direct: Arrays) -> Floats:
         """Radiosity (p, 3) after all bounces but the last, along the links."""
-        albedo = self.patches.albedo
-        links = direct["links"]
+        links, shares = direct["links"], direct.get("shares")
         first = direct["lamps"] + direct["other"]
         if self.settings.bounces == 0:
-            return np.zeros_like(albedo)
+            return np.zeros_like(self.patches.albedo)
         numbers = np.maximum((links != INSIDE).sum(axis=1), 1)[:, None].astype(np.float32)
-        radiosity: Floats = albedo * first
+        radiosity = self._scattered(first)
         for _ in range(self.settings.bounces - 1):
             padded = np.concatenate((radiosity, np.zeros((2, 3), np.float32)))  # SKY, INSIDE
             bounced = np.zeros_like(radiosity)
             for link in range(links.shape[1]):
-                bounced += padded[links[:, link]]
-            radiosity = albedo * (first + bounced / numbers)
+                light = padded[links[:, link]]
+                bounced += light if shares is None else light * shares[:, link]
+            radiosity = self._scattered(first + bounced / numbers)
+        return radiosity
+
+    def _scattered(self, light: Floats) -> Floats:
+        """Radiosity (p, 3) of patches in light (p, 3), also through frosted glass."""
+        patches = self.patches
+        radiosity: Floats = patches.albedo * light
+        some = np.flatnonzero(patches.transmitted.any(axis=1) & (patches.opposite != NO_PATCH))
+        radiosity[some] += patches.transmitted[some] * light[patches.opposite[some]]
         return radiosity
 
     def _gather(self, tile: int, radiosity: Floats, emitters: Emitters) -> Arrays:

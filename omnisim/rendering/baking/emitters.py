@@ -134,21 +134,26 @@ class Emitters:
         theirs = -np.einsum("nc,nc->n", self._points.planes[entries], away)
         some = np.flatnonzero((cosines > 0.0) & (theirs > 0.0) & (above > 0.0))
         far = np.sqrt(squared[some]) * np.float32(1.0 - 1e-4)
-        some = some[~transport.is_hidden(origins[some], away[some], far)]
+        passed = transport.passing(origins[some], away[some], far)
+        arrives = np.flatnonzero(passed.any(axis=1))
+        some, passed = some[arrives], passed[arrives]
         density = self._density[patches[some]] * squared[some] / theirs[some]
         weights = cosines[some] / np.pi
         weights /= self.aimed * density + self._gathered * weights
-        return _AimedRays(some, picked[some], self._emission[patches[some]] * weights[:, None])
+        light = self._emission[patches[some]] * weights[:, None] * passed
+        return _AimedRays(some, picked[some], light)
 
     def seen(self, hits: PatchHits, cosines: Floats) -> Floats:
         """Emission (n, 3) of patches hit by gathering rays, weighted against `light`.
+
+        Rays aimed at emitters pass glass, but do not find them by mirrors.
 
         Args:
             hits: (n,) hits on patches.
             cosines: (n,) between the rays and the normals at their origins.
         """
         emission = self._emission[hits.patches]
-        shining = np.flatnonzero(self._density[hits.patches])
+        shining = np.flatnonzero((self._density[hits.patches] > 0.0) & hits.is_straight)
         if self.aimed and len(shining):
             density = self._density[hits.patches[shining]] * hits.ranges_m[shining] ** 2
             density /= np.maximum(hits.cosines[shining], np.float32(1e-6))

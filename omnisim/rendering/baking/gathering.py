@@ -53,8 +53,8 @@ class Gatherer:
 
     def hits(
         self, places: list[Points], shifts: Floats, first: int, last: int
-    ) -> tuple[PatchHits, Floats, Floats]:
-        """Hits, directions and cosines of the rays `first` to `last` from origins (n,).
+    ) -> tuple[PatchHits, Floats]:
+        """Hits and cosines of the rays `first` to `last` from origins (n,).
 
         Args:
             places: origins (n,) for the rays, used in turn.
@@ -74,7 +74,7 @@ class Gatherer:
             toward -= 2.0 * np.minimum(below, 0.0)[..., None] * at.planes[:, None]
             directions[:, part] = toward
         aims = directions.reshape(-1, 3)
-        return self._transport.cast(origins.reshape(-1, 3), aims), aims, cosines.ravel()
+        return self._transport.cast(origins.reshape(-1, 3), aims), cosines.ravel()
 
     def gather(
         self, places: list[Points], shifts: Floats, radiosity: Floats, emitters: Emitters
@@ -86,8 +86,8 @@ class Gatherer:
         step = max(2, _RAYS_AT_ONCE // max(count, 1) // 2 * 2)
         for first in range(0, self._samples, step):
             last = min(first + step, self._samples)
-            hits, directions, cosines = self.hits(places, shifts, first, last)
-            light = self.seen(hits, directions, cosines, radiosity, emitters)
+            hits, cosines = self.hits(places, shifts, first, last)
+            light = self.seen(hits, cosines, radiosity, emitters)
             light = light.reshape(count, -1, 3)
             valid = (hits.patches != INSIDE).reshape(count, -1)
             for half in (0, 1):
@@ -100,7 +100,6 @@ class Gatherer:
     def seen(
         self,
         hits: PatchHits,
-        directions: Floats,
         cosines: Floats,
         radiosity: Floats,
         emitters: Emitters,
@@ -108,8 +107,8 @@ class Gatherer:
         """Light (n, 3) along rays."""
         light = np.zeros((len(cosines), 3), dtype=np.float32)
         free = np.flatnonzero(hits.patches == SKY)
-        light[free] = self.sky(directions[free])
+        light[free] = self.sky(hits.directions[free])
         some = np.flatnonzero(hits.patches >= 0)
         on_patches = hits.take(some)
         light[some] = radiosity[on_patches.patches] + emitters.seen(on_patches, cosines[some])
-        return light
+        return light * hits.shares

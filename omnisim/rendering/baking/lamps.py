@@ -18,12 +18,12 @@ Floats = NDArray[np.float32]
 def lamps_on(
     lighting: Lighting, transport: Transport, origins_m: Floats, at: Points | None = None
 ) -> list[LampLight]:
-    """Unoccluded light of each lamp at points (n, 3), relative to the transport's center.
+    """Light of each lamp, straight or through glass, at points (n, 3).
 
     Args:
         lighting: lighting with the lamps.
         transport: ray casting in the scene.
-        origins_m: (n, 3) points.
+        origins_m: (n, 3) points, relative to the transport's center.
         at: surface points, which receive no light from behind; None: points in free space.
     """
     points_m = origins_m + transport.center_m
@@ -65,7 +65,13 @@ def _shadowed(
             away_m = light.position_m - transport.center_m - origins_m[some]
             far_m = np.linalg.norm(away_m, axis=1) - LAMP_NEAR_M
             far = np.maximum(far_m, 0.0).astype(np.float32)
-        levels[some[transport.is_hidden(origins_m[some], aims, far)]] = 0.0
+        passed = transport.passing(origins_m[some], aims, far)
+        if passed.shape[1] == 1:
+            levels[some] *= passed[:, 0]
+        else:
+            color = np.tile(lamp.color, (len(levels), 1))
+            color[some] *= passed
+            lamp = lamp._replace(color=color)
     return lamp._replace(levels=levels)
 
 
@@ -75,4 +81,4 @@ def _no_shadows() -> Shadows:
     hits = RayHits(
         np.zeros(0, np.int32), np.zeros(0), none.astype(np.float32), none.astype(np.float32)
     )
-    return Shadows(hits, lambda rays, triangles: hits)
+    return Shadows(hits, lambda rays, triangles: np.ones((0, 1), np.float32))

@@ -74,8 +74,7 @@ def usable(rays: RayScene, transport: Transport, patches: Patches) -> Patches:
         for shares in _PROBING:
             directions = np.einsum("k,nkc->nc", shares, axes).astype(np.float32)
             hits = transport.cast(points.origins_m, directions)
-            inside += (hits.patches == INSIDE) | (
-                transport.is_back(hits) & (hits.ranges_m < near_m)
-            )
+            is_back = transport.is_back(hits) & ~transport.is_frosted(hits)
+            inside += (hits.patches == INSIDE) | (is_back & (hits.ranges_m < near_m))
         kept.append(inside <= _MAX_INSIDE)
     return patches.kept(np.concatenate(kept))

@@ -116,7 +116,7 @@ class ProbeBaker:
             aims = np.broadcast_to(direction, origins.shape)
             hits = self._transport.cast(origins, np.ascontiguousarray(aims))
             inside += (hits.patches == INSIDE) | self._transport.is_back(hits)
-            light = self._light(hits, aims)
+            light = self._light(hits)
             moments += shares[:, None] * light[:, None]
         moments *= 4.0 * np.pi / _RAYS
         self._add_lamps(moments, origins)
@@ -125,12 +125,12 @@ class ProbeBaker:
             "valid": inside <= _MAX_INSIDE * _RAYS,
         }
 
-    def _light(self, hits: PatchHits, directions: Floats) -> Floats:
+    def _light(self, hits: PatchHits) -> Floats:
         light = self._seen[np.maximum(hits.patches, 0)]
         light[hits.patches < 0] = 0.0
         free = np.flatnonzero(hits.patches == SKY)
-        light[free] = self._gatherer.sky(directions[free])
-        return light
+        light[free] = self._gatherer.sky(hits.directions[free])
+        return light * hits.shares
 
     def _add_lamps(self, moments: NDArray[np.float64], origins: Floats) -> None:
         """Add the light of lamps, each from a single direction."""

@@ -13,7 +13,8 @@ from omnisim.scene.model import Mesh, Scene
 def hollow_triangles(scene: Scene) -> NDArray[np.bool_]:
     """Mask (m,) of triangles with a visible back: double-sided, and not part of a solid.
 
-    A solid is a closed part of a mesh without a start position of a camera inside.
+    A solid is a closed part of a mesh without a start position of a camera inside. Frosted glass is
+    lit from its back, also if it is closed or single-sided.
     """
     parts = {one: _closed_parts(scene.meshes[one]) for one in {i.mesh for i in scene.instances}}
     places = [scene.start.position_m, *(start.position_m for start in scene.starts)]
@@ -21,7 +22,11 @@ def hollow_triangles(scene: Scene) -> NDArray[np.bool_]:
     for instance in scene.instances:
         part_of, closed = parts[instance.mesh]
         mesh = scene.meshes[instance.mesh]
-        if not scene.materials[mesh.material].double_sided:
+        material = scene.materials[mesh.material]
+        if material.frosted_transmission > 0.0 and not scene.lighting.is_matte:
+            hollow.append(np.ones(len(part_of), dtype=np.bool_))
+            continue
+        if not material.double_sided:
             hollow.append(np.zeros(len(part_of), dtype=np.bool_))
             continue
         corners = mesh.positions.astype(np.float64) @ instance.world_from_mesh[:3, :3].T

@@ -1,4 +1,7 @@
-"""Rays between patches of a scene."""
+"""Rays between patches of a scene, straight or by mirrors and through glass.
+
+At a specular surface a ray takes one way at random, see `omnisim.rendering.baking.ways`.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.baking.atlas.patches import BACK, FRONT, Patches
+from omnisim.rendering.baking.specular import SpecularSurfaces
+from omnisim.rendering.baking.ways import Way, chosen, onward, random_numbers
 from omnisim.rendering.rays.caster import RayHits, Rays
-from omnisim.rendering.rays.embree import NO_TRIANGLE, EmbreeHits
+from omnisim.rendering.rays.embree import NO_TRIANGLE, EmbreeHits, put_rows
 from omnisim.rendering.rays.ray_scene import MAX_LAYERS, RayScene
 
 Floats = NDArray[np.float32]
 SKY, INSIDE = -1, -2
 # Offset of rays from their surface: a constant, and a share of the scene's size.
 _START_M, _START_SHARE = 1e-4, 1e-6
+MAX_SPECULAR = 16  # specular surfaces along a ray; it ends at the next one
+_EMISSIVE_SHARE = 0.5  # minimum share of the rays that end on an emissive, specular surface
 
 
 class PatchHits(NamedTuple):
@@ -23,17 +30,27 @@ class PatchHits(NamedTuple):
 
     Attributes:
         patches: (n,) patch, or `SKY`; `INSIDE`: the ray hit the inside of a solid.
-        ranges_m: (n,) ranges.
+        ranges_m: (n,) lengths of the rays.
         cosines: (n,) between the rays and the planes' normals.
+        directions: (n, 3) directions at the hits.
+        shares: (n, 3) factors of the light, or (n, 1) ones.
+        is_straight: (n,) mask of the rays that no mirror has deflected.
     """
 
     patches: NDArray[np.int32]
     ranges_m: Floats
     cosines: Floats
+    directions: Floats
+    shares: Floats
+    is_straight: NDArray[np.bool_]
 
     def take(self, indices: NDArray[np.intp]) -> PatchHits:
         """The selected hits."""
-        return PatchHits(self.patches[indices], self.ranges_m[indices], self.cosines[indices])
+        return PatchHits._make(values[indices] for values in self)
+
+    def put(self, indices: NDArray[np.intp], hits: PatchHits) -> None:
+        """Overwrite the selected hits."""
+        put_rows(self, indices, hits)
 
 
 class Transport:
@@ -41,6 +58,7 @@ class Transport:
 
     Args:
         rays: ray scene.
+        specular: its specular surfaces.
         patches: patches of the scene.
 
     Attributes:
@@ -48,12 +66,12 @@ class Transport:
         center_m: (3,) world, reference point of ray origins.
     """
 
-    def __init__(self, rays: RayScene, patches: Patches):
+    def __init__(self, rays: RayScene, specular: SpecularSurfaces, patches: Patches):
         self.center_m = rays.caster.static_center_m
         self._caster, self._shading = rays.caster, rays.shading
         geometry = rays.caster.geometry
         self._surface_of_triangle = geometry.surface_of_triangle
-        self._patches = patches
+        self._patches, self.specular = patches, specular
         positions_m = geometry.positions_m
         size_m = float(np.ptp(positions_m, axis=0).max()) if len(positions_m) else 0.0
         self.start_m = _START_M + _START_SHARE * size_m
@@ -62,9 +80,67 @@ class Transport:
         self._has_any_holes = bool(self._has_holes.any())
 
     def cast(self, origins_m: Floats, directions: Floats) -> PatchHits:
-        """Patches hit by rays (n, 3) with unit directions."""
+        """Patches hit by rays (n, 3) with unit directions, also by mirrors and through glass."""
         hits = self._hits(origins_m, directions, None)
-        count = len(origins_m)
+        found = self._on_patches(hits, directions)
+        active = np.flatnonzero(self._continues(hits, found.patches))
+        if len(active) == 0:
+            return found
+        shares = np.ones((len(origins_m), 3), dtype=np.float32)
+        found = found._replace(shares=shares, directions=directions.copy())
+        hits, aims, origins_m = hits.take(active), directions[active], origins_m[active]
+        traveled_m = np.zeros(len(active), dtype=np.float32)
+        for number in range(MAX_SPECULAR):
+            ways = self.specular.ways(hits, aims)
+            own = self._own(found.patches[active])
+            way, factors = chosen(ways, own, random_numbers(origins_m, aims, number))
+            found.shares[active] *= factors
+            on = np.flatnonzero(way != Way.END)
+            if len(on) == 0:
+                break
+            mirrored = way[on] == Way.MIRRORED
+            traveled_m = traveled_m[on] + hits.ranges_m[on]
+            at_m = origins_m[on] + hits.ranges_m[on, None] * aims[on]
+            origins_m, aims = onward(at_m, aims[on], ways.take(on), mirrored, self.start_m)
+            active = active[on]
+            found.is_straight[active] &= ~mirrored
+            hits = self._hits(origins_m, aims, None)
+            following = self._on_patches(hits, aims)
+            found.put(
+                active,
+                following._replace(
+                    ranges_m=traveled_m + hits.ranges_m,
+                    shares=found.shares[active],
+                    is_straight=found.is_straight[active],
+                ),
+            )
+            some = np.flatnonzero(self._continues(hits, following.patches))
+            active, hits, aims = active[some], hits.take(some), aims[some]
+            origins_m, traveled_m = origins_m[some], traveled_m[some]
+            if len(active) == 0:
+                break
+        return found
+
+    def _continues(self, hits: EmbreeHits, patches: NDArray[np.int32]) -> NDArray[np.bool_]:
+        """Mask (n,) of hits on patches (n,) where rays continue: not inside of opaque solids."""
+        if not self.specular.any:
+            return np.zeros(len(hits.triangles), dtype=np.bool_)
+        on = (hits.triangles != NO_TRIANGLE) & self.specular.of_triangles[hits.triangles]
+        on &= (patches != INSIDE) | self.specular.see_through[hits.triangles]
+        continues: NDArray[np.bool_] = on
+        return continues
+
+    def _own(self, patches: NDArray[np.int32]) -> Floats:
+        """Diffuse shares (n,) of patches, and more of emissive ones; 0: no patch."""
+        own: Floats = self._patches.albedo[patches].mean(axis=1)
+        shining = self._patches.emission[patches].any(axis=1)
+        own = np.where(shining, np.maximum(own, np.float32(_EMISSIVE_SHARE)), own)
+        own[patches < 0] = 0.0
+        return own
+
+    def _on_patches(self, hits: EmbreeHits, directions: Floats) -> PatchHits:
+        """Patches at hits of rays (n,)."""
+        count = len(directions)
         is_hit = np.flatnonzero(hits.triangles != NO_TRIANGLE)
         patches = np.full(count, SKY, dtype=np.int32)
         cosines = np.zeros(count, dtype=np.float32)
@@ -76,7 +152,8 @@ class Transport:
         patches_hit = self._patch_of(triangles, hits.u[is_hit], hits.v[is_hit], is_back)
         patches_hit[is_back & ~self._patches.is_hollow[triangles]] = INSIDE
         patches[is_hit] = patches_hit
-        return PatchHits(patches, hits.ranges_m, cosines)
+        ones, straight = np.ones((count, 1), dtype=np.float32), np.ones(count, dtype=np.bool_)
+        return PatchHits(patches, hits.ranges_m, cosines, directions, ones, straight)
 
     def is_back(self, hits: PatchHits) -> NDArray[np.bool_]:
         """Mask (n,) of rays that hit the back of a patch."""
@@ -84,17 +161,46 @@ class Transport:
         back: NDArray[np.bool_] = on_patch & (self._patches.sides[hits.patches] == BACK)
         return back
 
-    def is_hidden(
-        self, origins_m: Floats, directions: Floats, far: Floats | None
-    ) -> NDArray[np.bool_]:
-        """Mask (n,) of rays blocked by a surface, hit on either side.
+    def is_frosted(self, hits: PatchHits) -> NDArray[np.bool_]:
+        """Mask (n,) of rays that hit frosted glass, from either side."""
+        surfaces = self._patches.surfaces[hits.patches]
+        frosted: NDArray[np.bool_] = (hits.patches >= 0) & (self.specular.frosted[surfaces] > 0.0)
+        return frosted
+
+    def passing(self, origins_m: Floats, directions: Floats, far: Floats | None) -> Floats:
+        """Shares (n, 1 or 3) of light that arrives along rays: 0 behind opaque surfaces.
 
         Args:
             origins_m, directions: (n, 3) rays.
             far: (n,) ends of the rays, in lengths of the direction; None: unlimited.
         """
-        hidden: NDArray[np.bool_] = self._hits(origins_m, directions, far).triangles != NO_TRIANGLE
-        return hidden
+        hits = self._hits(origins_m, directions, far)
+        is_free = hits.triangles == NO_TRIANGLE
+        specular = self.specular
+        if not specular.any_see_through:
+            free: Floats = is_free[:, None].astype(np.float32)
+            return free
+        shares = np.tile(is_free[:, None].astype(np.float32), 3)
+        active = np.flatnonzero(~is_free & specular.see_through[hits.triangles])
+        passed = np.ones((len(active), 3), dtype=np.float32)
+        hits, aims, origins_m = hits.take(active), directions[active], origins_m[active]
+        ends = None if far is None else far[active]
+        for _ in range(MAX_SPECULAR):
+            if len(active) == 0:
+                break
+            ways = specular.ways(hits, aims)
+            passed = passed * ways.passed
+            at_m = origins_m + hits.ranges_m[:, None] * aims
+            ends = None if ends is None else ends - hits.ranges_m
+            straight = np.zeros(len(active), dtype=np.bool_)
+            origins_m, _ = onward(at_m, aims, ways, straight, self.start_m)
+            hits = self._hits(origins_m, aims, ends)
+            is_free = hits.triangles == NO_TRIANGLE
+            shares[active[is_free]] = passed[is_free]
+            on = np.flatnonzero(~is_free & specular.see_through[hits.triangles])
+            active, passed, hits, aims = active[on], passed[on], hits.take(on), aims[on]
+            origins_m, ends = origins_m[on], None if ends is None else ends[on]
+        return shares
 
     def _hits(self, origins_m: Floats, directions: Floats, far: Floats | None) -> EmbreeHits:
         """Nearest triangles along rays, ignoring holes of masked surfaces."""

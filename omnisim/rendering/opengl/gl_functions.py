@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import cache, partial
 from typing import Any
 
@@ -148,23 +148,30 @@ def delete_texture(name: int) -> None:
     gl_function("glDeleteTextures", _INT, ctypes.c_void_p)(1, ctypes.addressof(names))
 
 
-def copy_regions(source: int, target: int, rectangles_px: Iterable[Sequence[int]]) -> None:
-    """Copy rectangles of a 2D texture to the same place in another.
+def copy_region(
+    source: int,
+    target: int,
+    level: int,
+    first_px: tuple[int, int],
+    to_px: tuple[int, int],
+    size_px: tuple[int, int],
+) -> None:
+    """Copy a rectangle between two 2D textures.
 
     Args:
         source, target: texture names.
-        rectangles_px: left, top, width and height of each.
+        level: mip level of both.
+        first_px, to_px: left and top, in the source and in the target.
+        size_px: width and height.
     """
     copy = gl_function(
         "glCopyImageSubData",
         _ENUM, _ENUM, _INT, _INT, _INT, _INT,
         _ENUM, _ENUM, _INT, _INT, _INT, _INT, _INT, _INT, _INT,
     )  # fmt: skip
-    for left, top, width, height in rectangles_px:
-        copy(
-            source, _TEXTURE_2D, 0, left, top, 0,
-            target, _TEXTURE_2D, 0, left, top, 0, width, height, 1,
-        )  # fmt: skip
+    copy(
+        source, _TEXTURE_2D, level, *first_px, 0, target, _TEXTURE_2D, level, *to_px, 0, *size_px, 1
+    )
 
 
 class IndirectDraws:

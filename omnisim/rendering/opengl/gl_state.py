@@ -179,12 +179,13 @@ class GlState:
         """Draw to rectangles of the bound target only.
 
         Yields:
-            Setter of the next rectangle: left, top, width and height.
+            Setter of the next rectangle: left, top, width and height; `within`: the rectangle of it
+            that is drawn to; None: all.
         """
 
-        def aim(*rectangle_px: int) -> None:
+        def aim(*rectangle_px: int, within: Sequence[int] | None = None) -> None:
             self._viewport(*rectangle_px)
-            self._scissor(*rectangle_px)
+            self._scissor(*(rectangle_px if within is None else within))
 
         try:
             self._set_scissor_test(True)

@@ -35,3 +35,7 @@ def shining(scene, light, number=0):
     materials = list(scene.materials)
     materials[number] = dataclasses.replace(materials[number], emissive=(light,) * 3)
     return dataclasses.replace(scene, materials=tuple(materials))
+
+
+def black_room(lighting=DARK):
+    return lit_by(box("room", (4.0, 4.0, 3.0), color=(0.0, 0.0, 0.0), inwards=True), lighting)

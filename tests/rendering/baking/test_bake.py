@@ -6,20 +6,11 @@ import pytest
 pytest.importorskip("embreex")
 pytest.importorskip("xatlas")
 
-from omnisim.rendering.baking.atlas.bake_tiles import TileFolder, no_progress
 from omnisim.rendering.baking.atlas.lightmap import lightmap
-from omnisim.rendering.baking.bake import Bake
-from omnisim.rendering.baking.settings import BakeSettings
 from omnisim.scene import Scene
 from omnisim.scene.model import Light, Lighting, LightKind
-from tests.rendering.baking.rooms import DARK, box, lit_by, shining
-
-
-def baked(tmp_path, scene, **settings):
-    bake = Bake(scene, BakeSettings(**settings))
-    folder = TileFolder(tmp_path / "x.baked", {})
-    found = bake.run(folder, 1, no_progress)
-    return bake, found, bake.probes(folder, found, 1, no_progress)
+from tests.rendering.baking.bakes import at, baked, share_of_corner
+from tests.rendering.baking.rooms import black_room, box, lit_by, shining
 
 
 @pytest.mark.parametrize("albedo", [0.0, 0.5, 0.8])
@@ -37,30 +28,6 @@ def test_furnace(tmp_path, albedo):
     np.testing.assert_allclose(level, expected, rtol=0.03)
 
 
-def at(bake, light, surface, place, normal=(0.0, 0.0, 1.0), within_m=0.15):
-    """Mean light (3,) of an instance's patches near a place, that face along a normal."""
-    surfaces = bake.surfaces(np.ones(bake.patches.count, dtype=bool))
-    positions = surfaces.positions_m + bake.transport.center_m
-    near = np.linalg.norm(positions - place, axis=1) < within_m
-    near &= surfaces.normals @ np.array(normal) > 0.99
-    near &= (bake.patches.surfaces == surface) & (np.diff(bake.patches.first) > 0)
-    assert near.any()
-    return light[near].mean(axis=0)
-
-
-def black_room(lighting=DARK):
-    return lit_by(box("room", (4.0, 4.0, 3.0), color=(0.0, 0.0, 0.0), inwards=True), lighting)
-
-
-def _share_of_corner(a, b):
-    """Share of light that a rectangle gives a point below its corner, its sides over the height.
-
-    Source: Howell, "A catalog of radiation heat transfer configuration factors", B-3.
-    """
-    first, second = np.hypot(1.0, a), np.hypot(1.0, b)
-    return (a / first * np.arctan(b / first) + b / second * np.arctan(a / second)) / (2.0 * np.pi)
-
-
 @pytest.mark.parametrize("half_m", [0.2, 1.0])
 def test_panel(tmp_path, half_m):
     """An emissive panel gives all of the floor below it what its form factor says."""
@@ -72,7 +39,7 @@ def test_panel(tmp_path, half_m):
     floor = found.is_valid & (surfaces.normals[:, 2] > 0.99) & (bake.patches.surfaces == 0)
     x, y, _ = places[floor].T
     expected = 5.0 * sum(
-        _share_of_corner((half_m + one * x) / 2.5, (half_m + other * y) / 2.5)
+        share_of_corner((half_m + one * x) / 2.5, (half_m + other * y) / 2.5)
         for one in (-1.0, 1.0)
         for other in (-1.0, 1.0)
     )

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.baking.atlas.atlas import Atlas, corner_pixels
 from omnisim.rendering.baking.atlas.rasterization import Samples, rasterize
+from omnisim.rendering.baking.specular import SpecularSurfaces
 from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.rendering.rays.ray_scene import RayScene
 
@@ -37,7 +38,8 @@ class Patches:
         surfaces: (p,) instance of each patch.
         places: (p,) texel; outside of the atlas: atlas size + instance.
         areas_m2: (p,) areas.
-        albedo: (p, 3) linear RGB.
+        albedo: (p, 3) diffuse reflectance, linear RGB.
+        transmitted: (p, 3) diffuse transmittance of frosted glass, from the opposite patch.
         emission: (p, 3) emitted light, as seen.
         spacing_m: (p,) texel width.
         of_place: (2, places) int32 patch on each side of each place; `NO_PATCH`: none.
@@ -56,6 +58,7 @@ class Patches:
     places: NDArray[np.intp]
     areas_m2: NDArray[np.float32]
     albedo: NDArray[np.float32]
+    transmitted: NDArray[np.float32]
     emission: NDArray[np.float32]
     spacing_m: NDArray[np.float32]
     of_place: NDArray[np.int32]
@@ -82,17 +85,25 @@ class Patches:
         shifts = np.where(self.sides == BACK, self.back_shift[self.surfaces], 0)
         return self.places + shifts
 
+    @property
+    def opposite(self) -> NDArray[np.int32]:
+        """Patches (p,) on the other side of each; `NO_PATCH`: none."""
+        return self.of_place[1 - self.sides, self.places]
+
     def kept(self, is_kept: NDArray[np.bool_]) -> Patches:
         """The same patches with only the selected entries of `of_sample`."""
         counts = np.concatenate(([0], np.cumsum(is_kept)))
         return replace(self, of_sample=self.of_sample[is_kept], first=counts[self.first])
 
 
-def build_patches(rays: RayScene, atlas: Atlas, is_hollow: NDArray[np.bool_]) -> Patches:
+def build_patches(
+    rays: RayScene, specular: SpecularSurfaces, atlas: Atlas, is_hollow: NDArray[np.bool_]
+) -> Patches:
     """Patches of all static instances, ordered by place, fronts first.
 
     Args:
         rays: ray scene.
+        specular: its specular surfaces.
         atlas: atlas of the scene's instances.
         is_hollow: (m,) mask of triangles, see `Patches`.
     """
@@ -110,7 +121,7 @@ def build_patches(rays: RayScene, atlas: Atlas, is_hollow: NDArray[np.bool_]) ->
     samples = samples.take(np.argsort(samples.texels, kind="stable"))
     places, first, counts = np.unique(samples.texels, return_index=True, return_counts=True)
     surfaces = geometry.surface_of_triangle[samples.triangles[first]]
-    colors, emission = _appearance(rays, samples)
+    albedo, transmitted, emission = _appearance(rays, specular, samples)
     areas = _sample_areas_m2(triangle_m2, samples, corners_px, has_rect, surfaces)
     areas[samples.texels >= width * height] = 0.0
 
@@ -142,7 +153,8 @@ def build_patches(rays: RayScene, atlas: Atlas, is_hollow: NDArray[np.bool_]) ->
         surfaces[both].astype(np.int32),
         places[both],
         patch_m2[both].astype(np.float32),
-        means(colors)[both],
+        means(albedo)[both],
+        means(transmitted)[both],
         means(emission)[both],
         atlas.texels_m[surfaces[both]].astype(np.float32),
         of_place,
@@ -202,9 +214,9 @@ def _sample_areas_m2(
 
 
 def _appearance(
-    rays: RayScene, samples: Samples
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Base colors and emission (n, 3) at samples."""
+    rays: RayScene, specular: SpecularSurfaces, samples: Samples
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Diffuse reflectance, diffuse transmittance and emission (n, 3) at samples."""
     count = len(samples.triangles)
     nowhere = np.zeros((count, 3))
     zeros = np.zeros(count)
@@ -213,9 +225,9 @@ def _appearance(
     emission = rays.shading.emitted(hits)
     surfaces = rays.shading.surfaces(hits)
     emission[colors[:, 3] < rays.shading.hit_cutoff[surfaces]] = 0.0
-    albedo = np.clip(colors[:, :3], 0.0, 1.0)
-    albedo[rays.shading.is_unlit[surfaces]] = 0.0
-    return albedo, emission
+    diffuse = specular.diffuse(hits, np.clip(colors[:, :3], 0.0, 1.0))
+    diffuse.reflected[rays.shading.is_unlit[surfaces]] = 0.0
+    return diffuse.reflected, diffuse.transmitted, emission
 
 
 def _spread_to_empty(of_texel: NDArray[np.int32], charts: NDArray[np.int32]) -> NDArray[np.int32]:

@@ -16,7 +16,7 @@ class LampLight(NamedTuple):
     """Light of one lamp at points.
 
     Attributes:
-        color: (3,) linear RGB on a surface that faces the lamp, at level 1.
+        color: (3,) or (n, 3) linear RGB on a surface that faces the lamp, at level 1.
         levels: (n,) factors of the color.
         directions: (n, 3) unit, toward the lamp; or (1, 3), the same for all points.
     """
@@ -27,9 +27,9 @@ class LampLight(NamedTuple):
 
     def take(self, indices: NDArray[np.intp]) -> LampLight:
         """Light at the selected points."""
-        directions = self.directions
+        color, directions = self.color, self.directions
         return LampLight(
-            self.color,
+            color if color.ndim == 1 else color[indices],
             self.levels[indices],
             directions if len(directions) == 1 else directions[indices],
         )
@@ -44,7 +44,8 @@ def lamps_at(
     """Light of each lamp at points (n, 3) of surfaces with unit normals (n, 3)."""
     lamps = []
     for light in lighting.lights:
-        color = np.array(light.color) * (light.intensity * lighting.exposure)
+        level = light.intensity * lighting.exposure
+        color = (np.array(light.color) * level).astype(np.float32)
         if light.kind is LightKind.DIRECTIONAL:
             levels = np.ones(len(points_m), dtype=np.float32)
             directions = -light.direction.astype(np.float32)[None]
@@ -52,8 +53,12 @@ def lamps_at(
             levels, directions = _punctual(light, points_m)
         if light.casts_shadow:
             facing = np.einsum("nc,nc->n", normals, directions) > 0.0
-            levels = levels * shadows.share(light, points_m, facing & (levels > 0.0))
-        lamps.append(LampLight(color.astype(np.float32), levels, directions))
+            share = shadows.share(light, points_m, facing & (levels > 0.0))
+            if share.shape[1] == 1:
+                levels = levels * share[:, 0]
+            else:
+                color = color * share
+        lamps.append(LampLight(color, levels, directions))
     return lamps
 
 

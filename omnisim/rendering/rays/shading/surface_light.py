@@ -91,22 +91,34 @@ def surface_light(shading: Shading, view: View) -> SurfaceLight:
     return SurfaceLight(passed, reflected, returned, normals, is_flat, cosines)
 
 
+def mirrored_shares(surface: Reflectance, cosines: Shares) -> Shares:
+    """Shares (n, 3) that smooth gloss and smooth clear coats reflect like mirrors.
+
+    Args:
+        surface: reflectance of the surfaces (n,).
+        cosines: (n,) cosines of the angles of incidence.
+    """
+    grazing = (1.0 - cosines) ** 5
+    coat = surface.coat * (COAT_F0 + (1.0 - COAT_F0) * grazing)
+    gloss = surface.f0 + (surface.f90[:, None] - surface.f0) * grazing[:, None]
+    below = (1.0 - coat)[:, None]
+    mirrored: Shares = np.where((surface.roughness <= _SMOOTH)[:, None], below * gloss, 0.0)
+    mirrored += np.where(surface.coat_roughness <= _SMOOTH, coat, 0.0)[:, None]
+    return mirrored
+
+
 def _of_gloss(surface: Reflectance, cosines: Shares) -> tuple[Shares, Shares]:
     """Mirrored and returned shares (n, 3) of surfaces with gloss and clear coat."""
     grazing = (1.0 - cosines) ** 5
-    coat = surface.coat * (COAT_F0 + (1.0 - COAT_F0) * grazing)
-    below = (1.0 - coat)[:, None]
-    gloss = surface.f0 + (surface.f90[:, None] - surface.f0) * grazing[:, None]
+    below = (1.0 - surface.coat * (COAT_F0 + (1.0 - COAT_F0) * grazing))[:, None]
     lost = (
         surface.dielectric_f0
         + (surface.dielectric_f90[:, None] - surface.dielectric_f0) * grazing[:, None]
     )
-    mirrored = np.where((surface.roughness <= _SMOOTH)[:, None], below * gloss, 0.0)
-    mirrored += np.where(surface.coat_roughness <= _SMOOTH, coat, 0.0)[:, None]
     body = surface.body * cosines[:, None] * (1.0 - lost.max(axis=1, keepdims=True)) ** 2
     facets = _facets(surface.roughness, cosines)[:, None] * surface.f0
     of_coat = COAT_F0 * surface.coat * _facets(surface.coat_roughness, cosines)
-    return mirrored, below**2 * (body + facets) + of_coat[:, None]
+    return mirrored_shares(surface, cosines), below**2 * (body + facets) + of_coat[:, None]
 
 
 def _facets(roughness: NDArray[np.floating], cosines: Shares) -> Shares:

@@ -15,7 +15,7 @@ from omnisim.core.short_repr import counted
 from omnisim.scene.formats.gltf.further_extensions import IGNORED, LEFT_OUT, OTHER_IMAGES
 from omnisim.scene.formats.gltf.json_object import JsonObject
 from omnisim.scene.formats.gltf.primitives import POINTS_AND_LINES, TRIANGLES
-from omnisim.scene.formats.gltf.reflectance import is_clear_glass, transmits
+from omnisim.scene.formats.gltf.reflectance import has_transmission_map
 
 _GROUPS_OF_NODES = ("shining",)
 _NEAREST = 9728  # OpenGL's constant
@@ -231,12 +231,11 @@ FEATURES = (
     ),
     Feature(
         "KHR_materials_transmission", _APPLIED,
-        "of thin, clear panes; of thick, clear glass with `--backend rays`",
+        "of clear panes; of frosted panes and clear, thick glass with `--backend rays`",
     ),
     Feature(
-        "transmission: frosted or mapped", _LEFT_OUT,
-        "transmission of frosted glass and its maps are not drawn: glass is opaque",
-        "materials", lambda material: transmits(material) and not is_clear_glass(material),
+        "transmissionTexture", _LEFT_OUT, "maps of transmission are not drawn: glass is opaque",
+        "materials", has_transmission_map,
     ),
     Feature(
         "KHR_materials_volume", _APPLIED,

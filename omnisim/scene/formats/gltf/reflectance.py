@@ -8,7 +8,6 @@ from dataclasses import replace
 
 from omnisim.scene.formats.gltf.json_object import JsonObject
 from omnisim.scene.model import Material, Texture
-from omnisim.scene.surface_reflectance import MAX_PANE_ROUGHNESS
 
 DEFAULT_IOR = 1.5
 _BRIGHTEST = 65504.0  # largest half float, the precision of images
@@ -57,7 +56,7 @@ def with_reflectance(
         specular=strength,
         specular_color=_color(specular, "specularColorFactor", 1.0),
         ior=max(ior.number("ior", DEFAULT_IOR), 1.0),
-        transmission=_transmission(entry) if is_clear_glass(entry) else 0.0,
+        transmission=0.0 if has_transmission_map(entry) else _transmission(entry),
         thickness_m=max(volume.number("thicknessFactor", 0.0), 0.0),
         attenuation_color=_attenuation_color(volume),
         attenuation_distance_m=_attenuation_distance_m(volume),
@@ -72,24 +71,10 @@ def with_reflectance(
     )
 
 
-def transmits(entry: JsonObject) -> bool:
-    """True for a material that transmits light, whether thin or thick."""
-    return _transmission(entry) > 0.0
-
-
-def is_clear_glass(entry: JsonObject) -> bool:
-    """True for a material that transmits light as a clear pane or body of glass does.
-
-    Not: frosted glass, and maps of the transmission.
-    """
-    transmission = entry.extension("KHR_materials_transmission")
-    roughness = _share(entry.object("pbrMetallicRoughness"), "roughnessFactor", 1.0)
-    return (
-        transmission is not None
-        and transmits(entry)
-        and not transmission.has("transmissionTexture")
-        and roughness <= MAX_PANE_ROUGHNESS
-    )
+def has_transmission_map(entry: JsonObject) -> bool:
+    """True for a material that transmits light by a map."""
+    transmission = entry.extension("KHR_materials_transmission") or JsonObject({}, "")
+    return _transmission(entry) > 0.0 and transmission.has("transmissionTexture")
 
 
 def _attenuation_color(volume: JsonObject) -> Color:

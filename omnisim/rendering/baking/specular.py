@@ -1,0 +1,132 @@
+"""Specular surfaces of a bake: mirrors, panes, bodies of glass and frosted glass.
+
+Mirrors are smooth gloss, metal and clear coats, as the ray back end reflects them. Light passes
+panes and bodies of glass straight. Frosted glass scatters what it transmits by Lambert's law.
+
+Sources: `omnisim.rendering.rays.shading.surface_light` for mirrors,
+`omnisim.rendering.rays.shading.straight_passage` for glass; the mean of Schlick's Fresnel over
+Lambertian light is f0 + (f90 − f0) / 21.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.baking.sampling import Floats
+from omnisim.rendering.baking.ways import Ways
+from omnisim.rendering.rays.caster import RayHits, Rays
+from omnisim.rendering.rays.embree import EmbreeHits
+from omnisim.rendering.rays.ray_scene import RayScene
+from omnisim.rendering.rays.shading.panes import pane_reflectance
+from omnisim.rendering.rays.shading.shading import View
+from omnisim.rendering.rays.shading.straight_passage import straight_shares
+from omnisim.rendering.rays.shading.surface_light import mirrored_shares
+from omnisim.scene.planar_mirrors import is_smooth
+from omnisim.scene.surface_reflectance import COAT_F0, MIN_ROUGHNESS
+
+_SCHLICK_MEAN = 1.0 / 21.0
+_SMOOTH = MIN_ROUGHNESS + 1e-6
+_MIN_COSINE = 1e-4
+_ANGLES = 64  # at which a pane's reflectance is averaged
+
+
+class DiffuseShares(NamedTuple):
+    """Shares (n, 3) of Lambertian light that surfaces scatter, linear RGB."""
+
+    reflected: Floats
+    transmitted: Floats
+
+
+class SpecularSurfaces:
+    """Specular surfaces of a scene.
+
+    Args:
+        rays: ray scene.
+
+    Attributes:
+        of_triangles: (m,) mask of triangles where rays continue.
+        see_through: (m,) mask of those of panes and bodies of glass.
+        any, any_see_through: True if there are such triangles.
+        frosted: (surfaces,) transmitted share of the light that frosted glass does not reflect.
+    """
+
+    def __init__(self, rays: RayScene):
+        geometry, self._shading = rays.caster.geometry, rays.shading
+        materials = [surface.material for surface in geometry.surfaces]
+        is_matte = rays.scene.lighting.is_matte
+        smooth = [not is_matte and is_smooth(one, MIN_ROUGHNESS) for one in materials]
+        see_through = self._shading.is_pane | self._shading.is_glass
+        continues = np.array(smooth, dtype=np.bool_) | see_through
+        self.of_triangles = continues[geometry.surface_of_triangle]
+        self.see_through = see_through[geometry.surface_of_triangle]
+        self.any, self.any_see_through = self.of_triangles.any(), self.see_through.any()
+        frosted = [0.0 if is_matte else one.frosted_transmission for one in materials]
+        self.frosted = np.array(frosted, dtype=np.float32)
+        self._continues = continues
+
+    def ways(self, hits: EmbreeHits, directions: Floats) -> Ways:
+        """Ways on from specular surfaces hit by rays (n,) with unit directions (n, 3)."""
+        weights = np.stack((1.0 - hits.u - hits.v, hits.u, hits.v), axis=1)
+        is_back = np.einsum("nc,nc->n", hits.normals, directions) > 0.0
+        planes = hits.normals / np.maximum(np.linalg.norm(hits.normals, axis=1), 1e-30)[:, None]
+        planes[is_back] *= np.float32(-1.0)
+        ranges_m = hits.ranges_m.astype(np.float64)
+        placed = RayHits(hits.triangles, ranges_m, weights, planes)
+        none, origins_m = np.zeros(len(ranges_m)), np.zeros((len(ranges_m), 3))
+        rays = Rays(origins_m, directions.astype(np.float64), none, ranges_m)
+        view = View(rays, placed, (), None)
+        shading, surfaces = self._shading, self._shading.surfaces(placed)
+        normals = shading.normals(placed)
+        cosines = np.abs(np.einsum("nc,nc->n", normals, directions)).clip(_MIN_COSINE, 1.0)
+        colors = shading.base_colors(view.rays, placed)[:, :3]
+        surface = shading.table.reflectance(surfaces, colors, shading.sampler(view))
+        reflected = mirrored_shares(surface, cosines.astype(np.float64))
+        is_pane, is_glass = shading.is_pane[surfaces], shading.is_glass[surfaces]
+        some = np.flatnonzero(is_pane | is_glass)
+        reflected[some] = pane_reflectance(cosines[some], shading.panes.ior[surfaces[some]])[
+            :, None
+        ]
+        is_invisible = is_pane & is_back & ~shading.is_double_sided[surfaces]
+        reflected[is_invisible | (is_glass & is_back)] = 0.0
+        passed = straight_shares(shading, view, colors)
+        return Ways(reflected.astype(np.float32), passed, is_invisible, normals, planes)
+
+    def diffuse(self, hits: RayHits, colors: Floats) -> DiffuseShares:
+        """Diffuse shares of surfaces (n,) with base colors (n, 3), besides the specular ones."""
+        shading, surfaces = self._shading, self._shading.surfaces(hits)
+        reflected, transmitted = colors.copy(), np.zeros_like(colors)
+        some = np.flatnonzero(self._continues[surfaces] | (self.frosted[surfaces] > 0.0))
+        if len(some) == 0:
+            return DiffuseShares(reflected, transmitted)
+        hits, surfaces, colors = hits.take(some), surfaces[some], colors[some]
+        nowhere = np.zeros((len(some), 3))
+        view = View(Rays(nowhere, nowhere, hits.ranges_m, hits.ranges_m), hits, (), None)
+        surface = shading.table.reflectance(surfaces, colors, shading.sampler(view))
+        lost = surface.dielectric_f0.max(axis=1)
+        lost = lost + (surface.dielectric_f90 - lost) * _SCHLICK_MEAN
+        body = np.where(
+            (surface.roughness <= _SMOOTH)[:, None], (1.0 - lost)[:, None] * surface.body, colors
+        )
+        passing = 1.0 - _mean_reflectance(shading.panes.ior)[surfaces, None]
+        clear = (shading.panes.transmission + shading.glass.transmission)[surfaces, None]
+        frosted = self.frosted[surfaces, None]
+        glass = passing * (1.0 - clear - frosted) * colors + (frosted > 0.0) * (1.0 - passing)
+        body = np.where(clear + frosted > 0.0, glass, body)
+        coat = surface.coat * (COAT_F0 + (1.0 - COAT_F0) * _SCHLICK_MEAN)
+        below = 1.0 - np.where(surface.coat_roughness <= _SMOOTH, coat, 0.0)[:, None]
+        reflected[some] = below * body
+        transmitted[some] = below * passing * frosted * colors
+        return DiffuseShares(reflected, transmitted)
+
+
+def _mean_reflectance(ior: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Reflectance (n,) of panes for Lambertian light."""
+    squares = (np.arange(_ANGLES) + 0.5) / _ANGLES
+    means = {
+        one: float(pane_reflectance(np.sqrt(squares), np.full(_ANGLES, one)).mean())
+        for one in np.unique(ior).tolist()
+    }
+    return np.array([means[one] for one in ior.tolist()])
