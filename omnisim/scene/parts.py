@@ -170,6 +170,13 @@ class Material:
         return 0.0 if self.thickness_m == 0.0 or self._is_frosted else self._transmission
 
     @property
+    def clear_share(self) -> float:
+        """Share of perpendicular light, mean of RGB, that passes a surface of clear glass."""
+        once = ((self.ior - 1.0) / (self.ior + 1.0)) ** 2
+        passing = (self.pane_transmission + self.glass_transmission) * (1.0 - once) / (1.0 + once)
+        return passing * sum(self.base_color[:3]) / 3.0
+
+    @property
     def frosted_transmission(self) -> float:
         """Transmitted share of the light that frosted glass, thin or thick, does not reflect."""
         return self._transmission if self._is_frosted else 0.0

@@ -1,13 +1,11 @@
 """Specular surfaces of a bake: mirrors, panes, bodies of glass and frosted glass.
 
-Mirrors are smooth gloss, metal and clear coats, as the ray back end reflects them. Panes pass light
-straight on, in images from the front of single-sided ones only. A body of glass counts as a slab:
-it reflects at its front what both interfaces reflect, passes the rest straight on, and absorbs
-along the way to its back. Frosted glass scatters what it transmits by Lambert's law.
+Mirrors are smooth gloss, metal and clear coats, as the ray back end reflects them. Light passes
+panes and bodies of glass straight. Frosted glass scatters what it transmits by Lambert's law.
 
 Sources: `omnisim.rendering.rays.shading.surface_light` for mirrors,
-`omnisim.rendering.rays.shading.panes` for panes; the mean of Schlick's Fresnel over Lambertian
-light is f0 + (f90 − f0) / 21.
+`omnisim.rendering.rays.shading.straight_passage` for glass; the mean of Schlick's Fresnel over
+Lambertian light is f0 + (f90 − f0) / 21.
 """
 
 from __future__ import annotations
@@ -24,6 +22,7 @@ from omnisim.rendering.rays.embree import EmbreeHits
 from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.rendering.rays.shading.panes import pane_reflectance
 from omnisim.rendering.rays.shading.shading import View
+from omnisim.rendering.rays.shading.straight_passage import straight_shares
 from omnisim.rendering.rays.shading.surface_light import mirrored_shares
 from omnisim.scene.planar_mirrors import is_smooth
 from omnisim.scene.surface_reflectance import COAT_F0, MIN_ROUGHNESS
@@ -66,7 +65,7 @@ class SpecularSurfaces:
         self.any, self.any_see_through = self.of_triangles.any(), self.see_through.any()
         frosted = [0.0 if is_matte else one.frosted_transmission for one in materials]
         self.frosted = np.array(frosted, dtype=np.float32)
-        self._continues, self._is_double_sided = continues, geometry.is_double_sided
+        self._continues = continues
 
     def ways(self, hits: EmbreeHits, directions: Floats) -> Ways:
         """Ways on from specular surfaces hit by rays (n,) with unit directions (n, 3)."""
@@ -76,7 +75,8 @@ class SpecularSurfaces:
         planes[is_back] *= np.float32(-1.0)
         ranges_m = hits.ranges_m.astype(np.float64)
         placed = RayHits(hits.triangles, ranges_m, weights, planes)
-        rays = Rays(ranges_m[:, None], directions.astype(np.float64), ranges_m, ranges_m)
+        none, origins_m = np.zeros(len(ranges_m)), np.zeros((len(ranges_m), 3))
+        rays = Rays(origins_m, directions.astype(np.float64), none, ranges_m)
         view = View(rays, placed, (), None)
         shading, surfaces = self._shading, self._shading.surfaces(placed)
         normals = shading.normals(placed)
@@ -84,23 +84,15 @@ class SpecularSurfaces:
         colors = shading.base_colors(view.rays, placed)[:, :3]
         surface = shading.table.reflectance(surfaces, colors, shading.sampler(view))
         reflected = mirrored_shares(surface, cosines.astype(np.float64))
-        passed = np.zeros_like(reflected)
         is_pane, is_glass = shading.is_pane[surfaces], shading.is_glass[surfaces]
         some = np.flatnonzero(is_pane | is_glass)
-        once = pane_reflectance(cosines[some], shading.panes.ior[surfaces[some]])[:, None]
-        transmission = shading.panes.transmission + shading.glass.transmission
-        tints = transmission[surfaces[some], None] * colors[some]
-        reflected[some], passed[some] = once, (1.0 - once) * tints
-        leaving = is_glass & is_back
-        reflected[leaving] = 0.0
-        passed[some] = np.where(leaving[some, None], tints, passed[some])
-        absorbed = shading.glass.attenuation(surfaces[leaving], ranges_m[leaving])
-        passed[leaving] *= absorbed
-        is_invisible = is_pane & is_back & ~self._is_double_sided[surfaces]
-        reflected[is_invisible], passed[is_invisible] = 0.0, 1.0
-        return Ways(
-            reflected.astype(np.float32), passed.astype(np.float32), is_invisible, normals, planes
-        )
+        reflected[some] = pane_reflectance(cosines[some], shading.panes.ior[surfaces[some]])[
+            :, None
+        ]
+        is_invisible = is_pane & is_back & ~shading.is_double_sided[surfaces]
+        reflected[is_invisible | (is_glass & is_back)] = 0.0
+        passed = straight_shares(shading, view, colors)
+        return Ways(reflected.astype(np.float32), passed, is_invisible, normals, planes)
 
     def diffuse(self, hits: RayHits, colors: Floats) -> DiffuseShares:
         """Diffuse shares of surfaces (n,) with base colors (n, 3), besides the specular ones."""

@@ -19,6 +19,7 @@ from omnisim.rendering.rays.shading.fog import fogged
 from omnisim.rendering.rays.shading.reflections import Paths, Tracing
 from omnisim.rendering.rays.shading.shading import Shading, View
 from omnisim.rendering.rays.shading.shadows import CastShadow
+from omnisim.rendering.rays.shading.straight_passage import straight_shares
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import Scene
 
@@ -239,11 +240,39 @@ class RayScene:
         return Tracing(taken._replace(weights=taken.weights * shares[some].max(axis=1)), trace)
 
     def _shadow_caster(self, poses: Poses) -> CastShadow:
-        """Caster of shadow rays, which hit either side, and hidden instances too."""
-        everything = ObjectState(poses)
+        """Caster of shadow rays, which hit either side, and hidden instances too.
 
-        def cast(rays: Rays, triangles: NDArray[np.int32]) -> RayHits:
+        They pass glass straight.
+        """
+        everything, shading = ObjectState(poses), self.shading
+        sees_through = shading.is_pane | shading.is_glass
+
+        def first(rays: Rays, triangles: NDArray[np.int32]) -> RayHits:
             return self.first_hits(rays, everything, triangles, both_sides=True, of_shadows=True)
+
+        def cast(rays: Rays, triangles: NDArray[np.int32]) -> NDArray[np.float32]:
+            hits = first(rays, triangles)
+            is_free = hits.triangles == NO_TRIANGLE
+            if not sees_through.any():
+                arriving: NDArray[np.float32] = is_free[:, None].astype(np.float32)
+                return arriving
+            shares = np.tile(is_free[:, None].astype(np.float32), 3)
+            active, passed = np.arange(len(is_free)), np.ones((len(is_free), 3), np.float32)
+            for _ in range(MAX_LAYERS):
+                glass = ~is_free
+                glass[glass] = sees_through[shading.surfaces(hits.take(np.flatnonzero(glass)))]
+                on = np.flatnonzero(glass)
+                if len(on) == 0:
+                    break
+                active, passed, rays, hits = active[on], passed[on], rays.take(on), hits.take(on)
+                colors = shading.base_colors(rays, hits, poses)
+                passed *= straight_shares(shading, View(rays, hits, poses, None), colors)
+                triangles = hits.triangles
+                rays = self.caster.behind(rays, hits.ranges_m)
+                hits = first(rays, triangles)
+                is_free = hits.triangles == NO_TRIANGLE
+                shares[active[is_free]] = passed[is_free]
+            return shares
 
         return cast
 

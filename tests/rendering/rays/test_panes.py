@@ -1,9 +1,11 @@
 """Thin panes by rays: what is behind and before them, by Fresnel's equations."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from omnisim.scene.model import Lighting, Material
+from omnisim.scene.model import Light, Lighting, LightKind, Material
 from tests.rendering.rays.test_caster import rays_from
 from tests.rendering.rays.test_reflections import traced
 from tests.scenes import scene_of, square
@@ -68,6 +70,85 @@ def test_two_panes_reflect_each_other():
         total = total + (one * one) ** number * (below + between)
     light = traced(between_lights(panes=2, transmission=1.0), slope(40.0))
     np.testing.assert_allclose(light[0], total, atol=2e-3)  # reflections below 1/512 are left out
+
+
+def _ggx(roughness, view, light):
+    """Reflectance of GGX facets, before Fresnel's term, of directions (n, 3) about z."""
+    halfway = view + light
+    halfway /= np.linalg.norm(halfway, axis=-1, keepdims=True)
+    squared = roughness**4
+    facets = squared / (np.pi * (halfway[..., 2] ** 2 * (squared - 1.0) + 1.0) ** 2)
+
+    def spread(cosine):
+        return 0.5 * (np.sqrt(1.0 + squared * (1.0 / cosine**2 - 1.0)) - 1.0)
+
+    shadowing = 1.0 / (1.0 + spread(view[2]) + spread(light[..., 2]))
+    along = np.einsum("...c,c->...", halfway, view)
+    return facets * shadowing / (4.0 * view[2] * light[..., 2]), along
+
+
+@pytest.mark.parametrize("degrees", [0.0, 50.0])
+@pytest.mark.parametrize("roughness", [0.3, 0.6, 1.0])
+def test_frosted_glass_scatters_by_its_mirrored_gloss(degrees, roughness):
+    """Half of the world behind a pane shines; its light is integrated over all directions."""
+    glass = Material(
+        base_color=(*TINT, 1.0), roughness=roughness, transmission=0.8, double_sided=True
+    )
+    shining = Material(base_color=(*BELOW, 1.0), unlit=True, double_sided=True)
+    half = square(half_m=1e4, z_m=-1.0, material=1)
+    half = replace(half, positions=(half.positions + np.float32((1e4 + 0.5, 0, 0))))
+    pane = square(half_m=1e5, material=0)
+    dark = Material(base_color=(0.0, 0.0, 0.0, 1.0), unlit=True)
+    scene = scene_of(
+        [pane, half, square(half_m=1e5, z_m=9.0, material=2)], [glass, shining, dark], None, DARK
+    )
+    angle = np.radians(degrees)
+    toward = np.array((np.sin(angle), 0.0, -np.cos(angle)))
+    rays = rays_from(-toward, np.tile(toward, (400, 1)))
+    light = traced(scene, rays).mean(axis=0)
+    heights, azimuths = (np.arange(800) + 0.5) / 800, np.radians(np.arange(360) + 0.5)
+    side = np.sqrt(1.0 - heights**2)[:, None]
+    mirrored = np.stack(
+        (side * np.cos(azimuths), side * np.sin(azimuths), heights[:, None] + 0.0 * azimuths), -1
+    )
+    shown, along = _ggx(roughness, -toward, mirrored)
+    normal = reflected_by_pane(0.0, 1.5)
+    shown = shown * (1.0 - normal) * (1.0 - (1.0 - along) ** 5)
+    # a mirrored direction goes to the other side
+    is_lit = mirrored[..., 0] / mirrored[..., 2] > 0.5
+    share = np.mean(shown * mirrored[..., 2] * is_lit) * 2.0 * np.pi
+    np.testing.assert_allclose(light, 0.8 * TINT * BELOW * share, rtol=0.03)
+
+
+@pytest.mark.parametrize(
+    ("thickness_m", "double_sided", "from_below", "tints"),
+    [(0.0, True, False, 1), (0.0, False, False, 0), (0.0, False, True, 1), (0.5, True, False, 2)],
+    ids=["pane", "back", "front", "slab"],
+)
+def test_a_lamp_shines_through_glass(thickness_m, double_sided, from_below, tints):
+    """The floor has the light that passes both interfaces, straight, and a slab also absorbs it."""
+    slant = np.radians(40.0)
+    toward = np.array((np.sin(slant), 0.0, np.cos(slant)))
+    lamp = Light(LightKind.DIRECTIONAL, (1.0, 1.0, 1.0), 1.0, direction=-toward)
+    glass = Material(
+        base_color=(*TINT, 1.0), roughness=0.0, specular=1.0, transmission=0.8,
+        double_sided=double_sided, thickness_m=thickness_m, attenuation_color=(0.5, 0.25, 1.0),
+        attenuation_distance_m=0.5,
+    )  # fmt: skip
+    upper = square(half_m=50.0, z_m=2.0, material=1)
+    lower = square(half_m=50.0, z_m=1.5, material=1)
+    turned = [replace(one, triangles=one.triangles[:, ::-1].copy()) for one in (upper, lower)]
+    panes = [upper, turned[1]] if thickness_m else [turned[0] if from_below else upper]
+    scene = scene_of(
+        [square(half_m=50.0), *panes], [Material(), glass], None, Lighting((0.0,) * 3, (lamp,))
+    )
+    light = traced(scene, rays_from((0.0, 0.0, 1.0), [(0.1, 0.2, -1.0)]))
+    passed = (1.0 - reflected_by_pane(40.0, 1.5)) * (0.8 * TINT) ** tints
+    if thickness_m:
+        passed = passed * np.array((0.5, 0.25, 1.0)) ** (1.0 / np.cos(slant))
+    if not tints:  # the back of a single-sided pane is not there
+        passed = np.ones(3)
+    np.testing.assert_allclose(light[0], np.cos(slant) * passed, rtol=1e-4)
 
 
 def test_without_paths_and_in_metal_a_pane_is_opaque():

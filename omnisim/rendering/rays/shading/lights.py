@@ -44,7 +44,8 @@ def lamps_at(
     """Light of each lamp at points (n, 3) of surfaces with unit normals (n, 3)."""
     lamps = []
     for light in lighting.lights:
-        color = np.array(light.color) * (light.intensity * lighting.exposure)
+        level = light.intensity * lighting.exposure
+        color = (np.array(light.color) * level).astype(np.float32)
         if light.kind is LightKind.DIRECTIONAL:
             levels = np.ones(len(points_m), dtype=np.float32)
             directions = -light.direction.astype(np.float32)[None]
@@ -52,8 +53,12 @@ def lamps_at(
             levels, directions = _punctual(light, points_m)
         if light.casts_shadow:
             facing = np.einsum("nc,nc->n", normals, directions) > 0.0
-            levels = levels * shadows.share(light, points_m, facing & (levels > 0.0))
-        lamps.append(LampLight(color.astype(np.float32), levels, directions))
+            share = shadows.share(light, points_m, facing & (levels > 0.0))
+            if share.shape[1] == 1:
+                levels = levels * share[:, 0]
+            else:
+                color = color * share
+        lamps.append(LampLight(color, levels, directions))
     return lamps
 
 

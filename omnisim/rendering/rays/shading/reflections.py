@@ -1,11 +1,13 @@
-"""Ray-traced reflections of the scene: mirrors, and glossy surfaces by sampled GGX facets.
+"""Ray-traced reflections of the scene: mirrors, glossy surfaces and frosted panes by GGX facets.
 
 The origin of a reflected ray is the mirrored viewpoint, behind the surface. Ranges and footprints
-at its hit are therefore those of the whole path.
+at its hit are therefore those of the whole path. A ray that frosted glass transmits is a reflected
+one, mirrored to the other side.
 
 Sources: Heitz, "Sampling the GGX Distribution of Visible Normals", JCGT 7(4), 2018, with the
 estimator Fresnel's term times G2 / G1; glTF 2.0, appendix B, for the facets; Roberts, "The
-Unreasonable Effectiveness of Quasirandom Sequences", 2018, for the numbers of a pixel's rays.
+Unreasonable Effectiveness of Quasirandom Sequences", 2018, for the numbers of a pixel's rays;
+KHR_materials_transmission, for the lobe of thin, rough glass.
 """
 
 from __future__ import annotations
@@ -125,10 +127,13 @@ class TracedGloss(NamedTuple):
     light: Floats
 
 
-def traced_gloss(lobe: Lobe, arrivals: Arrivals, tracing: Tracing) -> TracedGloss | None:
-    """Trace the light that lobes (n,) reflect toward the arriving rays.
+def traced_gloss(
+    lobe: Lobe, arrivals: Arrivals, tracing: Tracing, transmits: bool = False
+) -> TracedGloss | None:
+    """Trace the light that lobes (n,) reflect toward the arriving rays, or transmit toward them.
 
-    Surfaces rougher than `MAX_TRACED_ROUGHNESS`, or with weights below `_MIN_WEIGHT`, are omitted.
+    Surfaces with weights below `_MIN_WEIGHT` are omitted, and those rougher than
+    `MAX_TRACED_ROUGHNESS` that reflect.
 
     Returns:
         Reflected light; None: all surfaces are omitted, or the paths have `MAX_BOUNCES`.
@@ -139,7 +144,8 @@ def traced_gloss(lobe: Lobe, arrivals: Arrivals, tracing: Tracing) -> TracedGlos
     grazing = (1.0 - _cosines(lobe.normals, -arrivals.rays.directions)) ** 5
     fresnel = lobe.f0.max(axis=1) + (lobe.f90 - lobe.f0.max(axis=1)) * grazing
     weights = paths.weights * lobe.strength * fresnel
-    indices = np.flatnonzero((lobe.roughness <= MAX_TRACED_ROUGHNESS) & (weights >= _MIN_WEIGHT))
+    is_traced = transmits | (lobe.roughness <= MAX_TRACED_ROUGHNESS)
+    indices = np.flatnonzero(is_traced & (weights >= _MIN_WEIGHT))
     if len(indices) == 0:
         return None
     lobe, arrivals = lobe.take(indices), arrivals.take(indices)
@@ -151,7 +157,9 @@ def traced_gloss(lobe: Lobe, arrivals: Arrivals, tracing: Tracing) -> TracedGlos
     following = paths.take(each)
     turn = (np.arange(len(each)) - firsts[each]).astype(np.uint32)
     following = following._replace(numbers=following.numbers * np.uint32(RAYS_PER_SAMPLE) + turn)
-    rays, footprints, factors = _reflected(lobe.take(each), arrivals.take(each), following)
+    rays, footprints, factors = _reflected(
+        lobe.take(each), arrivals.take(each), following, transmits
+    )
     following = following._replace(bounce=paths.bounce + 1)
     light = tracing.trace(rays, footprints, arrivals.hits.triangles[each], following)
     total = np.add.reduceat(factors * light, firsts, axis=0) / counts[:, None]
@@ -159,9 +167,9 @@ def traced_gloss(lobe: Lobe, arrivals: Arrivals, tracing: Tracing) -> TracedGlos
 
 
 def _reflected(
-    lobe: Lobe, arrivals: Arrivals, paths: Paths
+    lobe: Lobe, arrivals: Arrivals, paths: Paths, transmits: bool
 ) -> tuple[Rays, NDArray[np.float32] | None, Floats]:
-    """Reflected rays (n,), their footprints (n, 2, 3), and the factors (n, 3) of their light."""
+    """Reflected or transmitted rays (n,), their footprints (n, 2, 3), and their factors (n, 3)."""
     rays, hits, footprints = arrivals
     views = -rays.directions
     facets = lobe.normals.astype(np.float64)
@@ -181,12 +189,16 @@ def _reflected(
     directions += below[:, None] * planes  # interpolated normals may reflect into the surface
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     starts_m = _START_M + _START_SHARE * hits.ranges_m
+    if transmits:  # to the other side of the surface
+        heights = np.einsum("nc,nc->n", directions, planes)
+        directions -= 2.0 * heights[:, None] * planes
+        starts_m = -starts_m
     points_m = rays.origins_m + hits.ranges_m[:, None] * rays.directions
     points_m += starts_m[:, None] * planes
     mirrored = Rays(
         points_m - hits.ranges_m[:, None] * directions, directions, hits.ranges_m, rays.far_m
     )
-    if footprints is not None:
+    if footprints is not None and not transmits:
         heights = np.einsum("nsc,nc->ns", footprints, facets)
         footprints = (footprints - 2.0 * heights[..., None] * facets[:, None]).astype(np.float32)
     return mirrored, footprints, factors

@@ -38,7 +38,13 @@ from omnisim.rendering.rays.shading.ray_reflectance import (
     reflected_light,
 )
 from omnisim.rendering.rays.shading.ray_textures import TextureTable
-from omnisim.rendering.rays.shading.reflections import Arrivals, Lobe, Tracing, traced_gloss
+from omnisim.rendering.rays.shading.reflections import (
+    Arrivals,
+    Lobe,
+    TracedGloss,
+    Tracing,
+    traced_gloss,
+)
 from omnisim.rendering.rays.shading.shadows import CastShadow, Shadows
 from omnisim.rendering.rays.shading.surface_table import (
     NORMAL,
@@ -80,9 +86,10 @@ class Shading:
         lighting: lighting of the scene.
 
     Attributes:
-        is_blended, is_unlit, is_pane, is_glass, is_specular: (surfaces,) masks.
+        is_blended, is_unlit, is_pane, is_glass, is_specular, is_double_sided: (surfaces,) masks.
         panes: parameters of the surfaces that are panes.
         glass: parameters of the surfaces that are thick glass.
+        frosted: (surfaces,) transmitted share of the light that frosted panes do not reflect.
         table: reflectance of the surfaces.
         hit_cutoff, shadow_cutoff: (surfaces,) alpha cutoffs, see `omnisim.scene.model.Material`.
     """
@@ -103,7 +110,10 @@ class Shading:
         self.is_pane = (self.panes.transmission > 0.0) & (not lighting.is_matte)
         self.glass = Glass.of(materials, lighting.is_matte)
         self.is_glass = self.glass.transmission > 0.0
+        frosted = [one.frosted_transmission * (one.thickness_m == 0.0) for one in materials]
+        self.frosted = np.array(frosted) * (not lighting.is_matte)
         self.is_specular = specular_mask(materials, lighting.is_matte)
+        self.is_double_sided = geometry.is_double_sided
         self.hit_cutoff = np.array([m.hit_cutoff for m in materials], dtype=np.float32)
         self.shadow_cutoff = np.array([m.shadow_cutoff for m in materials], dtype=np.float32)
 
@@ -161,7 +171,7 @@ class Shading:
         """
         surfaces = self.surfaces(hits)
         glass = np.flatnonzero(self.is_glass[surfaces])
-        leaving = glass[~self._is_front(hits.take(glass), world_from_objects)]
+        leaving = glass[~self.is_front(hits.take(glass), world_from_objects)]
         media = media.copy()
         media[leaving] = surfaces[leaving]
         return media
@@ -175,7 +185,7 @@ class Shading:
             channel: see `Glass.ratios`.
         """
         surfaces = self.surfaces(view.hits)
-        is_front = self._is_front(view.hits, view.world_from_objects)
+        is_front = self.is_front(view.hits, view.world_from_objects)
         normals = self.normals(view.hits, view.world_from_objects)
         normals = self._mapped(NORMAL, normals, view, self.sampler(view))
         ratios = self.glass.ratios(surfaces, is_front, channel)
@@ -310,12 +320,12 @@ class Shading:
         if light_coordinates is not None and len(static):
             seen = hits.take(static)
             front, back = np.split(self._interpolated(light_coordinates, seen), 2, axis=1)
-            light[static] = baked.light(np.where(self._is_front(seen)[:, None], front, back))
+            light[static] = baked.light(np.where(self.is_front(seen)[:, None], front, back))
         if len(others):
             light[others] = baked.probes.light(points_m[others], normals[others])
         return light
 
-    def _is_front(self, hits: RayHits, world_from_objects: Poses = ()) -> NDArray[np.bool_]:
+    def is_front(self, hits: RayHits, world_from_objects: Poses = ()) -> NDArray[np.bool_]:
         """Mask (n,) of hits on the front of triangles; without poses, of static ones."""
         a, b, c = np.moveaxis(self._geometry.corners_m(hits.triangles, world_from_objects), 1, 0)
         front: NDArray[np.bool_] = np.einsum("nc,nc->n", np.cross(b - a, c - a), hits.planes) > 0.0
@@ -347,14 +357,50 @@ class Shading:
         mapped, coat = (self._mapped(slot, normals, view, sampled) for slot in NORMAL_SCALES)
         directions = SurfaceDirections(mapped, coat, -view.rays.directions)
         reflectance = self.table.reflectance(surfaces, colors, sampled)
-        traced = None
+        traced = scattered = None
         if tracing is not None:
             reflectance = self._of_glass(reflectance, view, directions, tracing.paths.channel)
             traced = _traced(reflectance, directions, view, tracing)
+            if self.frosted.any():
+                scattered = self._scattered(reflectance, colors, view, directions, tracing)
+                body = reflectance.body * (1.0 - self.frosted[surfaces, None])
+                reflectance = reflectance._replace(body=body)
         light = reflected_light(
             reflectance, directions, self._lighting, lamps, surroundings, traced
         )
+        if scattered is not None:
+            light[scattered.indices] += scattered.light
         return light.astype(np.float32)
+
+    def _scattered(
+        self,
+        surface: Reflectance,
+        colors: NDArray[np.float32],
+        view: View,
+        directions: SurfaceDirections,
+        tracing: Tracing,
+    ) -> TracedGloss | None:
+        """Light that frosted panes among surfaces (n,) transmit; None: none."""
+        shares = self.frosted[self.surfaces(view.hits)]
+        indices = np.flatnonzero(shares > 0.0)
+        if len(indices) == 0:
+            return None
+        ior = self.panes.ior[self.surfaces(view.hits)[indices]]
+        passing = shares[indices] * (1.0 - pane_reflectance(np.ones(len(indices)), ior))
+        lobe = Lobe(
+            directions.normals[indices],
+            surface.roughness[indices],
+            passing[:, None] * colors[indices],
+            np.zeros(len(indices)),  # by Schlick's term, none at grazing incidence
+            (1.0 - coat_fresnel(surface.coat, directions))[indices],
+        )
+        some = view.take(indices)
+        arrivals = Arrivals(some.rays, some.hits, some.footprints)
+        found = traced_gloss(lobe, arrivals, tracing.take(indices), transmits=True)
+        if found is None:
+            return None
+        light = lobe.strength[found.indices, None] * found.light
+        return TracedGloss(indices[found.indices], light)
 
     def _of_glass(
         self, surface: Reflectance, view: View, directions: SurfaceDirections, channel: int | None
@@ -366,7 +412,7 @@ class Shading:
         if len(indices) == 0:
             return surface
         cosines = np.abs(np.einsum("nc,nc->n", directions.normals, directions.views))
-        is_front = self._is_front(view.hits.take(glass), view.world_from_objects)
+        is_front = self.is_front(view.hits.take(glass), view.world_from_objects)
         ratios = self.glass.ratios(surfaces[glass], is_front, channel)
         reflected = np.concatenate((
             pane_reflectance(cosines[panes], self.panes.ior[surfaces[panes]]),

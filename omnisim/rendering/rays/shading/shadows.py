@@ -1,4 +1,4 @@
-"""Ray-cast shadows: lamps visible from a surface point. The reference for the shadow maps."""
+"""Ray-cast shadows: light of lamps at a surface point. The reference for the shadow maps."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.rays.caster import RayHits, Rays
-from omnisim.rendering.rays.embree import NO_TRIANGLE
 from omnisim.scene.model import LAMP_NEAR_M, Light, LightKind
 
 # Offset of shadow rays from their surface: a constant, and a share of its distance.
 _START_M, _START_SHARE = 1e-4, 1e-5
 
-CastShadow = Callable[[Rays, NDArray[np.int32]], RayHits]
+# Function of rays (n,) from triangles (n,); it returns the shares (n, 1 or 3) of light that arrive.
+CastShadow = Callable[[Rays, NDArray[np.int32]], NDArray[np.float32]]
 
 
 class Shadows(NamedTuple):
@@ -23,7 +23,7 @@ class Shadows(NamedTuple):
 
     Attributes:
         hits: (n,) hits to shade.
-        cast: nearest hits of rays from triangles (n,), on either side of all surfaces.
+        cast: function that casts shadow rays.
     """
 
     hits: RayHits
@@ -32,14 +32,14 @@ class Shadows(NamedTuple):
     def share(
         self, light: Light, points_m: NDArray[np.float64], lit: NDArray[np.bool_]
     ) -> NDArray[np.float32]:
-        """Share (n,) of a light that reaches points (n, 3): 0 where a surface blocks it.
+        """Shares (n, 1 or 3) of a light that reach points (n, 3): 0 where a surface blocks it.
 
         Args:
             light: light that casts shadows.
             points_m: (n, 3) points of the hits, world.
             lit: (n,) mask of points that the light can reach if unblocked; others need no ray.
         """
-        share = lit.astype(np.float32)
+        share = lit.astype(np.float32)[:, None]
         indices = np.flatnonzero(lit)
         if not len(indices):
             return share
@@ -57,5 +57,7 @@ class Shadows(NamedTuple):
             directions /= np.maximum(lengths_m, 1e-9)[:, None]
             far_m = lengths_m - LAMP_NEAR_M
         rays = Rays(origins_m, directions, np.zeros(len(indices)), far_m)
-        share[indices] = self.cast(rays, hits.triangles).triangles == NO_TRIANGLE
+        passed = self.cast(rays, hits.triangles)
+        share = np.tile(share, passed.shape[1])
+        share[indices] = passed
         return share

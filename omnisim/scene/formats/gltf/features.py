@@ -231,7 +231,7 @@ FEATURES = (
     ),
     Feature(
         "KHR_materials_transmission", _APPLIED,
-        "of clear panes; of thick, clear glass with `--backend rays`; of frosted glass in bakes",
+        "of clear panes; of frosted panes and clear, thick glass with `--backend rays`",
     ),
     Feature(
         "transmissionTexture", _LEFT_OUT, "maps of transmission are not drawn: glass is opaque",
