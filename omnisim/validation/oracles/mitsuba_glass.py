@@ -12,7 +12,7 @@ from omnisim.validation.oracles.mitsuba_scene import rgb
 def glass_bsdf(material: Material) -> dict[str, Any]:
     """BSDF of a material that transmits light, with the same on both of its sides.
 
-    Frosted glass reflects like a pane, roughly, and scatters what it transmits by Lambert's law.
+    Mitsuba's lobe of transmission through thin frosted glass is narrower than that of glTF.
     """
     tint = rgb(tuple(material.transmission * one for one in material.base_color[:3]))
     if material.frosted_transmission:
@@ -21,7 +21,7 @@ def glass_bsdf(material: Material) -> dict[str, Any]:
             "base_color": tint,
             "roughness": material.roughness,
             "eta": material.ior,
-            "diff_trans": 2.0,  # all that is not reflected
+            "spec_trans": 1.0,
         }
     return {
         "type": "dielectric" if material.glass_transmission else "thindielectric",
