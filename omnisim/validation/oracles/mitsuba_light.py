@@ -1,7 +1,8 @@
 """Scenes lit by lamps, seen in a mirror, by Mitsuba 3.
 
 Surfaces are diffuse on both sides, or have glTF materials without maps, and may emit light to the
-front; lamps are Mitsuba's own.
+front; or they are panes, smooth metal, or frosted glass, which scatters by Lambert's law. Lamps are
+Mitsuba's own.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from omnisim.core.errors import SceneError
 from omnisim.core.poses import check_pose
 from omnisim.scene import Scene
 from omnisim.scene.model import Instance, Light, LightKind
-from omnisim.validation.oracles.mitsuba_materials import principled, sky
+from omnisim.validation.oracles.mitsuba_materials import principled, sky, specular_bsdf
 from omnisim.validation.oracles.mitsuba_scene import (
     VERTEX_COLOR,
     bitmap,
@@ -92,7 +93,8 @@ def lit_world(
 
     Args:
         scene: scene from `matte_on_both_sides`, optionally with emissive surfaces, or with
-            materials for `principled`; without ambient light, on black or under an environment map.
+            materials for `principled` or `specular_bsdf`; on black, under an environment map, or
+            with ambient light.
         viewpoint_m: (3,) origin of the coordinates, world.
         units_per_m: scale of the coordinates.
         depth: maximum number of segments of a path.
@@ -100,9 +102,12 @@ def lit_world(
     Raises:
         SceneError: a spot light, whose edge falls off differently, or a map of light.
     """
+    # "volpath" connects surfaces with lamps behind panes
+    has_panes = any(material.pane_transmission for material in scene.materials)
+    integrator = "volpath" if has_panes and not scene.lighting.is_matte else "path"
     content: dict[str, Any] = {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": depth},
+        "integrator": {"type": integrator, "max_depth": depth},
     }
     for number, light in enumerate(scene.lighting.lights):
         level = scene.lighting.exposure
@@ -111,6 +116,8 @@ def lit_world(
         content[f"surface {number}"] = _surface(scene, instance, viewpoint_m, units_per_m)
     if scene.lighting.environment is not None:
         content["sky"] = sky(scene.lighting.environment)
+    elif any(scene.lighting.ambient):
+        content["sky"] = {"type": "constant", "radiance": rgb(scene.lighting.ambient)}
     return content
 
 
@@ -151,7 +158,8 @@ def _surface(
         normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
     is_matte = scene.lighting.is_matte or dataclasses.replace(material, emissive=_DARK).is_matte
     nested = {"type": "diffuse", "reflectance": reflectance} if is_matte else principled(material)
-    bsdf = {"type": "twosided", "nested": nested}
+    special = None if is_matte else specular_bsdf(material)
+    bsdf = {"type": "twosided", "nested": nested} if special is None else special
     properties: dict[str, Any] = {"mesh_bsdf": mi.load_dict(bsdf), "face_normals": normals is None}
     if any(material.emissive) and not scene.lighting.is_matte:
         if material.emissive_map is not None:
