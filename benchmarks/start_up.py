@@ -24,7 +24,7 @@ from omnisim.validation.report.machine import ROOT
 CACHED, ANEW = "to an image and the end", "shaders compiled anew"
 
 # The installed command, run on this checkout.
-_COMMAND = "from omnisim.apps.cli.app import main; main()"
+_COMMAND = "from omnisim.apps.cli.start import main; main()"
 # Disable the shader caches of Mesa and NVIDIA on disk.
 _NO_CACHE = {"MESA_SHADER_CACHE_DISABLE": "true", "__GL_SHADER_DISK_CACHE": "0"}
 _NOW = "NOW"  # stands for the time at which the process is started

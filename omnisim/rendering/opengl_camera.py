@@ -118,6 +118,7 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
             seen_background(world.scene, setup.unlit),
             setup.hidden,
             mirrors=setup.sensor.mirrors,
+            reflection_probes=setup.sensor.reflection_probes,
         )
         self._hit_source: HitsT | None = None
 

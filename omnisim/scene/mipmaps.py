@@ -22,6 +22,7 @@ _LINEAR = np.rint(_MAX_LINEAR * linear_from_srgb(_SHADES)).astype(np.uint16)
 _SRGB = srgb8_from_linear(_LEVELS)
 _WIDE_ALPHA = np.rint(_MAX_LINEAR * _SHADES).astype(np.uint16)  # alpha is linear already
 _ALPHA = np.rint(255.0 * _LEVELS).astype(np.uint8)
+_ONES, _BITS = np.uint64(0x0001_0001_0001_0001), np.uint64(0x7FFF_7FFF_7FFF_7FFF)  # per channel
 _BLOCK = 1 << 16  # values per lookup: NumPy's temporary 64-bit indices then fit in a cache
 
 
@@ -61,13 +62,22 @@ def _halved(values: NDArray[np.uint16], axis: int) -> NDArray[np.uint16]:
     count = values.shape[axis]
     if count == 1:
         return values
+    if count % 2 == 0:
+        return _mean_of_pairs(values, axis)
     rows = np.moveaxis(values, axis, 0)
     half = count // 2
     first, second = rows[0 : 2 * half : 2], rows[1 : 2 * half : 2]
-    if count % 2 == 0:
-        mean = (first + second + np.uint16(1)) >> np.uint16(1)
-    else:
-        index = np.arange(half, dtype=np.uint32).reshape(-1, *(1,) * (rows.ndim - 1))
-        total = first * (half - index) + second * np.uint32(half) + rows[2::2] * (index + 1)
-        mean = ((total + count // 2) // count).astype(np.uint16)
-    return np.moveaxis(mean, 0, axis)
+    index = np.arange(half, dtype=np.uint32).reshape(-1, *(1,) * (rows.ndim - 1))
+    total = first * (half - index) + second * np.uint32(half) + rows[2::2] * (index + 1)
+    mean = ((total + count // 2) // count).astype(np.uint16)
+    return np.ascontiguousarray(np.moveaxis(mean, 0, axis))
+
+
+def _mean_of_pairs(values: NDArray[np.uint16], axis: int) -> NDArray[np.uint16]:
+    """Averages of two values along an axis of an even size, a texel of 64 bits at a time."""
+    texels = np.moveaxis(values.view(np.uint64), axis, 0)
+    mean = texels[0::2] + texels[1::2]  # of 15 bits each
+    mean += _ONES
+    mean >>= np.uint64(1)
+    mean &= _BITS  # without the lowest bit of the next channel
+    return np.ascontiguousarray(np.moveaxis(mean, 0, axis)).view(np.uint16)

@@ -143,9 +143,10 @@ class Scene:
 
     @property
     def _short_light(self) -> str:
-        if not is_even(self.lighting):
-            return counted(len(self.lighting.lights), "light")
-        return "even light" if self.lighting.baked is None else "baked light"
+        lights, is_baked = self.lighting.lights, self.lighting.baked is not None
+        if is_even(self.lighting) or (is_baked and not lights):
+            return "baked light" if is_baked else "even light"
+        return counted(len(lights), "light")
 
     @property
     def triangle_count(self) -> int:

@@ -89,6 +89,13 @@ CHECKS = (
         oracles=("mitsuba", "embreex"),
         is_quick=False,
     ),
+    Check(
+        "arcade",
+        "Glass, mirrors and metal in a scene, traced by another renderer",
+        "arcade.check",
+        oracles=("mitsuba", "embreex"),
+        is_quick=False,
+    ),
     Check("rays", "A ray caster", "ray_caster.check", oracles=("embreex",)),
     Check("quality", "Quality of the image, and shimmer", "image_quality.check"),
     Check("markers", "Markers through the whole pipeline", "calibration.check_markers"),

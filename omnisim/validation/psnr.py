@@ -38,3 +38,20 @@ def noise_floor_db(
     noise of both: twice the variance of one image, so their PSNR is 3 dB lower.
     """
     return psnr_db(first, second, mask) + 10.0 * math.log10(2.0)
+
+
+def converged_psnr_db(
+    image: NDArray[np.floating],
+    first: NDArray[np.floating],
+    second: NDArray[np.floating],
+    mask: NDArray[np.bool_],
+) -> float:
+    """PSNR to a converged image, estimated from two images with independent noise.
+
+    The mean product of the differences from both has the expectation of the squared error to the
+    converged image: the noise averages out. All images are linear RGB (height, width, 3), compared
+    as sRGB; only pixels in the mask (height, width) count.
+    """
+    level, one, other = (srgb_from_linear(values[mask]) for values in (image, first, second))
+    error = float(np.mean((level - one) * (level - other)))
+    return math.inf if error <= 0.0 else -10.0 * math.log10(error)

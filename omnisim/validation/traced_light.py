@@ -61,6 +61,7 @@ def traced_light(
     world_from_base: NDArray[np.float64],
     samples: int,
     bounces: bool = False,
+    seed: int = 0,
 ) -> NDArray[np.float32]:
     """Image (height, width, 3), linear RGB, of a vehicle's camera, by Mitsuba.
 
@@ -70,6 +71,7 @@ def traced_light(
         world_from_base: (4, 4) pose of the vehicle.
         samples: see `trace_lit_mirror` and `trace_lit_fisheye`.
         bounces: True: all light; False: only light from a lamp directly to the visible surface.
+        seed: equal seeds give equal images.
 
     Raises:
         OpticsError: the camera has another model.
@@ -82,10 +84,10 @@ def traced_light(
     model = sensor.model
     if isinstance(model, HyperbolicCamera):
         pose[:3, :3] = pose[:3, :3] @ frames.RIG_FROM_OPTICAL_LOOKING_UP
-        return trace_lit_mirror(scene, model, pose, samples, depth=depth)
+        return trace_lit_mirror(scene, model, pose, samples, seed, depth)
     if isinstance(model, EquidistantCamera):
         pose[:3, :3] = pose[:3, :3] @ frames.BASE_FROM_OPTICAL_LOOKING_AHEAD
-        return trace_lit_fisheye(scene, model, pose, samples, depth=depth)
+        return trace_lit_fisheye(scene, model, pose, samples, seed, depth)
     raise OpticsError(f"expected a mirror or a fisheye, got model {model.model_name!r}")
 
 

@@ -116,3 +116,15 @@ def draw_word(
                 half = thickness / 2
                 draw.ellipse((x - half, y - half, x + half, y + half), fill=tuple(fill))
         cursor += span * (width + _GAP)
+
+
+def word_strokes(word: str, height: float) -> list[list[Point]]:
+    """Centre lines of a word's strokes, x to the right and y up, its middle at the origin."""
+    widths = [_STROKES[letter][0] for letter in word]
+    cursor = -height * (sum(widths) + _GAP * (len(word) - 1)) / 2
+    strokes = []
+    for letter, width in zip(word, widths, strict=True):
+        for stroke in _STROKES[letter][1]:
+            strokes.append([(cursor + height * x, height * (y - 0.5)) for x, y in stroke])
+        cursor += height * (width + _GAP)
+    return strokes

@@ -1,4 +1,4 @@
-"""glTF materials from arrays: textured, masked, plain, see-through."""
+"""glTF materials from arrays: textured, masked, plain, metal, glass, see-through."""
 
 from __future__ import annotations
 
@@ -60,6 +60,32 @@ def plain(name: str, colour: Colour, roughness: float = 0.9) -> PBRMaterial:
         baseColorFactor=_bytes((*colour, 1.0)),
         metallicFactor=0.0,
         roughnessFactor=roughness,
+    )
+
+
+def metal(name: str, colour: Colour, roughness: float) -> PBRMaterial:
+    """Bare metal that reflects in one colour, linear RGB."""
+    return PBRMaterial(
+        name=name,
+        baseColorFactor=_bytes((*colour, 1.0)),
+        metallicFactor=1.0,
+        roughnessFactor=roughness,
+    )
+
+
+def glass(
+    name: str, colour: Colour = (1.0, 1.0, 1.0), roughness: float = 0.0, is_pane: bool = True
+) -> PBRMaterial:
+    """Glass that tints light in linear RGB at each surface; its extensions make it transparent.
+
+    A pane has two sides; a body of thick glass has a front, and an inside.
+    """
+    return PBRMaterial(
+        name=name,
+        baseColorFactor=_bytes((*colour, 1.0)),
+        metallicFactor=0.0,
+        roughnessFactor=roughness,
+        doubleSided=is_pane or None,
     )
 
 

@@ -39,7 +39,9 @@ class Stage:
             (KHR_materials_unlit).
         emissive: luminance of materials that are seen as lamps, times their colour
             (KHR_materials_emissive_strength).
-        is_matte: all others are without gloss (KHR_materials_specular).
+        is_matte: all others are without gloss (KHR_materials_specular), except the `glossy` ones.
+        glossy: names of materials that keep their gloss or metal.
+        extensions: further glTF extensions of materials, by the material's name.
         models, nodes: filled by `place`.
     """
 
@@ -48,6 +50,8 @@ class Stage:
     unlit: frozenset[str] = frozenset()
     emissive: Mapping[str, float] = field(default_factory=dict)
     is_matte: bool = False
+    glossy: frozenset[str] = frozenset()
+    extensions: Mapping[str, Mapping[str, dict]] = field(default_factory=dict)
     models: dict[str, Model] = field(default_factory=dict)
     nodes: dict[str, tuple[str, np.ndarray]] = field(default_factory=dict)
 
@@ -107,7 +111,9 @@ class Stage:
         """Extensions of a material, whose own keys follow them."""
         if material["name"] in self.unlit:
             return {UNLIT: {}}
-        found: dict[str, dict] = {SPECULAR: {"specularFactor": 0.0}} if self.is_matte else {}
+        is_matte = self.is_matte and material["name"] not in self.glossy
+        found: dict[str, dict] = {SPECULAR: {"specularFactor": 0.0}} if is_matte else {}
+        found |= self.extensions.get(material["name"], {})
         if material["name"] in self.emissive:
             shape = material["pbrMetallicRoughness"]
             material["emissiveFactor"] = shape["baseColorFactor"][:3]

@@ -7,6 +7,7 @@
 // With BAKED_LIGHT, the light of the surroundings is the baked light minus that of the lamps. The
 // reflection of an environment map is then scaled by the share of its light that reaches the
 // surface.
+// With REFLECTION_PROBE, gloss and coats reflect the probe of scene/reflection_probe.glsl.
 // With PLANAR_MIRRORS, smooth gloss and coats reflect the views of scene/planar_mirror.glsl.
 // Twin of omnisim/rendering/rays/shading/ray_reflectance.py. Includes scene/lighting.glsl.
 // Source: glTF 2.0, appendix B; KHR_materials_specular, KHR_materials_clearcoat; for baked light
@@ -14,7 +15,8 @@
 
 const float PI = 3.14159265358979;
 // omnisim/scene/surface_reflectance.py
-const float MIN_ROUGHNESS = 0.04, MAX_MIRRORED_ROUGHNESS = 0.3, COAT_F0 = 0.04;
+const float MIN_ROUGHNESS = 0.04, MAX_MIRRORED_ROUGHNESS = 0.3, MAX_PROBED_ROUGHNESS = 0.5;
+const float COAT_F0 = 0.04;
 const float MIN_COSINE = 1e-3;
 
 struct Reflectance {
@@ -93,6 +95,25 @@ vec3 surroundings(vec3 direction, float roughness, vec3 normal, vec3 light) {
 #endif
 }
 
+#ifdef REFLECTION_PROBE
+#include "scene/reflection_probe.glsl"
+
+vec3 reflected_surroundings(
+    vec3 position, vec3 direction, float roughness, float spread, vec3 normal, vec3 light) {
+    if (roughness > MAX_PROBED_ROUGHNESS) return surroundings(direction, roughness, normal, light);
+    return reflected_probe(position, direction, roughness, spread);
+}
+#else
+float reflected_spread(vec3 normal, vec3 view) {
+    return 0.0;
+}
+
+vec3 reflected_surroundings(
+    vec3 position, vec3 direction, float roughness, float spread, vec3 normal, vec3 light) {
+    return surroundings(direction, roughness, normal, light);
+}
+#endif
+
 // Light of the surroundings on a white surface; shape_normal: normal before normal mapping.
 vec3 light_of_surroundings(vec3 position, vec3 normal, vec3 shape_normal) {
 #ifdef BAKED_LIGHT
@@ -110,14 +131,16 @@ vec3 light_of_surroundings(vec3 position, vec3 normal, vec3 shape_normal) {
 vec3 reflected_environment(
     Reflectance surface, vec3 position, vec3 normal, vec3 coat_normal, vec3 view, float coat,
     vec3 light) {
+    float spread = reflected_spread(normal, view);
+    float coat_spread = reflected_spread(coat_normal, view);
     float cosine = clamp(abs(dot(normal, view)), MIN_COSINE, 1.0);
     vec3 shares = environment_shares(cosine, surface.roughness);
     float lost = largest(mix(surface.dielectric_f0, vec3(surface.dielectric_f90), shares.z));
     vec3 total = surface.body * (1.0 - lost) * light
         + (surface.f0 * shares.x + surface.f90 * shares.y)
-            * surroundings(
-                dominant_direction(normal, view, surface.roughness), surface.roughness,
-                normal, light);
+            * reflected_surroundings(
+                position, dominant_direction(normal, view, surface.roughness), surface.roughness,
+                spread, normal, light);
 #ifdef PLANAR_MIRRORS
     ivec2 at;
     uint mirror = mirror_at(position, at);
@@ -140,9 +163,9 @@ vec3 reflected_environment(
         vec2 coated = environment_shares(
             clamp(abs(dot(coat_normal, view)), MIN_COSINE, 1.0), surface.coat_roughness).xy;
         total += coat * (coated.x + coated.y)
-            * surroundings(
-                dominant_direction(coat_normal, view, surface.coat_roughness),
-                surface.coat_roughness, coat_normal, light);
+            * reflected_surroundings(
+                position, dominant_direction(coat_normal, view, surface.coat_roughness),
+                surface.coat_roughness, coat_spread, coat_normal, light);
     }
     return surface.occlusion * total;
 }

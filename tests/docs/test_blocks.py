@@ -19,13 +19,17 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted({ROOT / "README.md", *(ROOT / "docs").rglob("*.md")})
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 INCLUDE = re.compile(r"^```\{include\} (\S+)$", re.MULTILINE)
-# They take more than 20 s each. That their commands have such options is tested in test_commands.
+# They take more than 12 s each. That their commands have such options is tested in test_commands.
 LONG = {
     *(f"docs/how-to/{name}.md" for name in (
-        "any-optics", "calibrations", "data-sets", "drives", "evaluate", "light", "measure-camera",
-        "own-world", "rigs", "robots", "use-with",
+        "any-optics", "calibrations", "change-scene", "data-sets", "drives", "evaluate",
+        "ground-truth", "light", "live", "measure-camera", "measure-noise", "measure-sharpness",
+        "moving-objects", "own-world", "rays", "rigs", "robots", "troubleshooting", "unwarp",
+        "use-with",
     )),
-    *(f"docs/tutorials/{name}.md" for name in ("ball-bearing", "camera-twin", "self-localization")),
+    *(f"docs/tutorials/{name}.md" for name in (
+        "ball-bearing", "camera-twin", "labeled-drive", "own-lens", "self-localization",
+    )),
 }  # fmt: skip
 MAIN = (
     "import sys; sys.argv[0] = 'omnisim'; from omnisim.apps.cli.start import main; sys.exit(main())"

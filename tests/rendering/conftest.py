@@ -19,5 +19,6 @@ def _coarse(request):
 def untraced_reflections(monkeypatch):
     """Reflections of sky and lamps alone, in both back ends."""
     monkeypatch.setattr(reflections, "MAX_BOUNCES", 0)
-    finder = "omnisim.rendering.opengl.geometry.scene_buffers.find_mirrors"
-    monkeypatch.setattr(finder, lambda surfaces, is_mirror: ())
+    buffers = "omnisim.rendering.opengl.geometry.scene_buffers"
+    monkeypatch.setattr(f"{buffers}.find_mirrors", lambda surfaces, is_mirror: ())
+    monkeypatch.setattr(f"{buffers}.find_probes", lambda surfaces, planes, possible: ())

@@ -5,9 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim.rendering.unreflected import frosted_notes, reflection_notes, reflects_scene
+from omnisim.core.poses import pose
+from omnisim.rendering.unreflected import frosted_notes, reflection_notes
 from omnisim.scene.model import DynamicObject, Lighting, Material, Texture
 from omnisim.scene.motion.object_motion import Rest
+from omnisim.scene.reflection_probes import reflects_scene
 from omnisim.validation.material_chart import sphere
 from tests.scenes import scene_of, square
 from tests.vehicles import box
@@ -40,8 +42,12 @@ def test_smooth_metal_gloss_and_coats_reflect_the_scene(material, expected):
     scene = scene_of([sphere(1.0, 8)], [material])
     notes = reflection_notes(scene)
     assert len(notes) == expected
-    start = "reflections show the sky and lamps, not the scene (1 material)"
+    start = "curved and rough reflections are approximate (1 material; a chrome ball in a room: "
     assert all(note.startswith(start) for note in notes)
+    without = reflection_notes(scene, probes=0)
+    assert len(without) == expected
+    start = "reflections show the sky and lamps, not the scene (1 material)"
+    assert all(note.startswith(start) for note in without)
     assert not reflection_notes(scene_of([sphere(1.0, 8)], [material], None, MATTE))
 
 
@@ -55,12 +61,24 @@ def test_planar_mirrors_and_panes_are_drawn():
             "6 planar mirrors: the 4 largest in view show the scene (virtual_cameras.mirrors of a "
             "sensor file)"
         ]
-        for notes in (
-            reflection_notes(block, 0),
-            reflection_notes(scene_of([square(), sphere(1.0, 8)], [material])),
-        ):
-            assert len(notes) == 1
-            assert notes[0].startswith("reflections show the sky and lamps")
+        (note,) = reflection_notes(block, 0)
+        assert note.startswith("reflections show the sky and lamps")
+        (note,) = reflection_notes(scene_of([square(), sphere(1.0, 8)], [material]))
+        assert note.startswith("curved and rough reflections are approximate")
+
+
+def test_more_bodies_than_probes_are_noted():
+    balls = [sphere(1.0, 8)] * 3
+    places = [pose((3.0 * number, 0.0, 0.0)) for number in range(3)]
+    scene = scene_of(balls, [Material(metallic=1.0, roughness=0.0)], places)
+    approximate, unreflected, few = reflection_notes(scene, probes=2)
+    assert approximate.startswith("curved and rough reflections are approximate")
+    assert few == (
+        "3 curved or rough reflective bodies: the 2 most prominent show the scene "
+        "(virtual_cameras.reflection_probes of a sensor file)"
+    )
+    assert unreflected.startswith("reflections show the sky and lamps")
+    assert len(reflection_notes(scene)) == 1
 
 
 def test_frosted_glass_is_opaque():
@@ -79,7 +97,7 @@ def test_frosted_glass_is_opaque():
 def test_thick_glass_is_opaque():
     glass = Material(transmission=1.0, thickness_m=0.1, roughness=0.1, specular=1.0)
     reflections, note = reflection_notes(scene_of([sphere(1.0, 8)], [glass]))
-    assert reflections.startswith("reflections show the sky and lamps")
+    assert reflections.startswith("curved and rough reflections are approximate")
     assert note == "thick glass is opaque (1 material): --backend rays refracts"
     assert not reflection_notes(scene_of([sphere(1.0, 8)], [glass], None, MATTE))
 

@@ -77,7 +77,7 @@ def test_the_first_table_that_matches_a_name_has_it():
     assert labels.notices() == ("no label for 1 instances, such as 'kite': they are 'unlabeled'",)
 
 
-@pytest.mark.parametrize("name", ["courtyard", "mapping", "soccer"])
+@pytest.mark.parametrize("name", ["arcade", "courtyard", "mapping", "soccer"])
 def test_built_in_scenes_label_everything_and_every_label_is_used(name):
     labels = find_labels(load_scene(name))
     assert labels.source == "table"

@@ -47,7 +47,17 @@ def _missed(key, fixture):
         "markers",
         "polygons",
         "optics",
-        long=("baked", "shadows", "sharpness", "twin"),
+        long=(
+            "arcade",
+            "baked",
+            "noise",
+            "optics-calibration",
+            "optics-path-tracer",
+            "path-tracer",
+            "shadows",
+            "sharpness",
+            "twin",
+        ),
     ),
 )
 def test_every_bound_holds(key, fixture):

@@ -8,7 +8,13 @@ pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing
 
 from omnisim.rendering.rays.shading import reflections
 from omnisim.validation.checks import reflective_rooms
-from omnisim.validation.checks.reflections import MIN_DB, NOT_BY_CUBE, rendered, traced_paths
+from omnisim.validation.checks.reflections import (
+    MIN_DB,
+    NOT_BY_CUBE,
+    min_by_cube_db,
+    rendered,
+    traced_paths,
+)
 from omnisim.validation.psnr import psnr_db
 
 
@@ -17,14 +23,14 @@ from omnisim.validation.psnr import psnr_db
 def test_surfaces_reflect_as_mitsuba_s_paths(name, monkeypatch):
     """At 64 px, with 36 of Mitsuba's paths per pixel, whose noise is the larger.
 
-    Measured by cube: 40.0, 40.4, 36.7 and 42.3 dB.
+    Measured by cube: 40.0, 40.4, 36.7 and 42.3 dB; balls by probes: 32.5 and 37.0 dB.
     """
     scene = reflective_rooms.rooms()[name]
     traced = traced_paths(scene, 64, samples=36)
     everywhere = np.ones(traced.shape[:2], dtype=bool)
     assert psnr_db(rendered(scene, 64, 3), traced, everywhere) >= MIN_DB[name]
     if name not in NOT_BY_CUBE:
-        assert psnr_db(rendered(scene, 64, 3, "cube"), traced, everywhere) >= MIN_DB[name]
+        assert psnr_db(rendered(scene, 64, 3, "cube"), traced, everywhere) >= min_by_cube_db(name)
     monkeypatch.setattr(reflections, "MAX_BOUNCES", 0)  # the sky alone
     without = rendered(scene, 64, 1)
     assert psnr_db(without, traced, everywhere) < MIN_DB[name] - 5.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import inspect
 from collections.abc import Mapping
 from functools import cached_property
@@ -88,6 +89,9 @@ class Command(TyperCommand):
             if self._entry.extra is not None:
                 require_extra(self._entry.extra, f"omnisim {self._path}")
             run = _resolve(self._entry.run)
+            if not gc.isenabled():  # see omnisim/apps/cli/start.py
+                gc.freeze()  # what is imported stays: no collection need look at it
+                gc.enable()
             result = run() if request is None else run(make_request(request, values))
             if result is False:
                 raise typer.Exit(1)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,7 +35,7 @@ from omnisim.core.extras import require_extra
 from omnisim.core.poses import pose
 from omnisim.ground_truth.channels import CLASSES
 from omnisim.ground_truth.npy import ChannelFormat
-from omnisim.rendering.baking.even_light import emission_notes
+from omnisim.rendering.baking.emission_notes import emission_notes
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.omnicamera import ExposureOption, OmniCamera, Polygons
 from omnisim.rendering.shared_scene import BackendName
@@ -254,16 +254,22 @@ def load_requested_scene(world: SceneOptions, light: LightOptions | None = None)
     return scene
 
 
-def note_lighting(name: str, scene: Scene, backend: BackendName, mirrors: int) -> None:
+def note_lighting(
+    name: str, scene: Scene, backend: BackendName, sensors: Sequence[OmniCamera]
+) -> None:
     """Print notes on emission without baked light, and reflections that the back end leaves out.
 
     Args:
         name: scene as requested.
         scene: loaded scene.
         backend: back end.
-        mirrors: number of planar mirrors that virtual cameras show.
+        sensors: cameras of the images.
     """
-    reflections = reflection_notes(scene, mirrors) if backend == "cube" else []
+    reflections: list[str] = []
+    if backend == "cube":
+        mirrors = min(one.mirrors for one in sensors)
+        probes = min(one.reflection_probes for one in sensors)
+        reflections = reflection_notes(scene, mirrors, probes)
     for note in (*emission_notes(scene), *reflections, *frosted_notes(scene, backend == "rays")):
         print_note(f"{name}: {note}")
 

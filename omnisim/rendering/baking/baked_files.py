@@ -24,11 +24,11 @@ from omnisim.rendering.baking.atlas.bake_tiles import (
 from omnisim.rendering.baking.atlas.lightmap import lightmap
 from omnisim.rendering.baking.atlas.unwrapping import Unwrapping
 from omnisim.rendering.baking.bake import Bake
-from omnisim.rendering.baking.even_light import without_even_light
 from omnisim.rendering.baking.rounding import rounded_halves
 from omnisim.rendering.baking.settings import BakeSettings
 from omnisim.rendering.baking.targets import clear, is_finished
 from omnisim.scene.light.baked_fingerprint import baked_fingerprint
+from omnisim.scene.light.emissive_light import without_even_light
 from omnisim.scene.model import Scene
 
 VERSION = 1

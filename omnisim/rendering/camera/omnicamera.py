@@ -23,10 +23,12 @@ from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.quality import (
     DEFAULT_MIRRORS,
     DEFAULT_NEAR_M,
+    DEFAULT_PROBES,
     DEFAULT_QUALITY,
     MAX_DENSITY,
     MAX_IMAGE_PX,
     MAX_MIRRORS,
+    MAX_PROBES,
     MAX_SUPERSAMPLING,
     MIN_DENSITY,
     QUALITIES,
@@ -73,6 +75,8 @@ class OmniCamera:
         samples: samples per texel of the virtual cameras, against jagged edges.
         mirrors: maximum number of planar mirrors in view, and of panes, that reflect the scene in
             virtual cameras.
+        reflection_probes: maximum number of probes that curved and rough surfaces of the scene
+            reflect in virtual cameras.
         supersampling: samples per pixel side of the image, averaged in linear light.
         texels_per_pixel: texels of the virtual cameras per side of the image's finest pixels, if no
             size is given.
@@ -93,6 +97,7 @@ class OmniCamera:
     far_m: float = np.inf
     samples: int = 1
     mirrors: int = DEFAULT_MIRRORS
+    reflection_probes: int = DEFAULT_PROBES
     supersampling: int = QUALITIES[DEFAULT_QUALITY].supersampling
     texels_per_pixel: float = QUALITIES[DEFAULT_QUALITY].texels_per_pixel
     degradation: Degradation = field(default_factory=Degradation)
@@ -127,6 +132,10 @@ class OmniCamera:
             raise OpticsError(f"samples: expected 1, 2, 4 or 8, got {self.samples}")
         if self.mirrors not in range(MAX_MIRRORS + 1):
             raise OpticsError(f"mirrors: expected 0 to {MAX_MIRRORS}, got {self.mirrors}")
+        if self.reflection_probes not in range(MAX_PROBES + 1):
+            raise OpticsError(
+                f"reflection_probes: expected 0 to {MAX_PROBES}, got {self.reflection_probes}"
+            )
         if self.supersampling not in range(1, MAX_SUPERSAMPLING + 1):
             raise OpticsError(
                 f"supersampling: expected 1 to {MAX_SUPERSAMPLING}, got {self.supersampling}"
@@ -217,6 +226,7 @@ class OmniCamera:
             far_m=virtual.far_m,
             samples=virtual.samples,
             mirrors=virtual.mirrors,
+            reflection_probes=virtual.reflection_probes,
             supersampling=settings.quality.supersampling,
             texels_per_pixel=settings.quality.texels_per_pixel,
             degradation=settings.degradation,

@@ -38,6 +38,8 @@ QUALITIES: dict[str, CaptureQuality] = {
 DEFAULT_NEAR_M = 0.05  # of the virtual cameras
 # Numbers of planar mirrors that virtual cameras reflect the scene in, and of panes.
 DEFAULT_MIRRORS, MAX_MIRRORS = 4, 8
+# Numbers of reflection probes, which curved and rough surfaces reflect.
+DEFAULT_PROBES, MAX_PROBES = 8, 16
 DEFAULT_QUALITY: QualityName = "default"
 
 

@@ -40,10 +40,12 @@ from omnisim.rendering.camera.degradations.degradation_file import parse_degrada
 from omnisim.rendering.camera.quality import (
     DEFAULT_MIRRORS,
     DEFAULT_NEAR_M,
+    DEFAULT_PROBES,
     DEFAULT_QUALITY,
     MAX_DENSITY,
     MAX_IMAGE_PX,
     MAX_MIRRORS,
+    MAX_PROBES,
     MAX_SUPERSAMPLING,
     MIN_DENSITY,
     CaptureQuality,
@@ -157,6 +159,10 @@ class VirtualCamerasTable(Table):
     mirrors: Annotated[int, Field(strict=True, ge=0, le=MAX_MIRRORS)] = DEFAULT_MIRRORS
     """Maximum number of planar mirrors and glossy floors in view that reflect the scene, largest
     first, and of panes likewise; each costs another rendering. 0: they reflect sky and lamps."""
+    reflection_probes: Annotated[int, Field(strict=True, ge=0, le=MAX_PROBES)] = DEFAULT_PROBES
+    """Maximum number of reflection probes, by which curved and rough surfaces show the scene,
+    most prominent surfaces first; each costs a small rendering, and if objects move, another one
+    per image. 0: they reflect sky and lamps."""
 
     @model_validator(mode="after")
     def _near_before_far(self) -> VirtualCamerasTable:

@@ -11,7 +11,7 @@ from omnisim.cameras import HyperbolicCamera, NonCentralCamera
 from omnisim.core.files.toml_file import toml_text
 from omnisim.core.poses import roll_pitch_yaw_from_rotation
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.quality import DEFAULT_MIRRORS
+from omnisim.rendering.camera.quality import DEFAULT_MIRRORS, DEFAULT_PROBES
 
 
 def sensor_toml(sensor: OmniCamera) -> str:
@@ -45,6 +45,9 @@ def sensor_toml(sensor: OmniCamera) -> str:
                 "far_m": float(sensor.far_m),
                 "samples": sensor.samples,
                 "mirrors": None if sensor.mirrors == DEFAULT_MIRRORS else sensor.mirrors,
+                "reflection_probes": (
+                    None if sensor.reflection_probes == DEFAULT_PROBES else sensor.reflection_probes
+                ),
             },
             "camera": {**image, "supersampling": sensor.supersampling},
             "degradation": sensor.degradation.tables() or None,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from functools import cache, partial
 from typing import Any
 
@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 _COLOR = 0x1800  # GL_COLOR
 _LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
 _RENDERBUFFER, _DEPTH_COMPONENT32F = 0x8D41, 0x8CAC
-_TEXTURE_2D, _TEXTURE_2D_ARRAY = 0x0DE1, 0x8C1A
+_TEXTURE_2D, _TEXTURE_2D_ARRAY, _TEXTURE_CUBE_MAP_ARRAY = 0x0DE1, 0x8C1A, 0x9009
+_MIN_FILTER, _MAG_FILTER, _LINEAR, _LINEAR_MIPMAP_LINEAR = 0x2801, 0x2800, 0x2601, 0x2703
 _RGB, _RGBA, _HALF_FLOAT, _UNPACK_ALIGNMENT = 0x1907, 0x1908, 0x140B, 0x0CF5
 _HALF_FLOATS = {3: 0x881B, 4: 0x881A}  # internal formats by number of components
 _UNSIGNED_BYTE, _UNSIGNED_INT, _TRIANGLES = 0x1401, 0x1405, 4
@@ -86,6 +87,25 @@ def allocate_half_floats(size: tuple[int, ...], levels: int, components: int = 4
     allocate(kind, levels, _HALF_FLOATS[components], *size)
 
 
+def create_cube_array(size_px: int, levels: int, cubes: int) -> int:
+    """Create an array of cube maps of RGBA half floats, filtered linearly; return its name.
+
+    Args:
+        size_px: texels across a face.
+        levels: number of mip levels.
+        cubes: number of cube maps.
+    """
+    name = ctypes.c_uint()
+    create = gl_function("glCreateTextures", _ENUM, _INT, ctypes.c_void_p)
+    create(_TEXTURE_CUBE_MAP_ARRAY, 1, ctypes.addressof(name))
+    allocate = gl_function("glTextureStorage3D", _ENUM, _INT, _ENUM, _INT, _INT, _INT)
+    allocate(name.value, levels, _HALF_FLOATS[4], size_px, size_px, 6 * cubes)
+    set_parameter = gl_function("glTextureParameteri", _ENUM, _ENUM, _INT)
+    set_parameter(name.value, _MIN_FILTER, _LINEAR_MIPMAP_LINEAR)
+    set_parameter(name.value, _MAG_FILTER, _LINEAR)
+    return name.value
+
+
 def upload_half_floats(texture: int, level: int, pixels: NDArray[np.float16]) -> None:
     """Upload RGB (height, width, 3), contiguous, to a whole mip level of a 2D texture."""
     height, width, _ = pixels.shape
@@ -128,23 +148,30 @@ def delete_texture(name: int) -> None:
     gl_function("glDeleteTextures", _INT, ctypes.c_void_p)(1, ctypes.addressof(names))
 
 
-def copy_regions(source: int, target: int, rectangles_px: Iterable[Sequence[int]]) -> None:
-    """Copy rectangles of a 2D texture to the same place in another.
+def copy_region(
+    source: int,
+    target: int,
+    level: int,
+    first_px: tuple[int, int],
+    to_px: tuple[int, int],
+    size_px: tuple[int, int],
+) -> None:
+    """Copy a rectangle between two 2D textures.
 
     Args:
         source, target: texture names.
-        rectangles_px: left, top, width and height of each.
+        level: mip level of both.
+        first_px, to_px: left and top, in the source and in the target.
+        size_px: width and height.
     """
     copy = gl_function(
         "glCopyImageSubData",
         _ENUM, _ENUM, _INT, _INT, _INT, _INT,
         _ENUM, _ENUM, _INT, _INT, _INT, _INT, _INT, _INT, _INT,
     )  # fmt: skip
-    for left, top, width, height in rectangles_px:
-        copy(
-            source, _TEXTURE_2D, 0, left, top, 0,
-            target, _TEXTURE_2D, 0, left, top, 0, width, height, 1,
-        )  # fmt: skip
+    copy(
+        source, _TEXTURE_2D, level, *first_px, 0, target, _TEXTURE_2D, level, *to_px, 0, *size_px, 1
+    )
 
 
 class IndirectDraws:

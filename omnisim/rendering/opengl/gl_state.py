@@ -27,18 +27,20 @@ _MIRROR_CLIP_DISTANCE = 0x3004  # at a mirror, see shaders/scene/mirror_clip.gls
 _GREATER, _EQUAL, _ALWAYS, _BACK = 0x0204, 0x0202, 0x0207, 0x0405
 _CLOCKWISE, _COUNTERCLOCKWISE = 0x0900, 0x0901
 _SRC_ALPHA, _ONE_MINUS_SRC_ALPHA, _ZERO, _ONE = 0x0302, 0x0303, 0, 1
-_SRC1_COLOR = 0x88F9
+_SRC1_COLOR, _SEAMLESS_CUBES = 0x88F9, 0x884F
 _ENUM, _INT, _POINTER, _BOOLEAN = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_ubyte
 
 
 def set_constants() -> None:
-    """Set the state that all passes of a context share: reversed depth, winding, blend function.
+    """Set the state that all passes of a context share.
 
+    Reversed depth, winding, blend function, and filters across the edges of cube maps.
     Clip-space y points down the image, which reverses the winding.
     """
     gl_function("glDepthFunc", _ENUM)(_GREATER)
     gl_function("glFrontFace", _ENUM)(_CLOCKWISE)
     gl_function("glCullFace", _ENUM)(_BACK)
+    gl_function("glEnable", _ENUM)(_SEAMLESS_CUBES)
     blend = gl_function("glBlendFuncSeparate", _ENUM, _ENUM, _ENUM, _ENUM)
     blend(_SRC_ALPHA, _ONE_MINUS_SRC_ALPHA, _ZERO, _ONE)
 
@@ -177,12 +179,13 @@ class GlState:
         """Draw to rectangles of the bound target only.
 
         Yields:
-            Setter of the next rectangle: left, top, width and height.
+            Setter of the next rectangle: left, top, width and height; `within`: the rectangle of it
+            that is drawn to; None: all.
         """
 
-        def aim(*rectangle_px: int) -> None:
+        def aim(*rectangle_px: int, within: Sequence[int] | None = None) -> None:
             self._viewport(*rectangle_px)
-            self._scissor(*rectangle_px)
+            self._scissor(*(rectangle_px if within is None else within))
 
         try:
             self._set_scissor_test(True)

@@ -16,6 +16,7 @@ from omnisim.core.files.sources import recorded_sources, source_digest
 from omnisim.scene.files.extension import extend, with_moving_instances, with_objects
 from omnisim.scene.files.file_axes import FileAxes, axes_overrides
 from omnisim.scene.files.imported_scene import ImportedScene, place
+from omnisim.scene.files.material_changes import changes_light, with_materials
 from omnisim.scene.files.readers import check_format, read_file
 from omnisim.scene.files.scene_file import SceneFile
 from omnisim.scene.files.source import NO_SKY, SceneSource, resolve_source, shining_sun, sky_table
@@ -166,7 +167,7 @@ def _load_source(
     else:
         scene = _load_extended(str(source), files, options, outer)
 
-    scene = _lit(scene, files, folder)
+    scene = _lit(_with_materials(scene, files, options, outer), files, folder)
 
     def load_shape(path: Path, axis: str | None, animation: str | None) -> Scene:
         played = animation or NO_ANIMATION
@@ -275,6 +276,29 @@ def _load_extended(
         str(toml),
     )
     return extended.identified(base.given)
+
+
+def _with_materials(
+    scene: Scene, files: SceneSource, options: _Options, outer: tuple[Path, ...]
+) -> Scene:
+    """Scene with the materials of its settings.
+
+    If they change the light, the baked light of the base scene does not apply.
+    """
+    settings, toml, given = files.settings, files.toml, scene.given
+    assert toml is not None
+    assert given is not None
+    changed = with_materials(scene, settings.materials, toml)
+    if not changes_light(scene, changed):
+        return changed.identified(given)
+    if changed.lighting.baked is not None:
+        unbaked = _load_extended(scene.name, files, options._replace(takes_baked=False), outer)
+        assert unbaked.given is not None
+        changed, given = with_materials(unbaked, settings.materials, toml), unbaked.given
+        notice = f"{toml.name}: materials change the light: without the bake of the base scene"
+        changed = dataclasses.replace(changed, notices=(*changed.notices, notice))
+    light = source_digest(given.light, [one.model_dump(mode="json") for one in settings.materials])
+    return changed.identified(SourceDigests(light, light))
 
 
 def _load_mesh_file(

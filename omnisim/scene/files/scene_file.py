@@ -10,6 +10,7 @@ from pydantic import AfterValidator, Field, ValidationInfo, field_validator, mod
 
 from omnisim.core.errors import did_you_mean
 from omnisim.core.files.parameters import AboveZero, Flag, Level, Name, Number, Point, Signed, Table
+from omnisim.scene.files.material_keys import MaterialTable
 from omnisim.scene.light.light_tables import FogTable, LampTable, LightTable, SkyTable, SunTable
 
 Byte = Annotated[int, Field(ge=0, le=255, strict=True)]
@@ -235,6 +236,7 @@ class SceneFile(Table):
     sun: SunTable | None = None
     sky: SkyTable | None = None
     fog: FogTable | None = None
+    materials: tuple[MaterialTable, ...] = ()
     start: StartTable | None = None
     starts: Annotated[tuple[NamedStartTable, ...], _distinct("name")] = ()
     paths: Annotated[tuple[ScenePathTable, ...], _distinct("name")] = ()

@@ -21,6 +21,7 @@ from omnisim.core.files.parameters import Point, Positive, Table, parse_table
 from omnisim.core.files.sources import read_source
 from omnisim.scene.light.baked_fingerprint import baked_fingerprint, content_fingerprint
 from omnisim.scene.light.baked_light import FACTORS, MAX_HALF, BakedLight, Probes
+from omnisim.scene.light.emissive_light import without_even_light
 from omnisim.scene.model import Mesh, Scene
 from omnisim.scene.parts import LightRectangle
 
@@ -57,7 +58,9 @@ class _Contents(_OpenTable):
 def with_baked_light(scene: Scene, folder: Path) -> Scene:
     """Scene with the baked light of a folder; the scene must be loaded without baked light.
 
-    Its meshes are split at the seams of their unwrapping; triangles keep their order.
+    A scene without lamps and with bright emissive surfaces keeps no even light, which would show in
+    gloss: the bake has none. Meshes are split at the seams of their unwrapping; triangles keep
+    their order.
 
     Raises:
         SceneError: the light belongs to another scene, or a file is missing or damaged.
@@ -73,6 +76,7 @@ def with_baked_light(scene: Scene, folder: Path) -> Scene:
     rectangles = _rectangles(contents.rects, "rects", scene, folder / CONTENTS)
     backs = _rectangles(contents.back_rects, "back_rects", scene, folder / CONTENTS)
     baked = BakedLight(_read_irradiance(folder / IRRADIANCE), _read_probes(folder, contents.probes))
+    lighting = without_even_light(scene).lighting
     used = sorted({scene.instances[number].mesh for number in rectangles})
     return dataclasses.replace(
         scene,
@@ -85,7 +89,7 @@ def with_baked_light(scene: Scene, folder: Path) -> Scene:
             else one
             for number, one in enumerate(scene.instances)
         ),
-        lighting=dataclasses.replace(scene.lighting, baked=baked),
+        lighting=dataclasses.replace(lighting, baked=baked),
     )
 
 

@@ -40,8 +40,9 @@ def rooms() -> dict[str, Scene]:
         "floor of roughness 0.3": _room(
             dataclasses.replace(_FLOOR, roughness=0.3), _level(2.9, 2.4, -1.2)
         ),
-        "chrome ball": _room(_CHROME, _moved(sphere(0.7, 96), pose((1.2, 0.0, 0.0)))),
-        "thick glass ball": _room(_GLASS, _moved(sphere(0.7, 96), pose((1.2, 0.0, 0.0)))),
+        "chrome ball": _room(_CHROME, _ball()),
+        "ball of roughness 0.3": _room(dataclasses.replace(_CHROME, roughness=0.3), _ball()),
+        "thick glass ball": _room(_GLASS, _ball()),
         "thin pane": _room(_PANE, _panel(1.2, 0.9, (1.0, 0.3, -0.1), 55.0)),
     }
 
@@ -143,6 +144,10 @@ def _level(half_x_m: float, half_y_m: float, z_m: float) -> Mesh:
 def _plain(name: str, corners_m: NDArray[np.float64]) -> Mesh:
     triangles = np.array(((0, 1, 2), (0, 2, 3)), dtype=np.uint32)
     return Mesh(name, corners_m.astype(np.float32), triangles, 0)
+
+
+def _ball() -> Mesh:
+    return _moved(sphere(0.7, 96), pose((1.2, 0.0, 0.0)))
 
 
 def _moved(mesh: Mesh, by: NDArray[np.float64]) -> Mesh:

@@ -1,8 +1,7 @@
 """Scenes lit by lamps, seen in a mirror, by Mitsuba 3.
 
-Surfaces are diffuse on both sides, or have glTF materials without maps, and may emit light to the
-front; or they are panes, smooth metal, or frosted glass, which scatters by Lambert's law. Lamps are
-Mitsuba's own.
+Surfaces are diffuse on both sides, or have glTF materials whose only map is that of the base color,
+glass included. They may emit light to the front; lamps are Mitsuba's own.
 """
 
 from __future__ import annotations
@@ -19,12 +18,15 @@ from omnisim.cameras import HyperbolicCamera
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import check_pose
 from omnisim.scene import Scene
-from omnisim.scene.model import Instance, Light, LightKind
-from omnisim.validation.oracles.mitsuba_materials import principled, sky, specular_bsdf
+from omnisim.scene.model import Instance, Light, LightKind, Material
+from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
+from omnisim.validation.oracles.mitsuba_glass import absorbs, glass_bsdf, medium
+from omnisim.validation.oracles.mitsuba_materials import principled, sky
 from omnisim.validation.oracles.mitsuba_scene import (
     VERTEX_COLOR,
     bitmap,
     mesh_of,
+    metal,
     rgb,
     scalar_variant,
 )
@@ -93,8 +95,7 @@ def lit_world(
 
     Args:
         scene: scene from `matte_on_both_sides`, optionally with emissive surfaces, or with
-            materials for `principled` or `specular_bsdf`; on black, under an environment map, or
-            with ambient light.
+            materials for `principled` or of glass. Ambient light is a uniform sky.
         viewpoint_m: (3,) origin of the coordinates, world.
         units_per_m: scale of the coordinates.
         depth: maximum number of segments of a path.
@@ -102,18 +103,21 @@ def lit_world(
     Raises:
         SceneError: a spot light, whose edge falls off differently, or a map of light.
     """
-    # "volpath" connects surfaces with lamps behind panes
-    has_panes = any(material.pane_transmission for material in scene.materials)
-    integrator = "volpath" if has_panes and not scene.lighting.is_matte else "path"
+    lamps = scene.lighting.lights
+    # "volpath" absorbs in glass, and connects surfaces with lamps behind panes
+    has_volumes = not scene.lighting.is_matte and any(
+        absorbs(one) or (lamps and one.pane_transmission) for one in scene.materials
+    )
     content: dict[str, Any] = {
         "type": "scene",
-        "integrator": {"type": integrator, "max_depth": depth},
+        "integrator": {"type": "volpath" if has_volumes else "path", "max_depth": depth},
     }
-    for number, light in enumerate(scene.lighting.lights):
+    for number, light in enumerate(lamps):
         level = scene.lighting.exposure
         content[f"lamp {number}"] = _lamp(light, level, viewpoint_m, units_per_m)
+    bsdfs: dict[tuple[int, str], mi.BSDF] = {}  # of all instances of a material
     for number, instance in enumerate(scene.instances):
-        content[f"surface {number}"] = _surface(scene, instance, viewpoint_m, units_per_m)
+        content[f"surface {number}"] = _surface(scene, instance, viewpoint_m, units_per_m, bsdfs)
     if scene.lighting.environment is not None:
         content["sky"] = sky(scene.lighting.environment)
     elif any(scene.lighting.ambient):
@@ -137,30 +141,35 @@ def _lamp(
 
 
 def _surface(
-    scene: Scene, instance: Instance, viewpoint_m: NDArray[np.float64], units_per_m: float
+    scene: Scene,
+    instance: Instance,
+    viewpoint_m: NDArray[np.float64],
+    units_per_m: float,
+    bsdfs: dict[tuple[int, str], mi.BSDF],
 ) -> mi.Mesh:
+    """Mesh of an instance; adds the BSDF of its material to `bsdfs` if it is not there."""
     mesh = scene.meshes[instance.mesh]
     material = scene.materials[mesh.material]
     linear = instance.world_from_mesh[:3, :3]
     positions_m = mesh.positions @ linear.T + (instance.world_from_mesh[:3, 3] - viewpoint_m)
     triangles, normals = mesh.triangles.astype(np.int64), None
     coordinates = colors = None
-    texture = material.texture
-    if texture is not None and mesh.texture_coordinates is not None:
-        coordinates, reflectance = mesh.texture_coordinates, bitmap(texture, material.base_color)
+    kind = "plain"
+    if material.texture is not None and mesh.texture_coordinates is not None:
+        coordinates, kind = mesh.texture_coordinates, "textured"
     elif mesh.colors is not None:
         colors = mesh.colors[:, :3] * np.array(material.base_color[:3], dtype=np.float32)
-        reflectance = {"type": "mesh_attribute", "name": VERTEX_COLOR}
-    else:
-        reflectance = rgb(material.base_color[:3])
+        kind = "colored"
     if mesh.normals is not None:
         normals = mesh.normals @ np.linalg.inv(linear)
         normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
     is_matte = scene.lighting.is_matte or dataclasses.replace(material, emissive=_DARK).is_matte
-    nested = {"type": "diffuse", "reflectance": reflectance} if is_matte else principled(material)
-    special = None if is_matte else specular_bsdf(material)
-    bsdf = {"type": "twosided", "nested": nested} if special is None else special
-    properties: dict[str, Any] = {"mesh_bsdf": mi.load_dict(bsdf), "face_normals": normals is None}
+    key = id(material), kind
+    if key not in bsdfs:
+        bsdfs[key] = mi.load_dict(_bsdf(material, kind, is_matte))
+    properties: dict[str, Any] = {"mesh_bsdf": bsdfs[key], "face_normals": normals is None}
+    if not is_matte and absorbs(material):
+        properties["interior"] = mi.load_dict(medium(material, units_per_m))
     if any(material.emissive) and not scene.lighting.is_matte:
         if material.emissive_map is not None:
             raise SceneError(f"material {material.name!r}: emissive_map: expected none for Mitsuba")
@@ -174,3 +183,22 @@ def _surface(
         coordinates=coordinates,
         colors=colors,
     )
+
+
+def _bsdf(material: Material, kind: str, is_matte: bool) -> dict[str, Any]:
+    """BSDF of a material; its kind says whether a texture or vertex colors are its base color."""
+    if not is_matte and material.transmission > 0.0:
+        return glass_bsdf(material)
+    reflectance = rgb(material.base_color[:3])
+    if kind == "textured":
+        assert material.texture is not None
+        reflectance = bitmap(material.texture, material.base_color)
+    elif kind == "colored":
+        reflectance = {"type": "mesh_attribute", "name": VERTEX_COLOR}
+    if is_matte:
+        nested = {"type": "diffuse", "reflectance": reflectance}
+    elif material.metallic == 1.0 and material.roughness <= MIN_ROUGHNESS:
+        nested = metal(1.0) | {"specular_reflectance": reflectance}
+    else:
+        nested = principled(material) | {"base_color": reflectance}
+    return {"type": "twosided", "nested": nested}

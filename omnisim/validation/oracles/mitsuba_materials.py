@@ -23,8 +23,6 @@ from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import Light, Lighting, Material
 from omnisim.validation.oracles.mitsuba_scene import film, rgb, scalar_variant
 
-_ANGLES = 64  # at which the reflectance of frosted glass is averaged
-
 
 def trace_sphere(
     material: Material,
@@ -93,41 +91,6 @@ def principled(material: Material) -> dict[str, Any]:
         "roughness": material.roughness,
         "eta": material.ior,
     }
-
-
-def specular_bsdf(material: Material) -> dict[str, Any] | None:
-    """Mitsuba's BSDF of a pane, of smooth metal, or of frosted glass; None: another material.
-
-    Mitsuba has no frosted panes: here they reflect the mean of Mitsuba's reflectance of both
-    interfaces by Lambert's law, and transmit the rest so.
-    """
-    if material.pane_transmission > 0.0:
-        return {
-            "type": "thindielectric",
-            "int_ior": material.ior,
-            "ext_ior": 1.0,
-            "specular_transmittance": rgb(material.base_color[:3]),
-        }
-    if material.frosted_transmission > 0.0:
-        squares = (np.arange(_ANGLES) + 0.5) / _ANGLES
-        fresnel: Any = mi.fresnel  # of numbers, in this variant
-        once = np.array([fresnel(float(np.sqrt(one)), material.ior)[0] for one in squares])
-        reflected = float(np.mean(2.0 * once / (1.0 + once)))
-        return {
-            "type": "principledthin",
-            "base_color": rgb((1.0, 1.0, 1.0)),
-            "diff_trans": 2.0 * (1.0 - reflected),
-            "spec_trans": 0.0,
-            "roughness": 0.5,
-        }
-    if material.metallic == 1.0 and material.roughness == 0.0:
-        smooth = {
-            "type": "conductor",
-            "material": "none",
-            "specular_reflectance": rgb(material.base_color[:3]),
-        }
-        return {"type": "twosided", "nested": smooth}
-    return None
 
 
 def sky(environment: Environment) -> dict[str, Any]:

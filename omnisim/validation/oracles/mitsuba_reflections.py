@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from omnisim.cameras import PerspectiveCamera
 from omnisim.scene import Scene
 from omnisim.scene.model import Instance, Material
+from omnisim.validation.oracles.mitsuba_glass import absorbs, glass_bsdf, medium
 from omnisim.validation.oracles.mitsuba_materials import principled
 from omnisim.validation.oracles.mitsuba_scene import (
     film,
@@ -44,11 +45,11 @@ def trace_reflections(
         samples: samples per pixel; a square number.
         seed: equal seeds give equal images.
     """
-    absorbs = any(_absorbs(material) for material in scene.materials)
+    is_absorbing = any(map(absorbs, scene.materials))
     with scalar_variant():
         content: dict[str, Any] = {
             "type": "scene",
-            "integrator": {"type": "volpath" if absorbs else "path", "max_depth": DEPTH},
+            "integrator": {"type": "volpath" if is_absorbing else "path", "max_depth": DEPTH},
             "sensor": _sensor(camera, world_from_base, samples),
         }
         for number, instance in enumerate(scene.instances):
@@ -92,8 +93,8 @@ def _surfaces(scene: Scene, instance: Instance) -> list[mi.Mesh]:
     properties = {
         "mesh_bsdf": mi.load_dict(_bsdf(material)), "face_normals": mesh.normals is None,
     }  # fmt: skip
-    if _absorbs(material):
-        properties["interior"] = mi.load_dict(_medium(material))
+    if absorbs(material):
+        properties["interior"] = mi.load_dict(medium(material))
     normals = None if mesh.normals is None else mesh.normals @ linear.T
     return [mesh_of(positions, triangles, properties, normals=normals)]
 
@@ -125,36 +126,8 @@ def _shining(
 def _bsdf(material: Material) -> dict[str, Any]:
     """BSDF of glass, of a smooth metal, or of a rough metal with GGX facets."""
     if material.transmission > 0.0:
-        return {
-            "type": "dielectric" if material.glass_transmission else "thindielectric",
-            "int_ior": material.ior,
-            "ext_ior": 1.0,
-            "specular_transmittance": rgb(material.base_color[:3]),
-        }
+        return glass_bsdf(material)
     if material.roughness > 0.0:
         return {"type": "twosided", "nested": principled(material)}
     smooth = metal(1.0) | {"specular_reflectance": rgb(material.base_color[:3])}
     return {"type": "twosided", "nested": smooth}
-
-
-def _medium(material: Material) -> dict[str, Any]:
-    """Medium that absorbs light and scatters none."""
-    absorption = _absorption(material)
-    most = max(absorption)  # colors are at most 1
-    return {
-        "type": "homogeneous",
-        "albedo": 0.0,
-        "scale": most,
-        "sigma_t": rgb(tuple(one / most for one in absorption)),
-    }
-
-
-def _absorbs(material: Material) -> bool:
-    return material.glass_transmission > 0.0 and max(_absorption(material)) > 0.0
-
-
-def _absorption(material: Material) -> tuple[float, ...]:
-    """Absorption per meter, linear RGB, that leaves the attenuation color after its distance."""
-    return tuple(
-        -math.log(one) / material.attenuation_distance_m for one in material.attenuation_color
-    )

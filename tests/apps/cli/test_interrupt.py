@@ -100,8 +100,8 @@ def test_nothing_is_imported_before_it_is_handled():
 
 @pytest.mark.slow
 def test_at_any_moment(tmp_path):
-    for step in range(60):
-        check_interrupt(tmp_path, 0.02 * (step + 1))
+    for step in range(20):
+        check_interrupt(tmp_path, 0.06 * step + 0.03)
 
 
 # As an extension does that imports an optional module: what escapes is taken for its absence.

@@ -5,8 +5,9 @@ import dataclasses
 import pytest
 
 from omnisim import load_scene
-from omnisim.rendering.baking.even_light import emission_notes, without_even_light
+from omnisim.rendering.baking.emission_notes import emission_notes
 from omnisim.scene.light.baked_fingerprint import baked_fingerprint
+from omnisim.scene.light.emissive_light import without_even_light
 from omnisim.scene.light.lighting import DEFAULT_LIGHTING
 from omnisim.scene.model import Lighting, Material
 from tests.scenes import scene_of, square
@@ -52,6 +53,14 @@ def test_lamps_and_ambient_light_of_a_file_stay():
     lighting = Lighting((0.5, 0.5, 0.5), ())
     scene = scene_of([square()], [Material(emissive=(9.0, 9.0, 9.0))], lighting=lighting)
     assert without_even_light(scene) is scene
+
+
+def test_gloss_in_baked_light_of_bright_surfaces_reflects_no_even_light():
+    scene = load_scene("soccer")
+    assert scene.lighting.baked is not None
+    assert scene.lighting.lights == ()
+    assert "baked light" in repr(scene)
+    assert len(load_scene("soccer", baked="none").lighting.lights) == 2
 
 
 def test_bright_surfaces_that_light_nothing_are_noted():

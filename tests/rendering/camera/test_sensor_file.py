@@ -4,7 +4,7 @@ import tomllib
 import numpy as np
 import pytest
 
-from omnisim.core.errors import SensorFileError
+from omnisim.core.errors import OpticsError, SensorFileError
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
 from omnisim.rendering.camera.sensor_toml import sensor_toml
@@ -54,12 +54,28 @@ def test_every_group_is_read(tmp_path):
     np.testing.assert_allclose(sensor.base_from_rig[:3, 0], (0.0, 1.0, 0.0), atol=1e-15)
 
 
-@pytest.mark.parametrize("mirrors", [0, 4, 8])
-def test_the_number_of_mirrors_is_written_unless_it_is_the_default(mirrors):
-    sensor = OmniCamera(mirrors=mirrors)
-    text = sensor_toml(sensor)
-    assert ("mirrors" in text) == (mirrors != 4)
-    assert OmniCamera.from_table(tomllib.loads(text)).mirrors == mirrors
+@pytest.mark.parametrize(
+    ("key", "number", "is_written"),
+    [
+        ("mirrors", 0, True),
+        ("mirrors", 4, False),
+        ("mirrors", 8, True),
+        ("reflection_probes", 0, True),
+        ("reflection_probes", 8, False),
+        ("reflection_probes", 16, True),
+    ],
+)
+def test_numbers_of_mirrors_and_probes_are_written_unless_they_are_the_defaults(
+    key, number, is_written
+):
+    text = sensor_toml(OmniCamera(**{key: number}))
+    assert (key in text) == is_written
+    assert getattr(OmniCamera.from_table(tomllib.loads(text)), key) == number
+
+
+def test_a_number_of_probes_beyond_the_limits_is_refused():
+    with pytest.raises(OpticsError, match="reflection_probes: expected 0 to 16, got 17"):
+        OmniCamera(reflection_probes=17)
 
 
 def test_base_pose_puts_the_viewpoint_at_the_point():
@@ -126,6 +142,10 @@ def test_resizing_keeps_the_view():
         ("[virtual_cameras]\nfar_m = 0.01", r"far_m: expected more than near_m = 0\.05, got 0\.01"),
         ("[virtual_cameras]\nsamples = 3", "samples: expected 1, 2, 4 or 8.*, got 3"),
         ("[virtual_cameras]\nmirrors = 9", "mirrors: expected a number ≤ 8.*, got 9"),
+        (
+            "[virtual_cameras]\nreflection_probes = -1",
+            "reflection_probes: expected a number ≥ 0.*, got -1",
+        ),
         ("[camera]\nwidth_px = 0", r"camera\.width_px: expected a number ≥ 1.*, got 0"),
         (
             "[camera]\nheight_px = 1e9",
@@ -170,8 +190,6 @@ def test_missing_and_binary_files(tmp_path):
 
 
 def test_polygon_count_is_checked_in_the_library_too():
-    from omnisim.core.errors import OpticsError
-
     with pytest.raises(OpticsError, match="nearest"):
         OmniCamera(polygons=1009)
     assert math.isinf(OmniCamera().far_m)

@@ -56,8 +56,8 @@ def drive_of(request: DriveRequest | RenderRequest, vehicle: Vehicle, route: Rou
     channels = () if truth.also is None else parse_channels(truth.also)
     scene, backend = load_labeled_scene(world, light, truth, channels), checked_backend(request.gpu)
     if vehicle.cameras and not light.unlit:
-        mirrors = min(one.sensor.mirrors for one in vehicle.cameras)
-        note_lighting(world.scene, scene, backend, mirrors)
+        sensors = [one.sensor for one in vehicle.cameras]
+        note_lighting(world.scene, scene, backend, sensors)
     return Drive(
         scene,
         as_requested(vehicle, request.image),

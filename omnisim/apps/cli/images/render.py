@@ -92,7 +92,7 @@ def run(request: RenderRequest) -> None:
     ) as renderer:
         _note_near_plane(request.world.scene, scene, camera, renderer.camera, base)
         if not request.light.unlit:
-            note_lighting(request.world.scene, scene, backend, camera.mirrors)
+            note_lighting(request.world.scene, scene, backend, [camera])
         states = {
             other: WorldState(
                 {renderer.vehicle: other_viewpoint.base_of(camera)},

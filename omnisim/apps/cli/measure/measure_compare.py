@@ -125,7 +125,7 @@ def _compare_scene(request: MeasureCompareRequest, sensor: OmniCamera) -> Compar
     scene = read_scene(request.scene)
     for note in (*notes, *scene.notices):
         print_note(note)
-    note_lighting(request.scene, scene, "cube", sensor.mirrors)
+    note_lighting(request.scene, scene, "cube", [sensor])
     shutter = sensor.degradation.shutter
     if shutter is not None and shutter.duration_s:
         print_note("the twin is at rest in each image: no motion blur, no rolling shutter")

@@ -193,6 +193,12 @@ def whole_faces(plan: TilePlan) -> TilePlan:
     return _pack(tiles, 0, 0.0)
 
 
+def cube_plan(face_size_px: int) -> TilePlan:
+    """Plan with all six faces whole, without mip levels."""
+    faces = range(len(FACE_NAMES))
+    return _pack([_tile(face, face_size_px, WHOLE_FACE, WHOLE_FACE, 1) for face in faces], 0, 0.0)
+
+
 def _plan(
     regions: list[tuple[int, RegionDensity]],
     texels_per_pixel: float,

@@ -13,9 +13,9 @@ from omnisim.rendering.opengl.culling.spatial_clustering import spatial_clusters
 # has to be tested, and in a large scene most are invisible.
 MAX_TRIANGLES, MIN_TRIANGLES, TRIANGLE_SPLIT_FACTOR = 64, 4, 8.0
 LARGE_SCENE, MIN_TRIANGLES_IN_LARGE = 200_000, 24
-# Each instance has its own copy in clusters: an instance with more triangles than this is drawn
-# separately, as are instances that are too far away.
-MAX_SCENE_TRIANGLES = 8_000_000
+# Each instance has its own triangles in clusters. Beyond this number of copies' triangles, further
+# instances of a mesh are drawn one by one, as are instances that are too far away.
+MAX_COPIED_TRIANGLES = 8_000_000
 # Clusters per group. None is tested if its group is culled; the visible ones are the bits of a
 # word.
 MAX_CHILDREN, MIN_CHILDREN, GROUP_SPLIT_FACTOR = 32, 8, 8.0

@@ -25,6 +25,7 @@ from omnisim.rendering.opengl.memory import gpu_allocation
 
 if TYPE_CHECKING:
     from omnisim.rendering.opengl.drawing.mirror_pass import MirrorPass
+    from omnisim.rendering.opengl.drawing.probe_pass import ProbePass
 
 _LAYER_TEXEL_BYTES = 12  # color and depth
 
@@ -90,6 +91,7 @@ class CubePass:
 
     def refresh(self) -> None:
         """Update after the buffers changed."""
+        self._probes = self._make_probes()
         self._mirrors = self._make_mirrors()
         self._view = SceneView(
             self._buffers,
@@ -100,6 +102,7 @@ class CubePass:
             self._samples,
             self._sky,
             self._mirrors,
+            probes=self._probes,
         )
         self._layers: CubeLayers | None = None
 
@@ -107,6 +110,15 @@ class CubePass:
     def tiles(self) -> TileRenderer:
         """Renderer of the tiles."""
         return self._view.tiles
+
+    def _make_probes(self) -> ProbePass | None:
+        """Pass of the reflection probes; None: no surface has one, or base colors are shown."""
+        places = self._buffers.probe_places[: self._cameras.reflection_probes]
+        if self._cameras.unlit or not places:
+            return None
+        from omnisim.rendering.opengl.drawing.probe_pass import shared_probes  # few scenes need it
+
+        return shared_probes(self._buffers, self._programs, places, self._background)
 
     def _make_mirrors(self) -> list[MirrorPass]:
         """Passes of the views in mirrors and in panes; none if base colors are shown."""
@@ -120,7 +132,14 @@ class CubePass:
 
         return [
             MirrorPass(
-                buffers, mirrors, of_panes, self._programs, self.plan, self._cameras, self._sky
+                buffers,
+                mirrors,
+                of_panes,
+                self._programs,
+                self.plan,
+                self._cameras,
+                self._sky,
+                self._probes,
             )
             for mirrors, of_panes in planes
             if mirrors
@@ -203,6 +222,11 @@ class CubePass:
     ) -> None:
         context, target = self._context, self._target
         self._buffers.deform(world_from_objects)
+        if self._probes is not None:
+            self._probes.render(
+                self._seen_in_probes(self._probes, world_from_rig, world_from_objects),
+                world_from_objects,
+            )
         if self._programs.shadows is not None and not self._cameras.unlit:
             self._programs.shadows.prepare(world_from_rig[:3, 3], world_from_objects)
         self._programs.bind_tables()
@@ -213,6 +237,22 @@ class CubePass:
         if self._is_multisampled:
             end_pass(context)
             context.copy_framebuffer(self._resolved, target)
+
+    def _seen_in_probes(
+        self,
+        probes: ProbePass,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> frozenset[int]:
+        """Indices of items with a probe that are in view, or may be so in a mirror."""
+        if self._mirrors:
+            return probes.items
+        is_shown = self._buffers.shown(self._cameras.hidden)
+        items = np.array([one for one in probes.items if is_shown[one]], dtype=np.intp)
+        transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
+        views = self.tiles.views.at(world_from_rig)
+        seen = [self.tiles.cull_items(view, transforms, items) for view in views]
+        return frozenset(items[np.any(seen, axis=0)].tolist())
 
     def read_depth(self) -> NDArray[np.float32]:
         """Depth (height, width) of the last rendered atlas, without blended surfaces.

@@ -20,7 +20,7 @@ from omnisim.rendering.opengl.atlas.tile_views import TileView
 from omnisim.rendering.opengl.drawing.mirror_owner_program import MirrorOwnerProgram
 from omnisim.rendering.opengl.drawing.reversed_depth import CLEAR_DEPTH, depth_texture
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
-from omnisim.rendering.opengl.drawing.scene_view import SceneView
+from omnisim.rendering.opengl.drawing.scene_view import Probes, SceneView
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
 from omnisim.rendering.opengl.drawing.surface_program import (
     MIRROR_UNITS,
@@ -51,6 +51,7 @@ class MirrorPass:
         plan: tiles of the camera's atlas.
         cameras: virtual cameras.
         sky: pass of the visible sky; None: no sky.
+        probes: reflection probes; None: no surface has one.
 
     Attributes:
         items: indices of the items that show the views.
@@ -69,6 +70,7 @@ class MirrorPass:
         plan: TilePlan,
         cameras: VirtualCameras,
         sky: SkyPass | None,
+        probes: Probes | None = None,
     ):
         context = buffers.context
         self._buffers, self._mirrors, self._state = buffers, mirrors, GlState()
@@ -92,7 +94,9 @@ class MirrorPass:
         self._depth_target = context.framebuffer(depth_attachment=depth)
         # a mirror shows the vehicle's own body, too
         seen = replace(cameras, hidden=frozenset(), samples=1)
-        self._view = SceneView(buffers, programs, plan, seen, depth, 1, sky, is_mirrored=True)
+        self._view = SceneView(
+            buffers, programs, plan, seen, depth, 1, sky, is_mirrored=True, probes=probes
+        )
         shown = np.flatnonzero(buffers.shown_one_by_one(cameras.hidden)).tolist()
         self.items = frozenset(index for one in mirrors for index in one.parts) & frozenset(shown)
         self.of_panes = of_panes

@@ -25,7 +25,11 @@ from omnisim.rendering.opengl.drawing.surface_program import (
     variant_of_blended,
     variant_of_bucket,
 )
-from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer, VirtualCameras
+from omnisim.rendering.opengl.drawing.tile_renderer import (
+    SceneParts,
+    TileRenderer,
+    VirtualCameras,
+)
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
@@ -51,6 +55,22 @@ class MirroredViews(Protocol):
         """Bind the views for the next draw calls."""
 
 
+class Probes(Protocol):
+    """Rendered reflection probes."""
+
+    @property
+    def items(self) -> frozenset[int]:
+        """Indices of the items that reflect a probe."""
+
+    def connect(
+        self,
+        programs: Collection[SurfaceProgram],
+        viewpoint_m: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Set the probes of items, relative to a viewpoint (3,), in the programs, and bind them."""
+
+
 class SceneView:
     """Drawers of a scene for the tiles of an atlas; of no use once the buffers have changed.
 
@@ -64,6 +84,7 @@ class SceneView:
         sky: pass of the visible sky; None: no sky.
         mirrors: views in mirrors, and in panes.
         is_mirrored: draw from mirrored rigs, clipped at the mirror.
+        probes: reflection probes; None: all surfaces without mirrors reflect sky and lamps.
 
     Attributes:
         tiles: renderer of the tiles.
@@ -82,6 +103,7 @@ class SceneView:
         sky: SkyPass | None,
         mirrors: Sequence[MirroredViews] = (),
         is_mirrored: bool = False,
+        probes: Probes | None = None,
     ):
         self._buffers, self._cameras, self._surface_programs = buffers, cameras, programs
         self._sky, self._state, self._is_mirrored = sky, GlState(), is_mirrored
@@ -90,10 +112,12 @@ class SceneView:
         blended = np.array([item.is_blended for item in items], dtype=np.bool_)
         if cameras.unlit:  # panes are opaque
             blended = np.array([item.material.is_blended for item in items], dtype=np.bool_)
-        self.blended = np.flatnonzero(shown & blended)
+        self.blended = self._all_blended = np.flatnonzero(shown & blended)
         opaque = np.flatnonzero(shown & ~blended)
         self.programs: set[SurfaceProgram] = set()
         self._mirrors = mirrors
+        self._probes = probes
+        of_probes = set() if probes is None else {id(items[index]) for index in probes.items}
         of_mirrors = {id(items[index]) for one in mirrors for index in one.items}
 
         def find_item_program(item: DrawItem) -> SurfaceProgram:
@@ -101,6 +125,8 @@ class SceneView:
             if id(item) in of_mirrors:
                 is_rough = is_rough_mirror(item.material)
                 variant = variant._replace(is_planar_mirror=True, is_rough_mirror=is_rough)
+            if id(item) in of_probes:
+                variant = variant._replace(has_probe=True)
             return self._program(variant)
 
         def find_program(bucket: Bucket) -> BucketProgram:
@@ -141,6 +167,23 @@ class SceneView:
         program = self._program(variant).program
         return BlendedDrawer(self._buffers.context, geometry, culler, items, program)
 
+    def select(self, left_out: NDArray[np.bool_], parts: SceneParts = SceneParts.ALL) -> None:
+        """Select what to draw, see `TileRenderer.select`; blended items of all parts are drawn."""
+        self.blended = self._all_blended[~left_out[self._all_blended]]
+        self.tiles.select(left_out, parts)
+
+    def draw_opaque(
+        self,
+        target: moderngl.Framebuffer,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Draw the selected opaque items alone; arguments and conditions as of `draw`."""
+        for program in self.programs:
+            program.set_viewpoint(world_from_rig[:3, 3])
+        with self._state.drawing():
+            self.tiles.draw(target, world_from_rig, world_from_objects, self._drawer)
+
     def draw(
         self,
         target: moderngl.Framebuffer,
@@ -155,6 +198,8 @@ class SceneView:
             program.set_viewpoint(world_from_rig[:3, 3])
         for mirrors in self._mirrors:
             mirrors.connect(self.programs)
+        if self._probes is not None:
+            self._probes.connect(self.programs, world_from_rig[:3, 3], world_from_objects)
         with self._state.drawing(), self._mirrored():
             with self._clipped():
                 self._bind_mirrors(of_panes=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from functools import cached_property
 from typing import NamedTuple
@@ -42,6 +42,7 @@ _ENVIRONMENT_UNITS = {"u_environment_table": 5, "u_filtered_sky": 6}
 # Units of the normal maps, which planar mirrors do not have. A unit keeps the maps, which are array
 # textures, beside these.
 MIRROR_UNITS = {"u_mirror_owners": 2, "u_mirrored": 15}
+PROBE_UNIT = 18  # units 16 and 17 are those of culling
 
 
 class SurfaceVariant(NamedTuple):
@@ -62,6 +63,7 @@ class SurfaceVariant(NamedTuple):
         is_planar_mirror: shows the mirrored views of `MirrorPass`.
         is_rough_mirror: shows them through rough gloss, too.
         in_mirror: drawn from a mirrored rig, clipped at the mirror.
+        has_probe: reflects a probe of `ProbePass`.
     """
 
     lit: bool
@@ -80,6 +82,7 @@ class SurfaceVariant(NamedTuple):
     is_planar_mirror: bool = False
     is_rough_mirror: bool = False
     in_mirror: bool = False
+    has_probe: bool = False
 
     @property
     def computes_light(self) -> bool:
@@ -126,6 +129,8 @@ class SurfaceVariant(NamedTuple):
             defines.append("MIRROR_GLOSS")
         if self.in_mirror:
             defines.append("IN_MIRROR")
+        if self.has_probe:
+            defines.append("REFLECTION_PROBE")
         if is_placed or self.in_mirror:
             defines.append("POSITION")
         if in_fog:
@@ -258,6 +263,10 @@ class SurfaceProgram:
         self._rig_from_world = find_uniform(program, "u_rig_from_world")
         self._mirror_planes = find_uniform(program, "u_mirror_planes")
         self._mirror = find_uniform(program, "u_mirror")
+        self._probe = find_uniform(program, "u_probe")
+        self._probes: Mapping[int, NDArray[np.float32]] = {}
+        if variant.has_probe:
+            set_sampler(program, "u_reflection_probes", PROBE_UNIT)
         if variant.is_planar_mirror:
             for name, unit in MIRROR_UNITS.items():
                 set_sampler(program, name, unit)
@@ -303,6 +312,10 @@ class SurfaceProgram:
         if self._mirror is not None:
             self._mirror.write(plane.astype(np.float32))
 
+    def set_probes(self, probes: Mapping[int, NDArray[np.float32]]) -> None:
+        """Set the probes (4,) of items, by their identity: center, viewpoint frame; and index."""
+        self._probes = probes
+
     def set_matrices(
         self,
         clip_from_mesh: NDArray[np.float32],
@@ -319,6 +332,8 @@ class SurfaceProgram:
     def bind_material(self, item: DrawItem) -> None:
         """Bind an item's material for the next draw call."""
         self._item.bind_material(item)
+        if self._probe is not None:
+            self._probe.write(self._probes[id(item)])
         if self._is_textured:
             item.texture.use(0)
         if self._light_rectangles is not None and item.light_rectangles:
@@ -344,6 +359,8 @@ class SurfacePrograms:
 
     Attributes:
         shadows: see the arguments.
+        shared_passes: passes that all cameras share: by version of the buffers, number of probes,
+            and background.
 
     Raises:
         GraphicsError: more lights than a shader should loop over.
@@ -358,6 +375,7 @@ class SurfacePrograms:
             )
         self._context, self._buffers, self._lighting = buffers.context, buffers, lighting
         self.shadows = shadows
+        self.shared_passes: dict[tuple[int, int, tuple[float, float, float]], object] = {}
         self._programs: dict[tuple[SurfaceVariant, tuple[str, ...]], SurfaceProgram] = {}
 
     @property

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from enum import Enum
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.world import ObjectPart
-from omnisim.rendering.camera.quality import DEFAULT_MIRRORS
+from omnisim.rendering.camera.quality import DEFAULT_MIRRORS, DEFAULT_PROBES
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.atlas.tile_views import TileView, TileViews, clips_from_rig
 from omnisim.rendering.opengl.culling.cluster_culling import MIN_TRIANGLES_OF_PASSES, ClusterCuller
@@ -23,10 +24,24 @@ from omnisim.rendering.opengl.drawing.cluster_drawer import (
 from omnisim.rendering.opengl.drawing.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.drawing.scene_drawer import P, SceneDrawer
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
-from omnisim.rendering.opengl.geometry.draw_item import InstanceTransforms
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.uniforms import columns_first
+
+
+class SceneParts(Enum):
+    """Parts of a scene by their motion; dynamic objects and deforming meshes move."""
+
+    ALL = "all"
+    STATIC = "static"
+    MOVING = "moving"
+
+    def mask(self, items: Sequence[DrawItem]) -> NDArray[np.bool_]:
+        """Mask (items,) of the parts' items."""
+        if self is SceneParts.ALL:
+            return np.ones(len(items), dtype=np.bool_)
+        return np.array([one.moves is (self is SceneParts.MOVING) for one in items], dtype=np.bool_)
 
 
 @dataclass(frozen=True)
@@ -41,6 +56,7 @@ class VirtualCameras:
         hidden: parts of dynamic objects to leave out.
         both_sides: draw back faces, too.
         mirrors: maximum number of planar mirrors in view, and of panes, that reflect the scene.
+        reflection_probes: maximum number of probes that curved and rough surfaces reflect.
     """
 
     near_m: float
@@ -51,6 +67,7 @@ class VirtualCameras:
     hidden: frozenset[ObjectPart] = frozenset()
     both_sides: bool = False
     mirrors: int = DEFAULT_MIRRORS
+    reflection_probes: int = DEFAULT_PROBES
 
 
 class TileRenderer:
@@ -86,6 +103,7 @@ class TileRenderer:
         max_cameras: int = 1,
     ):
         self._buffers, self._items = buffers, items
+        self._all_items = items
         self._state = GlState()
         self.views = TileViews(plan, cameras.near_m, cameras.far_m)
         self.culler: ClusterCuller | None = None
@@ -117,8 +135,24 @@ class TileRenderer:
         # hidden static items have no triangles
         shown = buffers.shown(cameras.hidden)
         shown |= np.array([item.object_index is None for item in buffers.draw_items])
+        self._shown = shown
         self.culler.show(geometry.shown_clusters(shown))
         self._clusters = ClusterDrawer(context, geometry, self.culler, batches)
+
+    def select(self, left_out: NDArray[np.bool_], parts: SceneParts = SceneParts.ALL) -> None:
+        """Select items to draw; clusters of static items show all of them, or none.
+
+        Args:
+            left_out: mask (items,) of items not to draw.
+            parts: parts of the scene to draw.
+        """
+        drawn = parts.mask(self._buffers.draw_items)
+        self._items = self._all_items[(drawn & ~left_out)[self._all_items]]
+        geometry = self._buffers.clustered_geometry
+        if self.culler is not None and geometry is not None:
+            is_static = np.array([one.object_index is None for one in self._buffers.draw_items])
+            drawn &= self._shown & (is_static | ~left_out)
+            self.culler.show(geometry.shown_clusters(drawn))
 
     @property
     def culling_bytes(self) -> int:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.culling.cluster_buffers import ClusterBuffers
 from omnisim.rendering.opengl.culling.clusters import (
-    MAX_SCENE_TRIANGLES,
+    MAX_COPIED_TRIANGLES,
     ClusterHierarchy,
     Clusters,
     build_clusters,
@@ -30,6 +30,7 @@ from omnisim.rendering.opengl.geometry.vertex_records import (
 )
 from omnisim.rendering.opengl.materials.material_table import vertex_details
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
+from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.scene.model import AlphaMode, Lighting
 
 # Relative to white: a third of an 8-bit step in the dark, where steps are finest; a hundredth at
@@ -168,19 +169,21 @@ def build_clustered_geometry(
     ordered = triangles[hierarchy.order].astype("<u4")
     bucket_of_group, object_of_group = group_key // objects, group_key % objects
     double_sided = np.array([one.double_sided for one in buckets])[bucket_of_group]
+    with gpu_allocation(f"clusters of {len(ordered)} triangles", "make the scene smaller"):
+        vertex_buffer, index_buffer = context.buffer(vertices), context.buffer(ordered)
     return ClusteredGeometry(
         buckets=buckets,
         anchor_m=anchor_m,
         objects=objects,
         hierarchy=hierarchy,
         contains=contains,
-        vertices=context.buffer(vertices),
+        vertices=vertex_buffer,
         bucket_of_cluster=np.repeat(bucket_of_group, hierarchy.groups.children),
         item_of_triangle=np.flatnonzero(contains)[item_of_triangle[hierarchy.order]].astype(
             np.int32
         ),
         triangles=ordered,
-        indices=context.buffer(ordered),
+        indices=index_buffer,
         buffers=ClusterBuffers(
             context,
             hierarchy,
@@ -251,13 +254,16 @@ def _contained(
     items: Sequence[DrawItem], anchor_m: NDArray[np.float64], alone: Collection[int]
 ) -> NDArray[np.bool_]:
     contained = np.zeros(len(items), dtype=np.bool_)
-    triangles = 0
+    meshes = set[int]()  # ids of those that are contained
+    copied = 0
     for index, item in enumerate(items):
+        added = item.triangles if id(item.mesh) in meshes else 0
         # a mesh without triangles has no cluster
-        fits = item.triangles and triangles + item.triangles <= MAX_SCENE_TRIANGLES
+        fits = item.triangles and copied + added <= MAX_COPIED_TRIANGLES
         is_rigid = item.mesh.deformation is None and index not in alone
         if is_rigid and not item.is_blended and fits and item.is_near(anchor_m):
-            triangles += item.triangles
+            meshes.add(id(item.mesh))
+            copied += added
             contained[index] = True
     return contained
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from omnisim.core.bounds import bounds_of
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import ObjectPart, time_of
+from omnisim.rendering.camera.quality import MAX_PROBES
 from omnisim.rendering.opengl.geometry.clustered_geometry import (
     ClusteredGeometry,
     build_clustered_geometry,
@@ -35,6 +36,7 @@ from omnisim.scene.planar_mirrors import (
     is_clear_pane,
     is_planar_mirror,
 )
+from omnisim.scene.reflection_probes import ProbePlace, find_probes
 
 # Extensions of OpenGL 4.5 that are part of 4.6.
 _CALLS_OF_CLUSTERS = {"GL_ARB_indirect_parameters", "GL_ARB_shader_draw_parameters"}
@@ -57,6 +59,8 @@ class SceneBuffers:
         radii_m: (n,) radii of their bounding spheres at 0 s.
         deforming: indices of items whose meshes deform.
         mirrors, pane_mirrors: planes of the planar mirrors and of panes; their surfaces are items.
+        probe_places: reflection probes, most prominent first; their surfaces are items.
+        version: number of updates so far.
 
     Raises:
         GraphicsError: a texture beyond the limits of the GPU.
@@ -70,7 +74,7 @@ class SceneBuffers:
         *,
         uses_clusters: bool = True,
     ):
-        self.context, self._uses_clusters = context, uses_clusters
+        self.context, self._uses_clusters, self.version = context, uses_clusters, 0
         self._dynamic_objects = tuple(dynamic_objects)
         self._textures = MaterialTextures(context, scene.lighting.is_matte)
         self._build(scene)
@@ -120,6 +124,17 @@ class SceneBuffers:
             surfaces = {number: self.draw_items[number] for number in numbers}
             self.mirrors = find_mirrors(surfaces, is_planar_mirror)
             self.pane_mirrors = find_mirrors(surfaces, is_clear_pane)
+        self.probe_places = self._find_probes(possible)
+
+    def _find_probes(self, possible: NDArray[np.bool_]) -> tuple[ProbePlace, ...]:
+        """Find the reflection probes of the possible items (n,)."""
+        if self._lighting.is_matte:
+            return ()
+        numbers = np.flatnonzero(self._is_drawn).tolist()
+        surfaces = {number: self.draw_items[number] for number in numbers}
+        planes = (*self.mirrors, *self.pane_mirrors)
+        own = set(np.flatnonzero(possible).tolist())
+        return find_probes(surfaces, planes, own)[:MAX_PROBES]
 
     def _set_items(self, items: Sequence[DrawItem]) -> None:
         self.draw_items = tuple(items)
@@ -186,6 +201,7 @@ class SceneBuffers:
         New ones are drawn one by one, in the place of removed items. Once much has been appended,
         everything is uploaded again, so rarely that it costs no more than appending.
         """
+        self.version += 1
         static = self._static_mask
         added, drawn = _changed(scene, self.draw_items, static)
         offsets = []
@@ -309,6 +325,10 @@ class SceneBuffers:
         if not self._uses_clusters or not self.context.extensions >= _CALLS_OF_CLUSTERS:
             return None
         alone = {index for plane in self.mirrors for index in plane.parts}
+        for place in self.probe_places:
+            alone |= place.surfaces
+            if place.object_index is None:  # clusters leave parts of objects out
+                alone |= place.left_out
         return build_clustered_geometry(
             self.context, self.draw_items, self._lighting, len(self._dynamic_objects), alone
         )

@@ -17,6 +17,7 @@ _MAX_SINGLE_M = 24.0
 _RATIO = 4.0  # between the widths of two cascades
 MAX_CASCADES = 4
 STEPS = 4  # of the viewpoint per half width
+CELLS = 2 * STEPS  # grid cells per side of a cascade that follows the viewpoint
 _BEYOND = 4.0  # half widths beyond the scene, for flying objects
 
 
@@ -49,10 +50,25 @@ class Cascades:
 
     def middles_m(self, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Centers (cascades, 2) along the axes, for a viewpoint (3,) relative to the anchor."""
-        steps_m = np.array(self.halves_m)[:-1, None] / STEPS
-        at_m = self.axes[:2] @ viewpoint_m
-        near: NDArray[np.float64] = np.round(at_m / steps_m) * steps_m
+        near: NDArray[np.float64] = self._steps(viewpoint_m) * self._steps_m
         return np.concatenate((near, self._middle_m[None]))
+
+    def first_cells(self, viewpoint_m: NDArray[np.float64]) -> NDArray[np.intp]:
+        """First grid cells (following, 2) of the cascades that follow a viewpoint (3,).
+
+        Cells are a step wide; a cascade has `CELLS` per side. Cell 0 begins at the anchor.
+        """
+        return self._steps(viewpoint_m).astype(np.intp) - STEPS
+
+    def _steps(self, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Centers (following, 2) of the cascades that follow a viewpoint, in steps."""
+        steps: NDArray[np.float64] = np.round(self.axes[:2] @ viewpoint_m / self._steps_m)
+        return steps
+
+    @property
+    def _steps_m(self) -> NDArray[np.float64]:
+        """Steps (following, 1) of the cascades that follow the viewpoint."""
+        return np.array(self.halves_m)[:-1, None] / STEPS
 
 
 def cascade_count(axes: NDArray[np.float64], boxes_m: NDArray[np.float64]) -> int:

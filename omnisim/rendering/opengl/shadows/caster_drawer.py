@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
@@ -21,6 +22,7 @@ from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.geometry.vertex_records import INSTANCE
 from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.shadows.caster_program import CasterProgram, CasterVariant
 from omnisim.rendering.opengl.uniforms import columns_first
@@ -29,6 +31,22 @@ from omnisim.scene.model import LAMP_NEAR_M
 # For maps that are not drawn: every point is nearer than the near plane.
 _NOWHERE = np.zeros((4, 4))
 _NOWHERE[3, 3] = -1.0
+
+
+class MapPart(NamedTuple):
+    """Part of a map.
+
+    Attributes:
+        clip: (4, 4) clip_from_anchor matrix of the whole map.
+        part_clip: (4, 4) clip_from_anchor matrix of the part alone.
+        map_px: left, top, width and height of the map in the target.
+        part_px: those of the part.
+    """
+
+    clip: NDArray[np.float64]
+    part_clip: NDArray[np.float64]
+    map_px: tuple[int, int, int, int]
+    part_px: tuple[int, int, int, int]
 
 
 class CasterDrawer:
@@ -41,6 +59,7 @@ class CasterDrawer:
         buffers: scene and dynamic objects.
         rectangles_px: (maps, 4) left, top, width and height of each map in the texture.
         size_px: size of the texture.
+        has_parts: `draw_part` will be used.
 
     Attributes:
         anchor_m: (3,) world position that the maps' matrices are relative to.
@@ -53,6 +72,7 @@ class CasterDrawer:
         anchor_m: NDArray[np.float64],
         rectangles_px: NDArray[np.float64],
         size_px: tuple[int, int],
+        has_parts: bool,
     ):
         self._context, self._buffers, self.anchor_m = buffers.context, buffers, anchor_m
         self._rectangles_px, self._state = rectangles_px, GlState()
@@ -60,9 +80,12 @@ class CasterDrawer:
         self._rig = np.eye(4)
         self._rig[:3, 3] = anchor_m
         self._clusters: tuple[ClusterCuller, ClusterDrawer] | None = None
+        self._part_clusters: tuple[ClusterCuller, ClusterDrawer] | None = None
         geometry = buffers.clustered_geometry
         if geometry is not None:
-            self._clusters = self._cluster_drawer(geometry, size_px)
+            self._clusters = self._cluster_drawer(geometry, rectangles_px, size_px)
+            if has_parts:
+                self._part_clusters = self._cluster_drawer(geometry, np.zeros((1, 4)), size_px)
         self.refresh()
 
     def refresh(self) -> None:
@@ -120,25 +143,65 @@ class CasterDrawer:
                 culler.run(0)
                 drawer.draw(0)
             if self._items[dynamic].size:
-                self._draw_items(target, clips, active, world_from_objects, self._items[dynamic])
+                rectangles_px = self._rectangles_px[active].astype(int).tolist()
+                maps = [
+                    MapPart(clip, clip, rectangle, rectangle)
+                    for clip, rectangle in zip(
+                        clips[active], map(tuple, rectangles_px), strict=True
+                    )
+                ]
+                self._draw_items(target, maps, world_from_objects, self._items[dynamic])
+
+    def draw_part(
+        self,
+        target: moderngl.Framebuffer,
+        part: MapPart,
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Draw the static casters into a part of a map: the same bytes as in the whole map."""
+        self._state.use(target, has_depth=True)
+        with self._state.drawing():
+            if self._part_clusters is not None:
+                culler, drawer = self._part_clusters
+                culler.views.write(self._rig, world_from_objects)
+                culler.views.clips_from_rig.write(columns_first(part.part_clip[None]))
+                culler.views.rectangles_px.write(np.array(part.part_px, dtype=np.float32))
+                culler.show(self._shown[False])
+                culler.run(0)
+                self._place_static(culler, part, target.size)
+                with self._state.within_rectangles(target) as aim:
+                    aim(0, 0, *target.size, within=part.part_px)
+                    drawer.draw(0)
+            if self._items[False].size:
+                self._draw_items(target, [part], world_from_objects, self._items[False])
+
+    def _place_static(self, culler: ClusterCuller, part: MapPart, size_px: tuple[int, int]) -> None:
+        """Draw static clusters, culled for a part of a map, with the matrix of the whole map."""
+        left, top, width, height = part.map_px
+        scale = np.array([width, height]) / size_px
+        instance = np.zeros(1, dtype=INSTANCE)  # of the static geometry, whose origin is the anchor
+        instance["in_clip_from_object"] = columns_first(part.clip)
+        instance["in_placement"] = *scale, *(2.0 * np.array([left, top]) / size_px + scale - 1.0)
+        instance["in_viewpoint_from_object"] = np.eye(3, 4)
+        self._context.memory_barrier(self._context.BUFFER_UPDATE_BARRIER_BIT)
+        culler.instances.write(instance)
 
     def _draw_items(
         self,
         target: moderngl.Framebuffer,
-        clips: NDArray[np.float64],
-        active: NDArray[np.bool_],
+        parts: Sequence[MapPart],
         world_from_objects: Sequence[NDArray[np.float64]],
         items: NDArray[np.intp],
     ) -> None:
         """Draw items one by one."""
         transforms = self._buffers.instance_transforms(self.anchor_m, world_from_objects)
         self._drawer.begin(transforms)
-        sides = frustum_planes(clips)[:, :4]  # casters at any depth count
         with self._state.unclipped(), self._state.within_rectangles(target) as aim:
-            for number in np.flatnonzero(active).tolist():
-                seen = items[self._in_frustum(sides[number], transforms, items)]
-                aim(*map(int, self._rectangles_px[number]))
-                matrices = columns_first(clips[number] @ transforms.viewpoint_from_mesh[seen])
+            for part in parts:
+                sides = frustum_planes(part.part_clip[None])[0, :4]  # casters at any depth count
+                seen = items[self._in_frustum(sides, transforms, items)]
+                aim(*part.map_px, within=part.part_px)
+                matrices = columns_first(part.clip @ transforms.viewpoint_from_mesh[seen])
                 for index, clip_from_mesh in zip(seen.tolist(), matrices, strict=True):
                     self._drawer.draw_item(index, clip_from_mesh)
 
@@ -151,11 +214,14 @@ class CasterDrawer:
         return kept
 
     def _cluster_drawer(
-        self, geometry: ClusteredGeometry, size_px: tuple[int, int]
+        self,
+        geometry: ClusteredGeometry,
+        rectangles_px: NDArray[np.float64],
+        size_px: tuple[int, int],
     ) -> tuple[ClusterCuller, ClusterDrawer]:
-        context, count = self._context, len(self._rectangles_px)
-        nowhere = np.tile(_NOWHERE, (count, 1, 1))
-        views = Views(context, nowhere, self._rectangles_px, self.anchor_m, geometry.objects)
+        context = self._context
+        nowhere = np.tile(_NOWHERE, (len(rectangles_px), 1, 1))
+        views = Views(context, nowhere, rectangles_px, self.anchor_m, geometry.objects)
         depths_m = (LAMP_NEAR_M, math.inf)
         batches = DrawBatches(geometry, self._program_of_bucket, both_sides=True)
         culler = ClusterCuller(

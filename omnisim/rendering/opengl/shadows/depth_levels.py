@@ -13,7 +13,7 @@ import moderngl
 
 from omnisim.rendering.opengl.drawing.reversed_depth import DEPTH_FUNCTION, depth_texture
 from omnisim.rendering.opengl.fences import use_target
-from omnisim.rendering.opengl.gl_functions import limit_levels
+from omnisim.rendering.opengl.gl_functions import copy_region, limit_levels
 from omnisim.rendering.opengl.layer_targets import DEPTH, attach_texture
 from omnisim.rendering.opengl.shader_files import build_program
 from omnisim.rendering.opengl.uniforms import uniform
@@ -27,13 +27,16 @@ class DepthLevels:
     Args:
         context: OpenGL context.
         size_px: size of the finest level, multiples of the coarsest level's texels.
+        like: other depth in the context, whose program is used, too; None: the first.
 
     Attributes:
         texture: texture for samplers that compare.
         target: the finest level as a render target.
     """
 
-    def __init__(self, context: moderngl.Context, size_px: tuple[int, int]):
+    def __init__(
+        self, context: moderngl.Context, size_px: tuple[int, int], like: DepthLevels | None = None
+    ):
         self._context = context
         self.texture = depth_texture(context, size_px, LEVELS)
         self.texture.compare_func = ">="
@@ -46,9 +49,9 @@ class DepthLevels:
         limit_levels(self.texture.glo, 0, LEVELS - 1)
         self._sampler = context.sampler(filter=(moderngl.NEAREST, moderngl.NEAREST))
         self._sampler.compare_func = ""
-        program = build_program(context, "common/full_screen.vert", "scene/coarser_depth.frag")
-        uniform(program, "u_finer").value = 0
-        self._triangle = context.vertex_array(program, [])
+        self._triangle: moderngl.VertexArray = (
+            _coarser_triangle(context) if like is None else like._triangle
+        )
 
     def coarsen(self, rectangles_px: Sequence[Sequence[int]]) -> None:
         """Draw the coarser levels of rectangles of the finest: left, top, width and height."""
@@ -69,6 +72,34 @@ class DepthLevels:
         self._sampler.clear(0)
         context.depth_func = DEPTH_FUNCTION
         context.disable(moderngl.DEPTH_TEST)
+
+    def copy(
+        self,
+        source: DepthLevels,
+        rectangle_px: Sequence[int],
+        first_px: tuple[int, int] | None = None,
+    ) -> None:
+        """Copy a rectangle of all levels.
+
+        Args:
+            source: where to copy from.
+            rectangle_px: left, top, width and height of the target in the finest level.
+            first_px: left and top in the source, by which the rectangle moves multiples of the
+                coarsest level's texels; None: the same place.
+        """
+        left_px, top_px = rectangle_px[:2] if first_px is None else first_px
+        names = source.texture.glo, self.texture.glo
+        for level in range(LEVELS):
+            to_left, to_top, *size_px = _halved(rectangle_px, level)
+            first = left_px >> level, top_px >> level
+            copy_region(*names, level, first, (to_left, to_top), (size_px[0], size_px[1]))
+
+
+def _coarser_triangle(context: moderngl.Context) -> moderngl.VertexArray:
+    """Triangle over the whole target, with the program of the coarser levels."""
+    program = build_program(context, "common/full_screen.vert", "scene/coarser_depth.frag")
+    uniform(program, "u_finer").value = 0
+    return context.vertex_array(program, [])
 
 
 def _halved(rectangle_px: Sequence[int], level: int) -> tuple[int, int, int, int]:

@@ -1,12 +1,13 @@
 """Shadow maps of a scene's lamps, in one texture.
 
 Static geometry is drawn once; each frame draws dynamic objects on a copy, in the few texels that
-they cover. Cascades are redrawn when the viewpoint leaves their central region.
+they cover. Cascades that follow the viewpoint move in steps, and keep most of what was drawn.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 
 import moderngl
 import numpy as np
@@ -17,10 +18,10 @@ from omnisim.core.world import time_of
 from omnisim.rendering.opengl.drawing.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.fences import use_target
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl_functions import copy_regions
 from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer
 from omnisim.rendering.opengl.shadows.depth_levels import DepthLevels
+from omnisim.rendering.opengl.shadows.kept_cascades import KeptCascades
 from omnisim.rendering.opengl.shadows.map_regions import covered_px
 from omnisim.rendering.opengl.shadows.shadow_plan import make_shadow_plan
 from omnisim.scene.model import LAMP_NEAR_M, Lighting
@@ -45,6 +46,7 @@ class ShadowMaps:
     def __init__(self, buffers: SceneBuffers, lighting: Lighting):
         self._buffers, self._lighting = buffers, lighting
         self._maps: list[DepthLevels] = []
+        self._kept: KeptCascades | None = None
         self.refresh()
 
     def refresh(self) -> None:
@@ -56,11 +58,22 @@ class ShadowMaps:
         self._plan = plan = make_shadow_plan(self._lighting, boxes_m - self.anchor_m, limit)
         self._rectangles_px = plan.rectangles_px
         size_px = plan.width_px, plan.height_px
-        self._drawer = CasterDrawer(buffers, self.anchor_m, self._rectangles_px, size_px)
+        self._drawer = CasterDrawer(
+            buffers, self.anchor_m, self._rectangles_px, size_px, plan.follows_viewpoint
+        )
         if self._maps and self._maps[0].texture.size != size_px:
             self._maps = []
         while len(self._maps) < 1 + self._drawer.has_dynamic:
-            self._maps.append(_allocate(context, size_px))
+            with _allocation(size_px):
+                like = self._maps[0] if self._maps else None
+                self._maps.append(DepthLevels(context, size_px, like))
+        if plan.follows_viewpoint:
+            with _allocation(plan.kept_size_px):
+                levels = None if self._kept is None else self._kept.levels
+                self._kept = KeptCascades(context, plan, self._maps[0], levels)
+        else:
+            self._kept = None
+        self._follows = plan.maps_that_follow
         at_anchor = self._clips(self.anchor_m)
         # empty if all casters have cubes
         size = max(16, plan.block_data(at_anchor).nbytes)
@@ -108,7 +121,11 @@ class ShadowMaps:
         if self._drawn is not None:
             stale = np.any(clips != self._drawn, axis=(1, 2))
         if stale.any():
-            self._draw_static(clips, stale, world_from_objects)
+            if self._drawn is None:
+                self._draw_fixed(clips, world_from_objects)
+            if self._kept is not None:
+                at_m = viewpoint_m - self.anchor_m
+                self._kept.update(self._maps[0], at_m, self._drawer, world_from_objects)
             self._block.write(self._plan.block_data(clips))
             self._drawn = clips
         if len(self._maps) > 1:
@@ -120,19 +137,16 @@ class ShadowMaps:
         """Matrices (maps, 4, 4) clip_from_anchor of the maps for a viewpoint (3,), world."""
         return self._plan.clips(self._plan.middles_m(viewpoint_m - self.anchor_m), self.anchor_m)
 
-    def _draw_static(
-        self,
-        clips: NDArray[np.float64],
-        stale: NDArray[np.bool_],
-        world_from_objects: Sequence[NDArray[np.float64]],
+    def _draw_fixed(
+        self, clips: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
     ) -> None:
+        """Draw the static casters into the maps that do not follow the viewpoint."""
+        fixed = ~self._follows
         target = self._maps[0].target
         use_target(target)
-        for rectangle_px in self._rectangles_px[stale].astype(int).tolist():
-            target.clear(depth=CLEAR_DEPTH, viewport=tuple(rectangle_px))
-        self._drawer.draw(target, clips, stale, world_from_objects, dynamic=False)
-        if len(self._maps) == 1:
-            self._maps[0].coarsen(self._rectangles_px[stale].astype(int).tolist())
+        target.clear(depth=CLEAR_DEPTH)  # of all maps: those that follow are copied later
+        self._drawer.draw(target, clips, fixed, world_from_objects, dynamic=False)
+        self._maps[0].coarsen(self._rectangles_px[fixed].astype(int).tolist())
 
     def _draw_dynamic(
         self,
@@ -154,7 +168,8 @@ class ShadowMaps:
         whole = self._rectangles_px[stale].astype(np.intp)
         restored = np.concatenate((whole, self._covered)).tolist()
         static, live = self._maps
-        copy_regions(static.texture.glo, live.texture.glo, restored)
+        for rectangle_px in restored:
+            live.copy(static, rectangle_px)
         transforms = self._buffers.instance_transforms(self.anchor_m, world_from_objects)
         self._covered = covered_px(
             clips,
@@ -165,7 +180,7 @@ class ShadowMaps:
         )
         every = np.ones(len(clips), dtype=np.bool_)
         self._drawer.draw(live.target, clips, every, world_from_objects, dynamic=True)
-        live.coarsen(restored + self._covered.tolist())
+        live.coarsen(self._covered.tolist())
         self._posed = time_s, poses
 
 
@@ -178,11 +193,10 @@ def _at_rest(worlds: Sequence[Sequence[NDArray[np.float64]]]) -> bool:
     )
 
 
-def _allocate(context: moderngl.Context, size_px: tuple[int, int]) -> DepthLevels:
-    with gpu_allocation(
+def _allocation(size_px: tuple[int, int]) -> AbstractContextManager[None]:
+    return gpu_allocation(
         f"shadow maps of {size_px[0]} × {size_px[1]} px", "switch the lamps' shadows off"
-    ):
-        return DepthLevels(context, size_px)
+    )
 
 
 def _anchor_m(buffers: SceneBuffers, boxes_m: NDArray[np.float64]) -> NDArray[np.float64]:

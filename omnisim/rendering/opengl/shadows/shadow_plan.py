@@ -83,6 +83,28 @@ class ShadowPlan:
         return np.concatenate([block.rectangles_px for block in self.blocks])
 
     @property
+    def maps_that_follow(self) -> NDArray[np.bool_]:
+        """Mask (maps,) of the maps that follow the viewpoint."""
+        follow = np.zeros(sum(block.columns * block.rows for block in self.blocks), dtype=np.bool_)
+        casting = sum(one is not None for one in self.cascades)
+        of_light = np.arange(casting * self.cascade_count) % self.cascade_count
+        follow[: casting * self.cascade_count] = of_light < self.cascade_count - 1
+        return follow
+
+    @property
+    def kept_places_px(self) -> NDArray[np.intp]:
+        """Left and top (n, 2) of a square in another texture for each map that follows."""
+        count, size_px = int(np.count_nonzero(self.maps_that_follow)), self.blocks[0].size_px
+        row, column = np.divmod(np.arange(count), self.width_px // size_px)
+        return np.stack((column, row), axis=-1) * size_px
+
+    @property
+    def kept_size_px(self) -> tuple[int, int]:
+        """Size of the texture of these squares, no larger than that of the maps."""
+        width_px, height_px = self.kept_places_px.max(axis=0) + self.blocks[0].size_px
+        return int(width_px), int(height_px)
+
+    @property
     def punctual_casters(self) -> tuple[Light, ...]:
         """Point and spot lights that cast shadows."""
         return tuple(light for light in self.punctual if light.casts_shadow)

@@ -1,9 +1,12 @@
 """Clustered geometry: items, positions and winding."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from omnisim.core.poses import pose as make_pose
+from omnisim.rendering.opengl.geometry import clustered_geometry
 from omnisim.rendering.opengl.geometry.draw_item import MAX_DISTANCE_M
 from omnisim.rendering.opengl.geometry.light_baking import Shading
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
@@ -65,6 +68,17 @@ def test_glass_far_and_empty_meshes_are_not_contained(context):
     }
     assert contained == {"near"}
     assert len(corners_m(buffers.clustered_geometry)) == len(meshes[0].triangles)
+
+
+def test_every_mesh_is_contained_and_as_many_copies_as_the_limit_allows(context, monkeypatch):
+    meshes = [sheet("tree", 0, side=20), sheet("house", 0, side=30)]
+    limit = 2 * len(meshes[0].triangles)
+    monkeypatch.setattr(clustered_geometry, "MAX_COPIED_TRIANGLES", limit)
+    scene = scene_of(meshes, MATERIALS, [np.eye(4)] * 2)
+    trees = (dataclasses.replace(scene.instances[0], name=f"tree {at}") for at in range(4))
+    scene = dataclasses.replace(scene, instances=(*trees, scene.instances[1]))
+    contains = SceneBuffers(context, scene).clustered_geometry.contains
+    assert contains.tolist() == [True, True, True, False, True]
 
 
 def test_light_on_dynamic_objects_is_not_baked(context):

@@ -1,5 +1,6 @@
 """Shadows of the virtual cameras: against geometry, against rays, and as things move."""
 
+from ctypes import c_int, c_uint, c_void_p
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,12 @@ from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
-from omnisim.rendering.opengl.shadows.shadow_plan import make_shadow_plan
+from omnisim.rendering.opengl.gl_functions import gl_function
+from omnisim.rendering.opengl.shadows import shadow_plan
+from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer
+from omnisim.rendering.opengl.shadows.depth_levels import LEVELS
+from omnisim.rendering.opengl.shadows.shadow_maps import ShadowMaps
+from omnisim.rendering.opengl.shadows.shadow_plan import ShadowPlan, make_shadow_plan
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.scene.labels import BODY
 from omnisim.scene.model import AlphaMode, Light, Lighting, LightKind, Material, Texture
@@ -291,6 +297,82 @@ def test_cascades_are_around_the_viewpoint(monkeypatch):
     assert np.mean(np.abs(shown - small) > 0.02) < 0.01
 
 
+DEPTH_COMPONENT, FLOAT = 0x1902, 0x1406
+MOVED = pose((0.5, 0.2, 1.5))
+WALK_M = [(0, 0), (3, 0.5), (4.5, -4), (-1, -7), (-8, -2), (-2, 2.5)]
+
+
+def _depths(texture):
+    """All levels of a depth texture; moderngl reads only the first."""
+    read = gl_function("glGetTextureImage", c_uint, c_int, c_uint, c_uint, c_int, c_void_p)
+    levels = []
+    for level in range(LEVELS):
+        depth = np.empty((texture.height >> level, texture.width >> level), dtype=np.float32)
+        read(texture.glo, level, DEPTH_COMPONENT, FLOAT, depth.nbytes, depth.ctypes.data)
+        levels.append(depth)
+    return levels
+
+
+def _walk(scene, walk_m, dynamic_objects, monkeypatch):
+    """Depths of the sun's maps, and the number of texels drawn to keep them, for each place."""
+    camera, drawn_px, used = _camera(60), [], []
+    draw_part, prepare = CasterDrawer.draw_part, ShadowMaps.prepare
+
+    def counted(self, target, part, *given):
+        drawn_px.append(part.part_px[2] * part.part_px[3])
+        draw_part(self, target, part, *given)
+
+    steps = []
+    with (
+        monkeypatch.context() as patch,
+        Stage(scene, dynamic_objects=dynamic_objects) as stage,
+    ):
+        patch.setattr(CasterDrawer, "draw_part", counted)
+        patch.setattr(
+            ShadowMaps, "prepare", lambda *given: used.append(given[0]) or prepare(*given)
+        )
+        renderer = stage.open(camera)
+        for x, y in walk_m:
+            drawn_px.clear()
+            state = {BODY: camera.base_pose((x, y, 0.8))}
+            renderer.render(WorldState(state | {name: MOVED for name in dynamic_objects}))
+            with stage.current():
+                steps.append((_depths(used[-1]._maps[-1].texture), sum(drawn_px)))
+    return steps
+
+
+@pytest.mark.parametrize("moving", [{}, {"moving": _moving()}], ids=["static", "dynamic"])
+def test_cascades_keep_what_they_have_drawn(moving, monkeypatch):
+    """The same bytes as if all had been drawn there, though little is drawn on the way."""
+    monkeypatch.setattr(shadow_plan, "_CASCADE_PX", 512)
+    materials = [Material(double_sided=True), MATERIALS["dense"]]
+    # wider than the finest cascade, so that what is left behind would show
+    places = [(x, y, 0.4 + 0.1 * (x % 5)) for x in range(-26, 27, 4) for y in range(-26, 27, 13)]
+    tables = [square(0.7, material=i % 2, name=f"table {i}") for i in range(len(places))]
+    far = [square(0.5), square(0.5)]
+    poses = [pose((0, 0, 0)), *map(pose, places), pose((700, -600, 0)), pose((-700, 600, 0))]
+    lighting = _lighting(LIGHTS["directional"])
+    scene = scene_of([square(300.0), *tables, *far], materials, poses, lighting)
+
+    kept = _walk(scene, WALK_M, moving, monkeypatch)
+    anew = _walk(
+        scene, [at for place in WALK_M for at in (place, (400.0, 300.0))], moving, monkeypatch
+    )
+    for (depths, kept_px), (expected, all_px) in zip(kept[1:], anew[2::2], strict=True):
+        assert 0 < kept_px < 0.5 * all_px
+        for level, depth in enumerate(depths):
+            assert np.array_equal(depth, expected[level])
+            assert np.array_equal(depth, depths[0][:: 1 << level, :: 1 << level])
+
+    # each map drawn as a whole: other matrices round differently
+    monkeypatch.setattr(ShadowPlan, "follows_viewpoint", False)
+    none = property(lambda plan: np.zeros(len(plan.rectangles_px), dtype=np.bool_))
+    monkeypatch.setattr(ShadowPlan, "maps_that_follow", none)
+    [(whole, _)] = _walk(scene, WALK_M[-1:], moving, monkeypatch)
+    assert np.mean(whole[0] > 0.0) > 0.2
+    assert np.mean(np.abs(kept[-1][0][0] - whole[0]) > 1e-5) < 1e-4
+
+
 def test_many_lamps_share_bounded_memory():
     lights = [replace(LIGHTS["point"], position_m=LAMP_M + (0.02 * i, 0, 0)) for i in range(32)]
     plan = make_shadow_plan(_lighting(*lights), np.array([[[-5.0] * 3, [5.0] * 3]]), 16384)
@@ -300,6 +382,16 @@ def test_many_lamps_share_bounded_memory():
     assert (top + height).max() <= plan.height_px
     corners = np.stack((left, top), axis=1)
     assert len(np.unique(corners, axis=0)) == 32 * 6
+
+
+def test_many_suns_keep_their_cascades_apart():
+    suns = [_light(LightKind.DIRECTIONAL, direction=np.array([0.6, 0.0, -0.8]))] * 40
+    plan = make_shadow_plan(_lighting(*suns), np.array([[[-900.0] * 3, [900.0] * 3]]), 16384)
+    size_px, places_px = plan.blocks[0].size_px, plan.kept_places_px
+    assert len(np.unique(places_px, axis=0)) == np.count_nonzero(plan.maps_that_follow) == 40 * 3
+    assert np.all(places_px % size_px == 0)
+    assert np.all(places_px + size_px <= plan.kept_size_px)
+    assert np.all(np.array(plan.kept_size_px) <= (plan.width_px, plan.height_px))
 
 
 SCALES = {"millimeters": 1e-3, "meters": 1.0, "kilometers": 1e3}

@@ -1,0 +1,103 @@
+"""Cube maps of reflection probes, with a level per roughness."""
+
+from __future__ import annotations
+
+import weakref
+
+import moderngl
+import numpy as np
+
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
+from omnisim.rendering.opengl.gl_functions import (
+    bind_texture,
+    create_cube_array,
+    limit_levels,
+)
+from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.layer_targets import attach_layer
+from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.shader_files import build_program
+from omnisim.rendering.opengl.uniforms import uniform
+
+LEVELS = 6
+# Squared roughness of each level, as in shaders/scene/reflection_probe.glsl.
+_ALPHAS = (0.0, *(0.024 * 2.0**level for level in range(LEVELS - 1)))
+_FACES = 6
+_COLORS_UNIT, _DEPTHS_UNIT, _CUBES_UNIT = 0, 1, 0
+_FACETS = 16, 32  # samples of levels 1 and beyond
+_SMOOTH_FACETS = 4  # of probes that only perfect mirrors reflect: levels filter small reflections
+# Lobes of two levels add up between linearly and by their squares.
+_POWER = 1.5
+
+
+class ProbeMaps:
+    """Array of cube maps: light and inverse distance, then light filtered for roughness.
+
+    Args:
+        context: OpenGL context.
+        plan: atlas of six whole faces that probes are drawn into.
+        near_m: near plane of the atlas's depth.
+        cubes: number of probes.
+
+    Attributes:
+        name: OpenGL's name of the texture.
+    """
+
+    def __init__(self, context: moderngl.Context, plan: TilePlan, near_m: float, cubes: int):
+        self._size_px, self._state = plan.tiles[0].face_size_px, GlState()
+        with gpu_allocation(
+            f"{cubes} reflection probes of {self._size_px} px",
+            "make virtual_cameras.reflection_probes smaller",
+        ):
+            self.name = create_cube_array(self._size_px, LEVELS, cubes)
+            attached = context.texture((1, 1), 4, dtype="f2")  # until a face is
+        dropped = weakref.finalize(self, context.extra.dropped_textures.append, self.name)
+        dropped.atexit = False  # the end of the process frees it
+        self._target = context.framebuffer([attached])
+        self._faces = build_program(context, "common/full_screen.vert", "scene/probe_face.frag")
+        bind_tiles(self._faces, plan, np.eye(3))
+        uniform(self._faces, "u_colors").value = _COLORS_UNIT
+        uniform(self._faces, "u_depths").value = _DEPTHS_UNIT
+        uniform(self._faces, "u_near_m").value = near_m
+        self._gloss = build_program(context, "common/full_screen.vert", "scene/probe_gloss.frag")
+        uniform(self._gloss, "u_cubes").value = _CUBES_UNIT
+        self._face_triangle = context.vertex_array(self._faces, [])
+        self._gloss_triangle = context.vertex_array(self._gloss, [])
+
+    def draw(
+        self, cube: int, colors: moderngl.Texture, depths: moderngl.Texture, is_rough: bool
+    ) -> None:
+        """Copy a probe from its atlas, and filter its levels.
+
+        Args:
+            cube: index of the probe.
+            colors, depths: atlas.
+            is_rough: its surfaces may be rougher than perfect mirrors.
+        """
+        colors.use(_COLORS_UNIT)
+        depths.use(_DEPTHS_UNIT)
+        self._draw_level(cube, 0, self._faces, self._face_triangle)
+        bind_texture(_CUBES_UNIT, self.name)
+        uniform(self._gloss, "u_cube").value = float(cube)
+        for level in range(1, LEVELS):
+            facets = _FACETS[min(level, len(_FACETS)) - 1] if is_rough else _SMOOTH_FACETS
+            uniform(self._gloss, "u_facets").value = facets
+            between = (_ALPHAS[level] ** _POWER - _ALPHAS[level - 1] ** _POWER) ** (1.0 / _POWER)
+            uniform(self._gloss, "u_alpha").value = between
+            limit_levels(self.name, level - 1, level - 1)
+            self._draw_level(cube, level, self._gloss, self._gloss_triangle)
+        limit_levels(self.name, 0, LEVELS - 1)
+
+    def _draw_level(
+        self, cube: int, level: int, program: moderngl.Program, triangle: moderngl.VertexArray
+    ) -> None:
+        size_px = self._size_px >> level
+        uniform(program, "u_texel").value = 1.0 / size_px
+        for face in range(_FACES):
+            attach_layer(self._target.glo, self.name, _FACES * cube + face, level=level)
+            self._state.use(self._target)
+            uniform(program, "u_face").value = face
+            with self._state.within_rectangles(self._target) as aim:
+                aim(0, 0, size_px, size_px)
+                triangle.render(moderngl.TRIANGLES, vertices=3)

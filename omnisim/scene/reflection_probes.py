@@ -1,0 +1,198 @@
+"""Reflection probes of a scene: viewpoints whose cube of light curved and rough surfaces reflect.
+
+A surface has a probe if it reflects the scene and is not a planar mirror. The probe of a compact
+body is at its center, and does not show the body; that of a sheet is in front of it; that of a
+hollow surface, such as a room, shows the surface itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.scene.parts import Material
+from omnisim.scene.planar_mirrors import MirrorPlane, ShownSurface, is_smooth
+from omnisim.scene.scene_surfaces import is_surface_planar
+from omnisim.scene.surface_reflectance import (
+    COAT_F0,
+    MAX_TRACED_ROUGHNESS,
+    MIN_ROUGHNESS,
+    dielectric_f0,
+)
+
+# Mean cosine between outward directions and normals: 1 for a ball, −1 for a room.
+_COMPACT, _HOLLOW = 0.25, -0.1
+# Parts within a body share its probe up to this radius: a car, but not the shops of a mall.
+_MAX_SHARED_RADIUS_M = 5.0
+_SHEET_COSINE = 0.9  # length of the mean normal, from which a surface is a sheet
+_SHEET_LIFT, _MAX_SHEET_LIFT_M = 0.25, 1.0  # height of its probe, as a share of its radius
+
+
+@dataclass(frozen=True, eq=False)
+class ProbePlace:
+    """Reflection probe, in the world or in a dynamic object's frame.
+
+    Attributes:
+        object_index: index of its dynamic object; None: static.
+        center_m: (3,) viewpoint; of a deforming surface, at 0 s.
+        radius_m: radius of the bounds of its surfaces.
+        surfaces: indices of the surfaces that reflect it.
+        left_out: indices of the surfaces that it does not show.
+        deforming: index of the deforming surface whose bounds it follows; None: rigid.
+    """
+
+    object_index: int | None
+    center_m: NDArray[np.float64]
+    radius_m: float
+    surfaces: frozenset[int]
+    left_out: frozenset[int]
+    deforming: int | None = None
+
+
+class _Box(NamedTuple):
+    """Bounds (3,) of a surface in its object's frame."""
+
+    low_m: NDArray[np.float64]
+    high_m: NDArray[np.float64]
+
+    @property
+    def center_m(self) -> NDArray[np.float64]:
+        """Center (3,)."""
+        center: NDArray[np.float64] = 0.5 * (self.low_m + self.high_m)
+        return center
+
+    @property
+    def radius_m(self) -> float:
+        """Radius of the sphere around it."""
+        return float(0.5 * np.linalg.norm(self.high_m - self.low_m))
+
+    def holds(self, other: _Box) -> bool:
+        """True if the center of a box no larger than this one is in it."""
+        center_m = other.center_m
+        is_inside = bool(np.all((self.low_m <= center_m) & (center_m <= self.high_m)))
+        return is_inside and other.radius_m <= self.radius_m
+
+
+def reflects_scene(material: Material) -> bool:
+    """True if the ray back end traces reflections: glass, smooth metal, gloss or clear coat."""
+    transmission = material.pane_transmission + material.glass_transmission
+    return transmission > 0.0 or is_smooth(material, MAX_TRACED_ROUGHNESS)
+
+
+def is_perfect_mirror(material: Material) -> bool:
+    """True for gloss, metal and coats that are nowhere rougher than a perfect mirror."""
+    is_glossy = bool(material.metallic or material.specular)
+    is_coat_rough = material.clearcoat > 0.0 and material.clearcoat_roughness > MIN_ROUGHNESS
+    return not is_coat_rough and (not is_glossy or material.roughness <= MIN_ROUGHNESS)
+
+
+def find_probes(
+    surfaces: Mapping[int, ShownSurface],
+    planes: Sequence[MirrorPlane],
+    possible: Collection[int] | None = None,
+) -> tuple[ProbePlace, ...]:
+    """Find the reflection probes of a scene, most prominent first; all of them, without a limit.
+
+    Prominent are large, smooth surfaces of a high reflectance.
+
+    Args:
+        surfaces: surfaces of the scene and of its dynamic objects, by index.
+        planes: planes of its mirrors and panes.
+        possible: indices of the surfaces that may have a probe; None: all.
+    """
+    own = [
+        index
+        for index, one in surfaces.items()
+        if (possible is None or index in possible)
+        and reflects_scene(one.material)
+        and len(one.mesh.triangles)
+        and not is_surface_planar(index, planes)
+    ]
+    if not own:
+        return ()
+    boxes = {index: _box(surfaces[index]) for index in surfaces}
+    places: list[ProbePlace] = []
+    shared: list[tuple[int, _Box]] = []  # places that smaller surfaces may join
+    for index in sorted(own, key=lambda one: (-boxes[one].radius_m, one)):
+        surface, box = surfaces[index], boxes[index]
+        for number, of_place in shared:
+            if places[number].object_index == surface.object_index and of_place.holds(box):
+                place = places[number]
+                places[number] = replace(
+                    place, surfaces=place.surfaces | {index}, left_out=place.left_out | {index}
+                )
+                break
+        else:
+            place, is_shared = _place(index, surface, box)
+            if is_shared:
+                inside = {
+                    other
+                    for other, one in surfaces.items()
+                    if one.object_index == surface.object_index and box.holds(boxes[other])
+                }
+                place = replace(place, left_out=place.left_out | inside)
+                shared.append((len(places), box))
+            places.append(place)
+
+    def prominence(place: ProbePlace) -> float:
+        return place.radius_m * max(_strength(surfaces[one].material) for one in place.surfaces)
+
+    return tuple(sorted(places, key=lambda place: -prominence(place)))
+
+
+def _strength(material: Material) -> float:
+    """Reflectance at normal incidence of a material's strongest lobe, less for rough ones."""
+    tinted = dielectric_f0(material.ior, material.specular, material.specular_color)
+    metallic = material.metallic
+    gloss = metallic * max(material.base_color[:3]) + (1.0 - metallic) * max(tinted)
+    coat = COAT_F0 * material.clearcoat
+    return max(gloss * (1.0 - material.roughness), coat * (1.0 - material.clearcoat_roughness))
+
+
+def _place(index: int, surface: ShownSurface, box: _Box) -> tuple[ProbePlace, bool]:
+    """Probe of a surface, and whether parts within its bounds share it."""
+    place = ProbePlace(
+        surface.object_index,
+        box.center_m,
+        box.radius_m,
+        frozenset((index,)),
+        frozenset((index,)),
+        None if surface.mesh.deformation is None else index,
+    )
+    if place.deforming is not None:
+        return place, False
+    corners = _positions_m(surface)[surface.mesh.triangles]
+    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    crosses *= np.sign(np.linalg.det(surface.object_from_mesh[:3, :3]))
+    area = max(float(np.linalg.norm(crosses, axis=1).sum()), 1e-30)
+    normal = crosses.sum(axis=0) / area
+    if np.linalg.norm(normal) >= _SHEET_COSINE:
+        lift_m = min(_SHEET_LIFT * box.radius_m, _MAX_SHEET_LIFT_M)
+        return replace(place, center_m=box.center_m + lift_m * normal), False
+    outward = corners.mean(axis=1) - box.center_m
+    outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-30)
+    cosine = float(np.einsum("nc,nc->", crosses, outward)) / area
+    is_small = box.radius_m <= _MAX_SHARED_RADIUS_M
+    if cosine < (_HOLLOW if is_small else _COMPACT):
+        return replace(place, left_out=frozenset()), False
+    return place, is_small
+
+
+def _positions_m(surface: ShownSurface) -> NDArray[np.float64]:
+    """Vertices (n, 3) in the object's frame."""
+    matrix = surface.object_from_mesh
+    positions: NDArray[np.float64] = (
+        surface.mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+    )
+    return positions
+
+
+def _box(surface: ShownSurface) -> _Box:
+    if not len(surface.mesh.positions):
+        return _Box(surface.object_from_mesh[:3, 3], surface.object_from_mesh[:3, 3])
+    positions_m = _positions_m(surface)
+    return _Box(positions_m.min(axis=0), positions_m.max(axis=0))
