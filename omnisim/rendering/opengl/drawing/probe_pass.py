@@ -28,7 +28,7 @@ from omnisim.rendering.opengl.drawing.surface_program import (
 from omnisim.rendering.opengl.drawing.tile_renderer import SceneParts, VirtualCameras
 from omnisim.rendering.opengl.fences import end_pass
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl_functions import bind_texture, copy_regions
+from omnisim.rendering.opengl.gl_functions import bind_texture, copy_region
 from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.scene.reflection_probes import ProbePlace, is_perfect_mirror
@@ -178,7 +178,7 @@ class ProbePass:
     ) -> None:
         end_pass(self._buffers.context)
         for source, target in zip(sources, targets, strict=True):
-            copy_regions(source.glo, target.glo, [(0, 0, *source.size)])
+            copy_region(source.glo, target.glo, 0, (0, 0), (0, 0), source.size)
 
     def _center_m(
         self, place: ProbePlace, world_from_objects: Sequence[NDArray[np.float64]]
