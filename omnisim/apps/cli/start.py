@@ -4,7 +4,6 @@ Its own imports are limited to modules that Python has already imported.
 """
 
 import _signal as signal  # type: ignore[import-not-found]  # signal imports enum, re and others
-import gc
 import os
 import sys
 from io import TextIOWrapper
@@ -35,7 +34,9 @@ def main() -> None:
         # any other handler means that SIGINT is ignored, as under nohup
         if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
             signal.signal(signal.SIGINT, _interrupt)
-        gc.disable()  # imports create no garbage; enabled once they are done
+        import gc
+
+        gc.disable()  # imports leave no garbage: a command enables it once its own are done
         for name, value in _SETTINGS.items():
             os.environ.setdefault(name, value)
         for stream in (sys.stdout, sys.stderr):
