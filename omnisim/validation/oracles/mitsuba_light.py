@@ -103,12 +103,16 @@ def lit_world(
     Raises:
         SceneError: a spot light, whose edge falls off differently, or a map of light.
     """
-    is_absorbing = not scene.lighting.is_matte and any(map(absorbs, scene.materials))
+    lamps = scene.lighting.lights
+    # "volpath" absorbs in glass, and connects surfaces with lamps behind panes
+    has_volumes = not scene.lighting.is_matte and any(
+        absorbs(one) or (lamps and one.pane_transmission) for one in scene.materials
+    )
     content: dict[str, Any] = {
         "type": "scene",
-        "integrator": {"type": "volpath" if is_absorbing else "path", "max_depth": depth},
+        "integrator": {"type": "volpath" if has_volumes else "path", "max_depth": depth},
     }
-    for number, light in enumerate(scene.lighting.lights):
+    for number, light in enumerate(lamps):
         level = scene.lighting.exposure
         content[f"lamp {number}"] = _lamp(light, level, viewpoint_m, units_per_m)
     bsdfs: dict[tuple[int, str], mi.BSDF] = {}  # of all instances of a material
