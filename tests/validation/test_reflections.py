@@ -7,7 +7,7 @@ pytest.importorskip("mitsuba", reason="Mitsuba, the oracle, is missing")
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
 
 from omnisim.rendering.rays.shading import reflections
-from omnisim.validation.checks import reflective_rooms
+from omnisim.validation.rooms import reflective_rooms
 from omnisim.validation.checks.reflections import (
     MIN_DB,
     NOT_BY_CUBE,

@@ -15,7 +15,6 @@ from omnisim.scene import load_scene
 from omnisim.scene.light.baked import with_baked_light
 from omnisim.scene.model import Scene
 from omnisim.validation.checks.shadows import FOLDER, QUICK_SCENES, SCENES
-from omnisim.validation.checks.window_room import window_room
 from omnisim.validation.fixture import Fixture, linear_image
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
 from omnisim.validation.plots.style import gallery
@@ -31,6 +30,7 @@ from omnisim.validation.traced_light import (
     sensor_of,
     traced_light,
 )
+from omnisim.validation.rooms.window_room import window_room
 
 SIZE_PX, QUICK_SIZE_PX = 128, 96
 # Squares, as Mitsuba's sampler requires, by camera: a texel of the fisheye is 1/16 of a pixel.

@@ -10,7 +10,7 @@ from omnisim.core.srgb import srgb8_from_linear, srgb_from_linear
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene import Scene
-from omnisim.validation.checks import reflective_rooms
+from omnisim.validation.rooms import reflective_rooms
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles.mirrored_beams import beam_measures
 from omnisim.validation.plots.style import gallery
