@@ -14,7 +14,7 @@ from omnisim.scene.reflection_probes import find_probes, reflects_scene
 from omnisim.scene.scene_surfaces import is_surface_planar, scene_surfaces
 
 # Measured by `omnisim validate --only reflections`, as PSNR of the whole image.
-_ACCURACY = "a chrome ball in a room: 36 dB"
+_ACCURACY, _GLASS_ACCURACY = "a chrome ball in a room: 36 dB", "a ball in a room: 41 dB"
 
 
 def reflection_notes(
@@ -43,8 +43,9 @@ def reflection_notes(
         and not is_surface_planar(number, planes)
     }
     notes = []
-    if probed:
-        approximate = {id(surfaces[number].material) for number in probed}
+    curved = {number for number in probed if not is_surface_planar(number, planes)}
+    if curved:
+        approximate = {id(surfaces[number].material) for number in curved}
         notes.append(
             f"curved and rough reflections are approximate ({counted(len(approximate), 'material')}"
             f"; {_ACCURACY}): --backend rays traces them"
@@ -65,11 +66,17 @@ def reflection_notes(
             f"{most} planar mirrors: the {mirrors} largest in view show the scene "
             "(virtual_cameras.mirrors of a sensor file)"
         )
-    thick = {id(one.material) for one in surfaces.values() if one.material.glass_transmission}
-    if thick:
-        notes.append(
-            f"thick glass is opaque ({counted(len(thick), 'material')}): --backend rays refracts"
-        )
+    glass = {number for number, one in surfaces.items() if one.material.glass_transmission}
+    for numbers, what, accuracy in (
+        (glass & probed, "approximate", f"; {_GLASS_ACCURACY}"),
+        (glass - probed, "opaque", ""),
+    ):
+        materials = {id(surfaces[number].material) for number in numbers}
+        if materials:
+            notes.append(
+                f"thick glass is {what} ({counted(len(materials), 'material')}{accuracy}): "
+                "--backend rays refracts"
+            )
     return notes
 
 

@@ -64,6 +64,7 @@ class Texture:
 
 # For glass and for soft edges: a ray hits where the surface hides at least half of the background.
 BLENDED_CUTOFF = 0.5
+_DARKEST = 1e-30  # share of light that fully absorbing glass leaves after its distance
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,6 +185,15 @@ class Material:
     @property
     def _is_frosted(self) -> bool:
         return self.roughness > MAX_PANE_ROUGHNESS
+
+    @property
+    def absorption_per_m(self) -> tuple[float, float, float]:
+        """Absorption coefficients of Beer and Lambert's law in glass, linear RGB."""
+        red, green, blue = (
+            -math.log(max(one, _DARKEST)) / self.attenuation_distance_m
+            for one in self.attenuation_color
+        )
+        return red, green, blue
 
     @property
     def _transmission(self) -> float:

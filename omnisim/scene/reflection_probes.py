@@ -1,6 +1,7 @@
 """Reflection probes of a scene: viewpoints whose cube of light curved and rough surfaces reflect.
 
-A surface has a probe if it reflects the scene and is not a planar mirror. The probe of a compact
+A surface has a probe if it reflects the scene and is not a planar mirror, or is thick glass, behind
+which it shows the probe. The probe of a compact
 body is at its center, and does not show the body; that of a sheet is in front of it; that of a
 hollow surface, such as a room, shows the surface itself.
 """
@@ -20,7 +21,6 @@ from omnisim.scene.scene_surfaces import is_surface_planar
 from omnisim.scene.surface_reflectance import (
     COAT_F0,
     MAX_TRACED_ROUGHNESS,
-    MIN_ROUGHNESS,
     dielectric_f0,
 )
 
@@ -83,11 +83,17 @@ def reflects_scene(material: Material) -> bool:
     return transmission > 0.0 or is_smooth(material, MAX_TRACED_ROUGHNESS)
 
 
-def is_perfect_mirror(material: Material) -> bool:
-    """True for gloss, metal and coats that are nowhere rougher than a perfect mirror."""
-    is_glossy = bool(material.metallic or material.specular)
-    is_coat_rough = material.clearcoat > 0.0 and material.clearcoat_roughness > MIN_ROUGHNESS
-    return not is_coat_rough and (not is_glossy or material.roughness <= MIN_ROUGHNESS)
+def lobe_roughnesses(material: Material) -> list[float]:
+    """Roughnesses that the gloss and the coat of a material have somewhere."""
+    roughness = []
+    if material.metallic or material.specular:
+        roughness.append(material.roughness)
+        if material.metallic_roughness_map is not None:
+            least = float(material.metallic_roughness_map.pixels[..., 1].min()) / 255.0
+            roughness.append(least * material.roughness)
+    if material.clearcoat:
+        roughness.append(material.clearcoat_roughness)
+    return roughness
 
 
 def find_probes(
@@ -110,7 +116,7 @@ def find_probes(
         if (possible is None or index in possible)
         and reflects_scene(one.material)
         and len(one.mesh.triangles)
-        and not is_surface_planar(index, planes)
+        and (one.material.glass_transmission or not is_surface_planar(index, planes))
     ]
     if not own:
         return ()
@@ -145,12 +151,19 @@ def find_probes(
 
 
 def _strength(material: Material) -> float:
-    """Reflectance at normal incidence of a material's strongest lobe, less for rough ones."""
+    """Reflectance at normal incidence of a material's strongest lobe, less for rough ones.
+
+    Thick glass without a probe would be opaque: it counts as a mirror.
+    """
     tinted = dielectric_f0(material.ior, material.specular, material.specular_color)
     metallic = material.metallic
     gloss = metallic * max(material.base_color[:3]) + (1.0 - metallic) * max(tinted)
     coat = COAT_F0 * material.clearcoat
-    return max(gloss * (1.0 - material.roughness), coat * (1.0 - material.clearcoat_roughness))
+    return max(
+        material.glass_transmission,
+        gloss * (1.0 - material.roughness),
+        coat * (1.0 - material.clearcoat_roughness),
+    )
 
 
 def _place(index: int, surface: ShownSurface, box: _Box) -> tuple[ProbePlace, bool]:

@@ -51,7 +51,7 @@ CHECKS = (
     Check(
         "path-tracer",
         "A physical mirror, traced by another renderer",
-        "path_tracer.check",
+        "traced.path_tracer.check",
         oracles=("mitsuba",),
         is_quick=False,
     ),
@@ -92,7 +92,7 @@ CHECKS = (
     Check(
         "arcade",
         "Glass, mirrors and metal in a scene, traced by another renderer",
-        "arcade.check",
+        "traced.arcade.check",
         oracles=("mitsuba", "embreex"),
         is_quick=False,
     ),

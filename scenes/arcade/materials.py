@@ -113,7 +113,7 @@ def make_materials(rng: np.random.Generator) -> tuple[dict[str, PBRMaterial], At
         plain("pavement", (0.38, 0.37, 0.35)),
         glass("pane", (0.96, 0.985, 0.97)),
         glass("roof_glass", (0.93, 0.96, 0.95)),
-        glass("frosted", (0.86, 0.92, 0.91), roughness=0.6),
+        glass("frosted", (0.72, 0.80, 0.79), roughness=0.6),
     ]
     made += [plain(name, colour) for name, colour in (WALLS | _LIGHTS).items()]
     made += [metal(name, colour, roughness) for name, (colour, roughness) in METALS.items()]

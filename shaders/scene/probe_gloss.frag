@@ -20,7 +20,7 @@ void main() {
     vec3 normal = normalize(direction_on_face(u_face, gl_FragCoord.xy * u_texel));
     vec3 helper = abs(normal.z) < 0.7 ? vec3(0.0, 0.0, 1.0) : vec3(1.0, 0.0, 0.0);
     vec3 side = normalize(cross(helper, normal)), up = cross(normal, side);
-    vec3 total = vec3(0.0);
+    vec4 total = vec4(0.0);
     float weight = 0.0;
     for (int number = 0; number < u_facets; ++number) {
         float share = (float(number) + 0.5) / float(u_facets);
@@ -31,8 +31,8 @@ void main() {
         if (along <= 0.0) continue;
         vec3 beside = cos(azimuth) * side + sin(azimuth) * up;
         vec3 direction = along * normal + 2.0 * height * width * beside;
-        total += along * textureLod(u_cubes, vec4(direction, u_cube), 0.0).rgb;
+        total += along * textureLod(u_cubes, vec4(direction, u_cube), 0.0);
         weight += along;
     }
-    out_color = vec4(total / weight, 0.0);
+    out_color = total / weight;
 }

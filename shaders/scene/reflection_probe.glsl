@@ -10,7 +10,7 @@
 // Source: Szirmay-Kalos, Aszódi, Lazányi and Premecz, "Approximate ray-tracing on the GPU with
 // distance impostors", 2005.
 
-uniform samplerCubeArray u_reflection_probes;  // light; alpha of level 0: 1 / distance in meters
+uniform samplerCubeArray u_reflection_probes;  // light; alpha: 1 / distance in meters
 uniform vec4 u_probe;  // center of the probe, in meters from the viewpoint; index of its cube
 
 const float FIRST_ALPHA = 0.024;    // squared roughness of level 1; it doubles from level to level
@@ -26,8 +26,12 @@ float reflected_spread(vec3 normal, vec3 view) {
     return max(length(dFdx(direction)), length(dFdy(direction)));
 }
 
-float per_m(vec3 direction) {
-    return max(textureLod(u_reflection_probes, vec4(direction, u_probe.w), 0.0).a, MIN_PER_M);
+float per_m(vec3 direction, float level) {
+    return max(textureLod(u_reflection_probes, vec4(direction, u_probe.w), level).a, MIN_PER_M);
+}
+
+float level_of(float alpha) {
+    return alpha < FIRST_ALPHA ? alpha / FIRST_ALPHA : 1.0 + log2(alpha / FIRST_ALPHA);
 }
 
 // Distance along a ray from the probe's center to the sphere that its next surface is on.
@@ -39,7 +43,7 @@ float reach_m(float along, float squared, float distance_per_m) {
 // Distance in meters along a ray from a point relative to the probe's center. The hit is bracketed
 // by points at equal angles around the center, then refined. Rays that pass behind a surface have
 // no hit there; they end at what is seen in their own direction.
-float hit_m(vec3 start, vec3 direction, int steps) {
+float hit_m(vec3 start, vec3 direction, int steps, float level) {
     float along = dot(start, direction), squared = dot(start, start);
     float height = sqrt(max(squared - along * along, 0.0));  // the center's, above the ray
     float first = atan(along, height);
@@ -49,31 +53,32 @@ float hit_m(vec3 start, vec3 direction, int steps) {
         float angle = mix(first, 0.5 * PI, float(i) / float(steps));
         after = i < steps ? height * tan(angle) - along : FARTHEST_M;
         vec3 at = start + after * direction;
-        if (i == steps || length(at) * per_m(at) >= 1.0) break;  // behind a surface
+        if (i == steps || length(at) * per_m(at, level) >= 1.0) break;  // behind a surface
     }
     float range = after, off = 0.0;
     for (int i = 0; i < REFINEMENTS; ++i) {
         vec3 at = start + range * direction;
-        float at_per_m = per_m(at);
+        float at_per_m = per_m(at, level);
         off = length(at) * at_per_m - 1.0;
         range = clamp(reach_m(along, squared, at_per_m), before, after);
     }
     if (abs(off) < SAME_SHARE || steps == 1) return range;
     range = FARTHEST_M;
     for (int i = 0; i <= REFINEMENTS; ++i)
-        range = reach_m(along, squared, per_m(start + range * direction));
+        range = reach_m(along, squared, per_m(start + range * direction, level));
     return range;
 }
 
 vec3 reflected_probe(vec3 position, vec3 direction, float roughness, float spread) {
     vec3 start = position - u_probe.xyz;
-    float range = hit_m(start, direction, roughness < MIN_BLURRED ? STEPS : 1);
+    bool is_sharp = roughness < MIN_BLURRED;
+    float range = hit_m(
+        start, direction, is_sharp ? STEPS : 1, is_sharp ? 0.0 : level_of(roughness * roughness));
     vec3 hit = start + range * direction;
     float size = float(textureSize(u_reflection_probes, 0).x);
     float texel = 0.5 * PI / size;
     float alpha = roughness * roughness * min(range / max(length(hit), 1e-6), 1.0);
     float filtered = SPREAD_SHARE * FIRST_ALPHA * max(spread / texel - 1.0, 0.0);
     alpha = sqrt(alpha * alpha + filtered * filtered);
-    float level = alpha < FIRST_ALPHA ? alpha / FIRST_ALPHA : 1.0 + log2(alpha / FIRST_ALPHA);
-    return textureLod(u_reflection_probes, vec4(hit, u_probe.w), level).rgb;
+    return textureLod(u_reflection_probes, vec4(hit, u_probe.w), level_of(alpha)).rgb;
 }

@@ -1,5 +1,6 @@
 // vec3 lit_color(vec3 base_color, vec3 triangle_normal): linear RGB from a surface toward the
 //     viewpoint.
+// GLASS: the surface is that of a body of thick glass, see scene/glass.glsl.
 // PANE: the surface is a thin pane; vec3 transmittance(...) is that of scene/pane.glsl.
 // REFLECTANCE: the surface has metal, gloss, maps or emission. LIGHTMAP without LIT: the surface is
 // matte, and the lightmap contains all of its light. Neither LIT nor LIGHTMAP: the result is the
@@ -12,6 +13,9 @@
 #ifdef PANE
 #include "scene/pane.glsl"
 #endif
+#ifdef GLASS
+#include "scene/glass.glsl"
+#endif
 
 vec3 lit_color(vec3 base_color, vec3 triangle_normal) {
     vec2 uv = texture_coordinate();
@@ -23,7 +27,12 @@ vec3 lit_color(vec3 base_color, vec3 triangle_normal) {
 #ifdef PANE
     make_pane(surface, abs(dot(normal, normalize(-position))));
 #endif
-    return reflected_light(
+    vec3 light = vec3(0.0);
+#ifdef GLASS
+    light = glass_light(base_color, position, normal, normalize(-position));
+    make_glass(surface, abs(dot(normal, normalize(-position))));
+#endif
+    return light + reflected_light(
         surface, position, normal, coat_normal, plain_normal, normalize(-position));
 }
 #elif defined(LIT)

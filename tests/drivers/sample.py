@@ -106,6 +106,7 @@ def _materials() -> Scene:
         {"metallic_roughness_map": texture(is_linear=True), "roughness": 0.8},
         {"occlusion_map": texture(is_linear=True), "metallic": 0.5},
         {"normal_map": texture(is_linear=True, uv_set=1)},
+        {"metallic": 0.0, "roughness": 0.1, "transmission": 0.9, "thickness_m": 0.2},
         {"specular": 0.9, "specular_color": (1.0, 2.0, 4.0), "specular_map": texture()},
         {
             "clearcoat": 0.9, "clearcoat_roughness": 0.7,

@@ -72,8 +72,32 @@ def test_a_ball_reflects_each_wall_where_it_is(at):
     assert off.max() < 0.2
 
 
+def test_a_glass_ball_of_the_index_of_air_is_invisible():
+    """But for its silhouette, up to 0.035, and for its absorption along chords of the ball."""
+    air = Material("air", transmission=1.0, thickness_m=1.0, ior=1.0, specular=1.0, roughness=0.0)
+    sensor = dataclasses.replace(fisheye(100), supersampling=1)
+    behind = scene_of([room()], [SHINING])
+    images = []
+    for scene in (_room(air), behind):
+        with open_sensor(scene, sensor) as renderer:
+            images.append(renderer.render(AT, linear=True).linear[..., :3])
+    np.testing.assert_allclose(images[0], images[1], atol=0.05)
+    dark = dataclasses.replace(air, attenuation_color=(0.5, 0.2, 0.8), attenuation_distance_m=2.0)
+    with open_sensor(_room(dark), sensor) as renderer:
+        seen = renderer.render(AT, linear=True).linear[..., :3]
+    v, u = np.indices((100, 100)).reshape(2, -1)
+    rays = sensor.model.ray_from_pixel(np.column_stack((u, v)).astype(np.float64))
+    directions = rays.directions @ (AT[:3, :3] @ sensor.base_from_optical[:3, :3]).T
+    hits, points_m = _hits_of_ball(AT[:3, 3], directions, RADIUS_M)
+    chords_m = -2.0 * np.einsum("nc,nc->n", points_m - BALL_M, directions)
+    own = hits & rays.valid & (chords_m > 0.5 * RADIUS_M)
+    expected = np.array((0.5, 0.2, 0.8)) ** (chords_m[own, None] / 2.0)
+    ratios = seen.reshape(-1, 3)[own] / images[1].reshape(-1, 3)[own]
+    np.testing.assert_allclose(ratios, expected, atol=0.04)
+
+
 def _reflecting():
-    """A room with sheets, a ball, a rough ball, and a coated block with a rounded form."""
+    """A room with sheets, a ball, a rough ball, and a coated ellipsoid."""
     scene = mixed_scene(SUN, LAMP)
     first, size = len(scene.materials), len(scene.meshes)
     satin = dataclasses.replace(CHROME, name="satin", roughness=0.3)
@@ -89,7 +113,7 @@ def _reflecting():
         scene,
         meshes=(*scene.meshes, *meshes),
         materials=(*scene.materials, WHITE, satin, coated),
-        instances=(*scene.instances[::3], *instances),
+        instances=(*scene.instances[::7], *instances),
     )
 
 
@@ -111,21 +135,23 @@ def _db(ours, other):
     return psnr_db(ours, other, np.ones(ours.shape[:2], dtype=bool))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fog", [None, Fog((0.3, 0.5, 0.7), (0.1, 0.05, 0.02))], ids=["", "fog"])
 def test_probes_are_near_the_rays_reflections(reflecting, fog, monkeypatch):
-    """A ball, a rough ball that a sheet pierces, and a coat; measured: 32.4 and 34.0 dB."""
+    """A ball, a rough ball and a coat; measured: 34.0 and 35.8 dB; by sky alone 28.5 and 30.1."""
     pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
     lighting = dataclasses.replace(reflecting.lighting, fog=fog)
     scene = dataclasses.replace(reflecting, lighting=lighting)
-    sensor = dataclasses.replace(fisheye(110), supersampling=2)
+    sensor = dataclasses.replace(fisheye(80), supersampling=2)
     monkeypatch.setattr(reflections, "MAX_BOUNCES", 1)  # mirrors in probes reflect the sky
     traced = _seen(scene, sensor, "rays")
     by_probes = _db(_seen(scene, sensor), traced)
     of_sky = _db(_seen(scene, dataclasses.replace(sensor, reflection_probes=0)), traced)
-    assert by_probes > 30.0
-    assert of_sky < by_probes - 3.0
+    assert by_probes > 32.5
+    assert of_sky < by_probes - 4.0
 
 
+@pytest.mark.slow
 def test_probes_of_all_ways_to_draw(reflecting):
     """Batches, edits, samples of texels, and the order of frames do not change them."""
     sensor = dataclasses.replace(fisheye(90), supersampling=2)

@@ -94,12 +94,19 @@ def test_frosted_glass_is_opaque():
         assert not frosted_notes(other, False) + frosted_notes(other, True)
 
 
-def test_thick_glass_is_opaque():
+def test_thick_glass_is_approximate_or_opaque():
     glass = Material(transmission=1.0, thickness_m=0.1, roughness=0.1, specular=1.0)
-    reflections, note = reflection_notes(scene_of([sphere(1.0, 8)], [glass]))
+    ball = scene_of([sphere(1.0, 8)], [glass])
+    reflections, note = reflection_notes(ball)
     assert reflections.startswith("curved and rough reflections are approximate")
+    assert note.startswith("thick glass is approximate (1 material; a ball in a room: ")
+    reflections, note = reflection_notes(ball, probes=0)
+    assert reflections.startswith("reflections show the sky and lamps")
     assert note == "thick glass is opaque (1 material): --backend rays refracts"
-    assert not reflection_notes(scene_of([sphere(1.0, 8)], [glass], None, MATTE))
+    block = scene_of([box("block", 0)], [dataclasses.replace(glass, roughness=0.0)])
+    (note,) = reflection_notes(block, mirrors=8)
+    assert note.startswith("thick glass is approximate")
+    assert not reflection_notes(dataclasses.replace(ball, lighting=MATTE))
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,10 @@ import pytest
 import trimesh
 
 from omnisim.core.poses import pose
-from omnisim.scene.model import Material, Mesh
+from omnisim.scene.model import Material, Mesh, Texture
 from omnisim.scene.motion.deformation import Sphere
 from omnisim.scene.planar_mirrors import find_mirrors, is_planar_mirror
-from omnisim.scene.reflection_probes import find_probes, is_perfect_mirror
+from omnisim.scene.reflection_probes import find_probes, lobe_roughnesses
 from omnisim.scene.scene_surfaces import SceneSurface, scene_surfaces
 from omnisim.validation.material_chart import sphere
 from tests.scenes import room, scene_of, square
@@ -18,6 +18,7 @@ from tests.scenes import room, scene_of, square
 CHROME = Material("chrome", metallic=1.0, roughness=0.0)
 SATIN = Material("satin", metallic=1.0, roughness=0.4)
 PLAIN = Material("plain")
+HALF_AS_ROUGH = Texture(np.array([[[0, 255, 0, 255], [0, 127.5, 0, 255]]]).astype(np.uint8))
 
 
 def _probes(meshes, materials, poses=None):
@@ -113,11 +114,12 @@ def test_probes_follow_deforming_surfaces():
 @pytest.mark.parametrize(
     ("material", "expected"),
     [
-        (CHROME, True),
-        (SATIN, False),
-        (dataclasses.replace(CHROME, clearcoat=1.0, clearcoat_roughness=0.2), False),
-        (Material(roughness=1.0, clearcoat=1.0), True),
+        (CHROME, [0.0]),
+        (SATIN, [0.4]),
+        (dataclasses.replace(CHROME, clearcoat=1.0, clearcoat_roughness=0.2), [0.0, 0.2]),
+        (Material(roughness=1.0, clearcoat=1.0), [0.0]),
+        (dataclasses.replace(SATIN, metallic_roughness_map=HALF_AS_ROUGH), [0.4, 0.2]),
     ],
 )
-def test_perfect_mirrors(material, expected):
-    assert is_perfect_mirror(material) is expected
+def test_gloss_and_coats_have_roughnesses(material, expected):
+    np.testing.assert_allclose(lobe_roughnesses(material), expected, atol=1e-3)

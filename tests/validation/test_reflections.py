@@ -10,7 +10,6 @@ from omnisim.rendering.rays.shading import reflections
 from omnisim.validation.rooms import reflective_rooms
 from omnisim.validation.checks.reflections import (
     MIN_DB,
-    NOT_BY_CUBE,
     min_by_cube_db,
     rendered,
     traced_paths,
@@ -29,8 +28,7 @@ def test_surfaces_reflect_as_mitsuba_s_paths(name, monkeypatch):
     traced = traced_paths(scene, 64, samples=36)
     everywhere = np.ones(traced.shape[:2], dtype=bool)
     assert psnr_db(rendered(scene, 64, 3), traced, everywhere) >= MIN_DB[name]
-    if name not in NOT_BY_CUBE:
-        assert psnr_db(rendered(scene, 64, 3, "cube"), traced, everywhere) >= min_by_cube_db(name)
+    assert psnr_db(rendered(scene, 64, 3, "cube"), traced, everywhere) >= min_by_cube_db(name)
     monkeypatch.setattr(reflections, "MAX_BOUNCES", 0)  # the sky alone
     without = rendered(scene, 64, 1)
     assert psnr_db(without, traced, everywhere) < MIN_DB[name] - 5.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -96,7 +98,8 @@ def both(
     """Linear charts (height, width, 3) by omnisim and Mitsuba, and each pixel's sphere index."""
     from omnisim.validation.oracles.mitsuba_materials import trace_sphere  # of an extra
 
-    camera = material_chart.camera().resized(WIDTH_PX)
+    # Mitsuba traces each sphere alone
+    camera = replace(material_chart.camera().resized(WIDTH_PX), reflection_probes=0)
     model = camera.model
     assert isinstance(model, PerspectiveCamera)
     scene = material_chart.chart(lighting.with_shadows(False))

@@ -17,9 +17,18 @@ _ANGLES = 64  # at which reflectance is averaged
 def glass_bsdf(material: Material) -> dict[str, Any]:
     """BSDF of a material that transmits light, with the same on both of its sides.
 
-    Frosted glass reflects as much as a pane on average. It scatters that, and what it transmits, by
-    Lambert's law: Mitsuba has no rough panes.
+    Thick frosted glass reflects as much as a pane on average. It scatters that, and what it
+    transmits, by Lambert's law. Mitsuba's lobe of thin frosted panes is narrower than glTF's.
     """
+    tint = rgb(tuple(material.transmission * one for one in material.base_color[:3]))
+    if material.frosted_transmission and not material.thickness_m:
+        return {
+            "type": "principledthin",
+            "base_color": tint,
+            "roughness": material.roughness,
+            "eta": material.ior,
+            "spec_trans": 1.0,
+        }
     if material.frosted_transmission:
         reflected = _mean_reflectance(material.ior)
         color = (1.0 - reflected) * np.array(material.base_color[:3])
@@ -32,7 +41,6 @@ def glass_bsdf(material: Material) -> dict[str, Any]:
             "eta": material.ior,
             "diff_trans": 2.0 * float(transmitted.mean() / total.mean()),
         }
-    tint = rgb(tuple(material.transmission * one for one in material.base_color[:3]))
     return {
         "type": "dielectric" if material.glass_transmission else "thindielectric",
         "int_ior": material.ior,

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import weakref
+from collections.abc import Collection
+from enum import Enum
 
 import moderngl
 import numpy as np
@@ -19,16 +21,36 @@ from omnisim.rendering.opengl.layer_targets import attach_layer
 from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.rendering.opengl.shader_files import build_program
 from omnisim.rendering.opengl.uniforms import uniform
+from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
 LEVELS = 6
 # Squared roughness of each level, as in shaders/scene/reflection_probe.glsl.
 _ALPHAS = (0.0, *(0.024 * 2.0**level for level in range(LEVELS - 1)))
 _FACES = 6
+_MIN_ROUGH = 0.25  # roughness from which level 2 and further ones are looked up
 _COLORS_UNIT, _DEPTHS_UNIT, _CUBES_UNIT = 0, 1, 0
-_FACETS = 16, 32  # samples of levels 1 and beyond
-_SMOOTH_FACETS = 4  # of probes that only perfect mirrors reflect: levels filter small reflections
 # Lobes of two levels add up between linearly and by their squares.
 _POWER = 1.5
+
+
+class Gloss(Enum):
+    """Numbers of samples of level 1, and of each further level, by the gloss of a probe's surfaces.
+
+    Levels of perfect mirrors filter small reflections. Level 1 is looked up by smooth gloss, where
+    its samples would be visible beside bright lamps.
+    """
+
+    MIRROR = (4, 4)
+    SMOOTH = (48, 32)
+    ROUGH = (12, 24)
+
+    @classmethod
+    def of(cls, roughness: Collection[float]) -> Gloss:
+        """Gloss of surfaces of the given roughnesses."""
+        rough = [one for one in roughness if one > MIN_ROUGHNESS]
+        if not rough:
+            return cls.MIRROR
+        return cls.SMOOTH if min(rough) < _MIN_ROUGH else cls.ROUGH
 
 
 class ProbeMaps:
@@ -66,14 +88,14 @@ class ProbeMaps:
         self._gloss_triangle = context.vertex_array(self._gloss, [])
 
     def draw(
-        self, cube: int, colors: moderngl.Texture, depths: moderngl.Texture, is_rough: bool
+        self, cube: int, colors: moderngl.Texture, depths: moderngl.Texture, gloss: Gloss
     ) -> None:
         """Copy a probe from its atlas, and filter its levels.
 
         Args:
             cube: index of the probe.
             colors, depths: atlas.
-            is_rough: its surfaces may be rougher than perfect mirrors.
+            gloss: gloss of its surfaces.
         """
         colors.use(_COLORS_UNIT)
         depths.use(_DEPTHS_UNIT)
@@ -81,8 +103,7 @@ class ProbeMaps:
         bind_texture(_CUBES_UNIT, self.name)
         uniform(self._gloss, "u_cube").value = float(cube)
         for level in range(1, LEVELS):
-            facets = _FACETS[min(level, len(_FACETS)) - 1] if is_rough else _SMOOTH_FACETS
-            uniform(self._gloss, "u_facets").value = facets
+            uniform(self._gloss, "u_facets").value = gloss.value[level > 1]
             between = (_ALPHAS[level] ** _POWER - _ALPHAS[level - 1] ** _POWER) ** (1.0 / _POWER)
             uniform(self._gloss, "u_alpha").value = between
             limit_levels(self.name, level - 1, level - 1)

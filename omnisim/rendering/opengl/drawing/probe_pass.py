@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.world import time_of
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, cube_plan
-from omnisim.rendering.opengl.drawing.probe_maps import ProbeMaps
+from omnisim.rendering.opengl.drawing.probe_maps import Gloss, ProbeMaps
 from omnisim.rendering.opengl.drawing.reversed_depth import depth_texture
 from omnisim.rendering.opengl.drawing.scene_view import SceneView
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
@@ -31,7 +31,7 @@ from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl_functions import bind_texture, copy_region
 from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.memory import gpu_allocation
-from omnisim.scene.reflection_probes import ProbePlace, is_perfect_mirror
+from omnisim.scene.reflection_probes import ProbePlace, lobe_roughnesses
 
 SIZE_PX = 128  # of a face
 _NEAR_SHARE, _MAX_NEAR_M = 0.05, 0.05  # near plane, as a share of the smallest probe's radius
@@ -75,7 +75,7 @@ class ProbePass:
         self._view = self._make_view(plan, near_m)
         self.items = frozenset(index for one in places for index in one.surfaces)
         self._left_out = [self._mask(one.left_out) for one in places]
-        self._is_rough = [self._reflects_roughly(one) for one in places]
+        self._gloss = [self._gloss_of(one) for one in places]
         self._states: list[bytes | None] = [None] * len(places)
         self._static: dict[int, tuple[moderngl.Texture, moderngl.Texture]] = {}
         self._has_moving = any(item.moves for item in buffers.draw_items)
@@ -99,10 +99,10 @@ class ProbePass:
         mask[list(left_out)] = True
         return mask
 
-    def _reflects_roughly(self, place: ProbePlace) -> bool:
-        """True if a surface of a probe may be rougher than a perfect mirror."""
+    def _gloss_of(self, place: ProbePlace) -> Gloss:
+        """Gloss of a probe's surfaces."""
         materials = [self._buffers.draw_items[one].material for one in place.surfaces]
-        return any(not is_perfect_mirror(one) for one in materials)
+        return Gloss.of([value for one in materials for value in lobe_roughnesses(one)])
 
     def render(
         self, seen: Collection[int], world_from_objects: Sequence[NDArray[np.float64]]
@@ -135,7 +135,7 @@ class ProbePass:
         self._view.select(left_out, parts)
         self._state.use(self._target, has_depth=True)
         self._view.draw(self._target, world_from_probe, world_from_objects)
-        self._maps.draw(number, self._colors, self._depths, self._is_rough[number])
+        self._maps.draw(number, self._colors, self._depths, self._gloss[number])
 
     def _has_static_copy(self, place: ProbePlace) -> bool:
         """True if the scene around a probe changes only where moving items are.

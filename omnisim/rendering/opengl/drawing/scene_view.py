@@ -126,7 +126,8 @@ class SceneView:
                 is_rough = is_rough_mirror(item.material)
                 variant = variant._replace(is_planar_mirror=True, is_rough_mirror=is_rough)
             if id(item) in of_probes:
-                variant = variant._replace(has_probe=True)
+                is_glass = item.material.glass_transmission > 0.0
+                variant = variant._replace(has_probe=True, is_glass=is_glass)
             return self._program(variant)
 
         def find_program(bucket: Bucket) -> BucketProgram:

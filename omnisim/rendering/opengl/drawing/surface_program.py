@@ -64,6 +64,7 @@ class SurfaceVariant(NamedTuple):
         is_rough_mirror: shows them through rough gloss, too.
         in_mirror: drawn from a mirrored rig, clipped at the mirror.
         has_probe: reflects a probe of `ProbePass`.
+        is_glass: body of thick glass, which shows its probe.
     """
 
     lit: bool
@@ -83,6 +84,7 @@ class SurfaceVariant(NamedTuple):
     is_rough_mirror: bool = False
     in_mirror: bool = False
     has_probe: bool = False
+    is_glass: bool = False
 
     @property
     def computes_light(self) -> bool:
@@ -131,6 +133,8 @@ class SurfaceVariant(NamedTuple):
             defines.append("IN_MIRROR")
         if self.has_probe:
             defines.append("REFLECTION_PROBE")
+        if self.is_glass:
+            defines.append("GLASS")
         if is_placed or self.in_mirror:
             defines.append("POSITION")
         if in_fog:
@@ -265,6 +269,8 @@ class SurfaceProgram:
         self._mirror = find_uniform(program, "u_mirror")
         self._probe = find_uniform(program, "u_probe")
         self._probes: Mapping[int, NDArray[np.float32]] = {}
+        self._glass = find_uniform(program, "u_glass")
+        self._glass_absorption = find_uniform(program, "u_glass_absorption_per_m")
         if variant.has_probe:
             set_sampler(program, "u_reflection_probes", PROBE_UNIT)
         if variant.is_planar_mirror:
@@ -334,6 +340,9 @@ class SurfaceProgram:
         self._item.bind_material(item)
         if self._probe is not None:
             self._probe.write(self._probes[id(item)])
+        if self._glass is not None and self._glass_absorption is not None:
+            self._glass.value = item.material.glass_transmission, item.material.ior
+            self._glass_absorption.value = item.material.absorption_per_m
         if self._is_textured:
             item.texture.use(0)
         if self._light_rectangles is not None and item.light_rectangles:

@@ -25,7 +25,6 @@ NO_MEDIUM = -1  # air, among the indices of surfaces
 _GREEN = 1  # channel whose index is the material's
 # Difference of the indices of red and green per dispersion and ior − 1: half of 1/20
 _SPREAD = 0.025
-_DARKEST = 1e-30  # share of light that fully absorbing glass leaves after its distance
 _BELOW = 1e-3  # minimum cosine between a refracted ray and the triangle's plane
 
 
@@ -64,9 +63,7 @@ class Glass(NamedTuple):
         shares = np.array([0.0 if is_matte else one.glass_transmission for one in materials])
         ior = np.array([one.ior for one in materials])
         spreads = np.array([_SPREAD * one.dispersion for one in materials]) * (ior - 1.0)
-        colors = np.array([one.attenuation_color for one in materials]).reshape(-1, 3)
-        distances_m = np.array([one.attenuation_distance_m for one in materials])
-        absorption = -np.log(np.maximum(colors, _DARKEST)) / distances_m[:, None]
+        absorption = np.array([one.absorption_per_m for one in materials]).reshape(-1, 3)
         indices = np.maximum(np.stack((ior - spreads, ior, ior + spreads)), 1.0)
         return cls(shares, indices, absorption, bool(spreads[shares > 0.0].any()))
 

@@ -1,0 +1,1 @@
+"""Checks of images against a path tracer."""
