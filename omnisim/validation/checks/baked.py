@@ -21,6 +21,7 @@ from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import converged_psnr_db, psnr_db
 from omnisim.validation.report.measure import Measure
 from omnisim.validation.report.report import CaptionedFigure, Section
+from omnisim.validation.rooms.window_room import window_room
 from omnisim.validation.ssim import ssim
 from omnisim.validation.traced_light import (
     CAMERAS,
@@ -30,7 +31,6 @@ from omnisim.validation.traced_light import (
     sensor_of,
     traced_light,
 )
-from omnisim.validation.rooms.window_room import window_room
 
 SIZE_PX, QUICK_SIZE_PX = 128, 96
 # Squares, as Mitsuba's sampler requires, by camera: a texel of the fisheye is 1/16 of a pixel.
