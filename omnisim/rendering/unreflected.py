@@ -67,16 +67,17 @@ def reflection_notes(
             "(virtual_cameras.mirrors of a sensor file)"
         )
     glass = {number for number, one in surfaces.items() if one.material.glass_transmission}
-    for numbers, what, accuracy in (
-        (glass & probed, "approximate", f"; {_GLASS_ACCURACY}"),
-        (glass - probed, "opaque", ""),
-    ):
-        materials = {id(surfaces[number].material) for number in numbers}
-        if materials:
-            notes.append(
-                f"thick glass is {what} ({counted(len(materials), 'material')}{accuracy}): "
-                "--backend rays refracts"
-            )
+    clear = {id(surfaces[number].material) for number in glass & probed}
+    opaque = {id(surfaces[number].material) for number in glass - probed}
+    if clear:
+        notes.append(
+            f"thick glass is approximate ({counted(len(clear), 'material')}; {_GLASS_ACCURACY}): "
+            "--backend rays refracts"
+        )
+    if opaque:
+        notes.append(
+            f"thick glass is opaque ({counted(len(opaque), 'material')}): --backend rays refracts"
+        )
     return notes
 
 

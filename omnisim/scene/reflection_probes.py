@@ -39,7 +39,8 @@ class ProbePlace:
     Attributes:
         object_index: index of its dynamic object; None: static.
         center_m: (3,) viewpoint; of a deforming surface, at 0 s.
-        radius_m: radius of the bounds of its surfaces.
+        radius_m: radius of the bounds of its largest surface.
+        area_m2: area of that surface.
         surfaces: indices of the surfaces that reflect it.
         left_out: indices of the surfaces that it does not show.
         deforming: index of the deforming surface whose bounds it follows; None: rigid.
@@ -48,6 +49,7 @@ class ProbePlace:
     object_index: int | None
     center_m: NDArray[np.float64]
     radius_m: float
+    area_m2: float
     surfaces: frozenset[int]
     left_out: frozenset[int]
     deforming: int | None = None
@@ -145,7 +147,7 @@ def find_probes(
             places.append(place)
 
     def prominence(place: ProbePlace) -> float:
-        return place.radius_m * max(_strength(surfaces[one].material) for one in place.surfaces)
+        return place.area_m2 * max(_strength(surfaces[one].material) for one in place.surfaces)
 
     return tuple(sorted(places, key=lambda place: -prominence(place)))
 
@@ -168,27 +170,28 @@ def _strength(material: Material) -> float:
 
 def _place(index: int, surface: ShownSurface, box: _Box) -> tuple[ProbePlace, bool]:
     """Probe of a surface, and whether parts within its bounds share it."""
+    corners = _positions_m(surface)[surface.mesh.triangles]
+    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    crosses *= np.sign(np.linalg.det(surface.object_from_mesh[:3, :3]))
+    area_m2 = max(0.5 * float(np.linalg.norm(crosses, axis=1).sum()), 1e-30)
     place = ProbePlace(
         surface.object_index,
         box.center_m,
         box.radius_m,
+        area_m2,
         frozenset((index,)),
         frozenset((index,)),
         None if surface.mesh.deformation is None else index,
     )
     if place.deforming is not None:
         return place, False
-    corners = _positions_m(surface)[surface.mesh.triangles]
-    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    crosses *= np.sign(np.linalg.det(surface.object_from_mesh[:3, :3]))
-    area = max(float(np.linalg.norm(crosses, axis=1).sum()), 1e-30)
-    normal = crosses.sum(axis=0) / area
+    normal = 0.5 * crosses.sum(axis=0) / area_m2
     if np.linalg.norm(normal) >= _SHEET_COSINE:
         lift_m = min(_SHEET_LIFT * box.radius_m, _MAX_SHEET_LIFT_M)
         return replace(place, center_m=box.center_m + lift_m * normal), False
     outward = corners.mean(axis=1) - box.center_m
     outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-30)
-    cosine = float(np.einsum("nc,nc->", crosses, outward)) / area
+    cosine = 0.5 * float(np.einsum("nc,nc->", crosses, outward)) / area_m2
     is_small = box.radius_m <= _MAX_SHARED_RADIUS_M
     if cosine < (_HOLLOW if is_small else _COMPACT):
         return replace(place, left_out=frozenset()), False

@@ -272,12 +272,11 @@ STATEMENTS = {
         (README, HOW_TO + "own-scene.md"),
     ),
     "reflections": (
-        "urved reflections show the scene by `--backend rays` only",
-        (README, HOW_TO + "light.md", WHY + "assumptions.md"),
+        "are approximate, and exact by `--backend rays`",
+        (README, WHY + "assumptions.md"),
     ),
     "transmission": (
-        "Clear panes transmit, and thick glass refracts by `--backend rays`: other glass is opaque "
-        "unless alpha blends it.",
+        "Clear glass transmits: other glass is opaque unless alpha blends it",
         (README, WHY + "assumptions.md"),
     ),
     "emission": (

@@ -79,6 +79,10 @@ def test_smooth_metal_precedes_larger_rough_gloss():
     assert [one.surfaces for one in _probes(meshes, [gloss, CHROME], places)] == [{1}, {0}]
     coated = dataclasses.replace(gloss, clearcoat=1.0)
     assert [one.surfaces for one in _probes(meshes, [coated, gloss], places)] == [{0}, {1}]
+    column = dataclasses.replace(sphere(1.0, 8), name="column")  # of less area than a ball
+    places = [np.diag((0.05, 0.05, 2.0, 1.0)), pose((9.0, 0.0, 0.0))]
+    ball = sphere(0.5, 8)
+    assert [one.surfaces for one in _probes([column, ball], [CHROME], places)] == [{1}, {0}]
 
 
 def test_objects_do_not_share_probes():

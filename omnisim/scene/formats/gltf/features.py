@@ -231,7 +231,7 @@ FEATURES = (
     ),
     Feature(
         "KHR_materials_transmission", _APPLIED,
-        "of clear panes; of frosted panes and clear, thick glass with `--backend rays`",
+        "of clear panes and clear, thick glass; of frosted panes with `--backend rays`",
     ),
     Feature(
         "transmissionTexture", _LEFT_OUT, "maps of transmission are not drawn: glass is opaque",
@@ -239,7 +239,7 @@ FEATURES = (
     ),
     Feature(
         "KHR_materials_volume", _APPLIED,
-        "of thick, clear glass, with `--backend rays`: its mesh is the body",
+        "of thick, clear glass, whose mesh is the body; `cube` approximates it",
     ),
     Feature(
         "KHR_materials_variants", _LEFT_OUT, "variants of materials are not used: the default is",
