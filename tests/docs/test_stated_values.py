@@ -113,8 +113,8 @@ def test_words_on_built_in_scenes_are_those_of_their_files():
         assert ("`--sky none`" in stated) == ("sky" in scene), name
         has_key = light.get("shading") == "matte"
         has_gloss = any(map(_has_gloss, _materials(path.parent / scene["file"])))
-        told = by_key if has_key else glossy if has_gloss else by_materials
-        assert f"`{name}`" in told, name
+        stated_names = by_key if has_key else glossy if has_gloss else by_materials
+        assert f"`{name}`" in stated_names, name
 
 
 TARGETS = ("pyrender", "the paper's way", "Gazebo's way", "Embree, geometry")

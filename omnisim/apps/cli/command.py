@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import inspect
 from collections.abc import Mapping
 from functools import cached_property
@@ -89,12 +88,7 @@ class Command(TyperCommand):
             if self._entry.extra is not None:
                 require_extra(self._entry.extra, f"omnisim {self._path}")
             run = _resolve(self._entry.run)
-            gc.freeze()  # what is imported stays: collections need not look at it
-            gc.enable()  # start.py disables it
-            try:
-                result = run() if request is None else run(make_request(request, values))
-            finally:
-                gc.unfreeze()  # OpenImageIO reports types that are never collected
+            result = run() if request is None else run(make_request(request, values))
             if result is False:
                 raise typer.Exit(1)
 

@@ -31,6 +31,7 @@ from omnisim.validation.traced_light import (
 )
 
 SCENE = "arcade"
+# The quick check has the mirror alone: at 48 px the fisheye's pixels hold whole signs and shops.
 SIZE_PX, QUICK_SIZE_PX = 96, 48
 # Squares, as Mitsuba's sampler requires, by camera: a texel of the fisheye is 1/16 of a pixel.
 SAMPLES = {"mirror": 1024, "fisheye": 36}
@@ -45,7 +46,7 @@ def check(fixture: Fixture, title: str) -> Section:
     images: dict[str, NDArray[np.generic]] = {}
     size_px = QUICK_SIZE_PX if fixture.is_quick else SIZE_PX
     scene = load_scene(SCENE)
-    for camera in CAMERAS:
+    for camera in CAMERAS[:1] if fixture.is_quick else CAMERAS:
         sensor = sensor_of(camera, size_px)
         inside = inside_rim(sensor)
         traced = traced_twice(scene, sensor, SAMPLES[camera])
