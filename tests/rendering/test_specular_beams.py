@@ -14,7 +14,7 @@ from omnisim.scene.model import Material
 from omnisim.sensors import LaserScanner, SpinningLidar
 from omnisim.sensors.lidar.point_files import ECHO_POINT, POINT
 from omnisim.sensors.lidar.revolution import MAX_PATH_M
-from omnisim.validation.checks.reflective_rooms import rooms
+from omnisim.validation.rooms.reflective_rooms import rooms
 from tests.scenes import room, scene_of, square
 
 pytest.importorskip("embreex", reason="embreex, which casts the beams, is missing")

@@ -7,7 +7,6 @@ pytest.importorskip("mitsuba", reason="Mitsuba, the oracle, is missing")
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
 
 from omnisim.rendering.rays.shading import reflections
-from omnisim.validation.checks import reflective_rooms
 from omnisim.validation.checks.reflections import (
     MIN_DB,
     min_by_cube_db,
@@ -15,6 +14,7 @@ from omnisim.validation.checks.reflections import (
     traced_paths,
 )
 from omnisim.validation.psnr import psnr_db
+from omnisim.validation.rooms import reflective_rooms
 
 
 @pytest.mark.parametrize("name", MIN_DB)

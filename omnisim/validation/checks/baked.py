@@ -15,13 +15,13 @@ from omnisim.scene import load_scene
 from omnisim.scene.light.baked import with_baked_light
 from omnisim.scene.model import Scene
 from omnisim.validation.checks.shadows import FOLDER, QUICK_SCENES, SCENES
-from omnisim.validation.checks.window_room import window_room
 from omnisim.validation.fixture import Fixture, linear_image
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
 from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import converged_psnr_db, psnr_db
 from omnisim.validation.report.measure import Measure
 from omnisim.validation.report.report import CaptionedFigure, Section
+from omnisim.validation.rooms.window_room import window_room
 from omnisim.validation.ssim import ssim
 from omnisim.validation.traced_light import (
     CAMERAS,

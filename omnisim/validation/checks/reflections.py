@@ -10,13 +10,13 @@ from omnisim.core.srgb import srgb8_from_linear, srgb_from_linear
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene import Scene
-from omnisim.validation.checks import reflective_rooms
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles.mirrored_beams import beam_measures
 from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import psnr_db
 from omnisim.validation.report.measure import Measure
 from omnisim.validation.report.report import CaptionedFigure, Section
+from omnisim.validation.rooms import reflective_rooms
 
 WIDTH_PX, QUICK_WIDTH_PX = 240, 120
 SUPERSAMPLING = 4  # omnisim: 16 samples per pixel, with 8 rays each on glossy surfaces

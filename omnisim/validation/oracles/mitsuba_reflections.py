@@ -39,7 +39,7 @@ def trace_reflections(
     """Trace an image (height, width, 3), linear RGB; the camera looks along its base's x.
 
     Args:
-        scene: scene from `omnisim.validation.checks.reflective_rooms`.
+        scene: scene from `omnisim.validation.rooms.reflective_rooms`.
         camera: camera at the base's origin.
         world_from_base: (4, 4) pose of the base.
         samples: samples per pixel; a square number.

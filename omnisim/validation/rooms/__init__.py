@@ -1,0 +1,1 @@
+"""Test rooms of the checks."""
