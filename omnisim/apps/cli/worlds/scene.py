@@ -16,6 +16,7 @@ from omnisim.apps.cli.worlds.requests import SceneRequest
 from omnisim.core.errors import printable
 from omnisim.core.extras import require_extra
 from omnisim.rendering.opengl.geometry.memory_estimate import gpu_bytes
+from omnisim.rendering.reflection_kinds import reflection_kinds
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.scene.light.lighting import is_even, light_summary
@@ -62,7 +63,7 @@ def run(request: SceneRequest) -> None:
 
 def describe(scene: Scene) -> dict[str, Any]:
     """Describe a scene with JSON-serializable values."""
-    labels = find_labels(scene)
+    labels, reflections = find_labels(scene), reflection_kinds(scene)
     mesh_bytes, texture_bytes = memory_bytes(scene)
     low, high = scene.bounds_m()
     paths = [(one.name, np.array(one.waypoints_m)) for one in scene.paths]
@@ -117,7 +118,10 @@ def describe(scene: Scene) -> dict[str, Any]:
         "dynamic_objects": [
             {"name": one.name, "triangles": one.shape.triangle_count} for one in scene.objects
         ],
-        "instances": [dataclasses.asdict(one) for one in instance_summaries(scene)],
+        "instances": [
+            dataclasses.asdict(one) | {"reflections": list(reflections.get(one.name, ()))}
+            for one in instance_summaries(scene)
+        ],
         "notices": list(scene.notices),
     }
 
@@ -130,7 +134,11 @@ def _print_tables(document: dict[str, Any], shows_all: bool) -> None:
     rows = [_row(one) for one in shown]
     table = Table(box=None, pad_edge=False)
     table.add_column("instance", no_wrap=True)  # the only column that a narrow console truncates
-    for index, title in enumerate(("class", "triangles", "size (m)", "center (m)", "textures"), 1):
+    titles = ["class", "triangles", "size (m)", "center (m)", "textures"]
+    if any(row[-1] for row in rows):
+        titles.append("reflects by")
+    rows = [row[: 1 + len(titles)] for row in rows]
+    for index, title in enumerate(titles, 1):
         width = max([len(title), *(len(row[index]) for row in rows)])
         table.add_column(title, no_wrap=True, min_width=width, justify="right")
     for row in rows:
@@ -197,6 +205,7 @@ def _row(one: dict[str, Any]) -> tuple[str, ...]:
         "×".join(f"{size:.3g}" for size in high - low),
         " ".join(f"{value:.3g}" for value in 0.5 * (low + high)),
         _textures(one["textures_px"]),
+        " ".join(one["reflections"]),
     )
 
 

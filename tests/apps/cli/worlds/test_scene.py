@@ -41,6 +41,14 @@ def test_the_table_names_what_is_there(omnisim):
     assert len(omnisim("scene", "soccer", "--all")[1].splitlines()) > 237
 
 
+def test_instances_state_by_what_they_reflect(omnisim):
+    document = json.loads(omnisim("scene", "arcade", "--json")[1])
+    found = [kind for one in document["instances"] for kind in one["reflections"]]
+    assert set(found) == {"mirror", "pane", "probe", "sky"}
+    assert "reflects by" in omnisim("scene", "arcade")[1]
+    assert "reflects by" not in omnisim("scene", "rings")[1]
+
+
 def test_a_scene_without_lamps_has_none(omnisim):
     document = json.loads(omnisim("scene", "soccer", "--json")[1])
     assert document["light"] == "none: baked light of emissive surfaces"
