@@ -38,8 +38,8 @@ from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.baking.emission_notes import emission_notes
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.omnicamera import ExposureOption, OmniCamera, Polygons
+from omnisim.rendering.reflections.notes import frosted_notes, reflection_notes
 from omnisim.rendering.shared_scene import BackendName
-from omnisim.rendering.unreflected import frosted_notes, reflection_notes
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
 

@@ -16,7 +16,7 @@ from omnisim.apps.cli.worlds.requests import SceneRequest
 from omnisim.core.errors import printable
 from omnisim.core.extras import require_extra
 from omnisim.rendering.opengl.geometry.memory_estimate import gpu_bytes
-from omnisim.rendering.reflection_kinds import reflection_kinds
+from omnisim.rendering.reflections.kinds import reflection_kinds
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.scene.light.lighting import is_even, light_summary

@@ -1,0 +1,1 @@
+"""Reflections of a scene by the back end `cube`: their kinds, and notices on them."""
