@@ -10,13 +10,15 @@
 // Source: Szirmay-Kalos, Aszódi, Lazányi and Premecz, "Approximate ray-tracing on the GPU with
 // distance impostors", 2005.
 
-uniform samplerCubeArray u_reflection_probes;  // light; alpha: 1 / distance in meters
+// light; alpha: 1 / distance in meters. The unit is that of surface_program.py: moderngl cannot set
+// samplers of this type.
+layout(binding = 18) uniform samplerCubeArray u_reflection_probes;
 uniform vec4 u_probe;  // center of the probe, in meters from the viewpoint; index of its cube
 
 const float FIRST_ALPHA = 0.024;    // squared roughness of level 1; it doubles from level to level
 const float MIN_PER_M = 1e-4;       // 1 / distance of the sky
 const float SPREAD_SHARE = 0.35;    // filter of a level, relative to its squared roughness
-const float FARTHEST_M = 1e4;
+const float SKY_M = 1e4;
 const float SAME_SHARE = 0.1;  // tolerance of a hit's distance from the center
 const float MIN_BLURRED = 0.2;  // roughness from which hits may be less precise
 const int STEPS = 4, REFINEMENTS = 2;
@@ -51,7 +53,7 @@ float hit_m(vec3 start, vec3 direction, int steps, float level) {
     for (int i = 1; i <= steps; ++i) {
         before = after;
         float angle = mix(first, 0.5 * PI, float(i) / float(steps));
-        after = i < steps ? height * tan(angle) - along : FARTHEST_M;
+        after = i < steps ? height * tan(angle) - along : SKY_M;
         vec3 at = start + after * direction;
         if (i == steps || length(at) * per_m(at, level) >= 1.0) break;  // behind a surface
     }
@@ -63,7 +65,7 @@ float hit_m(vec3 start, vec3 direction, int steps, float level) {
         range = clamp(reach_m(along, squared, at_per_m), before, after);
     }
     if (abs(off) < SAME_SHARE || steps == 1) return range;
-    range = FARTHEST_M;
+    range = SKY_M;
     for (int i = 0; i <= REFINEMENTS; ++i)
         range = reach_m(along, squared, per_m(start + range * direction, level));
     return range;

@@ -10,12 +10,12 @@ from omnisim.core.world import WorldState
 from omnisim.rendering.opengl.drawing import probe_pass
 from omnisim.rendering.rays.shading import reflections
 from omnisim.rendering.stage import Stage, open_sensor
-from omnisim.scene.model import Fog, Instance, Material
+from omnisim.scene.model import Fog, Instance, Material, Texture
 from omnisim.validation.material_chart import sphere
 from omnisim.validation.psnr import psnr_db, psnr_of_levels_db
 from omnisim.validation.traced_light import fisheye
 from tests.rendering.opengl.sheets import CHROME, LAMP, SUN, mixed_scene
-from tests.scenes import room, room_color, room_hit, scene_of
+from tests.scenes import room, room_color, room_hit, scene_of, square
 from tests.vehicles import box
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
@@ -94,6 +94,43 @@ def test_a_glass_ball_of_the_index_of_air_is_invisible():
     expected = np.array((0.5, 0.2, 0.8)) ** (chords_m[own, None] / 2.0)
     ratios = seen.reshape(-1, 3)[own] / images[1].reshape(-1, 3)[own]
     np.testing.assert_allclose(ratios, expected, atol=0.04)
+
+
+def _image(scene, sensor):
+    with open_sensor(scene, sensor) as renderer:
+        return renderer.render(AT).rgb
+
+
+def test_white_textures_and_maps_change_nothing():
+    sensor = dataclasses.replace(fisheye(60), supersampling=1)
+    white = Texture(np.full((4, 4, 4), 255, np.uint8))
+    linear = Texture(np.full((4, 4, 4), 255, np.uint8), is_linear=True)
+    maps = dataclasses.replace(WHITE, texture=white, metallic_roughness_map=linear)
+    np.testing.assert_array_equal(_image(_room(maps), sensor), _image(_room(), sensor))
+
+
+@pytest.mark.parametrize("roughness", [0.0, 0.2])
+def test_a_mesh_of_a_mirror_and_a_ball_is_that_of_both(roughness):
+    """Elsewhere than below the ball, which as a part of the mesh does not reflect the mirror."""
+    material = dataclasses.replace(WHITE, roughness=roughness)
+    ball = dataclasses.replace(sphere(RADIUS_M, 32), texture_coordinates=None)
+    floor = square(1.2, -0.8, normals=np.tile(np.float32((0.0, 0.0, 1.0)), (4, 1)))
+    joined = dataclasses.replace(
+        ball,
+        positions=np.concatenate((ball.positions, floor.positions)),
+        normals=np.concatenate((ball.normals, floor.normals)),
+        triangles=np.concatenate(
+            (ball.triangles, floor.triangles + np.uint32(len(ball.positions)))
+        ),
+    )
+    sensor = dataclasses.replace(fisheye(80), supersampling=1)
+    images = []
+    for meshes in ([joined], [ball, floor]):
+        parts = [room(), *(dataclasses.replace(one, material=1) for one in meshes)]
+        places = [np.eye(4), *(pose(BALL_M) for _ in meshes)]
+        images.append(_image(scene_of(parts, [SHINING, material], places), sensor))
+    off = np.abs(images[0].astype(int) - images[1]).max(axis=-1)
+    assert np.mean(off <= 8) > 0.9
 
 
 def _reflecting():

@@ -42,7 +42,8 @@ _ENVIRONMENT_UNITS = {"u_environment_table": 5, "u_filtered_sky": 6}
 # Units of the normal maps, which planar mirrors do not have. A unit keeps the maps, which are array
 # textures, beside these.
 MIRROR_UNITS = {"u_mirror_owners": 2, "u_mirrored": 15}
-PROBE_UNIT = 18  # units 16 and 17 are those of culling
+# As in shaders/scene/reflection_probe.glsl; units 16 and 17 are those of culling.
+PROBE_UNIT = 18
 
 
 class SurfaceVariant(NamedTuple):
@@ -271,8 +272,6 @@ class SurfaceProgram:
         self._probes: Mapping[int, NDArray[np.float32]] = {}
         self._glass = find_uniform(program, "u_glass")
         self._glass_absorption = find_uniform(program, "u_glass_absorption_per_m")
-        if variant.has_probe:
-            set_sampler(program, "u_reflection_probes", PROBE_UNIT)
         if variant.is_planar_mirror:
             for name, unit in MIRROR_UNITS.items():
                 set_sampler(program, name, unit)
