@@ -12,7 +12,7 @@ from omnisim.scene.scene_surfaces import is_surface_planar, scene_surfaces
 
 
 class ReflectionKind(StrEnum):
-    """What an instance reflects, see the chapter on reflections in rendering.md."""
+    """Kind of an instance's reflection, see the chapter on reflections in rendering.md."""
 
     MIRROR = "mirror"  # the scene, from a mirrored viewpoint
     PANE = "pane"  # likewise, and it is transparent
