@@ -1,9 +1,9 @@
 """Reflection probes of a scene: viewpoints whose cube of light curved and rough surfaces reflect.
 
 A surface has a probe if it reflects the scene and is not a planar mirror, or is thick glass, behind
-which it shows the probe. The probe of a compact
-body is at its center, and does not show the body; that of a sheet is in front of it; that of a
-hollow surface, such as a room, shows the surface itself.
+which it shows the probe. The probe of a compact body is at its center, and does not show the body;
+that of a sheet is in front of it; that of a hollow surface, such as a room, shows the surface
+itself.
 """
 
 from __future__ import annotations

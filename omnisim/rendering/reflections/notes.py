@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from omnisim.core.short_repr import counted
 from omnisim.rendering.camera.quality import DEFAULT_MIRRORS, DEFAULT_PROBES
+from omnisim.rendering.reflections.kinds import find_reflectors
 from omnisim.scene import Scene
-from omnisim.scene.planar_mirrors import (
-    find_mirrors,
-    is_clear_pane,
-    is_planar_mirror,
-)
-from omnisim.scene.reflection_probes import find_probes, reflects_scene
+from omnisim.scene.reflection_probes import reflects_scene
 from omnisim.scene.scene_surfaces import is_surface_planar, scene_surfaces
 
 # Measured by `omnisim validate --only reflections`, as PSNR of the whole image.
@@ -29,12 +25,10 @@ def reflection_notes(
     """
     if scene.lighting.is_matte:
         return []
-    surfaces = scene_surfaces(scene, [one.shape for one in scene.objects])
-    of_mirrors = find_mirrors(surfaces, is_planar_mirror)
-    of_panes = find_mirrors(surfaces, is_clear_pane)
+    found = find_reflectors(scene)
+    surfaces, of_mirrors, of_panes, places = found
     planes = (*of_mirrors, *of_panes) if mirrors else ()
-    places = find_probes(surfaces, (*of_mirrors, *of_panes))
-    probed = {number for place in places[:probes] for number in place.surfaces}
+    probed = found.probed(probes)
     unreflected = {
         id(one.material)
         for number, one in surfaces.items()
