@@ -15,11 +15,11 @@ from PIL import Image
 from omnisim.scene.files.asset_resolver import AssetResolver
 from omnisim.scene.files.imported_scene import MAX_COORDINATE
 from omnisim.scene.formats.gltf.accessors import Accessors, read_uri
-from omnisim.scene.formats.gltf.factors import Factors, factor_notices
 from omnisim.scene.formats.gltf.json_object import JsonObject
-from omnisim.scene.formats.gltf.packed_maps import PackedMaps
+from omnisim.scene.formats.gltf.materials.factors import Factors, factor_notices
+from omnisim.scene.formats.gltf.materials.packed_maps import PackedMaps
+from omnisim.scene.formats.gltf.materials.reflectance import with_reflectance
 from omnisim.scene.formats.gltf.primitives import Primitive
-from omnisim.scene.formats.gltf.reflectance import with_reflectance
 from omnisim.scene.model import AlphaMode, Material, Texture, Wrap
 from omnisim.scene.textures import NO_IMAGE, TextureStore, unreadable_image
 

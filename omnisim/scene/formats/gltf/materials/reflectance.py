@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-from omnisim.scene.formats.gltf.factors import Color, Factors
 from omnisim.scene.formats.gltf.json_object import JsonObject
+from omnisim.scene.formats.gltf.materials.factors import Color, Factors
 from omnisim.scene.model import Material, Texture
 
 DEFAULT_IOR = 1.5
