@@ -5,7 +5,8 @@ triangles, 360 px. `SCENE` may be a built-in scene, a file, or a number of trian
 Simplified scenes, each made for one viewpoint, stand beside the whole one:
 
 - simplified: meshoptimizer collapses edges until the surface is a bound of pixels away, and removes
-  parts that are smaller. A mesh's bound is that of its nearest vertex.
+  parts that are smaller. Its error is a mean: single vertices
+  move three times as far. A mesh's bound is that of its nearest vertex.
 - near: triangles beyond a distance are left out. It is no level of detail, but cheaper than any:
   everything farther away costs nothing, and is missing.
 
@@ -67,7 +68,7 @@ def px_per_rad(camera: OmniCamera, directions: NDArray[np.float64]) -> NDArray[n
 
 
 def simplify(mesh: Mesh, limit_m: float) -> Mesh | None:
-    """Mesh whose surface moves by no more than a limit; None: nothing is left."""
+    """Mesh whose surface moves by a limit at most, on average; None: nothing is left."""
     meshoptimizer: Any = import_module("meshoptimizer")
     corners = np.ascontiguousarray(mesh.triangles, dtype=np.uint32).reshape(-1)
     kept = np.empty_like(corners)
