@@ -51,7 +51,7 @@ def spatial_clusters(
         order, codes, bits = _order(bounds, keys, MAX_MORTON_BITS)
     levels, last_level = _levels(codes, bits, min_size, max_size)
     first, levels = _merge_small_cells(levels, last_level, min_size)
-    cell_bounds = np.maximum.reduceat(bounds[:, order], first, axis=1)
+    cell_bounds = np.stack([np.maximum.reduceat(one[order], first) for one in bounds])
     starts, counts = _merge_cells(
         cell_bounds, first, levels, total, last_level, max_size, split_factor
     )
@@ -64,7 +64,7 @@ def spatial_clusters(
 
 def _levels(
     codes: NDArray[np.uint64], bits: int, min_size: int, max_size: int
-) -> tuple[NDArray[np.intp], int]:
+) -> tuple[NDArray[np.int8], int]:
     """Level (n,) at which each box begins, by its sorted code; and the last level.
 
     It is the level of the smallest cell that a box shares with its predecessor. Boxes in the same
@@ -72,12 +72,12 @@ def _levels(
     """
     total, last_level = len(codes), 3 * bits + 1
     # the first box shares no cell, nor do boxes of different keys
-    levels = np.full(total, last_level + 1)
+    levels = np.full(total, last_level + 1, dtype=np.int8)
     differing = (codes[1:] ^ codes[:-1]).astype(np.float64)
     differs = differing > 0.0
     exponents = np.frexp(differing)[1][differs]
     levels[1:][differs] = np.minimum(exponents + 1, last_level + 1)
-    numbers = np.arange(total)
+    numbers = np.arange(total, dtype=np.uint32)
     levels[1:][~differs] = 0
     in_cell = numbers - np.maximum.accumulate(np.where(levels > 0, numbers, 0))
     for level, size in ((1, min_size), (2, max_size)):
@@ -86,8 +86,8 @@ def _levels(
 
 
 def _merge_small_cells(
-    levels: NDArray[np.intp], last_level: int, min_size: int
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    levels: NDArray[np.int8], last_level: int, min_size: int
+) -> tuple[NDArray[np.intp], NDArray[np.int8]]:
     """First box of each maximal cell of at most `min_size` boxes, and its first level."""
     first, total = np.arange(len(levels)), len(levels)
     for level in range(last_level + 1):
@@ -106,7 +106,7 @@ def _merge_small_cells(
 def _merge_cells(
     bounds: NDArray[np.float32],
     first: NDArray[np.intp],
-    levels: NDArray[np.intp],
+    levels: NDArray[np.int8],
     total: int,
     last_level: int,
     max_size: int,
@@ -177,12 +177,13 @@ def _half_areas(bounds: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def _morton_codes(centers: NDArray[np.float32], bits: int) -> NDArray[np.uint64]:
     """Morton codes of points (3, n) with `bits` bits per axis."""
-    start = centers.min(axis=1, keepdims=True)
-    extent = max(float((centers - start).max()), 1e-9)
-    cells = ((centers - start) * (((1 << bits) - 1) / extent)).astype(np.uint64)
+    starts = centers.min(axis=1)
+    extent = max(float((centers.max(axis=1) - starts).max()), 1e-9)
     codes = np.zeros(centers.shape[1], dtype=np.uint64)
-    for axis, cell in enumerate(cells):
+    for axis, (center, start) in enumerate(zip(centers, starts, strict=True)):
+        cell = ((center - start) * (((1 << bits) - 1) / extent)).astype(np.uint64)
         for shift, mask in _SPREAD_STEPS:
-            cell = (cell | (cell << np.uint64(shift))) & np.uint64(mask)
+            cell |= cell << np.uint64(shift)
+            cell &= np.uint64(mask)
         codes |= cell << np.uint64(axis)
     return codes
