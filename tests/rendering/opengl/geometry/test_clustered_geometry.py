@@ -70,6 +70,19 @@ def test_glass_far_and_empty_meshes_are_not_contained(context):
     assert len(corners_m(buffers.clustered_geometry)) == len(meshes[0].triangles)
 
 
+@pytest.mark.parametrize(("half_m", "is_contained"), [(0.999, True), (1.001, False)])
+@pytest.mark.parametrize("yaw_deg", [0.0, 90.0])
+def test_wide_ground_is_contained_up_to_the_distance_along_an_axis(
+    context, half_m, is_contained, yaw_deg
+):
+    corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], dtype=np.float32)
+    triangles = np.array([(0, 1, 2), (0, 2, 3)], dtype=np.uint32)
+    ground = Mesh("ground", np.float32(MAX_DISTANCE_M * half_m) * corners, triangles, 0)
+    scene = scene_of([ground, sheet("near", 0)], [Material()], [make_pose(yaw_deg=yaw_deg)] * 2)
+    contains = SceneBuffers(context, scene).clustered_geometry.contains
+    assert contains.tolist() == [is_contained, True]
+
+
 def test_every_mesh_is_contained_and_as_many_copies_as_the_limit_allows(context, monkeypatch):
     meshes = [sheet("tree", 0, side=20), sheet("house", 0, side=30)]
     limit = 2 * len(meshes[0].triangles)
