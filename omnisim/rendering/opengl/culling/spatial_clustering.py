@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 # Bits per axis; all that a code has if more boxes share a cell than a cluster may hold.
 MORTON_BITS, MAX_MORTON_BITS = 12, 20
+_AT_ONCE = 1 << 18  # boxes; keeps intermediate arrays small
 # Shifts and masks that spread a number's bits, so that the bits of two others fit in between.
 _SPREAD_STEPS = (
     (32, 0x1F00000000FFFF),
@@ -73,12 +74,12 @@ def _levels(
     total, last_level = len(codes), 3 * bits + 1
     # the first box shares no cell, nor do boxes of different keys
     levels = np.full(total, last_level + 1, dtype=np.int8)
-    differing = (codes[1:] ^ codes[:-1]).astype(np.float64)
-    differs = differing > 0.0
-    exponents = np.frexp(differing)[1][differs]
-    levels[1:][differs] = np.minimum(exponents + 1, last_level + 1)
+    for start in range(0, total - 1, _AT_ONCE):
+        some = codes[start : start + _AT_ONCE + 1]
+        differing = (some[1:] ^ some[:-1]).astype(np.float64)
+        exponents = np.minimum(np.frexp(differing)[1] + 1, last_level + 1)
+        levels[start + 1 : start + len(some)] = np.where(differing > 0.0, exponents, 0)
     numbers = np.arange(total, dtype=np.uint32)
-    levels[1:][~differs] = 0
     in_cell = numbers - np.maximum.accumulate(np.where(levels > 0, numbers, 0))
     for level, size in ((1, min_size), (2, max_size)):
         levels[(in_cell > 0) & (in_cell % size == 0)] = level
@@ -156,8 +157,9 @@ def _order(
 ) -> tuple[NDArray[np.intp], NDArray[np.uint64], int]:
     """Order of boxes (6, n) by key and Morton code, the sorted codes, and bits per axis."""
     bits = min(max_bits, (64 - int(keys.max()).bit_length()) // 3)
-    codes = _morton_codes(0.5 * (bounds[3:] - bounds[:3]), bits)
-    codes |= keys.astype(np.uint64) << np.uint64(3 * bits)
+    codes = keys.astype(np.uint64)
+    codes <<= np.uint64(3 * bits)
+    _add_morton_codes(bounds, bits, codes)
     order = np.argsort(codes, kind="stable")
     return order, codes[order], bits
 
@@ -175,15 +177,18 @@ def _half_areas(bounds: NDArray[np.float32]) -> NDArray[np.float32]:
     return areas
 
 
-def _morton_codes(centers: NDArray[np.float32], bits: int) -> NDArray[np.uint64]:
-    """Morton codes of points (3, n) with `bits` bits per axis."""
-    starts = centers.min(axis=1)
-    extent = max(float((centers.max(axis=1) - starts).max()), 1e-9)
-    codes = np.zeros(centers.shape[1], dtype=np.uint64)
-    for axis, (center, start) in enumerate(zip(centers, starts, strict=True)):
-        cell = ((center - start) * (((1 << bits) - 1) / extent)).astype(np.uint64)
-        for shift, mask in _SPREAD_STEPS:
-            cell |= cell << np.uint64(shift)
-            cell &= np.uint64(mask)
-        codes |= cell << np.uint64(axis)
-    return codes
+def _add_morton_codes(bounds: NDArray[np.float32], bits: int, codes: NDArray[np.uint64]) -> None:
+    """Add Morton codes of the centers of boxes (6, n) to `codes` (n,), with `bits` per axis."""
+    slices = [slice(at, at + _AT_ONCE) for at in range(0, bounds.shape[1], _AT_ONCE)]
+    centers = [0.5 * (bounds[3:, own] - bounds[:3, own]) for own in slices]
+    starts = np.min([one.min(axis=1) for one in centers], axis=0)
+    ends = np.max([one.max(axis=1) for one in centers], axis=0)
+    extent = max(float((ends - starts).max()), 1e-9)
+    scale = ((1 << bits) - 1) / extent
+    for own, some in zip(slices, centers, strict=True):
+        for axis in range(3):
+            cell = ((some[axis] - starts[axis]) * scale).astype(np.uint64)
+            for shift, mask in _SPREAD_STEPS:
+                cell |= cell << np.uint64(shift)
+                cell &= np.uint64(mask)
+            codes[own] |= cell << np.uint64(axis)

@@ -157,18 +157,18 @@ def build_clustered_geometry(
     with gpu_allocation(f"clusters of {counts.sum()} triangles", "make the scene smaller"):
         made = shaded_triangles(context, items, anchor_m, lighting)
     buckets, bucket = _buckets(items, item_of_triangle, made.shading)
-    object_of_item = (
-        np.array([-1 if one.object_index is None else one.object_index for one in items]) + 1
+    object_of_item = 1 + np.array(
+        [-1 if one.object_index is None else one.object_index for one in items], dtype=np.int32
     )
     # parts of dynamic objects can be hidden individually, and items without shadows stay out of
     # shadow maps
     casts = np.array([item.casts_shadow for item in items])
-    part = np.where((object_of_item == 0) & casts, 0, 1 + np.arange(len(items)))
+    part = np.where((object_of_item == 0) & casts, 0, 1 + np.arange(len(items), dtype=np.int64))
     objects = 1 + dynamic_objects
     group_key = bucket * objects + object_of_item[item_of_triangle]
-    hierarchy = build_clusters(
-        made.corners, group_key * (1 + len(items)) + part[item_of_triangle], group_key
-    )
+    key = part[item_of_triangle]
+    key += group_key * np.int64(1 + len(items))
+    hierarchy = build_clusters(made.corners, key, group_key)
     first = hierarchy.clusters.first[hierarchy.groups.first]
     group_key = group_key[hierarchy.order[first]]
     bucket_of_group, object_of_group = group_key // objects, group_key % objects
@@ -215,7 +215,7 @@ def _buckets(
     items: Sequence[DrawItem],
     item_of_triangle: NDArray[np.int32],
     shading_of_triangle: NDArray[np.int8],
-) -> tuple[tuple[Bucket, ...], NDArray[np.intp]]:
+) -> tuple[tuple[Bucket, ...], NDArray[np.int32]]:
     """Buckets, and the bucket index of each triangle (n,)."""
     kinds = len(Shading) * item_of_triangle + shading_of_triangle
     of_kind: dict[int, Bucket] = {}
@@ -232,7 +232,7 @@ def _buckets(
             material.hit_cutoff > 0.0, shading, item.texture_layer.array, maps, second, item.light,
         )  # fmt: skip
     buckets = sorted(set(of_kind.values()), key=_state_order)
-    numbers = np.zeros(len(Shading) * len(items), dtype=np.intp)
+    numbers = np.zeros(len(Shading) * len(items), dtype=np.int32)
     for kind, bucket in of_kind.items():
         numbers[kind] = buckets.index(bucket)
     return tuple(buckets), numbers[kinds]
