@@ -135,7 +135,6 @@ class SceneView:
 
         self._drawer = SceneDrawer(
             buffers,
-            buffers.indices,
             opaque if self._sorts_blended else np.flatnonzero(shown),
             find_item_program,
             id_of_item={},
