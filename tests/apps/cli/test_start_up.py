@@ -19,8 +19,9 @@ RARE_MODULES = (
     "omnisim.cameras.calibration", "omnisim.validation.plots", "omnisim.rendering.rays",
     "omnisim.rendering.camera.sensor_file",
 )  # fmt: skip
-# Not needed by an ideal image without ground truth.
+# Not needed by an ideal image without textures and ground truth.
 RARE_IN_IMAGES = (
+    "PIL", "rich", "scipy",
     "omnisim.cameras.camera_registry", "omnisim.cameras.models",
     "omnisim.core.trajectories", "omnisim.ground_truth.lidar_beams", "omnisim.rendering.truth",
     "omnisim.rendering.camera.degradations.degradation_file",
