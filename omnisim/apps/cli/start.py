@@ -34,6 +34,9 @@ def main() -> None:
         # any other handler means that SIGINT is ignored, as under nohup
         if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
             signal.signal(signal.SIGINT, _interrupt)
+        import gc
+
+        gc.disable()  # imports leave no garbage; a command enables it after its own
         for name, value in _SETTINGS.items():
             os.environ.setdefault(name, value)
         for stream in (sys.stdout, sys.stderr):
