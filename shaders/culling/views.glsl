@@ -3,7 +3,7 @@
 // vec3 transformed(vec4 rows[3], vec3 point): point in another frame.
 // The layouts are those of omnisim/rendering/opengl/culling/.
 
-#define LISTS 4u  // lists of candidates: one per possible pass, and one more
+#define LISTS 5u  // lists of candidates: one per possible pass, and one more
 
 struct Instance {
     mat4 clip_from_object;         // clip space of the tile alone

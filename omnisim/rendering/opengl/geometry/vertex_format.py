@@ -46,6 +46,9 @@ def cluster_vertex_array(
     if light_coordinates is not None:
         array.bind(_LIGHT_COORDINATE_LOCATION, "f", light_coordinates, "4f4", 0, 16)
     _bind_attributes(array, instances, INSTANCE, _FIRST_INSTANCE_LOCATION, divisor=1)
+    # Bound one by one, buffers are not kept alive by the array, and some drivers free the memory of
+    # deleted ones that an array still uses.
+    array.extra = vertices, instances, light_coordinates
     return array
 
 

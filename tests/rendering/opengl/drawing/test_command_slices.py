@@ -72,12 +72,12 @@ def _everything(stage):
             ("mixed", lambda: (mixed_scene(SHADOWED), dynamic_object()), pytest.mark.slow),
             ("soccer", lambda: (load_scene("soccer"),), ()),
         )
-        for passes in (1, 3)
+        for passes in (1, 4)
     ],
 )
 def test_slices_show_the_same(scenes, passes, monkeypatch):
     monkeypatch.setattr(
-        tile_renderer, "MIN_TRIANGLES_OF_PASSES", ((0, 0) if passes == 3 else (10**9,) * 2)
+        tile_renderer, "MIN_TRIANGLES_OF_PASSES", ((0, 0, 0) if passes == 4 else (10**9,) * 3)
     )
     with Stage(*scenes()) as stage:
         whole, slices = _everything(stage)

@@ -23,7 +23,7 @@ POSITIONS_M = ((-1.0, 0.3, 1.2), (1.0, 0.3, 1.2))
 @pytest.fixture
 def always_tested(monkeypatch):
     """As in a scene of very many triangles."""
-    monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", (0, 0))
+    monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", (0, 0, 0))
 
 
 @pytest.mark.parametrize("samples", [1, 4])
@@ -50,7 +50,7 @@ def test_the_image_is_that_of_instances_drawn_one_by_one(context, samples):
         # texel, but a cluster that is missing shows as many texels together
         assert np.count_nonzero(differs) < 1e-3 * differs.size
     # of several samples, depth cannot be read
-    assert clustered.tiles.culler.passes == (3 if samples == 1 else 1)
+    assert clustered.tiles.culler.passes == (4 if samples == 1 else 1)
 
 
 @pytest.mark.usefixtures("context")
@@ -77,7 +77,7 @@ def test_the_image_is_the_same_to_the_last_bit_when_nothing_is_culled(monkeypatc
     with open_sensor(scene, sensor) as renderer:
         drawn = count_triangles(renderer._passes.cube.tiles.culler)
         culled = [renderer.render(one).rgba for one in poses]
-    monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", (10**9,) * 2)
+    monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", (10**9,) * 3)
     with open_sensor(scene, sensor) as renderer:
         show_all(renderer._passes.cube.tiles.culler)
         everything = count_triangles(renderer._passes.cube.tiles.culler)
