@@ -35,12 +35,12 @@ class Output:
         """True on a terminal."""
         return self.console.is_terminal
 
-    def print(self, *what: Any, markup: bool = True, end: str = "\n") -> None:
+    def print(self, *what: Any, markup: bool = True, end: str = "\n", **style: Any) -> None:
         """Print texts, tables and so on, as rich's `Console.print` does."""
         stream = sys.stderr if self._is_error else sys.stdout
         is_plain = all(isinstance(one, str) and one.isprintable() for one in what)
-        if markup or stream is None or not is_plain:
-            self.console.print(*what, markup=markup, end=end)
+        if markup or style or stream is None or not is_plain:
+            self.console.print(*what, markup=markup, end=end, **style)
             return
         try:
             print(*what, end=end, file=stream, flush=True)
