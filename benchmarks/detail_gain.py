@@ -1,27 +1,31 @@
-"""Possible gain of levels of detail in the town, and what their images would lose.
+"""Possible gain of levels of detail in a scene, and what its images would lose.
 
-Run `python -m benchmarks.detail_gain [TRIANGLES]`; default: 1 million. Two kinds of simplified
-towns, each made for one viewpoint, stand beside the whole one:
+Run `python -m benchmarks.detail_gain [SCENE] [--size PX ...]`; default: the town of a million
+triangles, 360 px. `SCENE` may be a built-in scene, a file, or a number of triangles of a town.
+Simplified scenes, each made for one viewpoint, stand beside the whole one:
 
-- merged: vertices move to another one of their mesh in the same cell of a grid, whose diagonal is
-  at most so many pixels wide. Triangles whose corners meet vanish. Nothing else moves farther.
+- simplified: meshoptimizer collapses edges until the surface is a bound of pixels away, and removes
+  parts that are smaller. Its error is a mean: single vertices
+  move three times as far. A mesh's bound is that of its nearest vertex.
 - near: triangles beyond a distance are left out. It is no level of detail, but cheaper than any:
   everything farther away costs nothing, and is missing.
 
-Frames of 360² with the fast setting, whole and simplified in turn, from a pose whose shadow maps
-are drawn. Simplified meshes cast simplified shadows. Prints the number of triangles, those
-submitted for a frame, the median ratio of processor times, and PSNR over the pixels of the mirror,
-at the fast and the default setting.
+Frames with the fast setting, whole and simplified in turn, from a pose whose shadow maps are drawn.
+Simplified meshes cast simplified shadows. Prints the number of triangles, those submitted for a
+frame, the median ratio of processor times, and PSNR over the pixels of the mirror, at the fast and
+the default setting. Needs `pip install meshoptimizer`.
 """
 
 from __future__ import annotations
 
+import argparse
 import dataclasses
-import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,16 +34,18 @@ from benchmarks.pipeline_parts import RepeatedFrame
 from benchmarks.settings import SETTINGS, at_setting
 from benchmarks.suites.scaling import SETTING, SIZE_PX, STREET
 from benchmarks.town import build_town
+from omnisim.core.extras import require_extra
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
+from omnisim.scene import load_scene
 from omnisim.scene.model import Instance, Mesh, Scene
 from omnisim.validation.psnr import psnr_of_levels_db
 
 ROUNDS, WARM_UP = 12, 3
-MERGED_PX = (0.125, 0.25, 0.5, 1.0)
+SIMPLIFIED_PX = (0.125, 0.25, 0.5, 1.0)
 NEAR_M = (160.0, 80.0, 40.0)
-VIEWPOINTS = (0, 3)  # of the street's
+TOWN = "1e6"
 _BEST_DB = 99.0  # of equal images
 
 
@@ -61,56 +67,53 @@ def px_per_rad(camera: OmniCamera, directions: NDArray[np.float64]) -> NDArray[n
     return found
 
 
-def merge_vertices(
-    mesh: Mesh, from_viewpoint_m: NDArray[np.float64], cells_m: NDArray[np.float64]
+def simplify(mesh: Mesh, limit_m: float) -> Mesh | None:
+    """Mesh whose surface moves by a limit at most, on average; None: nothing is left."""
+    meshoptimizer: Any = import_module("meshoptimizer")
+    corners = np.ascontiguousarray(mesh.triangles, dtype=np.uint32).reshape(-1)
+    kept = np.empty_like(corners)
+    count = meshoptimizer.simplify(
+        kept,
+        corners,
+        np.ascontiguousarray(mesh.positions, dtype=np.float32),
+        target_index_count=0,
+        target_error=limit_m,
+        options=meshoptimizer.SIMPLIFY_ERROR_ABSOLUTE | meshoptimizer.SIMPLIFY_PRUNE,
+    )
+    triangles = kept[:count].reshape(-1, 3).astype(mesh.triangles.dtype)
+    return dataclasses.replace(mesh, triangles=triangles) if count else None
+
+
+def _nearest(
+    mesh: Mesh, from_viewpoint_m: NDArray[np.float64], scale: float, limit_m: float
 ) -> Mesh | None:
-    """Mesh with one vertex per cell; None: no triangle is left.
-
-    Args:
-        mesh: mesh to simplify.
-        from_viewpoint_m: (n, 3) vertices.
-        cells_m: (n,) largest diagonal of a vertex's cell, which is a power of two wide.
-    """
-    levels = np.floor(np.log2(cells_m / np.sqrt(3.0))).astype(np.int64)
-    cells = np.floor(from_viewpoint_m / np.exp2(levels)[:, None]).astype(np.int64)
-    keys = np.column_stack((levels, cells))
-    _, first, number = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    number = number.reshape(-1)
-    a, b, c = number[mesh.triangles].T
-    kept = mesh.triangles[(a != b) & (b != c) & (c != a)]
-    if not len(kept):
-        return None
-    return dataclasses.replace(mesh, positions=mesh.positions[first[number]], triangles=kept)
-
-
-def _nearest(mesh: Mesh, from_viewpoint_m: NDArray[np.float64], limit_m: float) -> Mesh | None:
     """Mesh with the triangles that have a corner within a distance; None: no triangle is left."""
     is_near = np.linalg.norm(from_viewpoint_m, axis=1) < limit_m
     kept = mesh.triangles[is_near[mesh.triangles].any(axis=1)]
     return dataclasses.replace(mesh, triangles=kept) if len(kept) else None
 
 
-def _merged(
-    mesh: Mesh, from_viewpoint_m: NDArray[np.float64], limit_px: float, camera: OmniCamera,
-    rig_from_world: NDArray[np.float64],
+def _simplified(
+    mesh: Mesh, from_viewpoint_m: NDArray[np.float64], scale: float, limit_px: float,
+    camera: OmniCamera, rig_from_world: NDArray[np.float64],
 ) -> Mesh | None:  # fmt: skip
     distances_m = np.maximum(np.linalg.norm(from_viewpoint_m, axis=1), 1e-3)
     densities = px_per_rad(camera, from_viewpoint_m @ rig_from_world.T)
-    return merge_vertices(mesh, from_viewpoint_m, limit_px * distances_m / densities)
+    return simplify(mesh, float((limit_px * distances_m / densities).min()) / scale)
 
 
-def _simplified(
+def _changed(
     scene: Scene,
     viewpoint_m: NDArray[np.float64],
-    simplify: Callable[[Mesh, NDArray[np.float64]], Mesh | None],
+    change: Callable[[Mesh, NDArray[np.float64], float], Mesh | None],
 ) -> Scene:
-    """Town, whose meshes have an instance each, with other meshes."""
+    """Scene with a changed mesh for each instance, given its vertices and its scale."""
     meshes: list[Mesh] = []
     instances: list[Instance] = []
     for instance in scene.instances:
         mesh, pose = scene.meshes[instance.mesh], instance.world_from_mesh
         from_viewpoint_m = mesh.positions @ pose[:3, :3].T + (pose[:3, 3] - viewpoint_m)
-        changed = simplify(mesh, from_viewpoint_m)
+        changed = change(mesh, from_viewpoint_m, float(np.linalg.norm(pose[:3, :3], 2)))
         if changed is not None:
             instances.append(dataclasses.replace(instance, mesh=len(meshes)))
             meshes.append(changed)
@@ -132,12 +135,12 @@ def _ratio(
     return float(np.median(times_s[WARM_UP:, 1] / times_s[WARM_UP:, 0]))
 
 
-def _compare(scene: Scene, pose: NDArray[np.float64]) -> None:
-    """Print a row per simplified town."""
-    camera = OmniCamera(polygons=None).resized(SIZE_PX)
-    merge = partial(_merged, camera=camera, rig_from_world=pose[:3, :3].T)
-    towns = {f"near {limit_m:g} m": partial(_nearest, limit_m=limit_m) for limit_m in NEAR_M}
-    towns |= {f"merged {limit:g} px": partial(merge, limit_px=limit) for limit in MERGED_PX}
+def _compare(scene: Scene, pose: NDArray[np.float64], size_px: int) -> None:
+    """Print a row per simplified scene."""
+    camera = OmniCamera(polygons=None).resized(size_px)
+    simplified = partial(_simplified, camera=camera, rig_from_world=pose[:3, :3].T)
+    changes = {f"simplified {one:g} px": partial(simplified, limit_px=one) for one in SIMPLIFIED_PX}
+    changes |= {f"near {limit_m:g} m": partial(_nearest, limit_m=limit_m) for limit_m in NEAR_M}
     with ExitStack() as opened:
         stage = opened.enter_context(Stage(scene))
         renderers = {
@@ -145,9 +148,9 @@ def _compare(scene: Scene, pose: NDArray[np.float64]) -> None:
         }
         images = {name: one.render(pose).rgba for name, one in renderers.items()}
         submitted = RepeatedFrame(renderers[SETTING], pose).count().virtual_cameras.triangles
-        print(f"{'whole':14} {scene.triangle_count:9} triangles, {submitted:7} submitted")
-        for title, simplify in towns.items():
-            other = _simplified(scene, pose[:3, 3], simplify)
+        print(f"{'whole':19} {scene.triangle_count:9} triangles, {submitted:7} submitted")
+        for title, change in changes.items():
+            other = _changed(scene, pose[:3, 3], change)
             with Stage(other) as second, ExitStack() as seconds:
                 others = {
                     name: seconds.enter_context(second.open(at_setting(camera, name)))
@@ -162,7 +165,7 @@ def _compare(scene: Scene, pose: NDArray[np.float64]) -> None:
                 ratio = _ratio((stage, renderers[SETTING]), (second, ours), pose)
             of_settings = ", ".join(f"{name} {one:.1f} dB" for name, one in decibels.items())
             print(
-                f"{title:14} {other.triangle_count:9} triangles, {submitted:7} submitted, "
+                f"{title:19} {other.triangle_count:9} triangles, {submitted:7} submitted, "
                 f"processor time × {ratio:.2f}, {of_settings}",
                 flush=True,
             )
@@ -173,13 +176,23 @@ def _psnr_db(image: NDArray[np.uint8], reference: NDArray[np.uint8]) -> float:
     return min(_BEST_DB, psnr_of_levels_db(image[where][:, :3], reference[where][:, :3]))
 
 
-def main(triangles: int) -> None:
-    """Print what simplified towns cost, and how their images differ."""
-    scene = build_town(triangles)
-    for number in VIEWPOINTS:
-        print(f"viewpoint {number}")
-        _compare(scene, STREET[number])
+def main() -> None:
+    """Print what simplified scenes cost, and how their images differ."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scene", nargs="?", default=TOWN, metavar="SCENE")
+    parser.add_argument("--size", nargs="+", type=int, default=[SIZE_PX], metavar="PX")
+    arguments = parser.parse_args()
+    require_extra("meshopt", "levels of detail")
+    try:
+        scene, pose = build_town(int(float(arguments.scene))), STREET[0]
+    except ValueError:
+        scene = load_scene(arguments.scene)
+        start = scene.start
+        pose = OmniCamera().base_pose(start.position_m, start.yaw_deg)
+    for size_px in arguments.size:
+        print(f"{arguments.scene}, {size_px} px")
+        _compare(scene, pose, size_px)
 
 
 if __name__ == "__main__":
-    main(int(float(sys.argv[1])) if len(sys.argv) > 1 else 1_000_000)
+    main()

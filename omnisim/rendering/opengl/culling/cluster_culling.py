@@ -30,7 +30,7 @@ MAX_COMMAND_BYTES = 128 * 2**20  # per slice, on a GPU that allows as many
 _GROUP_SIZE = 64  # local_size_x of the shaders
 _CELL_PX, _CELL_LEVELS = 64, 5  # of the last level, in shaders/culling/hi_z.glsl
 # Minimum number of triangles for which two passes pay, three, and four.
-MIN_TRIANGLES_OF_PASSES = (50_000, 200_000, 2_000_000)
+MIN_TRIANGLES_OF_PASSES = (40_000, 200_000, 2_000_000)
 # Clusters with triangles that look wider occlude others: they are drawn before the last pass.
 OCCLUDERS_RAD = ((), (0.05,), (0.025, 0.007), (0.02, 0.005, 0.0015))
 SETTINGS = np.dtype(  # as in shaders/culling/views.glsl
