@@ -39,7 +39,7 @@ def plaster(color: Rgb) -> NDArray[np.float64]:
 
 
 def tiles(first: Rgb, second: Rgb, count: int, border: int = 0) -> NDArray[np.float64]:
-    """Texture (512, 512, 3) of a chequerboard, with a border in the second colour."""
+    """Texture (512, 512, 3) of a checkerboard, with a border in the second color."""
     rows, columns = np.indices((512, 512)) * count // 512
     texture = np.where(((rows + columns) % 2 == 0)[..., None], first, second) * 1.0
     inner = np.zeros((512, 512, 1), dtype=bool)

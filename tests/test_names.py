@@ -3,6 +3,7 @@
 import ast
 import re
 from functools import cache
+from itertools import chain
 from pathlib import Path
 
 import omnisim
@@ -25,13 +26,15 @@ VAGUE = (
 # British stems; the other spelling is everywhere the same.
 BRITISH = (
     "colour", "centre", "centring", "metre", "grey", "neighbour", "labell", "rasteris", "normalis",
-    "initialis", "quantis", "favour", "behaviour", "licence", "tyre", "castor",
+    "initialis", "quantis", "favour", "behaviour", "licence", "tyre", "castor", "chequer", "fibre",
+    "modelled", "modelling", "mitre",
 )  # fmt: skip
 # Words of other formats' files, and the old name that a message tells.
 SPELLED_BY_OTHERS = (
     '"Grey"', '"DarkGrey"', "line_centre_circle", "Point Grey", "centre_height_m", "dark_grey",
     "mid_grey", "colour-science",
 )  # fmt: skip
+NAME_IN_A_SCENE = re.compile(r"""["'`][a-z0-9_{}]+["'`]""")  # of a node or material in its file
 # Regular expressions of retired names, each with the name that took its place.
 RETIRED = {
     "standing_geometry": "static_geometry",
@@ -201,25 +204,30 @@ def test_retired_identifiers_are_gone():
 def _prose():
     """Name and text of code, shaders and documentation; scenes name their own nodes."""
     files = [
-        *_files(("omnisim", "benchmarks", "tests", ".ci", "docs/_ext"), "*.py"),
+        *_files(
+            ("omnisim", "benchmarks", "scenes", "examples", "tests", ".ci", "docs/_ext"), "*.py"
+        ),
         *_files(("shaders",), "*.*"),
-        *_files(("docs", "omnisim", "benchmarks"), "*.md"),
+        *_files(("omnisim", "scenes", "examples"), "*.toml"),
+        *_files(("docs", "omnisim", "benchmarks", "scenes", "examples"), "*.md"),
         *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
     ]
     for path in files:
         name = path.relative_to(ROOT).as_posix()
         if not name.startswith("docs/_build"):
-            yield name, path.read_text(encoding="utf-8")
+            text = path.read_text(encoding="utf-8")
+            yield name, NAME_IN_A_SCENE.sub("", text) if name.startswith("scenes/") else text
 
 
 def test_phrases_are_read_once_and_words_have_one_spelling():
     vague = re.compile("|".join(VAGUE), re.MULTILINE)
-    british = re.compile("|".join(BRITISH), re.IGNORECASE)
     offenders = []
     for name, text in _prose():
         for word in SPELLED_BY_OTHERS:
             text = text.replace(word, "")
-        for match in (*vague.finditer(text), *british.finditer(text)):
+        lower = text.lower()
+        british = (re.finditer(stem, lower) for stem in BRITISH if stem in lower)
+        for match in chain(vague.finditer(text), *british):
             line = text.count("\n", 0, match.start()) + 1
             offenders.append(f"{name}:{line}: {match.group()}")
     assert not offenders, "\n".join(("expected plain American English:", *offenders))

@@ -22,8 +22,9 @@ from omnisim.core.errors import EstimatorError, OutputError
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.parameters import Number, Point, Table
 from omnisim.core.poses import inverse, pose
-from omnisim.datasets.export.recording import Recording
+from omnisim.datasets.export.recording import START, Recording
 from omnisim.runs.run_folder import TIMES
+from omnisim.runs.true_states import write_state
 from omnisim.sensors.calibration_file import CALIBRATION
 from omnisim.sensors.imu.mounted_imu import BIASES, PARAMETERS, READINGS
 from omnisim.sensors.lidar.mounted_lidar import MountedLidar
@@ -114,6 +115,9 @@ def _write_sensor(run: Recording, name: str, error: CalibrationError, folder: Pa
         for path in tables:
             if path.exists():
                 _rewrite(path, lambda text: _later(text, shift_s))
+        if is_imu:  # its integral starts at the state of its first reading, whatever its stamp
+            first_s = float(run.times_s(name)[0])
+            write_state(folder / START, first_s + shift_s, run.states(np.array([first_s])))
     if name in run.sensors(MountedLidar):
         if error.moves or shift_s:
             _wrong_lidar(run, name, error, folder)

@@ -48,9 +48,21 @@ def write_states(path: Path, motion: BodyMotion, times_s: Iterable[NDArray[np.fl
 def _blocks(motion: BodyMotion, times_s: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
     for first in range(0, len(times_s), BLOCK):
         part = times_s[first : first + BLOCK]
-        states = motion.at(part)
-        quaternions = quaternion_from_rotation(states.world_from_base[:, :3, :3])
-        yield np.column_stack((part, states.world_from_base[:, :3, 3], quaternions, *states[1:]))
+        yield _rows(part, motion.at(part))
+
+
+def _rows(times_s: NDArray[np.float64], states: MotionStates) -> NDArray[np.float64]:
+    quaternions = quaternion_from_rotation(states.world_from_base[:, :3, :3])
+    return np.column_stack((times_s, states.world_from_base[:, :3, 3], quaternions, *states[1:]))
+
+
+def write_state(path: Path, time_s: float, state: MotionStates) -> None:
+    """Write one state, whose arrays have one row, at the time of a sensor's own clock.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    write_table(path, COLUMNS, iter((_rows(np.array([time_s]), state),)))
 
 
 def read_states(path: Path) -> tuple[NDArray[np.float64], MotionStates]:

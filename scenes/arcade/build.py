@@ -1,6 +1,6 @@
 """Build arcade.glb: python -m scenes.arcade.build.
 
-World axes: x along the passage from the street to the mirror, y to the left of that, z up, metres;
+World axes: x along the passage from the street to the mirror, y to the left of that, z up, meters;
 the origin is on the threshold, on the floor. The same code always writes the same bytes.
 """
 
@@ -18,8 +18,8 @@ from scenes.arcade.plan import BAY, HALF, RIDGE, front_named
 from scenes.arcade.shell import build_shell
 from scenes.arcade.shopfronts import build_fronts
 from scenes.arcade.shops import furnish_shops
-from scenes.modelling.geometry import pose
-from scenes.modelling.stage import Stage
+from scenes.modeling.geometry import pose
+from scenes.modeling.stage import Stage
 
 SEED = 1838
 OUTPUT = Path(__file__).with_name("arcade.glb")

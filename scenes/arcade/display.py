@@ -9,9 +9,9 @@ import numpy as np
 
 from scenes.arcade.furniture import foliage, plant_pot
 from scenes.arcade.materials import TILES
-from scenes.modelling.geometry import Patch, tile
-from scenes.modelling.picture_atlas import Atlas
-from scenes.modelling.stage import Model, Stage
+from scenes.modeling.geometry import Patch, tile
+from scenes.modeling.picture_atlas import Atlas
+from scenes.modeling.stage import Model, Stage
 
 
 class Display:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from scenes.arcade.display import Display
 from scenes.arcade.plan import EAVES, HALF, LENGTH
-from scenes.modelling.geometry import Patch, bar, join, polygon, pose
-from scenes.modelling.picture_atlas import Atlas
-from scenes.modelling.stage import Model
+from scenes.modeling.geometry import Patch, bar, join, polygon, pose
+from scenes.modeling.picture_atlas import Atlas
+from scenes.modeling.stage import Model
 
 _GATE, _GATE_TOP, _TOP = (
     1.0,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.modelling.geometry import ball, bar, join, lathe, polygon, pose
-from scenes.modelling.picture_atlas import Atlas
-from scenes.modelling.stage import Model
+from scenes.modeling.geometry import ball, bar, join, lathe, polygon, pose
+from scenes.modeling.picture_atlas import Atlas
+from scenes.modeling.stage import Model
 
 _GOODS = ("red", "mustard", "teal", "navy", "white", "orange", "lilac", "moss", "pink", "ivory")
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.modelling.geometry import ball, lathe
-from scenes.modelling.picture_atlas import Atlas
-from scenes.modelling.stage import Model
+from scenes.modeling.geometry import ball, lathe
+from scenes.modeling.picture_atlas import Atlas
+from scenes.modeling.stage import Model
 
 _SEGMENTS = 14
 

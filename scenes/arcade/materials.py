@@ -7,12 +7,12 @@ from trimesh.visual.material import PBRMaterial
 
 from scenes.arcade.painted_pictures import make_pictures
 from scenes.arcade.plan import WALLS
-from scenes.modelling import interior_textures as indoor
-from scenes.modelling import surface_textures as surface
-from scenes.modelling.pbr_materials import Colour, glass, metal, plain, textured
-from scenes.modelling.picture_atlas import Atlas, pack
+from scenes.modeling import interior_textures as indoor
+from scenes.modeling import surface_textures as surface
+from scenes.modeling.pbr_materials import Color, glass, metal, plain, textured
+from scenes.modeling.picture_atlas import Atlas, pack
 
-# Luminance of what shines, times its colour: 1 is white.
+# Luminance of what shines, times its color: 1 is white.
 EMISSIVE = {
     "lamp_warm": 16.0,
     "lamp_cool": 16.0,
@@ -23,7 +23,7 @@ EMISSIVE = {
     "neon_blue": 2.4,
     "neon_green": 2.4,
 }
-_LIGHTS: dict[str, Colour] = {
+_LIGHTS: dict[str, Color] = {
     "lamp_warm": (1.0, 0.83, 0.62),
     "lamp_cool": (0.92, 0.97, 1.0),
     "globe": (1.0, 0.86, 0.66),
@@ -34,8 +34,8 @@ _LIGHTS: dict[str, Colour] = {
     "neon_green": (0.16, 1.0, 0.36),
 }
 _TRANSMISSION, _VOLUME, _IOR = (f"KHR_materials_{n}" for n in ("transmission", "volume", "ior"))
-# Glass of bottles and vases: what is left of white light after a distance in metres.
-_BODIES: dict[str, tuple[Colour, float, float]] = {
+# Glass of bottles and vases: what is left of white light after a distance in meters.
+_BODIES: dict[str, tuple[Color, float, float]] = {
     "crystal": ((0.96, 0.99, 0.98), 0.30, 1.54),
     "cobalt": ((0.10, 0.22, 0.86), 0.012, 1.52),
     "amber_glass": ((0.90, 0.42, 0.06), 0.012, 1.52),
@@ -52,11 +52,11 @@ EXTENSIONS: dict[str, dict[str, dict]] = {
             _IOR: {"ior": ior},
             _VOLUME: {
                 "thicknessFactor": 0.1,
-                "attenuationColor": list(colour),
+                "attenuationColor": list(color),
                 "attenuationDistance": distance_m,
             },
         }
-        for name, (colour, distance_m, ior) in _BODIES.items()
+        for name, (color, distance_m, ior) in _BODIES.items()
     },
 }
 METALS = {
@@ -69,10 +69,10 @@ STONES = ("terrazzo_light", "terrazzo_dark", "terrazzo_red")
 GLOSSY = frozenset({*EXTENSIONS, *METALS, *STONES})
 TILES = {"terrazzo_light": 0.9, "terrazzo_dark": 0.7, "terrazzo_red": 0.7, "ashlar": 2.4}
 TILES |= {"oak_floor": 2.0, "checker_floor": 1.6}
-CELL = 64  # pixels that show one metre of a material in the atlas
+CELL = 64  # pixels that show one meter of a material in the atlas
 ATLAS = 896
-# Colours of props, in sRGB.
-_PAINTS: dict[str, Colour] = {
+# Colors of props, in sRGB.
+_PAINTS: dict[str, Color] = {
     "joinery": (0.13, 0.25, 0.21),
     "moulding": (0.86, 0.81, 0.70),
     "iron": (0.17, 0.20, 0.21),
@@ -105,7 +105,7 @@ def make_materials(rng: np.random.Generator) -> tuple[dict[str, PBRMaterial], At
         textured("ashlar", _ashlar(256, rng)),
         textured("oak_floor", indoor.floorboards(256, 12, (0.62, 0.45, 0.28), rng)),
         textured(
-            "checker_floor", indoor.chequer(256, 4, (0.86, 0.83, 0.76), (0.20, 0.21, 0.22), rng)
+            "checker_floor", indoor.checker(256, 4, (0.86, 0.83, 0.76), (0.20, 0.21, 0.22), rng)
         ),
         plain("plaster", (0.74, 0.72, 0.67)),
         _from_both_sides(plain("foliage", (0.05, 0.19, 0.03))),
@@ -115,8 +115,8 @@ def make_materials(rng: np.random.Generator) -> tuple[dict[str, PBRMaterial], At
         glass("roof_glass", (0.93, 0.96, 0.95)),
         glass("frosted", (0.72, 0.80, 0.79), roughness=0.6),
     ]
-    made += [plain(name, colour) for name, colour in (WALLS | _LIGHTS).items()]
-    made += [metal(name, colour, roughness) for name, (colour, roughness) in METALS.items()]
+    made += [plain(name, color) for name, color in (WALLS | _LIGHTS).items()]
+    made += [metal(name, color, roughness) for name, (color, roughness) in METALS.items()]
     made += [glass(name, is_pane=False) for name in _BODIES]
     return {material.name: material for material in made}, atlas
 

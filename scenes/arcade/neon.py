@@ -6,8 +6,8 @@ import itertools
 
 import numpy as np
 
-from scenes.modelling.geometry import Patch, join, tube
-from scenes.modelling.lettering import word_strokes
+from scenes.modeling.geometry import Patch, join, tube
+from scenes.modeling.lettering import word_strokes
 
 _RADIUS_M = 0.011
 _TOLERANCE = 0.02  # of the letters' height, by which a tube may leave its stroke

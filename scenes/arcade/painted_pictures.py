@@ -7,11 +7,11 @@ from collections.abc import Callable
 import numpy as np
 from PIL import ImageDraw
 
-from scenes.modelling.lettering import draw_word
-from scenes.modelling.painting import painted, rgb
-from scenes.modelling.pbr_materials import Colour
+from scenes.modeling.lettering import draw_word
+from scenes.modeling.painting import painted, rgb
+from scenes.modeling.pbr_materials import Color
 
-_INK: Colour = (0.12, 0.12, 0.14)
+_INK: Color = (0.12, 0.12, 0.14)
 
 
 def make_pictures(rng: np.random.Generator) -> dict[str, np.ndarray]:
@@ -39,8 +39,8 @@ def _image(
     return painted(width, height, on_canvas)[0]
 
 
-def _fill(draw: ImageDraw.ImageDraw, box: tuple, colour: Colour) -> None:
-    draw.rectangle(box, fill=rgb(colour))
+def _fill(draw: ImageDraw.ImageDraw, box: tuple, color: Color) -> None:
+    draw.rectangle(box, fill=rgb(color))
 
 
 def _upper_window(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenes.modelling.geometry import pose
-from scenes.modelling.pbr_materials import Colour
+from scenes.modeling.geometry import pose
+from scenes.modeling.pbr_materials import Color
 
 BAY, BAYS = 5.0, 6
 LENGTH = BAY * BAYS
@@ -74,7 +74,7 @@ FRONTS = (
     Front("lift", -1, 5, "LIFT", "neon_blue"),
 )
 # Walls of the shops, linear RGB.
-WALLS: dict[str, Colour] = {
+WALLS: dict[str, Color] = {
     "wall_cream": (0.72, 0.61, 0.42),
     "wall_green": (0.16, 0.32, 0.24),
     "wall_white": (0.78, 0.78, 0.75),

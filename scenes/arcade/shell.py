@@ -20,9 +20,9 @@ from scenes.arcade.plan import (
     PILASTER_DEPTH,
     RIDGE,
 )
-from scenes.modelling.geometry import Patch, bar, box, join, lathe, polygon, pose
-from scenes.modelling.picture_atlas import Atlas
-from scenes.modelling.stage import Model
+from scenes.modeling.geometry import Patch, bar, box, join, lathe, polygon, pose
+from scenes.modeling.picture_atlas import Atlas
+from scenes.modeling.stage import Model
 
 _DIAMOND = (1.5, 1.25)  # half its length and width
 _SLOPE = float(np.hypot(GLAZED, RIDGE - EAVES))

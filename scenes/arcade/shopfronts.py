@@ -7,9 +7,9 @@ import itertools
 from scenes.arcade.display import Display
 from scenes.arcade.neon import neon_word
 from scenes.arcade.plan import FASCIA, FRONTS, HALF_FRONT, HEAD, RISER, Front
-from scenes.modelling.geometry import Patch, bar, join, polygon
-from scenes.modelling.picture_atlas import Atlas
-from scenes.modelling.stage import Model
+from scenes.modeling.geometry import Patch, bar, join, polygon
+from scenes.modeling.picture_atlas import Atlas
+from scenes.modeling.stage import Model
 
 DOOR, DOOR_TOP = 1.0, 2.2  # opening of a door
 _FRAME = 0.07

@@ -6,7 +6,7 @@ from scenes.arcade import furniture as f
 from scenes.arcade import glassware as g
 from scenes.arcade.display import Display
 from scenes.arcade.plan import BAY, FRONTS, HEAD, SHOP_DEPTH, SHOP_HEIGHT, Front, front_named
-from scenes.modelling.geometry import Patch, join, polygon, pose
+from scenes.modeling.geometry import Patch, join, polygon, pose
 
 _HALF_SHOP, _FACE = BAY / 2 - 0.03, 0.04  # half a shop's width; inner face of the front
 
@@ -76,12 +76,12 @@ def _cafe(show: Display) -> None:
     front = front_named("cafe")
     show.put("counter", show.made(f.counter, "wine"), front.place(1.0, 2.35))
     _wall_shelves(show, front, "none", 2)
-    colours = ("crystal", "bottle_green", "amber_glass", "cobalt", "bottle_green", "ruby")
+    colors = ("crystal", "bottle_green", "amber_glass", "cobalt", "bottle_green", "ruby")
     for row, z in enumerate((0.506, 0.916, 1.326, 1.736)):
         for k, x in enumerate((-1.25, -1.0, -0.55, -0.3, 0.35, 0.6, 1.0, 1.25)):
             if (3 * row + 2 * k) % 5 < 3:
                 continue
-            glass = colours[(k + 2 * row) % len(colours)]
+            glass = colors[(k + 2 * row) % len(colors)]
             place = front.place(x, SHOP_DEPTH - 0.2, z)
             show.put("bottle", show.made(g.bottle, glass), place)
     for x, y in ((1.35, 0.75), (0.1, 0.8)):

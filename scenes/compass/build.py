@@ -1,6 +1,6 @@
 """Build compass.glb: python -m scenes.compass.build.
 
-World axes: x east, y north, z up, metres; the origin is the middle of the floor.
+World axes: x east, y north, z up, meters; the origin is the middle of the floor.
 The same code always writes the same bytes.
 """
 
@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from scenes.compass.side_picture import paint_side
-from scenes.modelling.geometry import Patch, polygon, pose
-from scenes.modelling.pbr_materials import textured
-from scenes.modelling.stage import Model, Stage
+from scenes.modeling.geometry import Patch, polygon, pose
+from scenes.modeling.pbr_materials import textured
+from scenes.modeling.stage import Model, Stage
 
 OUTPUT = Path(__file__).with_name("compass.glb")
 HALF_M, HEIGHT_M = 3.0, 3.0
@@ -24,10 +24,10 @@ PLATE_PANEL_M, PLATE_LETTERS_M = (2.0, 4.0), 1.2  # the same, from the south edg
 
 @dataclass(frozen=True)
 class Side:
-    """One side of the room: its name, which it bears in letters, and its colour in sRGB bytes."""
+    """One side of the room: its name, which it bears in letters, and its color in sRGB bytes."""
 
     name: str
-    colour: tuple[int, int, int]
+    color: tuple[int, int, int]
     yaw_deg: float | None = None  # of a wall: from north, counter-clockwise
 
 
@@ -57,8 +57,8 @@ def picture(side: Side) -> np.ndarray:
     """The picture on a side."""
     word, wall = side.name.upper(), side.yaw_deg is not None
     if wall:
-        return paint_side(word, side.colour, (2 * HALF_M, HEIGHT_M), WALL_PANEL_M, WALL_LETTERS_M)
-    return paint_side(word, side.colour, (2 * HALF_M, 2 * HALF_M), PLATE_PANEL_M, PLATE_LETTERS_M)
+        return paint_side(word, side.color, (2 * HALF_M, HEIGHT_M), WALL_PANEL_M, WALL_LETTERS_M)
+    return paint_side(word, side.color, (2 * HALF_M, 2 * HALF_M), PLATE_PANEL_M, PLATE_LETTERS_M)
 
 
 def surface(side: Side) -> Patch:

@@ -1,6 +1,6 @@
 """The picture on one side of the room: a word on a plain panel, a grid around it, a border.
 
-Lengths are metres, x from the picture's left edge, y from its lower one.
+Lengths are meters, x from the picture's left edge, y from its lower one.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from PIL import Image, ImageDraw
 
-from scenes.modelling.lettering import draw_word
+from scenes.modeling.lettering import draw_word
 
 PIXELS_PER_M = 300
 OVERSAMPLING = 3  # rounds the letters' edges; all straight edges lie between pixels
@@ -21,7 +21,7 @@ TICK_PITCH_M, TICK_M, MIDDLE_TICK_M = 0.1, 0.08, 0.16
 
 def paint_side(
     word: str,
-    colour: tuple[int, int, int],
+    color: tuple[int, int, int],
     size_m: tuple[float, float],
     panel_m: tuple[float, float],
     letters_m: float,
@@ -30,7 +30,7 @@ def paint_side(
 
     Args:
         word: in block capitals, in the middle of the panel.
-        colour: of the ground, sRGB bytes.
+        color: of the ground, sRGB bytes.
         size_m: width and height.
         panel_m: lower and upper end of the panel, multiples of the grid's pitch.
         letters_m: height of the letters.
@@ -40,7 +40,7 @@ def paint_side(
     """
     width, height = size_m
     scale = PIXELS_PER_M * OVERSAMPLING
-    canvas = Image.new("RGB", (round(width * scale), round(height * scale)), colour)
+    canvas = Image.new("RGB", (round(width * scale), round(height * scale)), color)
     draw = ImageDraw.Draw(canvas)
 
     def fill(left: float, bottom: float, right: float, top: float, ink: tuple = INK) -> None:
@@ -53,7 +53,7 @@ def paint_side(
         fill(0, y - LINE_M / 2, width, y + LINE_M / 2)
     left, right = PANEL_INSET_M + LINE_M / 2, width - PANEL_INSET_M - LINE_M / 2
     bottom, top = panel_m[0] + LINE_M / 2, panel_m[1] - LINE_M / 2
-    fill(left, bottom, right, top, colour)
+    fill(left, bottom, right, top, color)
     for x in np.arange(PANEL_INSET_M + TICK_PITCH_M, right, TICK_PITCH_M):
         tick = MIDDLE_TICK_M if abs(x - width / 2) < TICK_PITCH_M / 2 else TICK_M
         fill(x - LINE_M / 2, bottom, x + LINE_M / 2, bottom + tick)

@@ -1,6 +1,6 @@
 """Parts of the cloister: arcade, roofs, walls, windows, doors.
 
-Parts of the arcade are modelled for the north side: x along the wall to the right as seen from
+Parts of the arcade are modeled for the north side: x along the wall to the right as seen from
 the court, y outward, y = 0 the arcade's middle plane.  The other sides are turned copies.
 """
 
@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from scenes.courtyard.materials import in_material
-from scenes.modelling.geometry import Patch, bar, box, join, lathe, polygon, pose, ring, sheet, tile
-from scenes.modelling.stage import Model
+from scenes.modeling.geometry import Patch, bar, box, join, lathe, polygon, pose, ring, sheet, tile
+from scenes.modeling.stage import Model
 
 BAY = 2.2
 WALK = 2.2  # from the arcade's middle plane to the wall behind it
@@ -26,7 +26,7 @@ ROOF_FOOT = 3.2
 EAVE_LIP = 0.06  # how far the tile edge hangs below the roof plane
 ROOF_TOP = 4.45
 WINDOW = (0.84, 1.30)
-ROOF_PICTURE = (2.0, 2.4)  # metres shown by the roof tile texture: 8 columns, 6 rows
+ROOF_PICTURE = (2.0, 2.4)  # meters shown by the roof tile texture: 8 columns, 6 rows
 
 
 def column() -> Model:
@@ -114,22 +114,22 @@ def banner_rod() -> Model:
 
 
 def kerb(side: str, half: float) -> Model:
-    """Limestone step along one side, mitred at the corners."""
-    top = _mitred_floor(half, -KERB, KERB, STEP)
+    """Limestone step along one side, mitered at the corners."""
+    top = _mitered_floor(half, -KERB, KERB, STEP)
     riser = _riser(half - KERB, -KERB, -0.05, STEP)
     return Model(f"{side}_kerb", "ashlar", tile(join([top, riser]), 1.6))
 
 
 def walk(side: str, half: float, end: float = WALK) -> Model:
     """Clay-tiled floor of the covered walk; an open side gets a riser at its outer edge."""
-    parts = [_mitred_floor(half, KERB, end, STEP)]
+    parts = [_mitered_floor(half, KERB, end, STEP)]
     if end > WALK:
         parts.append(_riser(half + end, -end, -0.2, STEP).moved(pose(yaw_deg=180)))
     return Model(f"{side}_walk", "terracotta_floor", tile(join(parts), 1.6))
 
 
 def ceiling(side: str, half: float) -> Model:
-    """Board ceiling of the walk and the board under the eave, mitred at the corners."""
+    """Board ceiling of the walk and the board under the eave, mitered at the corners."""
     inner, edge = EAVE_EDGE, half + EAVE_EDGE
     corners = [
         (-edge, inner, EAVE),
@@ -166,7 +166,7 @@ def tiled_slope(
 ) -> Model:
     """Corrugated roof slope from its foot (y, z) to its head (y, z), rising outwards.
 
-    `flare` 1 mitres the ends along 45 degree valleys, 0 cuts them square.  `facets` is how
+    `flare` 1 miters the ends along 45 degree valleys, 0 cuts them square.  `facets` is how
     many flat strips make one round tile; 0 leaves the slope flat.
     """
     (y0, z0), (y1, z1) = foot, head
@@ -207,7 +207,7 @@ def tiled_slope(
 
 
 def valley_gutter() -> Model:
-    """Lead gutter under the mitre of two lean-to slopes; modelled for the north-east corner."""
+    """Lead gutter under the miter of two lean-to slopes; modeled for the north-east corner."""
     foot, head = EAVE_EDGE, WALK
     wide, low = 0.22, 0.012
     a, b = np.array([foot, foot, ROOF_FOOT - low]), np.array([head, head, ROOF_TOP - low])
@@ -247,8 +247,8 @@ def window(shutters: str) -> Model:
         in_material("dim_room", room),
     ]
     for x in (-1, 1):
-        centre = (x * (wide / 2 + 0.36), -0.035, tall / 2)
-        parts.append(in_material(shutters, box((0.44, 0.05, tall), centre, without="+y")))
+        center = (x * (wide / 2 + 0.36), -0.035, tall / 2)
+        parts.append(in_material(shutters, box((0.44, 0.05, tall), center, without="+y")))
     return Model(f"window_{shutters}", "props", join(parts))
 
 
@@ -337,7 +337,7 @@ def _arch_uv(points: np.ndarray) -> np.ndarray:
     return (points - [-BAY / 2, SPRING]) / [BAY, EAVE - SPRING]
 
 
-def _mitred_floor(half: float, y0: float, y1: float, z: float) -> Patch:
+def _mitered_floor(half: float, y0: float, y1: float, z: float) -> Patch:
     return polygon(
         [(-half - y0, y0, z), (half + y0, y0, z), (half + y1, y1, z), (-half - y1, y1, z)]
     )

@@ -1,6 +1,6 @@
 """Build courtyard.glb: python -m scenes.courtyard.build.
 
-World axes: x east, y north, z up, metres; the origin is the middle of the compass rose.
+World axes: x east, y north, z up, meters; the origin is the middle of the compass rose.
 The same code always writes the same bytes.
 """
 
@@ -15,8 +15,8 @@ import numpy as np
 from scenes.courtyard import architecture as arch
 from scenes.courtyard import furniture, landscape, plants
 from scenes.courtyard.materials import make_materials
-from scenes.modelling.geometry import Patch, bar, box, join, polygon, pose, tile
-from scenes.modelling.stage import Model, Stage
+from scenes.modeling.geometry import Patch, bar, box, join, polygon, pose, tile
+from scenes.modeling.stage import Model, Stage
 
 SEED = 20
 OUTPUT = Path(__file__).with_name("courtyard.glb")
@@ -29,7 +29,7 @@ WING_TOP = 6.6
 
 @dataclass(frozen=True)
 class Side:
-    """One side of the court: `yaw_deg` turns parts modelled for the north side into place."""
+    """One side of the court: `yaw_deg` turns parts modeled for the north side into place."""
 
     name: str
     yaw_deg: float
@@ -315,7 +315,7 @@ def surround(stage: Stage, rng: np.random.Generator) -> None:
 
 
 def _railing(width: float, height: float) -> Patch:
-    """Upright iron panel; the texture shows one metre of width."""
+    """Upright iron panel; the texture shows one meter of width."""
     half = width / 2
     corners = [(-half, 0, 0), (half, 0, 0), (half, 0, height), (-half, 0, height)]
     return polygon(corners, [(0, 0), (width, 0), (width, 0.999), (0, 0.999)])

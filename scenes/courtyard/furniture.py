@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from scenes.courtyard.materials import in_material
-from scenes.modelling.geometry import (
+from scenes.modeling.geometry import (
     Patch,
     ball,
     bar,
@@ -18,7 +18,7 @@ from scenes.modelling.geometry import (
     ring,
     tube,
 )
-from scenes.modelling.stage import Model
+from scenes.modeling.stage import Model
 
 
 def fountain() -> Model:
@@ -215,9 +215,9 @@ def sundial() -> Model:
             ),
         )
     )
-    centre = pose(0, 0, 1.32)
+    center = pose(0, 0, 1.32)
     sphere = [
-        ring(0.38, 0.016, 22, 4).moved(centre @ pose(**turn))
+        ring(0.38, 0.016, 22, 4).moved(center @ pose(**turn))
         for turn in ({"roll_deg": 90}, {"roll_deg": 90, "yaw_deg": 90}, {"roll_deg": 42}, {})
     ]
     axis = np.array([0, np.cos(np.radians(42)), np.sin(np.radians(42))])
@@ -296,7 +296,7 @@ def lantern() -> Model:
 
 
 def _wheel() -> Patch:
-    """Tyre, rim, hub and spokes about the y axis."""
+    """Tire, rim, hub and spokes about the y axis."""
     upright = pose(roll_deg=90)
     parts = [ring(0.325, 0.018, 26, 5).moved(upright), ring(0.300, 0.010, 26, 3).moved(upright)]
     parts.append(bar((0, -0.05, 0), (0, 0.05, 0), 0.022, 8))

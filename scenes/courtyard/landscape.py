@@ -7,8 +7,8 @@ import numpy as np
 from scenes.courtyard.architecture import EAVE, wall_panel
 from scenes.courtyard.materials import in_material
 from scenes.courtyard.plants import cypress_shape, olive_shape
-from scenes.modelling.geometry import Patch, bar, box, disc, join, lathe, polygon, pose, sheet, tile
-from scenes.modelling.stage import Model, Stage
+from scenes.modeling.geometry import Patch, bar, box, disc, join, lathe, polygon, pose, sheet, tile
+from scenes.modeling.stage import Model, Stage
 
 GROUND = -0.08  # below the court's paving, so that the two never fight for the same pixels
 RINGS = np.array([0.01, 14, 20, 26, 32, 38, 44, 50, 57, 64, 72, 80])

@@ -6,12 +6,12 @@ import numpy as np
 from trimesh.visual.material import PBRMaterial
 
 from scenes.courtyard import painted_textures as painted
-from scenes.modelling import surface_textures as surface
-from scenes.modelling.geometry import Patch, fit_to_rectangle
-from scenes.modelling.pbr_materials import Colour, masked, plain, see_through, textured
+from scenes.modeling import surface_textures as surface
+from scenes.modeling.geometry import Patch, fit_to_rectangle
+from scenes.modeling.pbr_materials import Color, masked, plain, see_through, textured
 
 # side: (wall, dado and accent, banner cloth, banner ink)
-SIDE_COLOURS: dict[str, tuple[Colour, Colour, Colour, Colour]] = {
+SIDE_COLORS: dict[str, tuple[Color, Color, Color, Color]] = {
     "north": ((0.93, 0.89, 0.81), (0.62, 0.64, 0.60), (0.13, 0.22, 0.44), (0.96, 0.92, 0.80)),
     "east": ((0.80, 0.47, 0.34), (0.55, 0.25, 0.19), (0.95, 0.90, 0.78), (0.56, 0.13, 0.11)),
     "south": ((0.93, 0.76, 0.42), (0.72, 0.45, 0.17), (0.15, 0.34, 0.25), (0.97, 0.90, 0.66)),
@@ -46,7 +46,7 @@ def make_materials(rng: np.random.Generator) -> dict[str, PBRMaterial]:
         masked("foliage", painted.foliage(256, rng)),
         masked("wrought_iron", painted.railing(128)),
     ]
-    for side, (wall, accent, cloth, ink) in SIDE_COLOURS.items():
+    for side, (wall, accent, cloth, ink) in SIDE_COLORS.items():
         made.append(textured(f"{side}_wall", surface.plaster_wall(512, wall, accent, rng)))
         front = painted.arch_front(512, round(512 * ARCH_TEXTURE_HEIGHT_RATIO), wall, accent, rng)
         made.append(textured(f"{side}_arch", front))

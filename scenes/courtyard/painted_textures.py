@@ -10,10 +10,10 @@ from collections.abc import Callable
 import numpy as np
 from PIL import Image, ImageDraw
 
-from scenes.modelling import surface_textures as surface
-from scenes.modelling.lettering import draw_word
-from scenes.modelling.noise import fractal_noise
-from scenes.modelling.painting import Colour, painted, rgb
+from scenes.modeling import surface_textures as surface
+from scenes.modeling.lettering import draw_word
+from scenes.modeling.noise import fractal_noise
+from scenes.modeling.painting import Color, painted, rgb
 
 # Where each material sits in the 4 x 4 prop atlas, from the top left, row by row.
 PROP_CELLS = (
@@ -31,9 +31,9 @@ def compass_rose(size: int, tiles: int, rng: np.random.Generator) -> np.ndarray:
     def paint(draw: ImageDraw.ImageDraw, s: float) -> None:
         middle = s / 2
 
-        def circle(radius: float, colour: Colour) -> None:
+        def circle(radius: float, color: Color) -> None:
             r = radius * s
-            draw.ellipse((middle - r, middle - r, middle + r, middle + r), fill=rgb(colour))
+            draw.ellipse((middle - r, middle - r, middle + r, middle + r), fill=rgb(color))
 
         circle(0.492, (0.36, 0.30, 0.26))
         circle(0.484, (0.84, 0.79, 0.69))
@@ -48,9 +48,9 @@ def compass_rose(size: int, tiles: int, rng: np.random.Generator) -> np.ndarray:
         circle(0.040, (0.36, 0.30, 0.26))
         circle(0.032, (0.88, 0.70, 0.34))
         for letter, x, y in (("N", 0, -1), ("E", 1, 0), ("S", 0, 1), ("W", -1, 0)):
-            colour = (0.60, 0.10, 0.08) if letter == "N" else (0.13, 0.18, 0.26)
-            centre = (middle + 0.376 * s * x, middle + 0.376 * s * y)
-            draw_word(draw, letter, centre, 0.098 * s, rgb(colour))
+            color = (0.60, 0.10, 0.08) if letter == "N" else (0.13, 0.18, 0.26)
+            center = (middle + 0.376 * s * x, middle + 0.376 * s * y)
+            draw_word(draw, letter, center, 0.098 * s, rgb(color))
 
     inlay, covered = painted(size, size, paint)
     clouds = 0.91 + 0.14 * fractal_noise(size, size, 6, 5, rng)
@@ -58,7 +58,7 @@ def compass_rose(size: int, tiles: int, rng: np.random.Generator) -> np.ndarray:
 
 
 def banner(
-    width: int, height: int, word: str, cloth: Colour, ink: Colour, rng: np.random.Generator
+    width: int, height: int, word: str, cloth: Color, ink: Color, rng: np.random.Generator
 ) -> np.ndarray:
     """A hanging cloth with the initial large and the whole word below it."""
 
@@ -81,7 +81,7 @@ def banner(
 
 
 def arch_front(
-    width: int, height: int, hue: Colour, accent: Colour, rng: np.random.Generator
+    width: int, height: int, hue: Color, accent: Color, rng: np.random.Generator
 ) -> np.ndarray:
     """Front of one arcade bay, 2.2 m wide, from the springing line up to the eave.
 
@@ -89,16 +89,14 @@ def arch_front(
     """
 
     def paint(draw: ImageDraw.ImageDraw, s: float) -> None:
-        metre = s / 2.2
+        meter = s / 2.2
         foot = s * height / width
         draw.rectangle((0, 0, s, foot), fill=rgb(hue))
-        centre = s / 2
+        center = s / 2
 
-        def pie(radius: float, start: float, end: float, colour: Colour) -> None:
-            r = radius * metre
-            draw.pieslice(
-                (centre - r, foot - r, centre + r, foot + r), start, end, fill=rgb(colour)
-            )
+        def pie(radius: float, start: float, end: float, color: Color) -> None:
+            r = radius * meter
+            draw.pieslice((center - r, foot - r, center + r, foot + r), start, end, fill=rgb(color))
 
         pie(1.10, 180, 360, tuple(0.55 * c for c in accent))
         count = 13
@@ -106,11 +104,11 @@ def arch_front(
             stone = (0.86, 0.81, 0.71) if index % 2 == 0 else accent
             start = 180 + 180 * index / count
             pie(1.075, start, start + 180 / count - 0.8, stone)
-        _frieze(draw, metre, s, accent)
+        _frieze(draw, meter, s, accent)
         for x in (0.0, s):
-            for radius, colour in ((0.135, accent), (0.105, (0.90, 0.86, 0.77)), (0.045, accent)):
-                r, y = radius * metre, foot - 0.83 * metre
-                draw.ellipse((x - r, y - r, x + r, y + r), fill=rgb(colour))
+            for radius, color in ((0.135, accent), (0.105, (0.90, 0.86, 0.77)), (0.045, accent)):
+                r, y = radius * meter, foot - 0.83 * meter
+                draw.ellipse((x - r, y - r, x + r, y + r), fill=rgb(color))
 
     image, _ = painted(width, height, paint)
     clouds = 0.90 + 0.16 * fractal_noise(height, width, 4, 5, rng)
@@ -120,7 +118,7 @@ def arch_front(
 def foliage(size: int, rng: np.random.Generator) -> np.ndarray:
     """RGBA atlas: leafy spray (left), conifer spray (right), dense leaf and bark strips (foot).
 
-    The colour under transparent pixels is leaf green, so that filtering draws no halo.
+    The color under transparent pixels is leaf green, so that filtering draws no halo.
     """
     canvas = Image.new("RGBA", (size * 2, size * 2), (74, 98, 44, 0))
     draw = ImageDraw.Draw(canvas)
@@ -168,8 +166,8 @@ def foliage(size: int, rng: np.random.Generator) -> np.ndarray:
 def balloon_stripes(width: int) -> np.ndarray:
     """Vertical gores of a hot-air balloon with a pale belt."""
     gore = (np.arange(width) * 12 // width) % 3
-    colours = np.array([[0.78, 0.18, 0.14], [0.95, 0.88, 0.70], [0.93, 0.62, 0.18]])
-    image = np.repeat(colours[gore][None], width // 2, axis=0)
+    colors = np.array([[0.78, 0.18, 0.14], [0.95, 0.88, 0.70], [0.93, 0.62, 0.18]])
+    image = np.repeat(colors[gore][None], width // 2, axis=0)
     image[int(0.40 * width / 2) : int(0.48 * width / 2)] = (0.18, 0.30, 0.46)
     return image
 
@@ -240,16 +238,16 @@ def _star(
     first_deg: float,
     reach: float,
     waist: float,
-    dark: Colour,
-    light: Colour,
+    dark: Color,
+    light: Color,
 ) -> None:
     """Star of kite-shaped points, each split into a dark and a light half."""
     for index in range(points):
         angle = np.radians(first_deg + 360 * index / points)
         tip = _polar(s, reach, angle)
-        for side, colour in ((1, dark), (-1, light)):
+        for side, color in ((1, dark), (-1, light)):
             shoulder = _polar(s, waist, angle + side * np.pi / 4)
-            draw.polygon([(s / 2, s / 2), tip, shoulder], fill=rgb(colour))
+            draw.polygon([(s / 2, s / 2), tip, shoulder], fill=rgb(color))
 
 
 def _degree_scale(draw: ImageDraw.ImageDraw, s: float) -> None:
@@ -265,11 +263,11 @@ def _ray(
     start: float,
     end: float,
     width: float,
-    colour: Colour,
+    color: Color,
 ) -> None:
     draw.line(
         [_polar(s, start, angle), _polar(s, end, angle)],
-        fill=rgb(colour),
+        fill=rgb(color),
         width=max(1, round(width * s)),
     )
 
@@ -279,16 +277,16 @@ def _polar(s: float, radius: float, angle: float) -> tuple[float, float]:
     return (s / 2 + s * radius * np.sin(angle), s / 2 - s * radius * np.cos(angle))
 
 
-def _frieze(draw: ImageDraw.ImageDraw, metre: float, s: float, accent: Colour) -> None:
+def _frieze(draw: ImageDraw.ImageDraw, meter: float, s: float, accent: Color) -> None:
     """Painted band with triangles under the eave; repeats from bay to bay."""
-    draw.rectangle((0, 0, s, 0.20 * metre), fill=rgb((0.90, 0.86, 0.77)))
-    draw.rectangle((0, 0.185 * metre, s, 0.21 * metre), fill=rgb(accent))
-    draw.rectangle((0, 0.02 * metre, s, 0.045 * metre), fill=rgb(accent))
+    draw.rectangle((0, 0, s, 0.20 * meter), fill=rgb((0.90, 0.86, 0.77)))
+    draw.rectangle((0, 0.185 * meter, s, 0.21 * meter), fill=rgb(accent))
+    draw.rectangle((0, 0.02 * meter, s, 0.045 * meter), fill=rgb(accent))
     teeth = 16
     for index in range(teeth):
         left, step = index * s / teeth, s / teeth
         draw.polygon(
-            [(left, 0.165 * metre), (left + step, 0.165 * metre), (left + step / 2, 0.07 * metre)],
+            [(left, 0.165 * meter), (left + step, 0.165 * meter), (left + step / 2, 0.07 * meter)],
             fill=rgb(accent),
         )
 
@@ -300,7 +298,7 @@ def _leaf(
     angle: float,
     length: float,
     width: float,
-    colour: tuple[int, int, int],
+    color: tuple[int, int, int],
     limits: tuple[int, int, int, int],
 ) -> None:
     along = np.array([np.cos(angle), np.sin(angle)])
@@ -315,7 +313,7 @@ def _leaf(
     left, top, right, bottom = limits
     if not all(left <= px <= right and top <= py <= bottom for px, py in outline):
         return  # a clipped leaf would leave a straight edge
-    draw.polygon([tuple(point) for point in outline], fill=(*colour, 255))
+    draw.polygon([tuple(point) for point in outline], fill=(*color, 255))
 
 
 def _opaque_strips(
@@ -330,7 +328,7 @@ def _opaque_strips(
     thirds = np.linspace(0, 2 * size, 4).astype(int)
     grounds = [(48, 70, 32), (30, 52, 34), (98, 78, 58)]
     tints = [greens, dark, [(86, 68, 50), (112, 90, 68), (76, 60, 44)]]
-    for index, (ground, colours) in enumerate(zip(grounds, tints, strict=True)):
+    for index, (ground, colors) in enumerate(zip(grounds, tints, strict=True)):
         left, right = thirds[index], thirds[index + 1]
         draw.rectangle((left, strip, right, 2 * size), fill=(*ground, 255))
         for _ in range(260):
@@ -343,6 +341,6 @@ def _opaque_strips(
                 angle,
                 0.10 * size,
                 0.035 * size,
-                colours[rng.integers(len(colours))],
+                colors[rng.integers(len(colors))],
                 (left, strip, right, 2 * size),
             )

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from scenes.courtyard.materials import in_material
-from scenes.modelling.geometry import Patch, ball, bar, join, lathe, pose, sheet, tube
-from scenes.modelling.stage import Model
+from scenes.modeling.geometry import Patch, ball, bar, join, lathe, pose, sheet, tube
+from scenes.modeling.stage import Model
 
 # Parts of the foliage texture: left, bottom, width, height as fractions of the picture.
 # The margins keep the opaque strips at the foot from showing along the cards' edges.
@@ -27,8 +27,8 @@ def lemons(rng: np.random.Generator) -> Model:
     fruit = ball(0.042, 4, 5)
     parts = []
     for direction in _spread_directions(rng, 9):
-        centre = np.array([0, 0, 1.05]) + direction * 0.50
-        parts.append(in_material("lemon", fruit).shifted(*centre))
+        center = np.array([0, 0, 1.05]) + direction * 0.50
+        parts.append(in_material("lemon", fruit).shifted(*center))
     return Model("lemons", "props", join(parts))
 
 

@@ -1,6 +1,6 @@
 """Build mapping.glb: python -m scenes.mapping.build.
 
-World axes: x east, y north, z up, metres; the origin is where the known start poses put it.
+World axes: x east, y north, z up, meters; the origin is where the known start poses put it.
 The same code always writes the same bytes.
 """
 
@@ -16,8 +16,8 @@ from scenes.mapping.interior import Interior
 from scenes.mapping.materials import EMISSIVE, make_materials
 from scenes.mapping.outside import doorstep, surround
 from scenes.mapping.shell import build_shell
-from scenes.modelling.geometry import pose
-from scenes.modelling.stage import Stage
+from scenes.modeling.geometry import pose
+from scenes.modeling.stage import Stage
 
 SEED = 250
 OUTPUT = Path(__file__).with_name("mapping.glb")

@@ -1,6 +1,6 @@
 """Fillings of the plan's openings: frames, door leaves, windows, panes, the broken wall.
 
-Modelled with x along the wall, y through it, z up; in outside walls +y is outside.
+Modeled with x along the wall, y through it, z up; in outside walls +y is outside.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ import numpy as np
 
 from scenes.mapping.plan import EAST, HALF, NORTH, OPENINGS, OUTER, Opening
 from scenes.mapping.shell import CASING
-from scenes.modelling.geometry import Patch, bar, box, join, polygon, pose
-from scenes.modelling.picture_atlas import Atlas
-from scenes.modelling.stage import Model, Stage
+from scenes.modeling.geometry import Patch, bar, box, join, polygon, pose
+from scenes.modeling.picture_atlas import Atlas
+from scenes.modeling.stage import Model, Stage
 
 LINING = 0.03  # thickness of the boards in the opening
 PROUD = 0.012  # how far they stand out of the wall
@@ -126,7 +126,7 @@ def _pose(hole: Opening) -> tuple[np.ndarray, bool]:
         flipped = to_larger if hole.axis == "x" else not to_larger
     else:
         flipped = False
-    x, y = (hole.line, hole.centre) if hole.axis == "x" else (hole.centre, hole.line)
+    x, y = (hole.line, hole.center) if hole.axis == "x" else (hole.center, hole.line)
     return pose(x, y, 0, yaw + (180 if flipped else 0)), flipped
 
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.modelling.geometry import ball, bar, box, disc, join, lathe, polygon, pose, ring, tube
-from scenes.modelling.picture_atlas import Atlas
-from scenes.modelling.stage import Model
+from scenes.modeling.geometry import ball, bar, box, disc, join, lathe, polygon, pose, ring, tube
+from scenes.modeling.picture_atlas import Atlas
+from scenes.modeling.stage import Model
 
 
 def kitchen_counter(a: Atlas) -> Model:
@@ -115,9 +115,9 @@ def rover(a: Atlas, paint: str) -> Model:
     ]
     for x in (-0.2, 0.2):
         for s in (-1, 1):
-            tyre = bar((x, s * 0.16, 0.11), (x, s * 0.25, 0.11), 0.11, 14)
+            tire = bar((x, s * 0.16, 0.11), (x, s * 0.25, 0.11), 0.11, 14)
             hub = bar((x, s * 0.245, 0.11), (x, s * 0.255, 0.11), 0.05, 8)
-            parts += [a.in_material("black", tyre), a.in_material("yellow", hub)]
+            parts += [a.in_material("black", tire), a.in_material("yellow", hub)]
     return Model(f"rover_{paint}", "props", join(parts))
 
 

@@ -1,12 +1,12 @@
-"""Furniture and props of each room.  x, y in world metres, yaw counter-clockwise."""
+"""Furniture and props of each room.  x, y in world meters, yaw counter-clockwise."""
 
 from __future__ import annotations
 
 from scenes.mapping import equipment, office, rubble
 from scenes.mapping.interior import Interior
 from scenes.mapping.plan import HEIGHT
-from scenes.modelling.geometry import pose
-from scenes.modelling.stage import Model
+from scenes.modeling.geometry import pose
+from scenes.modeling.stage import Model
 
 
 def furnish(inside: Interior) -> None:

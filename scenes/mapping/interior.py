@@ -8,9 +8,9 @@ from collections.abc import Callable
 import numpy as np
 
 from scenes.mapping.plan import HALF, room_named
-from scenes.modelling.geometry import pose
-from scenes.modelling.picture_atlas import Atlas
-from scenes.modelling.stage import Model, Stage
+from scenes.modeling.geometry import pose
+from scenes.modeling.picture_atlas import Atlas
+from scenes.modeling.stage import Model, Stage
 
 # Turn of what faces -y so that its back is at a wall.
 _YAWS = {"north": 0.0, "west": 90.0, "south": 180.0, "east": -90.0}

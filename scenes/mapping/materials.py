@@ -6,18 +6,18 @@ import numpy as np
 from trimesh.visual.material import PBRMaterial
 
 from scenes.mapping.painted_pictures import make_pictures
-from scenes.modelling import interior_textures as indoor
-from scenes.modelling import surface_textures as surface
-from scenes.modelling.pbr_materials import Colour, plain, see_through, textured
-from scenes.modelling.picture_atlas import Atlas, pack
+from scenes.modeling import interior_textures as indoor
+from scenes.modeling import surface_textures as surface
+from scenes.modeling.pbr_materials import Color, plain, see_through, textured
+from scenes.modeling.picture_atlas import Atlas, pack
 
 # Panels of 4000 lm each, 0.43 m2: 2960 cd/m2. The exposure shows a white surface under 450 lx as
 # white, and these as pi times luminance over 450 lx.
 EMISSIVE = {"lamp_white": 20.7}
-CELL = 96  # pixels that show one metre of a material in the atlas
+CELL = 96  # pixels that show one meter of a material in the atlas
 ATLAS = 1408
 
-# Floor materials and how many metres their pictures show.
+# Floor materials and how many meters their pictures show.
 FLOORS = {
     "stone_floor": 2.4,
     "lino_green": 3.0,
@@ -36,7 +36,7 @@ FLOORS = {
     "mosaic_floor": 1.2,
     "terrazzo": 0.9,
 }
-# Wall materials and how many metres their pictures show; 3 m pictures stand on the floor.
+# Wall materials and how many meters their pictures show; 3 m pictures stand on the floor.
 WALLS = {
     "plaster_sand": 3.0,
     "plaster_green": 3.0,
@@ -83,16 +83,16 @@ def make_materials(rng: np.random.Generator) -> tuple[dict[str, PBRMaterial], At
 
 
 def _floors(rng: np.random.Generator) -> list[PBRMaterial]:
-    grey, pale = (0.46, 0.47, 0.48), (0.80, 0.77, 0.70)
+    gray, pale = (0.46, 0.47, 0.48), (0.80, 0.77, 0.70)
     blue, white = (0.22, 0.40, 0.56), (0.86, 0.88, 0.88)
     return [
-        textured("stone_floor", indoor.chequer(512, 4, pale, (0.70, 0.65, 0.57), rng)),
+        textured("stone_floor", indoor.checker(512, 4, pale, (0.70, 0.65, 0.57), rng)),
         textured("lino_green", indoor.linoleum(384, (0.56, 0.62, 0.52), rng)),
         textured("lino_sand", indoor.linoleum(384, (0.72, 0.62, 0.46), rng)),
         textured("lino_blue", indoor.linoleum(384, (0.46, 0.54, 0.62), rng)),
         textured("lino_mint", indoor.linoleum(384, (0.66, 0.78, 0.72), rng)),
         textured(
-            "chequer_floor", indoor.chequer(384, 8, (0.88, 0.87, 0.83), (0.26, 0.27, 0.29), rng)
+            "chequer_floor", indoor.checker(384, 8, (0.88, 0.87, 0.83), (0.26, 0.27, 0.29), rng)
         ),
         textured("carpet_blue", indoor.carpet(384, 4, (0.26, 0.34, 0.50), rng)),
         textured("carpet_green", indoor.carpet(384, 4, (0.36, 0.44, 0.30), rng)),
@@ -101,7 +101,7 @@ def _floors(rng: np.random.Generator) -> list[PBRMaterial]:
         textured("floorboards", indoor.floorboards(512, 16, (0.52, 0.34, 0.21), rng)),
         textured("concrete_floor", indoor.concrete(512, (0.56, 0.55, 0.52), rng)),
         textured("painted_concrete", indoor.concrete(512, (0.50, 0.55, 0.56), rng, slabs=2)),
-        textured("raised_floor", indoor.chequer(384, 4, grey, (0.42, 0.43, 0.45), rng)),
+        textured("raised_floor", indoor.checker(384, 4, gray, (0.42, 0.43, 0.45), rng)),
         textured("mosaic_floor", indoor.tiled_wall(384, 8, blue, white, 0.30, rng)),
         textured("terrazzo", indoor.terrazzo(512, 420, (0.62, 0.58, 0.53), rng)),
     ]
@@ -110,7 +110,7 @@ def _floors(rng: np.random.Generator) -> list[PBRMaterial]:
 def _walls(rng: np.random.Generator) -> list[PBRMaterial]:
     cream = (0.92, 0.90, 0.84)
     paint, brick = indoor.painted_wall, surface.brick(512, 24, rng)
-    dados: dict[str, tuple[Colour, Colour]] = {
+    dados: dict[str, tuple[Color, Color]] = {
         "plaster_sand": ((0.93, 0.90, 0.84), (0.70, 0.60, 0.45)),
         "plaster_green": ((0.90, 0.91, 0.84), (0.38, 0.54, 0.40)),
         "plaster_orange": ((0.94, 0.90, 0.82), (0.82, 0.52, 0.26)),
@@ -120,7 +120,7 @@ def _walls(rng: np.random.Generator) -> list[PBRMaterial]:
         textured(name, paint(384, wall, dado, 1.05, rng, line=tuple(0.7 * c for c in dado)))
         for name, (wall, dado) in dados.items()
     ]
-    plain_walls: dict[str, Colour] = {
+    plain_walls: dict[str, Color] = {
         "paint_yellow": (0.92, 0.84, 0.56),
         "paint_grey": (0.80, 0.81, 0.82),
         "paint_red": (0.66, 0.22, 0.20),
@@ -153,7 +153,7 @@ def _repeated(image: np.ndarray, size: int) -> np.ndarray:
 
 def _swatches(rng: np.random.Generator) -> dict[str, np.ndarray]:
     """Materials of props."""
-    cloudy: dict[str, tuple[Colour, float]] = {
+    cloudy: dict[str, tuple[Color, float]] = {
         "white": ((0.92, 0.92, 0.90), 0.05),
         "ivory": ((0.88, 0.84, 0.74), 0.06),
         "grey": ((0.62, 0.63, 0.64), 0.08),
@@ -184,16 +184,16 @@ def _swatches(rng: np.random.Generator) -> dict[str, np.ndarray]:
         "rust": ((0.46, 0.27, 0.17), 0.55),
         "concrete": ((0.56, 0.55, 0.53), 0.34),
     }
-    woods: dict[str, Colour] = {
+    woods: dict[str, Color] = {
         "beech": (0.80, 0.62, 0.42),
         "oak": (0.64, 0.46, 0.28),
         "walnut": (0.40, 0.26, 0.17),
     }
     made = {
-        name: surface.mottled(CELL, colour, strength, rng)
-        for name, (colour, strength) in cloudy.items()
+        name: surface.mottled(CELL, color, strength, rng)
+        for name, (color, strength) in cloudy.items()
     }
-    made |= {name: surface.planks(CELL, 2, colour, rng) for name, colour in woods.items()}
+    made |= {name: surface.planks(CELL, 2, color, rng) for name, color in woods.items()}
     made["crate_wood"] = surface.planks(CELL, 8, (0.66, 0.52, 0.34), rng)
     made["bricks"] = surface.brick(CELL, 12, rng)
     return made

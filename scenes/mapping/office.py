@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.modelling.geometry import (
+from scenes.modeling.geometry import (
     Patch,
     ball,
     bar,
@@ -21,8 +21,8 @@ from scenes.modelling.geometry import (
     sheet,
     tube,
 )
-from scenes.modelling.picture_atlas import Atlas
-from scenes.modelling.stage import Model
+from scenes.modeling.picture_atlas import Atlas
+from scenes.modeling.stage import Model
 
 
 def desk(a: Atlas, top: str = "beech") -> Model:
@@ -41,7 +41,7 @@ def desk(a: Atlas, top: str = "beech") -> Model:
 
 
 def office_chair(a: Atlas, fabric: str) -> Model:
-    """Swivel chair on five castors, facing -y."""
+    """Swivel chair on five casters, facing -y."""
     metal = [bar((0, 0, 0.10), (0, 0, 0.44), 0.028, 8)]
     for k in range(5):
         t = np.radians(72 * k + 18)

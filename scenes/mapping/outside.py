@@ -1,4 +1,4 @@
-"""View through the windows: lawn, road, trees, neighbours, far hills."""
+"""View through the windows: lawn, road, trees, neighbors, far hills."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import itertools
 import numpy as np
 
 from scenes.mapping.plan import EAST, NORTH, OUTER, SOUTH, WEST
-from scenes.modelling.geometry import Patch, ball, bar, box, join, polygon, pose, tile
-from scenes.modelling.picture_atlas import Atlas
-from scenes.modelling.stage import Model, Stage
+from scenes.modeling.geometry import Patch, ball, bar, box, join, polygon, pose, tile
+from scenes.modeling.picture_atlas import Atlas
+from scenes.modeling.stage import Model, Stage
 
 GROUND = -0.15
 REACH = 60.0

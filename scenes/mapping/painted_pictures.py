@@ -11,17 +11,17 @@ from collections.abc import Callable
 import numpy as np
 from PIL import Image, ImageDraw
 
-from scenes.modelling.lettering import draw_word, word_width
+from scenes.modeling.lettering import draw_word, word_width
 
-Colour = tuple[int, int, int]
+Color = tuple[int, int, int]
 OVERSAMPLING = 3
 
-WHITE, BLACK, GREY = (240, 240, 236), (28, 30, 34), (120, 124, 130)
+WHITE, BLACK, GRAY = (240, 240, 236), (28, 30, 34), (120, 124, 130)
 RED, GREEN, BLUE = (196, 40, 36), (24, 128, 76), (32, 84, 156)
 YELLOW, ORANGE, TEAL = (240, 196, 40), (226, 116, 34), (28, 128, 132)
 
-# Door signs: word and ground colour. The colour is that of the part of the building.
-ROOM_SIGNS: dict[str, tuple[str, Colour]] = {
+# Door signs: word and ground color. The color is that of the part of the building.
+ROOM_SIGNS: dict[str, tuple[str, Color]] = {
     "kitchen": ("KITCHEN", GREEN),
     "office_a": ("OFFICE A", GREEN),
     "office_b": ("OFFICE B", GREEN),
@@ -49,7 +49,7 @@ def make_pictures(rng: np.random.Generator) -> dict[str, np.ndarray]:
         "sign_north": _sign(96, 96, "N", GREEN),
         "sign_middle": _sign(96, 96, "M", ORANGE),
         "sign_south": _sign(96, 96, "S", BLUE),
-        "sign_one": _sign(96, 96, "1", GREY),
+        "sign_one": _sign(96, 96, "1", GRAY),
         "welcome": _sign(384, 96, "HALL OF MAPS", TEAL),
         "poster_robot": _painted(160, 224, _poster_robot),
         "poster_map": _painted(224, 160, _poster_map),
@@ -97,14 +97,14 @@ def _painted(
 
 
 def _word(
-    draw: ImageDraw.ImageDraw, word: str, x: float, y: float, wide: float, high: float, ink: Colour
+    draw: ImageDraw.ImageDraw, word: str, x: float, y: float, wide: float, high: float, ink: Color
 ) -> None:
     """A word as large as fits into a box about (x, y)."""
     height = min(high, high * wide / word_width(word, high))
     draw_word(draw, word, (x, y), height, ink)
 
 
-def _sign(width: int, height: int, word: str, ground: Colour) -> np.ndarray:
+def _sign(width: int, height: int, word: str, ground: Color) -> np.ndarray:
     def paint(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
         draw.rectangle((0, 0, w, h), fill=ground)
         draw.rectangle((0.04 * h, 0.04 * h, w - 0.04 * h, h - 0.04 * h), outline=WHITE, width=4)
@@ -133,7 +133,7 @@ def _fire(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
     draw.polygon([(x * w, y * h) for x, y in flame], fill=WHITE)
 
 
-def _frame(draw: ImageDraw.ImageDraw, w: float, h: float, ground: Colour, word: str, ink: Colour):
+def _frame(draw: ImageDraw.ImageDraw, w: float, h: float, ground: Color, word: str, ink: Color):
     draw.rectangle((0, 0, w, h), fill=ground)
     _word(draw, word, w / 2, 0.88 * h, 0.8 * w, 0.10 * h, ink)
 
@@ -143,9 +143,9 @@ def _poster_robot(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
     for x in (0.24, 0.5, 0.76):
         r = 0.11 * w
         draw.ellipse((x * w - r, 0.62 * h - r, x * w + r, 0.62 * h + r), fill=BLACK)
-        draw.ellipse((x * w - r / 2, 0.62 * h - r / 2, x * w + r / 2, 0.62 * h + r / 2), fill=GREY)
+        draw.ellipse((x * w - r / 2, 0.62 * h - r / 2, x * w + r / 2, 0.62 * h + r / 2), fill=GRAY)
     draw.rounded_rectangle((0.14 * w, 0.42 * h, 0.86 * w, 0.57 * h), 0.04 * w, fill=RED)
-    draw.rectangle((0.47 * w, 0.22 * h, 0.53 * w, 0.42 * h), fill=GREY)
+    draw.rectangle((0.47 * w, 0.22 * h, 0.53 * w, 0.42 * h), fill=GRAY)
     draw.pieslice((0.34 * w, 0.06 * h, 0.66 * w, 0.26 * h), 180, 360, fill=(70, 90, 110))
 
 
@@ -156,10 +156,8 @@ def _poster_map(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
         [(0.54, 0.5), (0.66, 0.2), (0.9, 0.24), (0.94, 0.6), (0.74, 0.78), (0.6, 0.7)],
         [(0.2, 0.78), (0.4, 0.7), (0.5, 0.86), (0.3, 0.94)],
     ]
-    for shape, colour in zip(
-        land, ((214, 196, 130), (160, 186, 116), (206, 160, 120)), strict=True
-    ):
-        draw.polygon([(x * w, y * h) for x, y in shape], fill=colour, outline=(110, 96, 70))
+    for shape, color in zip(land, ((214, 196, 130), (160, 186, 116), (206, 160, 120)), strict=True):
+        draw.polygon([(x * w, y * h) for x, y in shape], fill=color, outline=(110, 96, 70))
     for k in range(1, 6):
         draw.line((k * w / 6, 0, k * w / 6, h), fill=(120, 160, 190), width=3)
         draw.line((0, k * h / 6, w, k * h / 6), fill=(120, 160, 190), width=3)
@@ -169,22 +167,22 @@ def _poster_map(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
 def _poster_hills(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
     _frame(draw, w, h, (246, 206, 160), "DOLINA", (60, 50, 70))
     draw.ellipse((0.54 * w, 0.10 * h, 0.86 * w, 0.33 * h), fill=(220, 80, 50))
-    for base, colour in ((0.46, (150, 120, 150)), (0.58, (110, 84, 126)), (0.70, (70, 58, 100))):
+    for base, color in ((0.46, (150, 120, 150)), (0.58, (110, 84, 126)), (0.70, (70, 58, 100))):
         shift = 0.4 * base
         points = [(0, 0.78 * h)]
         for k in range(7):
             points.append((k * w / 6, (base - 0.13 * ((k * 5 + shift * 10) % 3 > 1.2)) * h))
-        draw.polygon([*points, (w, 0.78 * h)], fill=colour)
+        draw.polygon([*points, (w, 0.78 * h)], fill=color)
 
 
 def _poster_circles(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
     _frame(draw, w, h, (32, 60, 110), "ORBIT", WHITE)
-    colours = (YELLOW, ORANGE, RED, TEAL, WHITE)
-    for k, colour in enumerate(colours):
+    colors = (YELLOW, ORANGE, RED, TEAL, WHITE)
+    for k, color in enumerate(colors):
         r = (0.44 - 0.085 * k) * w
         draw.ellipse(
             (w / 2 - r, 0.42 * h - r, w / 2 + r, 0.42 * h + r),
-            outline=colour,
+            outline=color,
             width=round(0.045 * w),
         )
 
@@ -201,11 +199,11 @@ def _poster_mirror(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
 
 def _poster_chart(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
     _frame(draw, w, h, (228, 236, 226), "1-2-3", GREEN)
-    for k, (level, colour) in enumerate(
+    for k, (level, color) in enumerate(
         zip((0.2, 0.44, 0.3, 0.6, 0.5), (TEAL, BLUE, GREEN, ORANGE, RED), strict=True)
     ):
         left = (0.12 + 0.16 * k) * w
-        draw.rectangle((left, (0.74 - level) * h, left + 0.11 * w, 0.74 * h), fill=colour)
+        draw.rectangle((left, (0.74 - level) * h, left + 0.11 * w, 0.74 * h), fill=color)
     draw.line((0.08 * w, 0.745 * h, 0.94 * w, 0.745 * h), fill=BLACK, width=6)
 
 
@@ -227,12 +225,12 @@ def _poster_eyes(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
 
 
 def _poster_squares(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
-    colours = (RED, BLUE, YELLOW, WHITE, BLACK, TEAL)
+    colors = (RED, BLUE, YELLOW, WHITE, BLACK, TEAL)
     for row in range(4):
         for column in range(4):
-            colour = colours[(row * 7 + column * 5 + row * column) % 6]
+            color = colors[(row * 7 + column * 5 + row * column) % 6]
             draw.rectangle(
-                (column * w / 4, row * h / 4, (column + 1) * w / 4, (row + 1) * h / 4), fill=colour
+                (column * w / 4, row * h / 4, (column + 1) * w / 4, (row + 1) * h / 4), fill=color
             )
 
 
@@ -267,7 +265,7 @@ def _noticeboard(draw: ImageDraw.ImageDraw, w: float, h: float, rng: np.random.G
         draw.rectangle((x, y, x + wide, y + high), fill=papers[rng.integers(len(papers))])
         for line in range(5):
             level = y + (0.2 + 0.14 * line) * high
-            draw.line((x + 0.1 * wide, level, x + 0.85 * wide, level), fill=GREY, width=3)
+            draw.line((x + 0.1 * wide, level, x + 0.85 * wide, level), fill=GRAY, width=3)
         draw.ellipse((x + wide / 2 - 6, y - 2, x + wide / 2 + 6, y + 10), fill=RED)
 
 
@@ -278,8 +276,8 @@ def _calendar(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
     for row in range(5):
         for column in range(7):
             x, y = (0.1 + 0.125 * column) * w, (0.44 + 0.11 * row) * h
-            colour = RED if column == 6 else GREY
-            draw.rectangle((x, y, x + 0.07 * w, y + 0.05 * h), fill=colour)
+            color = RED if column == 6 else GRAY
+            draw.rectangle((x, y, x + 0.07 * w, y + 0.05 * h), fill=color)
 
 
 def _clock(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
@@ -311,9 +309,9 @@ def _screen_plot(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
     draw.rectangle((0, 0, w, h), fill=(232, 238, 244))
     draw.rectangle((0, 0, w, 0.1 * h), fill=BLUE)
     t = np.linspace(0, 1, 40)
-    for phase, colour in ((0, RED), (1.4, GREEN), (2.8, ORANGE)):
+    for phase, color in ((0, RED), (1.4, GREEN), (2.8, ORANGE)):
         curve = [((0.08 + 0.84 * a) * w, (0.55 + 0.25 * np.sin(7 * a + phase)) * h) for a in t]
-        draw.line(curve, fill=colour, width=6)
+        draw.line(curve, fill=color, width=6)
 
 
 def _screen_map(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
@@ -327,10 +325,10 @@ def _projection(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
     draw.rectangle((0, 0, w, h), fill=(250, 250, 252))
     draw.rectangle((0, 0, w, 0.2 * h), fill=(40, 70, 120))
     _word(draw, "FOUR STARTS", w / 2, 0.1 * h, 0.8 * w, 0.12 * h, WHITE)
-    for k, colour in enumerate((RED, GREEN, BLUE, ORANGE)):
+    for k, color in enumerate((RED, GREEN, BLUE, ORANGE)):
         y = (0.32 + 0.16 * k) * h
-        draw.ellipse((0.1 * w, y - 0.03 * h, 0.1 * w + 0.06 * h, y + 0.03 * h), fill=colour)
-        draw.rectangle((0.18 * w, y - 0.02 * h, (0.5 + 0.06 * k) * w, y + 0.02 * h), fill=GREY)
+        draw.ellipse((0.1 * w, y - 0.03 * h, 0.1 * w + 0.06 * h, y + 0.03 * h), fill=color)
+        draw.rectangle((0.18 * w, y - 0.02 * h, (0.5 + 0.06 * k) * w, y + 0.02 * h), fill=GRAY)
 
 
 def _keyboard(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
@@ -346,13 +344,13 @@ def _books(
 ) -> None:
     """A row of spines on a shelf."""
     draw.rectangle((0, 0, w, h), fill=(38, 30, 24))
-    colours = (RED, GREEN, BLUE, YELLOW, ORANGE, TEAL, WHITE, (110, 60, 40), (90, 40, 80), BLACK)
+    colors = (RED, GREEN, BLUE, YELLOW, ORANGE, TEAL, WHITE, (110, 60, 40), (90, 40, 80), BLACK)
     edges = np.cumsum(rng.uniform(0.6, 1.4, count))
     edges = np.concatenate([[0], edges]) / edges[-1]
     for left, right in itertools.pairwise(edges):
         top = rng.uniform(0.04, 0.28) * h
-        colour = colours[rng.integers(len(colours))]
-        draw.rectangle((left * w + 1, top, right * w - 2, h), fill=colour)
+        color = colors[rng.integers(len(colors))]
+        draw.rectangle((left * w + 1, top, right * w - 2, h), fill=color)
         for level in (0.2, 0.72):
             y = top + level * (h - top)
             draw.rectangle((left * w + 3, y, right * w - 4, y + 0.05 * h), fill=(220, 200, 140))
@@ -360,12 +358,12 @@ def _books(
 
 def _binders(draw: ImageDraw.ImageDraw, w: float, h: float, rng: np.random.Generator) -> None:
     draw.rectangle((0, 0, w, h), fill=(46, 44, 42))
-    colours = (BLUE, RED, GREEN, BLACK, GREY, YELLOW)
+    colors = (BLUE, RED, GREEN, BLACK, GRAY, YELLOW)
     for k in range(14):
         if rng.random() < 0.12:
             continue
         left, right = k * w / 14 + 2, (k + 1) * w / 14 - 2
-        draw.rectangle((left, 0.06 * h, right, h), fill=colours[rng.integers(len(colours))])
+        draw.rectangle((left, 0.06 * h, right, h), fill=colors[rng.integers(len(colors))])
         draw.rectangle((left + 6, 0.2 * h, right - 6, 0.5 * h), fill=WHITE)
         middle = (left + right) / 2
         draw.ellipse((middle - 6, 0.72 * h, middle + 6, 0.72 * h + 12), fill=WHITE)
@@ -380,8 +378,8 @@ def _server(draw: ImageDraw.ImageDraw, w: float, h: float, rng: np.random.Genera
         for k in range(8):
             if rng.random() < 0.7:
                 x = (0.14 + 0.06 * k) * w
-                colour = (60, 220, 90) if rng.random() < 0.8 else (240, 170, 40)
-                draw.rectangle((x, y + 0.014 * h, x + 0.03 * w, y + 0.026 * h), fill=colour)
+                color = (60, 220, 90) if rng.random() < 0.8 else (240, 170, 40)
+                draw.rectangle((x, y + 0.014 * h, x + 0.03 * w, y + 0.026 * h), fill=color)
         draw.rectangle((0.68 * w, y + 0.01 * h, 0.88 * w, y + 0.03 * h), fill=(20, 20, 22))
 
 
@@ -389,12 +387,12 @@ def _vending(draw: ImageDraw.ImageDraw, w: float, h: float, rng: np.random.Gener
     draw.rectangle((0, 0, w, h), fill=(188, 30, 40))
     _word(draw, "SNACKS", 0.5 * w, 0.07 * h, 0.8 * w, 0.07 * h, WHITE)
     draw.rectangle((0.06 * w, 0.14 * h, 0.72 * w, 0.80 * h), fill=(30, 36, 44))
-    colours = (RED, YELLOW, BLUE, GREEN, ORANGE, TEAL, WHITE)
+    colors = (RED, YELLOW, BLUE, GREEN, ORANGE, TEAL, WHITE)
     for row in range(6):
         for column in range(5):
             x, y = (0.09 + 0.125 * column) * w, (0.16 + 0.105 * row) * h
-            colour = colours[rng.integers(len(colours))]
-            draw.rectangle((x, y, x + 0.09 * w, y + 0.075 * h), fill=colour)
+            color = colors[rng.integers(len(colors))]
+            draw.rectangle((x, y, x + 0.09 * w, y + 0.075 * h), fill=color)
     draw.rectangle((0.10 * w, 0.85 * h, 0.68 * w, 0.94 * h), fill=BLACK)
     draw.rectangle((0.78 * w, 0.3 * h, 0.94 * w, 0.5 * h), fill=(210, 214, 218))
 
@@ -406,13 +404,13 @@ def _microwave(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
     for row in range(3):
         for column in range(2):
             x, y = (0.77 + 0.09 * column) * w, (0.4 + 0.17 * row) * h
-            draw.rectangle((x, y, x + 0.06 * w, y + 0.1 * h), fill=GREY)
+            draw.rectangle((x, y, x + 0.06 * w, y + 0.1 * h), fill=GRAY)
 
 
 def _oven(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
     draw.rectangle((0, 0, w, h), fill=(210, 212, 214))
     draw.rectangle((0.1 * w, 0.32 * h, 0.9 * w, 0.9 * h), fill=(36, 38, 42))
-    draw.rectangle((0.1 * w, 0.22 * h, 0.9 * w, 0.27 * h), fill=GREY)
+    draw.rectangle((0.1 * w, 0.22 * h, 0.9 * w, 0.27 * h), fill=GRAY)
     for k in range(5):
         x = (0.16 + 0.15 * k) * w
         draw.ellipse((x, 0.06 * h, x + 0.08 * w, 0.14 * h), fill=BLACK)
@@ -420,9 +418,9 @@ def _oven(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
 
 def _fridge(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
     draw.rectangle((0, 0, w, h), fill=(226, 228, 228))
-    draw.rectangle((0, 0.34 * h, w, 0.35 * h), fill=GREY)
+    draw.rectangle((0, 0.34 * h, w, 0.35 * h), fill=GRAY)
     for top, bottom in ((0.18, 0.31), (0.38, 0.55)):
-        draw.rectangle((0.08 * w, top * h, 0.14 * w, bottom * h), fill=GREY)
+        draw.rectangle((0.08 * w, top * h, 0.14 * w, bottom * h), fill=GRAY)
     draw.rectangle((0.5 * w, 0.42 * h, 0.78 * w, 0.52 * h), fill=YELLOW)
     draw.rectangle((0.4 * w, 0.1 * h, 0.56 * w, 0.16 * h), fill=RED)
 
@@ -462,7 +460,7 @@ def _tools(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
 def _washer(draw: ImageDraw.ImageDraw, w: float, h: float) -> None:
     """Front of a washing machine."""
     draw.rectangle((0, 0, w, h), fill=(236, 236, 236))
-    draw.ellipse((0.2 * w, 0.26 * h, 0.8 * w, 0.86 * h), fill=GREY)
+    draw.ellipse((0.2 * w, 0.26 * h, 0.8 * w, 0.86 * h), fill=GRAY)
     draw.ellipse((0.27 * w, 0.33 * h, 0.73 * w, 0.79 * h), fill=(50, 60, 74))
     draw.rectangle((0.06 * w, 0.07 * h, 0.3 * w, 0.17 * h), fill=(200, 204, 208))
     draw.ellipse((0.78 * w, 0.06 * h, 0.9 * w, 0.18 * h), fill=BLACK)

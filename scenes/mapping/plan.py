@@ -1,6 +1,6 @@
 """The plan of the map: rooms between the middle lines of their walls, and the openings in them.
 
-x east, y north, metres.  The four start poses are known from the lost map; all else is ours.
+x east, y north, meters.  The four start poses are known from the lost map; all else is ours.
 """
 
 from __future__ import annotations
@@ -45,20 +45,20 @@ class Room:
 
 @dataclass(frozen=True)
 class Opening:
-    """A hole in the wall on the line `axis` = `line`, about `centre`.
+    """A hole in the wall on the line `axis` = `line`, about `center`.
 
     Attributes:
         kind: "door", "passage", "window", "glazing", "front" or "breach".
         hinge: -1 or 1: at which end along the wall the leaf hangs, as seen along its axis.
         swing: -1 or 1: towards which side along the other axis it opens.
-        open_deg: how far; None: there is no leaf.
+        open_deg: angle of the open leaf; None: there is no leaf.
     """
 
     name: str
     kind: str
     axis: str
     line: float
-    centre: float
+    center: float
     width: float = 1.04
     sill: float = 0.0
     head: float = 2.18

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.modelling.geometry import Patch, box, join, pose, sheet, tube
-from scenes.modelling.picture_atlas import Atlas
-from scenes.modelling.stage import Model
+from scenes.modeling.geometry import Patch, box, join, pose, sheet, tube
+from scenes.modeling.picture_atlas import Atlas
+from scenes.modeling.stage import Model
 
 
 def heap(a: Atlas, rng: np.random.Generator, name: str, radius: float, high: float) -> Model:
@@ -82,7 +82,7 @@ def cables(a: Atlas, rng: np.random.Generator) -> Model:
 
 
 def loose_bricks(a: Atlas, rng: np.random.Generator) -> Model:
-    """Bricks scattered over a metre, few enough to drive around."""
+    """Bricks scattered over a meter, few enough to drive around."""
     parts = []
     for k in range(9):
         x, y = (k % 3 - 1) * 0.36 + rng.uniform(-0.1, 0.1), (k // 3 - 1) * 0.36

@@ -25,9 +25,9 @@ from scenes.mapping.plan import (
     Opening,
     Room,
 )
-from scenes.modelling.geometry import Patch, join, polygon, tile
-from scenes.modelling.picture_atlas import Atlas
-from scenes.modelling.stage import Model, Stage
+from scenes.modeling.geometry import Patch, join, polygon, tile
+from scenes.modeling.picture_atlas import Atlas
+from scenes.modeling.stage import Model, Stage
 
 LAP = 0.004  # how far panels reach past the surface that hides their edge, where light is another
 SKIRTING = (0.012, 0.08)
@@ -74,9 +74,9 @@ class Side:
             for hole in OPENINGS
             if hole.axis == self.axis
             and hole.line == self.line
-            and self.low < hole.centre < self.high
+            and self.low < hole.center < self.high
         ]
-        return tuple(sorted(found, key=lambda hole: hole.centre))
+        return tuple(sorted(found, key=lambda hole: hole.center))
 
 
 def sides(room: Room) -> tuple[Side, ...]:
@@ -126,7 +126,7 @@ def _raise_wall(
 
 
 def _cap(side: Side, first: bool, start: float, end: float, last: bool) -> Patch:
-    """Top of the room's half of the wall, mitred at the room's corners."""
+    """Top of the room's half of the wall, mitered at the room's corners."""
     inner = (side.low + HALF if first else start, side.high - HALF if last else end)
     outer = (side.low if first else start, side.high if last else end)
     z = HEIGHT + LAP
@@ -237,11 +237,11 @@ def _build_stair_shaft(stage: Stage) -> None:
 
 
 def _span(hole: Opening) -> tuple[float, float]:
-    return (round(hole.centre - hole.width / 2, 6), round(hole.centre + hole.width / 2, 6))
+    return (round(hole.center - hole.width / 2, 6), round(hole.center + hole.width / 2, 6))
 
 
 def _covers(hole: Opening, along: float, z: float) -> bool:
-    return abs(along - hole.centre) < hole.width / 2 and hole.sill < z < hole.head
+    return abs(along - hole.center) < hole.width / 2 and hole.sill < z < hole.head
 
 
 def _place(stage: Stage, name: str, material: str, patch: Patch) -> None:

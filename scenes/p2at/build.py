@@ -1,6 +1,6 @@
 """Build p2at.glb: python -m scenes.p2at.build.
 
-Base frame: x forward, y left, z up, metres; the origin is on the ground between the wheels.
+Base frame: x forward, y left, z up, meters; the origin is on the ground between the wheels.
 The same code always writes the same bytes.
 """
 
@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.modelling import omnidirectional_camera, robot_parts
-from scenes.modelling.geometry import Patch, bar, join, pose, tube
-from scenes.modelling.palette import Label, Palette
-from scenes.modelling.prisms import block, inset_outline, prism
-from scenes.modelling.robot_files import read_robot
-from scenes.modelling.robot_parts import cylinder, facing
-from scenes.modelling.stage import Model, Stage
+from scenes.modeling import omnidirectional_camera, robot_parts
+from scenes.modeling.geometry import Patch, bar, join, pose, tube
+from scenes.modeling.palette import Label, Palette
+from scenes.modeling.prisms import block, inset_outline, prism
+from scenes.modeling.robot_files import read_robot
+from scenes.modeling.robot_parts import cylinder, facing
+from scenes.modeling.stage import Model, Stage
 from scenes.p2at import laser_scanner
 from scenes.p2at.wheel import outwards, wheel
 
@@ -40,9 +40,9 @@ PALETTE = Palette(
         "charcoal": (0.22, 0.22, 0.23),
         "white": WHITE,
         "rim": (0.84, 0.84, 0.81),
-        **robot_parts.COLOURS,
-        **omnidirectional_camera.COLOURS,
-        **laser_scanner.COLOURS,
+        **robot_parts.COLORS,
+        **omnidirectional_camera.COLORS,
+        **laser_scanner.COLORS,
     },
     {"pioneer": Label("PIONEER", 4.8, RED, WHITE, 0.68), **laser_scanner.LABELS},
 )
@@ -191,14 +191,14 @@ def user_panel() -> Patch:
     panel = block((0.110, 0.060, 0.006), (-0.165, -0.115, DECK + 0.002), 0.001)
     top = DECK + 0.005
     parts = [PALETTE.paint("white", panel)]
-    for x, colour, radius in (
+    for x, color, radius in (
         (-0.205, "button_red", 0.007),
         (-0.185, "charcoal", 0.007),
         (-0.165, "charcoal", 0.007),
     ):
-        parts.append(PALETTE.paint(colour, cylinder(radius, 0.007, 12).shifted(x, -0.105, top)))
-    for x, colour in ((-0.205, "green"), (-0.190, "yellow"), (-0.175, "button_red")):
-        parts.append(PALETTE.paint(colour, cylinder(0.003, 0.002, 8).shifted(x, -0.130, top)))
+        parts.append(PALETTE.paint(color, cylinder(radius, 0.007, 12).shifted(x, -0.105, top)))
+    for x, color in ((-0.205, "green"), (-0.190, "yellow"), (-0.175, "button_red")):
+        parts.append(PALETTE.paint(color, cylinder(0.003, 0.002, 8).shifted(x, -0.130, top)))
     socket = block((0.030, 0.014, 0.008), (-0.133, -0.115, top), 0.001)
     parts.append(PALETTE.paint("charcoal", socket))
     return join(parts)

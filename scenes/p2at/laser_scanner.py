@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from scenes.modelling.geometry import Patch, join, lathe
-from scenes.modelling.palette import Label, Palette
-from scenes.modelling.pbr_materials import Colour
-from scenes.modelling.prisms import block, prism, rounded_front
-from scenes.modelling.robot_parts import cylinder, facing
+from scenes.modeling.geometry import Patch, join, lathe
+from scenes.modeling.palette import Label, Palette
+from scenes.modeling.pbr_materials import Color
+from scenes.modeling.prisms import block, prism, rounded_front
+from scenes.modeling.robot_parts import cylinder, facing
 
 DEPTH, WIDTH, HEIGHT = 0.155, 0.155, 0.210
 SCAN_HEIGHT = 0.116  # of the scan above the underside: an assumption
-COLOURS: dict[str, Colour] = {  # sRGB
+COLORS: dict[str, Color] = {  # sRGB
     "lms_blue": (0.24, 0.42, 0.70),
     "lms_window": (0.07, 0.035, 0.05),
 }
-LABELS = {"sick": Label("SICK", 2.6, (0.96, 0.96, 0.96), COLOURS["lms_blue"], 0.75)}
+LABELS = {"sick": Label("SICK", 2.6, (0.96, 0.96, 0.96), COLORS["lms_blue"], 0.75)}
 WINDOW_TOP, WINDOW_BOTTOM = 0.030, -0.034
 
 
@@ -38,9 +38,9 @@ def laser_scanner(palette: Palette) -> Patch:
     )
     lamps = [
         palette.paint(
-            colour, cylinder(0.003, 0.003, 10).moved(facing(0)).shifted(front - 0.0025, y, -0.060)
+            color, cylinder(0.003, 0.003, 10).moved(facing(0)).shifted(front - 0.0025, y, -0.060)
         )
-        for y, colour in ((-0.014, "button_red"), (0.0, "yellow"), (0.014, "green"))
+        for y, color in ((-0.014, "button_red"), (0.0, "yellow"), (0.014, "green"))
     ]
     sign = block((0.003, 0.030, 0.018), (front - 0.001, 0.0, -0.088), 0.0005)
     return join(

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.modelling.geometry import Patch, box, join, lathe, pose
-from scenes.modelling.palette import Palette
-from scenes.modelling.robot_parts import cylinder
+from scenes.modeling.geometry import Patch, box, join, lathe, pose
+from scenes.modeling.palette import Palette
+from scenes.modeling.robot_parts import cylinder
 
 WIDTH = 0.085
 LUGS = 16  # a row; one of them is straight below the axle
@@ -14,10 +14,10 @@ SEGMENTS = 24
 
 
 def wheel(palette: Palette, diameter: float) -> Patch:
-    """Tyre with two rows of lugs, a light rim and a hub."""
+    """Tire with two rows of lugs, a light rim and a hub."""
     radius, half = diameter / 2, WIDTH / 2
     tread, lip = radius - 0.006, 0.58 * radius
-    tyre = [
+    tire = [
         (0.0, -half + 0.004),
         (lip, -half + 0.004),
         (0.80 * radius, -half),
@@ -29,7 +29,7 @@ def wheel(palette: Palette, diameter: float) -> Patch:
         (lip, half - 0.003),
     ]
     rim = [
-        tyre[-1],
+        tire[-1],
         (lip - 0.008, half - 0.014),
         (0.024, half - 0.018),
         (0.022, half - 0.006),
@@ -43,12 +43,12 @@ def wheel(palette: Palette, diameter: float) -> Patch:
     lugs = []
     for index in range(2 * LUGS):
         row = 1 if index % 2 else -1
-        # An even number's lug is centred on a multiple of the pitch, so on the way straight down.
+        # An even number's lug is centered on a multiple of the pitch, so on the way straight down.
         lug = box((0.009, 0.018, 0.034), (radius - 0.0045, 0, row * 0.019))
         lugs.append(lug.moved(pose(yaw_deg=index * 180 / LUGS)))
     return join(
         [
-            palette.paint("rubber", lathe(tyre, SEGMENTS), *lugs),
+            palette.paint("rubber", lathe(tire, SEGMENTS), *lugs),
             palette.paint("rim", lathe(rim, SEGMENTS)),
             palette.paint("rubber", *holes),
         ]

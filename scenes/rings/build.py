@@ -1,7 +1,7 @@
 """Build rings.glb: python -m scenes.rings.build.
 
-World axes: x east, y north, z up, metres. The same code always writes the same bytes.
-Incidence theta is measured at the sphere's centre, from straight down.
+World axes: x east, y north, z up, meters. The same code always writes the same bytes.
+Incidence theta is measured at the sphere's center, from straight down.
 """
 
 from __future__ import annotations
@@ -10,18 +10,18 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.modelling.geometry import Patch, pose
-from scenes.modelling.pbr_materials import plain
-from scenes.modelling.stage import Model, Stage
+from scenes.modeling.geometry import Patch, pose
+from scenes.modeling.pbr_materials import plain
+from scenes.modeling.stage import Model, Stage
 
 OUTPUT = Path(__file__).with_name("rings.glb")
 RADIUS_M = 2.0
-CENTRE_M = (0.0, 0.0, 2.0)  # scene.toml starts here
+CENTER_M = (0.0, 0.0, 2.0)  # scene.toml starts here
 SEGMENTS = 360
 LINES_DEG = np.arange(5, 180, 5)  # incidence of the lines' middles
 LINE_WIDTH_DEG = 0.6
 HORIZON_DEG = 90
-COLOURS = {  # linear
+COLORS = {  # linear
     "white": (1.0, 1.0, 1.0),
     "black": (0.0, 0.0, 0.0),
     "red": (0.8, 0.05, 0.05),
@@ -30,12 +30,12 @@ COLOURS = {  # linear
 
 def main() -> None:
     """Build the scene and print its size."""
-    materials = {name: plain(name, colour) for name, colour in COLOURS.items()}
+    materials = {name: plain(name, color) for name, color in COLORS.items()}
     stage = Stage("rings", materials, unlit=frozenset(materials))
     strips = np.arange(2 * len(LINES_DEG) + 1)  # gap, line, gap, ..., gap
     horizon = 2 * int(np.flatnonzero(LINES_DEG == HORIZON_DEG)[0]) + 1
     lines = strips[(strips % 2 == 1) & (strips != horizon)]
-    place = pose(*CENTRE_M)
+    place = pose(*CENTER_M)
     stage.place("sphere", Model("sphere", "white", sphere_strips(strips[::2])), place)
     stage.place("lines", Model("lines", "black", sphere_strips(lines)), place)
     stage.place("horizon", Model("horizon", "red", sphere_strips([horizon])), place)
@@ -44,7 +44,7 @@ def main() -> None:
 
 
 def sphere_strips(strips: list[int] | np.ndarray) -> Patch:
-    """Strips of the sphere between neighbouring rims, counted from the bottom, seen from inside.
+    """Strips of the sphere between neighboring rims, counted from the bottom, seen from inside.
 
     All vertices of the sphere are in every patch, in the same places: what lines and gaps share is
     then the same to the last bit in the file (which stores it once) and on the GPU, and no crack

@@ -1,6 +1,6 @@
 """Build soccer.glb: python -m scenes.soccer.build.
 
-World axes: x along the field towards the blue goal, y to the left of that, z up, metres; the
+World axes: x along the field towards the blue goal, y to the left of that, z up, meters; the
 origin is the middle of the field, on the carpet. The same code always writes the same bytes.
 """
 
@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.modelling.geometry import pose
-from scenes.modelling.stage import Model, Stage
+from scenes.modeling.geometry import pose
+from scenes.modeling.stage import Model, Stage
 from scenes.soccer import field, furniture, pictures, props
 from scenes.soccer.hall import EAST, FLOOR, NORTH, SILL, SOUTH, WEST, build_hall
 from scenes.soccer.materials import EMISSIVE, UNLIT, make_materials
@@ -206,7 +206,7 @@ def put_plants(stage: Stage, rng: np.random.Generator) -> None:
 
 
 def scatter_props(stage: Stage) -> None:
-    """Boxes, cables, a tripod: all more than half a metre from the field's lines."""
+    """Boxes, cables, a tripod: all more than half a meter from the field's lines."""
     large = props.cardboard_box("box_large", (0.6, 0.45, 0.4))
     middle = props.cardboard_box("box_middle", (0.45, 0.4, 0.3), "khaki")
     for index, (model, x, y, z, yaw) in enumerate(

@@ -11,15 +11,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from scenes.modelling.geometry import Patch, box, disc, join, lathe, polygon, tile
-from scenes.modelling.stage import Model, Stage
+from scenes.modeling.geometry import Patch, box, disc, join, lathe, polygon, tile
+from scenes.modeling.stage import Model, Stage
 
 HALF_X, HALF_Y = 2.7, 1.8
 LINE = 0.025
 CARPET_X, CARPET_Y, CARPET_Z = 3.0, 2.0, 0.006  # half sizes, and how thick it is
-BOX_X, BOX_Y = HALF_X - 0.65, 0.65  # goal box: its line towards the centre, its half width
+BOX_X, BOX_Y = HALF_X - 0.65, 0.65  # goal box: its line towards the center, its half width
 CIRCLE = 0.18
-MIDDLE = 0.20  # half side of the square that is cut round the centre circle
+MIDDLE = 0.20  # half side of the square that is cut round the center circle
 ARC_STEPS = 24  # of half a circle's half: off the true circle by 0.1 mm
 BEACON_SIDES = 48
 BOARD = 0.015
@@ -30,7 +30,7 @@ Corner = tuple[float, float]
 def lay_carpet(stage: Stage) -> None:
     """Carpet and lines as pieces that share their edges."""
     pieces = defaultdict(list)
-    for name, corners in [*_rectangles(), *_centre()]:
+    for name, corners in [*_rectangles(), *_center()]:
         pieces[name].append(polygon([(x, y, 0.0) for x, y in corners]))
     pieces["carpet"].append(_edges())
     for name, parts in sorted(pieces.items()):
@@ -103,7 +103,7 @@ def _name(x: float, y: float) -> str:
     return "carpet"
 
 
-def _centre() -> Iterator[tuple[str, list[Corner]]]:
+def _center() -> Iterator[tuple[str, list[Corner]]]:
     """Circle, halfway line and carpet in the square that `_rectangles` leaves."""
     x = LINE / 2
     outer, inner = (_arc(radius, x) for radius in (CIRCLE, CIRCLE - LINE))

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.modelling.geometry import Patch, ball, bar, box, join, lathe, pose, ring, tube
-from scenes.modelling.stage import Model
+from scenes.modeling.geometry import Patch, ball, bar, box, join, lathe, pose, ring, tube
+from scenes.modeling.stage import Model
 from scenes.soccer.materials import painted_in
 
 DESK_TOP = 0.74
@@ -82,7 +82,7 @@ def stool() -> Model:
 
 
 def chair(cloth: str) -> Model:
-    """Office chair on five castors, facing +y."""
+    """Office chair on five casters, facing +y."""
     seat = cushion(0.46, 0.46, 0.08).shifted(z=0.48)
     back = cushion(0.42, 0.5, 0.07).moved(pose(0, -0.23, 0.80, roll_deg=80))
     legs = []

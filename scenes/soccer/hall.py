@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenes.modelling.geometry import (
+from scenes.modeling.geometry import (
     Patch,
     bar,
     box,
@@ -19,7 +19,7 @@ from scenes.modelling.geometry import (
     tile,
     tube,
 )
-from scenes.modelling.stage import Model, Stage
+from scenes.modeling.stage import Model, Stage
 from scenes.soccer.field import CARPET_X, CARPET_Y, CARPET_Z
 from scenes.soccer.materials import painted_in
 from scenes.soccer.pictures import picture
@@ -34,7 +34,7 @@ OUTSIDE_RADIUS = 16.0
 
 @dataclass(frozen=True)
 class Side:
-    """One wall: parts are modelled for the north, where the wall is y = 0 and faces -y."""
+    """One wall: parts are modeled for the north, where the wall is y = 0 and faces -y."""
 
     name: str
     yaw_deg: float
@@ -80,7 +80,7 @@ def build_hall(stage: Stage) -> None:
 
 
 def _floor() -> Patch:
-    """Linoleum with a hole that the carpet covers by a centimetre."""
+    """Linoleum with a hole that the carpet covers by a centimeter."""
     x_cuts = (-HALF_X, 0.01 - CARPET_X, CARPET_X - 0.01, HALF_X)
     y_cuts = (-HALF_Y, 0.01 - CARPET_Y, CARPET_Y - 0.01, HALF_Y)
     parts = _grid(x_cuts, y_cuts, hole=lambda x, y: abs(x) < CARPET_X - 0.01 and abs(y) < 1.9)

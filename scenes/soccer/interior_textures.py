@@ -8,19 +8,19 @@ from __future__ import annotations
 import numpy as np
 from PIL import ImageDraw
 
-from scenes.modelling.noise import blend, fractal_noise, smooth_step
-from scenes.modelling.painting import painted, rgb
+from scenes.modeling.noise import blend, fractal_noise, smooth_step
+from scenes.modeling.painting import painted, rgb
 
 
 def carpet(size: int, rng: np.random.Generator) -> np.ndarray:
-    """One metre of green needle felt."""
-    fibres = fractal_noise(size, size, (size // 2, size // 3), 1, rng)
+    """One meter of green needle felt."""
+    fibers = fractal_noise(size, size, (size // 2, size // 3), 1, rng)
     wear = fractal_noise(size, size, 4, 3, rng)
-    return np.array([0.16, 0.46, 0.22]) * (0.91 + 0.13 * fibres + 0.04 * wear)[..., None]
+    return np.array([0.16, 0.46, 0.22]) * (0.91 + 0.13 * fibers + 0.04 * wear)[..., None]
 
 
 def linoleum(size: int, rng: np.random.Generator) -> np.ndarray:
-    """One sheet of two metres, marbled grey, with a seam along one edge."""
+    """One sheet of two meters, marbled gray, with a seam along one edge."""
     marble = fractal_noise(size, size, (6, 10), 5, rng)
     flecks = fractal_noise(size, size, size // 8, 1, rng)
     image = blend(np.array([0.59, 0.59, 0.58]), np.array([0.66, 0.65, 0.62]), marble)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from trimesh.visual.material import PBRMaterial
 
-from scenes.modelling import surface_textures as surface
-from scenes.modelling.geometry import Patch, fit_to_rectangle
-from scenes.modelling.pbr_materials import Colour, masked, plain, see_through, textured
+from scenes.modeling import surface_textures as surface
+from scenes.modeling.geometry import Patch, fit_to_rectangle
+from scenes.modeling.pbr_materials import Color, masked, plain, see_through, textured
 from scenes.soccer import interior_textures as interior
 from scenes.soccer import pictures
 
@@ -16,15 +16,15 @@ UNLIT = frozenset({"outside", "screens"})
 # Of two tubes of 5200 lm each in a lamp, 1.5 m long and 26 mm wide: 13 500 cd/m2. The exposure
 # shows a white surface under 600 lx as white, and these as pi times luminance over 600 lx.
 EMISSIVE = {"lamp_glow": 75.0}
-WALL_HUES: dict[str, Colour] = {
+WALL_HUES: dict[str, Color] = {
     "north": (0.90, 0.89, 0.86),
     "east": (0.84, 0.87, 0.84),
     "south": (0.91, 0.88, 0.82),
     "west": (0.86, 0.86, 0.89),
 }
-# Colours of props, in sRGB, in the order of the atlas: 6 x 6 from the top left, by rows.
-# What comes near a landmark's colour is duller than it, none is the same.
-PAINTS: dict[str, Colour] = {
+# Colors of props, in sRGB, in the order of the atlas: 6 x 6 from the top left, by rows.
+# What comes near a landmark's color is duller than it, none is the same.
+PAINTS: dict[str, Color] = {
     "white_board": (0.90, 0.90, 0.88),
     "light_grey": (0.76, 0.77, 0.77),
     "mid_grey": (0.54, 0.55, 0.57),
@@ -65,8 +65,8 @@ PAINTS: dict[str, Colour] = {
 _SIDE = 6
 
 
-def make_materials(palette: dict[str, Colour], rng: np.random.Generator) -> dict[str, PBRMaterial]:
-    """Every material of the scene by name; `palette` has the landmarks' colours, linear RGB."""
+def make_materials(palette: dict[str, Color], rng: np.random.Generator) -> dict[str, PBRMaterial]:
+    """Every material of the scene by name; `palette` has the landmarks' colors, linear RGB."""
     made = [
         textured("carpet", interior.carpet(512, rng), roughness=1.0),
         textured("floor", interior.linoleum(512, rng), roughness=0.6),
@@ -83,7 +83,7 @@ def make_materials(palette: dict[str, Colour], rng: np.random.Generator) -> dict
         plain("lamp_glow", (0.95, 0.935, 1.0)),
         see_through("window_glass", (0.70, 0.80, 0.84, 0.10), roughness=0.1),
     ]
-    made += [plain(f"landmark_{name}", colour) for name, colour in palette.items()]
+    made += [plain(f"landmark_{name}", color) for name, color in palette.items()]
     plaster = surface.mottled(256, (1.0, 1.0, 1.0), 0.03, rng)
     made += [textured(f"wall_{side}", plaster * np.array(hue)) for side, hue in WALL_HUES.items()]
     return {material.name: material for material in made}

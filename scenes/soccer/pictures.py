@@ -10,14 +10,14 @@ from collections.abc import Callable
 import numpy as np
 from PIL import ImageDraw
 
-from scenes.modelling.geometry import Patch, polygon
-from scenes.modelling.lettering import draw_word
-from scenes.modelling.painting import Colour, painted, rgb
+from scenes.modeling.geometry import Patch, polygon
+from scenes.modeling.lettering import draw_word
+from scenes.modeling.painting import Color, painted, rgb
 
 Canvas = ImageDraw.ImageDraw
 CELL = 256
 COLUMNS, ROWS = 4, 3
-INSET = 2 / CELL  # keeps neighbouring cells from bleeding in
+INSET = 2 / CELL  # keeps neighboring cells from bleeding in
 # Column, row from the top and width, in cells.
 PLACES = {
     "robot": (0, 0, 1),
@@ -33,17 +33,17 @@ PLACES = {
     "tower": (3, 2, 1),
 }
 SCREENS = ("terminal", "plot", "camera", "editor")
-INK: Colour = (0.16, 0.18, 0.22)
+INK: Color = (0.16, 0.18, 0.22)
 
 
 def picture(name: str, width: float, height: float) -> Patch:
-    """One of `PLACES` on a wall, facing -y, centred on the origin."""
+    """One of `PLACES` on a wall, facing -y, centered on the origin."""
     column, row, cells = PLACES[name]
     return _framed(width, height, column / COLUMNS, row / ROWS, cells / COLUMNS, 1 / ROWS)
 
 
 def screen(name: str, width: float, height: float) -> Patch:
-    """One of `SCREENS`, facing -y, centred on the origin."""
+    """One of `SCREENS`, facing -y, centered on the origin."""
     index = SCREENS.index(name)
     return _framed(width, height, index % 2 / 2, index // 2 / 2, 0.5, 0.5)
 
@@ -81,8 +81,8 @@ def _framed(
     return polygon(corners, [(u0, v0), (u1, v0), (u1, v1), (u0, v1)])
 
 
-def _fill(draw: Canvas, s: float, colour: Colour, wide: float = 1.0) -> None:
-    draw.rectangle((0, 0, wide * s, wide * s), fill=rgb(colour))
+def _fill(draw: Canvas, s: float, color: Color, wide: float = 1.0) -> None:
+    draw.rectangle((0, 0, wide * s, wide * s), fill=rgb(color))
 
 
 def _lines(draw: Canvas, s: float, x: float, y: float, wide: float, count: int) -> None:

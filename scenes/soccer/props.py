@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.modelling.geometry import ball, bar, box, join, lathe, polygon, pose, tube
-from scenes.modelling.stage import Model
+from scenes.modeling.geometry import ball, bar, box, join, lathe, polygon, pose, tube
+from scenes.modeling.stage import Model
 from scenes.soccer.furniture import cushion
 from scenes.soccer.materials import painted_in
 
 
 def books(name: str, width: float, rng: np.random.Generator) -> Model:
-    """Upright books of many colours from x = 0 to at most `width`, the last ones leaning."""
+    """Upright books of many colors from x = 0 to at most `width`, the last ones leaning."""
     hues = (
         "navy", "wine", "bottle", "cream", "straw", "denim", "brick", "paper", "black", "slate",
         "mustard", "plum", "moss", "rose", "teal", "light_grey", "orange", "pale_blue", "red",

@@ -1,6 +1,6 @@
 """Build superscout.glb: python -m scenes.superscout.build.
 
-Base frame: x forward, y left, z up, metres; the origin is on the ground between the wheels.
+Base frame: x forward, y left, z up, meters; the origin is on the ground between the wheels.
 The same code always writes the same bytes.
 """
 
@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.modelling import omnidirectional_camera, robot_parts
-from scenes.modelling.geometry import Patch, bar, bent, join, lathe, pose, tube
-from scenes.modelling.palette import Label, Palette
-from scenes.modelling.prisms import block
-from scenes.modelling.robot_files import read_robot
-from scenes.modelling.robot_parts import cylinder, facing
-from scenes.modelling.stage import Model, Stage
+from scenes.modeling import omnidirectional_camera, robot_parts
+from scenes.modeling.geometry import Patch, bar, bent, join, lathe, pose, tube
+from scenes.modeling.palette import Label, Palette
+from scenes.modeling.prisms import block
+from scenes.modeling.robot_files import read_robot
+from scenes.modeling.robot_parts import cylinder, facing
+from scenes.modeling.stage import Model, Stage
 
 OUTPUT = Path(__file__).with_name("superscout.glb")
 RADIUS = 0.205  # of the bumpers, which reach farthest
@@ -38,8 +38,8 @@ PALETTE = Palette(
         "top": (0.22, 0.22, 0.23),
         "steel": (0.55, 0.56, 0.58),
         "white": WHITE,
-        **robot_parts.COLOURS,
-        **omnidirectional_camera.COLOURS,
+        **robot_parts.COLORS,
+        **omnidirectional_camera.COLORS,
     },
     {
         "nomad": Label("NOMAD", 3.8, WHITE, BODY, 0.7),
@@ -59,7 +59,7 @@ def main() -> None:
         "top_plate": top_plate(),
         "sonar_ring": sonar_ring(),
         "chassis": chassis(),
-        "castor": castor(),
+        "castor": caster(),
         "control_panel": control_panel(),
         "emergency_stop": robot_parts.emergency_stop(PALETTE).shifted(-0.150, 0.0, DECK),
         "antenna": robot_parts.antenna(PALETTE, 0.120).shifted(-0.120, 0.110, DECK),
@@ -191,7 +191,7 @@ def bumper_arc() -> Patch:
 def wheel(diameter: float) -> Patch:
     """Narrow wheel about its axle, its outer side facing +z."""
     radius, half = diameter / 2, WHEEL_WIDTH / 2
-    tyre = [
+    tire = [
         (0.0, -half),
         (radius - 0.004, -half),
         (radius, 0.003 - half),
@@ -199,12 +199,12 @@ def wheel(diameter: float) -> Patch:
         (radius - 0.004, half),
         (radius - 0.012, half),
     ]
-    rim = [tyre[-1], (radius - 0.014, half - 0.006), (0.014, half - 0.006), (0.012, half)]
+    rim = [tire[-1], (radius - 0.014, half - 0.006), (0.014, half - 0.006), (0.012, half)]
     rim.append((0.0, half))
-    return join([PALETTE.paint("rubber", lathe(tyre, 36)), PALETTE.paint("steel", lathe(rim, 36))])
+    return join([PALETTE.paint("rubber", lathe(tire, 36)), PALETTE.paint("steel", lathe(rim, 36))])
 
 
-def castor() -> Patch:
+def caster() -> Patch:
     """Small wheel at the back in its fork."""
     radius, x = 0.021, -0.118
     profile = [(0.0, -0.009), (radius - 0.003, -0.009), (radius, -0.006), (radius, 0.006)]
@@ -220,10 +220,10 @@ def control_panel() -> Patch:
     parts = [
         PALETTE.paint("steel", block((0.084, 0.050, 0.006), (0.105, -0.095, DECK + 0.001), 0.001))
     ]
-    for x, colour in ((0.080, "button_red"), (0.100, "band")):
-        parts.append(PALETTE.paint(colour, cylinder(0.007, 0.007, 12).shifted(x, -0.088, top)))
-    for x, colour in ((0.078, "green"), (0.090, "yellow"), (0.102, "button_red")):
-        parts.append(PALETTE.paint(colour, cylinder(0.003, 0.002, 8).shifted(x, -0.110, top)))
+    for x, color in ((0.080, "button_red"), (0.100, "band")):
+        parts.append(PALETTE.paint(color, cylinder(0.007, 0.007, 12).shifted(x, -0.088, top)))
+    for x, color in ((0.078, "green"), (0.090, "yellow"), (0.102, "button_red")):
+        parts.append(PALETTE.paint(color, cylinder(0.003, 0.002, 8).shifted(x, -0.110, top)))
     parts.append(PALETTE.paint("band", block((0.018, 0.030, 0.008), (0.130, -0.095, top), 0.001)))
     return join(parts)
 

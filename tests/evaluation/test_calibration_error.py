@@ -136,15 +136,15 @@ def test_stamps_are_late_and_all_else_is_linked(run, tmp_path):
     assert (tmp_path / "given" / "front" / "000001.png").is_symlink()
 
 
-def test_early_stamps_are_an_error_of_the_speed_times_the_offset(run, tmp_path):
-    """The IMU's integral starts at the true state of its first stamp: at rest before the drive."""
-    offset_s = 0.05
-    given(run, tmp_path, imu={"time_offset_s": -offset_s})
+@pytest.mark.parametrize("offset_s", [-0.05, 0.05])
+def test_wrong_stamps_are_an_error_of_the_speed_times_the_offset(run, tmp_path, offset_s):
+    """The IMU's integral starts at rest, though the robot moves at a late first stamp."""
+    given(run, tmp_path, imu={"time_offset_s": offset_s})
     outcome = evaluate_estimator(run, "imu", tmp_path / "out", 60.0, given=tmp_path / "given")
     recording = Recording.read(run)
     times_s = recording.imu_readings("imu").times_s
     speeds = np.linalg.norm(recording.states(times_s).velocity_mps, axis=1)
-    expected_m = offset_s * np.sqrt(np.mean(np.square(speeds)))
+    expected_m = abs(offset_s) * np.sqrt(np.mean(np.square(speeds)))
     assert outcome.errors.ate_m == pytest.approx(expected_m, rel=0.03)  # of speeds that change
 
 

@@ -50,11 +50,10 @@ def _hits_of_ball(origin_m, directions, radius_m):
     return hits, origin_m + directions * (-along - np.sqrt(np.maximum(root, 0.0)))[:, None]
 
 
-@pytest.mark.parametrize("at", [AT, pose((1.5, 0.9, -0.6), roll_deg=170.0, yaw_deg=200.0)])
-def test_a_ball_reflects_each_wall_where_it_is(at):
-    """By the closed form of mirrored rays; larger differences are at creases of the room."""
+def _reflected(scene, at):
+    """Colors (n, 3) of pixels that show the ball, and the starts and directions of their rays."""
     sensor = dataclasses.replace(fisheye(200), supersampling=1, texels_per_pixel=1.5)
-    with open_sensor(_room(), sensor) as renderer:
+    with open_sensor(scene, sensor) as renderer:
         seen = renderer.render(at, linear=True).linear[..., :3].reshape(-1, 3)
     v, u = np.indices((200, 200)).reshape(2, -1)
     rays = sensor.model.ray_from_pixel(np.column_stack((u, v)).astype(np.float64))
@@ -66,10 +65,38 @@ def test_a_ball_reflects_each_wall_where_it_is(at):
     own = hits & rays.valid & (cosines < -0.3)  # triangles shorten the silhouette
     assert np.count_nonzero(own) > 1500
     mirrored = directions - 2.0 * cosines[:, None] * normals
-    expected = room_color(room_hit(points_m[own], mirrored[own]))
-    off = np.abs(seen[own] - expected)
+    return seen[own], points_m[own], mirrored[own]
+
+
+@pytest.mark.parametrize("at", [AT, pose((1.5, 0.9, -0.6), roll_deg=170.0, yaw_deg=200.0)])
+def test_a_ball_reflects_each_wall_where_it_is(at):
+    """By the closed form of mirrored rays; larger differences are at creases of the room."""
+    seen, starts_m, directions = _reflected(_room(), at)
+    off = np.abs(seen - room_color(room_hit(starts_m, directions)))
     assert np.quantile(off, 0.95) < 0.04
     assert off.max() < 0.2
+
+
+def test_a_ball_reflects_a_mirror_that_reflects_the_walls():
+    """By the closed form of twice mirrored rays; the mirror in the ball does not show the ball."""
+    half_m, z_m = 1.2, -1.3
+    floor = square(half_m, material=1)
+    meshes = [room(), dataclasses.replace(sphere(RADIUS_M, 64), material=1), floor]
+    under_ball = pose((*BALL_M[:2], z_m))
+    scene = scene_of(meshes, [SHINING, WHITE], [np.eye(4), pose(BALL_M), under_ball])
+    seen, starts_m, directions = _reflected(scene, AT)
+    ranges_m = (z_m - starts_m[:, 2]) / np.minimum(directions[:, 2], -1e-9)
+    points_m = starts_m + ranges_m[:, None] * directions
+    inside = np.all(np.abs(points_m[:, :2] - BALL_M[:2]) < half_m - 0.1, axis=1)
+    upward = directions * (1.0, 1.0, -1.0)
+    along = np.einsum("nc,nc->n", upward, BALL_M - points_m)
+    apart_m = np.linalg.norm(points_m + along[:, None] * upward - BALL_M, axis=1)
+    inside &= apart_m > RADIUS_M + 0.1
+    assert np.count_nonzero(inside) > 100
+    off = np.abs(seen - room_color(room_hit(points_m, upward)))[inside]
+    # the probe's distances approximate both rays; with a mirror of the sky it is 0.37 and 0.77
+    assert np.median(off) < 0.08
+    assert np.quantile(off, 0.9) < 0.2
 
 
 def test_a_glass_ball_of_the_index_of_air_is_invisible():

@@ -15,7 +15,7 @@ BUILT = sorted(path.parent.name for path in SCENES.glob("*/build.py"))
 
 def builder_hash(name):
     """SHA-256 of the modules and settings that build a scene, and of its file."""
-    patterns = ("modelling/*.py", f"{name}/*.py", f"{name}/*.toml", f"{name}/{name}.glb")
+    patterns = ("modeling/*.py", f"{name}/*.py", f"{name}/*.toml", f"{name}/{name}.glb")
     digest = hashlib.sha256()
     for path in sorted(path for pattern in patterns for path in SCENES.glob(pattern)):
         digest.update(path.relative_to(SCENES).as_posix().encode() + b"\0")

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import threading
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -21,6 +20,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import atomic_write, check_suffix, check_target
+from omnisim.core.files.library_messages import quiet_libraries
 from omnisim.core.files.sources import note_file
 from omnisim.core.version import __version__
 
@@ -35,7 +35,6 @@ _NO_DATE = ""  # OpenEXR's writer would add the time of day: equal data must giv
 _MAX_EXACT = 1 << 24  # largest integer up to which float32 is exact
 # Longer metadata crashes JPEG's writer, and TIFF's reader does not find it.
 _MAX_TEXT, _SHORT_TEXTS = 65_000, (".jpg", ".jpeg", ".tif", ".tiff")
-_QUIET = threading.RLock()  # held while standard error is discarded
 _KINDS = {
     "uint8": oiio.UINT8, "uint16": oiio.UINT16, "float16": oiio.HALF, "float32": oiio.FLOAT
 }  # fmt: skip
@@ -358,7 +357,7 @@ def _read(path: Path, kind: oiio.BASETYPE | None = None) -> tuple[oiio.ImageSpec
     """
     note_file(path)
     _check_png(path)
-    with _utf8_header(path), _quiet():
+    with _utf8_header(path), quiet_libraries():  # libpng prints its errors
         source = oiio.ImageInput.open(str(path))
         if source is None:
             raise OutputError(f"{path}: cannot be read: {_one_line(oiio.geterror())}")
@@ -379,25 +378,6 @@ def _utf8_header(path: Path) -> Iterator[None]:
         yield
     except UnicodeDecodeError:
         raise OutputError(f"{path}: cannot be read: expected a header in UTF-8") from None
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Discard the process's standard error within the block, because libpng prints to it."""
-    with _QUIET:
-        try:
-            kept = os.dup(2)
-        except OSError:  # there is no standard error
-            yield
-            return
-        try:
-            null_device = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(null_device, 2)
-            os.close(null_device)
-            yield
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
 
 
 def _check_png(path: Path) -> None:

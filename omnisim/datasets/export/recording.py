@@ -28,6 +28,7 @@ from omnisim.sensors.imu.mounted_imu import BIAS_COLUMNS, BIASES, PARAMETERS, RE
 from omnisim.sensors.imu.mounted_imu import COLUMNS as IMU_COLUMNS
 from omnisim.sensors.sensor import MountedSensor
 
+START = "start.csv"  # of a sensor: true state at its first measurement, by its own clock
 STAMP_S = 2e-9  # rounding of two times with nine digits
 NOTED_S = 1e-3
 
@@ -199,6 +200,21 @@ class Recording:
         parts = [np.column_stack(list(read_table(one, *columns).columns.values())) for one in files]
         values = np.concatenate(parts)
         return ImuReadings(values[:, 0], values[:, 1:], None)
+
+    def start_state(self, name: str, first_s: float) -> MotionStates:
+        """True state of the base at a sensor's first measurement, one row.
+
+        It does not depend on an error of the sensor's stamps.
+
+        Args:
+            name: name of the sensor.
+            first_s: stamp of its first measurement.
+
+        Raises:
+            RunError: the file of the state cannot be read, or is damaged.
+        """
+        path = self.run.path / name / START
+        return read_states(path)[1] if path.is_file() else self.states(np.array([first_s]))
 
     def sensors(self, kind: type[MountedSensor]) -> list[str]:
         """Names of the sensors of a class."""

@@ -1,4 +1,4 @@
-"""Integration of an IMU's readings, from the true start."""
+"""Integration of an IMU's readings, from the true state at the first of them."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class ImuIntegration(Estimator):
         base_from_imu = run.base_from_imu(names[0])
         readings = run.imu_readings(names[0])
         settings = run.run.manifest.sensors[names[0]].model_extra or {}
-        start = run.states(readings.times_s[:1]).at_mount(base_from_imu)
+        start = run.start_state(names[0], float(readings.times_s[0])).at_mount(base_from_imu)
         world_from_imu = integrate(
             readings,
             start.world_from_base[0],

@@ -1,4 +1,4 @@
-"""What vertex arrays and framebuffers use is not deleted before them.
+"""Buffers and textures outlive the vertex arrays and framebuffers that use them.
 
 OpenGL keeps deleted buffers alive while a vertex array uses them. A driver that does not reads
 memory that is gone: an NVIDIA GPU stops for 15 seconds in each frame, or draws garbage.
@@ -19,7 +19,7 @@ from tests.rendering.opengl.sheets import SUN
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 
 ENUM, BOOLEAN, POINTER = ctypes.c_uint, ctypes.c_ubyte, ctypes.c_void_p
-MOST_NAMES, ATTRIBUTES = 300, 16
+MAX_NAMES, ATTRIBUTES = 300, 16
 BUFFER_OF_ATTRIBUTE, BUFFER_OF_INDICES = 0x889F, 0x8895
 KIND_OF_ATTACHMENT, NAME_OF_ATTACHMENT = 0x8CD0, 0x8CD1
 TEXTURE, RENDERBUFFER = 0x1702, 0x8D41
@@ -38,7 +38,7 @@ def _asked(function, *arguments):
 
 
 def _named(kind):
-    return [name for name in range(1, MOST_NAMES) if _is(kind, name)]
+    return [name for name in range(1, MAX_NAMES) if _is(kind, name)]
 
 
 def _buffers_of_arrays():

@@ -148,7 +148,7 @@ def test_far_from_the_origin_ranges_are_as_exact():
 
 
 def test_rays_pass_through_holes_of_masked_surfaces():
-    """A chequered cage around the camera: whole squares, away from their edges, ray by ray."""
+    """A checkered cage around the camera: whole squares, away from their edges, ray by ray."""
     cage = Material(texture=checkered(0), alpha_mode=AlphaMode.MASK, double_sided=True)
     scene = scene_of([room(), box("cage", 1, half_m=0.6)], [Material(double_sided=True), cage])
     lens = EquirectangularCamera(240, 120)

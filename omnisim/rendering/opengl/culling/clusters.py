@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ LARGE_SCENE, MIN_TRIANGLES_IN_LARGE = 200_000, 24
 # Each instance has its own triangles in clusters. Beyond this number of copies' triangles, further
 # instances of a mesh are drawn one by one, as are instances that are too far away.
 MAX_COPIED_TRIANGLES = 8_000_000
+_BOUND_AT_ONCE = 1 << 18  # triangles; keeps intermediate arrays small
 # Clusters per group. None is tested if its group is culled; the visible ones are the bits of a
 # word.
 MAX_CHILDREN, MIN_CHILDREN, GROUP_SPLIT_FACTOR = 32, 8, 8.0
@@ -69,7 +71,7 @@ class ClusterHierarchy(NamedTuple):
         groups: groups of consecutive clusters.
     """
 
-    order: NDArray[np.intp]
+    order: NDArray[np.uint32]
     clusters: Clusters
     groups: ClusterGroups
 
@@ -89,7 +91,7 @@ def build_clusters(
     order, first = spatial_clusters(
         _bounds(corners), keys, min_triangles, MAX_TRIANGLES, TRIANGLE_SPLIT_FACTOR
     )
-    clusters = bound_clusters(corners[order], first, min_triangles)
+    clusters = _bound_in_order(corners, order, first, min_triangles)
     bounds = np.concatenate((-clusters.aabb_min.T, clusters.aabb_max.T))
     # clusters of similar width are drawn in the same pass
     widths = np.clip(np.frexp(clusters.widths)[1] // 2 + 8, 0, WIDTHS - 1)
@@ -108,7 +110,7 @@ def build_clusters(
         np.minimum.reduceat(clusters.aabb_min, first_child),
         np.maximum.reduceat(clusters.aabb_max, first_child),
     )  # fmt: skip
-    return ClusterHierarchy(order, clusters, groups)
+    return ClusterHierarchy(order.astype(np.uint32), clusters, groups)
 
 
 def _firsts(count: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -120,6 +122,24 @@ def ranges(first: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int
     numbers = np.repeat(first - _firsts(count), count)
     numbers += np.arange(len(numbers))
     return numbers
+
+
+def _bound_in_order(
+    corners: NDArray[np.float32],
+    order: NDArray[np.intp],
+    first: NDArray[np.intp],
+    min_triangles: int,
+) -> Clusters:
+    """Bound the clusters of triangles in an order, see `bound_clusters`."""
+    ends = np.append(first, len(order))
+    # the first cluster behind each multiple; two multiples may have the same
+    splits = np.searchsorted(first, np.arange(0, len(order), _BOUND_AT_ONCE))
+    parts = []
+    for start, stop in pairwise(np.unique([*splits, len(first)]).tolist()):
+        own = order[ends[start] : ends[stop]]
+        part = bound_clusters(corners[own], first[start:stop] - first[start], min_triangles)
+        parts.append(part._replace(first=first[start:stop]))
+    return Clusters(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def bound_clusters(
@@ -153,8 +173,10 @@ def bound_clusters(
 
 def _bounds(corners: NDArray[np.float32]) -> NDArray[np.float32]:
     """Bounds (6, n) of triangles: negated minimum corners, then maximum corners."""
-    one, two, three = np.moveaxis(corners, 1, 0)
     bounds = np.empty((6, len(corners)), dtype=np.float32)
-    np.negative(np.minimum(np.minimum(one, two), three).T, out=bounds[:3])
-    bounds[3:] = np.maximum(np.maximum(one, two), three).T
+    for start in range(0, len(corners), _BOUND_AT_ONCE):
+        own = slice(start, start + _BOUND_AT_ONCE)
+        one, two, three = np.moveaxis(corners[own], 1, 0)
+        np.negative(np.minimum(np.minimum(one, two), three).T, out=bounds[:3, own])
+        bounds[3:, own] = np.maximum(np.maximum(one, two), three).T
     return bounds

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 # Bits per axis; all that a code has if more boxes share a cell than a cluster may hold.
 MORTON_BITS, MAX_MORTON_BITS = 12, 20
+_AT_ONCE = 1 << 18  # boxes; keeps intermediate arrays small
 # Shifts and masks that spread a number's bits, so that the bits of two others fit in between.
 _SPREAD_STEPS = (
     (32, 0x1F00000000FFFF),
@@ -51,7 +52,7 @@ def spatial_clusters(
         order, codes, bits = _order(bounds, keys, MAX_MORTON_BITS)
     levels, last_level = _levels(codes, bits, min_size, max_size)
     first, levels = _merge_small_cells(levels, last_level, min_size)
-    cell_bounds = np.maximum.reduceat(bounds[:, order], first, axis=1)
+    cell_bounds = np.stack([np.maximum.reduceat(one[order], first) for one in bounds])
     starts, counts = _merge_cells(
         cell_bounds, first, levels, total, last_level, max_size, split_factor
     )
@@ -64,7 +65,7 @@ def spatial_clusters(
 
 def _levels(
     codes: NDArray[np.uint64], bits: int, min_size: int, max_size: int
-) -> tuple[NDArray[np.intp], int]:
+) -> tuple[NDArray[np.int8], int]:
     """Level (n,) at which each box begins, by its sorted code; and the last level.
 
     It is the level of the smallest cell that a box shares with its predecessor. Boxes in the same
@@ -72,13 +73,13 @@ def _levels(
     """
     total, last_level = len(codes), 3 * bits + 1
     # the first box shares no cell, nor do boxes of different keys
-    levels = np.full(total, last_level + 1)
-    differing = (codes[1:] ^ codes[:-1]).astype(np.float64)
-    differs = differing > 0.0
-    exponents = np.frexp(differing)[1][differs]
-    levels[1:][differs] = np.minimum(exponents + 1, last_level + 1)
-    numbers = np.arange(total)
-    levels[1:][~differs] = 0
+    levels = np.full(total, last_level + 1, dtype=np.int8)
+    for start in range(0, total - 1, _AT_ONCE):
+        some = codes[start : start + _AT_ONCE + 1]
+        differing = (some[1:] ^ some[:-1]).astype(np.float64)
+        exponents = np.minimum(np.frexp(differing)[1] + 1, last_level + 1)
+        levels[start + 1 : start + len(some)] = np.where(differing > 0.0, exponents, 0)
+    numbers = np.arange(total, dtype=np.uint32)
     in_cell = numbers - np.maximum.accumulate(np.where(levels > 0, numbers, 0))
     for level, size in ((1, min_size), (2, max_size)):
         levels[(in_cell > 0) & (in_cell % size == 0)] = level
@@ -86,8 +87,8 @@ def _levels(
 
 
 def _merge_small_cells(
-    levels: NDArray[np.intp], last_level: int, min_size: int
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    levels: NDArray[np.int8], last_level: int, min_size: int
+) -> tuple[NDArray[np.intp], NDArray[np.int8]]:
     """First box of each maximal cell of at most `min_size` boxes, and its first level."""
     first, total = np.arange(len(levels)), len(levels)
     for level in range(last_level + 1):
@@ -106,7 +107,7 @@ def _merge_small_cells(
 def _merge_cells(
     bounds: NDArray[np.float32],
     first: NDArray[np.intp],
-    levels: NDArray[np.intp],
+    levels: NDArray[np.int8],
     total: int,
     last_level: int,
     max_size: int,
@@ -156,8 +157,9 @@ def _order(
 ) -> tuple[NDArray[np.intp], NDArray[np.uint64], int]:
     """Order of boxes (6, n) by key and Morton code, the sorted codes, and bits per axis."""
     bits = min(max_bits, (64 - int(keys.max()).bit_length()) // 3)
-    codes = _morton_codes(0.5 * (bounds[3:] - bounds[:3]), bits)
-    codes |= keys.astype(np.uint64) << np.uint64(3 * bits)
+    codes = keys.astype(np.uint64)
+    codes <<= np.uint64(3 * bits)
+    _add_morton_codes(bounds, bits, codes)
     order = np.argsort(codes, kind="stable")
     return order, codes[order], bits
 
@@ -175,14 +177,18 @@ def _half_areas(bounds: NDArray[np.float32]) -> NDArray[np.float32]:
     return areas
 
 
-def _morton_codes(centers: NDArray[np.float32], bits: int) -> NDArray[np.uint64]:
-    """Morton codes of points (3, n) with `bits` bits per axis."""
-    start = centers.min(axis=1, keepdims=True)
-    extent = max(float((centers - start).max()), 1e-9)
-    cells = ((centers - start) * (((1 << bits) - 1) / extent)).astype(np.uint64)
-    codes = np.zeros(centers.shape[1], dtype=np.uint64)
-    for axis, cell in enumerate(cells):
-        for shift, mask in _SPREAD_STEPS:
-            cell = (cell | (cell << np.uint64(shift))) & np.uint64(mask)
-        codes |= cell << np.uint64(axis)
-    return codes
+def _add_morton_codes(bounds: NDArray[np.float32], bits: int, codes: NDArray[np.uint64]) -> None:
+    """Add Morton codes of the centers of boxes (6, n) to `codes` (n,), with `bits` per axis."""
+    slices = [slice(at, at + _AT_ONCE) for at in range(0, bounds.shape[1], _AT_ONCE)]
+    centers = [0.5 * (bounds[3:, own] - bounds[:3, own]) for own in slices]
+    starts = np.min([one.min(axis=1) for one in centers], axis=0)
+    ends = np.max([one.max(axis=1) for one in centers], axis=0)
+    extent = max(float((ends - starts).max()), 1e-9)
+    scale = ((1 << bits) - 1) / extent
+    for own, some in zip(slices, centers, strict=True):
+        for axis in range(3):
+            cell = ((some[axis] - starts[axis]) * scale).astype(np.uint64)
+            for shift, mask in _SPREAD_STEPS:
+                cell |= cell << np.uint64(shift)
+                cell &= np.uint64(mask)
+            codes[own] |= cell << np.uint64(axis)

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller
+from omnisim.rendering.opengl.geometry.cluster_triangles import object_triangles
 from omnisim.rendering.opengl.geometry.clustered_geometry import (
     ClusteredGeometry,
     item_light_coordinates,
-    object_triangles,
 )
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.vertex_format import cluster_vertex_array

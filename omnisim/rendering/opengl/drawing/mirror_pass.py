@@ -130,10 +130,10 @@ class MirrorPass:
         program = MirrorOwnerProgram(self._buffers.context, np.concatenate(numbers))
         return SceneDrawer(
             self._buffers,
-            self._buffers.context.buffer(np.concatenate(triangles).astype("<u4")),
             self._items,
             lambda item: program,
             first_of_item,
+            indices=self._buffers.context.buffer(np.concatenate(triangles).astype("<u4")),
         )
 
     def render(

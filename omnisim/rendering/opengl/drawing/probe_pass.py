@@ -1,8 +1,9 @@
 """Probe pass: the scene as seen from reflection probes, which curved and rough surfaces reflect.
 
 All cameras share the probes. A probe is drawn again if an object has moved or a mesh has deformed
-since; its light is therefore a function of the scene and its state alone. Reflective surfaces
-within a probe reflect sky and lamps.
+since; its light is therefore a function of the scene and its state alone. Planar metal mirrors
+within a probe reflect the probe itself, as drawn without them; other reflective surfaces in it
+reflect sky and lamps.
 """
 
 from __future__ import annotations
@@ -34,7 +35,35 @@ from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.scene.reflection_probes import ProbePlace, lobe_roughnesses
 
 SIZE_PX = 128  # of a face
+_METAL = 0.5  # metalness from which a surface shows reflections alone
 _NEAR_SHARE, _MAX_NEAR_M = 0.05, 0.05  # near plane, as a share of the smallest probe's radius
+
+
+class _OwnProbe:
+    """Probe from whose viewpoint the scene is drawn, for the planar metal mirrors within it.
+
+    Attributes:
+        items: indices of the mirrors' items.
+        number: index of the probe's cube.
+    """
+
+    def __init__(self, buffers: SceneBuffers, name: int):
+        items, self.number, self._name = buffers.draw_items, 0, name
+        planar = {index for plane in buffers.mirrors for index in plane.parts}
+        self.items = frozenset(one for one in planar if items[one].material.metallic > _METAL)
+        self._items = [items[index] for index in self.items]
+
+    def connect(
+        self,
+        programs: Collection[SurfaceProgram],
+        viewpoint_m: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Set the probe of the mirrors, whose center is the viewpoint, and bind it."""
+        probe = np.array((0.0, 0.0, 0.0, self.number), dtype=np.float32)
+        for program in programs:
+            program.set_probes({id(item): probe for item in self._items})
+        bind_texture(PROBE_UNIT, self._name)
 
 
 class ProbePass:
@@ -72,9 +101,12 @@ class ProbePass:
         self._colors.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._target = context.framebuffer([self._colors], self._depths)
         self._maps = ProbeMaps(context, plan, near_m, len(places))
+        self._own = _OwnProbe(buffers, self._maps.name)
+        self._is_mirror = self._mask(self._own.items)
         self._view = self._make_view(plan, near_m)
         self.items = frozenset(index for one in places for index in one.surfaces)
-        self._left_out = [self._mask(one.left_out) for one in places]
+        self._left_out = [self._mask(one.left_out) | self._is_mirror for one in places]
+        self._mirrors = [self._is_mirror & ~self._mask(one.left_out) for one in places]
         self._gloss = [self._gloss_of(one) for one in places]
         self._states: list[bytes | None] = [None] * len(places)
         self._static: dict[int, tuple[moderngl.Texture, moderngl.Texture]] = {}
@@ -92,6 +124,7 @@ class ProbePass:
             self._depths,
             1,
             None if sky is None else SkyPass(self._buffers.context, sky, plan),
+            probes=self._own,
         )
 
     def _mask(self, left_out: Collection[int]) -> NDArray[np.bool_]:
@@ -134,8 +167,15 @@ class ProbePass:
             self._view.tiles.begin(self._target, [(*self._background, 1.0)])
         self._view.select(left_out, parts)
         self._state.use(self._target, has_depth=True)
+        self._own.number = number
         self._view.draw(self._target, world_from_probe, world_from_objects)
         self._maps.draw(number, self._colors, self._depths, self._gloss[number])
+        if self._mirrors[number].any():
+            self._programs.bind_tables()
+            self._view.select(~self._mirrors[number])
+            self._state.use(self._target, has_depth=True)
+            self._view.add_one_by_one(self._target, world_from_probe, world_from_objects)
+            self._maps.draw(number, self._colors, self._depths, self._gloss[number])
 
     def _has_static_copy(self, place: ProbePlace) -> bool:
         """True if the scene around a probe changes only where moving items are.

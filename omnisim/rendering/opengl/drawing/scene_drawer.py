@@ -46,12 +46,12 @@ class SceneDrawer(Generic[P]):
 
     Args:
         buffers: scene and dynamic objects.
-        indices: index buffer of the items.
         items: (n,) drawable items.
         find_program: function from an item to its program.
         id_of_item: function from an item to the ID of its first triangle.
         both_sides: draw back faces, too.
         is_mirrored: the rig is mirrored, see `GlState.mirrored`.
+        indices: another index buffer of the items than the scene's.
 
     Attributes:
         programs: all programs in use.
@@ -60,12 +60,12 @@ class SceneDrawer(Generic[P]):
     def __init__(
         self,
         buffers: SceneBuffers,
-        indices: moderngl.Buffer,
         items: NDArray[np.intp],
         find_program: Callable[[DrawItem], P],
         id_of_item: Mapping[int, int],
         both_sides: bool = False,
         is_mirrored: bool = False,
+        indices: moderngl.Buffer | None = None,
     ):
         self._both_sides = both_sides
         self._front_faces = ("ccw", "cw") if is_mirrored else ("cw", "ccw")
@@ -75,12 +75,16 @@ class SceneDrawer(Generic[P]):
             index: find_program(buffers.draw_items[index]) for index in items.tolist()
         }
         self.programs = set(self._programs.values())
-        self._arrays = {
-            one: vertex_array(
-                buffers.context, one.program, buffers.vertices, indices, buffers.light_coordinates
-            )
-            for one in self.programs
-        }
+        self._arrays: dict[P, moderngl.VertexArray] = {}
+        if items.size:  # otherwise the scene's own buffers may never be needed
+            vertices, own_indices = buffers.buffers_of(items)
+            indices = own_indices if indices is None else indices
+            self._arrays = {
+                one: vertex_array(
+                    buffers.context, one.program, vertices, indices, buffers.light_coordinates
+                )
+                for one in self.programs
+            }
         self._id_of_item = id_of_item
         self._transforms = np.empty((0, 4, 4), np.float32), np.empty((0, 3, 3), np.float32)
 

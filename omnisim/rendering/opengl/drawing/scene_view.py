@@ -135,7 +135,6 @@ class SceneView:
 
         self._drawer = SceneDrawer(
             buffers,
-            buffers.indices,
             opaque if self._sorts_blended else np.flatnonzero(shown),
             find_item_program,
             id_of_item={},
@@ -184,6 +183,16 @@ class SceneView:
             program.set_viewpoint(world_from_rig[:3, 3])
         with self._state.drawing():
             self.tiles.draw(target, world_from_rig, world_from_objects, self._drawer)
+
+    def add_one_by_one(
+        self,
+        target: moderngl.Framebuffer,
+        world_from_rig: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> None:
+        """Draw the selected opaque items outside of clusters, over a drawn view of this pose."""
+        with self._state.drawing():
+            self.tiles.draw_one_by_one(target, world_from_rig, world_from_objects, self._drawer)
 
     def draw(
         self,

@@ -126,7 +126,7 @@ class TileRenderer:
             batches.groups,
             self._cluster_views,
             depth,
-            1 + sum(len(geometry.triangles) >= least for least in MIN_TRIANGLES_OF_PASSES),
+            1 + sum(geometry.triangle_count >= least for least in MIN_TRIANGLES_OF_PASSES),
             (plan.width_px, plan.height_px),
             depths_m,
             samples,

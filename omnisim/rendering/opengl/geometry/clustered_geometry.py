@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import moderngl
@@ -21,21 +22,14 @@ from omnisim.rendering.opengl.culling.clusters import (
     Clusters,
     build_clusters,
 )
+from omnisim.rendering.opengl.geometry.cluster_triangles import shaded_triangles
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
-from omnisim.rendering.opengl.geometry.light_baking import Shading, bake_directional_light, shadings
-from omnisim.rendering.opengl.geometry.vertex_records import (
-    CLUSTER_VERTEX,
-    fill_vertices,
-    light_coordinates,
-)
+from omnisim.rendering.opengl.geometry.light_baking import Shading
+from omnisim.rendering.opengl.geometry.vertex_records import light_coordinates
 from omnisim.rendering.opengl.materials.material_table import vertex_details
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
 from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.scene.model import AlphaMode, Lighting
-
-# Relative to white: a third of an 8-bit step in the dark, where steps are finest; a hundredth at
-# white.
-_SAME_LIGHT = 1e-4
 
 
 class Bucket(NamedTuple):
@@ -75,9 +69,8 @@ class ClusteredGeometry:
         contains: (items,), mask of the scene's draw items in here.
         vertices: buffer of `CLUSTER_VERTEX`, in the frames of their objects.
         bucket_of_cluster: (clusters,) bucket index.
-        item_of_triangle: (m,) draw item of each triangle, cluster by cluster.
-        triangles: (m, 3) vertex indices, same order; degenerate for hidden items.
-        indices: index buffer of the triangles.
+        triangles_of_item: number of triangles of each contained draw item.
+        indices: index buffer of the triangles, cluster by cluster; degenerate for hidden items.
         buffers: buffers of clusters and groups, for culling.
         details: vertex details, see `vertex_details`; None: all materials are matte.
         light_coordinates: lightmap coordinates of the vertices; None: no baked light.
@@ -90,12 +83,38 @@ class ClusteredGeometry:
     contains: NDArray[np.bool_]
     vertices: moderngl.Buffer
     bucket_of_cluster: NDArray[np.intp]
-    item_of_triangle: NDArray[np.int32]
-    triangles: NDArray[np.uint32]
+    triangles_of_item: NDArray[np.intp]
     indices: moderngl.Buffer
     buffers: ClusterBuffers
     details: moderngl.Texture | None
     light_coordinates: moderngl.Buffer | None
+
+    @cached_property
+    def triangles(self) -> NDArray[np.uint32]:
+        """Vertex indices (m, 3) of all triangles, cluster by cluster, hidden or not."""
+        # a copy is read: drivers move buffers that are read into host memory
+        context, size = self.indices.ctx, self.indices.size
+        copy = context.buffer(reserve=size)
+        context.copy_buffer(copy, self.indices)
+        return np.frombuffer(copy.read(), dtype="<u4").reshape(-1, 3)
+
+    @property
+    def triangle_count(self) -> int:
+        """Number of triangles."""
+        return len(self.hierarchy.order)
+
+    @cached_property
+    def item_of_triangle(self) -> NDArray[np.int32]:
+        """Draw item (m,) of each triangle, cluster by cluster."""
+        items = np.flatnonzero(self.contains).astype(np.int32)
+        return np.repeat(items, self.triangles_of_item)[self.hierarchy.order]
+
+    @cached_property
+    def item_of_cluster(self) -> NDArray[np.intp]:
+        """Draw item (clusters,) of each cluster's first triangle."""
+        ends = np.cumsum(self.triangles_of_item)
+        number = np.searchsorted(ends, self.hierarchy.order[self.clusters.first], side="right")
+        return np.flatnonzero(self.contains)[number]
 
     def show(self, shown: NDArray[np.bool_]) -> None:
         """Show the selected draw items (items,) only."""
@@ -109,7 +128,7 @@ class ClusteredGeometry:
 
     def shown_clusters(self, shown: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Mask (clusters,) of the clusters of shown draw items (items,); static items stay."""
-        return shown[self.item_of_triangle[self.clusters.first]]
+        return shown[self.item_of_cluster]
 
 
 def build_clustered_geometry(
@@ -133,56 +152,38 @@ def build_clustered_geometry(
     items = [item for item, is_contained in zip(items, contains, strict=True) if is_contained]
     if not items:
         return None
-    item_of_triangle = np.repeat(np.arange(len(items)), [item.triangles for item in items])
-    vertices, triangles = object_triangles(items, anchor_m)
-    corners = vertices["in_position"][triangles]
-    is_static = np.array([item.object_index is None for item in items])
-    is_bakeable = is_static & (lighting.baked is None)
-    shading, normals = shadings(vertices, triangles, lighting, is_bakeable[item_of_triangle])
-    # double-sided or unlit: facts about the front face do not apply
-    ignores = [item.material.double_sided or item.material.unlit for item in items]
-    shading[np.array(ignores)[item_of_triangle]] = Shading.UNKNOWN.value
-    # view-dependent light cannot be baked
-    reflective = np.array([item.texture_layer.reflectance is not None for item in items])
-    shading[reflective[item_of_triangle] & (shading == Shading.BAKED.value)] = Shading.UNKNOWN.value
-    # the lightmap holds all light of matte surfaces, for any normals
-    in_lightmap = np.array([item.light is LightSource.LIGHTMAP for item in items])
-    shading[(in_lightmap & ~reflective)[item_of_triangle]] = Shading.UNKNOWN.value
-    baked = shading == Shading.BAKED.value
-    lights = bake_directional_light(normals[baked], lighting)
-    vertices, triangles[baked] = _bake(vertices, triangles, baked, lights)
-    buckets, bucket = _buckets(items, len(Shading) * item_of_triangle + shading)
-    object_of_item = (
-        np.array([-1 if one.object_index is None else one.object_index for one in items]) + 1
+    counts = np.array([item.triangles for item in items])
+    item_of_triangle = np.repeat(np.arange(len(items), dtype=np.int32), counts)
+    with gpu_allocation(f"clusters of {counts.sum()} triangles", "make the scene smaller"):
+        made = shaded_triangles(context, items, anchor_m, lighting)
+    buckets, bucket = _buckets(items, item_of_triangle, made.shading)
+    object_of_item = 1 + np.array(
+        [-1 if one.object_index is None else one.object_index for one in items], dtype=np.int32
     )
     # parts of dynamic objects can be hidden individually, and items without shadows stay out of
     # shadow maps
     casts = np.array([item.casts_shadow for item in items])
-    part = np.where(is_static & casts, 0, 1 + np.arange(len(items)))
+    part = np.where((object_of_item == 0) & casts, 0, 1 + np.arange(len(items), dtype=np.int64))
     objects = 1 + dynamic_objects
     group_key = bucket * objects + object_of_item[item_of_triangle]
-    hierarchy = build_clusters(
-        corners, group_key * (1 + len(items)) + part[item_of_triangle], group_key
-    )
+    key = part[item_of_triangle]
+    key += group_key * np.int64(1 + len(items))
+    hierarchy = build_clusters(made.corners, key, group_key)
     first = hierarchy.clusters.first[hierarchy.groups.first]
     group_key = group_key[hierarchy.order[first]]
-    ordered = triangles[hierarchy.order].astype("<u4")
     bucket_of_group, object_of_group = group_key // objects, group_key % objects
     double_sided = np.array([one.double_sided for one in buckets])[bucket_of_group]
-    with gpu_allocation(f"clusters of {len(ordered)} triangles", "make the scene smaller"):
-        vertex_buffer, index_buffer = context.buffer(vertices), context.buffer(ordered)
+    with gpu_allocation(f"clusters of {counts.sum()} triangles", "make the scene smaller"):
+        index_buffer = context.buffer(made.triangles[hierarchy.order])
     return ClusteredGeometry(
         buckets=buckets,
         anchor_m=anchor_m,
         objects=objects,
         hierarchy=hierarchy,
         contains=contains,
-        vertices=vertex_buffer,
+        vertices=made.vertices,
         bucket_of_cluster=np.repeat(bucket_of_group, hierarchy.groups.children),
-        item_of_triangle=np.flatnonzero(contains)[item_of_triangle[hierarchy.order]].astype(
-            np.int32
-        ),
-        triangles=ordered,
+        triangles_of_item=counts,
         indices=index_buffer,
         buffers=ClusterBuffers(
             context,
@@ -191,13 +192,16 @@ def build_clustered_geometry(
             object_of_group,
             bucket_of_group,
         ),
-        details=_details(context, items) if reflective.any() else None,
+        details=_details(context, items),
         light_coordinates=item_light_coordinates(context, items),
     )
 
 
-def _details(context: moderngl.Context, items: Sequence[DrawItem]) -> moderngl.Texture:
+def _details(context: moderngl.Context, items: Sequence[DrawItem]) -> moderngl.Texture | None:
+    """Vertex details of items; None: all are matte."""
     reflectances = [item.texture_layer.reflectance for item in items]
+    if all(one is None for one in reflectances):
+        return None
     return vertex_details(
         context,
         [
@@ -208,9 +212,12 @@ def _details(context: moderngl.Context, items: Sequence[DrawItem]) -> moderngl.T
 
 
 def _buckets(
-    items: Sequence[DrawItem], kinds: NDArray[np.intp]
-) -> tuple[tuple[Bucket, ...], NDArray[np.intp]]:
-    """Buckets, and the bucket index of each triangle (n,); kinds: item × shadings + shading."""
+    items: Sequence[DrawItem],
+    item_of_triangle: NDArray[np.int32],
+    shading_of_triangle: NDArray[np.int8],
+) -> tuple[tuple[Bucket, ...], NDArray[np.int32]]:
+    """Buckets, and the bucket index of each triangle (n,)."""
+    kinds = len(Shading) * item_of_triangle + shading_of_triangle
     of_kind: dict[int, Bucket] = {}
     for kind in np.flatnonzero(np.bincount(kinds)).tolist():
         item, shading = items[kind // len(Shading)], Shading(kind % len(Shading))
@@ -225,7 +232,7 @@ def _buckets(
             material.hit_cutoff > 0.0, shading, item.texture_layer.array, maps, second, item.light,
         )  # fmt: skip
     buckets = sorted(set(of_kind.values()), key=_state_order)
-    numbers = np.zeros(len(Shading) * len(items), dtype=np.intp)
+    numbers = np.zeros(len(Shading) * len(items), dtype=np.int32)
     for kind, bucket in of_kind.items():
         numbers[kind] = buckets.index(bucket)
     return tuple(buckets), numbers[kinds]
@@ -268,34 +275,6 @@ def _contained(
     return contained
 
 
-def object_triangles(
-    items: Sequence[DrawItem], anchor_m: NDArray[np.float64]
-) -> tuple[NDArray[np.void], NDArray[np.uint32]]:
-    """Vertices (n,) of type `CLUSTER_VERTEX` and triangles (m, 3) of items, with equal winding.
-
-    Vertices of dynamic objects are in the object's frame, static ones relative to the anchor (3,).
-    """
-    vertices = np.zeros(sum(len(item.mesh.positions) for item in items), dtype=CLUSTER_VERTEX)
-    triangles = []
-    base = 0
-    for item in items:
-        mesh, matrix = item.mesh, item.object_from_mesh
-        part = vertices[base : base + len(mesh.positions)]
-        fill_vertices(part, mesh)
-        origin_m = anchor_m if item.object_index is None else np.zeros(3)
-        part["in_position"] = mesh.positions @ matrix[:3, :3].T + (matrix[:3, 3] - origin_m)
-        # vertex colors are half floats, as in the scene's vertex buffer
-        colors = part["in_color"].astype(np.float16).astype(np.float32)
-        part["in_color"] = colors * np.array(item.material.base_color, dtype=np.float32)
-        part["in_material"] = item.texture_layer.layer, item.material.hit_cutoff
-        if mesh.normals is not None:
-            part["in_normal"] = mesh.normals @ item.normal_from_mesh.T
-        own = mesh.triangles[:, (0, 2, 1)] if item.flips_winding else mesh.triangles
-        triangles.append(own + np.uint32(base))
-        base += len(part)
-    return vertices, np.concatenate(triangles)
-
-
 def item_light_coordinates(
     context: moderngl.Context, items: Sequence[DrawItem]
 ) -> moderngl.Buffer | None:
@@ -307,31 +286,3 @@ def item_light_coordinates(
         (base, item.mesh, item.light_rectangles) for base, item in zip(bases, items, strict=False)
     ]
     return context.buffer(light_coordinates(parts, bases[-1]))
-
-
-def _bake(
-    vertices: NDArray[np.void],
-    triangles: NDArray[np.uint32],
-    baked: NDArray[np.bool_],
-    lights: NDArray[np.float32],
-) -> tuple[NDArray[np.void], NDArray[np.uint32]]:
-    """Bake lights (k, 3) into the vertices of the triangles that `baked` (m,) selects.
-
-    Returns:
-        The vertices, with copies of those that need two lights, or light and a normal; and the
-            baked triangles (k, 3).
-    """
-    own = triangles[baked].ravel()
-    lights = np.repeat(lights, 3, axis=0)
-    light_at_vertex = np.zeros((len(vertices), 3), dtype=np.float32)
-    light_at_vertex[own] = lights  # of one of the triangles that share the vertex
-    light_at_vertex[triangles[~baked].ravel()] = np.inf  # these keep their normal
-    fits = (np.abs(np.take(light_at_vertex, own, axis=0) - lights) < _SAME_LIGHT).all(axis=1)
-    fitting = own[fits]
-    vertices["in_normal"][fitting] = np.take(light_at_vertex, fitting, axis=0)
-    if fits.all():
-        return vertices, own.reshape(-1, 3)
-    copies = vertices[own[~fits]]
-    copies["in_normal"] = lights[~fits]
-    own[~fits] = np.arange(len(vertices), len(vertices) + len(copies))
-    return np.concatenate((vertices, copies)), own.reshape(-1, 3)

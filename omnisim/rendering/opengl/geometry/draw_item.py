@@ -10,6 +10,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.bounds import bounds_of
 from omnisim.rendering.opengl.materials.scene_textures import MaterialTexture
 from omnisim.scene.model import Material, Mesh
 from omnisim.scene.motion.deformation import Sphere
@@ -92,7 +93,15 @@ class DrawItem:
         Positions are relative to its object's origin; for static items, to the anchor (3,).
         """
         origin_m = anchor_m if self.object_index is None else np.zeros(3)
-        return bool(np.abs(self.center_m - origin_m).max() + self.radius_m <= MAX_DISTANCE_M)
+        offsets_m = np.abs(self.center_m - origin_m)
+        if offsets_m.max() + self.radius_m <= MAX_DISTANCE_M:
+            return True
+        if offsets_m.max() > MAX_DISTANCE_M:
+            return False
+        # the box of wide ground may fit where its sphere does not
+        low, high = bounds_of(self.mesh.positions).astype(np.float64)
+        halves_m = np.abs(self.object_from_mesh[:3, :3]) @ (0.5 * (high - low))
+        return bool((offsets_m + halves_m).max() <= MAX_DISTANCE_M)
 
     def sphere_at(self, time_s: float) -> Sphere:
         """Bounding sphere at a time, in the world or the dynamic object's frame."""

@@ -1,4 +1,7 @@
-"""Vertex and index buffers of a scene; each mesh is uploaded once."""
+"""Vertex and index buffers of a scene; each mesh is uploaded once, when it is first needed.
+
+Clusters have their own vertices: most meshes are needed here for ground truth and ranges only.
+"""
 
 from __future__ import annotations
 
@@ -48,33 +51,80 @@ def geometry_key(mesh: Mesh) -> GeometryKey:
 
 
 class GeometryStore:
-    """Uploads the meshes of scenes, and further ones later.
+    """Places the meshes of scenes in two buffers, and further ones later; uploads them on demand.
 
     Instances share the indices of their mesh, except blended ones, which are sorted individually.
 
     Args:
         context: OpenGL context.
-        parts: scenes to upload.
+        parts: scenes to place.
 
     Attributes:
-        vertices, indices: the two buffers.
         ranges: consecutive ranges of all indices.
         offsets: first index and first vertex of each scene's instances.
     """
 
     def __init__(self, context: moderngl.Context, parts: Sequence[Scene]):
         self._context = context
-        vertices, self.ranges, self.offsets = _concatenate_meshes(parts)
-        indices = np.concatenate([np.empty(0, dtype="<u4"), *map(_indices, self.ranges)])
-        self.vertices, self.indices = _buffer(context, vertices), _buffer(context, indices)
-        self._vertex_count, self._index_count = len(vertices), len(indices)
-        self._limit = 2 * (len(vertices) + len(indices)) + MIN_SPARE
+        self._vertex_count, self.ranges, self.offsets = _place_meshes(parts)
+        self._index_count = sum(one.mesh.triangles.size for one in self.ranges)
+        self._limit = 2 * (self._vertex_count + self._index_count) + MIN_SPARE
+        self._buffers: tuple[moderngl.Buffer, moderngl.Buffer] | None = None
+        self._complete = 0  # number of ranges that are all uploaded
+        # first vertices and first indices of what is uploaded
+        self._uploaded_bases, self._uploaded = set[int](), set[int]()
         # ranges keep the meshes alive, so that no other array gets the id of one of theirs
         self._base: dict[GeometryKey, int] = {}
         self._shared: dict[GeometryKey, int] = {}
         self._free: dict[GeometryKey, list[int]] = {}
         for one in self.ranges:
             self._register(one)
+
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """Bytes of the buffers of vertices and indices, allocated or not."""
+        if self._buffers is not None:
+            return self._buffers[0].size, self._buffers[1].size
+        vertices = VERTEX.itemsize * self._vertex_count
+        return max(vertices, VERTEX.itemsize), max(4 * self._index_count, VERTEX.itemsize)
+
+    @property
+    def allocated(self) -> tuple[moderngl.Buffer, moderngl.Buffer]:
+        """Buffers of vertices and indices, with what is uploaded so far.
+
+        Raises:
+            GraphicsError: they do not fit on the GPU.
+        """
+        if self._buffers is None:
+            sizes = self.sizes
+            with gpu_allocation(f"{sum(sizes)} bytes for the scene", "make the scene smaller"):
+                vertices, indices = (self._context.buffer(reserve=size) for size in sizes)
+            self._buffers = vertices, indices
+        return self._buffers
+
+    def upload(self, items: Sequence[DrawItem]) -> tuple[moderngl.Buffer, moderngl.Buffer]:
+        """Buffers of vertices and indices, with those of some items."""
+        firsts, bases = {item.first for item in items}, {item.base for item in items}
+        self._upload([one for one in self.ranges if one.first in firsts or one.base in bases])
+        return self.allocated
+
+    def upload_all(self) -> tuple[moderngl.Buffer, moderngl.Buffer]:
+        """Buffers of vertices and indices, with those of all ranges."""
+        if self._complete < len(self.ranges):  # a frame with ground truth asks several times
+            self._upload(self.ranges)
+            self._complete = len(self.ranges)
+        return self.allocated
+
+    def _upload(self, ranges: Sequence[IndexRange]) -> None:
+        """Upload what is missing; the GPU may have changed the rest since."""
+        for one in ranges:
+            if one.mesh.triangles.size and one.first not in self._uploaded:
+                self.allocated[1].write(_indices(one), offset=4 * one.first)
+                self._uploaded.add(one.first)
+            if len(one.mesh.positions) and one.base not in self._uploaded_bases:
+                offset = VERTEX.itemsize * one.base
+                self.allocated[0].write(_vertices(one.mesh), offset=offset)
+                self._uploaded_bases.add(one.base)
 
     @property
     def is_overgrown(self) -> bool:
@@ -85,23 +135,27 @@ class GeometryStore:
         """Upload the light coordinates of all vertices."""
         whole = (0.0, 0.0, 1.0, 1.0)
         parts = [(one.base, one.mesh, (whole, whole)) for one in self.ranges]
-        return _buffer(self._context, light_coordinates(parts, self._vertex_count))
+        places = light_coordinates(parts, self._vertex_count)
+        empty = VERTEX.itemsize
+        return self._context.buffer(places) if len(places) else self._context.buffer(reserve=empty)
 
     def place(self, mesh: Mesh, is_blended: bool) -> tuple[int, int]:
         """First index and first vertex for another instance of a mesh; appends a new mesh."""
         key = geometry_key(mesh)
         if key not in self._base:
-            vertices = np.zeros(len(mesh.positions), dtype=VERTEX)
-            fill_vertices(vertices, mesh)
+            vertices, indices = self.allocated
             self._base[key] = self._vertex_count
             used = self._vertex_count * VERTEX.itemsize
-            self.vertices = self._append(self.vertices, used, vertices)
-            self._vertex_count += len(vertices)
+            self._buffers = self._append(vertices, used, _vertices(mesh)), indices
+            self._uploaded_bases.add(self._vertex_count)
+            self._vertex_count += len(mesh.positions)
         if is_blended and self._free.get(key):
             return self._free[key].pop(), self._base[key]
         if is_blended or key not in self._shared:
             added = IndexRange(mesh, self._index_count, self._base[key], is_blended)
-            self.indices = self._append(self.indices, 4 * added.first, _indices(added))
+            vertices, indices = self.allocated
+            self._buffers = vertices, self._append(indices, 4 * added.first, _indices(added))
+            self._uploaded.add(added.first)
             self._index_count += mesh.triangles.size
             self.ranges.append(added)
             self._register(added)
@@ -133,9 +187,11 @@ class GeometryStore:
         return buffer
 
 
-def _buffer(context: moderngl.Context, values: NDArray[np.generic]) -> moderngl.Buffer:
-    """Buffer of values; reserved for later if there are no values yet."""
-    return context.buffer(values) if len(values) else context.buffer(reserve=VERTEX.itemsize)
+def _vertices(mesh: Mesh) -> NDArray[np.void]:
+    """Vertices (n,) of type `VERTEX` of a mesh."""
+    vertices = np.zeros(len(mesh.positions), dtype=VERTEX)
+    fill_vertices(vertices, mesh)
+    return vertices
 
 
 def _indices(one: IndexRange) -> NDArray[np.uint32]:
@@ -143,24 +199,20 @@ def _indices(one: IndexRange) -> NDArray[np.uint32]:
     return (one.mesh.triangles.ravel() + np.uint32(one.base)).astype("<u4")
 
 
-def _concatenate_meshes(
+def _place_meshes(
     parts: Sequence[Scene],
-) -> tuple[NDArray[np.void], list[IndexRange], list[list[tuple[int, int]]]]:
-    """Concatenate all meshes; instances share indices, except blended ones.
+) -> tuple[int, list[IndexRange], list[list[tuple[int, int]]]]:
+    """Place all meshes one after the other; instances share indices, except blended ones.
 
     Returns:
-        Vertices (n,), ranges, and first index and first vertex of each scene's instances.
+        Number of vertices, ranges, and first index and first vertex of each scene's instances.
     """
-    vertices = np.zeros(
-        sum(len(mesh.positions) for part in parts for mesh in part.meshes), dtype=VERTEX
-    )
     ranges: list[IndexRange] = []
     offsets: list[list[tuple[int, int]]] = []
     base = first = 0
     for part in parts:
         bases = []
         for mesh in part.meshes:
-            fill_vertices(vertices[base : base + len(mesh.positions)], mesh)
             bases.append(base)
             base += len(mesh.positions)
         shared: dict[int, int] = {}
@@ -173,4 +225,4 @@ def _concatenate_meshes(
                 shared[instance.mesh] = first
                 first += mesh.triangles.size
             offsets[-1].append((shared[instance.mesh], bases[instance.mesh]))
-    return vertices, ranges, offsets
+    return base, ranges, offsets

@@ -14,19 +14,30 @@ _MIPMAPPED = 4.0 / 3.0
 
 
 def gpu_bytes(scene: Scene) -> int:
-    """Bytes of a scene's vertices, triangles and textures on the GPU.
+    """Bytes of a scene's vertices, triangles and textures on the GPU, for images.
 
-    Each mesh has its triangles in the clusters once more, and further instances have copies of
-    them, up to `MAX_COPIED_TRIANGLES`. Cameras add their images, and at most 128 MiB of draw
+    Clusters have all opaque and masked meshes once, and further instances' copies of them, up to
+    `MAX_COPIED_TRIANGLES`. If instances remain that are drawn one by one, buffers for all meshes
+    are added, as they are for ground truth. Cameras add their images, and at most 128 MiB of draw
     commands each.
     """
     vertices = np.array([len(mesh.positions) for mesh in scene.meshes], dtype=np.int64)
     triangles = np.array([len(mesh.triangles) for mesh in scene.meshes], dtype=np.int64)
-    kept = VERTEX.itemsize * vertices.sum() + _TRIANGLE_BYTES * triangles.sum()
+    is_single = np.array(
+        [
+            scene.materials[mesh.material].is_see_through or mesh.deformation is not None
+            for mesh in scene.meshes
+        ],
+        dtype=np.bool_,
+    )
     used = np.array([one.mesh for one in scene.instances], dtype=np.intp)
     is_copy = np.ones(len(used), dtype=np.bool_)
     is_copy[np.unique(used, return_index=True)[1]] = False
-    clustered = used[~is_copy | (np.cumsum(triangles[used] * is_copy) <= MAX_COPIED_TRIANGLES)]
-    kept += CLUSTER_VERTEX.itemsize * vertices[clustered].sum()
+    copied = np.cumsum(triangles[used] * is_copy)
+    is_clustered = ~is_single[used] & (~is_copy | (copied <= MAX_COPIED_TRIANGLES))
+    clustered = used[is_clustered]
+    kept = CLUSTER_VERTEX.itemsize * vertices[clustered].sum()
     kept += _TRIANGLE_BYTES * triangles[clustered].sum()
+    if not is_clustered.all():
+        kept += VERTEX.itemsize * vertices.sum() + _TRIANGLE_BYTES * triangles.sum()
     return int(kept + _MIPMAPPED * memory_bytes(scene)[1])

@@ -54,7 +54,6 @@ class SceneBuffers:
 
     Attributes:
         context: see the arguments.
-        vertices, indices: the two buffers.
         draw_items: opaque and masked instances, then blended ones; each part sorted by material.
         radii_m: (n,) radii of their bounding spheres at 0 s.
         deforming: indices of items whose meshes deform.
@@ -186,13 +185,17 @@ class SceneBuffers:
 
     @property
     def vertices(self) -> moderngl.Buffer:
-        """Vertices of all meshes."""
-        return self._store.vertices
+        """Vertices of all meshes, for lookups."""
+        return self._store.upload_all()[0]
 
     @property
     def indices(self) -> moderngl.Buffer:
-        """Indices of all draw items."""
-        return self._store.indices
+        """Indices of all draw items, for lookups."""
+        return self._store.upload_all()[1]
+
+    def buffers_of(self, items: NDArray[np.intp]) -> tuple[moderngl.Buffer, moderngl.Buffer]:
+        """Buffers of vertices and indices that have at least those of some items (n,)."""
+        return self._store.upload([self.draw_items[index] for index in items.tolist()])
 
     def update(self, scene: Scene) -> None:
         """Draw another scene with the same lights; passes must `refresh` before the next frame.
@@ -286,9 +289,10 @@ class SceneBuffers:
         if not self.deforming.size:
             return
         if self._deformer is None:
+            self.buffers_of(self.deforming)  # uploaded before they are deformed
             self._deformer = MeshDeformer(self.context, self._store.ranges)
         table = self.triangles if triangles else None
-        self._deformer.run(time_of(world_from_objects), self.vertices, table)
+        self._deformer.run(time_of(world_from_objects), self._store.allocated[0], table)
 
     def front_to_back(
         self, items: NDArray[np.intp], transforms: InstanceTransforms
@@ -340,7 +344,7 @@ class SceneBuffers:
             GraphicsError: names the size, the limit, and the purpose.
         """
         limit = MAX_WINDOWS * window_bytes(self.context)
-        largest = max(self.vertices.size, self.indices.size)
+        largest = max(self._store.sizes)
         if largest > limit:
             raise GraphicsError(
                 f"the scene's triangles take {largest} bytes: {purpose} this GPU allows {limit}"
@@ -352,7 +356,7 @@ class SceneBuffers:
         """Sort the indices of a blended item's triangles back to front.
 
         Args:
-            item: blended item.
+            item: blended item among those of `buffers_of`.
             viewpoint_from_mesh: (4, 4) transform from the mesh to the viewpoint frame.
             time_s: time for which a deforming mesh is sorted.
         """
@@ -361,7 +365,7 @@ class SceneBuffers:
         centers = positions[mesh.triangles].mean(axis=1, dtype=np.float64)
         centers = centers @ viewpoint_from_mesh[:3, :3].T + viewpoint_from_mesh[:3, 3]
         order = np.argsort(-np.sum(centers**2, axis=1), kind="stable")
-        self.indices.write(
+        self._store.allocated[1].write(
             (mesh.triangles[order] + np.uint32(item.base)).astype("<u4"), offset=4 * item.first
         )
 

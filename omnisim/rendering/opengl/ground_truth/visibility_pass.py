@@ -144,11 +144,11 @@ class VisibilityPass:
         """Drawer of the items' IDs and details."""
         return SceneDrawer(
             self.buffers,
-            self.buffers.triangles.indices,
             items,
             lambda item: self._item_program(details, item),
             self.triangle_ids.first_of_item,
             self.cameras.both_sides,
+            indices=self.buffers.triangles.indices,
         )
 
     def _item_program(self, details: HitDetails, item: DrawItem) -> VisibilityProgram:

@@ -104,7 +104,6 @@ class CasterDrawer:
         }  # fmt: skip
         self._drawer = SceneDrawer(
             buffers,
-            buffers.indices,
             np.flatnonzero(single),
             self._program_of,
             id_of_item={},

@@ -14,8 +14,8 @@ from omnisim.core.errors import SceneError
 from omnisim.core.short_repr import counted
 from omnisim.scene.formats.gltf.further_extensions import IGNORED, LEFT_OUT, OTHER_IMAGES
 from omnisim.scene.formats.gltf.json_object import JsonObject
+from omnisim.scene.formats.gltf.materials.reflectance import has_transmission_map
 from omnisim.scene.formats.gltf.primitives import POINTS_AND_LINES, TRIANGLES
-from omnisim.scene.formats.gltf.reflectance import has_transmission_map
 
 _GROUPS_OF_NODES = ("shining",)
 _NEAREST = 9728  # OpenGL's constant

@@ -32,7 +32,7 @@ from omnisim.scene.formats.gltf.features import SUPPORTED_EXTENSIONS, DrawnObjec
 from omnisim.scene.formats.gltf.instancing import read_copies
 from omnisim.scene.formats.gltf.json_object import JsonObject
 from omnisim.scene.formats.gltf.lights import read_lights
-from omnisim.scene.formats.gltf.materials import Materials, is_unlit
+from omnisim.scene.formats.gltf.materials.materials import Materials, is_unlit
 from omnisim.scene.formats.gltf.nodes import file_from_nodes, scene_parents
 from omnisim.scene.formats.gltf.primitives import POINTS_AND_LINES, TRIANGLES, Primitive
 from omnisim.scene.model import Instance, Mesh

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from omnisim.rendering.opengl.culling import clusters as clusters_module
 from omnisim.rendering.opengl.culling.clusters import (
     MAX_CHILDREN,
     MAX_TRIANGLES,
@@ -68,6 +69,17 @@ def test_every_triangle_is_in_one_cluster_of_one_batch(corners):
     assert clusters.triangles.max() <= MAX_TRIANGLES
     own = batches[made.order]
     assert np.array_equal(own, np.repeat(own[clusters.first], clusters.triangles))
+
+
+@scenes
+@pytest.mark.parametrize("at_once", [1, 100])
+def test_clusters_do_not_depend_on_how_many_are_bounded_at_once(corners, at_once, monkeypatch):
+    whole = _built(corners, _batches(corners))[2]
+    monkeypatch.setattr(clusters_module, "_BOUND_AT_ONCE", at_once)
+    made = _built(corners, _batches(corners))[2]
+    assert np.array_equal(made.order, whole.order)
+    for one, other in zip(made.clusters, whole.clusters, strict=True):
+        assert np.array_equal(one, other)
 
 
 @scenes

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from omnisim.core.poses import pose as make_pose
-from omnisim.rendering.opengl.geometry import clustered_geometry
+from omnisim.rendering.opengl.geometry import cluster_triangles, clustered_geometry
 from omnisim.rendering.opengl.geometry.draw_item import MAX_DISTANCE_M
-from omnisim.rendering.opengl.geometry.light_baking import Shading
+from omnisim.rendering.opengl.geometry.light_baking import Shading, bake_directional_light
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX
 from omnisim.scene.model import AlphaMode, Lighting, Material, Mesh
@@ -70,6 +70,19 @@ def test_glass_far_and_empty_meshes_are_not_contained(context):
     assert len(corners_m(buffers.clustered_geometry)) == len(meshes[0].triangles)
 
 
+@pytest.mark.parametrize(("half_m", "is_contained"), [(0.999, True), (1.001, False)])
+@pytest.mark.parametrize("yaw_deg", [0.0, 90.0])
+def test_wide_ground_is_contained_up_to_the_distance_along_an_axis(
+    context, half_m, is_contained, yaw_deg
+):
+    corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], dtype=np.float32)
+    triangles = np.array([(0, 1, 2), (0, 2, 3)], dtype=np.uint32)
+    ground = Mesh("ground", np.float32(MAX_DISTANCE_M * half_m) * corners, triangles, 0)
+    scene = scene_of([ground, sheet("near", 0)], [Material()], [make_pose(yaw_deg=yaw_deg)] * 2)
+    contains = SceneBuffers(context, scene).clustered_geometry.contains
+    assert contains.tolist() == [is_contained, True]
+
+
 def test_every_mesh_is_contained_and_as_many_copies_as_the_limit_allows(context, monkeypatch):
     meshes = [sheet("tree", 0, side=20), sheet("house", 0, side=30)]
     limit = 2 * len(meshes[0].triangles)
@@ -89,7 +102,7 @@ def test_light_on_dynamic_objects_is_not_baked(context):
     assert geometry.contains.all()
     assert geometry.objects == 2
     dynamic = [draw.object_index is not None for draw in buffers.draw_items]
-    of_cluster = np.array(dynamic)[geometry.item_of_triangle[geometry.clusters.first]]
+    of_cluster = np.array(dynamic)[geometry.item_of_cluster]
     shadings = np.array([bucket.shading.value for bucket in geometry.buckets])
     shadings = shadings[geometry.bucket_of_cluster]
     assert Shading.BAKED.value in shadings[~of_cluster]
@@ -105,3 +118,38 @@ def test_without_clusters_all_items_are_drawn_one_by_one(context):
     buffers = SceneBuffers(context, scene_of([sheet("sheet", 0)]), uses_clusters=False)
     assert buffers.clustered_geometry is None
     assert buffers.shown_one_by_one().all()
+
+
+def test_vertices_with_two_lights_get_copies_in_every_batch(context, monkeypatch):
+    # a corner of a box, whose three faces share vertices: each has its own light
+    corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)], dtype=np.float32)
+    mesh = Mesh("corner", corners, np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2)], np.uint32), 0)
+    poses = [make_pose((float(number), 0.0, 0.0), yaw_deg=40.0 * number) for number in range(5)]
+    scene = scene_of([mesh] * 5, [Material()], poses, lighting=Lighting((0.1,) * 3, (SUN,)))
+    whole = SceneBuffers(context, scene).clustered_geometry
+    monkeypatch.setattr(cluster_triangles, "_BATCH_VERTICES", 8)  # two items
+    geometry = SceneBuffers(context, scene).clustered_geometry
+    assert [one.shading for one in geometry.buckets] == [Shading.BAKED]
+    np.testing.assert_array_equal(corners_m(geometry), corners_m(whole))
+    corner = np.frombuffer(geometry.vertices.read(), dtype=CLUSTER_VERTEX)[geometry.triangles]
+    turned = np.cross(*np.moveaxis(np.diff(corners_m(geometry), axis=1), 1, 0))
+    normals = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+    expected = bake_directional_light(normals.astype(np.float32), scene.lighting)
+    for light in np.moveaxis(corner["in_normal"], 1, 0):
+        np.testing.assert_allclose(light, expected, atol=1e-6)
+
+
+def test_hidden_items_have_no_triangles_until_they_are_shown_again(context):
+    scene = scene_of([sheet("one", 0), sheet("other", 0)], [Material()])
+    geometry = SceneBuffers(context, scene).clustered_geometry
+    before = np.frombuffer(geometry.indices.read(), dtype="<u4").reshape(-1, 3)
+    shown = np.array([True, False])
+    for _ in range(2):  # the second time as the first
+        geometry.show(shown)
+        now = np.frombuffer(geometry.indices.read(), dtype="<u4").reshape(-1, 3)
+        is_shown = shown[geometry.item_of_triangle]
+        assert not is_shown.all()
+        np.testing.assert_array_equal(now[is_shown], before[is_shown])
+        assert not now[~is_shown].any()
+    geometry.show(~shown | shown)
+    assert geometry.indices.read() == before.tobytes()

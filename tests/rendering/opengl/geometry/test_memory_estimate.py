@@ -1,20 +1,30 @@
 """Estimate of GPU memory beside the buffers that are made."""
 
+import dataclasses
+
 import pytest
 
 from omnisim.rendering.opengl.geometry.memory_estimate import gpu_bytes
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.scene import load_scene
+from omnisim.scene.model import AlphaMode
 
 
+def _with_glass(scene):
+    """The scene with one material blended."""
+    glass = dataclasses.replace(scene.materials[0], alpha_mode=AlphaMode.BLEND)
+    return dataclasses.replace(scene, materials=(glass, *scene.materials[1:]))
+
+
+@pytest.mark.parametrize("changed", [lambda scene: scene, _with_glass])
 @pytest.mark.parametrize("name", ["soccer", "courtyard"])
-def test_estimate_is_that_of_the_buffers(name, context):
-    scene = load_scene(name)
+def test_estimate_is_that_of_the_buffers(name, changed, context):
+    scene = changed(load_scene(name))
     buffers = SceneBuffers(context, scene)
     geometry = buffers.clustered_geometry
-    made = sum(
-        one.size for one in (buffers.vertices, buffers.indices, geometry.vertices, geometry.indices)
-    )
+    made = geometry.vertices.size + geometry.indices.size
+    if buffers.shown_one_by_one().any():
+        made += buffers.vertices.size + buffers.indices.size
     layers = {
         layer.glo: layer
         for one in buffers.draw_items

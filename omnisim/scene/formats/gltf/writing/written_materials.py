@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from omnisim.scene.formats.gltf.reflectance import DEFAULT_IOR
+from omnisim.scene.formats.gltf.materials.reflectance import DEFAULT_IOR
 from omnisim.scene.parts import IDENTITY_UV, AlphaMode, Material, Texture, Wrap
 
 _WRAPS = {Wrap.REPEAT: 10497, Wrap.CLAMP_TO_EDGE: 33071}  # OpenGL's constants

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scenes.modelling.geometry import Patch, Vector, join, polygon
+from scenes.modeling.geometry import Patch, Vector, join, polygon
 
 
 def prism(outline: Sequence[Vector], levels: Sequence[tuple[float, float]]) -> Patch:

@@ -16,9 +16,10 @@ from omnisim.scene.files.asset_resolver import AssetResolver
 from omnisim.scene.files.imported_scene import MAX_COORDINATE
 from omnisim.scene.formats.gltf.accessors import Accessors, read_uri
 from omnisim.scene.formats.gltf.json_object import JsonObject
-from omnisim.scene.formats.gltf.packed_maps import PackedMaps
+from omnisim.scene.formats.gltf.materials.factors import Factors, factor_notices
+from omnisim.scene.formats.gltf.materials.packed_maps import PackedMaps
+from omnisim.scene.formats.gltf.materials.reflectance import with_reflectance
 from omnisim.scene.formats.gltf.primitives import Primitive
-from omnisim.scene.formats.gltf.reflectance import with_reflectance
 from omnisim.scene.model import AlphaMode, Material, Texture, Wrap
 from omnisim.scene.textures import NO_IMAGE, TextureStore, unreadable_image
 
@@ -38,8 +39,8 @@ class Materials:
 
     Attributes:
         entries: JSON of the materials.
-        notices: one line for each texture that cannot be decoded, and for each map that is not
-            drawn.
+        notices: one line for each texture that cannot be decoded, for each map that is not drawn,
+            and for all factors of used materials that are out of range.
     """
 
     def __init__(
@@ -91,25 +92,33 @@ class Materials:
 
     def read(self, used: set[int]) -> tuple[Material, ...]:
         """All materials, with textures for the used ones only."""
-        return tuple(self._read(index, index in used) for index in range(len(self.entries)))
+        changed: list[str] = []
+        materials = []
+        for index, entry in enumerate(self.entries):
+            factors = Factors(entry.text("name", f"material {index}"))
+            materials.append(self._read(index, index in used, factors))
+            changed += factors.changed if index in used else []
+        self.notices += factor_notices(changed)
+        return tuple(materials)
 
-    def _read(self, index: int, is_used: bool) -> Material:
+    def _read(self, index: int, is_used: bool, factors: Factors) -> Material:
         entry = self.entries[index]
-        name, (factor, info) = entry.text("name", f"material {index}"), _base_color(entry)
+        name, (factor, info) = factors.material, _base_color(entry)
         red, green, blue, alpha = factor or (1.0, 1.0, 1.0, 1.0)
         plain = Material(
             name=name,
             base_color=(red, green, blue, alpha),
             texture=self._decode(info, name) if is_used and info.has("index") else None,
             alpha_mode=_ALPHA_MODES.get(entry.text("alphaMode", ""), AlphaMode.OPAQUE),
-            alpha_cutoff=entry.number("alphaCutoff", 0.5),
+            alpha_cutoff=factors.number(entry, "alphaCutoff", 0.5, 0.0),
             double_sided=entry.flag("doubleSided"),
             unlit=is_unlit(entry),
         )
         if plain.unlit or index == len(self.entries) - 1:
             return plain  # without a material, glTF's metallic default does not apply
         maps = [self._map(entry, info, linear, name) for info, linear in _maps(entry)]
-        return with_reflectance(plain, entry, self._packed(maps if is_used else [None] * 9, name))
+        packed = self._packed(maps if is_used else [None] * 9, name)
+        return with_reflectance(plain, entry, packed, factors)
 
     def _packed(self, maps: Sequence[Texture | None], material: str) -> list[Texture | None]:
         """Maps in the order of `Material.maps`, packed from maps in the order of `_maps`."""

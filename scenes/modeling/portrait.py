@@ -1,7 +1,7 @@
-"""Picture of an object from outside: python -m scenes.modelling.portrait FILE.glb -o FILE.jpg.
+"""Picture of an object from outside: python -m scenes.modeling.portrait FILE.glb -o FILE.jpg.
 
 One of omnisim's virtual cameras looks at it, on a floor without end on which light from all around
-casts a soft shadow. Lengths are metres.
+casts a soft shadow. Lengths are meters.
 """
 
 from __future__ import annotations
@@ -76,12 +76,12 @@ def portrait(
 
 
 def on_floor(scene: Scene) -> Scene:
-    """The scene on an unlit floor of the backdrop's colour, with its shadow."""
+    """The scene on an unlit floor of the backdrop's color, with its shadow."""
     shade = Image.fromarray((255 * soft_shadow(scene)).astype(np.uint8))
     backdrop = np.array(BACKDROP)
     pixels = np.asarray(shade.filter(ImageFilter.GaussianBlur(8)), float)[..., None] / 255
-    colours = np.concatenate([255 * backdrop * (1 - pixels), 255 + 0 * pixels], axis=2)
-    texture = Texture(np.rint(colours).astype(np.uint8), Wrap.CLAMP_TO_EDGE, Wrap.CLAMP_TO_EDGE)
+    colors = np.concatenate([255 * backdrop * (1 - pixels), 255 + 0 * pixels], axis=2)
+    texture = Texture(np.rint(colors).astype(np.uint8), Wrap.CLAMP_TO_EDGE, Wrap.CLAMP_TO_EDGE)
     far = 30 * FLOOR_HALF_M
     corners = np.array([(-far, -far), (far, -far), (far, far), (-far, far)], np.float32)
     floor = Mesh(

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.modelling.noise import blend, fractal_noise, grid_cells, smooth_step
+from scenes.modeling.noise import blend, fractal_noise, grid_cells, smooth_step
 
-Colour = tuple[float, float, float]
+Color = tuple[float, float, float]
 
 
-def carpet(size: int, squares: int, colour: Colour, rng: np.random.Generator) -> np.ndarray:
+def carpet(size: int, squares: int, color: Color, rng: np.random.Generator) -> np.ndarray:
     """Carpet squares whose pile runs across from one to the next."""
     row, column, across_y, across_x = grid_cells(size, size, squares, squares)
     along = fractal_noise(size, size, (6, size // 8), 2, rng)
@@ -21,11 +21,11 @@ def carpet(size: int, squares: int, colour: Colour, rng: np.random.Generator) ->
     pile = np.where((row + column) % 2 == 0, along, across)
     tone = 0.90 + 0.08 * ((row + column) % 2) + 0.16 * (pile - 0.5)
     edge = smooth_step(0.0, 0.02, _edge_distance(across_y, across_x))
-    return np.array(colour) * (tone * (0.86 + 0.14 * edge))[..., None]
+    return np.array(color) * (tone * (0.86 + 0.14 * edge))[..., None]
 
 
-def chequer(size: int, tiles: int, light: Colour, dark: Colour, rng: np.random.Generator):
-    """Floor tiles in two colours with thin joints."""
+def checker(size: int, tiles: int, light: Color, dark: Color, rng: np.random.Generator):
+    """Floor tiles in two colors with thin joints."""
     row, column, across_y, across_x = grid_cells(size, size, tiles, tiles)
     image = np.where(((row + column) % 2 == 0)[..., None], np.array(light), np.array(dark))
     tone = 1 + 0.06 * (rng.random((tiles, tiles)) - 0.5)
@@ -35,18 +35,18 @@ def chequer(size: int, tiles: int, light: Colour, dark: Colour, rng: np.random.G
 
 
 def tiled_wall(
-    size: int, tiles: int, colour: Colour, joint: Colour, spread: float, rng: np.random.Generator
+    size: int, tiles: int, color: Color, joint: Color, spread: float, rng: np.random.Generator
 ) -> np.ndarray:
     """Square glazed tiles, each a little different in tone."""
     row, column, across_y, across_x = grid_cells(size, size, tiles, tiles)
     tone = 1 + spread * (rng.random((tiles, tiles)) - 0.5)
-    image = np.array(colour) * tone[row, column][..., None] * _clouds(size, 0.03, rng)
+    image = np.array(color) * tone[row, column][..., None] * _clouds(size, 0.03, rng)
     lines = 1 - smooth_step(0.02, 0.055, _edge_distance(across_y, across_x))
     return blend(image, np.array(joint), lines)
 
 
 def parquet(
-    size: int, blocks: int, staves: int, colour: Colour, rng: np.random.Generator
+    size: int, blocks: int, staves: int, color: Color, rng: np.random.Generator
 ) -> np.ndarray:
     """Basket parquet: blocks of staves, turned from one block to the next."""
     row, column, across_y, across_x = grid_cells(size, size, blocks, blocks)
@@ -57,36 +57,36 @@ def parquet(
     lying = fractal_noise(size, size, (size // 8, 6), 3, rng)
     standing = fractal_noise(size, size, (6, size // 8), 3, rng)
     grain = 0.86 + 0.26 * np.where(turned, standing, lying)
-    image = np.array(colour) * (tone[row, column, stave] * grain)[..., None]
+    image = np.array(color) * (tone[row, column, stave] * grain)[..., None]
     within = across * staves % 1
     gap = smooth_step(0.0, 0.06, np.minimum(within, 1 - within))
     end = smooth_step(0.0, 0.012, np.minimum(along, 1 - along))
     return image * (0.55 + 0.45 * np.minimum(gap, end))[..., None]
 
 
-def floorboards(size: int, boards: int, colour: Colour, rng: np.random.Generator) -> np.ndarray:
+def floorboards(size: int, boards: int, color: Color, rng: np.random.Generator) -> np.ndarray:
     """Long boards along the image's x axis with staggered ends."""
     row, _, across_y, _ = grid_cells(size, size, boards, 1)
     x = (np.arange(size) + 0.5)[None, :] / size + rng.random(boards)[row[:, :1]]
     half = np.floor(2 * x).astype(int) % 2
     tone = 1 + 0.26 * (rng.random((boards, 2)) - 0.5)
     streaks = fractal_noise(size, size, (size // 8, 3), 3, rng)
-    image = np.array(colour) * (tone[row, half] * (0.84 + 0.30 * streaks))[..., None]
+    image = np.array(color) * (tone[row, half] * (0.84 + 0.30 * streaks))[..., None]
     end = np.abs(2 * x % 1 - 0.5) > 0.494
     gap = smooth_step(0.0, 0.05, np.minimum(across_y, 1 - across_y))
     return image * np.where(end, 0.6, 0.55 + 0.45 * gap)[..., None]
 
 
-def linoleum(size: int, colour: Colour, rng: np.random.Generator) -> np.ndarray:
+def linoleum(size: int, color: Color, rng: np.random.Generator) -> np.ndarray:
     """Marbled sheet flooring."""
     flow = fractal_noise(size, size, (7, 13), 4, rng)
     veins = smooth_step(0.42, 0.5, flow) - smooth_step(0.5, 0.58, flow)
-    image = np.array(colour) * (0.94 + 0.10 * flow)[..., None]
+    image = np.array(color) * (0.94 + 0.10 * flow)[..., None]
     return blend(image, np.array([0.93, 0.92, 0.88]), 0.13 * veins)
 
 
-def terrazzo(size: int, chips: int, ground: Colour, rng: np.random.Generator) -> np.ndarray:
-    """Stone chips in a ground colour."""
+def terrazzo(size: int, chips: int, ground: Color, rng: np.random.Generator) -> np.ndarray:
+    """Stone chips in a ground color."""
     image = np.ones((size, size, 3)) * np.array(ground)
     y, x = np.mgrid[:size, :size]
     palette = np.array(
@@ -104,28 +104,28 @@ def terrazzo(size: int, chips: int, ground: Colour, rng: np.random.Generator) ->
     return image * _clouds(size, 0.06, rng)
 
 
-def concrete(size: int, colour: Colour, rng: np.random.Generator, slabs: int = 1) -> np.ndarray:
+def concrete(size: int, color: Color, rng: np.random.Generator, slabs: int = 1) -> np.ndarray:
     """Stained concrete with a few pores, and joints between the slabs where there are several."""
     stains = fractal_noise(size, size, 3, 5, rng)
-    image = np.array(colour) * (0.82 + 0.32 * stains)[..., None] * _clouds(size, 0.08, rng)
+    image = np.array(color) * (0.82 + 0.32 * stains)[..., None] * _clouds(size, 0.08, rng)
     pores = fractal_noise(size, size, size // 3, 1, rng)
     image *= np.where(pores > 0.95, 0.86, 1.0)[..., None]
     if slabs > 1:
         _, _, across_y, across_x = grid_cells(size, size, slabs, slabs)
         joint = 1 - smooth_step(0.004, 0.012, _edge_distance(across_y, across_x))
-        image = blend(image, np.array(colour) * 0.45, joint)
+        image = blend(image, np.array(color) * 0.45, joint)
     return image
 
 
 def painted_wall(
     size: int,
-    wall: Colour,
-    foot: Colour,
+    wall: Color,
+    foot: Color,
     foot_height: float,
     rng: np.random.Generator,
-    line: Colour | None = None,
+    line: Color | None = None,
 ) -> np.ndarray:
-    """Three metres of smooth wall: another colour up to `foot_height`, a line above it."""
+    """Three meters of smooth wall: another color up to `foot_height`, a line above it."""
     height = 3.0 * (1 - (np.arange(size) + 0.5) / size)[:, None] * np.ones((1, size))
     image = blend(np.array(wall), np.array(foot), (height < foot_height).astype(float))
     if line is not None:
@@ -133,7 +133,7 @@ def painted_wall(
     return image * _clouds(size, 0.07, rng)
 
 
-def wallpaper(size: int, stripes: int, light: Colour, dark: Colour, rng: np.random.Generator):
+def wallpaper(size: int, stripes: int, light: Color, dark: Color, rng: np.random.Generator):
     """Broad upright stripes, every second one with a row of lozenges."""
     x = (np.arange(size) + 0.5) * stripes / size
     column, across = x.astype(int)[None, :], (x % 1)[None, :]
@@ -144,31 +144,31 @@ def wallpaper(size: int, stripes: int, light: Colour, dark: Colour, rng: np.rand
     return image * _clouds(size, 0.04, rng)
 
 
-def wood_panelling(size: int, panels: int, colour: Colour, rng: np.random.Generator) -> np.ndarray:
-    """Three metres of wall in upright panels with shadow gaps and a rail."""
+def wood_panelling(size: int, panels: int, color: Color, rng: np.random.Generator) -> np.ndarray:
+    """Three meters of wall in upright panels with shadow gaps and a rail."""
     _, column, _, across = grid_cells(size, size, 1, panels)
     height = 3.0 * (1 - (np.arange(size) + 0.5) / size)[:, None] * np.ones((1, size))
     figure = fractal_noise(size, size, (3, size // 10), 4, rng)
     tone = 1 + 0.16 * (rng.random(panels) - 0.5)
-    image = np.array(colour) * (tone[column] * (0.80 + 0.34 * figure))[..., None]
+    image = np.array(color) * (tone[column] * (0.80 + 0.34 * figure))[..., None]
     gap = 1 - smooth_step(0.010, 0.022, np.minimum(across, 1 - across))
     gap = np.maximum(gap, (np.abs(height - 1.02) < 0.012).astype(float))
-    return blend(image, np.array(colour) * 0.35, gap)
+    return blend(image, np.array(color) * 0.35, gap)
 
 
-def blockwork(size: int, courses: int, colour: Colour, rng: np.random.Generator) -> np.ndarray:
+def blockwork(size: int, courses: int, color: Color, rng: np.random.Generator) -> np.ndarray:
     """Painted concrete blocks in running bond, twice as long as they are high."""
     y = ((np.arange(size) + 0.5) * courses / size)[:, None] * np.ones((1, size))
     x = ((np.arange(size) + 0.5) * courses / 2 / size)[None, :] + 0.5 * (y.astype(int) % 2)
     tone = 1 + 0.08 * (rng.random((courses, courses)) - 0.5)
-    image = np.array(colour) * tone[y.astype(int), x.astype(int) % courses][..., None]
+    image = np.array(color) * tone[y.astype(int), x.astype(int) % courses][..., None]
     edge = np.minimum(np.minimum(y % 1, 1 - y % 1), 2 * np.minimum(x % 1, 1 - x % 1))
     image = image * _clouds(size, 0.08, rng)
     return image * (0.72 + 0.28 * smooth_step(0.02, 0.07, edge))[..., None]
 
 
 def broken_plaster(
-    under: np.ndarray, plaster: Colour, share: float, rng: np.random.Generator
+    under: np.ndarray, plaster: Color, share: float, rng: np.random.Generator
 ) -> np.ndarray:
     """Plaster that has come off in places and shows the masonry `under` it."""
     size = len(under)
@@ -184,7 +184,7 @@ def broken_plaster(
 
 
 def ceiling_panels(size: int, panels: int, rng: np.random.Generator, missing: int = 0):
-    """Mineral fibre panels in a white grid; some may be missing and show the dark above."""
+    """Mineral fiber panels in a white grid; some may be missing and show the dark above."""
     row, column, across_y, across_x = grid_cells(size, size, panels, panels)
     specks = fractal_noise(size, size, size // 4, 1, rng)
     tone = 1 + 0.03 * (rng.random((panels, panels)) - 0.5)
@@ -197,12 +197,12 @@ def ceiling_panels(size: int, panels: int, rng: np.random.Generator, missing: in
     return blend(image, np.array([0.74, 0.74, 0.74]), grid)
 
 
-def metal_panels(size: int, columns: int, colour: Colour, rng: np.random.Generator) -> np.ndarray:
+def metal_panels(size: int, columns: int, color: Color, rng: np.random.Generator) -> np.ndarray:
     """Coated sheet-metal panels with seams."""
     _, column, across_y, across_x = grid_cells(size, size, 2, columns)
     tone = 1 + 0.08 * (rng.random(columns) - 0.5)
     brushed = fractal_noise(size, size, (2, size // 8), 3, rng)
-    image = np.array(colour) * (tone[column] * (0.95 + 0.08 * brushed))[..., None]
+    image = np.array(color) * (tone[column] * (0.95 + 0.08 * brushed))[..., None]
     edge = np.minimum(np.minimum(across_x, 1 - across_x), 2 * np.minimum(across_y, 1 - across_y))
     return image * (0.55 + 0.45 * smooth_step(0.008, 0.025, edge))[..., None]
 

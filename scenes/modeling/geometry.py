@@ -1,7 +1,7 @@
-"""Small solid-modelling kit: patches of triangles with normals and texture coordinates.
+"""Small solid-modeling kit: patches of triangles with normals and texture coordinates.
 
-World axes while modelling: x east, y north, z up, metres.  Texture v points up the image.
-Until `fit_to_rectangle` or `tile` is applied, texture coordinates are metres along the surface.
+World axes while modeling: x east, y north, z up, meters.  Texture v points up the image.
+Until `fit_to_rectangle` or `tile` is applied, texture coordinates are meters along the surface.
 """
 
 from __future__ import annotations
@@ -243,22 +243,22 @@ def bent(patch: Patch, radius: float) -> Patch:
 
 
 def tile(patch: Patch, size: float | tuple[float, float]) -> Patch:
-    """Texture repeating every `size` metres."""
+    """Texture repeating every `size` meters."""
     return replace(patch, uvs=patch.uvs / np.asarray(size, float))
 
 
 def fit_to_rectangle(patch: Patch, left: float, bottom: float, side: float) -> Patch:
-    """Texture taken from one square cell of an atlas, where a cell shows one metre of material.
+    """Texture taken from one square cell of an atlas, where a cell shows one meter of material.
 
-    Parts larger than a metre are squeezed in; smaller ones start at a place in the cell that
-    depends on where the part is, so that neighbouring boards do not look the same.
+    Parts larger than a meter are squeezed in; smaller ones start at a place in the cell that
+    depends on where the part is, so that neighboring boards do not look the same.
     """
     low, high = patch.uvs.min(axis=0), patch.uvs.max(axis=0)
     scale = 1.0 / np.maximum(high - low, 1.0)
     size = (high - low) * scale
     scatter = np.modf(np.abs(patch.positions[0] @ [[3.71, 7.13], [5.27, 2.39], [9.41, 4.57]]))[0]
     uvs = (patch.uvs - low) * scale + scatter * (1.0 - size)
-    inset = 0.03 * side  # keeps neighbouring cells from bleeding in at coarse mip levels
+    inset = 0.03 * side  # keeps neighboring cells from bleeding in at coarse mip levels
     return replace(patch, uvs=np.array([left, bottom]) + inset + uvs * (side - 2 * inset))
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from scenes.modelling.geometry import Patch, box, fit_to_rectangle, join, polygon
+from scenes.modeling.geometry import Patch, box, fit_to_rectangle, join, polygon
 
 MARGIN = 4  # pixels repeated around each picture against bleeding at coarse mip levels
 
@@ -19,7 +19,7 @@ class Atlas:
     places: Mapping[str, tuple[float, float, float, float]]
 
     def in_material(self, name: str, patch: Patch) -> Patch:
-        """Give a part a material of which a square picture shows one metre."""
+        """Give a part a material of which a square picture shows one meter."""
         left, bottom, width, height = self.places[name]
         if abs(width - height) > 1e-9:
             raise ValueError(f"{name} is a picture, not a square of material")

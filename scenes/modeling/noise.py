@@ -37,7 +37,7 @@ def fractal_noise(
 
 
 def blend(base: np.ndarray, other: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Mix two colour images (or plain colours) by a weight image in 0..1."""
+    """Mix two color images (or plain colors) by a weight image in 0..1."""
     weight = np.clip(weight, 0.0, 1.0)[..., None]
     return base * (1 - weight) + other * weight
 

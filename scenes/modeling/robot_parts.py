@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.modelling.geometry import Patch, join, lathe, pose, tube
-from scenes.modelling.palette import Palette
-from scenes.modelling.pbr_materials import Colour
+from scenes.modeling.geometry import Patch, join, lathe, pose, tube
+from scenes.modeling.palette import Palette
+from scenes.modeling.pbr_materials import Color
 
-COLOURS: dict[str, Colour] = {  # sRGB
+COLORS: dict[str, Color] = {  # sRGB
     "rubber": (0.145, 0.145, 0.15),
     "sonar_gold": (0.80, 0.68, 0.40),
     "sonar_rim": (0.36, 0.36, 0.37),

@@ -11,7 +11,7 @@ import trimesh
 from trimesh.visual.material import PBRMaterial
 from trimesh.visual.texture import TextureVisuals
 
-from scenes.modelling.geometry import Patch, pose
+from scenes.modeling.geometry import Patch, pose
 
 # glTF is Y up: world (x, y, z) is stored as (x, z, -y).
 TO_GLTF = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
@@ -35,9 +35,9 @@ class Stage:
     Attributes:
         name: of the scene.
         materials: by name.
-        unlit: names of materials that show their plain colours under any lamp
+        unlit: names of materials that show their plain colors under any lamp
             (KHR_materials_unlit).
-        emissive: luminance of materials that are seen as lamps, times their colour
+        emissive: luminance of materials that are seen as lamps, times their color
             (KHR_materials_emissive_strength).
         is_matte: all others are without gloss (KHR_materials_specular), except the `glossy` ones.
         glossy: names of materials that keep their gloss or metal.

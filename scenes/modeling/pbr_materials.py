@@ -8,14 +8,14 @@ import numpy as np
 from PIL import Image
 from trimesh.visual.material import PBRMaterial
 
-Colour = tuple[float, float, float]
+Color = tuple[float, float, float]
 
 
 def textured(
     name: str,
     image: np.ndarray,
     roughness: float = 0.9,
-    factor: Colour = (1.0, 1.0, 1.0),
+    factor: Color = (1.0, 1.0, 1.0),
     lossless: bool = False,
 ) -> PBRMaterial:
     """Opaque, from a picture (height, width, 3) of sRGB values in [0, 1].
@@ -53,28 +53,28 @@ def masked(name: str, image: np.ndarray) -> PBRMaterial:
     )
 
 
-def plain(name: str, colour: Colour, roughness: float = 0.9) -> PBRMaterial:
-    """One opaque colour, linear RGB."""
+def plain(name: str, color: Color, roughness: float = 0.9) -> PBRMaterial:
+    """One opaque color, linear RGB."""
     return PBRMaterial(
         name=name,
-        baseColorFactor=_bytes((*colour, 1.0)),
+        baseColorFactor=_bytes((*color, 1.0)),
         metallicFactor=0.0,
         roughnessFactor=roughness,
     )
 
 
-def metal(name: str, colour: Colour, roughness: float) -> PBRMaterial:
-    """Bare metal that reflects in one colour, linear RGB."""
+def metal(name: str, color: Color, roughness: float) -> PBRMaterial:
+    """Bare metal that reflects in one color, linear RGB."""
     return PBRMaterial(
         name=name,
-        baseColorFactor=_bytes((*colour, 1.0)),
+        baseColorFactor=_bytes((*color, 1.0)),
         metallicFactor=1.0,
         roughnessFactor=roughness,
     )
 
 
 def glass(
-    name: str, colour: Colour = (1.0, 1.0, 1.0), roughness: float = 0.0, is_pane: bool = True
+    name: str, color: Color = (1.0, 1.0, 1.0), roughness: float = 0.0, is_pane: bool = True
 ) -> PBRMaterial:
     """Glass that tints light in linear RGB at each surface; its extensions make it transparent.
 
@@ -82,7 +82,7 @@ def glass(
     """
     return PBRMaterial(
         name=name,
-        baseColorFactor=_bytes((*colour, 1.0)),
+        baseColorFactor=_bytes((*color, 1.0)),
         metallicFactor=0.0,
         roughnessFactor=roughness,
         doubleSided=is_pane or None,
@@ -90,17 +90,17 @@ def glass(
 
 
 def see_through(
-    name: str, colour: tuple[float, float, float, float], roughness: float
+    name: str, color: tuple[float, float, float, float], roughness: float
 ) -> PBRMaterial:
-    """One blended colour, linear RGBA."""
+    """One blended color, linear RGBA."""
     return PBRMaterial(
         name=name,
-        baseColorFactor=_bytes(colour),
+        baseColorFactor=_bytes(color),
         metallicFactor=0.0,
         roughnessFactor=roughness,
         alphaMode="BLEND",
     )
 
 
-def _bytes(colour: tuple[float, ...]) -> np.ndarray:
-    return np.round(np.array(colour) * 255).astype(np.uint8)
+def _bytes(color: tuple[float, ...]) -> np.ndarray:
+    return np.round(np.array(color) * 255).astype(np.uint8)

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.modelling.noise import blend, fractal_noise, grid_cells, smooth_step
+from scenes.modeling.noise import blend, fractal_noise, grid_cells, smooth_step
 
-Colour = tuple[float, float, float]
+Color = tuple[float, float, float]
 
 
 def paving(size: int, tiles: int, rng: np.random.Generator) -> np.ndarray:
@@ -37,13 +37,13 @@ def terracotta_floor(size: int, tiles: int, rng: np.random.Generator) -> np.ndar
 def cobbles(size: int, stones: int, rng: np.random.Generator) -> np.ndarray:
     """Rounded river cobbles: nearest-stone cells on a jittered grid."""
     grid = np.stack(np.meshgrid(np.arange(stones), np.arange(stones)), -1).reshape(-1, 2) + 0.5
-    centres = grid + 0.26 * (rng.random(grid.shape) - 0.5)
-    centres[:, 0] += 0.5 * (np.floor(grid[:, 1]) % 2)  # brick-like bond
+    centers = grid + 0.26 * (rng.random(grid.shape) - 0.5)
+    centers[:, 0] += 0.5 * (np.floor(grid[:, 1]) % 2)  # brick-like bond
     pixels = (np.arange(size) + 0.5) * stones / size
     nearest = np.full((size, size), np.inf)
     second = np.full((size, size), np.inf)
     owner = np.zeros((size, size), int)
-    for index, (x, y) in enumerate(centres):
+    for index, (x, y) in enumerate(centers):
         dx = np.abs(pixels - x % stones)
         dy = np.abs(pixels - y)
         dx, dy = np.minimum(dx, stones - dx), np.minimum(dy, stones - dy)
@@ -61,7 +61,7 @@ def cobbles(size: int, stones: int, rng: np.random.Generator) -> np.ndarray:
             [0.42, 0.43, 0.45],
         ]
     )
-    image = palette[rng.integers(0, len(palette), len(centres))][owner]
+    image = palette[rng.integers(0, len(palette), len(centers))][owner]
     dome = smooth_step(0.0, 0.42, second - nearest)
     image = image * (0.72 + 0.38 * dome)[..., None] * _grain(size, size, 0.14, rng)[..., None]
     return blend(np.array([0.33, 0.29, 0.24]), image, smooth_step(0.03, 0.12, second - nearest))
@@ -97,8 +97,8 @@ def roof_tiles(size: int, columns: int, rows: int, rng: np.random.Generator) -> 
     return image * (0.55 + 0.45 * overlap)[..., None]
 
 
-def plaster_wall(size: int, hue: Colour, dado: Colour, rng: np.random.Generator) -> np.ndarray:
-    """Three metres of lime-washed wall: painted dado, dividing lines, damp and dust at the foot."""
+def plaster_wall(size: int, hue: Color, dado: Color, rng: np.random.Generator) -> np.ndarray:
+    """Three meters of lime-washed wall: painted dado, dividing lines, damp and dust at the foot."""
     height = 3.0 * (1 - (np.arange(size) + 0.5) / size)[:, None] * np.ones((1, size))
     image = np.ones((size, size, 3)) * np.array(hue)
     image = blend(image, np.array(dado), (height < 0.86).astype(float))
@@ -115,12 +115,12 @@ def plaster_wall(size: int, hue: Colour, dado: Colour, rng: np.random.Generator)
     return image * shade[..., None]
 
 
-def planks(size: int, boards: int, colour: Colour, rng: np.random.Generator) -> np.ndarray:
+def planks(size: int, boards: int, color: Color, rng: np.random.Generator) -> np.ndarray:
     """Boards running along the image's x axis."""
     row, _, across_y, _ = grid_cells(size, size, boards, 1)
     tone = 1 + 0.22 * (rng.random(boards) - 0.5)
     streaks = fractal_noise(size, size, (24, 2), 4, rng)
-    image = np.array(colour) * tone[row][..., None] * (0.78 + 0.40 * streaks)[..., None]
+    image = np.array(color) * tone[row][..., None] * (0.78 + 0.40 * streaks)[..., None]
     gap = smooth_step(0.0, 0.06, np.minimum(across_y, 1 - across_y))
     return image * (0.45 + 0.55 * gap)[..., None]
 
@@ -133,15 +133,15 @@ def grass(size: int, rng: np.random.Generator) -> np.ndarray:
     return image * (0.78 + 0.40 * blades)[..., None]
 
 
-def mottled(size: int, colour: Colour, strength: float, rng: np.random.Generator) -> np.ndarray:
+def mottled(size: int, color: Color, strength: float, rng: np.random.Generator) -> np.ndarray:
     """Any plain material with cloudy variation and fine grain."""
     clouds = fractal_noise(size, size, 4, 5, rng)
-    image = np.array(colour) * (1 - strength / 2 + strength * clouds)[..., None]
+    image = np.array(color) * (1 - strength / 2 + strength * clouds)[..., None]
     return image * _grain(size, size, strength / 2, rng)[..., None]
 
 
 def mosaic(size: int, pieces: int, rng: np.random.Generator) -> np.ndarray:
-    """Small glazed tiles in sea colours."""
+    """Small glazed tiles in sea colors."""
     palette = np.array(
         [[0.12, 0.42, 0.52], [0.18, 0.55, 0.60], [0.85, 0.82, 0.70], [0.10, 0.30, 0.45]]
     )
@@ -168,7 +168,7 @@ def _with_joints(
     across_y: np.ndarray,
     across_x: np.ndarray,
     width: float,
-    colour: Colour,
+    color: Color,
     aspect: float = 1.0,
 ) -> np.ndarray:
     """Draw joints between cells, and darken the cell edges as worn slabs do."""
@@ -176,4 +176,4 @@ def _with_joints(
     edge_x = np.minimum(across_x, 1 - across_x) * aspect
     edge = np.minimum(edge_y, edge_x)
     worn = image * (0.90 + 0.10 * smooth_step(width, 4 * width, edge))[..., None]
-    return blend(worn, np.array(colour), 1 - smooth_step(0.5 * width, 1.1 * width, edge))
+    return blend(worn, np.array(color), 1 - smooth_step(0.5 * width, 1.1 * width, edge))

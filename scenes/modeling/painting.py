@@ -7,14 +7,14 @@ from collections.abc import Callable
 import numpy as np
 from PIL import Image, ImageDraw
 
-Colour = tuple[float, float, float]
+Color = tuple[float, float, float]
 OVERSAMPLING = 3
 
 
 def painted(
     width: int, height: int, paint: Callable[[ImageDraw.ImageDraw, float], None]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Run a painter on an enlarged canvas; colour and coverage at the wanted size.
+    """Run a painter on an enlarged canvas; color and coverage at the wanted size.
 
     The painter gets the canvas and its width in pixels.
     """
@@ -25,6 +25,6 @@ def painted(
     return pixels[..., :3], pixels[..., 3:]
 
 
-def rgb(colour: Colour) -> tuple[int, int, int]:
-    """A colour in 0..1 as PIL wants it."""
-    return tuple(round(255 * channel) for channel in colour)
+def rgb(color: Color) -> tuple[int, int, int]:
+    """A color in 0..1 as PIL wants it."""
+    return tuple(round(255 * channel) for channel in color)

@@ -1,6 +1,6 @@
 """The omnidirectional camera seen from outside: a camera that looks up at a mirror in a glass tube.
 
-Shapes are about the effective viewpoint, z up, metres; the sensor's mirror says how large they are.
+Shapes are about the effective viewpoint, z up, meters; the sensor's mirror says how large they are.
 What is above the mirror's rim stays above the cone of the rim about the effective viewpoint, so
 nothing of the holder could be in the sensor's picture.
 """
@@ -10,14 +10,14 @@ from __future__ import annotations
 import numpy as np
 
 from omnisim.cameras.mirrors import HyperbolicMirror
-from scenes.modelling.geometry import Patch, bar, join, lathe
-from scenes.modelling.palette import Palette
-from scenes.modelling.pbr_materials import Colour, see_through
-from scenes.modelling.prisms import block
-from scenes.modelling.stage import Model, Stage
+from scenes.modeling.geometry import Patch, bar, join, lathe
+from scenes.modeling.palette import Palette
+from scenes.modeling.pbr_materials import Color, see_through
+from scenes.modeling.prisms import block
+from scenes.modeling.stage import Model, Stage
 
 GLASS = see_through("glass", (0.75, 0.85, 0.90, 0.14), roughness=0.05)
-COLOURS: dict[str, Colour] = {  # sRGB
+COLORS: dict[str, Color] = {  # sRGB
     "camera_black": (0.13, 0.13, 0.14),
     "lens": (0.12, 0.12, 0.26),
     "silver": (0.78, 0.79, 0.81),
@@ -41,7 +41,7 @@ def place_camera(
 
     Args:
         stage: has the materials "paint", which shows the palette, and "glass".
-        palette: has `COLOURS`.
+        palette: has `COLORS`.
         mirror: of the sensor.
         viewpoint: the effective viewpoint on the robot.
         deck_z: height of the plate that the mast stands on.

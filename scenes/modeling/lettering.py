@@ -15,7 +15,7 @@ def _arc(cx: float, cy: float, rx: float, ry: float, start: float, end: float) -
     return [(cx + rx * np.cos(a), cy + ry * np.sin(a)) for a in angles]
 
 
-# Centre lines in a box one unit high, x to the right, y up; strokes of one letter may cross.
+# Center lines in a box one unit high, x to the right, y up; strokes of one letter may cross.
 _STROKES: dict[str, tuple[float, list[list[Point]]]] = {
     " ": (0.18, []),
     "-": (0.40, [[(0, 0.48), (0.40, 0.48)]]),
@@ -102,9 +102,9 @@ def draw_word(
     fill: Sequence[int],
     weight: float = 0.17,
 ) -> None:
-    """Draw a word centred on a pixel position; `weight` is the stroke width over the height."""
+    """Draw a word centered on a pixel position; `weight` is the stroke width over the height."""
     widths = [_STROKES[letter][0] for letter in word]
-    span = height * (1 - weight)  # strokes stick out of their centre lines by half a weight
+    span = height * (1 - weight)  # strokes stick out of their center lines by half a weight
     cursor = center[0] - span * (sum(widths) + _GAP * (len(word) - 1)) / 2
     bottom = center[1] + span / 2
     thickness = height * weight
@@ -119,7 +119,7 @@ def draw_word(
 
 
 def word_strokes(word: str, height: float) -> list[list[Point]]:
-    """Centre lines of a word's strokes, x to the right and y up, its middle at the origin."""
+    """Center lines of a word's strokes, x to the right and y up, its middle at the origin."""
     widths = [_STROKES[letter][0] for letter in word]
     cursor = -height * (sum(widths) + _GAP * (len(word) - 1)) / 2
     strokes = []

@@ -1,0 +1,1 @@
+"""Materials of glTF files: factors, textures and packed maps."""

@@ -1,0 +1,1 @@
+"""Shared modeling kit of the scenes: shapes, materials, noise, lettering, the stage."""

@@ -1,1 +1,0 @@
-"""Shared modelling kit of the scenes: shapes, materials, noise, lettering, the stage."""
