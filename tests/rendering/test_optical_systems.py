@@ -319,8 +319,7 @@ def test_ground_truth_without_rays(embree, monkeypatch, name):
 WAREHOUSE = Path(__file__).parents[3] / "shared" / "assets" / "small_warehouse.glb"
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("source", ["soccer", "mapping", WAREHOUSE])
+@pytest.mark.parametrize("source", slow_but(["soccer", "mapping", WAREHOUSE], long=["mapping"]))
 @pytest.mark.parametrize("name", ["sphere", "cone", "misaligned hyperbola"])
 def test_same_triangles_as_exact_rays(embree, source, name):
     """At a scene's start, and 0.2 m beside furniture."""
