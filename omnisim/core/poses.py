@@ -8,17 +8,27 @@ same rotation; functions here return w ≥ 0. Angles are counter-clockwise about
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy  # its submodules load on first use
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.core.errors import OmnisimError
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 # Beyond this, products of coordinates overflow the GPU's floats.
 MAX_M = 1e15
 # Looser than the float32 rounding of a rotation, far below a tenth of a pixel.
 POSE_TOLERANCE = 1e-6
+
+
+def rotation_type() -> type[Rotation]:
+    """SciPy's class of rotations."""
+    from scipy.spatial.transform import Rotation  # slow to import, and seldom needed
+
+    return Rotation
 
 
 def pose(
@@ -123,7 +133,7 @@ def interpolate_pose(
 
     Source: Shoemake, Animating rotation with quaternion curves (1985).
     """
-    rotations = scipy.spatial.transform.Rotation.from_matrix
+    rotations = rotation_type().from_matrix
     change = rotations(first[:3, :3].T @ second[:3, :3]) ** share
     return pose_from_rotation(
         first[:3, :3] @ change.as_matrix(),
@@ -191,14 +201,12 @@ def yaw_from_rotation(rotation: ArrayLike) -> NDArray[np.float64]:
 
 def rotation_from_quaternion(quaternion: ArrayLike) -> NDArray[np.float64]:
     """Rotations (n, 3, 3) from non-zero quaternions (n, 4) of any length."""
-    return scipy.spatial.transform.Rotation.from_quat(np.asarray(quaternion)).as_matrix()
+    return rotation_type().from_quat(np.asarray(quaternion)).as_matrix()
 
 
 def quaternion_from_rotation(rotation: ArrayLike) -> NDArray[np.float64]:
     """Unit quaternions (n, 4) from rotations (n, 3, 3)."""
-    return scipy.spatial.transform.Rotation.from_matrix(np.asarray(rotation)).as_quat(
-        canonical=True
-    )
+    return rotation_type().from_matrix(np.asarray(rotation)).as_quat(canonical=True)
 
 
 def rotation_angles(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -207,7 +215,7 @@ def rotation_angles(first: NDArray[np.float64], second: NDArray[np.float64]) -> 
     Positive if the axis points up from the vehicle, or is level.
     """
     change = np.swapaxes(first, -1, -2) @ second
-    vectors = scipy.spatial.transform.Rotation.from_matrix(change).as_rotvec()
+    vectors = rotation_type().from_matrix(change).as_rotvec()
     angles: NDArray[np.float64] = np.linalg.norm(vectors, axis=-1)
     return np.where(vectors[..., 2] < 0.0, -angles, angles)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.bounds import bounds_of, triangle_bounds
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.near_plane import scene_size_m
 from omnisim.scene import Scene
@@ -60,9 +61,12 @@ def surfaces_too_near(
         mesh = still.meshes[instance.mesh]
         rig_from_mesh = rig_from_world @ instance.world_from_mesh
         places_m = mesh.positions @ rig_from_mesh[:3, :3].T + rig_from_mesh[:3, 3]
+        low_m, high_m = bounds_of(places_m)
+        if np.any((low_m > reach_m) | (high_m < -reach_m)):
+            continue
         corners_m = places_m[mesh.triangles]
-        near = (corners_m.min(axis=1) <= reach_m) & (corners_m.max(axis=1) >= -reach_m)
-        corners_m = corners_m[near.all(axis=1)]
+        lows_m, highs_m = triangle_bounds(corners_m)
+        corners_m = corners_m[np.all((lows_m <= reach_m) & (highs_m >= -reach_m), axis=1)]
         if np.linalg.det(rig_from_mesh[:3, :3]) < 0.0:  # reversed winding
             corners_m = corners_m[:, ::-1]
         both_sides = still.materials[mesh.material].double_sided

@@ -5,12 +5,15 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL.Image import DecompressionBombWarning, Image
 
 from omnisim.scene.parts import AlphaMode, Texture, Wrap
+
+if TYPE_CHECKING:  # slow to import, and scenes need not have textures
+    from PIL.Image import Image
 
 MAX_SIDE_PX = 32768
 NO_IMAGE = "is not an image that can be read"  # completes a message about an image file
@@ -83,7 +86,7 @@ class TextureStore:
 def large_textures() -> Iterator[None]:
     """Context that suppresses Pillow's size warning; it still rejects images too large for GPUs."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DecompressionBombWarning)
+        warnings.filterwarnings("ignore", "Image size .* exceeds limit")
         yield
 
 

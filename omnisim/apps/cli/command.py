@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import inspect
 from collections.abc import Mapping
 from functools import cached_property
@@ -88,7 +89,12 @@ class Command(TyperCommand):
             if self._entry.extra is not None:
                 require_extra(self._entry.extra, f"omnisim {self._path}")
             run = _resolve(self._entry.run)
-            result = run() if request is None else run(make_request(request, values))
+            gc.freeze()  # what is imported stays: collections need not look at it
+            gc.enable()  # start.py disables it
+            try:
+                result = run() if request is None else run(make_request(request, values))
+            finally:
+                gc.unfreeze()  # OpenImageIO reports types that are never collected
             if result is False:
                 raise typer.Exit(1)
 

@@ -75,7 +75,9 @@ def _expand(
     before_first = _LINES_PER_FILE * len(files)
     expanded = []
     for index, line in enumerate(_lines(SHADERS / name), start=1):
-        if line.startswith("#version"):
+        if not line.startswith("#"):
+            expanded.append(line)
+        elif line.startswith("#version"):
             expanded.append(line)
             expanded.extend(f"#define {define}" for define in defines)
             expanded.append(f"#line {before_first + index + 1}")

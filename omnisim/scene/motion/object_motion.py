@@ -11,10 +11,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-import scipy  # loads its submodules on first use
 from numpy.typing import NDArray
 
-from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
+from omnisim.core.poses import pose_from_rotation, rotation_from_yaw, rotation_type
 from omnisim.core.world import Pose
 
 if TYPE_CHECKING:  # slow to import, and seldom needed
@@ -178,7 +177,7 @@ class Rolling:
         part_m = motion.trajectory.pose_at(time_s)[:3, 3] - positions_m[step]
         rotation: NDArray[np.float64] = _rotation(_axis(part_m, self.radius_m)) @ self._legs[step]
         if laps:
-            lap = scipy.spatial.transform.Rotation.from_matrix(self._legs[-1])
+            lap = rotation_type().from_matrix(self._legs[-1])
             rotation = rotation @ _rotation(laps * lap.as_rotvec())
         return rotation
 
@@ -199,5 +198,5 @@ def _axis(way_m: NDArray[np.float64], radius_m: float) -> NDArray[np.float64]:
 
 def _rotation(vector: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotation (3, 3) of a rotation vector (3,)."""
-    rotation: NDArray[np.float64] = scipy.spatial.transform.Rotation.from_rotvec(vector).as_matrix()
+    rotation: NDArray[np.float64] = rotation_type().from_rotvec(vector).as_matrix()
     return rotation

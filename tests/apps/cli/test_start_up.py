@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from omnisim.apps.cli.app import main
+from omnisim.core.version import __version__
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
 
 # What only others need: plots, reports, other formats than glTF, oracles.
@@ -19,8 +20,9 @@ RARE_MODULES = (
     "omnisim.cameras.calibration", "omnisim.validation.plots", "omnisim.rendering.rays",
     "omnisim.rendering.camera.sensor_file",
 )  # fmt: skip
-# Not needed by an ideal image without ground truth.
+# Not needed by an ideal image without textures and ground truth.
 RARE_IN_IMAGES = (
+    "PIL", "rich", "scipy",
     "omnisim.cameras.camera_registry", "omnisim.cameras.models",
     "omnisim.core.trajectories", "omnisim.ground_truth.lidar_beams", "omnisim.rendering.truth",
     "omnisim.rendering.camera.degradations.degradation_file",
@@ -65,6 +67,31 @@ def test_an_error_is_one_line_after_the_process_has_ended():
     assert done.returncode == 1
     assert done.stderr.startswith("error: ringz: no such scene file")
     assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "before", ["import atexit\natexit.register(print, 'later')", "THREAD.start()"]
+)
+def test_what_is_to_run_at_exit_runs(before):
+    """Although the command leaves its memory to the operating system."""
+    code = (
+        "import sys\nfrom threading import Timer\nfrom omnisim.apps.cli.start import main\n"
+        f"sys.argv = ['omnisim', '--version']\nTHREAD = Timer(1.0, print, ['later'])\n{before}\n"
+        "main()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.splitlines() == [f"omnisim {__version__}", "later"]
+
+
+def test_the_memory_is_left_to_the_operating_system():
+    code = (
+        "import sys\nfrom omnisim.apps.cli.start import main\n"
+        "class Big:\n    def __del__(self):\n        print('freed')\n"
+        "big = Big()\nsys.argv = ['omnisim', '--version']\nmain()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, f"omnisim {__version__}\n")
 
 
 def test_no_objects_stay_frozen_in_a_running_process(monkeypatch):

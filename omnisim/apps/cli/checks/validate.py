@@ -32,7 +32,8 @@ def run(request: ValidateRequest) -> bool:
         MofNCompleteColumn(),
         TimeElapsedColumn(),
     )
-    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
+    console, is_hidden = err.console, not err.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=is_hidden) as progress:
         task = progress.add_task(escape(checks[0].title), total=len(checks))
         for section in run_checks(Fixture(request.device, request.quick), checks):
             sections.append(section)

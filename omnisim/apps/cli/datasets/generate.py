@@ -206,7 +206,8 @@ def _counted(
         RateColumn("samples"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
+    console, is_hidden = err.console, not err.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=is_hidden) as progress:
         task = progress.add_task(plan.stem, total=total)
         for progress_of_shard in steps:
             done[progress_of_shard.shard] = (

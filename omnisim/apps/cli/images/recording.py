@@ -97,7 +97,8 @@ def record(plan: PlannedDrive, folder: Path, force: bool) -> None:
     )
     title = f"{plan.drive.vehicle.name} in {plan.drive.scene.name}"
     done, total = 0, len(plan.truth)
-    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as progress:
+    console, is_hidden = err.console, not err.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=is_hidden) as progress:
         steps = plan.record(folder, force)
         try:
             before = done = next(steps)

@@ -11,10 +11,13 @@ from collections.abc import Sequence
 
 import moderngl
 
-from omnisim.rendering.opengl.drawing.reversed_depth import DEPTH_FUNCTION, depth_texture
+from omnisim.rendering.opengl.drawing.reversed_depth import (
+    DEPTH_FUNCTION,
+    depth_target,
+    large_depth_texture,
+)
 from omnisim.rendering.opengl.fences import use_target
 from omnisim.rendering.opengl.gl_functions import copy_region, limit_levels
-from omnisim.rendering.opengl.layer_targets import DEPTH, attach_texture
 from omnisim.rendering.opengl.shader_files import build_program
 from omnisim.rendering.opengl.uniforms import uniform
 
@@ -30,6 +33,7 @@ class DepthLevels:
         like: other depth in the context, whose program is used, too; None: the first.
 
     Attributes:
+        size_px: see the arguments.
         texture: texture for samplers that compare.
         target: the finest level as a render target.
     """
@@ -37,15 +41,13 @@ class DepthLevels:
     def __init__(
         self, context: moderngl.Context, size_px: tuple[int, int], like: DepthLevels | None = None
     ):
-        self._context = context
-        self.texture = depth_texture(context, size_px, LEVELS)
+        self._context, self.size_px = context, size_px
+        self.texture = large_depth_texture(context, size_px, LEVELS)
         self.texture.compare_func = ">="
         self.texture.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
         self.target, *self._coarser = (
-            context.framebuffer(depth_attachment=self.texture) for _ in range(LEVELS)
+            depth_target(context, self.texture, size_px, level) for level in range(LEVELS)
         )
-        for level, target in enumerate(self._coarser, start=1):
-            attach_texture(target.glo, self.texture.glo, DEPTH, level)
         limit_levels(self.texture.glo, 0, LEVELS - 1)
         self._sampler = context.sampler(filter=(moderngl.NEAREST, moderngl.NEAREST))
         self._sampler.compare_func = ""

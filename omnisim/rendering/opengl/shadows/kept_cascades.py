@@ -97,7 +97,7 @@ class KeptCascades:
     ):
         self._kept = _kept(plan)
         size_px = plan.kept_size_px
-        if levels is None or levels.texture.size != size_px:
+        if levels is None or levels.size_px != size_px:
             levels = DepthLevels(context, size_px, maps)
         self.levels = levels
         self._first: list[tuple[int, int] | None] = [None] * len(self._kept)

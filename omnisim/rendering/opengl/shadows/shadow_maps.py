@@ -61,7 +61,7 @@ class ShadowMaps:
         self._drawer = CasterDrawer(
             buffers, self.anchor_m, self._rectangles_px, size_px, plan.follows_viewpoint
         )
-        if self._maps and self._maps[0].texture.size != size_px:
+        if self._maps and self._maps[0].size_px != size_px:
             self._maps = []
         while len(self._maps) < 1 + self._drawer.has_dynamic:
             with _allocation(size_px):

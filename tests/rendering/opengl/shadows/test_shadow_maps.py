@@ -302,13 +302,14 @@ MOVED = pose((0.5, 0.2, 1.5))
 WALK_M = [(0, 0), (3, 0.5), (4.5, -4), (-1, -7), (-8, -2), (-2, 2.5)]
 
 
-def _depths(texture):
-    """All levels of a depth texture; moderngl reads only the first."""
+def _depths(maps):
+    """All levels of shadow maps; moderngl reads only the first."""
     read = gl_function("glGetTextureImage", c_uint, c_int, c_uint, c_uint, c_int, c_void_p)
     levels = []
     for level in range(LEVELS):
-        depth = np.empty((texture.height >> level, texture.width >> level), dtype=np.float32)
-        read(texture.glo, level, DEPTH_COMPONENT, FLOAT, depth.nbytes, depth.ctypes.data)
+        width, height = (side >> level for side in maps.size_px)
+        depth = np.empty((height, width), dtype=np.float32)
+        read(maps.texture.glo, level, DEPTH_COMPONENT, FLOAT, depth.nbytes, depth.ctypes.data)
         levels.append(depth)
     return levels
 
@@ -337,7 +338,7 @@ def _walk(scene, walk_m, dynamic_objects, monkeypatch):
             state = {BODY: camera.base_pose((x, y, 0.8))}
             renderer.render(WorldState(state | {name: MOVED for name in dynamic_objects}))
             with stage.current():
-                steps.append((_depths(used[-1]._maps[-1].texture), sum(drawn_px)))
+                steps.append((_depths(used[-1]._maps[-1]), sum(drawn_px)))
     return steps
 
 

@@ -6,11 +6,10 @@ import io
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from omnisim.scene.files.asset_resolver import AssetResolver
 from omnisim.scene.files.imported_scene import MAX_COORDINATE
@@ -22,6 +21,9 @@ from omnisim.scene.formats.gltf.materials.reflectance import with_reflectance
 from omnisim.scene.formats.gltf.primitives import Primitive
 from omnisim.scene.model import AlphaMode, Material, Texture, Wrap
 from omnisim.scene.textures import NO_IMAGE, TextureStore, unreadable_image
+
+if TYPE_CHECKING:
+    from PIL import Image
 
 _REPEAT, _MIRRORED_REPEAT, _CLAMP_TO_EDGE = 10497, 33648, 33071  # OpenGL's constants
 _ALPHA_MODES = {mode.name: mode for mode in AlphaMode}
@@ -190,6 +192,8 @@ class Materials:
     def _open(self, entry: JsonObject, accessors: Accessors) -> Image.Image | None:
         """Image, not yet decoded; None: missing or in an unknown format."""
         uri, data = entry.text("uri", ""), b""
+        from PIL import Image  # slow to import
+
         with suppress(Exception):  # Pillow's readers raise exceptions of any type
             if entry.has("bufferView"):
                 data = bytes(accessors.view(entry))

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from omnisim.scene.model import Texture
 
@@ -42,6 +41,8 @@ class PackedMaps:
 
 
 def _packed(parts: Sequence[Part], given: Sequence[Texture]) -> NDArray[np.uint8]:
+    from PIL import Image  # slow to import
+
     height, width = np.max([one.pixels.shape[:2] for one in given], axis=0).tolist()
     pixels = np.full((height, width, 4), 255, dtype=np.uint8)
     for texture, channels in parts:
