@@ -12,9 +12,10 @@ needs_warehouse = pytest.mark.skipif(
 )
 
 
-def with_warehouse(*shipped):
+def with_warehouse(*shipped, long=False):
     """Parametrises a test by sources of scenes: shipped ones, and the real one, which is slow."""
-    warehouse = pytest.param(WAREHOUSE, id="warehouse", marks=[needs_warehouse, pytest.mark.slow])
+    marks = [needs_warehouse, pytest.mark.slow, *([pytest.mark.long] if long else [])]
+    warehouse = pytest.param(WAREHOUSE, id="warehouse", marks=marks)
     return pytest.mark.parametrize("source", [*shipped, warehouse])
 
 

@@ -22,6 +22,7 @@ def maker():
     return module
 
 
+@pytest.mark.slow
 def test_page_is_up_to_date(maker):
     page = maker.page(maker.gallery_cameras())
     renew = "make gallery renews it"

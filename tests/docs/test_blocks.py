@@ -19,14 +19,15 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted({ROOT / "README.md", *(ROOT / "docs").rglob("*.md")})
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 INCLUDE = re.compile(r"^```\{include\} (\S+)$", re.MULTILINE)
-# They take more than 12 s each. That their commands have such options is tested in test_commands.
+# They take more than 6 s each. That their commands have such options is tested in test_commands.
 LONG = {
     *(f"docs/how-to/{name}.md" for name in (
-        "any-optics", "calibrations", "change-scene", "data-sets", "drives", "evaluate",
+        "any-optics", "calibrations", "change-scene", "choose", "data-sets", "drives", "evaluate",
         "ground-truth", "light", "live", "measure-camera", "measure-noise", "measure-sharpness",
-        "moving-objects", "own-world", "rays", "rigs", "robots", "troubleshooting", "unwarp",
-        "use-with",
+        "mirror-mesh", "moving-objects", "own-scene", "own-world", "python", "rays", "rigs",
+        "robots", "troubleshooting", "unwarp", "use-with",
     )),
+    *(f"docs/reference/{name}.md" for name in ("calibration-formats", "channels")),
     *(f"docs/tutorials/{name}.md" for name in (
         "ball-bearing", "camera-twin", "labeled-drive", "own-lens", "self-localization",
     )),

@@ -152,6 +152,7 @@ def test_a_sweep_resumes_and_names_failures(folder):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_a_killed_sweep_leaves_no_process_and_resumes(folder):
     """Killed while an estimator runs: its recorded drive is kept, and its estimator starts anew."""
     (folder / "robot.toml").write_text(ROBOT + IMU)

@@ -47,7 +47,13 @@ def test_the_emulated_processor_rounds_otherwise():
 
 # llvmpipe without FMA places vertices and approximates powers otherwise: a few samples of edges
 # change sides, and encoded gradients round to the next level.
-@pytest.mark.parametrize(("driver", "share"), [(False, 1e-3), (True, 5e-3)], ids=["cpu", "driver"])
+@pytest.mark.parametrize(
+    ("driver", "share"),
+    [
+        pytest.param(False, 1e-3, id="cpu", marks=pytest.mark.long),
+        pytest.param(True, 5e-3, id="driver"),
+    ],
+)
 def test_built_in_scenes_look_the_same(tmp_path, driver, share):
     run_emulated(RENDER, tmp_path / "there.npz", driver=driver)
     there = np.load(tmp_path / "there.npz")
@@ -77,7 +83,13 @@ def _unfinished(run, keep):
             file.unlink()
 
 
-@pytest.mark.parametrize("physics", [(), ("--physics", "mujoco")], ids=["planned", "physics"])
+@pytest.mark.parametrize(
+    "physics",
+    [
+        pytest.param((), id="planned", marks=pytest.mark.long),
+        pytest.param(("--physics", "mujoco"), id="physics"),
+    ],
+)
 def test_a_drive_resumes(omnisim, tmp_path, physics):
     if physics:
         pytest.importorskip("mujoco")

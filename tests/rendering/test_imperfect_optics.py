@@ -95,7 +95,7 @@ def test_rows_of_a_rolling_shutter_are_those_of_their_instants(system, backend):
         with stage.open(rolling, unlit=True) as renderer:
             ours = renderer.render(motion(0.0), linear=True, motion=motion)
         with stage.open(_sensor(system, Degradation()), unlit=True) as still:
-            rows = np.arange(2, height, 9)
+            rows = np.arange(2, height, 13)
             times_s = (rows / (height - 1) - 0.5) * readout_s
             instants = [still.render(motion(time_s), linear=True) for time_s in times_s]
             middle = still.render(motion(0.0), linear=True)

@@ -252,7 +252,7 @@ def _off(one, other, tolerance=2e-6):
     return ~near.reshape(*near.shape[:2], -1).all(axis=-1)
 
 
-@pytest.mark.parametrize("name", slow_but(["sphere", "cone", "port"], "sphere"))
+@pytest.mark.parametrize("name", slow_but(["sphere", "cone", "port"], "sphere", long=["port"]))
 def test_ground_truth_is_that_of_rays(embree, name):
     """A hand's breadth from boxes."""
     cube, rays = _frames(SYSTEMS[name].scaled(0.3), also=CHANNELS, **STATES)
@@ -299,7 +299,9 @@ def test_the_robot_itself_is_right(embree, monkeypatch, casts):
         assert psnr_of_levels_db(*(one.rgb[rays.valid] for one in frames)) > 36.0
 
 
-@pytest.mark.parametrize("name", slow_but(["tilted camera", "cone"], "tilted camera"))
+@pytest.mark.parametrize(
+    "name", slow_but(["tilted camera", "cone"], "tilted camera", long=["cone"])
+)
 def test_ground_truth_without_rays(embree, monkeypatch, name):
     """No channel needs them; 99.4 % of the pixels are right."""
     expected = _frames(SYSTEMS[name].scaled(0.3), also=CHANNELS[:-2], **STATES)[1].channels
@@ -317,8 +319,7 @@ def test_ground_truth_without_rays(embree, monkeypatch, name):
 WAREHOUSE = Path(__file__).parents[3] / "shared" / "assets" / "small_warehouse.glb"
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("source", ["soccer", "mapping", WAREHOUSE])
+@pytest.mark.parametrize("source", slow_but(["soccer", "mapping", WAREHOUSE], long=["mapping"]))
 @pytest.mark.parametrize("name", ["sphere", "cone", "misaligned hyperbola"])
 def test_same_triangles_as_exact_rays(embree, source, name):
     """At a scene's start, and 0.2 m beside furniture."""

@@ -138,7 +138,7 @@ def test_images_and_channels_are_those_of_the_virtual_cameras():
 @pytest.mark.slow
 @pytest.mark.usefixtures("needs_opengl")
 @pytest.mark.parametrize("lens", SENSORS)
-@pytest.mark.parametrize("source", SAME)
+@pytest.mark.parametrize("source", slow_but(SAME, long=["mapping", "courtyard"]))
 def test_back_ends_agree_at_default_quality(source, lens):
     scene, sensor = load_scene(source), SENSORS[lens]
     cube, rays = _by_both(scene, sensor)
@@ -180,7 +180,9 @@ def test_where_back_ends_differ_rays_are_right():
 
 
 @pytest.mark.usefixtures("needs_opengl")
-@pytest.mark.parametrize("name", slow_but(("dragonfly2", "bad-day"), "dragonfly2"))
+@pytest.mark.parametrize(
+    "name", slow_but(("dragonfly2", "bad-day"), "dragonfly2", long=["bad-day"])
+)
 def test_degraded_images_are_those_of_the_gpu(name):
     """Electrons that fall on the other side differ, and edges."""
     sensor = FISHEYE.resized(120).with_degradation(preset(name))

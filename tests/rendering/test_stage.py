@@ -66,6 +66,7 @@ needs_statm = pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="
 
 
 @pytest.mark.slow
+@pytest.mark.long
 @needs_statm
 def test_memory_is_constant_over_a_drive():
     """300 frames and scans with a real body. The bound is a quarter of what 300 images take: to

@@ -69,7 +69,10 @@ def test_no_built_in_path_is_left_out():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("scene", "path"), PATHS)
+@pytest.mark.parametrize(
+    ("scene", "path"),
+    [pytest.param(*path, marks=() if path == PATHS[1] else pytest.mark.long) for path in PATHS],
+)
 def test_readings_integrate_to_the_pose_in_physics(scene, path):
     pytest.importorskip("mujoco")
     robot = load_robot("p2at")

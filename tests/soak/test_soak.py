@@ -37,6 +37,6 @@ def test_frames_take_no_more_memory_than_a_few():
 @pytest.mark.slow
 def test_random_use_of_the_live_page_takes_no_more_memory_and_never_fails():
     """In a process of its own: memory of other tests would hide it."""
-    command = [sys.executable, "-m", "tests.soak", "live", "--times", "120"]
+    command = [sys.executable, "-m", "tests.soak", "live", "--times", "50"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, ""), done.stdout

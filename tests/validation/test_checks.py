@@ -50,13 +50,19 @@ def _missed(key, fixture):
         long=(
             "arcade",
             "baked",
+            "materials",
             "noise",
             "optics-calibration",
             "optics-path-tracer",
+            "optics-triangles",
             "path-tracer",
+            "quality",
+            "rays",
+            "second-rasterizer",
             "shadows",
             "sharpness",
             "twin",
+            "unwarping",
         ),
     ),
 )
@@ -66,7 +72,11 @@ def test_every_bound_holds(key, fixture):
 
 @pytest.mark.parametrize(
     "key",
-    slow_but(["rings", "viewpoint", "omnidir", "path-tracer"], "viewpoint", long=["path-tracer"]),
+    slow_but(
+        ["rings", "viewpoint", "omnidir", "path-tracer"],
+        "viewpoint",
+        long=["omnidir", "path-tracer"],
+    ),
 )
 def test_a_wrong_mirror_is_found_out(key, fixture, monkeypatch):
     """The camera model believes in a mirror 2 % off: what is independent of it must say so."""
@@ -106,6 +116,7 @@ def test_a_system_that_faces_aside_is_found_out(fixture, monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_rays_that_look_aside_are_found_out(fixture, monkeypatch):
     """They are turned by a quarter of a degree, a third of a pixel."""
     from omnisim.rendering.rays.depth_limits import DepthLimits

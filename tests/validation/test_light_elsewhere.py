@@ -43,6 +43,7 @@ def _ours(scene):
         return linear_image(renderer.render(AT, linear=True))
 
 
+@pytest.mark.long
 def test_shadows_are_a_path_tracers(scene):
     """Measured: 40.2 dB, with 256 rays a pixel."""
     traced = traced_light(scene, SENSOR, AT, 9)

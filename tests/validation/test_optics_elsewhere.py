@@ -12,7 +12,7 @@ from tests.scenes import with_warehouse
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("needs_opengl")]
 
 
-@with_warehouse()
+@with_warehouse(long=True)
 def test_pixels_show_the_triangles_of_their_rays(source):
     pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
     found = measure_triangles(Fixture(), load_scene(source))
@@ -20,7 +20,7 @@ def test_pixels_show_the_triangles_of_their_rays(source):
     assert triangle_section("", shares).missed == []
 
 
-@with_warehouse()
+@with_warehouse(long=True)
 @pytest.mark.parametrize("name", ["sphere", "flat port"])
 def test_images_are_those_of_real_optics(source, name):
     pytest.importorskip("mitsuba", reason="Mitsuba is an optional oracle")

@@ -60,8 +60,8 @@ def scene():
 
 
 def test_light_of_a_panel(scene):
-    """With soft shadows, and colors that bounce between the walls; measured: 41.7 dB and 0.991."""
-    lit = in_baked_light(scene, BakeSettings(texel_m=0.08, samples=64))
+    """With soft shadows, and colors that bounce between the walls; measured: 40.8 dB and 0.989."""
+    lit = in_baked_light(scene, BakeSettings(texel_m=0.12, samples=64))
     with open_sensor(lit, SENSOR) as renderer:
         ours = linear_image(renderer.render(AT, linear=True))
     traced, inside = traced_light(scene, SENSOR, AT, 16, bounces=True), inside_rim(SENSOR)

@@ -15,6 +15,7 @@ def folder(tmp_path):
     return tmp_path
 
 
+@pytest.mark.slow
 def test_a_run(omnisim, folder):
     robot = ("--robot", "robot.toml", "--path", "way.csv")
     status, _, error = omnisim("drive", "soccer", *robot, "-o", "run")

@@ -81,7 +81,7 @@ def test_fit_is_right_at_the_distance_asked():
     assert infinity.mean_px > at_five.mean_px
 
 
-@pytest.mark.parametrize("form", slow_but(FORMATS, long=("ocamcalib", "omnisim")))
+@pytest.mark.parametrize("form", slow_but(FORMATS, long=("ocamcalib", "omnisim", "ros")))
 def test_every_format_says_what_is_left(form, tmp_path):
     """A dome a little off is nearly a lens, which most formats represent."""
     system = dataclasses.replace(SYSTEMS["dome"], camera=FISHEYE.scaled(0.25))

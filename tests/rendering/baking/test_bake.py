@@ -119,6 +119,7 @@ def test_red_wall_colors_its_neighbor(tmp_path):
     assert bake.light(found)[found.is_valid].min() > 0.0
 
 
+@pytest.mark.slow
 def test_few_rays_are_enough_for_small_lamps(tmp_path):
     """Rays go to what gives light: a lamp's reflector, and not to a bright sky behind the walls."""
     room = lit_by(box("room", (2.0, 2.0, 2.0), color=(0.1, 0.1, 0.1), inwards=True))
@@ -128,12 +129,12 @@ def test_few_rays_are_enough_for_small_lamps(tmp_path):
     outside = shining(box("outside", (20.0, 20.0, 20.0), inwards=True), 1.0)
     scene = room.added("lamp", lamp).added("shade", shade).added("tray", tray)
     scene = scene.added("outside", outside)
-    bake, found, _ = baked(tmp_path, scene, texel_m=0.1, samples=64, bounces=2)
+    bake, found, _ = baked(tmp_path, scene, texel_m=0.2, samples=64, bounces=2)
     surfaces = bake.surfaces(found.is_valid)
     floor = found.is_valid & (surfaces.normals[:, 2] > 0.99) & (bake.patches.surfaces == 0)
     light = found.gathered[floor, 0]
     x, y, _ = surfaces.positions_m[floor].T
     terms = np.stack([x**i * y**j for i in (0, 2, 4, 6) for j in (0, 2, 4, 6)], axis=1)
     smooth = terms @ np.linalg.lstsq(terms, light, rcond=None)[0]
-    # 1.1 when the sky takes all of the rays that are aimed
+    # by texels of 0.1 m: 1.1 when the sky takes all of the rays that are aimed
     assert np.std(light - smooth) < 0.55 * light.mean()

@@ -110,7 +110,7 @@ def our_faces(tmp_path_factory):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["front", "left", "back", "right", "down"])
-@with_warehouse("soccer")
+@with_warehouse("soccer", long=True)
 def test_face(source, name, our_faces):
     faces, loaded, world_from_base = our_faces(source)
     ours = faces[name]

@@ -136,7 +136,9 @@ def test_any_triangles_are_pieces_that_mujoco_takes_without_a_word(flatness, two
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize("name", slow_but(["soccer", "mapping", "courtyard"], long=["mapping"]))
+@pytest.mark.parametrize(
+    "name", slow_but(["soccer", "mapping", "courtyard"], long=["soccer", "mapping"])
+)
 def test_shipped_scenes_are_open_above_their_starts(name):
     scene = load_scene(name)
     starts = [start.position_m for start in scene.starts] or [scene.start.position_m]

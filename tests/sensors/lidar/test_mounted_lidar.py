@@ -14,6 +14,7 @@ from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.scene import load_scene
 from tests.runs.test_drive import _bytes
+from tests.slow import slow_but
 
 LIDAR = """
 name = "scout"
@@ -47,8 +48,7 @@ def _vehicle(folder, keys=""):
 
 
 @pytest.mark.usefixtures("needs_opengl")
-@pytest.mark.slow
-@pytest.mark.parametrize("suffix", ["ply", "pcd"])
+@pytest.mark.parametrize("suffix", slow_but(["ply", "pcd"], long=["ply"]))
 def test_a_stopped_drive_goes_on_with_the_same_bytes(tmp_path, suffix):
     vehicle = _vehicle(tmp_path, f'file_format = "{suffix}"')
     drive = Drive(load_scene("soccer"), vehicle, Route("lap", step_m=1.5), seed=3)

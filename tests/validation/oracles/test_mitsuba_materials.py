@@ -15,7 +15,7 @@ pytestmark = pytest.mark.usefixtures("needs_opengl")
     [
         ("a lamp", 16),
         pytest.param("even light", 64, marks=pytest.mark.slow),
-        pytest.param("an environment map", 144, marks=pytest.mark.slow),
+        pytest.param("an environment map", 144, marks=[pytest.mark.slow, pytest.mark.long]),
     ],
 )
 def test_the_chart_looks_as_traced(name, samples):

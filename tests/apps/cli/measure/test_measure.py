@@ -22,6 +22,7 @@ def frames(tmp_path_factory):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_noise(omnisim, frames, tmp_path):
     status, out, error = omnisim(
         "measure", "noise", frames / "dark", frames / "flat", "-o", "camera.toml"

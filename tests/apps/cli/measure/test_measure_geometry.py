@@ -39,7 +39,7 @@ def test_corners_become_a_sensor_file(omnisim, tmp_path):
 
 
 def test_corners_that_fit_badly_leave_a_note(omnisim, tmp_path):
-    views = noisy_views(LENS, varied_poses(10), corner_grid(), 0.5)
+    views = noisy_views(LENS, varied_poses(5), corner_grid(), 0.5)
     corners = [BoardCorners(one.points_m, one.pixels_px) for one in views]
     write_corners(tmp_path / "corners.csv", corners)
     options = ("--size", "400", "300", "--model", "kannala_brandt", "-o", "camera.toml")

@@ -19,6 +19,7 @@ EDGES = Path(package.__file__).parents[1] / "examples" / "sharpness_edges.py"
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_camera_of_the_example_is_found(omnisim, tmp_path):
     """Hidden numbers of the example: widths 3 %, offsets 0.02 px, by images on the GPU."""
     subprocess.run([sys.executable, EDGES, tmp_path / "edges"], check=True)

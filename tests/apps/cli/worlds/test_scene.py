@@ -8,9 +8,10 @@ import trimesh
 from PIL import Image
 
 from omnisim.scene import builtin_scenes, load_scene
+from tests.slow import slow_but
 
 
-@pytest.mark.parametrize("name", builtin_scenes())
+@pytest.mark.parametrize("name", slow_but(builtin_scenes(), *builtin_scenes(), long=["mapping"]))
 def test_the_document_agrees_with_the_scene(omnisim, name):
     status, out, error = omnisim("scene", name, "--json")
     assert (status, error) == (0, "")
