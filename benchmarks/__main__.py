@@ -51,7 +51,7 @@ def main(arguments: list[str] | None = None) -> int:
             warm_up=parsed.warm_up,
             device=parsed.device,
             scenes=tuple(parsed.scene),
-            progress=partial(show_progress, err=err),
+            progress=partial(show_progress, err=err.console),
         )
         _make_folder(parsed.output, names)
     except OmnisimError as reason:
