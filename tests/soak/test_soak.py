@@ -35,6 +35,7 @@ def test_frames_take_no_more_memory_than_a_few():
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_random_use_of_the_live_page_takes_no_more_memory_and_never_fails():
     """In a process of its own: memory of other tests would hide it."""
     command = [sys.executable, "-m", "tests.soak", "live", "--times", "50"]

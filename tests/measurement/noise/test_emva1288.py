@@ -20,6 +20,7 @@ def test_its_camera_is_measured():
         assert values[name] == pytest.approx(true, rel=bound), name
 
 
+@pytest.mark.long
 def test_it_measures_our_noise():
     """Gain 2 %, dark noise 3 %, full well 3 %, largest SNR 0.2 dB, by its own evaluation."""
     camera = Camera(size=(320, 240))

@@ -30,6 +30,7 @@ def test_check(omnisim):
 
 
 @pytest.mark.slow
+@pytest.mark.long
 def test_check_tells_lateral_color(omnisim, tmp_path):
     port = (EXAMPLES / "flat-port.toml").read_text()
     (tmp_path / "port.toml").write_text(port)
