@@ -37,7 +37,10 @@ def patrol(scene: Scene, vehicle: Vehicle, count: int) -> NDArray[np.float64]:
 
 
 def viewport() -> OmniCamera:
-    """Camera of a simulator's window, with one sample per pixel."""
+    """Camera of a simulator's window, with one sample per pixel, and without reflections.
+
+    A reflection probe of the robot is drawn at each of its poses, for the first variant there only.
+    """
     lens = PerspectiveCamera.with_field_of_view(*VIEWPORT_PX, VIEWPORT_FIELD_RAD)
     return OmniCamera(
         lens,
@@ -45,4 +48,5 @@ def viewport() -> OmniCamera:
         base_from_rig=pose(CHASE_M, pitch_deg=CHASE_DOWN_DEG),
         supersampling=1,
         texels_per_pixel=1.0,
+        reflection_probes=0,
     )
