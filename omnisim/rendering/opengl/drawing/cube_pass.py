@@ -252,7 +252,11 @@ class CubePass:
         transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
         views = self.tiles.views.at(world_from_rig)
         seen = [self.tiles.cull_items(view, transforms, items) for view in views]
-        return frozenset(items[np.any(seen, axis=0)].tolist())
+        return frozenset(
+            index
+            for index in items[np.any(seen, axis=0)].tolist()
+            if self._buffers.draw_items[index].shows(transforms.viewpoint_from_mesh[index])
+        )
 
     def read_depth(self) -> NDArray[np.float32]:
         """Depth (height, width) of the last rendered atlas, without blended surfaces.

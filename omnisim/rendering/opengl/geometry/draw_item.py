@@ -112,6 +112,19 @@ class DrawItem:
         scale = float(np.linalg.norm(linear, 2))
         return Sphere(linear @ center + self.object_from_mesh[:3, 3], scale * radius)
 
+    def shows(self, viewpoint_from_mesh: NDArray[np.float64]) -> bool:
+        """False if nothing of the item is visible, as from within a closed surface.
+
+        Args:
+            viewpoint_from_mesh: (4, 4) transform to the viewpoint's frame.
+        """
+        if self.material.double_sided or self.mesh.deformation is not None:
+            return True
+        viewpoint = -np.linalg.solve(viewpoint_from_mesh[:3, :3], viewpoint_from_mesh[:3, 3])
+        first, second, third = np.moveaxis(self.mesh.positions[self.mesh.triangles], 1, 0)
+        normals = np.cross(second - first, third - first)
+        return bool(np.any(np.einsum("nc,nc->n", normals, viewpoint - first) > 0.0))
+
     @property
     def moves(self) -> bool:
         """True for parts of dynamic objects and for deforming meshes."""
