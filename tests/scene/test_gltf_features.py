@@ -569,3 +569,9 @@ def test_maps_of_gloss_and_clear_coats_are_packed(tmp_path):
     assert found.specular_map is None
     name = repr(found.name)
     assert notices == (f"a.glb: specular maps of {name} are placed differently: not drawn",)
+
+
+def test_a_required_name_of_two_lines_is_named_on_one(tmp_path):
+    with pytest.raises(SceneError, match=r"requires the glTF extension EXT\\na, which") as caught:
+        _load(tmp_path, lambda plain: plain.require("EXT\na"))
+    assert "\n" not in str(caught.value)

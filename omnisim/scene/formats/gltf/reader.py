@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.errors import SceneError
+from omnisim.core.errors import SceneError, printable
 from omnisim.scene.files.asset_resolver import AssetResolver
 from omnisim.scene.files.imported_scene import ImportedScene, colors_rgba, make_mesh, translate
 from omnisim.scene.formats.gltf.accessors import Accessors
@@ -55,8 +55,9 @@ def read_gltf(
     root, chunk = read_container(data)
     unsupported = set(map(str, root.array("extensionsRequired"))) - SUPPORTED_EXTENSIONS
     if unsupported:
+        names = ", ".join(map(printable, sorted(unsupported)))
         raise SceneError(
-            f"requires the glTF extension {', '.join(sorted(unsupported))}, which omnisim does not "
+            f"requires the glTF extension {names}, which omnisim does not "
             "read: export the scene without it"
         )
     nodes, accessors = root.objects("nodes"), Accessors(root, chunk, assets)
