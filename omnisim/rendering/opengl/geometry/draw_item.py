@@ -17,6 +17,7 @@ from omnisim.scene.motion.deformation import Sphere
 from omnisim.scene.parts import BLENDED_CUTOFF, LightRectangle
 
 MAX_DISTANCE_M = 2048.0  # up to which float32 rounds to 0.07 mm, and beyond to 0.13 mm
+_MAX_SEARCHED_TRIANGLES = 1024  # an eighth of a millisecond
 
 
 class LightSource(Enum):
@@ -113,17 +114,24 @@ class DrawItem:
         return Sphere(linear @ center + self.object_from_mesh[:3, 3], scale * radius)
 
     def shows(self, viewpoint_from_mesh: NDArray[np.float64]) -> bool:
-        """False if nothing of the item is visible, as from within a closed surface.
+        """False if nothing of the item is visible: the viewpoint is within a closed surface.
+
+        True for large meshes, whatever they show, since the search takes time in each frame.
 
         Args:
             viewpoint_from_mesh: (4, 4) transform to the viewpoint's frame.
         """
-        if self.material.double_sided or self.mesh.deformation is not None:
+        is_plain = not self.material.double_sided and self.mesh.deformation is None
+        if not is_plain or self.triangles > _MAX_SEARCHED_TRIANGLES:
             return True
-        viewpoint = -np.linalg.solve(viewpoint_from_mesh[:3, :3], viewpoint_from_mesh[:3, 3])
-        first, second, third = np.moveaxis(self.mesh.positions[self.mesh.triangles], 1, 0)
-        normals = np.cross(second - first, third - first)
-        return bool(np.any(np.einsum("nc,nc->n", normals, viewpoint - first) > 0.0))
+        places_m = self.mesh.positions @ viewpoint_from_mesh[:3, :3].T + viewpoint_from_mesh[:3, 3]
+        low_m, high_m = bounds_of(places_m)
+        if np.any(low_m > 0.0) or np.any(high_m < 0.0):
+            return True
+        first_m, second_m, third_m = np.moveaxis(places_m[self.mesh.triangles], 1, 0)
+        normals = np.cross(second_m - first_m, third_m - first_m)
+        ahead = np.einsum("nc,nc->n", normals, first_m)  # positive: it turns away
+        return bool(np.any(ahead > 0.0 if self.flips_winding else ahead < 0.0))
 
     @property
     def moves(self) -> bool:

@@ -28,3 +28,11 @@ def test_a_closed_surface_shows_nothing_to_a_viewpoint_within_it(context, double
         transforms = buffers.instance_transforms(np.array(viewpoint_m))
         shows = buffers.draw_items[0].shows(transforms.viewpoint_from_mesh[0])
         assert shows is (double_sided or not is_within)
+
+
+def test_a_flat_instance_shows_itself(context):
+    """Its transform cannot be inverted."""
+    flat = np.diag((1.0, 1.0, 0.0, 1.0))
+    buffers = SceneBuffers(context, scene_of([_ball()], [Material()], [flat]))
+    transforms = buffers.instance_transforms(np.array((0.2, 0.0, 0.5)))
+    assert buffers.draw_items[0].shows(transforms.viewpoint_from_mesh[0])
