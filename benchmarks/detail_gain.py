@@ -5,8 +5,8 @@ triangles, 360 px. `SCENE` may be a built-in scene, a file, or a number of trian
 Simplified scenes, each made for one viewpoint, stand beside the whole one:
 
 - simplified: meshoptimizer collapses edges until the surface is a bound of pixels away, and removes
-  parts that are smaller. Its error is a mean: single vertices
-  move three times as far. A mesh's bound is that of its nearest vertex.
+  parts that are smaller. Its error is a mean: single vertices move three times as far. A mesh's
+  bound is that of its nearest vertex.
 - near: triangles beyond a distance are left out. It is no level of detail, but cheaper than any:
   everything farther away costs nothing, and is missing.
 
@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -34,6 +35,7 @@ from benchmarks.pipeline_parts import RepeatedFrame
 from benchmarks.settings import SETTINGS, at_setting
 from benchmarks.suites.scaling import SETTING, SIZE_PX, STREET
 from benchmarks.town import build_town
+from omnisim.core.errors import OmnisimError
 from omnisim.core.extras import require_extra
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
@@ -182,16 +184,25 @@ def main() -> None:
     parser.add_argument("scene", nargs="?", default=TOWN, metavar="SCENE")
     parser.add_argument("--size", nargs="+", type=int, default=[SIZE_PX], metavar="PX")
     arguments = parser.parse_args()
-    require_extra("meshopt", "levels of detail")
     try:
-        scene, pose = build_town(int(float(arguments.scene))), STREET[0]
-    except ValueError:
-        scene = load_scene(arguments.scene)
+        require_extra("meshopt", "levels of detail")
+        scene, pose = _scene_and_pose(arguments.scene)
+        for size_px in arguments.size:
+            print(f"{arguments.scene}, {size_px} px")
+            _compare(scene, pose, size_px)
+    except OmnisimError as reason:
+        sys.exit(f"error: {reason}")
+
+
+def _scene_and_pose(name: str) -> tuple[Scene, NDArray[np.float64]]:
+    """Town of so many triangles, or scene, and the pose (4, 4) of the camera in it."""
+    try:
+        triangles = int(float(name))
+    except (ValueError, OverflowError):
+        scene = load_scene(name)
         start = scene.start
-        pose = OmniCamera().base_pose(start.position_m, start.yaw_deg)
-    for size_px in arguments.size:
-        print(f"{arguments.scene}, {size_px} px")
-        _compare(scene, pose, size_px)
+        return scene, OmniCamera().base_pose(start.position_m, start.yaw_deg)
+    return build_town(triangles), STREET[0]
 
 
 if __name__ == "__main__":
