@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.baking.atlas.packing import pack
+from omnisim.rendering.baking.atlas.xatlas_threads import atlas_of_sleeping_threads
 from omnisim.scene.model import Mesh
 
 
@@ -46,16 +47,16 @@ def unwrap(mesh: Mesh, texels_from_mesh: NDArray[np.float64]) -> Unwrapping | No
     import xatlas
 
     positions = mesh.positions.astype(np.float64) @ texels_from_mesh.T
-    atlas = xatlas.Atlas()
-    atlas.add_mesh(positions.astype(np.float32), mesh.triangles)
     options = xatlas.PackOptions()
     options.texels_per_unit, options.rotate_charts_to_axis = 1.0, True
-    atlas.generate(xatlas.ChartOptions(), options)
-    if atlas.width == 0 or atlas.height == 0:
-        return None
-    vertex_of, triangles, uv = atlas[0]
-    places_px = uv.astype(np.float64) * (atlas.width, atlas.height)
-    _, chart_of = np.unique(atlas.get_mesh_vertex_assignment(0)[1], return_inverse=True)
+    with atlas_of_sleeping_threads() as atlas:
+        atlas.add_mesh(positions.astype(np.float32), mesh.triangles)
+        atlas.generate(xatlas.ChartOptions(), options)
+        if atlas.width == 0 or atlas.height == 0:
+            return None
+        vertex_of, triangles, uv = atlas[0]
+        places_px = uv.astype(np.float64) * (atlas.width, atlas.height)
+        _, chart_of = np.unique(atlas.get_mesh_vertex_assignment(0)[1], return_inverse=True)
     rects_px, size_px = _pack_charts(places_px, chart_of)
     return Unwrapping(
         vertex_of.astype(np.int32),
