@@ -2,6 +2,8 @@
 // void pass_material(): passes texture coordinates, with TEXTURED or TEXTURE_COORDINATES; for
 //     clusters, whose draw calls have many materials, also texture layer and alpha cutoff.
 // vec4 vertex_color(): linear base color.
+// Clusters have color, layer and cutoff in a palette, whose layout is that of
+// omnisim/rendering/opengl/geometry/vertex_palette.py.
 
 #if defined(TEXTURED) || defined(TEXTURE_COORDINATES)
 layout(location = 2) in vec2 in_texture_coordinate;
@@ -14,12 +16,23 @@ void pass_texture_coordinate() {
 void pass_texture_coordinate() {}
 #endif
 
+#ifdef CLUSTERED
+layout(location = 3) in uint in_material;  // entry of the palette
+layout(binding = 19) uniform sampler2D u_palette;
+
+const uint PALETTE_TEXELS = 2u, PALETTE_ROW_BITS = 12u;
+
+vec4 palette_texel(uint number) {
+    uint at = PALETTE_TEXELS * in_material + number, row = at >> PALETTE_ROW_BITS;
+    return texelFetch(u_palette, ivec2(at - (row << PALETTE_ROW_BITS), row), 0);
+}
+#endif
+
 #if defined(CLUSTERED) && (defined(TEXTURED) || defined(ALPHA_MASK) || defined(ALPHA_BLEND))
-layout(location = 4) in vec2 in_material;
 flat out vec2 v_material;
 
 void pass_layer_and_cutoff() {
-    v_material = in_material;
+    v_material = palette_texel(1u).xy;
 }
 #else
 void pass_layer_and_cutoff() {}
@@ -30,12 +43,12 @@ void pass_material() {
     pass_layer_and_cutoff();
 }
 
-layout(location = 3) in vec4 in_color;  // for clusters, multiplied by the material's color
 #ifdef CLUSTERED
 vec4 vertex_color() {
-    return in_color;
+    return palette_texel(0u);
 }
 #else
+layout(location = 3) in vec4 in_color;
 uniform vec4 u_base_color;
 
 vec4 vertex_color() {

@@ -19,6 +19,7 @@ from omnisim.rendering.opengl.geometry.clustered_geometry import (
 )
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.vertex_format import cluster_vertex_array
+from omnisim.rendering.opengl.geometry.vertex_palette import PALETTE_UNIT, VertexPalette
 from omnisim.rendering.opengl.gl_functions import COMMAND_BYTES, IndirectDraws, StorageBindings
 from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
@@ -81,10 +82,10 @@ class BlendedDrawer:
     ):
         self._context, self._culler, self._program = context, culler, program
         self._arrays = arrays_of(items)
-        vertices, triangles = object_triangles(items, geometry.anchor_m)
-        counts = np.array([len(item.mesh.positions) for item in items])
+        palette = VertexPalette()
         kinds = [self._kind(item) for item in items]
-        vertices["in_material"][:, 1] = np.repeat(np.array(kinds, dtype=np.float32), counts)
+        vertices, triangles = object_triangles(items, geometry.anchor_m, palette, kinds)
+        self._palette = palette.texture(context)
         views, total = culler.views, len(triangles)
         centers = np.zeros((total, 4), dtype=np.float32)
         centers[:, :3] = vertices["in_position"][triangles].mean(axis=1, dtype=np.float64)
@@ -131,6 +132,7 @@ class BlendedDrawer:
         self._state.set_culling(False)
         for unit, array in enumerate(self._arrays):
             self._state.bind_texture(unit, array.array.glo)
+        self._state.bind_texture(PALETTE_UNIT, self._palette.glo)
         draws.bind(self._commands.glo, self._count.glo, self._vertices.glo)
         draws.use_program(self._program.glo)
         draws.drawing(0, 0, commands)()

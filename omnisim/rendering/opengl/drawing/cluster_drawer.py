@@ -16,6 +16,7 @@ from omnisim.rendering.opengl.culling.command_slices import BANDS, CommandRange
 from omnisim.rendering.opengl.drawing.material_units import map_units
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
 from omnisim.rendering.opengl.geometry.vertex_format import cluster_vertex_array
+from omnisim.rendering.opengl.geometry.vertex_palette import PALETTE_UNIT
 from omnisim.rendering.opengl.gl_functions import IndirectDraws
 from omnisim.rendering.opengl.gl_state import GlState
 
@@ -67,7 +68,8 @@ class DrawBatches:
         find_program: Callable[[Bucket], BucketProgram],
         both_sides: bool,
     ):
-        states = [_state(one, find_program(one), both_sides) for one in geometry.buckets]
+        palette = geometry.palette.glo
+        states = [_state(one, find_program(one), both_sides, palette) for one in geometry.buckets]
         runs = [(state, len(list(run))) for state, run in groupby(states)]
         self.states = [state for state, _ in runs]
         ends = np.cumsum([length for _, length in runs])
@@ -75,17 +77,15 @@ class DrawBatches:
         self.groups: NDArray[np.intp] = np.diff(groups)
 
 
-def _state(bucket: Bucket, shader: BucketProgram, both_sides: bool) -> DrawState:
-    arrays = [(0, "u_textures", bucket.array)]
-    arrays += [(*one, array) for one, array in zip(map_units(), bucket.maps or (), strict=False)]
+def _state(bucket: Bucket, shader: BucketProgram, both_sides: bool, palette: int) -> DrawState:
+    units = [(0, "u_textures"), *map_units()]
+    arrays = zip(units, (bucket.array, *(bucket.maps or ())), strict=False)
+    textures = [(*unit, array.array.glo) for unit, array in arrays if array is not None]
+    textures.append((PALETTE_UNIT, "u_palette", palette))
     return DrawState(
         shader,
         bucket.double_sided or both_sides,
-        tuple(
-            (unit, array.array.glo)
-            for unit, name, array in arrays
-            if array is not None and name in shader.program
-        ),
+        tuple((unit, texture) for unit, name, texture in textures if name in shader.program),
     )
 
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
 from omnisim.rendering.opengl.geometry.light_baking import Shading, bake_directional_light, shadings
-from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX, fill_vertices
+from omnisim.rendering.opengl.geometry.vertex_palette import VertexPalette
+from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX
 from omnisim.scene.model import Lighting
 
 # Relative to white: a third of an 8-bit step in the dark, where steps are finest; a hundredth at
@@ -31,12 +32,14 @@ class ShadedTriangles(NamedTuple):
 
     Attributes:
         vertices: buffer of `CLUSTER_VERTEX`.
+        palette: palette of the vertices.
         triangles: (m, 3) indices of the vertices.
         corners: (m, 3, 3) positions of the three corners per triangle.
         shading: (m,) values of `Shading`.
     """
 
     vertices: moderngl.Buffer
+    palette: VertexPalette
     triangles: NDArray[np.uint32]
     corners: NDArray[np.float32]
     shading: NDArray[np.int8]
@@ -60,13 +63,14 @@ def shaded_triangles(
     next_copy = sum(len(item.mesh.positions) for item in items)
     made = ShadedTriangles(
         context.buffer(reserve=_VERTEX_BYTES * (next_copy + next_copy // _ROOM_FOR_COPIES)),
+        VertexPalette(),
         np.empty((total, 3), dtype="<u4"),
         np.empty((total, 3, 3), dtype=np.float32),
         np.empty(total, dtype=np.int8),
     )
     first, base, copies = 0, 0, []
     for batch in _batches(items):
-        vertices, triangles = object_triangles(batch, anchor_m)
+        vertices, triangles = object_triangles(batch, anchor_m, made.palette)
         own = slice(first, first + len(triangles))
         made.corners[own] = np.ascontiguousarray(vertices["in_position"])[triangles]
         shading, normals = _shading(batch, vertices, triangles, lighting)
@@ -133,27 +137,37 @@ def _shading(
 
 
 def object_triangles(
-    items: Sequence[DrawItem], anchor_m: NDArray[np.float64]
+    items: Sequence[DrawItem],
+    anchor_m: NDArray[np.float64],
+    palette: VertexPalette,
+    kinds: Sequence[float] = (),
 ) -> tuple[NDArray[np.void], NDArray[np.uint32]]:
     """Vertices (n,) of type `CLUSTER_VERTEX` and triangles (m, 3) of items, with equal winding.
 
-    Vertices of dynamic objects are in the object's frame, static ones relative to the anchor (3,).
+    Vertices of dynamic objects are in the object's frame, static ones relative to the anchor.
+
+    Args:
+        items: draw items.
+        anchor_m: (3,) anchor, world.
+        palette: palette that gets the materials of the vertices.
+        kinds: kinds of blended materials, in place of alpha cutoffs.
     """
     vertices = np.zeros(sum(len(item.mesh.positions) for item in items), dtype=CLUSTER_VERTEX)
     triangles = []
     base = 0
-    for item in items:
+    cutoffs = kinds or [item.material.hit_cutoff for item in items]
+    for item, cutoff in zip(items, cutoffs, strict=True):
         mesh, matrix = item.mesh, item.object_from_mesh
         part = vertices[base : base + len(mesh.positions)]
-        fill_vertices(part, mesh)
         origin_m = anchor_m if item.object_index is None else np.zeros(3)
         part["in_position"] = mesh.positions @ matrix[:3, :3].T + (matrix[:3, 3] - origin_m)
-        # vertex colors are half floats, as in the scene's vertex buffer
-        colors = part["in_color"].astype(np.float16).astype(np.float32)
-        part["in_color"] = colors * np.array(item.material.base_color, dtype=np.float32)
-        part["in_material"] = item.texture_layer.layer, item.material.hit_cutoff
         if mesh.normals is not None:
             part["in_normal"] = mesh.normals @ item.normal_from_mesh.T
+        if mesh.texture_coordinates is not None:
+            part["in_texture_coordinate"] = mesh.texture_coordinates
+        part["in_material"] = palette.add(
+            mesh.colors, item.material.base_color, item.texture_layer.layer, cutoff
+        )
         own = mesh.triangles[:, (0, 2, 1)] if item.flips_winding else mesh.triangles
         triangles.append(own + np.uint32(base))
         base += len(part)

@@ -68,6 +68,7 @@ class ClusteredGeometry:
             contained draw items.
         contains: (items,), mask of the scene's draw items in here.
         vertices: buffer of `CLUSTER_VERTEX`, in the frames of their objects.
+        palette: texture of the vertices' palette.
         bucket_of_cluster: (clusters,) bucket index.
         triangles_of_item: number of triangles of each contained draw item.
         indices: index buffer of the triangles, cluster by cluster; degenerate for hidden items.
@@ -82,6 +83,7 @@ class ClusteredGeometry:
     hierarchy: ClusterHierarchy
     contains: NDArray[np.bool_]
     vertices: moderngl.Buffer
+    palette: moderngl.Texture
     bucket_of_cluster: NDArray[np.intp]
     triangles_of_item: NDArray[np.intp]
     indices: moderngl.Buffer
@@ -182,6 +184,7 @@ def build_clustered_geometry(
         hierarchy=hierarchy,
         contains=contains,
         vertices=made.vertices,
+        palette=made.palette.texture(context),
         bucket_of_cluster=np.repeat(bucket_of_group, hierarchy.groups.children),
         triangles_of_item=counts,
         indices=index_buffer,

@@ -62,10 +62,9 @@ def shadings(
         none = ~has_normal[triangles].any(axis=1)
         normals[none] = _units(fronts[none])
         baked |= none & normals.any(axis=1)
-    colors = vertices["in_color"]
-    if (colors != 1.0).any():
-        own = colors[triangles]
-        baked &= (own == own[:, :1]).all(axis=(1, 2))
+    colors = np.ascontiguousarray(vertices["in_material"])
+    first, second, third = (np.take(colors, corner) for corner in corners)
+    baked &= (first == second) & (first == third)
     for light in lighting.lights:
         if light.casts_shadow:
             baked &= ~(normals @ light.direction < 0.0)

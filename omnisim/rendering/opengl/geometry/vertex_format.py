@@ -61,11 +61,12 @@ def _bind_attributes(
 ) -> None:
     """Bind the fields of a record to consecutive locations, one per matrix row."""
     for name, (field, offset, *_) in (record.fields or {}).items():
-        rows, columns = field.shape if len(field.shape) == 2 else (1, *field.shape)
+        rows, columns = (1, 1, *field.shape)[-2:]
+        kind = "i" if field.base.kind == "u" else "f"
         for row in range(rows if name.startswith(_ATTRIBUTE) else 0):
             at = offset + row * columns * field.base.itemsize
-            form = f"{columns}f{field.base.itemsize}"
-            array.bind(location, "f", buffer, form, at, record.itemsize, divisor)
+            form = f"{columns}{field.base.kind}{field.base.itemsize}"
+            array.bind(location, kind, buffer, form, at, record.itemsize, divisor)
             location += 1
 
 

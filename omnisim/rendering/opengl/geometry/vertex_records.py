@@ -23,8 +23,7 @@ CLUSTER_VERTEX = np.dtype(  # carries its material, for any draw call
         ("in_position", "<f4", 3),
         ("in_normal", "<f4", 3),
         ("in_texture_coordinate", "<f4", 2),
-        ("in_color", "<f4", 4),  # times the base color
-        ("in_material", "<f4", 2),  # layer of the texture array, and alpha cutoff
+        ("in_material", "<u4"),  # entry of the palette: color, texture layer, alpha cutoff
     ]
 )
 INSTANCE = np.dtype(  # one object in one view, as in shaders/culling/views.glsl
@@ -38,7 +37,7 @@ INSTANCE = np.dtype(  # one object in one view, as in shaders/culling/views.glsl
 
 
 def fill_vertices(vertices: NDArray[np.void], mesh: Mesh) -> None:
-    """Write a mesh's vertices to records of `VERTEX` or `CLUSTER_VERTEX`."""
+    """Write a mesh's vertices to records of `VERTEX`."""
     vertices["in_position"] = mesh.positions
     vertices["in_color"] = 1.0
     if mesh.normals is not None:

@@ -17,10 +17,10 @@ CORNERS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
 LIGHTING = Lighting((0.1, 0.2, 0.3), (SUN,))
 
 
-def _shading(normals, colors=None, corners=CORNERS, lighting=LIGHTING):
+def _shading(normals, materials=(7, 7, 7), corners=CORNERS, lighting=LIGHTING):
     vertices = np.zeros(3, dtype=CLUSTER_VERTEX)
     vertices["in_position"], vertices["in_normal"] = corners, normals
-    vertices["in_color"] = 1.0 if colors is None else colors
+    vertices["in_material"] = materials
     values, directions = shadings(
         vertices, np.array([[0, 1, 2]], dtype=np.uint32), lighting, np.ones(1, dtype=np.bool_)
     )
@@ -57,8 +57,9 @@ def test_light_of_another_triangle_is_not(normals, kind):
 
 
 def test_many_colors_no_area_and_punctual_lights_are_not_baked():
-    assert _shading([UP] * 3, np.eye(4)[:3])[0] is Shading.NORMALS_AGREE
-    assert _shading([UP] * 3, [(0.5, 0.0, 1.0, 1.0)] * 3)[0] is Shading.BAKED
+    for materials in ((7, 8, 7), (7, 7, 8)):
+        assert _shading([UP] * 3, materials)[0] is Shading.NORMALS_AGREE
+    assert _shading([UP] * 3)[0] is Shading.BAKED
     assert _shading([NONE] * 3, corners=[CORNERS[0]] * 3)[0] is Shading.UNKNOWN
     beside = Lighting((0.1, 0.2, 0.3), (SUN, LAMP))
     assert _shading([UP] * 3, lighting=beside)[0] is Shading.NORMALS_AGREE
