@@ -11,12 +11,11 @@
 #ifdef BAKED
 flat
 #endif
-out vec4 v_color;  // base color, times light if it is computed at the vertices
+out vec4 v_color;  // base color, times light if that is baked
 
 void main() {
     gl_Position = clip_position();
-    vec4 color = vertex_color();
-    v_color = vec4(color.rgb * vertex_light(), color.a);
+    v_color = vertex_color();
     pass_material();
     pass_light_coordinate();
     pass_placement();

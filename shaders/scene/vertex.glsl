@@ -25,8 +25,8 @@ layout(location = 0) in vec3 in_position;
 out float gl_ClipDistance[5];  // the last one is that of scene/mirror_clip.glsl
 #endif
 #ifdef CLUSTERED
-layout(location = 6) in mat4 in_clip_from_object;
-layout(location = 10) in vec4 in_placement;  // scale and shift of the tile in the atlas
+layout(location = 5) in mat4 in_clip_from_object;
+layout(location = 9) in vec4 in_placement;  // scale and shift of the tile in the atlas
 #ifndef IN_MIRROR
 out float gl_ClipDistance[4];
 #endif

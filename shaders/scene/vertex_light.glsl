@@ -1,20 +1,7 @@
-// Light on a surface, computed at its vertices.
-// vec3 vertex_light(): light on a white surface, linear RGB, with BAKED; else 1.
+// Lightmap coordinates of vertices.
 // void pass_light_coordinate(): with LIGHTMAP, passes the lightmap coordinates of each side.
 // u_light_rectangles  lightmap regions (left, top, width, height) of an item's sides; coordinates
 //     of clusters already include them
-
-#ifdef BAKED
-layout(location = 1) in vec3 in_light;
-
-vec3 vertex_light() {
-    return in_light;
-}
-#else
-vec3 vertex_light() {
-    return vec3(1.0);
-}
-#endif
 
 #ifdef LIGHTMAP
 #ifdef BOTH_SIDES
@@ -24,7 +11,7 @@ vec3 vertex_light() {
 #define SIDES 1
 #define LIGHT_COORDINATE vec2
 #endif
-layout(location = 5) in LIGHT_COORDINATE in_light_coordinate;  // front side, then back side
+layout(location = 4) in LIGHT_COORDINATE in_light_coordinate;  // front side, then back side
 out LIGHT_COORDINATE v_light_coordinate;
 #ifdef CLUSTERED
 void pass_light_coordinate() {

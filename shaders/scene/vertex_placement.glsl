@@ -5,7 +5,7 @@
 // u_normal_from_mesh     cofactor matrix of it, for normals under any scale
 
 #if defined(CLUSTERED) && (defined(LIT) || defined(POSITION))
-layout(location = 11) in mat3x4 in_viewpoint_from_object;  // rows of a rigid transform
+layout(location = 10) in mat3x4 in_viewpoint_from_object;  // rows of a rigid transform
 #endif
 
 #ifdef POSITION
@@ -26,7 +26,7 @@ void pass_position() {}
 #endif
 
 #ifdef LIT
-layout(location = 1) in vec3 in_normal;
+layout(location = 3) in vec3 in_normal;
 out vec3 v_normal;
 #ifdef CLUSTERED
 void pass_normal() {

@@ -84,7 +84,7 @@ class BlendedDrawer:
         self._arrays = arrays_of(items)
         palette = VertexPalette()
         kinds = [self._kind(item) for item in items]
-        vertices, triangles = object_triangles(items, geometry.anchor_m, palette, kinds)
+        vertices, normals, triangles = object_triangles(items, geometry.anchor_m, palette, kinds)
         self._palette = palette.texture(context)
         views, total = culler.views, len(triangles)
         centers = np.zeros((total, 4), dtype=np.float32)
@@ -100,6 +100,7 @@ class BlendedDrawer:
             context.buffer(vertices),
             indices,
             culler.instances,
+            context.buffer(normals),
             item_light_coordinates(context, items),
         )
         self._shader = build_compute_shader(context, "culling/blended.comp")

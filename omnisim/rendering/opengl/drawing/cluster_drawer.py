@@ -117,6 +117,7 @@ class ClusterDrawer:
             geometry.vertices,
             geometry.indices,
             culler.instances,
+            geometry.normals,
             geometry.light_coordinates,
         )
         # equal in all frames

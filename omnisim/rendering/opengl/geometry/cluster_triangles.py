@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
 from omnisim.rendering.opengl.geometry.light_baking import Shading, bake_directional_light, shadings
 from omnisim.rendering.opengl.geometry.vertex_palette import VertexPalette
-from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX
+from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX, NORMAL_BYTES
 from omnisim.scene.model import Lighting
 
 # Relative to white: a third of an 8-bit step in the dark, where steps are finest; a hundredth at
@@ -32,6 +32,7 @@ class ShadedTriangles(NamedTuple):
 
     Attributes:
         vertices: buffer of `CLUSTER_VERTEX`.
+        normals: buffer of the vertices' normals; None: no mesh has any.
         palette: palette of the vertices.
         triangles: (m, 3) indices of the vertices.
         corners: (m, 3, 3) positions of the three corners per triangle.
@@ -39,6 +40,7 @@ class ShadedTriangles(NamedTuple):
     """
 
     vertices: moderngl.Buffer
+    normals: moderngl.Buffer | None
     palette: VertexPalette
     triangles: NDArray[np.uint32]
     corners: NDArray[np.float32]
@@ -61,8 +63,11 @@ def shaded_triangles(
     """
     total = sum(item.triangles for item in items)
     next_copy = sum(len(item.mesh.positions) for item in items)
+    room = next_copy + next_copy // _ROOM_FOR_COPIES
+    has_normals = any(item.mesh.normals is not None for item in items)
     made = ShadedTriangles(
-        context.buffer(reserve=_VERTEX_BYTES * (next_copy + next_copy // _ROOM_FOR_COPIES)),
+        context.buffer(reserve=_VERTEX_BYTES * room),
+        context.buffer(reserve=NORMAL_BYTES * room) if has_normals else None,
         VertexPalette(),
         np.empty((total, 3), dtype="<u4"),
         np.empty((total, 3, 3), dtype=np.float32),
@@ -70,31 +75,37 @@ def shaded_triangles(
     )
     first, base, copies = 0, 0, []
     for batch in _batches(items):
-        vertices, triangles = object_triangles(batch, anchor_m, made.palette)
+        vertices, vertex_normals, triangles = object_triangles(batch, anchor_m, made.palette)
         own = slice(first, first + len(triangles))
         made.corners[own] = np.ascontiguousarray(vertices["in_position"])[triangles]
-        shading, normals = _shading(batch, vertices, triangles, lighting)
+        shading, normals = _shading(batch, vertices, vertex_normals, triangles, lighting)
         baked = shading == Shading.BAKED.value
         lights = bake_directional_light(normals[baked], lighting)
         # copies follow the vertices of all items
-        copies.append(_bake(vertices, triangles, baked, lights, next_copy - base))
+        copies.append(_bake(vertices, triangles, baked, lights, next_copy - base, made.palette))
         made.vertices.write(vertices, offset=base * _VERTEX_BYTES)
+        if made.normals is not None:
+            made.normals.write(vertex_normals, offset=base * NORMAL_BYTES)
         np.add(triangles, np.uint32(base), out=made.triangles[own])
         made.shading[own] = shading
         first, base = own.stop, base + len(vertices)
         next_copy += len(copies[-1])
     vertices = np.concatenate(copies)
-    return made._replace(vertices=_appended(made.vertices, _VERTEX_BYTES * base, vertices))
+    made = made._replace(vertices=_appended(made.vertices, _VERTEX_BYTES * base, vertices))
+    if made.normals is None:
+        return made
+    none = np.zeros((len(vertices), 3), dtype=np.float32)  # copies are baked: none is needed
+    return made._replace(normals=_appended(made.normals, NORMAL_BYTES * base, none))
 
 
-def _appended(buffer: moderngl.Buffer, used: int, vertices: NDArray[np.void]) -> moderngl.Buffer:
-    """Buffer with more vertices behind its used bytes; a larger one if it has no room."""
-    if used + vertices.nbytes > buffer.size:
-        larger = buffer.ctx.buffer(reserve=used + vertices.nbytes)
+def _appended(buffer: moderngl.Buffer, used: int, values: NDArray[np.generic]) -> moderngl.Buffer:
+    """Buffer with more values behind its used bytes; a larger one if it has no room."""
+    if used + values.nbytes > buffer.size:
+        larger = buffer.ctx.buffer(reserve=used + values.nbytes)
         buffer.ctx.copy_buffer(larger, buffer, size=used)
         buffer = larger
-    if vertices.nbytes:
-        buffer.write(vertices, offset=used)
+    if values.nbytes:
+        buffer.write(values, offset=used)
     return buffer
 
 
@@ -114,6 +125,7 @@ def _batches(items: Sequence[DrawItem]) -> Iterator[list[DrawItem]]:
 def _shading(
     items: Sequence[DrawItem],
     vertices: NDArray[np.void],
+    vertex_normals: NDArray[np.float32],
     triangles: NDArray[np.uint32],
     lighting: Lighting,
 ) -> tuple[NDArray[np.int8], NDArray[np.float32]]:
@@ -123,7 +135,8 @@ def _shading(
     )
     is_static = np.array([item.object_index is None for item in items])
     is_bakeable = is_static & (lighting.baked is None)
-    shading, normals = shadings(vertices, triangles, lighting, is_bakeable[item_of_triangle])
+    static = is_bakeable[item_of_triangle]
+    shading, normals = shadings(vertices, vertex_normals, triangles, lighting, static)
     # double-sided or unlit: facts about the front face do not apply
     ignores = [item.material.double_sided or item.material.unlit for item in items]
     shading[np.array(ignores)[item_of_triangle]] = Shading.UNKNOWN.value
@@ -141,10 +154,11 @@ def object_triangles(
     anchor_m: NDArray[np.float64],
     palette: VertexPalette,
     kinds: Sequence[float] = (),
-) -> tuple[NDArray[np.void], NDArray[np.uint32]]:
-    """Vertices (n,) of type `CLUSTER_VERTEX` and triangles (m, 3) of items, with equal winding.
+) -> tuple[NDArray[np.void], NDArray[np.float32], NDArray[np.uint32]]:
+    """Vertices (n,) of type `CLUSTER_VERTEX`, their normals (n, 3), and triangles (m, 3) of items.
 
     Vertices of dynamic objects are in the object's frame, static ones relative to the anchor.
+    Normals have any length; zero: flat. All triangles have the same winding.
 
     Args:
         items: draw items.
@@ -153,6 +167,7 @@ def object_triangles(
         kinds: kinds of blended materials, in place of alpha cutoffs.
     """
     vertices = np.zeros(sum(len(item.mesh.positions) for item in items), dtype=CLUSTER_VERTEX)
+    normals = np.zeros((len(vertices), 3), dtype=np.float32)
     triangles = []
     base = 0
     cutoffs = kinds or [item.material.hit_cutoff for item in items]
@@ -162,7 +177,7 @@ def object_triangles(
         origin_m = anchor_m if item.object_index is None else np.zeros(3)
         part["in_position"] = mesh.positions @ matrix[:3, :3].T + (matrix[:3, 3] - origin_m)
         if mesh.normals is not None:
-            part["in_normal"] = mesh.normals @ item.normal_from_mesh.T
+            normals[base : base + len(part)] = mesh.normals @ item.normal_from_mesh.T
         if mesh.texture_coordinates is not None:
             part["in_texture_coordinate"] = mesh.texture_coordinates
         part["in_material"] = palette.add(
@@ -171,7 +186,7 @@ def object_triangles(
         own = mesh.triangles[:, (0, 2, 1)] if item.flips_winding else mesh.triangles
         triangles.append(own + np.uint32(base))
         base += len(part)
-    return vertices, np.concatenate(triangles)
+    return vertices, normals, np.concatenate(triangles)
 
 
 def _bake(
@@ -180,25 +195,26 @@ def _bake(
     baked: NDArray[np.bool_],
     lights: NDArray[np.float32],
     first_copy: int,
+    palette: VertexPalette,
 ) -> NDArray[np.void]:
     """Bake lights (k, 3) into the vertices of the triangles that `baked` (m,) selects.
 
     Vertices and triangles are changed in place.
 
     Returns:
-        Copies of those vertices that need two lights, or light and a normal; `first_copy` is the
-            index of the first.
+        Copies of those vertices that need two lights; `first_copy` is the index of the first.
     """
     own = triangles[baked].ravel()
     lights = np.repeat(lights, 3, axis=0)
     light_at_vertex = np.zeros((len(vertices), 3), dtype=np.float32)
     light_at_vertex[own] = lights  # of one of the triangles that share the vertex
-    light_at_vertex[triangles[~baked].ravel()] = np.inf  # these keep their normal
     fits = (np.abs(np.take(light_at_vertex, own, axis=0) - lights) < _SAME_LIGHT).all(axis=1)
-    fitting = own[fits]
-    vertices["in_normal"][fitting] = np.take(light_at_vertex, fitting, axis=0)
     copies: NDArray[np.void] = vertices[own[~fits]]
-    copies["in_normal"] = lights[~fits]
+    copies["in_material"] = palette.lit(copies["in_material"], lights[~fits])
+    is_lit = np.zeros(len(vertices), dtype=np.bool_)
+    is_lit[own] = True
+    lit = palette.lit(vertices["in_material"][is_lit], light_at_vertex[is_lit])
+    vertices["in_material"][is_lit] = lit
     own[~fits] = np.arange(first_copy, first_copy + len(copies))
     triangles[baked] = own.reshape(-1, 3)
     return copies

@@ -68,7 +68,8 @@ class ClusteredGeometry:
             contained draw items.
         contains: (items,), mask of the scene's draw items in here.
         vertices: buffer of `CLUSTER_VERTEX`, in the frames of their objects.
-        palette: texture of the vertices' palette.
+        normals: buffer of their normals, 3 floats each; None: no mesh has any.
+        palette: texture of their palette.
         bucket_of_cluster: (clusters,) bucket index.
         triangles_of_item: number of triangles of each contained draw item.
         indices: index buffer of the triangles, cluster by cluster; degenerate for hidden items.
@@ -83,6 +84,7 @@ class ClusteredGeometry:
     hierarchy: ClusterHierarchy
     contains: NDArray[np.bool_]
     vertices: moderngl.Buffer
+    normals: moderngl.Buffer | None
     palette: moderngl.Texture
     bucket_of_cluster: NDArray[np.intp]
     triangles_of_item: NDArray[np.intp]
@@ -184,6 +186,7 @@ def build_clustered_geometry(
         hierarchy=hierarchy,
         contains=contains,
         vertices=made.vertices,
+        normals=made.normals,
         palette=made.palette.texture(context),
         bucket_of_cluster=np.repeat(bucket_of_group, hierarchy.groups.children),
         triangles_of_item=counts,

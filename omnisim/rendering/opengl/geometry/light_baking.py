@@ -28,6 +28,7 @@ class Shading(Enum):
 
 def shadings(
     vertices: NDArray[np.void],
+    vertex_normals: NDArray[np.float32],
     triangles: NDArray[np.uint32],
     lighting: Lighting,
     static: NDArray[np.bool_],
@@ -36,6 +37,7 @@ def shadings(
 
     Args:
         vertices: (n,) records of type `CLUSTER_VERTEX`, static ones in world axes.
+        vertex_normals: (n, 3) normals of any length; zero: flat.
         triangles: (m, 3) vertex indices.
         lighting: lighting of the scene.
         static: (m,) mask; light on dynamic triangles changes with their pose.
@@ -44,7 +46,7 @@ def shadings(
         Values (m,) of `Shading`, and unit normals (m, 3), valid for baked triangles.
     """
     positions = np.ascontiguousarray(vertices["in_position"])
-    units = _units(np.ascontiguousarray(vertices["in_normal"]))
+    units = _units(vertex_normals)
     corners = triangles.T
     origins, seconds, thirds = (np.take(positions, corner, axis=0) for corner in corners)
     fronts: NDArray[np.float32] = np.cross(seconds - origins, thirds - origins)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from omnisim.rendering.opengl.culling.clusters import MAX_COPIED_TRIANGLES
-from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX, VERTEX
+from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX, NORMAL_BYTES, VERTEX
 from omnisim.scene.model import Scene
 from omnisim.scene.summary import memory_bytes
 
@@ -18,7 +18,8 @@ def gpu_bytes(scene: Scene) -> int:
 
     Clusters have all opaque and masked meshes once, and further instances' copies of them, up to
     `MAX_COPIED_TRIANGLES`. If instances remain that are drawn one by one, buffers for all meshes
-    are added, as they are for ground truth. Cameras add their images, and at most 128 MiB of draw
+    are added, as they are for ground truth. The palette of the clusters' vertices is small, unless
+    vertices have many colors. Cameras add their images, and at most 128 MiB of draw
     commands each.
     """
     vertices = np.array([len(mesh.positions) for mesh in scene.meshes], dtype=np.int64)
@@ -36,7 +37,9 @@ def gpu_bytes(scene: Scene) -> int:
     copied = np.cumsum(triangles[used] * is_copy)
     is_clustered = ~is_single[used] & (~is_copy | (copied <= MAX_COPIED_TRIANGLES))
     clustered = used[is_clustered]
-    kept = CLUSTER_VERTEX.itemsize * vertices[clustered].sum()
+    has_normals = any(scene.meshes[index].normals is not None for index in set(clustered.tolist()))
+    vertex_bytes = CLUSTER_VERTEX.itemsize + (NORMAL_BYTES if has_normals else 0)
+    kept = vertex_bytes * vertices[clustered].sum()
     kept += _TRIANGLE_BYTES * triangles[clustered].sum()
     if not is_clustered.all():
         kept += VERTEX.itemsize * vertices.sum() + _TRIANGLE_BYTES * triangles.sum()

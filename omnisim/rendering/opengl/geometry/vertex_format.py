@@ -8,10 +8,8 @@ import numpy as np
 from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX, INSTANCE, VERTEX
 
 # Attribute locations of cluster programs, as in shaders/scene/vertex.glsl.
-_FIRST_LOCATION, _LIGHT_COORDINATE_LOCATION, _FIRST_INSTANCE_LOCATION = 0, 5, 6
+_FIRST_LOCATION, _NORMAL_LOCATION, _LIGHT_COORDINATE_LOCATION, _FIRST_INSTANCE_LOCATION = 0, 3, 4, 5
 _ATTRIBUTE = "in_"
-# Attribute of baked triangles, stored in another one's place.
-_LIGHT, _IN_PLACE_OF = "in_light", "in_normal"
 # Attribute in a separate buffer, for scenes with baked light only.
 _LIGHT_COORDINATE = "in_light_coordinate"
 
@@ -34,21 +32,26 @@ def cluster_vertex_array(
     vertices: moderngl.Buffer,
     indices: moderngl.Buffer,
     instances: moderngl.Buffer,
+    normals: moderngl.Buffer | None,
     light_coordinates: moderngl.Buffer | None = None,
 ) -> moderngl.VertexArray:
     """Vertex array of `CLUSTER_VERTEX`; the base instance selects an entry of `INSTANCE`.
+
+    Normals are zero without a buffer of theirs: OpenGL's value of attributes that have none.
 
     All cluster programs use the same attribute locations, so that changing the program does not
     change the vertex array. Moderngl needs one of them to create it.
     """
     array = context.vertex_array(program, [], indices, index_element_size=4)
     _bind_attributes(array, vertices, CLUSTER_VERTEX, _FIRST_LOCATION)
+    if normals is not None:
+        array.bind(_NORMAL_LOCATION, "f", normals, "3f4", 0, 12)
     if light_coordinates is not None:
         array.bind(_LIGHT_COORDINATE_LOCATION, "f", light_coordinates, "4f4", 0, 16)
     _bind_attributes(array, instances, INSTANCE, _FIRST_INSTANCE_LOCATION, divisor=1)
     # Bound one by one, buffers are not kept alive by the array, and some drivers free the memory of
     # deleted ones that an array still uses.
-    array.extra = vertices, instances, light_coordinates
+    array.extra = vertices, instances, normals, light_coordinates
     return array
 
 
@@ -85,10 +88,9 @@ def _layout(program: moderngl.Program, vertex: np.dtype[np.void]) -> list[str]:
     layout, names = [], []
     for name in vertex.names or ():
         field = vertex[name]
-        attribute = _LIGHT if name == _IN_PLACE_OF and _LIGHT in program else name
-        if attribute in program:
+        if name in program:
             layout.append(_format(field))
-            names.append(attribute)
+            names.append(name)
         else:
             layout.append(f"{field.itemsize}x")
     return [" ".join(layout), *names]

@@ -1,6 +1,6 @@
-"""Palette of vertices: colors with texture layer and alpha cutoff, each combination once.
+"""Palette of vertices: color, texture layer, alpha cutoff and baked light, each combination once.
 
-A vertex has an index of 4 bytes instead of 24 bytes of floats, and the same values to the last bit.
+A vertex has an index of 4 bytes instead of 36 bytes of floats, and the same values to the last bit.
 """
 
 from __future__ import annotations
@@ -13,19 +13,27 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.memory import gpu_allocation
 
-# As in shaders/scene/vertex_material.glsl: texture unit, texels per entry, log2 of texels per row.
-PALETTE_UNIT = 19
-_TEXELS, _ROW_BITS = 2, 12
+PALETTE_UNIT = 19  # as in shaders/scene/vertex_material.glsl, and so is the layout
+_ROW_BITS = 12  # log2 of the texels per row
 _ONE_COLOR = np.ones((1, 4), dtype=np.float16)
 
 
 class VertexPalette:
-    """Collects the entries of vertices, for one texture."""
+    """Collects the entries of vertices, for one texture.
+
+    An entry begins with two texels: color, then layer and cutoff. A third one follows if light is
+    baked into it: the color times the light. The index of an entry is that of its first texel.
+    """
 
     def __init__(self) -> None:
-        self._entries: list[NDArray[np.float32]] = []
-        self._count = 0
+        self._texels = np.zeros((1 << _ROW_BITS, 4), dtype=np.float32)
+        self._used = 0
         self._indices: dict[tuple[object, ...], NDArray[np.uint32]] = {}
+
+    @property
+    def texels(self) -> NDArray[np.float32]:
+        """Texels (n, 4) of all entries."""
+        return self._texels[: self._used]
 
     def add(
         self,
@@ -49,19 +57,29 @@ class VertexPalette:
         if key not in self._indices:
             # vertex colors are half floats, as in the scene's vertex buffer
             halves = _ONE_COLOR if colors is None else colors.astype(np.float16)
-            found, indices = np.unique(halves.view(np.uint64).ravel(), return_inverse=True)
-            entries = np.zeros((len(found), _TEXELS, 4), dtype=np.float32)
+            found, entry = np.unique(halves.view(np.uint64).ravel(), return_inverse=True)
+            entries = np.zeros((len(found), 2, 4), dtype=np.float32)
             entries[:, 0] = found.view(np.float16).reshape(-1, 4)
             entries[:, 0] *= np.array(base_color, dtype=np.float32)
             entries[:, 1, :2] = layer, cutoff
-            self._indices[key] = (indices + self._count).astype(np.uint32)
-            self._entries.append(entries)
-            self._count += len(entries)
+            self._indices[key] = self._append(entries)[entry]
         return self._indices[key]
 
-    def values(self) -> NDArray[np.float32]:
-        """Entries (n, 2, 4): color times base color; layer and cutoff."""
-        return np.concatenate([np.zeros((0, _TEXELS, 4), dtype=np.float32), *self._entries])
+    def lit(self, indices: NDArray[np.uint32], lights: NDArray[np.float32]) -> NDArray[np.uint32]:
+        """Indices (n,) of entries like others (n,), with lights (n, 3), linear RGB, baked in."""
+        if not len(indices):
+            return indices
+        rows = np.column_stack((indices, lights.view(np.uint32)))
+        # neighbors have mostly the same
+        starts = np.append(True, (rows[1:] != rows[:-1]).any(axis=1))
+        first, entry = _distinct(rows[starts])
+        at = np.flatnonzero(starts)[first]
+        entries = np.empty((len(at), 3, 4), dtype=np.float32)
+        entries[:, 0], entries[:, 1] = self._texels[indices[at]], self._texels[indices[at] + 1]
+        entries[:, 2] = entries[:, 0]
+        entries[:, 2, :3] *= lights[at]
+        of_vertex: NDArray[np.uint32] = self._append(entries)[entry[np.cumsum(starts) - 1]]
+        return of_vertex
 
     def texture(self, context: moderngl.Context) -> moderngl.Texture:
         """Texture of the entries, row by row.
@@ -69,11 +87,30 @@ class VertexPalette:
         Raises:
             GraphicsError: too many for the GPU.
         """
-        texels = self.values().reshape(-1, 4)
-        rows = max(1, -(-len(texels) >> _ROW_BITS))
+        rows = max(1, -(-self._used >> _ROW_BITS))
         padded = np.zeros((rows << _ROW_BITS, 4), dtype=np.float32)
-        padded[: len(texels)] = texels
-        with gpu_allocation(f"{self._count} colors of vertices", "make the scene smaller"):
+        padded[: self._used] = self.texels
+        with gpu_allocation(f"{self._used} colors of vertices", "make the scene smaller"):
             texture = context.texture((1 << _ROW_BITS, rows), 4, padded, dtype="f4")
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         return texture
+
+    def _append(self, entries: NDArray[np.float32]) -> NDArray[np.uint32]:
+        """Append entries (n, texels, 4), and return their indices (n,)."""
+        count, texels, _ = entries.shape
+        first, self._used = self._used, self._used + count * texels
+        if self._used > len(self._texels):
+            more = np.zeros((self._used, 4), dtype=np.float32)
+            self._texels = np.concatenate((self._texels, more))
+        self._texels[first : self._used] = entries.reshape(-1, 4)
+        return np.arange(first, self._used, texels, dtype=np.uint32)
+
+
+def _distinct(rows: NDArray[np.uint32]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Position of each distinct row of four among rows (n, 4), and the number (n,) of each row."""
+    numbers = [
+        np.unique(half, return_inverse=True)[1].astype(np.uint64)
+        for half in np.ascontiguousarray(rows).view(np.uint64).T
+    ]
+    pairs = numbers[0] << np.uint64(32) | numbers[1]
+    return np.unique(pairs, return_index=True, return_inverse=True)[1:]

@@ -13,7 +13,7 @@ from omnisim.scene.parts import LightRectangle
 VERTEX = np.dtype(  # read word by word in shaders/scene/vertex_words.glsl
     [
         ("in_position", "<f4", 3),
-        ("in_normal", "<f4", 3),  # zero: flat, use the triangle's; or in_light, see below
+        ("in_normal", "<f4", 3),  # zero: flat, use the triangle's
         ("in_texture_coordinate", "<f4", 2),
         ("in_color", "<f2", 4),
     ]
@@ -21,11 +21,11 @@ VERTEX = np.dtype(  # read word by word in shaders/scene/vertex_words.glsl
 CLUSTER_VERTEX = np.dtype(  # carries its material, for any draw call
     [
         ("in_position", "<f4", 3),
-        ("in_normal", "<f4", 3),
         ("in_texture_coordinate", "<f4", 2),
-        ("in_material", "<u4"),  # entry of the palette: color, texture layer, alpha cutoff
+        ("in_material", "<u4"),  # entry of the palette: color, texture layer, cutoff, light
     ]
 )
+NORMAL_BYTES = 12  # of such a vertex, in a buffer of its own
 INSTANCE = np.dtype(  # one object in one view, as in shaders/culling/views.glsl
     [
         ("in_clip_from_object", "<f4", (4, 4)),

@@ -11,8 +11,8 @@ from omnisim.rendering.opengl.atlas.tile_views import TileViews, clips_from_rig
 from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller
 from omnisim.rendering.opengl.culling.cluster_views import Views
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX
 from omnisim.scene.model import AlphaMode, Material, Mesh
+from tests.rendering.opengl.cluster_readback import read_vertices
 from tests.rendering.opengl.commands import submitted_commands
 from tests.rendering.opengl.sheets import sheet
 from tests.scenes import scene_of
@@ -102,7 +102,7 @@ def test_all_triangles_that_a_tile_shows_are_drawn(context, far_m):
     scene = scene_of(meshes, [Material(), Material(double_sided=True)], poses)
     buffers = SceneBuffers(context, scene)
     geometry = buffers.clustered_geometry
-    vertices = np.frombuffer(geometry.vertices.read(), dtype=CLUSTER_VERTEX)
+    vertices = read_vertices(geometry)
     corners_m = vertices["in_position"][geometry.triangles].astype(np.float64) + geometry.anchor_m
     both_sides = np.array([one.double_sided for one in geometry.buckets])
     both_sides = both_sides[geometry.bucket_of_cluster].repeat(geometry.clusters.triangles)

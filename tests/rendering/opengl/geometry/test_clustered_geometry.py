@@ -10,8 +10,8 @@ from omnisim.rendering.opengl.geometry import cluster_triangles, clustered_geome
 from omnisim.rendering.opengl.geometry.draw_item import MAX_DISTANCE_M
 from omnisim.rendering.opengl.geometry.light_baking import Shading, bake_directional_light
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX
 from omnisim.scene.model import AlphaMode, Lighting, Material, Mesh
+from tests.rendering.opengl.cluster_readback import lights_of, read_vertices
 from tests.rendering.opengl.sheets import SUN, sheet
 from tests.scenes import scene_of
 
@@ -21,7 +21,7 @@ NOTHING = Mesh("nothing", np.zeros((3, 3), np.float32), np.zeros((0, 3), np.uint
 
 def corners_m(geometry):
     """Corners (n, 3, 3) of all triangles, world."""
-    vertices = np.frombuffer(geometry.vertices.read(), dtype=CLUSTER_VERTEX)
+    vertices = read_vertices(geometry)
     triangles = geometry.triangles
     return vertices["in_position"][triangles].astype(np.float64) + geometry.anchor_m
 
@@ -131,11 +131,11 @@ def test_vertices_with_two_lights_get_copies_in_every_batch(context, monkeypatch
     geometry = SceneBuffers(context, scene).clustered_geometry
     assert [one.shading for one in geometry.buckets] == [Shading.BAKED]
     np.testing.assert_array_equal(corners_m(geometry), corners_m(whole))
-    corner = np.frombuffer(geometry.vertices.read(), dtype=CLUSTER_VERTEX)[geometry.triangles]
+    corner = read_vertices(geometry)[geometry.triangles]
     turned = np.cross(*np.moveaxis(np.diff(corners_m(geometry), axis=1), 1, 0))
     normals = turned / np.linalg.norm(turned, axis=1, keepdims=True)
     expected = bake_directional_light(normals.astype(np.float32), scene.lighting)
-    for light in np.moveaxis(corner["in_normal"], 1, 0):
+    for light in np.moveaxis(lights_of(geometry, corner), 1, 0):
         np.testing.assert_allclose(light, expected, atol=1e-6)
 
 

@@ -9,6 +9,7 @@ from omnisim.rendering.opengl.geometry.light_baking import Shading, bake_directi
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX
 from omnisim.scene.model import Light, Lighting, LightKind, Material, Mesh
+from tests.rendering.opengl.cluster_readback import lights_of, read_vertices
 from tests.rendering.opengl.sheets import LAMP, SUN
 from tests.scenes import scene_of
 
@@ -19,10 +20,10 @@ LIGHTING = Lighting((0.1, 0.2, 0.3), (SUN,))
 
 def _shading(normals, materials=(7, 7, 7), corners=CORNERS, lighting=LIGHTING):
     vertices = np.zeros(3, dtype=CLUSTER_VERTEX)
-    vertices["in_position"], vertices["in_normal"] = corners, normals
-    vertices["in_material"] = materials
+    vertices["in_position"], vertices["in_material"] = corners, materials
+    normals, triangles = np.array(normals, dtype=np.float32), np.array([[0, 1, 2]], np.uint32)
     values, directions = shadings(
-        vertices, np.array([[0, 1, 2]], dtype=np.uint32), lighting, np.ones(1, dtype=np.bool_)
+        vertices, normals, triangles, lighting, np.ones(1, dtype=np.bool_)
     )
     return Shading(values[0]), directions[0]
 
@@ -90,19 +91,21 @@ def test_vertices_of_two_triangles_that_differ_are_copied(context):
     for mesh, kinds in ((flat, [2, 2, 2]), (bent, [2, 1, 0])):
         scene = scene_of([mesh], [Material()], lighting=LIGHTING)
         geometry = SceneBuffers(context, scene).clustered_geometry
-        vertices = np.frombuffer(geometry.vertices.read(), dtype=CLUSTER_VERTEX)
-        triangles = geometry.triangles
+        vertices, triangles = read_vertices(geometry), geometry.triangles
+        assert (geometry.normals is None) == (mesh is flat)
         buckets = np.repeat(geometry.bucket_of_cluster, geometry.clusters.triangles)
         found = [geometry.buckets[bucket].shading.value for bucket in buckets]
         assert sorted(found) == sorted(kinds)
         for triangle, kind in zip(triangles, found, strict=True):
-            corners, stored = vertices["in_position"][triangle], vertices["in_normal"][triangle]
+            corners = vertices["in_position"][triangle]
             if kind == Shading.BAKED.value:
                 own = np.cross(corners[1] - corners[0], corners[2] - corners[0])
                 own = (own / np.linalg.norm(own))[None]
                 expected = np.repeat(bake_directional_light(own, LIGHTING), 3, axis=0)
+                stored = lights_of(geometry, vertices[triangle])
                 np.testing.assert_allclose(stored, expected, atol=1e-4)
             else:
                 at = corners + geometry.anchor_m
                 numbers = [np.flatnonzero((positions == corner).all(axis=1))[0] for corner in at]
-                np.testing.assert_array_equal(stored, normals[numbers])
+                stored = np.frombuffer(geometry.normals.read(), dtype="<f4").reshape(-1, 3)
+                np.testing.assert_array_equal(stored[triangle], normals[numbers])

@@ -16,13 +16,27 @@ def _with_glass(scene):
     return dataclasses.replace(scene, materials=(glass, *scene.materials[1:]))
 
 
-@pytest.mark.parametrize("changed", [lambda scene: scene, _with_glass])
-@pytest.mark.parametrize("name", ["soccer", "courtyard"])
+def _without_normals(scene):
+    meshes = tuple(dataclasses.replace(mesh, normals=None) for mesh in scene.meshes)
+    return dataclasses.replace(scene, meshes=meshes)
+
+
+@pytest.mark.parametrize(
+    ("name", "changed"),
+    [
+        ("soccer", lambda scene: scene),
+        ("courtyard", lambda scene: scene),
+        ("courtyard", _with_glass),
+        ("soccer", lambda scene: _with_glass(_without_normals(scene))),
+    ],
+)
 def test_estimate_is_that_of_the_buffers(name, changed, context):
     scene = changed(load_scene(name))
     buffers = SceneBuffers(context, scene)
     geometry = buffers.clustered_geometry
     made = geometry.vertices.size + geometry.indices.size
+    if geometry.normals is not None:
+        made += geometry.normals.size
     if buffers.shown_one_by_one().any():
         made += buffers.vertices.size + buffers.indices.size
     layers = {
