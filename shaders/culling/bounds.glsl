@@ -1,11 +1,11 @@
-// Table of the bounds of groups and clusters, as a texture: software drivers fetch textures faster
+// Table of the bounds of groups, clusters and blocks, as a texture: software drivers fetch textures faster
 // than buffers. The layout is that of omnisim/rendering/opengl/culling/cluster_buffers.py.
-// Group group_at(uint index), Cluster cluster_at(uint index).
+// Group group_at(uint index), Cluster cluster_at(uint index), Block block_at(uint index).
 
 uniform usampler2D u_bounds;
 
 const uint ROW_BITS = 12u;  // entries per row
-const uint GROUP_ENTRIES = 2u, CLUSTER_ENTRIES = 3u;
+const uint GROUP_ENTRIES = 2u, CLUSTER_ENTRIES = 3u, BLOCK_ENTRIES = 2u;
 
 struct Group {
     vec3 aabb_min, aabb_max;
@@ -18,6 +18,12 @@ struct Cluster {
     vec3 cone_axis;
     float cone_sine;  // above 1: from everywhere, at least one triangle faces the viewer
     float width;      // width of the triangles, for occlusion
+};
+
+// Consecutive groups of one object.
+struct Block {
+    vec3 aabb_min, aabb_max;
+    uint first_group, groups;
 };
 
 uvec4 entry_at(uint at) {
@@ -34,4 +40,10 @@ Cluster cluster_at(uint index) {
     vec4 low = uintBitsToFloat(entry_at(first)), high = uintBitsToFloat(entry_at(first + 1u));
     vec4 cone = uintBitsToFloat(entry_at(first + 2u));
     return Cluster(low.xyz, high.xyz, cone.xyz, cone.w, low.w);
+}
+
+Block block_at(uint index) {
+    uint first = GROUP_ENTRIES * u_groups + CLUSTER_ENTRIES * u_clusters + BLOCK_ENTRIES * index;
+    uvec4 low = entry_at(first), high = entry_at(first + 1u);
+    return Block(uintBitsToFloat(low.xyz), uintBitsToFloat(high.xyz), low.w, high.w);
 }

@@ -16,4 +16,5 @@ layout(std140, binding = 0) uniform Settings {
     uint u_pass;        // drawing pass; each omits clusters that earlier passes occlude
     float u_occluder_rad;  // clusters with wider triangles are drawn first, others are deferred
     uint u_first_range;  // first range of the slice whose commands are built
+    uint u_blocks;
 };

@@ -30,6 +30,15 @@ _CLUSTER = np.dtype(
         ("cone_sine", "<f4"),
     ]
 )
+_BLOCK = np.dtype(
+    [
+        ("aabb_min", "<f4", 3),
+        ("first_group", "<u4"),
+        ("aabb_max", "<f4", 3),
+        ("groups", "<u4"),
+    ]
+)
+_MAX_GROUPS = 8  # per block: software drivers test eight blocks at once
 _ENTRY, _ROW = np.dtype("<u4, <u4, <u4, <u4"), 1 << 12  # entries per row
 # Texture units that no drawing program uses: its own textures stay bound during culling.
 DEPTH_UNIT, BOUNDS_UNIT = 16, 17
@@ -100,10 +109,10 @@ class ClusterBuffers:
 
     Attributes:
         index_ranges: buffer with the first index of each cluster and its number of indices.
-        bounds: texture of the groups' bounds, then the clusters'.
+        bounds: texture of the groups' bounds, then the clusters', then the blocks'.
         clusters_of_group: (groups,) number of clusters per group.
         groups_of_bucket: (buckets,) number of groups per bucket.
-        cluster_count, group_count: total numbers.
+        cluster_count, group_count, block_count: total numbers.
     """
 
     def __init__(
@@ -131,9 +140,10 @@ class ClusterBuffers:
             of_groups[name], of_clusters[name] = getattr(groups, name), getattr(clusters, name)
         of_clusters["width"], of_clusters["cone_axis"] = clusters.widths, clusters.cone_axes
         of_clusters["cone_sine"] = np.where(double_sided, np.float32(2.0), clusters.cone_sines)
-        self.bounds = _table(
-            context, np.concatenate((of_groups.view(_ENTRY), of_clusters.view(_ENTRY)))
-        )
+        of_blocks = _blocks(of_groups, buckets)
+        self.block_count = len(of_blocks)
+        entries = [one.view(_ENTRY) for one in (of_groups, of_clusters, of_blocks)]
+        self.bounds = _table(context, np.concatenate(entries))
         self.clusters_of_group, self.groups_of_bucket = groups.children, np.bincount(buckets)
         self.all_shown = self.masks_of_groups(np.ones(self.cluster_count, dtype=np.bool_))
 
@@ -147,6 +157,20 @@ class ClusterBuffers:
     def shaders(self) -> CullingShaders:
         """Shaders of all cullers."""
         return CullingShaders(self._context)
+
+
+def _blocks(groups: NDArray[np.void], buckets: NDArray[np.intp]) -> NDArray[np.void]:
+    """Blocks of consecutive groups of one object and bucket, which mostly are neighbors."""
+    numbers = np.arange(len(groups))
+    keys = np.stack((groups["object"], buckets))
+    starts_run = np.append(True, (keys[:, 1:] != keys[:, :-1]).any(axis=0))
+    start_of_run = np.maximum.accumulate(np.where(starts_run, numbers, 0))
+    first = np.flatnonzero((numbers - start_of_run) % _MAX_GROUPS == 0)
+    blocks = np.zeros(len(first), dtype=_BLOCK)
+    blocks["first_group"], blocks["groups"] = first, np.diff(first, append=len(groups))
+    blocks["aabb_min"] = np.minimum.reduceat(groups["aabb_min"], first)
+    blocks["aabb_max"] = np.maximum.reduceat(groups["aabb_max"], first)
+    return blocks
 
 
 def _table(context: moderngl.Context, entries: NDArray[np.void]) -> moderngl.Texture:

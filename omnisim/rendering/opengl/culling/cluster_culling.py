@@ -46,7 +46,8 @@ SETTINGS = np.dtype(  # as in shaders/culling/views.glsl
         ("pass_index", "<u4"),
         ("occluder_rad", "<f4"),
         ("first_range", "<u4"),
-        ("unused", "<u4", 3),
+        ("blocks", "<u4"),
+        ("unused", "<u4", 2),
     ]
 )
 
@@ -127,7 +128,7 @@ class ClusterCuller:
         settings["atlas_px"], settings["depths_m"] = atlas_px, (near_m, min(far_m, 3e38))
         settings["depth"] = slope, near_m * (1.0 - slope)
         settings["ranges"], settings["both_sides"] = self.ranges, both_sides
-        settings["clusters"] = buffers.cluster_count
+        settings["clusters"], settings["blocks"] = buffers.cluster_count, buffers.block_count
         settings["radius_px"] = EDGE_PX if samples <= 1 else 0.5 + EDGE_PX
         settings["pass_index"] = np.arange(self.passes)[:, None]
         settings["occluder_rad"].T[:, :-1] = OCCLUDERS_RAD[self.passes - 1]
@@ -140,7 +141,7 @@ class ClusterCuller:
             self._lists, buffers.index_ranges, visible_tiles, self.commands, self.counts,
             context.buffer(table), self._shown, hi_z, bins, visible_of_group,
         ])  # fmt: skip
-        self._groups = math.ceil(buffers.group_count / _GROUP_SIZE)
+        self._blocks = math.ceil(buffers.block_count / _GROUP_SIZE)
         self._shaders = buffers.shaders
         self._is_layered = isinstance(depth, moderngl.TextureArray)
 
@@ -179,7 +180,7 @@ class ClusterCuller:
             entries = max(views.count * views.objects, _MAX_PASSES * BANDS * self.ranges)
             shaders.instances.run(math.ceil(entries / _GROUP_SIZE))
             context.memory_barrier(barrier)
-            shaders.groups.run(self._groups, views.count)
+            shaders.groups.run(self._blocks, views.count)
         elif self._depth is not None:
             columns, rows = self._cells
             fine, coarse = shaders.layered_hi_z if self._is_layered else shaders.hi_z
