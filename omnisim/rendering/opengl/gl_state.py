@@ -131,16 +131,12 @@ class GlState:
 
     @contextmanager
     def where_clear(self) -> Iterator[None]:
-        """Draw where depth has its clear value, with programs that write no clip distances.
-
-        Back-face culling stays off afterwards.
-        """
+        """Draw where depth has its clear value; back-face culling stays off afterwards."""
         try:
             self.set_culling(False)
             self._set_depth_mask(False)
             self._set_depth_function(_EQUAL)
-            with self.unclipped():
-                yield
+            yield
         finally:
             self._set_depth_function(_GREATER)
             self._set_depth_mask(True)

@@ -215,7 +215,7 @@ class SceneView:
                 self._bind_mirrors(of_panes=False)
                 self.tiles.draw(target, world_from_rig, world_from_objects, self._drawer)
             if self._sky is not None:
-                self._sky.draw(target, world_from_rig[None])
+                self._sky.draw(world_from_rig[None])
             if self.blended.size:
                 with self._state.blending(), self._clipped():
                     self._bind_mirrors(of_panes=True)
