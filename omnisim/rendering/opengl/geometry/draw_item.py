@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.bounds import bounds_of
+from omnisim.rendering.opengl.atlas.tile_views import PosedViews
 from omnisim.rendering.opengl.materials.scene_textures import MaterialTexture
 from omnisim.scene.model import Material, Mesh
 from omnisim.scene.motion.deformation import Sphere
@@ -175,3 +176,7 @@ class InstanceTransforms(NamedTuple):
     normal_from_mesh: NDArray[np.float64]
     centers_m: NDArray[np.float64]
     radii_m: NDArray[np.float64]
+
+    def seen_in(self, views: PosedViews, items: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Mask (tiles, n) of the items (n,) whose bounding spheres may be in view."""
+        return views.cull(self.centers_m[items], self.radii_m[items])
