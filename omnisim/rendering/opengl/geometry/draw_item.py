@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 from typing import NamedTuple
 
 import moderngl
@@ -88,6 +89,14 @@ class DrawItem:
     def triangles(self) -> int:
         """Number of triangles."""
         return self.count // 3
+
+    @cached_property
+    def triangle_centers(self) -> NDArray[np.float64]:
+        """Centers (triangles, 3) of the triangles at rest, in the mesh's frame."""
+        centers: NDArray[np.float64] = self.mesh.positions[self.mesh.triangles].mean(
+            axis=1, dtype=np.float64
+        )
+        return centers
 
     def is_near(self, anchor_m: NDArray[np.float64]) -> bool:
         """True if float32 coordinates on the item are right to 0.1 mm.
