@@ -109,7 +109,7 @@ def _matrices(given: object, what: str) -> NDArray[np.float64]:
 
 
 def _check_values(matrix: NDArray[np.float64], what: str) -> None:
-    if not np.all(np.abs(matrix) < MAX_M):
+    if not (np.abs(matrix) < MAX_M).all():
         raise OmnisimError(f"{what}: expected a finite 4 × 4 matrix")
     if not is_pose(matrix):
         raise OmnisimError(f"{what}: expected a rotation and a translation, no scale, no mirroring")
@@ -233,7 +233,7 @@ def nearest_rotation(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def is_rotation(matrices: NDArray[np.float64], tolerance: float) -> NDArray[np.bool_]:
     """Mask (...) of finite matrices (..., 3, 3) that neither scale, shear nor mirror."""
-    errors = np.abs(matrices @ np.swapaxes(matrices, -1, -2) - _IDENTITY)
+    errors = np.abs(matrices @ matrices.swapaxes(-1, -2) - _IDENTITY)
     orthogonal: NDArray[np.bool_] = errors.max(axis=(-2, -1)) <= tolerance
     handed: NDArray[np.bool_] = np.linalg.det(matrices) > 0.0
     return orthogonal & handed
