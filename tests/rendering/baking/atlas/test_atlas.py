@@ -102,6 +102,15 @@ def test_a_needle_gets_wide_texels():
     assert max(atlas.size_px) <= MAX_LENGTH
 
 
+def test_many_needles_fit():
+    """A fan around one far vertex: charts that no step of 5 % makes shorter for a long time."""
+    near = [(0, np.cos(turn), np.sin(turn)) for turn in np.arange(12)]
+    fan = [(index, (index + 5) % 12, 12) for index in range(12)]
+    scene = lit_by(Scene.from_arrays("fan", [*near, (1e9, 0, 0)], fan))
+    _, atlas = automatic_atlas(scene, NO_BACKS, 1 << 14)
+    assert np.prod(atlas.size_px) <= 1 << 14
+
+
 def _double_sided(scene):
     materials = [dataclasses.replace(one, double_sided=True) for one in scene.materials]
     return dataclasses.replace(scene, materials=tuple(materials))
