@@ -21,7 +21,7 @@ SUBMISSIONS = (
     "glDrawArraysInstanced", "glDrawElementsInstanced", "glMultiDrawElementsIndirect",
 )  # fmt: skip
 # In the built-in scenes: state, draws, dispatches; lamps that shine bind the tables of materials.
-MAX_CALLS, MAX_SUBMISSIONS = 210, 45
+MAX_CALLS, MAX_SUBMISSIONS = 180, 45
 
 
 def _poses(count):
