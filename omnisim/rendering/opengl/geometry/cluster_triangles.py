@@ -186,7 +186,8 @@ def object_triangles(
         own = mesh.triangles[:, (0, 2, 1)] if item.flips_winding else mesh.triangles
         triangles.append(own + np.uint32(base))
         base += len(part)
-    return vertices, normals, np.concatenate(triangles)
+    joined = np.ascontiguousarray(np.concatenate(triangles))  # flipped ones are not
+    return vertices, normals, joined
 
 
 def _bake(
