@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 MAX_M = 1e15
 # Looser than the float32 rounding of a rotation, far below a tenth of a pixel.
 POSE_TOLERANCE = 1e-6
+_LAST_ROW, _IDENTITY = np.array([0.0, 0.0, 0.0, 1.0]), np.eye(3)
 
 
 def rotation_type() -> type[Rotation]:
@@ -108,7 +109,7 @@ def _matrices(given: object, what: str) -> NDArray[np.float64]:
 
 
 def _check_values(matrix: NDArray[np.float64], what: str) -> None:
-    if not np.all(np.abs(matrix) < MAX_M):
+    if not (np.abs(matrix) < MAX_M).all():
         raise OmnisimError(f"{what}: expected a finite 4 × 4 matrix")
     if not is_pose(matrix):
         raise OmnisimError(f"{what}: expected a rotation and a translation, no scale, no mirroring")
@@ -116,7 +117,7 @@ def _check_values(matrix: NDArray[np.float64], what: str) -> None:
 
 def is_pose(matrices: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Mask (...) of finite matrices (..., 4, 4) that are a rotation and a translation."""
-    affine: NDArray[np.bool_] = (matrices[..., 3, :] == (0.0, 0.0, 0.0, 1.0)).all(axis=-1)
+    affine: NDArray[np.bool_] = (matrices[..., 3, :] == _LAST_ROW).all(axis=-1)
     return affine & is_rotation(matrices[..., :3, :3], POSE_TOLERANCE)
 
 
@@ -232,7 +233,7 @@ def nearest_rotation(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def is_rotation(matrices: NDArray[np.float64], tolerance: float) -> NDArray[np.bool_]:
     """Mask (...) of finite matrices (..., 3, 3) that neither scale, shear nor mirror."""
-    errors = np.abs(matrices @ np.swapaxes(matrices, -1, -2) - np.eye(3))
+    errors = np.abs(matrices @ matrices.swapaxes(-1, -2) - _IDENTITY)
     orthogonal: NDArray[np.bool_] = errors.max(axis=(-2, -1)) <= tolerance
     handed: NDArray[np.bool_] = np.linalg.det(matrices) > 0.0
     return orthogonal & handed

@@ -59,7 +59,7 @@ CASES = [
         "attenuationColor[1] 1.5 (used: 1)", "attenuation_color", (1.0, 1.0, 0.0),
     ),
     (_extension("dispersion", dispersion=-0.1), "dispersion -0.1 (used: 0)", "dispersion", 0.0),
-    (_extension("ior", ior=0), "ior 0 (used: 1)", "ior", 1.0),
+    (_extension("ior", ior=0.9), "ior 0.9 (used: 1)", "ior", 1.0),
     (
         _extension("transmission", transmissionFactor=2),
         "transmissionFactor 2 (used: 1)", "transmission", 1.0,
@@ -140,3 +140,25 @@ def test_materials_that_are_not_drawn_are_not(tmp_path):
 def test_no_number_is_an_error(tmp_path):
     with pytest.raises(SceneError, match=r"thicknessFactor: expected a finite number, got nan"):
         _load(tmp_path, _volume(thicknessFactor=math.nan))
+
+
+def test_an_index_of_zero_gives_the_reflectance_itself(tmp_path):
+    """As `specularFactor` of KHR_materials_pbrSpecularGlossiness does; nothing is transmitted."""
+    color = [0.5, 0.25, 1.0]
+    of_zero = {
+        "KHR_materials_ior": {"ior": 0},
+        "KHR_materials_specular": {"specularColorFactor": color},
+        "KHR_materials_transmission": {"transmissionFactor": 1},
+    }
+    metallic = {"metallicFactor": 0, "roughnessFactor": 0.25}
+    glossy = {"specularFactor": color, "glossinessFactor": 0.75}
+    scene = _load(
+        tmp_path,
+        {"name": "one", "pbrMetallicRoughness": metallic, "extensions": of_zero},
+        {"name": "one", "extensions": {"KHR_materials_pbrSpecularGlossiness": glossy}},
+    )
+    assert scene.notices == ()
+    found, expected, *_ = scene.materials
+    assert vars(found) == vars(expected)
+    at_normal = ((1.0 - found.ior) / (1.0 + found.ior)) ** 2
+    assert [at_normal * one for one in found.specular_color] == pytest.approx(color)

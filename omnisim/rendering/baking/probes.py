@@ -74,7 +74,7 @@ def _spacing(size_m: NDArray[np.float64]) -> tuple[float, NDArray[np.intp]]:
     spacing_m = _MIN_SPACING_M
     while True:
         shape = np.maximum(np.ceil(size_m / spacing_m).astype(np.intp), 1)
-        if shape.prod() <= PROBE_BUDGET:
+        if shape.prod(dtype=np.float64) <= PROBE_BUDGET:  # would overflow as int64
             return spacing_m, shape
         spacing_m *= 1.05
 

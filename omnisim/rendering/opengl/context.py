@@ -126,6 +126,8 @@ def release_context(context: moderngl.Context) -> None:
 
 def collect_garbage(context: moderngl.Context) -> None:
     """Release unreferenced objects of the current context."""
+    if not context.objects and not context.extra.dropped_textures:
+        return
     context.extra.lasting_target.use()
     context.gc()
     while context.extra.dropped_textures:

@@ -10,11 +10,10 @@ from __future__ import annotations
 
 import ctypes
 from collections import deque
-from functools import partial
 
 import moderngl
 
-from omnisim.rendering.opengl.gl_functions import gl_function
+from omnisim.rendering.opengl.gl_functions import constant_call, gl_function
 
 _GPU_COMMANDS_COMPLETE = 0x9117
 _MAX_FENCES = 32  # llvmpipe has at most 5 passes in flight
@@ -25,7 +24,7 @@ class Fences:
 
     def __init__(self) -> None:
         create = gl_function("glFenceSync", ctypes.c_uint, ctypes.c_uint, returns=ctypes.c_void_p)
-        self._create = partial(create, _GPU_COMMANDS_COMPLETE, 0)
+        self._create = constant_call(create, _GPU_COMMANDS_COMPLETE, 0)
         self._delete = gl_function("glDeleteSync", ctypes.c_void_p)
         self._names: deque[int] = deque()
 

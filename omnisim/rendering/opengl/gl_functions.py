@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache, partial
 from typing import Any
 
@@ -25,6 +25,8 @@ _ENUM, _INT = ctypes.c_uint, ctypes.c_int
 
 COMMAND_BYTES = 20  # of an indirect draw command
 
+AnyTexture = moderngl.Texture | moderngl.Texture3D | moderngl.TextureArray
+
 
 @cache
 def gl_function(name: str, *parameters: type, returns: type | None = None) -> Callable[..., Any]:
@@ -32,6 +34,17 @@ def gl_function(name: str, *parameters: type, returns: type | None = None) -> Ca
     egl = ctypes.CDLL("libEGL.so.1")
     egl.eglGetProcAddress.restype = ctypes.c_void_p
     return ctypes.CFUNCTYPE(returns, *parameters)(egl.eglGetProcAddress(name.encode()))
+
+
+def constant_call(function: Callable[..., Any], *arguments: int) -> Callable[[], Any]:
+    """Call of an OpenGL function with constant arguments.
+
+    They are converted here, once: that takes longer than most calls.
+    """
+    typed: Any = function
+    converted = [kind(value) for kind, value in zip(typed.argtypes, arguments, strict=True)]
+    address: Any = ctypes.cast(typed, ctypes.c_void_p).value
+    return partial(ctypes.CFUNCTYPE(typed.restype)(address), *converted)
 
 
 def clip_depth_from_zero_to_one() -> None:
@@ -198,9 +211,9 @@ class IndirectDraws:
 
     def drawing(
         self, first_command: int, count_index: int, max_commands: int
-    ) -> Callable[[], None]:
+    ) -> Callable[[], object]:
         """Call that draws as many commands as the counter says, with the bindings at that time."""
-        return partial(
+        return constant_call(
             self._draw, _TRIANGLES, _UNSIGNED_INT,
             COMMAND_BYTES * first_command, 4 * count_index, max_commands, COMMAND_BYTES,
         )  # fmt: skip
@@ -209,6 +222,18 @@ class IndirectDraws:
 def bind_texture(unit: int, texture: int) -> None:
     """Bind a texture to a unit."""
     gl_function("glBindTextureUnit", _ENUM, _ENUM)(unit, texture)
+
+
+def bind_textures(textures: Mapping[int, AnyTexture]) -> None:
+    """Bind textures to units by a single call; units between them are unbound."""
+    if not textures:
+        return
+    first = min(textures)
+    names = (ctypes.c_uint * (1 + max(textures) - first))()
+    for unit, texture in textures.items():
+        names[unit - first] = texture.glo
+    bind = gl_function("glBindTextures", _ENUM, _INT, ctypes.c_void_p)
+    bind(first, len(names), ctypes.addressof(names))
 
 
 class StorageBindings:
@@ -224,7 +249,7 @@ class StorageBindings:
         self._names = (ctypes.c_uint * len(buffers))(*(one.glo for one in buffers))
         bind = gl_function("glBindBuffersBase", _ENUM, _ENUM, _INT, ctypes.c_void_p)
         address = ctypes.addressof(self._names)
-        self.bind = partial(bind, _SHADER_STORAGE_BUFFER, first, len(buffers), address)
+        self.bind = constant_call(bind, _SHADER_STORAGE_BUFFER, first, len(buffers), address)
 
     @property
     def size(self) -> int:

@@ -10,14 +10,13 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.fences import end_pass
-from omnisim.rendering.opengl.gl_functions import gl_function
+from omnisim.rendering.opengl.gl_functions import constant_call, gl_function
 
 _FRAMEBUFFER, _COLOR, _DEPTH = 0x8D40, 0x1800, 0x1801
 _RGBA, _UNSIGNED_BYTE = 0x1908, 0x1401
@@ -63,15 +62,17 @@ class GlState:
             "glReadPixels", _INT, _INT, _INT, _INT, _ENUM, _ENUM, _POINTER
         )  # fmt: skip
         self.bind_texture = gl_function("glBindTextureUnit", _ENUM, _ENUM)
-        self._set_depth_mask = gl_function("glDepthMask", _BOOLEAN)
+        depth_mask = gl_function("glDepthMask", _BOOLEAN)
+        self._set_depth_mask = _choice(
+            constant_call(depth_mask, False), constant_call(depth_mask, True)
+        )
         self._set_depth_function = gl_function("glDepthFunc", _ENUM)
-        enable, disable = gl_function("glEnable", _ENUM), gl_function("glDisable", _ENUM)
-        self.set_culling = _toggle(enable, disable, _CULL_FACE)
-        self._set_depth_test = _toggle(enable, disable, _DEPTH_TEST)
-        self._set_blending = _toggle(enable, disable, _BLEND)
-        self._set_scissor_test = _toggle(enable, disable, _SCISSOR_TEST)
-        self._set_each_clip_distance = [_toggle(enable, disable, one) for one in _CLIP_DISTANCES]
-        self._set_mirror_clip = _toggle(enable, disable, _MIRROR_CLIP_DISTANCE)
+        self.set_culling = _capability(_CULL_FACE)
+        self._set_depth_test = _capability(_DEPTH_TEST)
+        self._set_blending = _capability(_BLEND)
+        self._set_scissor_test = _capability(_SCISSOR_TEST)
+        self._set_each_clip_distance = [_capability(one) for one in _CLIP_DISTANCES]
+        self._set_mirror_clip = _capability(_MIRROR_CLIP_DISTANCE)
         self._set_front_face = gl_function("glFrontFace", _ENUM)
         self._set_blend_function = gl_function("glBlendFuncSeparate", _ENUM, _ENUM, _ENUM, _ENUM)
 
@@ -131,16 +132,12 @@ class GlState:
 
     @contextmanager
     def where_clear(self) -> Iterator[None]:
-        """Draw where depth has its clear value, with programs that write no clip distances.
-
-        Back-face culling stays off afterwards.
-        """
+        """Draw where depth has its clear value; back-face culling stays off afterwards."""
         try:
             self.set_culling(False)
             self._set_depth_mask(False)
             self._set_depth_function(_EQUAL)
-            with self.unclipped():
-                yield
+            yield
         finally:
             self._set_depth_function(_GREATER)
             self._set_depth_mask(True)
@@ -213,9 +210,12 @@ class GlState:
         self._read(0, 0, *target.size, _RGBA, _UNSIGNED_BYTE, out.ctypes.data)
 
 
-def _toggle(
-    enable: Callable[..., None], disable: Callable[..., None], capability: int
-) -> Callable[[bool], None]:
+def _capability(number: int) -> Callable[[bool], object]:
     """Function that enables or disables a capability."""
-    calls = partial(disable, capability), partial(enable, capability)
+    enable, disable = gl_function("glEnable", _ENUM), gl_function("glDisable", _ENUM)
+    return _choice(constant_call(disable, number), constant_call(enable, number))
+
+
+def _choice(*calls: Callable[[], object]) -> Callable[[bool], object]:
+    """Function that makes the first call for False, the second for True."""
     return lambda is_enabled: calls[is_enabled]()

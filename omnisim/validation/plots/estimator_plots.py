@@ -18,7 +18,7 @@ _COLORS = colormaps["tab10"].colors  # type: ignore[attr-defined]  # a list of c
 _LINES = ("-", "--", "-.", ":")  # trajectories often overlap
 _MARKS = "osD^vP"
 COLUMNS, MAX_PANELS = 3, 12
-LOWEST_SHARE = 1e-5  # smallest lower limit of a logarithmic axis, as a share of the largest value
+LOWEST_SHARE = 1e-7  # smallest lower limit of a logarithmic axis, as a share of the largest value
 LOG_RATIO = 30.0  # ratio of largest to smallest value above which the axis is logarithmic
 Floats = NDArray[np.float64]
 

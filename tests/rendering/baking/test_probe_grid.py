@@ -25,8 +25,9 @@ def test_grid_is_in_the_bounds_of_a_flat_scene(half_m):
     np.testing.assert_allclose(_ends_m(grid)[1], np.maximum(high, low + 1e-3), atol=1e-6)
 
 
-def test_grid_of_a_large_scene_is_around_the_start():
-    scene = scene_of([square(400.0), square(400.0, z_m=50.0)])
+@pytest.mark.parametrize("half_m", [400.0, 1e8])  # 1e8: the numbers of probes exceed int64
+def test_grid_of_a_large_scene_is_around_the_start(half_m):
+    scene = scene_of([square(half_m), square(half_m, z_m=half_m)])
     scene = dataclasses.replace(scene, start=StartPose((30.0, 10.0, 1.0), 0.0))
     grid = probe_grid(scene)
     low, high = _ends_m(grid)

@@ -23,3 +23,12 @@ def test_a_grid_has_a_panel_for_each_measure_and_one_legend():
     assert [text.get_text() for text in legend.get_texts()] == ["no trajectory", "a", "b"]
     assert np.array_equal(figure.axes[0].get_xticks(), (90.0, 120.0, 220.0))
     assert np.array_equal(figure.axes[1].get_xticks(), (0.0, 1.0, 2.0))
+
+
+def test_a_logarithmic_axis_shows_an_ideal_sensor():
+    """Six decades below the worst: rounding is the only error of an ideal IMU."""
+    panel = SweepPanel("IMU", "ATE", ["ideal", "bmi160"], [SweepLine("imu", [2e-5, 20.0], [0, 0])])
+    (axes,) = sweep_grid([[panel]]).axes
+    bottom, top = axes.get_ylim()
+    assert axes.get_yscale() == "log"
+    assert bottom < 2e-5 < 20.0 < top

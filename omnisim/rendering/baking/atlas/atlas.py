@@ -21,6 +21,7 @@ from omnisim.rendering.baking.atlas.unwrapping import Unwrapping, unwrap
 from omnisim.scene.model import Scene
 
 MAX_SIDE_PX = 8192
+_FINE_STEPS = 20  # before texels double: only very wide ones make needles shorter
 _MIN_TEXELS = 1.0  # of an instance's area; smaller instances have uniform light
 
 
@@ -68,14 +69,15 @@ class Atlas(NamedTuple):
 
 def automatic_atlas(scene: Scene, has_back: NDArray[np.bool_], texels: int) -> tuple[float, Atlas]:
     """Finest texel width, of two digits, with at most `texels` texels; and its atlas."""
-    texel_m = first_texel_m(scene, has_back, texels)
+    texel_m, attempts = first_texel_m(scene, has_back, texels), 0
     while True:
         texel_m = float(f"{texel_m:.2g}")
         atlas = build_atlas(scene, texel_m, has_back, max_texels(texels))
         needed = atlas.size_px[0] * atlas.size_px[1]
         if needed <= texels:
             return texel_m, atlas
-        texel_m *= max((needed / texels) ** 0.5, 1.05)
+        texel_m *= max((needed / texels) ** 0.5, 1.05 if attempts < _FINE_STEPS else 2.0)
+        attempts += 1
 
 
 def build_atlas(

@@ -14,19 +14,27 @@ from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
 _MIN_LENGTH = 1e-30  # of a normal: an infinitely far plane has a normal of 0
 
 
-class TileView(NamedTuple):
-    """View of one tile in one frame, in the viewpoint frame.
+class PosedViews(NamedTuple):
+    """Views of all tiles in one frame, in the viewpoint frame.
 
     Attributes:
-        tile: the tile.
-        clip_from_viewpoint: (4, 4) projection from the viewpoint frame to clip space.
-        frustum_planes: (6, 4), inward unit normals and distances of left, right, top, bottom, near
-            and far. A point is inside if n · (x, y, z) + d ≥ 0.
+        tiles: the tiles.
+        clips_from_viewpoint: (tiles, 4, 4) projections from the viewpoint frame to clip space.
+        frustum_planes: (tiles, 6, 4), inward unit normals and distances of left, right, top,
+            bottom, near and far. A point is inside if n · (x, y, z) + d ≥ 0.
     """
 
-    tile: Tile
-    clip_from_viewpoint: NDArray[np.float64]
+    tiles: tuple[Tile, ...]
+    clips_from_viewpoint: NDArray[np.float64]
     frustum_planes: NDArray[np.float64]
+
+    def cull(
+        self, centers_m: NDArray[np.float64], radii_m: NDArray[np.float64]
+    ) -> NDArray[np.bool_]:
+        """Mask (tiles, n) of spheres (n, 3) and (n,) that are not outside of a tile's frustum."""
+        inside_m = self.frustum_planes[..., :3] @ centers_m.T + self.frustum_planes[..., 3:]
+        kept: NDArray[np.bool_] = np.all(inside_m + radii_m >= 0.0, axis=1)
+        return kept
 
 
 class TileViews:
@@ -41,17 +49,19 @@ class TileViews:
         self._tiles = plan.tiles
         self._faces_from_rig = FACE_FROM_RIG[[tile.face for tile in plan.tiles]]
         self._clips_from_face = np.stack([_projection(one, near_m, far_m) for one in plan.tiles])
+        self._planes_in_rig = frustum_planes(clips_from_rig(plan, near_m, far_m))
 
-    def at(self, world_from_rig: NDArray[np.float64]) -> list[TileView]:
+    def at(self, world_from_rig: NDArray[np.float64]) -> PosedViews:
         """Views from a pose (4, 4)."""
-        faces_from_viewpoint = self._faces_from_rig @ world_from_rig[:3, :3].T
-        clips = self._clips_from_face.copy()
-        clips[..., :3] = self._clips_from_face[..., :3] @ faces_from_viewpoint
-        return list(map(TileView, self._tiles, clips, frustum_planes(clips)))
+        rig_from_viewpoint = world_from_rig[:3, :3].T
+        clips, planes = self._clips_from_face.copy(), self._planes_in_rig.copy()
+        clips[..., :3] = clips[..., :3] @ (self._faces_from_rig @ rig_from_viewpoint)
+        planes[..., :3] = planes[..., :3] @ rig_from_viewpoint
+        return PosedViews(self._tiles, clips, planes)
 
 
 def frustum_planes(clips: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Frustum planes (n, 6, 4), see `TileView`, of matrices (n, 4, 4) to clip space."""
+    """Frustum planes (n, 6, 4), see `PosedViews`, of matrices (n, 4, 4) to clip space."""
     x, y, z, w = np.moveaxis(clips, 1, 0)
     planes: NDArray[np.float64] = np.stack((w + x, w - x, w + y, w - y, w - z, z), axis=1)
     lengths = np.linalg.norm(planes[..., :3], axis=-1, keepdims=True)

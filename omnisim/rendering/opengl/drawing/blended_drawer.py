@@ -109,6 +109,7 @@ class BlendedDrawer:
         ]  # fmt: skip
         self._bound = StorageBindings(bound, _COMMANDS_BINDING)
         self._draws, self._state = IndirectDraws(), GlState()
+        self._draw_items = self._draws.drawing(0, 0, self._written)
 
     @property
     def memory_bytes(self) -> int:
@@ -125,6 +126,7 @@ class BlendedDrawer:
         if commands != self._written:
             self._written = commands
             self._count.write(np.uint32(commands))
+            self._draw_items = draws.drawing(0, 0, commands)
         self._bound.bind()
         self._shader.run(self._items, views.cameras)
         context.memory_barrier(context.COMMAND_BARRIER_BIT | context.ELEMENT_ARRAY_BARRIER_BIT)
@@ -133,7 +135,7 @@ class BlendedDrawer:
             self._state.bind_texture(unit, array.array.glo)
         draws.bind(self._commands.glo, self._count.glo, self._vertices.glo)
         draws.use_program(self._program.glo)
-        draws.drawing(0, 0, commands)()
+        self._draw_items()
 
     def _kind(self, item: DrawItem) -> int:
         array = item.texture_layer.array

@@ -16,7 +16,7 @@ from omnisim.rendering.opengl.culling.command_slices import BANDS, CommandRange
 from omnisim.rendering.opengl.drawing.material_units import map_units
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
 from omnisim.rendering.opengl.geometry.vertex_format import cluster_vertex_array
-from omnisim.rendering.opengl.gl_functions import IndirectDraws
+from omnisim.rendering.opengl.gl_functions import IndirectDraws, constant_call
 from omnisim.rendering.opengl.gl_state import GlState
 
 
@@ -175,14 +175,14 @@ class _StateCalls:
         shader = state.shader
         if shader.program is not self._program:
             self._program = shader.program
-            yield partial(self._draws.use_program, shader.program.glo)
+            yield constant_call(self._draws.use_program, shader.program.glo)
         if state.shows_back is not self._shows_back:
             self._shows_back = state.shows_back
             yield partial(self._gl.set_culling, not state.shows_back)
         for unit, texture in state.textures:
             if self._textures.get(unit) != texture:
                 self._textures[unit] = texture
-                yield partial(self._gl.bind_texture, unit, texture)
+                yield constant_call(self._gl.bind_texture, unit, texture)
         if shader.sampler is not None and shader.sampler is not self._sampler:
             self._sampler = shader.sampler
             yield partial(shader.sampler.use, 0)

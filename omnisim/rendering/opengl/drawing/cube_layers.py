@@ -104,8 +104,7 @@ class CubeLayers:
         with self._state.drawing():
             self._tiles.draw_clusters(rigs, objects)
             if self._sky is not None:
-                self._sky.draw(self._target, rigs)
+                self._sky.draw(rigs)
             if self._blended is not None:
-                self._positions.bind_to_storage_buffer(_POSITIONS)  # the sky shares the binding
                 with self._state.blending():
                     self._blended.draw()

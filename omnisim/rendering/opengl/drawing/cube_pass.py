@@ -92,6 +92,10 @@ class CubePass:
     def refresh(self) -> None:
         """Update after the buffers changed."""
         self._probes = self._make_probes()
+        shown, with_probe = self._buffers.shown(self._cameras.hidden), frozenset[int]()
+        if self._probes is not None:
+            with_probe = self._probes.items
+        self._shown_with_probe = np.array([one for one in with_probe if shown[one]], dtype=np.intp)
         self._mirrors = self._make_mirrors()
         self._view = SceneView(
             self._buffers,
@@ -247,14 +251,12 @@ class CubePass:
         """Indices of items with a probe that are in view, or may be so in a mirror."""
         if self._mirrors:
             return probes.items
-        is_shown = self._buffers.shown(self._cameras.hidden)
-        items = np.array([one for one in probes.items if is_shown[one]], dtype=np.intp)
+        items = self._shown_with_probe
         transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
-        views = self.tiles.views.at(world_from_rig)
-        seen = [self.tiles.cull_items(view, transforms, items) for view in views]
+        seen = transforms.seen_in(self.tiles.views.at(world_from_rig), items).any(axis=0)
         return frozenset(
             index
-            for index in items[np.any(seen, axis=0)].tolist()
+            for index in items[seen].tolist()
             if self._buffers.draw_items[index].shows(transforms.viewpoint_from_mesh[index])
         )
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import moderngl
 
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl_functions import AnyTexture
 from omnisim.rendering.opengl.materials.texture_array import MAP_UNITS
 from omnisim.rendering.opengl.uniforms import set_sampler
 
@@ -46,13 +47,14 @@ def connect_material(program: moderngl.Program, clustered: bool) -> None:
         set_sampler(program, name, unit)
 
 
-def bind_materials(buffers: SceneBuffers, has_item_details: bool) -> None:
-    """Bind the tables of materials and vertex details, on request also of single items."""
+def material_tables(buffers: SceneBuffers, has_item_details: bool) -> dict[int, AnyTexture]:
+    """Tables of materials and vertex details by unit, on request also of single items."""
     clusters, materials = buffers.clustered_geometry, buffers.materials.texture
     if materials is None:
-        return
-    materials.use(_MATERIALS_UNIT)
+        return {}
+    tables: dict[int, AnyTexture] = {_MATERIALS_UNIT: materials}
     if has_item_details and buffers.item_details is not None:
-        buffers.item_details.use(_ITEM_DETAILS_UNIT)
+        tables[_ITEM_DETAILS_UNIT] = buffers.item_details
     if clusters is not None and clusters.details is not None:
-        clusters.details.use(_DETAILS_UNIT)
+        tables[_DETAILS_UNIT] = clusters.details
+    return tables

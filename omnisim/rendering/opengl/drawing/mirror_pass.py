@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.atlas.tile_views import TileView
+from omnisim.rendering.opengl.atlas.tile_views import PosedViews
 from omnisim.rendering.opengl.drawing.mirror_owner_program import MirrorOwnerProgram
 from omnisim.rendering.opengl.drawing.reversed_depth import CLEAR_DEPTH, depth_texture
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
@@ -193,7 +193,7 @@ class MirrorPass:
         return planes, sides
 
     def _draw_owners(
-        self, view: SceneView, views: Sequence[TileView], transforms: InstanceTransforms
+        self, view: SceneView, views: PosedViews, transforms: InstanceTransforms
     ) -> None:
         """Draw the number of the nearest mirror, in exactly the texels that show it."""
         view.tiles.begin(self._owners_target, [None])
@@ -207,7 +207,7 @@ class MirrorPass:
         self,
         view: SceneView,
         sides: NDArray[np.intp],
-        views: Sequence[TileView],
+        views: PosedViews,
         transforms: InstanceTransforms,
     ) -> list[int]:
         """Indices of the largest mirrors that face the viewpoint and that some tile may show."""
@@ -218,7 +218,7 @@ class MirrorPass:
             if sides[number] not in mirror.sides:
                 continue
             items = np.array([one for one in mirror.parts if one in self.items], dtype=np.intp)
-            if any(view.tiles.cull_items(tile, transforms, items).any() for tile in views):
+            if transforms.seen_in(views, items).any():
                 visible.append(number)
         return visible
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.world import time_of
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.atlas.tile_views import TileView
+from omnisim.rendering.opengl.atlas.tile_views import PosedViews
 from omnisim.rendering.opengl.drawing.blended_drawer import BlendedDrawer, arrays_of, fits
 from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
@@ -215,7 +215,7 @@ class SceneView:
                 self._bind_mirrors(of_panes=False)
                 self.tiles.draw(target, world_from_rig, world_from_objects, self._drawer)
             if self._sky is not None:
-                self._sky.draw(target, world_from_rig[None])
+                self._sky.draw(world_from_rig[None])
             if self.blended.size:
                 with self._state.blending(), self._clipped():
                     self._bind_mirrors(of_panes=True)
@@ -249,11 +249,10 @@ class SceneView:
         self.tiles.draw_items(target, views, transforms, blended, self._drawer)
 
     def _back_to_front(
-        self, views: Sequence[TileView], transforms: InstanceTransforms, time_s: float
+        self, views: PosedViews, transforms: InstanceTransforms, time_s: float
     ) -> NDArray[np.intp]:
         """Sort visible blended items, and their triangles, back to front."""
-        seen = [self.tiles.cull_items(view, transforms, self.blended) for view in views]
-        blended = self.blended[np.any(seen, axis=0)]
+        blended = self.blended[transforms.seen_in(views, self.blended).any(axis=0)]
         distances = np.linalg.norm(transforms.centers_m[blended], axis=1)
         blended = blended[np.argsort(-distances, kind="stable")]
         for index in blended:

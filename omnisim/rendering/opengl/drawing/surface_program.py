@@ -16,8 +16,8 @@ from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
 from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
 from omnisim.rendering.opengl.drawing.material_units import (
-    bind_materials,
     connect_material,
+    material_tables,
     reflectance_defines,
 )
 from omnisim.rendering.opengl.drawing.shadow_source import ShadowSource
@@ -25,6 +25,7 @@ from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
 from omnisim.rendering.opengl.geometry.light_baking import Shading
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl_functions import bind_textures
 from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.materials import baked_textures
 from omnisim.rendering.opengl.materials.environment_textures import filtered_texture, sky_texture
@@ -401,15 +402,14 @@ class SurfacePrograms:
 
     def bind_tables(self) -> None:
         """Bind baked light, and the lookup tables of reflective materials, if there are any."""
-        if self._baked_textures is not None:
-            self._baked_textures.bind()
-        if self._buffers.materials.texture is None:
-            return
-        needed = any(one.needs_item_details for one in self._programs.values())
-        bind_materials(self._buffers, needed)
-        self._environment_table.use(_ENVIRONMENT_UNITS["u_environment_table"])
-        if self._filtered_sky is not None:
-            self._filtered_sky.use(_ENVIRONMENT_UNITS["u_filtered_sky"])
+        tables = {} if self._baked_textures is None else self._baked_textures.units
+        if self._buffers.materials.texture is not None:
+            needed = any(one.needs_item_details for one in self._programs.values())
+            tables |= material_tables(self._buffers, needed)
+            tables[_ENVIRONMENT_UNITS["u_environment_table"]] = self._environment_table
+            if self._filtered_sky is not None:
+                tables[_ENVIRONMENT_UNITS["u_filtered_sky"]] = self._filtered_sky
+        bind_textures(tables)
 
     def sky_seen(self, unlit: bool) -> moderngl.Texture | None:
         """Texture of the visible environment map; None without one, or in fog."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from omnisim.core.world import ObjectPart
 from omnisim.rendering.camera.quality import DEFAULT_MIRRORS, DEFAULT_PROBES
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.atlas.tile_views import TileView, TileViews, clips_from_rig
+from omnisim.rendering.opengl.atlas.tile_views import PosedViews, TileViews, clips_from_rig
 from omnisim.rendering.opengl.culling.cluster_culling import MIN_TRIANGLES_OF_PASSES, ClusterCuller
 from omnisim.rendering.opengl.culling.cluster_views import Views
 from omnisim.rendering.opengl.drawing.cluster_drawer import (
@@ -224,36 +224,20 @@ class TileRenderer:
     def draw_items(
         self,
         target: moderngl.Framebuffer,
-        views: Sequence[TileView],
+        views: PosedViews,
         transforms: InstanceTransforms,
         order: NDArray[np.intp],
         drawer: SceneDrawer[P],
     ) -> None:
         """Draw items in order of their indices (n,), each in the tiles that may show it."""
+        seen = transforms.seen_in(views, order)
+        if not seen.any():
+            return
         with self._state.unclipped(), self._state.within_rectangles(target) as aim:
-            for view in views:
-                aim(view.tile.left_px, view.tile.top_px, *view.tile.size_px)
-                self._draw_in_tile(view, transforms, order, drawer)
-
-    def _draw_in_tile(
-        self,
-        view: TileView,
-        transforms: InstanceTransforms,
-        order: NDArray[np.intp],
-        drawer: SceneDrawer[P],
-    ) -> None:
-        if order.size:
-            order = order[self.cull_items(view, transforms, order)]
-            clips = columns_first(view.clip_from_viewpoint @ transforms.viewpoint_from_mesh[order])
-            for index, clip_from_mesh in zip(order.tolist(), clips, strict=True):
-                drawer.draw_item(index, clip_from_mesh)
-
-    def cull_items(
-        self, view: TileView, transforms: InstanceTransforms, items: NDArray[np.intp]
-    ) -> NDArray[np.bool_]:
-        """Mask of items (n,) whose bounding spheres are not outside of a tile's frustum."""
-        inside_m = (
-            transforms.centers_m[items] @ view.frustum_planes[:, :3].T + view.frustum_planes[:, 3]
-        )
-        kept: NDArray[np.bool_] = np.all(inside_m.T + transforms.radii_m[items] >= 0.0, axis=0)
-        return kept
+            for number in np.flatnonzero(seen.any(axis=1)).tolist():
+                tile, shown = views.tiles[number], order[seen[number]]
+                aim(tile.left_px, tile.top_px, *tile.size_px)
+                clip_from_viewpoint = views.clips_from_viewpoint[number]
+                clips = columns_first(clip_from_viewpoint @ transforms.viewpoint_from_mesh[shown])
+                for index, clip_from_mesh in zip(shown.tolist(), clips, strict=True):
+                    drawer.draw_item(index, clip_from_mesh)

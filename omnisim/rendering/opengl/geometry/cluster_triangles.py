@@ -157,7 +157,7 @@ def object_triangles(
         own = mesh.triangles[:, (0, 2, 1)] if item.flips_winding else mesh.triangles
         triangles.append(own + np.uint32(base))
         base += len(part)
-    return vertices, np.concatenate(triangles)
+    return vertices, np.ascontiguousarray(np.concatenate(triangles))  # flipped ones are not
 
 
 def _bake(

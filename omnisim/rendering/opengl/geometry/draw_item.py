@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 from typing import NamedTuple
 
 import moderngl
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.bounds import bounds_of
+from omnisim.rendering.opengl.atlas.tile_views import PosedViews
 from omnisim.rendering.opengl.materials.scene_textures import MaterialTexture
 from omnisim.scene.model import Material, Mesh
 from omnisim.scene.motion.deformation import Sphere
@@ -87,6 +89,14 @@ class DrawItem:
     def triangles(self) -> int:
         """Number of triangles."""
         return self.count // 3
+
+    @cached_property
+    def triangle_centers(self) -> NDArray[np.float64]:
+        """Centers (triangles, 3) of the triangles at rest, in the mesh's frame."""
+        centers: NDArray[np.float64] = self.mesh.positions[self.mesh.triangles].mean(
+            axis=1, dtype=np.float64
+        )
+        return centers
 
     def is_near(self, anchor_m: NDArray[np.float64]) -> bool:
         """True if float32 coordinates on the item are right to 0.1 mm.
@@ -175,3 +185,7 @@ class InstanceTransforms(NamedTuple):
     normal_from_mesh: NDArray[np.float64]
     centers_m: NDArray[np.float64]
     radii_m: NDArray[np.float64]
+
+    def seen_in(self, views: PosedViews, items: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Mask (tiles, n) of the items (n,) whose bounding spheres may be in view."""
+        return views.cull(self.centers_m[items], self.radii_m[items])

@@ -148,6 +148,7 @@ class SceneBuffers:
         self._dynamic = np.flatnonzero(self._object_of_item >= 0)
         self.deforming = np.flatnonzero([item.mesh.deformation is not None for item in items])
         self._deformer: MeshDeformer | None = None
+        self._posed: tuple[bytes, InstanceTransforms] | None = None  # poses of objects, and world
         self._deformed_spheres: tuple[float, NDArray[np.float64], NDArray[np.float64]] | None = None
 
     @property
@@ -247,6 +248,23 @@ class SceneBuffers:
             viewpoint_m: (3,) position of the viewpoint, world.
             world_from_objects: (4, 4) each, poses of the dynamic objects.
         """
+        posed = self._world_transforms(world_from_objects)
+        viewpoint_from_mesh = posed.viewpoint_from_mesh.copy()
+        viewpoint_from_mesh[:, :3, 3] -= viewpoint_m  # in float64: precise far from the origin
+        return posed._replace(
+            viewpoint_from_mesh=viewpoint_from_mesh, centers_m=posed.centers_m - viewpoint_m
+        )
+
+    def _world_transforms(
+        self, world_from_objects: Sequence[NDArray[np.float64]]
+    ) -> InstanceTransforms:
+        """Transforms of the items to the world, kept until objects move."""
+        poses = np.array(world_from_objects)
+        key = poses.tobytes()
+        if self.deforming.size:
+            key += np.float64(time_of(world_from_objects)).tobytes()
+        if self._posed is not None and self._posed[0] == key:
+            return self._posed[1]
         world_from_mesh, normal_from_mesh, centers_m = (one.copy() for one in self._rest_transforms)
         radii_m = self.radii_m
         if self.deforming.size:
@@ -255,17 +273,16 @@ class SceneBuffers:
             centers_m[self.deforming], radii_m[self.deforming] = spheres
         if self._dynamic.size:
             dynamic = self._dynamic
-            world_from_object = np.stack(world_from_objects)[self._object_of_item[dynamic]]
+            world_from_object = poses[self._object_of_item[dynamic]]
             rotation = world_from_object[:, :3, :3]
             world_from_mesh[dynamic] = world_from_object @ world_from_mesh[dynamic]
             # a rotation equals its matrix of cofactors
             normal_from_mesh[dynamic] = rotation @ normal_from_mesh[dynamic]
             centers_m[dynamic] = (rotation @ centers_m[dynamic, :, None])[..., 0]
             centers_m[dynamic] += world_from_object[:, :3, 3]
-        world_from_mesh[:, :3, 3] -= viewpoint_m  # in float64: precise far from the origin
-        return InstanceTransforms(
-            world_from_mesh, normal_from_mesh, centers_m - viewpoint_m, radii_m
-        )
+        transforms = InstanceTransforms(world_from_mesh, normal_from_mesh, centers_m, radii_m)
+        self._posed = key, transforms
+        return transforms
 
     def _spheres_at(self, time_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Centers (n, 3) and radii (n,) of deforming items, in their objects' frames."""
@@ -361,8 +378,10 @@ class SceneBuffers:
             time_s: time for which a deforming mesh is sorted.
         """
         mesh = item.mesh
-        positions = mesh.deformation.positions_at(time_s) if mesh.deformation else mesh.positions
-        centers = positions[mesh.triangles].mean(axis=1, dtype=np.float64)
+        centers = item.triangle_centers
+        if mesh.deformation is not None:
+            positions = mesh.deformation.positions_at(time_s)
+            centers = positions[mesh.triangles].mean(axis=1, dtype=np.float64)
         centers = centers @ viewpoint_from_mesh[:3, :3].T + viewpoint_from_mesh[:3, 3]
         order = np.argsort(-np.sum(centers**2, axis=1), kind="stable")
         self._store.allocated[1].write(

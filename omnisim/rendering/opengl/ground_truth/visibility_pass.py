@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
-from omnisim.rendering.opengl.drawing.material_units import bind_materials
+from omnisim.rendering.opengl.drawing.material_units import material_tables
 from omnisim.rendering.opengl.drawing.reversed_depth import depth_texture
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
 from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer, VirtualCameras
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl_functions import bind_textures
 from omnisim.rendering.opengl.gl_state import GlState
 from omnisim.rendering.opengl.ground_truth.triangle_ids import TriangleIds
 from omnisim.rendering.opengl.ground_truth.visibility_program import (
@@ -214,7 +215,7 @@ class VisibilityPass:
     def bind_materials(self, details: HitDetails) -> None:
         """Bind the material tables, if materials are drawn."""
         if details.materials:
-            bind_materials(self.buffers, has_item_details=True)
+            bind_textures(material_tables(self.buffers, has_item_details=True))
 
     def end(self) -> None:
         """Restore the state that later passes expect."""

@@ -6,6 +6,7 @@ import moderngl
 import numpy as np
 
 from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.gl_functions import AnyTexture
 from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.rendering.opengl.uniforms import find_uniform, set_sampler
 from omnisim.scene.light.baked_light import BakedLight, Probes
@@ -29,10 +30,10 @@ class BakedTextures:
         self._lightmap = _lightmap(context, baked)
         self._probes = _probes(context, baked.probes)
 
-    def bind(self) -> None:
-        """Bind the textures for connected programs."""
-        self._lightmap.use(_LIGHTMAP_UNIT)
-        self._probes.use(_PROBES_UNIT)
+    @property
+    def units(self) -> dict[int, AnyTexture]:
+        """Textures by unit, for connected programs."""
+        return {_LIGHTMAP_UNIT: self._lightmap, _PROBES_UNIT: self._probes}
 
 
 def connect(program: moderngl.Program, baked: BakedLight) -> None:

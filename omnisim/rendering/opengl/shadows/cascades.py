@@ -42,6 +42,7 @@ class Cascades:
         self._middle_m = 0.5 * (low_m + high_m)[:2]
         half_m = _half_m(low_m, high_m)
         self.halves_m = tuple(half_m / _RATIO**level for level in reversed(range(count)))
+        self._steps_m = np.array(self.halves_m)[:-1, None] / STEPS  # of those that follow
         depth_m = 2.0 * _BEYOND * half_m + 3.0 * float(high_m[2] - low_m[2])
         # a power of two, as a constant of the shaders
         self.depth_scale = 2.0 ** -math.ceil(math.log2(depth_m / half_m))
@@ -64,11 +65,6 @@ class Cascades:
         """Centers (following, 2) of the cascades that follow a viewpoint, in steps."""
         steps: NDArray[np.float64] = np.round(self.axes[:2] @ viewpoint_m / self._steps_m)
         return steps
-
-    @property
-    def _steps_m(self) -> NDArray[np.float64]:
-        """Steps (following, 1) of the cascades that follow the viewpoint."""
-        return np.array(self.halves_m)[:-1, None] / STEPS
 
 
 def cascade_count(axes: NDArray[np.float64], boxes_m: NDArray[np.float64]) -> int:

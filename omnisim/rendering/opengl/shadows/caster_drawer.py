@@ -113,6 +113,9 @@ class CasterDrawer:
             # hidden static items have no triangles
             shown_clusters = buffers.clustered_geometry.shown_clusters
             self._shown = {True: shown_clusters(dynamic), False: shown_clusters(static)}
+            if self._part_clusters is not None:
+                self._part_clusters[0].show(self._shown[False])
+        self._shows_dynamic: bool | None = None  # of the clusters of whole maps
 
     def draw(
         self,
@@ -138,7 +141,9 @@ class CasterDrawer:
                 culler.views.write(self._rig, world_from_objects)
                 seen = np.where(active[:, None, None], clips, _NOWHERE)
                 culler.views.clips_from_rig.write(columns_first(seen))
-                culler.show(self._shown[dynamic])
+                if self._shows_dynamic is not dynamic:
+                    culler.show(self._shown[dynamic])
+                    self._shows_dynamic = dynamic
                 culler.run(0)
                 drawer.draw(0)
             if self._items[dynamic].size:
@@ -165,7 +170,6 @@ class CasterDrawer:
                 culler.views.write(self._rig, world_from_objects)
                 culler.views.clips_from_rig.write(columns_first(part.part_clip[None]))
                 culler.views.rectangles_px.write(np.array(part.part_px, dtype=np.float32))
-                culler.show(self._shown[False])
                 culler.run(0)
                 self._place_static(culler, part, target.size)
                 with self._state.within_rectangles(target) as aim:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
@@ -27,6 +28,18 @@ from omnisim.rendering.opengl.shadows.shadow_plan import make_shadow_plan
 from omnisim.scene.model import LAMP_NEAR_M, Lighting
 
 _UNIT, _BLOCK_BINDING = 13, 1  # as in shaders/scene/shadow.glsl
+
+
+class _Views(NamedTuple):
+    """Views of all maps.
+
+    Attributes:
+        middles_m: (lights, cascades, 2) centers of the cascades, on which the matrices depend.
+        clips: (maps, 4, 4) clip_from_anchor matrices.
+    """
+
+    middles_m: NDArray[np.float64]
+    clips: NDArray[np.float64]
 
 
 class ShadowMaps:
@@ -74,11 +87,11 @@ class ShadowMaps:
         else:
             self._kept = None
         self._follows = plan.maps_that_follow
-        at_anchor = self._clips(self.anchor_m)
+        self._drawn: _Views | None = None  # views of the drawn static maps
+        at_anchor, _ = self._views(self.anchor_m)
         # empty if all casters have cubes
-        size = max(16, plan.block_data(at_anchor).nbytes)
+        size = max(16, plan.block_data(at_anchor.clips).nbytes)
         self._block = context.buffer(reserve=size, dynamic=True)
-        self._drawn: NDArray[np.float64] | None = None  # matrices of the drawn static maps
         self._posed: tuple[float, NDArray[np.float64]] | None = None  # when, and where
         self._covered: NDArray[np.intp] = np.empty((0, 4), dtype=np.intp)
         objects = np.array(
@@ -102,7 +115,7 @@ class ShadowMaps:
             return False
         if not self._plan.follows_viewpoint:
             return True
-        first, *others = (self._clips(rig[:3, 3]) for rig, _ in poses)
+        first, *others = (self._middles_m(rig[:3, 3]) for rig, _ in poses)
         return all(np.array_equal(one, first) for one in others)
 
     def connect(self, program: moderngl.Program) -> None:
@@ -116,10 +129,8 @@ class ShadowMaps:
         world_from_objects: Sequence[NDArray[np.float64]],
     ) -> None:
         """Draw the maps that a frame needs, and bind them; see `ShadowSource`."""
-        clips = self._clips(viewpoint_m)
-        stale = np.ones(len(clips), dtype=np.bool_)
-        if self._drawn is not None:
-            stale = np.any(clips != self._drawn, axis=(1, 2))
+        views, stale = self._views(viewpoint_m)
+        clips = views.clips
         if stale.any():
             if self._drawn is None:
                 self._draw_fixed(clips, world_from_objects)
@@ -127,15 +138,24 @@ class ShadowMaps:
                 at_m = viewpoint_m - self.anchor_m
                 self._kept.update(self._maps[0], at_m, self._drawer, world_from_objects)
             self._block.write(self._plan.block_data(clips))
-            self._drawn = clips
+            self._drawn = views
         if len(self._maps) > 1:
             self._draw_dynamic(clips, stale, world_from_objects)
         self._maps[-1].texture.use(_UNIT)
         self._block.bind_to_uniform_block(_BLOCK_BINDING)
 
-    def _clips(self, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Matrices (maps, 4, 4) clip_from_anchor of the maps for a viewpoint (3,), world."""
-        return self._plan.clips(self._plan.middles_m(viewpoint_m - self.anchor_m), self.anchor_m)
+    def _views(self, viewpoint_m: NDArray[np.float64]) -> tuple[_Views, NDArray[np.bool_]]:
+        """Views for a viewpoint (3,), world, and the mask (maps,) of those not yet drawn."""
+        middles_m, drawn = self._middles_m(viewpoint_m), self._drawn
+        if drawn is not None and np.array_equal(middles_m, drawn.middles_m):
+            return drawn, np.zeros(len(drawn.clips), dtype=np.bool_)
+        clips = self._plan.clips(middles_m, self.anchor_m)
+        if drawn is None:
+            return _Views(middles_m, clips), np.ones(len(clips), dtype=np.bool_)
+        return _Views(middles_m, clips), np.any(clips != drawn.clips, axis=(1, 2))
+
+    def _middles_m(self, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self._plan.middles_m(viewpoint_m - self.anchor_m)
 
     def _draw_fixed(
         self, clips: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]

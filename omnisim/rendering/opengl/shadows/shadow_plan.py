@@ -109,12 +109,16 @@ class ShadowPlan:
         """Point and spot lights that cast shadows."""
         return tuple(light for light in self.punctual if light.casts_shadow)
 
-    def middles_m(self, viewpoint_m: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-        """Centers (cascades, 2) of the cascades, for each directional caster."""
-        return [one.middles_m(viewpoint_m) for one in self.cascades if one is not None]
+    def middles_m(self, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Centers (lights, cascades, 2) of the directional casters' cascades.
+
+        Args:
+            viewpoint_m: (3,) viewpoint relative to the anchor.
+        """
+        return np.array([one.middles_m(viewpoint_m) for one in self.cascades if one is not None])
 
     def clips(
-        self, middles_m: Sequence[NDArray[np.float64]], anchor_m: NDArray[np.float64]
+        self, middles_m: NDArray[np.float64], anchor_m: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Matrices (maps, 4, 4) clip_from_anchor, given the cascades' centers."""
         casting = [one for one in self.cascades if one is not None]

@@ -8,13 +8,13 @@ import pytest
 pytest.importorskip("xatlas")
 
 from omnisim.core.errors import SceneError
-from omnisim.rendering.baking.atlas.atlas import build_atlas
+from omnisim.rendering.baking.atlas.atlas import automatic_atlas, build_atlas
 from omnisim.rendering.baking.atlas.packing import pack
 from omnisim.rendering.baking.atlas.rasterization import GRID, rasterize
-from omnisim.rendering.baking.atlas.texel_sizes import coarseness
+from omnisim.rendering.baking.atlas.texel_sizes import MAX_LENGTH, coarseness
 from omnisim.rendering.baking.atlas.unwrapping import unwrap
 from omnisim.rendering.baking.solids import hollow_triangles, instances_of
-from omnisim.scene import load_scene
+from omnisim.scene import Scene, load_scene
 from tests.rendering.baking.rooms import box, lit_by
 
 NO_BACKS = np.zeros(1, dtype=np.bool_)
@@ -91,6 +91,24 @@ def test_texels_too_small_are_refused(monkeypatch):
     with pytest.raises(SceneError, match=r"texel_m = 0.1: expected an atlas of at most 128 px"):
         build_atlas(scene, 0.1, NO_BACKS)
     assert max(build_atlas(scene, 0.4, NO_BACKS).size_px) <= 128
+
+
+def test_a_needle_gets_wide_texels():
+    """One vertex lies far away: its chart would be millions of texels long and two wide."""
+    mesh = Scene.from_arrays("needle", [(0, 0, 0), (0, 1e-3, 0), (1e9, 0, 0)], [(0, 1, 2)])
+    texel_m, atlas = automatic_atlas(lit_by(mesh), NO_BACKS, 1 << 16)
+    assert atlas.texels_m[0] == pytest.approx(1e9 / MAX_LENGTH)
+    assert texel_m < 1e6
+    assert max(atlas.size_px) <= MAX_LENGTH
+
+
+def test_many_needles_fit():
+    """A fan around one far vertex: charts that no step of 5 % makes shorter for a long time."""
+    near = [(0, np.cos(turn), np.sin(turn)) for turn in np.arange(12)]
+    fan = [(index, (index + 5) % 12, 12) for index in range(12)]
+    scene = lit_by(Scene.from_arrays("fan", [*near, (1e9, 0, 0)], fan))
+    _, atlas = automatic_atlas(scene, NO_BACKS, 1 << 14)
+    assert np.prod(atlas.size_px) <= 1 << 14
 
 
 def _double_sided(scene):

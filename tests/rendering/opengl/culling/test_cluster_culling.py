@@ -23,16 +23,12 @@ NEAR_M = 0.05
 MASKED = Material(alpha_mode=AlphaMode.MASK)
 
 
-def _views(far_m, world_from_rig):
-    return TileViews(PLAN, NEAR_M, far_m).at(world_from_rig)
-
-
-def _shown(view, points, far_m, world_from_rig):
+def _shown(tile, points, far_m, world_from_rig):
     """Mask of points (..., 3), viewpoint frame, that a tile shows: by its tangents."""
-    local = points @ world_from_rig[:3, :3] @ FACE_FROM_RIG[view.tile.face].T
+    local = points @ world_from_rig[:3, :3] @ FACE_FROM_RIG[tile.face].T
     depth = local[..., 2]
     tangents = local[..., :2] / np.where(depth > NEAR_M, depth, 1.0)[..., None]
-    first, last = view.tile.padded_region
+    first, last = tile.padded_region
     inside = np.all((tangents >= first) & (tangents <= last), axis=-1)
     return inside & (depth > NEAR_M) & (depth < far_m)
 
@@ -41,16 +37,30 @@ def test_matrices_show_what_planes_keep():
     generator = np.random.default_rng(2)
     world_from_rig = pose((0.0, 3.0, 1.0), roll_deg=-8.0, yaw_deg=200.0)
     points = generator.uniform(-5.0, 5.0, (4000, 3))
-    for view in _views(np.inf, world_from_rig):
-        x, y, z, w = (points @ view.clip_from_viewpoint[:, :3].T + view.clip_from_viewpoint[:, 3]).T
+    views = TileViews(PLAN, NEAR_M, np.inf).at(world_from_rig)
+    kept = views.cull(points, np.zeros(len(points)))
+    for tile, clip, of_tile in zip(views.tiles, views.clips_from_viewpoint, kept, strict=True):
+        x, y, z, w = (points @ clip[:, :3].T + clip[:, 3]).T
         drawn = (np.abs(x) <= w) & (np.abs(y) <= w) & (z <= w) & (w > 0.0)
-        kept = np.all(
-            points @ view.frustum_planes[:, :3].T + view.frustum_planes[:, 3] >= 0.0, axis=1
-        )
         assert drawn.any()
         # points on a plane itself do not occur by chance
-        assert np.array_equal(drawn, kept)
-        assert np.array_equal(drawn, _shown(view, points, np.inf, world_from_rig))
+        assert np.array_equal(drawn, of_tile)
+        assert np.array_equal(drawn, _shown(tile, points, np.inf, world_from_rig))
+
+
+def test_spheres_are_kept_in_tiles_that_show_a_point_of_them():
+    generator = np.random.default_rng(3)
+    world_from_rig = pose((0.0, 3.0, 1.0), roll_deg=-8.0, yaw_deg=200.0)
+    views = TileViews(PLAN, NEAR_M, 6.0).at(world_from_rig)
+    centers_m, radii_m = generator.uniform(-5.0, 5.0, (300, 3)), generator.uniform(0.1, 1.0, 300)
+    directions = generator.normal(size=(100, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    points_m = centers_m[:, None] + radii_m[:, None, None] * directions
+    kept = views.cull(centers_m, radii_m)
+    for tile, of_tile in zip(views.tiles, kept, strict=True):
+        shown = _shown(tile, points_m, 6.0, world_from_rig).any(axis=1)
+        assert 0 < np.count_nonzero(shown) <= np.count_nonzero(of_tile) < 150
+        assert not np.any(shown & ~of_tile)
 
 
 def _stack(count=32, height_m=4.0):
@@ -118,9 +128,9 @@ def test_all_triangles_that_a_tile_shows_are_drawn(context, far_m):
         normals = np.cross(local[:, 1] - local[:, 0], local[:, 2] - local[:, 0])
         is_front = both_sides | (np.sum(normals * local[:, 0], axis=1) < 0.0)
         middle = local.mean(axis=1)
-        for view, of_view in zip(_views(far_m, world_from_rig), drawn, strict=True):
-            shown = is_front & _shown(view, middle, far_m, world_from_rig)
-            shown &= _is_large(view, local, world_from_rig)
+        for tile, of_view in zip(PLAN.tiles, drawn, strict=True):
+            shown = is_front & _shown(tile, middle, far_m, world_from_rig)
+            shown &= _is_large(tile, local, world_from_rig)
             assert not np.any(shown & ~of_view)
             seen += np.count_nonzero(shown)
         submitted += np.count_nonzero(drawn)
@@ -128,12 +138,12 @@ def test_all_triangles_that_a_tile_shows_are_drawn(context, far_m):
     assert 0 < seen < submitted < 0.2 * 12 * len(PLAN.tiles) * len(corners_m)
 
 
-def _is_large(view, corners_m, world_from_rig):
+def _is_large(tile, corners_m, world_from_rig):
     """Mask of triangles (n, 3, 3) that cover a texel's center for sure: by their inscribed circles,
     were the image not seen at an angle."""  # fmt: skip
-    local = corners_m @ world_from_rig[:3, :3] @ FACE_FROM_RIG[view.tile.face].T
+    local = corners_m @ world_from_rig[:3, :3] @ FACE_FROM_RIG[tile.face].T
     depth = np.maximum(local[..., 2:], 1e-9)
-    texels = 0.5 * view.tile.face_size_px * local[..., :2] / depth
+    texels = 0.5 * tile.face_size_px * local[..., :2] / depth
     one, two, three = texels.transpose(1, 0, 2)
     (x, y), (u, v) = (two - one).T, (three - one).T
     area = 0.5 * np.abs(x * v - y * u)

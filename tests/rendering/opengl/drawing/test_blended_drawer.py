@@ -1,5 +1,7 @@
 """Blended surfaces drawn at once, beside items drawn one after the other."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -91,3 +93,23 @@ def test_too_many_are_drawn_one_by_one(limit, monkeypatch):
         with stage.open(CAMERA) as renderer:
             assert renderer._passes.cube._view.blended_drawer is None
             assert_same(renderer.render(POSES[0]).rgba, expected)
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_all_may_be_mirrored():
+    """A pane that an instance mirrors looks like one whose vertices are mirrored."""
+    pose, mirror = make_pose((1.0, 0.0, 0.0), pitch_deg=70.0), np.diag((1.0, -1.0, 1.0, 1.0))
+    pane = sheet("pane", 1)
+    turned = dataclasses.replace(
+        pane,
+        positions=pane.positions * np.float32((1.0, -1.0, 1.0)),
+        triangles=np.ascontiguousarray(pane.triangles[:, ::-1]),
+        normals=None if pane.normals is None else pane.normals * np.float32((1.0, -1.0, 1.0)),
+    )
+    images = []
+    for mesh, placed in ((pane, pose @ mirror), (turned, pose)):
+        poses = [np.eye(4), placed]
+        scene = scene_of([room(), mesh], MATERIALS, poses, lighting=Lighting((0.5,) * 3, ()))
+        with Stage(scene) as stage, stage.open(CAMERA) as renderer:
+            images.append(renderer.render(POSES[0]).rgba)
+    assert_same(*images)

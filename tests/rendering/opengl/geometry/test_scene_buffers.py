@@ -21,7 +21,9 @@ def test_dynamic_objects_are_placed_as_if_they_stood_there(context):
     np.testing.assert_allclose(buffers.radii_m, expected.radii_m, rtol=1e-12)
     assert buffers.vertices.read() == expected.vertices.read()
     assert buffers.indices.read() == expected.indices.read()
-    for _ in range(2):  # the second time as the first
+    elsewhere = pose((9.0, 0.0, 0.0)), poses[1]
+    for others in (poses, poses, elsewhere):  # whatever was asked for before
+        buffers.instance_transforms(np.zeros(3), others)
         placement = buffers.instance_transforms(VIEWPOINT_M, poses)
         for ours, theirs in zip(placement, expected.instance_transforms(VIEWPOINT_M), strict=True):
             np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-14)

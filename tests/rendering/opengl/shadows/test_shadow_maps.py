@@ -374,6 +374,21 @@ def test_cascades_keep_what_they_have_drawn(moving, monkeypatch):
     assert np.mean(np.abs(kept[-1][0][0] - whole[0]) > 1e-5) < 1e-4
 
 
+def test_only_a_step_of_a_cascade_needs_new_matrices(monkeypatch):
+    planned, clips = [], ShadowPlan.clips
+    monkeypatch.setattr(shadow_plan, "_CASCADE_PX", 64)
+    monkeypatch.setattr(ShadowPlan, "clips", lambda *given: planned.append(given) or clips(*given))
+    scene = scene_of([square(300.0)], lighting=_lighting(LIGHTS["directional"]))
+    camera = _camera(24)
+    with open_sensor(scene, camera) as renderer:
+        counts = []
+        for x_m in (0.1, 0.11, 0.1, 40.0, 40.0):
+            renderer.render(camera.base_pose((x_m, 0.1, 0.8)))
+            counts.append(len(planned))
+    first = counts[0]
+    assert counts == [first, first, first, first + 1, first + 1]
+
+
 def test_many_lamps_share_bounded_memory():
     lights = [replace(LIGHTS["point"], position_m=LAMP_M + (0.02 * i, 0, 0)) for i in range(32)]
     plan = make_shadow_plan(_lighting(*lights), np.array([[[-5.0] * 3, [5.0] * 3]]), 16384)

@@ -11,6 +11,7 @@ from omnisim.scene.formats.gltf.materials.factors import Color, Factors
 from omnisim.scene.model import Material, Texture
 
 DEFAULT_IOR = 1.5
+_FULL = 25.0  # specular color that makes the 4 % of that index 100 %
 _BRIGHTEST = 65504.0  # largest half float, the precision of images
 _MAX_SCALE = 1e3
 
@@ -20,7 +21,8 @@ def with_reflectance(
 ) -> Material:
     """Material with the reflectance of its JSON entry, and maps in the order of `Material.maps`.
 
-    Factors outside their ranges are limited, and recorded in `factors`.
+    Factors outside their ranges are limited, and recorded in `factors`. An index of refraction of 0
+    means that the specular color is the reflectance itself, as of a metal.
 
     Source: glTF 2.0, section 3.9; KHR_materials_emissive_strength, _ior, _specular, _clearcoat,
     _transmission, _volume, _dispersion, and the glossiness of KHR_materials_pbrSpecularGlossiness.
@@ -51,14 +53,18 @@ def with_reflectance(
         factors.share(coat, "clearcoatFactor", 0.0),
     )
     coat_scale = _scale(coat.object("clearcoatNormalTexture"), factors)
+    is_given = ior.number("ior", DEFAULT_IOR) == 0.0
+    red, green, blue = factors.color(specular, "specularColorFactor", 1.0)
     return replace(
         common,
         metallic=factors.share(metallic, "metallicFactor", 1.0),
         roughness=factors.share(metallic, "roughnessFactor", 1.0),
         specular=strength,
-        specular_color=factors.color(specular, "specularColorFactor", 1.0),
-        ior=factors.number(ior, "ior", DEFAULT_IOR, 1.0),
-        transmission=0.0 if has_transmission_map(entry) else _transmission(entry, factors),
+        specular_color=_relative(red, green, blue) if is_given else (red, green, blue),
+        ior=DEFAULT_IOR if is_given else factors.number(ior, "ior", DEFAULT_IOR, 1.0),
+        transmission=(
+            0.0 if is_given or has_transmission_map(entry) else _transmission(entry, factors)
+        ),
         thickness_m=factors.number(volume, "thicknessFactor", 0.0, 0.0),
         attenuation_color=factors.color(volume, "attenuationColor", 1.0, 1.0),
         attenuation_distance_m=_attenuation_distance_m(volume, factors),
@@ -100,8 +106,13 @@ def _specular_glossiness(material: Material, glossy: JsonObject, factors: Factor
         material,
         roughness=1.0 - factors.share(glossy, "glossinessFactor", 1.0),
         specular=1.0,
-        specular_color=(25.0 * red, 25.0 * green, 25.0 * blue),  # relative to 4 %, at index 1.5
+        specular_color=_relative(red, green, blue),
     )
+
+
+def _relative(red: float, green: float, blue: float) -> Color:
+    """Specular color of a dielectric of the default index, for a reflectance."""
+    return _FULL * red, _FULL * green, _FULL * blue
 
 
 def _emissive(entry: JsonObject, factors: Factors) -> Color:
