@@ -16,7 +16,11 @@ import pytest
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.context import open_context, release_context
 from omnisim.rendering.opengl.shadows import shadow_plan
-from tests.read_once import make_mipmaps_once, read_built_in_scenes_once
+from tests.read_once import (
+    cluster_triangles_once,
+    make_mipmaps_once,
+    read_built_in_scenes_once,
+)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -30,6 +34,7 @@ def _scenes_are_made_once():
     with pytest.MonkeyPatch.context() as monkeypatch:
         read_built_in_scenes_once(monkeypatch)
         make_mipmaps_once(monkeypatch)
+        cluster_triangles_once(monkeypatch)
         yield
 
 

@@ -1,15 +1,18 @@
-"""Built-in scenes, and the mip levels of their textures, made once per process for all tests."""
+"""Built-in scenes, and mip levels and clusters of scenes, made once per process for all tests."""
 
+import hashlib
 from collections import OrderedDict
 from pathlib import Path
 
 from omnisim.core.files.sources import note_sources, recorded_sources
 from omnisim.core.package_files import SCENES
+from omnisim.rendering.opengl.geometry import clustered_geometry
 from omnisim.rendering.opengl.materials import scene_textures as textures
 from omnisim.scene.files import load
 
 _MAX_SCENES = 24
 _MAX_TEXTURES = 256
+_MAX_CLUSTERED = 64
 
 
 def read_built_in_scenes_once(monkeypatch):
@@ -41,6 +44,20 @@ def make_mipmaps_once(monkeypatch):
         return levels.get(key, lambda: (pixels, make(pixels, is_linear)))[1]
 
     monkeypatch.setattr(textures, "mipmaps", mipmaps)
+
+
+def cluster_triangles_once(monkeypatch):
+    """Cluster the same triangles with the same keys once: clusters do not change."""
+    build, hierarchies = clustered_geometry.build_clusters, _Recent(_MAX_CLUSTERED)
+
+    def build_clusters(*arrays):
+        digest = hashlib.sha1()
+        for one in arrays:
+            digest.update(f"{one.dtype} {one.shape}".encode())
+            digest.update(one.tobytes())
+        return hierarchies.get(digest.digest(), lambda: build(*arrays))
+
+    monkeypatch.setattr(clustered_geometry, "build_clusters", build_clusters)
 
 
 class _Recent:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -62,7 +62,12 @@ def solve_polynomial(
 
 def polyval(coefficients: Coefficients, arguments: NDArray[np.float64]) -> NDArray[np.float64]:
     """Values (...,) of a polynomial, constant term first, at arguments (...,)."""
-    return np.asarray(polynomial.polyval(arguments, coefficients), dtype=np.float64)
+    *others, last = (float(one) for one in coefficients)
+    values = np.full(np.shape(arguments), last)
+    for one in reversed(others):  # NumPy's own checks its arguments, which takes longer
+        values *= arguments
+        values += one
+    return values
 
 
 def first_root(coefficients: Coefficients, highest: float = math.inf) -> float:
@@ -72,7 +77,13 @@ def first_root(coefficients: Coefficients, highest: float = math.inf) -> float:
     terms below rounding error on the whole range up to `highest` are dropped, because they would
     spoil the accuracy of the other roots.
     """
-    terms = np.asarray(coefficients, dtype=np.float64)
+    return _first_root(tuple(float(one) for one in coefficients), highest)
+
+
+@lru_cache(maxsize=1024)  # a fit moves one parameter of a lens at a time, seldom one of its terms
+def _first_root(coefficients: tuple[float, ...], highest: float) -> float:
+    """`first_root` of plain numbers."""
+    terms = np.array(coefficients)
     if math.isfinite(highest):
         sizes = np.abs(terms) * highest ** np.arange(len(terms), dtype=np.float64)
         while len(terms) > 1 and sizes[len(terms) - 1] < _EPS * sizes[: len(terms) - 1].max():

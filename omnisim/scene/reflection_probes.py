@@ -72,11 +72,26 @@ class _Box(NamedTuple):
         """Radius of the sphere around it."""
         return float(0.5 * np.linalg.norm(self.high_m - self.low_m))
 
-    def holds(self, other: _Box) -> bool:
-        """True if the center of a box no larger than this one is in it."""
-        center_m = other.center_m
-        is_inside = bool(np.all((self.low_m <= center_m) & (center_m <= self.high_m)))
-        return is_inside and other.radius_m <= self.radius_m
+
+class _Boxes:
+    """Bounds of all surfaces, by their index."""
+
+    def __init__(self, surfaces: Mapping[int, ShownSurface]) -> None:
+        self._boxes = {index: _box(one) for index, one in surfaces.items()}
+        self._objects = {index: one.object_index for index, one in surfaces.items()}
+        self._indices = np.array(list(surfaces), dtype=np.intp)
+        self._centers_m = np.array([one.center_m for one in self._boxes.values()]).reshape(-1, 3)
+        self._radii_m = np.array([one.radius_m for one in self._boxes.values()])
+
+    def __getitem__(self, index: int) -> _Box:
+        return self._boxes[index]
+
+    def inside(self, index: int) -> frozenset[int]:
+        """Surfaces of the same object, no larger than this one, whose center is in its box."""
+        box, own = self._boxes[index], self._objects[index]
+        is_inside = (box.low_m <= self._centers_m) & (self._centers_m <= box.high_m)
+        held = self._indices[is_inside.all(axis=1) & (self._radii_m <= box.radius_m)]
+        return frozenset(one for one in held.tolist() if self._objects[one] == own)
 
 
 def reflects_scene(material: Material) -> bool:
@@ -122,28 +137,23 @@ def find_probes(
     ]
     if not own:
         return ()
-    boxes = {index: _box(surfaces[index]) for index in surfaces}
+    boxes = _Boxes(surfaces)
     places: list[ProbePlace] = []
-    shared: list[tuple[int, _Box]] = []  # places that smaller surfaces may join
+    shared: list[tuple[int, frozenset[int]]] = []  # places, and the surfaces that may join them
     for index in sorted(own, key=lambda one: (-boxes[one].radius_m, one)):
-        surface, box = surfaces[index], boxes[index]
-        for number, of_place in shared:
-            if places[number].object_index == surface.object_index and of_place.holds(box):
+        for number, inside in shared:
+            if index in inside:
                 place = places[number]
                 places[number] = replace(
                     place, surfaces=place.surfaces | {index}, left_out=place.left_out | {index}
                 )
                 break
         else:
-            place, is_shared = _place(index, surface, box)
+            place, is_shared = _place(index, surfaces[index], boxes[index])
             if is_shared:
-                inside = {
-                    other
-                    for other, one in surfaces.items()
-                    if one.object_index == surface.object_index and box.holds(boxes[other])
-                }
+                inside = boxes.inside(index)
                 place = replace(place, left_out=place.left_out | inside)
-                shared.append((len(places), box))
+                shared.append((len(places), inside))
             places.append(place)
 
     def prominence(place: ProbePlace) -> float:

@@ -54,7 +54,7 @@ def _only_embree(name):
     return import_failure(name) if name == "embreex" else "was looked at in the other scene"
 
 
-@pytest.fixture(scope="module", params=slow_but(RACERS, "soccer"))
+@pytest.fixture(scope="module", params=slow_but(RACERS, "soccer", long=["mapping"]))
 def images(request):
     """Images of all racers in a scene from one pose, and the racers."""
     without = request.param == "soccer"

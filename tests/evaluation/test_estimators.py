@@ -15,6 +15,7 @@ from omnisim.evaluation.estimator_registry import estimator_named
 from omnisim.evaluation.run_evaluation import OUTCOME, evaluate_estimator
 from omnisim.evaluation.trajectory_errors import trajectory_errors
 from tests.evaluation.evo_oracle import check_errors
+from tests.evaluation.in_process import run_in_process
 
 ROBOT = """
 name = "cart"
@@ -161,9 +162,11 @@ COPY = "import sys, shutil; shutil.copy(sys.argv[1] + '/ground_truth.tum', sys.a
         ("kiss-icp", "failed", "the run has no lidar"),
     ],
 )
-def test_a_failure_is_an_outcome(imu_run, tmp_path, name, status, reason):
+def test_a_failure_is_an_outcome(imu_run, tmp_path, monkeypatch, name, status, reason):
     if name == "kiss-icp" and not is_installed("kiss_icp"):
         pytest.skip("KISS-ICP is not installed")
+    if status == "failed":
+        run_in_process(monkeypatch)
     limit_s = 3.0 if status == "timed out" else 60.0
     outcome = evaluate_estimator(imu_run, name, tmp_path / "out", limit_s)
     assert outcome.status == status
@@ -185,6 +188,7 @@ def test_a_crash_is_an_outcome(imu_run, tmp_path, monkeypatch):
 
 
 def test_a_missing_package_is_an_outcome(imu_run, tmp_path, monkeypatch):
+    run_in_process(monkeypatch)
     monkeypatch.setattr("omnisim.evaluation.run_evaluation.is_installed", lambda name: False)
     outcome = evaluate_estimator(imu_run, "kiss-icp", tmp_path / "out", 60.0)
     assert outcome.status == "not installed"
@@ -192,19 +196,21 @@ def test_a_missing_package_is_an_outcome(imu_run, tmp_path, monkeypatch):
     assert evaluate_estimator(imu_run, "imu", tmp_path / "imu", 60.0).status == "ok"
 
 
-def test_an_outcome_is_not_found_twice(imu_run, tmp_path):
+def test_an_outcome_is_not_found_twice(imu_run, tmp_path, monkeypatch):
+    run_in_process(monkeypatch)
     first = evaluate_estimator(imu_run, "imu", tmp_path / "out", 60.0)
     file = tmp_path / "out" / OUTCOME
     content = json.loads(file.read_text())
     file.write_text(json.dumps(content | {"seconds": 123.0}))
     assert evaluate_estimator(imu_run, "imu", tmp_path / "out", 60.0).seconds == 123.0
-    file.write_text(json.dumps(content | {"inputs": "other"}))
+    file.write_text(json.dumps(content | {"inputs": "other", "seconds": 123.0}))
     again = evaluate_estimator(imu_run, "imu", tmp_path / "out", 60.0)
     assert again.seconds != 123.0
     assert again.errors.ate_m == first.errors.ate_m
 
 
-def test_a_mended_command_is_tried_again(imu_run, tmp_path):
+def test_a_mended_command_is_tried_again(imu_run, tmp_path, monkeypatch):
+    run_in_process(monkeypatch)
     program = tmp_path / "slam.py"
     program.write_text("raise SystemExit('no features')")
     name = f"command:{sys.executable} {program} {{run}} {{out}}"

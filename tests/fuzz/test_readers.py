@@ -11,6 +11,7 @@ from functools import partial
 import pytest
 
 from omnisim.core.errors import MAX_LINE, OmnisimError, printable
+from omnisim.scene.formats.usd import reader as usd_reader
 from tests.fuzz import cases, workers
 from tests.fuzz.__main__ import cases_of
 from tests.fuzz.cases import Case, Finding, Samples, message_fault
@@ -24,14 +25,22 @@ def samples(tmp_path_factory):
     return Samples(tmp_path_factory.mktemp("fuzz") / "samples", tuple(READERS))
 
 
+# each of their cases starts a process, which imports usd-core
+USD = ("usda", "usdc")
+
+
 def test_samples_are_valid(samples, monkeypatch):
     monkeypatch.chdir(samples.folder)
+    monkeypatch.setattr(usd_reader, "call_isolated", lambda read, *arguments: read(*arguments))
     for name, reader in READERS.items():
         reader.read(samples.folder / name)
 
 
 def test_damaged_samples_are_one_line(samples):
-    findings = map(samples.check, cases_of(tuple(READERS), 4 * len(READERS), seed=0))
+    inputs = list(cases_of(tuple(READERS), 4 * len(READERS), seed=0))
+    of_usd = [case for case in inputs if case.reader in USD]
+    inputs = [case for case in inputs if case.reader not in USD] + of_usd[: len(USD)]
+    findings = map(samples.check, inputs)
     assert [finding for finding in findings if finding] == []
 
 

@@ -58,6 +58,7 @@ def _missed(key, fixture):
             "path-tracer",
             "quality",
             "rays",
+            "reflections",
             "second-rasterizer",
             "shadows",
             "sharpness",

@@ -312,15 +312,12 @@ def _point_jacobian(camera: ParametricCamera, points: Floats) -> Floats:
     helper = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
     first = np.cross(directions, helper)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
-    jacobian = np.zeros((len(points), 2, 3))
-    for tangent in (first, np.cross(directions, first)):
-        plus, minus = (
-            camera.pixel_from_ray(directions + sign * _STEP * tangent) for sign in (1.0, -1.0)
-        )
-        ends = np.where(minus.valid[:, None], minus.positions_px, np.nan)
-        rate = (plus.positions_px - ends) / (2.0 * _STEP)
-        rate[~plus.valid] = np.nan
-        jacobian += np.nan_to_num(rate)[:, :, None] * (tangent / distances)[:, None, :]
+    tangents = np.stack((first, np.cross(directions, first)))
+    steps = _STEP * np.stack((tangents, -tangents))
+    seen = camera.pixel_from_ray(directions + steps)
+    plus, minus = np.where(seen.valid[..., None], seen.positions_px, np.nan)
+    rates = np.nan_to_num((plus - minus) / (2.0 * _STEP))
+    jacobian: Floats = np.einsum("tnp,tnc->npc", rates, tangents / distances)
     return jacobian
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +78,7 @@ def _room(material: Material, mesh: Mesh) -> Scene:
     )
 
 
+@cache  # every room has them
 def _walls() -> Mesh:
     """Walls, floor and ceiling of squares, each with one color by its position."""
     quads, colors = [], []

@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from tests.evaluation.in_process import run_in_process
 from tests.evaluation.test_estimators import IMU, ROBOT
 from tests.evaluation.test_sweep import PLAN
 
@@ -35,7 +36,8 @@ def test_a_run(omnisim, folder):
 
 
 @pytest.mark.slow
-def test_a_plan(omnisim, folder):
+def test_a_plan(omnisim, folder, monkeypatch):
+    run_in_process(monkeypatch)
     (folder / "plan.toml").write_text(
         PLAN + "[[vary]]\ntitle = 'IMU'\nkey = 'sensors.imu.device'\nvalues = ['bmi160']\n"
     )

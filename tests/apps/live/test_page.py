@@ -99,13 +99,14 @@ def rest(page, after, still_s=0.8):
     """Wait for a fine image of a state after another, which stays for a while."""
     deadline_s, since_s, last = time.monotonic() + 120.0, 0.0, None
     while last is None or time.monotonic() - since_s < still_s:
-        now = (change(page), page.get_attribute("body", "data-fine"), len(shown_png(page)))
+        size_bytes = page.evaluate("omnisim.views.get('camera').blob.size")
+        now = (change(page), page.get_attribute("body", "data-fine"), size_bytes)
         if now[0] <= after or now[1] != "true":
             now = None
         if now is None or now != last:
             last, since_s = now, time.monotonic()
         assert time.monotonic() < deadline_s, f"never: a fine image after {after}"
-        time.sleep(0.02)
+        time.sleep(0.1)
 
 
 def shown_png(page):

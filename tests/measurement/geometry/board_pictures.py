@@ -1,5 +1,7 @@
 """Images of boards through a lens, sampled by the rays of its pixels."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from omnisim.cameras import KannalaBrandtCamera
@@ -80,21 +82,27 @@ def board_image(camera, pose, brightness, samples=4):
         samples: samples per side of a pixel.
     """
     levels = np.zeros((camera.height_px, camera.width_px))
-    v, u = np.mgrid[: camera.height_px, : camera.width_px].astype(np.float64)
-    steps = (np.arange(samples) + 0.5) / samples - 0.5
     origin, normal = pose[:3, 3], pose[:3, 2]
-    for dv in steps:
-        for du in steps:
-            rays = camera.ray_from_pixel(np.stack((u + du, v + dv), axis=-1))
-            slopes = rays.directions @ normal
-            with np.errstate(all="ignore"):
-                distance = (origin @ normal) / slopes
-                points = (rays.directions * distance[..., None] - origin) @ pose[:3, :3]
-            seen = brightness(points[..., 0], points[..., 1])
-            hit = rays.valid & (distance > 0.0) & np.isfinite(seen)
-            levels += np.where(hit, np.nan_to_num(seen), 0.35)
+    for rays in _rays_of_samples(camera, samples):
+        slopes = rays.directions @ normal
+        with np.errstate(all="ignore"):
+            distance = (origin @ normal) / slopes
+            points = (rays.directions * distance[..., None] - origin) @ pose[:3, :3]
+        seen = brightness(points[..., 0], points[..., 1])
+        hit = rays.valid & (distance > 0.0) & np.isfinite(seen)
+        levels += np.where(hit, np.nan_to_num(seen), 0.35)
     levels /= samples**2
     return np.rint(20.0 + 215.0 * levels).astype(np.uint8)
+
+
+@lru_cache(maxsize=1)  # tests take several images with a lens
+def _rays_of_samples(camera, samples):
+    """Rays through a sample of each pixel, by sample."""
+    v, u = np.mgrid[: camera.height_px, : camera.width_px].astype(np.float64)
+    steps = (np.arange(samples) + 0.5) / samples - 0.5
+    return [
+        camera.ray_from_pixel(np.stack((u + du, v + dv), axis=-1)) for dv in steps for du in steps
+    ]
 
 
 def chessboard_texture(columns=8, rows=6, square_m=0.03):

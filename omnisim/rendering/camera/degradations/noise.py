@@ -161,13 +161,14 @@ def poisson(
     z = normal(first, second)
     large = np.maximum(mean, np.float32(NORMAL_FROM_E))
     many = large + np.sqrt(large) * z + (z * z - np.float32(1.0)) * np.float32(1.0 / 6.0)
-    many = np.maximum(np.floor(many + np.float32(0.5)), np.float32(0.0))
-    return np.where(mean >= np.float32(NORMAL_FROM_E), many, _quantiles(mean, uniform(first)))
+    counts = np.maximum(np.floor(many + np.float32(0.5)), np.float32(0.0))
+    few = mean < np.float32(NORMAL_FROM_E)
+    counts[few] = _quantiles(mean[few], uniform(first[few]))
+    return counts
 
 
 def _quantiles(mean: NDArray[np.float32], fraction: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Quantiles (...) of the Poisson distribution with means (...), by summation."""
-    mean = np.minimum(mean, np.float32(NORMAL_FROM_E))
+    """Quantiles (n,) of the Poisson distribution with means (n,), by summation."""
     term = np.exp(-mean)
     total = term.copy()
     count = np.zeros_like(mean)

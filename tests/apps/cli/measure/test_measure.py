@@ -1,6 +1,7 @@
 """`omnisim measure`: output, files and errors."""
 
 import json
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import omnisim as package
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
 FRAMES = Path(package.__file__).parents[1] / "examples" / "noise_frames.py"
@@ -46,14 +48,23 @@ def test_noise(omnisim, frames, tmp_path):
     assert len(report["photon_transfer"]["mean_dn"]) == 12
 
 
-@pytest.mark.slow
-def test_noise_is_added_to_a_sensor_file(omnisim, frames, tmp_path):
+@pytest.fixture
+def small_frames(monkeypatch, tmp_path):
+    """Frames of the documentation's camera with a sixteenth of its pixels."""
+    example = runpy.run_path(str(FRAMES))
+    monkeypatch.setitem(
+        example["raw_frame"].__globals__, "GEOMETRY", ImageGeometry(80, 60, (39.5, 29.5))
+    )
+    example["main"](tmp_path / "frames")
+    return tmp_path / "frames"
+
+
+def test_noise_is_added_to_a_sensor_file(omnisim, small_frames, tmp_path):
+    dark, flat = small_frames / "dark", small_frames / "flat"
     (tmp_path / "lens").mkdir()
     lens = tmp_path / "lens" / "lens.toml"
     lens.write_text("[degradation]\npreset = 'webcam'\n[mirror]\nk = 12.0\n")
-    status, _, _ = omnisim(
-        "measure", "noise", frames / "dark", frames / "flat", "--sensor", lens, "-o", "camera.toml"
-    )
+    status, _, _ = omnisim("measure", "noise", dark, flat, "--sensor", lens, "-o", "camera.toml")
     assert status == 0
     camera, before = (OmniCamera.from_file(path) for path in (tmp_path / "camera.toml", lens))
     assert camera.model == before.model

@@ -56,7 +56,8 @@ def test_images_become_a_sensor_file(omnisim, tmp_path):
         image = board_image(LENS, pose, chessboard_texture())
         write_numbers(tmp_path / f"{index}.png", image)
     output = tmp_path / "camera.toml"
-    status, _, err = omnisim("measure", "geometry", tmp_path, "--board", "8x6:30mm", "-o", output)
+    options = ("--board", "8x6:30mm", "--model", "kannala_brandt", "--model", "unified")
+    status, _, err = omnisim("measure", "geometry", tmp_path, *options, "-o", output)
     assert status == 0, err
     report = json.loads(output.with_suffix(".json").read_text())["geometry"]
     assert report["held_out_rms_px"] < 0.15

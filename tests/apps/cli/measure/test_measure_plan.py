@@ -32,48 +32,43 @@ def photos(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def folder(photos, response_series, tmp_path):
-    (tmp_path / "photos").symlink_to(photos)
-    (tmp_path / "plan.toml").write_text(PLAN)
-    return tmp_path
-
-
 @pytest.mark.slow
 @pytest.mark.long
-def test_parts_are_measured_once(omnisim, folder):
+def test_parts_are_measured_once(omnisim, photos, response_series, tmp_path):
+    (tmp_path / "photos").symlink_to(photos)
+    (tmp_path / "plan.toml").write_text(PLAN)
     status, out, error = omnisim("measure", "plan", "plan.toml", "-o", "camera.toml")
     assert status == 0, error
     assert out.index("geometry") < out.index("response") < out.index("compare")
-    camera = OmniCamera.from_file(folder / "camera.toml")
+    camera = OmniCamera.from_file(tmp_path / "camera.toml")
     assert camera.degradation.encoding.gamma == pytest.approx(2.0, rel=0.01)
-    sections = json.loads((folder / "camera-report" / "report.json").read_text())["sections"]
+    sections = json.loads((tmp_path / "camera-report" / "report.json").read_text())["sections"]
     assert [one["title"] for one in sections] == [
         "The camera beside its twin",
         "Geometry",
         "Response",
     ]
-    before = (folder / "camera.toml").read_bytes(), (folder / "camera.json").read_bytes()
+    before = (tmp_path / "camera.toml").read_bytes(), (tmp_path / "camera.json").read_bytes()
     status, out, _ = omnisim("measure", "plan", "plan.toml", "-o", "camera.toml")
     assert status == 0
     assert "geometry: measured before" in out
     assert "response: measured before" in out
     assert before == (
-        (folder / "camera.toml").read_bytes(),
-        (folder / "camera.json").read_bytes(),
+        (tmp_path / "camera.toml").read_bytes(),
+        (tmp_path / "camera.json").read_bytes(),
     )
 
 
-def test_a_changed_file_is_measured_again(omnisim, folder):
-    (folder / "plan.toml").write_text('[response]\nimages = "series"\n')
+def test_a_changed_file_is_measured_again(omnisim, response_series, tmp_path):
+    (tmp_path / "plan.toml").write_text('[response]\nimages = "series"\n')
     status, _, error = omnisim("measure", "plan", "plan.toml", "-o", "camera.toml")
     assert status == 0, error
-    first = sorted((folder / "series").rglob("*.png"))[0]
+    first = sorted(response_series.rglob("*.png"))[0]
     first.write_bytes(first.read_bytes() + b" ")  # after the image's end
     status, out, _ = omnisim("measure", "plan", "plan.toml", "-o", "camera.toml")
     assert status == 0
     assert "measured before" not in out
-    assert (folder / "camera-report" / "report.html").exists()
+    assert (tmp_path / "camera-report" / "report.html").exists()
 
 
 @pytest.mark.parametrize(

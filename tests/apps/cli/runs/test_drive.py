@@ -17,11 +17,22 @@ ROUTE = ["--size", "32", "--step", "2", "--turn-step", "90"]
 DRIVE = ["drive", "soccer", "--robot", "superscout", "--path", "lap_clockwise", *ROUTE]
 
 
+@pytest.fixture(scope="module")
+def whole_run():
+    """Folder of the drive by its name, once a test has made it."""
+    return {}
+
+
 @pytest.fixture
-def run_folder(omnisim, needs_opengl):
-    status, out, error = omnisim(*DRIVE, "-o", "run")
-    assert (status, error) == (0, "")
-    assert "run: " in out
+def run_folder(omnisim, needs_opengl, whole_run, tmp_path, tmp_path_factory):
+    """Copy of a run that is driven once."""
+    if not whole_run:
+        status, out, error = omnisim(*DRIVE, "-o", "run")
+        assert (status, error) == (0, "")
+        assert "run: " in out
+        whole_run["run"] = tmp_path_factory.mktemp("drive") / "run"
+        (tmp_path / "run").rename(whole_run["run"])
+    shutil.copytree(whole_run["run"], tmp_path / "run")
     return "run"
 
 
