@@ -25,7 +25,7 @@ const uint COLOR_TEXEL = 2u;
 #else
 const uint COLOR_TEXEL = 0u;
 #endif
-const uint LAYER_TEXEL = 1u, PALETTE_ROW_BITS = 12u;
+const uint LAYER_TEXEL = 1u, PALETTE_ROW_BITS = 14u;
 
 vec4 palette_texel(uint number) {
     uint at = in_material + number, row = at >> PALETTE_ROW_BITS;

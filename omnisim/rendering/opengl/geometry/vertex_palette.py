@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from omnisim.rendering.opengl.memory import gpu_allocation
 
 PALETTE_UNIT = 19  # as in shaders/scene/vertex_material.glsl, and so is the layout
-_ROW_BITS = 12  # log2 of the texels per row
+_ROW_BITS = 14  # log2 of the texels per row: as many as all drivers allow, for many entries
 _ONE_COLOR = np.ones((1, 4), dtype=np.float16)
 
 
