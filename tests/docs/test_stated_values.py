@@ -128,10 +128,9 @@ def test_missed_targets_are_counted():
         missed = re.findall(line, page)
         assert len(missed) == 3
         reached.append(sum(not one for one in missed))
-    assert reached == [2, 0, 1, 0]
-    assert "pyrender's speed is reached in two scenes of three, 4 times that of Gazebo's" in page
-    assert "method in one, and 2.5 times that of the paper's method and 1.5 times that of" in page
-    assert "Embree's rays without colors in none" in page
+    assert reached == [2, 0, 0, 0]
+    assert "20 times pyrender's speed is reached in two scenes of three. 4 times that of" in page
+    assert "rays without colors are reached in none" in page
 
 
 def _quoted(page, pattern):
