@@ -90,8 +90,10 @@ class VertexPalette:
         rows = max(1, -(-self._used >> _ROW_BITS))
         padded = np.zeros((rows << _ROW_BITS, 4), dtype=np.float32)
         padded[: self._used] = self.texels
-        with gpu_allocation(f"{self._used} colors of vertices", "make the scene smaller"):
+        with gpu_allocation(f"a palette of {self._used} texels", "make the scene smaller"):
             texture = context.texture((1 << _ROW_BITS, rows), 4, padded, dtype="f4")
+            if (error := context.error) != "GL_NO_ERROR":  # moderngl does not look
+                raise moderngl.Error(error)
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         return texture
 

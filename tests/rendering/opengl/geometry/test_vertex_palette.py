@@ -1,7 +1,11 @@
 """Palette of vertices: colors, texture layers, alpha cutoffs and baked light."""
 
-import numpy as np
+from types import SimpleNamespace
 
+import numpy as np
+import pytest
+
+from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_palette import VertexPalette
 from omnisim.scene.model import Material
@@ -65,6 +69,17 @@ def test_texture_has_the_texels_of_many_colors_in_order(context):
     palette.add(_colors(10_000, seed=4), BASE_COLOR, 4, 0.5)
     texels = np.frombuffer(palette.texture(context).read(), dtype=np.float32).reshape(-1, 4)
     np.testing.assert_array_equal(texels[: len(palette.texels)], palette.texels)
+
+
+def test_a_palette_too_large_for_the_gpu_is_refused():
+    """OpenGL refuses it silently, and the colors would be undefined."""
+    context = SimpleNamespace(
+        texture=lambda *arguments, dtype: SimpleNamespace(), error="GL_OUT_OF_MEMORY"
+    )
+    palette = VertexPalette()
+    palette.add(None, BASE_COLOR, 0, 0.5)
+    with pytest.raises(GraphicsError, match="a palette of 2 texels does not fit on this GPU"):
+        palette.texture(context)
 
 
 def test_materials_of_a_scene_are_those_of_its_vertices(context):

@@ -11,7 +11,7 @@ from omnisim.scene.formats.gltf.materials.factors import Color, Factors
 from omnisim.scene.model import Material, Texture
 
 DEFAULT_IOR = 1.5
-_FULL = 25.0  # specular color that makes the 4 % of that index 100 %
+_WHOLE = 25.0  # specular color with which a dielectric of that index reflects all, not 4 %
 _BRIGHTEST = 65504.0  # largest half float, the precision of images
 _MAX_SCALE = 1e3
 
@@ -53,18 +53,17 @@ def with_reflectance(
         factors.share(coat, "clearcoatFactor", 0.0),
     )
     coat_scale = _scale(coat.object("clearcoatNormalTexture"), factors)
-    is_given = ior.number("ior", DEFAULT_IOR) == 0.0
+    gives_reflectance = ior.number("ior", DEFAULT_IOR) == 0.0
+    is_opaque = gives_reflectance or has_transmission_map(entry)
     red, green, blue = factors.color(specular, "specularColorFactor", 1.0)
     return replace(
         common,
         metallic=factors.share(metallic, "metallicFactor", 1.0),
         roughness=factors.share(metallic, "roughnessFactor", 1.0),
         specular=strength,
-        specular_color=_relative(red, green, blue) if is_given else (red, green, blue),
-        ior=DEFAULT_IOR if is_given else factors.number(ior, "ior", DEFAULT_IOR, 1.0),
-        transmission=(
-            0.0 if is_given or has_transmission_map(entry) else _transmission(entry, factors)
-        ),
+        specular_color=_relative(red, green, blue) if gives_reflectance else (red, green, blue),
+        ior=DEFAULT_IOR if gives_reflectance else factors.number(ior, "ior", DEFAULT_IOR, 1.0),
+        transmission=0.0 if is_opaque else _transmission(entry, factors),
         thickness_m=factors.number(volume, "thicknessFactor", 0.0, 0.0),
         attenuation_color=factors.color(volume, "attenuationColor", 1.0, 1.0),
         attenuation_distance_m=_attenuation_distance_m(volume, factors),
@@ -112,7 +111,7 @@ def _specular_glossiness(material: Material, glossy: JsonObject, factors: Factor
 
 def _relative(red: float, green: float, blue: float) -> Color:
     """Specular color of a dielectric of the default index, for a reflectance."""
-    return _FULL * red, _FULL * green, _FULL * blue
+    return _WHOLE * red, _WHOLE * green, _WHOLE * blue
 
 
 def _emissive(entry: JsonObject, factors: Factors) -> Color:
