@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import moderngl
 
-from omnisim.rendering.opengl.gl_functions import gl_function
+from omnisim.rendering.opengl.gl.functions import gl_function
 
 _STATISTICS = "GL_ARB_pipeline_statistics_query"
 _VERTEX_SHADER_INVOCATIONS, _FRAGMENT_SHADER_INVOCATIONS = 0x82F0, 0x82F4

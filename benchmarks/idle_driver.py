@@ -27,7 +27,7 @@ from benchmarks.options import Options
 from benchmarks.settings import at_setting
 from benchmarks.timer import time_interleaved
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.context import open_context
+from omnisim.rendering.opengl.gl.context import open_context
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.scene import Scene, load_scene

@@ -25,7 +25,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.cube_backend import CubeCamera
 from omnisim.rendering.opengl.culling.command_slices import BANDS
 from omnisim.rendering.opengl.drawing.cluster_drawer import ClusterDrawer
-from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 

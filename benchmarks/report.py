@@ -26,7 +26,7 @@ import moderngl
 from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from omnisim.core.errors import OutputError
-from omnisim.rendering.opengl.context import graphics_info
+from omnisim.rendering.opengl.gl.context import graphics_info
 from omnisim.validation.plots.plot_file import Figure, write_plot
 from omnisim.validation.report.machine import describe_machine
 from omnisim.validation.report.measure import Measure, Sense

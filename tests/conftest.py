@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.context import open_context, release_context
+from omnisim.rendering.opengl.gl.context import open_context, release_context
 from omnisim.rendering.opengl.shadows import shadow_plan
 from tests.read_once import (
     cluster_triangles_once,

@@ -34,10 +34,10 @@ OPENGL_LAYERS = (
     {"batch_pipeline", "ground_truth", "pipeline", "shadows"},
     {"drawing"},
     {"geometry"},
-    {"capture", "context", "culling"},
-    {"degradation", "gl_state", "readback_ring"},
-    {"fences", "layer_targets", "materials"},
-    {"atlas", "gl_functions", "memory", "shader_files", "uniforms"},
+    {"capture", "culling"},
+    {"degradation", "materials"},
+    {"atlas"},
+    {"gl"},
 )
 HOMES = {
     "moderngl": {"rendering.opengl"},

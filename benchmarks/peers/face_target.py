@@ -8,7 +8,6 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.drawing.reversed_depth import CLEAR_DEPTH, DEPTH_FUNCTION, float_depth
 from omnisim.rendering.opengl.drawing.surface_program import (
     SurfaceProgram,
     SurfacePrograms,
@@ -17,7 +16,8 @@ from omnisim.rendering.opengl.drawing.surface_program import (
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_format import vertex_array
-from omnisim.rendering.opengl.uniforms import columns_first, find_uniform, uniform
+from omnisim.rendering.opengl.gl.depth import CLEAR_DEPTH, DEPTH_FUNCTION, float_depth
+from omnisim.rendering.opengl.gl.uniforms import columns_first, find_uniform, uniform
 from omnisim.scene.model import Material, Scene
 
 SHADERS = Path(__file__).parent / "shaders"

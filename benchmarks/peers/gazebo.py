@@ -20,8 +20,8 @@ from benchmarks.peers.face_target import (
     srgb_texture,
 )
 from benchmarks.peers.peer import CAMERA, ImagePeer
-from omnisim.rendering.opengl.gl_functions import gl_function
-from omnisim.rendering.opengl.uniforms import columns_first, uniform
+from omnisim.rendering.opengl.gl.functions import gl_function
+from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
 from omnisim.scene.model import Scene
 
 FACE_PX = 512

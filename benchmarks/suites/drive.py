@@ -28,7 +28,7 @@ from benchmarks.start_up import CACHED, start_up_rows
 from benchmarks.suites.drive_figure import drive_figure
 from benchmarks.timer import Timings, time_interleaved
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS
-from omnisim.rendering.opengl.context import open_context
+from omnisim.rendering.opengl.gl.context import open_context
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle

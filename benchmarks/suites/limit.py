@@ -43,7 +43,7 @@ from benchmarks.suites.limit_figure import limit_figure
 from benchmarks.suites.limit_frames import LimitedFrame
 from benchmarks.timer import Timings, time_interleaved
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
-from omnisim.rendering.opengl.context import open_context
+from omnisim.rendering.opengl.gl.context import open_context
 from omnisim.rendering.stage import Stage
 from omnisim.validation.report.measure import Measure
 

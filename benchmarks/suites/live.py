@@ -24,7 +24,7 @@ from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from benchmarks.report import bound_lines, make_report
 from omnisim.apps.live.server import page_bytes
-from omnisim.rendering.opengl.context import open_context
+from omnisim.rendering.opengl.gl.context import open_context
 from omnisim.validation.plots import style
 from omnisim.validation.report.machine import ROOT
 from omnisim.validation.report.measure import Measure

@@ -29,7 +29,11 @@ from omnisim.rendering.near_plane import near_plane_m, scene_size_m
 from omnisim.rendering.opengl.atlas.tile_plan import whole_faces
 from omnisim.rendering.opengl.capture.image_pass import RemapPass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.context import (
+from omnisim.rendering.opengl.drawing.cube_pass import CubePass
+from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
+from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl.context import (
     check_process,
     collect_garbage,
     graphics_info,
@@ -38,10 +42,6 @@ from omnisim.rendering.opengl.context import (
     release_unclosed_context,
     release_unclosed_contexts,
 )
-from omnisim.rendering.opengl.drawing.cube_pass import CubePass
-from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
-from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
-from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.pipeline import Pipeline, check_image_size
 from omnisim.rendering.opengl.shadows.shadow_maps import ShadowMaps
 from omnisim.rendering.opengl_camera import DrawnHits, DrawnScene, OpenGLCamera

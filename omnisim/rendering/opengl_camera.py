@@ -15,11 +15,11 @@ from omnisim.rendering.backend import CameraBackend, CameraSetup, SceneBackend, 
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.hit_source import HitSource
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.context import collect_garbage
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl.context import collect_garbage
 from omnisim.rendering.opengl.pipeline import DegradedPipeline, Pipeline
 from omnisim.rendering.readback import FrameRequest, Readback, ScenePoses
 from omnisim.scene.specular_materials import specular_mask

@@ -20,7 +20,7 @@ from omnisim.scene.labels import BODY
 
 if TYPE_CHECKING:  # OpenGL may be missing
     from omnisim.rendering.cube_backend import CubeBackend
-    from omnisim.rendering.opengl.context import Context
+    from omnisim.rendering.opengl.gl.context import Context
 
 
 class Closeable(ABC):

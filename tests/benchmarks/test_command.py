@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 import benchmarks.__main__ as command
 from benchmarks.report import make_report, read_report
 from omnisim.core.errors import SceneError
-from omnisim.rendering.opengl.context import open_context
+from omnisim.rendering.opengl.gl.context import open_context
 from omnisim.validation.report.measure import Measure
 
 

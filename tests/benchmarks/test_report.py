@@ -13,7 +13,7 @@ from benchmarks.report import (
     make_report,
     read_report,
 )
-from omnisim.rendering.opengl.context import graphics_info
+from omnisim.rendering.opengl.gl.context import graphics_info
 from omnisim.validation.report.machine import describe_machine, machine_line
 from omnisim.validation.report.measure import Measure
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from omnisim.rendering.opengl.context import graphics_info, open_context
+from omnisim.rendering.opengl.gl.context import graphics_info, open_context
 from tests.drivers.cases import all_cases
 from tests.drivers.sample import sample_cases
 from tests.drivers.shader_sources import collected_shaders

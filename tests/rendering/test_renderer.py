@@ -9,7 +9,7 @@ from omnisim.core.errors import GraphicsError, OmnisimError, OpticsError
 from omnisim.core.poses import pose as make_pose
 from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.context import graphics_info, open_context
+from omnisim.rendering.opengl.gl.context import graphics_info, open_context
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene.model import AlphaMode, Light, Lighting, LightKind, Material, Mesh, Texture, Wrap
 from tests.scenes import NO_LIGHT, room, scene_of, square

@@ -7,7 +7,7 @@ from contextlib import ExitStack
 import pytest
 
 from omnisim import OmniCamera, Stage, open_sensor
-from omnisim.rendering.opengl.context import _MAX_IDLE as MAX_IDLE
+from omnisim.rendering.opengl.gl.context import _MAX_IDLE as MAX_IDLE
 from tests.scenes import room, scene_of
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")

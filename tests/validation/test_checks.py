@@ -10,7 +10,7 @@ from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.optics import Surface
 from omnisim.core import coordinate_frames as frames
 from omnisim.core import poses
-from omnisim.rendering.opengl import shader_files
+from omnisim.rendering.opengl.gl import shader_files
 from omnisim.validation.check_registry import CHECKS
 from omnisim.validation.checks import optics_calibration
 from omnisim.validation.chessboards import board_corners_m

@@ -90,7 +90,7 @@ def _version(package: str, module: str) -> str:
 
 def _print_devices() -> None:
     require_opengl("the list of devices")
-    from omnisim.rendering.opengl.context import GraphicsInfo, list_devices, open_context
+    from omnisim.rendering.opengl.gl.context import GraphicsInfo, list_devices, open_context
 
     devices = list_devices()
     usable = [(number, device) for number, device in devices if isinstance(device, GraphicsInfo)]

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from omnisim.rendering.opengl.capture.image_pass import RemapPass
 from omnisim.rendering.opengl.drawing.atlas_levels import AtlasLevels
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
-from omnisim.rendering.opengl.fences import clear_target
-from omnisim.rendering.opengl.memory import gpu_allocation
-from omnisim.rendering.opengl.readback_ring import ReadbackRing
+from omnisim.rendering.opengl.gl.fences import clear_target
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.pixel_readback import ReadbackRing
 from omnisim.rendering.readback import ScenePoses
 
 MAX_SLICE_BYTES = 256 * 2**20  # of atlases and images, for any number of poses

@@ -11,7 +11,9 @@ from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.rendering.opengl.batch_pipeline import MAX_SLICE_BYTES
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
 from omnisim.rendering.opengl.drawing.cube_layers import EXTENSIONS
-from omnisim.rendering.opengl.fences import use_target
+from omnisim.rendering.opengl.gl.fences import use_target
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.uniforms import uniform
 from omnisim.rendering.opengl.ground_truth.ray_hit_pass import (
     RayHitPass,
     bind_details,
@@ -19,8 +21,6 @@ from omnisim.rendering.opengl.ground_truth.ray_hit_pass import (
     read_hits,
 )
 from omnisim.rendering.opengl.ground_truth.visibility_layers import VisibilityLayers
-from omnisim.rendering.opengl.memory import gpu_allocation
-from omnisim.rendering.opengl.uniforms import uniform
 from omnisim.rendering.readback import ScenePoses
 
 # Bytes per texel (triangle IDs, base colors, depth) and per pixel (points, primitives, normals,

@@ -12,9 +12,9 @@ from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.capture.image_pass import image_pass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
-from omnisim.rendering.opengl.fences import clear_target
-from omnisim.rendering.opengl.gl_state import GlState
-from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.fences import clear_target
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.readback import Readback, ScenePoses, SubFrames
 
 if TYPE_CHECKING:

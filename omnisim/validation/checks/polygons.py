@@ -12,7 +12,7 @@ from omnisim.cameras.mirrors.tessellation import PAPER_POLYGON_COUNTS
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.context import open_context
+from omnisim.rendering.opengl.gl.context import open_context
 from omnisim.rendering.stage import Stage
 from omnisim.validation.fixture import Fixture, linear_image, mirror_camera
 from omnisim.validation.plots.plot_file import Figure

@@ -15,7 +15,7 @@ from omnisim.core.extras import require_opengl
 from omnisim.core.version import __version__
 
 if TYPE_CHECKING:  # OpenGL may be missing
-    from omnisim.rendering.opengl.context import GraphicsInfo
+    from omnisim.rendering.opengl.gl.context import GraphicsInfo
 
 ROOT = Path(__file__).resolve().parents[3]
 PACKAGES = (
@@ -32,7 +32,7 @@ def machine_of_device(device: int | None = None) -> dict[str, Any]:
         GraphicsError: no OpenGL.
     """
     require_opengl("validation")
-    from omnisim.rendering.opengl.context import graphics_info, open_context
+    from omnisim.rendering.opengl.gl.context import graphics_info, open_context
 
     context = open_context(device)
     try:

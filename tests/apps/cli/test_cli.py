@@ -152,7 +152,7 @@ def test_version_and_help(omnisim):
 
 
 def test_missing_opengl_is_one_line(omnisim, monkeypatch):
-    import omnisim.rendering.opengl.context as context
+    import omnisim.rendering.opengl.gl.context as context
 
     monkeypatch.setattr(context, "_LIBRARIES", ("libNoSuchEGL.so.1", "libGL.so.1"))
     for arguments in (("render", "courtyard", "-o", "a.png"), ("info",)):

@@ -43,7 +43,7 @@ def test_a_sensor_file_is_checked_without_scenes_images_and_graphics(tmp_path):
     (tmp_path / "sensor.toml").write_bytes(DEFAULT_SENSOR_FILE.read_bytes())
     rare = (
         "moderngl", "OpenImageIO", "PIL", "omnisim.scene", "omnisim.core.files.image_files",
-        "omnisim.rendering.opengl.context", "omnisim.rendering.stage", "omnisim.ground_truth",
+        "omnisim.rendering.opengl.gl.context", "omnisim.rendering.stage", "omnisim.ground_truth",
     )  # fmt: skip
     _run(tmp_path, RARE_LIBRARIES + rare, "sensor", "--check", "sensor.toml")
 

@@ -13,8 +13,10 @@ from functools import cache
 import glcontext
 import pytest
 
-from omnisim.rendering.opengl import context as contexts
-from omnisim.rendering.opengl import fences, gl_functions, gl_state, layer_targets
+from omnisim.rendering.opengl.gl import context as contexts
+from omnisim.rendering.opengl.gl import fences, framebuffers
+from omnisim.rendering.opengl.gl import functions as gl_functions
+from omnisim.rendering.opengl.gl import state as gl_state
 
 _STUB_BYTES = 32
 _MAX_FUNCTIONS = 2048
@@ -48,7 +50,7 @@ class GlCalls:
             return ctypes.CFUNCTYPE(returns, *parameters)(self._counting(name, address))
 
         own = cache(counted)
-        for module in (fences, gl_functions, gl_state, layer_targets):
+        for module in (fences, gl_functions, gl_state, framebuffers):
             monkeypatch.setattr(module, "gl_function", own)
         # contexts of other tests do not count, and others shall not get these
         monkeypatch.setattr(contexts, "_idle", deque())

@@ -12,7 +12,7 @@ import pytest
 
 from omnisim.core.files.image_files import read_image, write_image
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.context import graphics_info
+from omnisim.rendering.opengl.gl.context import graphics_info
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene import load_scene
 

@@ -9,8 +9,8 @@ import ctypes
 import pytest
 
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.context import collect_garbage
-from omnisim.rendering.opengl.gl_functions import gl_function
+from omnisim.rendering.opengl.gl.context import collect_garbage
+from omnisim.rendering.opengl.gl.functions import gl_function
 from omnisim.rendering.stage import Stage
 from tests.drivers.cases import poses_in
 from tests.rendering.opengl.drawing.test_blended_drawer import _scene as scene_of_panes

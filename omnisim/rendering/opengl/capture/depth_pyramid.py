@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
-from omnisim.rendering.opengl.memory import gpu_allocation
-from omnisim.rendering.opengl.uniforms import columns_first, find_uniform, uniform
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.uniforms import columns_first, find_uniform, uniform
 
 _CELLS = 64  # per face side; tiles end at cell edges; as in first_surface.glsl
 _BLOCK, _BLOCKS_PER_GROUP = 8, 8  # texels per side, as there

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.pixel_map import RAYS_UNIT, CaptureOutput, PixelMap
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
-from omnisim.rendering.opengl.fences import use_target
-from omnisim.rendering.opengl.gl_functions import StorageBindings
-from omnisim.rendering.opengl.gl_state import GlState
-from omnisim.rendering.opengl.memory import gpu_allocation
-from omnisim.rendering.opengl.shader_files import build_program
-from omnisim.rendering.opengl.uniforms import uniform
+from omnisim.rendering.opengl.gl.fences import use_target
+from omnisim.rendering.opengl.gl.functions import StorageBindings
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.shader_files import build_program
+from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.gl.uniforms import uniform
 
 # A larger table would dominate GPU memory. Samples of larger images are drawn anew in every frame.
 MAX_TABLE_BYTES = 128 * 2**20

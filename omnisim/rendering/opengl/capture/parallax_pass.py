@@ -14,11 +14,11 @@ from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
 from omnisim.rendering.opengl.capture.image_pass import image_array
 from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays, SampleRays
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
-from omnisim.rendering.opengl.fences import clear_target, use_target
-from omnisim.rendering.opengl.gl_functions import clear_integers
-from omnisim.rendering.opengl.memory import gpu_allocation
-from omnisim.rendering.opengl.shader_files import build_program
-from omnisim.rendering.opengl.uniforms import find_uniform, uniform, write_fog
+from omnisim.rendering.opengl.gl.fences import clear_target, use_target
+from omnisim.rendering.opengl.gl.functions import clear_integers
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.shader_files import build_program
+from omnisim.rendering.opengl.gl.uniforms import find_uniform, uniform, write_fog
 from omnisim.scene.model import Fog
 
 # texture units

@@ -13,9 +13,9 @@ from omnisim.cameras import CentralCamera, HyperbolicCamera, MirroredCamera
 from omnisim.cameras.mirrors import tessellate
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
-from omnisim.rendering.opengl.fences import use_target
-from omnisim.rendering.opengl.shader_files import build_program, included_files
-from omnisim.rendering.opengl.uniforms import uniform
+from omnisim.rendering.opengl.gl.fences import use_target
+from omnisim.rendering.opengl.gl.shader_files import build_program, included_files
+from omnisim.rendering.opengl.gl.uniforms import uniform
 
 RAYS_UNIT = 1  # texture unit of the rays, for programs that read them
 _ITERATIVE_INCLUDE = "camera/parts/theta_from_radius.glsl"

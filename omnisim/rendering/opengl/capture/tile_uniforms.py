@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.rendering.opengl.atlas.tile_plan import MAX_TILES, TilePlan
-from omnisim.rendering.opengl.uniforms import columns_first, find_uniform
+from omnisim.rendering.opengl.gl.uniforms import columns_first, find_uniform
 
 
 def bind_tiles(

@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.uniforms import uniform
+from omnisim.rendering.opengl.gl.uniforms import uniform
 
 STRIP_PX = 8  # height of a rectangle
 

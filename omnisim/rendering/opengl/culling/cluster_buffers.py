@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.culling.clusters import ClusterHierarchy
-from omnisim.rendering.opengl.shader_files import build_compute_shader
+from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 
 # Texture of bounds: entries of four words, see shaders/culling/bounds.glsl.
 _GROUP = np.dtype(

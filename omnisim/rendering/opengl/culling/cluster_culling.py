@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from omnisim.rendering.opengl.culling.cluster_buffers import BOUNDS_UNIT, DEPTH_UNIT, ClusterBuffers
 from omnisim.rendering.opengl.culling.cluster_views import Views
 from omnisim.rendering.opengl.culling.command_slices import BANDS, command_slices
-from omnisim.rendering.opengl.gl_functions import COMMAND_BYTES, StorageBindings
-from omnisim.rendering.opengl.gl_state import GlState
-from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.functions import COMMAND_BYTES, StorageBindings
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.state import GlState
 
 # A GPU rounds the position of an edge to a sixteenth of a texel at worst.
 EDGE_PX = 0.125

@@ -13,7 +13,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.uniforms import columns_first
+from omnisim.rendering.opengl.gl.uniforms import columns_first
 
 
 class Views:

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.camera.metering import Metering
 from omnisim.rendering.opengl.degradation.step import Step, UniformValue
-from omnisim.rendering.opengl.fences import use_target
-from omnisim.rendering.opengl.gl_functions import flush
-from omnisim.rendering.opengl.memory import gpu_allocation
-from omnisim.rendering.opengl.shader_files import build_program
+from omnisim.rendering.opengl.gl.fences import use_target
+from omnisim.rendering.opengl.gl.functions import flush
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.shader_files import build_program
 
 METER_BLOCK_PX = 16  # side of the block that one fragment of the light meter sums, pixels
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import moderngl
 
-from omnisim.rendering.opengl.fences import use_target
-from omnisim.rendering.opengl.gl_functions import allocate_half_floats, limit_levels
-from omnisim.rendering.opengl.layer_targets import attach_layer, attach_texture
-from omnisim.rendering.opengl.shader_files import build_program
-from omnisim.rendering.opengl.uniforms import uniform
+from omnisim.rendering.opengl.gl.fences import use_target
+from omnisim.rendering.opengl.gl.framebuffers import attach_layer, attach_texture
+from omnisim.rendering.opengl.gl.functions import allocate_half_floats, limit_levels
+from omnisim.rendering.opengl.gl.shader_files import build_program
+from omnisim.rendering.opengl.gl.uniforms import uniform
 
 _LAYERED = "GL_ARB_shader_viewport_layer_array"  # lets a vertex shader choose the layer
 

@@ -20,10 +20,10 @@ from omnisim.rendering.opengl.geometry.clustered_geometry import (
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.vertex_format import cluster_vertex_array
 from omnisim.rendering.opengl.geometry.vertex_palette import PALETTE_UNIT, VertexPalette
-from omnisim.rendering.opengl.gl_functions import COMMAND_BYTES, IndirectDraws, StorageBindings
-from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.gl.functions import COMMAND_BYTES, IndirectDraws, StorageBindings
+from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
+from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
-from omnisim.rendering.opengl.shader_files import build_compute_shader
 
 # Limits of one program, and of a sort that compares all pairs.
 MAX_ARRAYS, MAX_TRIANGLES_OF_ITEM, MAX_ITEMS = 4, 1024, 1024

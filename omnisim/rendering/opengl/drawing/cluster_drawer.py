@@ -17,8 +17,8 @@ from omnisim.rendering.opengl.drawing.material_units import map_units
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
 from omnisim.rendering.opengl.geometry.vertex_format import cluster_vertex_array
 from omnisim.rendering.opengl.geometry.vertex_palette import PALETTE_UNIT
-from omnisim.rendering.opengl.gl_functions import IndirectDraws, constant_call
-from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.gl.functions import IndirectDraws, constant_call
+from omnisim.rendering.opengl.gl.state import GlState
 
 
 class BucketProgram(NamedTuple):

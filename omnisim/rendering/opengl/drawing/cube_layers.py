@@ -22,8 +22,8 @@ from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer, Virtual
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl_state import GlState
-from omnisim.rendering.opengl.layer_targets import layered_target
+from omnisim.rendering.opengl.gl.framebuffers import layered_target
+from omnisim.rendering.opengl.gl.state import GlState
 
 EXTENSIONS = {"GL_ARB_shader_draw_parameters", "GL_ARB_shader_viewport_layer_array"}
 _POSITIONS = 15  # binding, as in `scene/lighting.glsl`

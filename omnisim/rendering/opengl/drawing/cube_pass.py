@@ -13,15 +13,15 @@ from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
 from omnisim.rendering.opengl.drawing.atlas_levels import AtlasLevels
 from omnisim.rendering.opengl.drawing.cube_layers import EXTENSIONS, CubeLayers
-from omnisim.rendering.opengl.drawing.reversed_depth import depth_texture, float_depth
 from omnisim.rendering.opengl.drawing.scene_view import SceneView
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
 from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer, VirtualCameras
-from omnisim.rendering.opengl.fences import end_pass
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.layer_targets import attach_layer, attach_texture
-from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.depth import depth_texture, float_depth
+from omnisim.rendering.opengl.gl.fences import end_pass
+from omnisim.rendering.opengl.gl.framebuffers import attach_layer, attach_texture
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 
 if TYPE_CHECKING:
     from omnisim.rendering.opengl.drawing.mirror_pass import MirrorPass

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
+from omnisim.rendering.opengl.gl.uniforms import find_uniform
 from omnisim.rendering.opengl.materials.texture_array import bind_maps
-from omnisim.rendering.opengl.uniforms import find_uniform
 
 
 class ItemUniforms:

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import moderngl
 
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl_functions import AnyTexture
+from omnisim.rendering.opengl.gl.functions import AnyTexture
+from omnisim.rendering.opengl.gl.uniforms import set_sampler
 from omnisim.rendering.opengl.materials.texture_array import MAP_UNITS
-from omnisim.rendering.opengl.uniforms import set_sampler
 
 MAPS = (  # in the order of `Material.maps`
     "metallic_roughness_map", "normal_map", "occlusion_map", "emissive_map",

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.atlas.tile_views import PosedViews
 from omnisim.rendering.opengl.drawing.mirror_owner_program import MirrorOwnerProgram
-from omnisim.rendering.opengl.drawing.reversed_depth import CLEAR_DEPTH, depth_texture
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
 from omnisim.rendering.opengl.drawing.scene_view import Probes, SceneView
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
@@ -30,10 +29,11 @@ from omnisim.rendering.opengl.drawing.surface_program import (
 from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.draw_item import InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl_state import GlState
-from omnisim.rendering.opengl.memory import gpu_allocation
-from omnisim.rendering.opengl.shader_files import build_program
-from omnisim.rendering.opengl.uniforms import uniform
+from omnisim.rendering.opengl.gl.depth import CLEAR_DEPTH, depth_texture
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.shader_files import build_program
+from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.gl.uniforms import uniform
 from omnisim.scene.planar_mirrors import MirrorPlane
 
 _OWNERS_UNIT = 0

@@ -11,16 +11,16 @@ import numpy as np
 
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
-from omnisim.rendering.opengl.gl_functions import (
+from omnisim.rendering.opengl.gl.framebuffers import attach_layer
+from omnisim.rendering.opengl.gl.functions import (
     bind_texture,
     create_cube_array,
     limit_levels,
 )
-from omnisim.rendering.opengl.gl_state import GlState
-from omnisim.rendering.opengl.layer_targets import attach_layer
-from omnisim.rendering.opengl.memory import gpu_allocation
-from omnisim.rendering.opengl.shader_files import build_program
-from omnisim.rendering.opengl.uniforms import uniform
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.shader_files import build_program
+from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.gl.uniforms import uniform
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
 LEVELS = 6

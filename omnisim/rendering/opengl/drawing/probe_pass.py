@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from omnisim.core.world import time_of
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, cube_plan
 from omnisim.rendering.opengl.drawing.probe_maps import Gloss, ProbeMaps
-from omnisim.rendering.opengl.drawing.reversed_depth import depth_texture
 from omnisim.rendering.opengl.drawing.scene_view import SceneView
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
 from omnisim.rendering.opengl.drawing.surface_program import (
@@ -27,11 +26,12 @@ from omnisim.rendering.opengl.drawing.surface_program import (
     SurfacePrograms,
 )
 from omnisim.rendering.opengl.drawing.tile_renderer import SceneParts, VirtualCameras
-from omnisim.rendering.opengl.fences import end_pass
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl_functions import bind_texture, copy_region
-from omnisim.rendering.opengl.gl_state import GlState
-from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.depth import depth_texture
+from omnisim.rendering.opengl.gl.fences import end_pass
+from omnisim.rendering.opengl.gl.functions import bind_texture, copy_region
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.scene.reflection_probes import ProbePlace, lobe_roughnesses
 
 SIZE_PX = 128  # of a face

@@ -12,8 +12,8 @@ from omnisim.core.world import ObjectPart
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.triangle_windows import bind_triangles, window_defines
-from omnisim.rendering.opengl.shader_files import build_compute_shader
-from omnisim.rendering.opengl.uniforms import columns_first, uniform
+from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
+from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
 from omnisim.scene.model import AlphaMode
 
 _GROUP_SIZE = 64  # triangles; local_size_x in range.comp

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_format import vertex_array
-from omnisim.rendering.opengl.gl_state import GlState
-from omnisim.rendering.opengl.uniforms import columns_first
+from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.gl.uniforms import columns_first
 
 
 class DrawProgram(Protocol):

@@ -33,7 +33,7 @@ from omnisim.rendering.opengl.drawing.tile_renderer import (
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.scene.planar_mirrors import is_rough_mirror
 
 

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.atlas.tile_views import clips_from_rig
-from omnisim.rendering.opengl.gl_state import GlState
-from omnisim.rendering.opengl.shader_files import build_program
+from omnisim.rendering.opengl.gl.shader_files import build_program
+from omnisim.rendering.opengl.gl.state import GlState
 
 SKY_UNIT = 0
 _INSTANCE = np.dtype(  # inputs of shaders/scene/sky.vert

@@ -25,13 +25,13 @@ from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
 from omnisim.rendering.opengl.geometry.light_baking import Shading
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl_functions import bind_textures
-from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.gl.functions import bind_textures
+from omnisim.rendering.opengl.gl.shader_files import build_program
+from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.gl.uniforms import columns_first, find_uniform, set_sampler, write_fog
 from omnisim.rendering.opengl.materials import baked_textures
 from omnisim.rendering.opengl.materials.environment_textures import filtered_texture, sky_texture
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
-from omnisim.rendering.opengl.shader_files import build_program
-from omnisim.rendering.opengl.uniforms import columns_first, find_uniform, set_sampler, write_fog
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind
 from omnisim.scene.planar_mirrors import MAX_PLANES

@@ -21,13 +21,13 @@ from omnisim.rendering.opengl.drawing.cluster_drawer import (
     ClusterDrawer,
     DrawBatches,
 )
-from omnisim.rendering.opengl.drawing.reversed_depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.drawing.scene_drawer import P, SceneDrawer
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl_state import GlState
-from omnisim.rendering.opengl.uniforms import columns_first
+from omnisim.rendering.opengl.gl.depth import CLEAR_DEPTH
+from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.gl.uniforms import columns_first
 
 
 class SceneParts(Enum):

@@ -26,9 +26,9 @@ from omnisim.rendering.opengl.geometry.cluster_triangles import shaded_triangles
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
 from omnisim.rendering.opengl.geometry.light_baking import Shading
 from omnisim.rendering.opengl.geometry.vertex_records import light_coordinates
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.materials.material_table import vertex_details
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
-from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.scene.model import AlphaMode, Lighting
 
 

@@ -18,7 +18,7 @@ from omnisim.rendering.opengl.geometry.vertex_records import (
     fill_vertices,
     light_coordinates,
 )
-from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.scene.model import Mesh, Scene
 
 # Vertices and indices that edits may append beyond the initial number.

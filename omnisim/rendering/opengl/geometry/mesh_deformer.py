@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.geometry.geometry_store import IndexRange
 from omnisim.rendering.opengl.geometry.triangle_table import TriangleTable
-from omnisim.rendering.opengl.memory import gpu_allocation
-from omnisim.rendering.opengl.shader_files import build_compute_shader
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 from omnisim.scene.motion.deformation import Deformation
 
 _GROUP_SIZE = 64  # local_size_x of the shaders

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.geometry.adjacency import NO_NEIGHBOR, neighbors
 from omnisim.rendering.opengl.geometry.geometry_store import IndexRange
-from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 
 ROW_BITS = 12  # log2 of the entries per row, as in shaders/ground_truth/tables.glsl
 _ENTRIES_AT_ONCE = 1 << 18  # keeps intermediate arrays small

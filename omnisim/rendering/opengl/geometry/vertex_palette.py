@@ -11,7 +11,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 
 PALETTE_UNIT = 19  # as in shaders/scene/vertex_material.glsl, and so is the layout
 _ROW_BITS = 14  # log2 of the texels per row: as many as all drivers allow, for many entries

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.triangle_table import table_texture, write_table
+from omnisim.rendering.opengl.gl.uniforms import uniform
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
-from omnisim.rendering.opengl.uniforms import uniform
 
 _DRAW_ITEM = np.dtype(  # as in shaders/ground_truth/tables.glsl
     [

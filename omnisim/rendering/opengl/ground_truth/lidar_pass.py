@@ -16,14 +16,14 @@ from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, LidarPoses, Revolution, Slice
 from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles
 from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
-from omnisim.rendering.opengl.fences import use_target
 from omnisim.rendering.opengl.geometry.draw_item import InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl.fences import use_target
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.shader_files import build_program
+from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
 from omnisim.rendering.opengl.ground_truth.hit_tables import HitTables
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
-from omnisim.rendering.opengl.memory import gpu_allocation
-from omnisim.rendering.opengl.shader_files import build_program
-from omnisim.rendering.opengl.uniforms import columns_first, uniform
 
 # A triangle is hit if a texel near the beam shows it or an adjacent one. Measured in mapping: 0.06
 # % of the beams of five revolutions miss one at 1.5 texels per beam, 0.03 % at 2, 0.02 % at 2.5; a

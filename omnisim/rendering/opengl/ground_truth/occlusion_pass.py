@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
-from omnisim.rendering.opengl.fences import use_target
-from omnisim.rendering.opengl.gl_functions import clear_integers, flush
+from omnisim.rendering.opengl.gl.fences import use_target
+from omnisim.rendering.opengl.gl.functions import clear_integers, flush
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.shader_files import build_program
+from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
 from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
-from omnisim.rendering.opengl.memory import gpu_allocation
-from omnisim.rendering.opengl.shader_files import build_program
-from omnisim.rendering.opengl.uniforms import columns_first, uniform
 
 _POINTS_UNIT, _PRIMITIVES_UNIT = 4, 5
 

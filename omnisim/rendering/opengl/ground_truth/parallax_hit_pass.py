@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from omnisim.ground_truth.hits import Hits
 from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
 from omnisim.rendering.opengl.capture.traced_pixels import TracedPixels
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.uniforms import uniform
 from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
-from omnisim.rendering.opengl.memory import gpu_allocation
-from omnisim.rendering.opengl.uniforms import uniform
 
 UNKNOWN_HIT = np.uint32(1 << 31)  # bit of a draw item's number, as in parallax_hits.frag
 UNKNOWN_OCCLUSION = np.uint8(2)  # as in parallax_occlusion.frag

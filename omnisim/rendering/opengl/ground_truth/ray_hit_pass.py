@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.rendering.opengl.capture.pixel_map import RAYS_UNIT, PixelMap
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
-from omnisim.rendering.opengl.fences import use_target
 from omnisim.rendering.opengl.geometry.triangle_windows import bind_triangles, window_defines
-from omnisim.rendering.opengl.gl_functions import clear_integers
+from omnisim.rendering.opengl.gl.fences import use_target
+from omnisim.rendering.opengl.gl.functions import clear_integers
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.shader_files import build_program
+from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
 from omnisim.rendering.opengl.ground_truth.hit_tables import HitTables
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.ground_truth.visibility_program import atlas_formats
-from omnisim.rendering.opengl.memory import gpu_allocation
-from omnisim.rendering.opengl.shader_files import build_program
-from omnisim.rendering.opengl.uniforms import columns_first, uniform
 
 _UNITS = {"u_albedos": 4, "u_gloss": 5, "u_emission": 7}
 _POINTS, _PRIMITIVES = range(2)  # attachments; details follow

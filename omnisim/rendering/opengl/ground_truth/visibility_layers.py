@@ -11,11 +11,11 @@ from omnisim.ground_truth.hits import HitDetails
 from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
 from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
-from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.gl.framebuffers import layered_target
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.ground_truth.visibility_pass import CameraPoses, VisibilityPass
 from omnisim.rendering.opengl.ground_truth.visibility_program import atlas_formats, clear_colors
-from omnisim.rendering.opengl.layer_targets import layered_target
-from omnisim.rendering.opengl.memory import gpu_allocation
 
 
 class VisibilityLayers:

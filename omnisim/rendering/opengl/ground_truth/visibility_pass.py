@@ -14,14 +14,22 @@ from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
 from omnisim.rendering.opengl.drawing.material_units import material_tables
-from omnisim.rendering.opengl.drawing.reversed_depth import depth_texture
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
 from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer, VirtualCameras
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl_functions import bind_textures
-from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.gl.depth import depth_texture
+from omnisim.rendering.opengl.gl.framebuffers import (
+    COLORS,
+    DEPTH,
+    attach_layer,
+    attach_texture,
+    draw_into_all,
+)
+from omnisim.rendering.opengl.gl.functions import bind_textures
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.ground_truth.triangle_ids import TriangleIds
 from omnisim.rendering.opengl.ground_truth.visibility_program import (
     VisibilityProgram,
@@ -29,14 +37,6 @@ from omnisim.rendering.opengl.ground_truth.visibility_program import (
     atlas_formats,
     clear_colors,
 )
-from omnisim.rendering.opengl.layer_targets import (
-    COLORS,
-    DEPTH,
-    attach_layer,
-    attach_texture,
-    draw_into_all,
-)
-from omnisim.rendering.opengl.memory import gpu_allocation
 
 # Pose (4, 4) of a camera's rig, and poses of the dynamic objects.
 CameraPoses = tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]

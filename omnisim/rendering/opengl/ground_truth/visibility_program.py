@@ -13,9 +13,9 @@ from omnisim.ground_truth.hits import HitDetails
 from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
 from omnisim.rendering.opengl.drawing.material_units import connect_material, reflectance_defines
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
+from omnisim.rendering.opengl.gl.shader_files import build_program
+from omnisim.rendering.opengl.gl.uniforms import find_uniform, uniform
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
-from omnisim.rendering.opengl.shader_files import build_program
-from omnisim.rendering.opengl.uniforms import find_uniform, uniform
 
 
 class VisibilityVariant(NamedTuple):

@@ -6,9 +6,9 @@ import moderngl
 import numpy as np
 
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.gl_functions import AnyTexture
-from omnisim.rendering.opengl.memory import gpu_allocation
-from omnisim.rendering.opengl.uniforms import find_uniform, set_sampler
+from omnisim.rendering.opengl.gl.functions import AnyTexture
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.uniforms import find_uniform, set_sampler
 from omnisim.scene.light.baked_light import BakedLight, Probes
 
 _LIGHTMAP_UNIT, _PROBES_UNIT = 7, 8

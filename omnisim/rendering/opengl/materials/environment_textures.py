@@ -6,12 +6,12 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.gl_functions import (
+from omnisim.rendering.opengl.gl.functions import (
     allocate_half_floats,
     limit_levels,
     upload_half_floats,
 )
-from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.scene.light.environment import Environment
 
 _MAX_HALF = 65504.0  # largest half float

@@ -9,8 +9,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
-from omnisim.rendering.opengl.memory import gpu_allocation
 from omnisim.scene.model import Material, Mesh
 from omnisim.scene.surface_reflectance import dielectric_f0, tinted_reflectance
 

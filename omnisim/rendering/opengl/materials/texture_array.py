@@ -9,8 +9,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl import gl_functions
-from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl import functions as gl_functions
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 
 MAP_UNITS = 1, 2, 3, 4, 9, 14, 15  # in the order of `Material.maps`
 SRGB8_ALPHA8, RGBA8 = 0x8C43, 0x8058

@@ -23,9 +23,9 @@ from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, Cluster
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_records import INSTANCE
-from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.gl.uniforms import columns_first
 from omnisim.rendering.opengl.shadows.caster_program import CasterProgram, CasterVariant
-from omnisim.rendering.opengl.uniforms import columns_first
 from omnisim.scene.model import LAMP_NEAR_M
 
 # For maps that are not drawn: every point is nearer than the near plane.

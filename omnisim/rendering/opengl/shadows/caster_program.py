@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
-from omnisim.rendering.opengl.shader_files import build_program
+from omnisim.rendering.opengl.gl.shader_files import build_program
 
 
 class CasterVariant(NamedTuple):

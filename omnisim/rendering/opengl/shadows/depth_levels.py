@@ -11,15 +11,15 @@ from collections.abc import Sequence
 
 import moderngl
 
-from omnisim.rendering.opengl.drawing.reversed_depth import (
+from omnisim.rendering.opengl.gl.depth import (
     DEPTH_FUNCTION,
     depth_target,
     large_depth_texture,
 )
-from omnisim.rendering.opengl.fences import use_target
-from omnisim.rendering.opengl.gl_functions import copy_region, limit_levels
-from omnisim.rendering.opengl.shader_files import build_program
-from omnisim.rendering.opengl.uniforms import uniform
+from omnisim.rendering.opengl.gl.fences import use_target
+from omnisim.rendering.opengl.gl.functions import copy_region, limit_levels
+from omnisim.rendering.opengl.gl.shader_files import build_program
+from omnisim.rendering.opengl.gl.uniforms import uniform
 
 LEVELS = 4  # as in shaders/scene/shadow.glsl
 

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from omnisim.core.bounds import bounds_of
 from omnisim.core.world import time_of
-from omnisim.rendering.opengl.drawing.reversed_depth import CLEAR_DEPTH
-from omnisim.rendering.opengl.fences import use_target
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.depth import CLEAR_DEPTH
+from omnisim.rendering.opengl.gl.fences import use_target
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer
 from omnisim.rendering.opengl.shadows.depth_levels import DepthLevels
 from omnisim.rendering.opengl.shadows.kept_cascades import KeptCascades

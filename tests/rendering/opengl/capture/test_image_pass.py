@@ -11,7 +11,7 @@ from omnisim.cameras import EquidistantCamera, EquirectangularCamera, KannalaBra
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.capture import image_pass
 from omnisim.rendering.opengl.capture.image_pass import MAX_TABLE_BYTES, RemapPass, fits_table
-from omnisim.rendering.opengl.gl_state import GlState
+from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene
 from tests.rendering.opengl.sheets import mixed_scene

@@ -7,8 +7,8 @@ import pytest
 
 from omnisim.rendering.opengl.culling.cluster_buffers import DEPTH_UNIT
 from omnisim.rendering.opengl.culling.cluster_culling import SETTINGS
-from omnisim.rendering.opengl.drawing.reversed_depth import depth_texture
-from omnisim.rendering.opengl.shader_files import build_compute_shader
+from omnisim.rendering.opengl.gl.depth import depth_texture
+from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 
 CELL_PX, LEVELS, SIDE = 4, 5, 16
 PLANE = """

@@ -5,7 +5,7 @@ import gc
 
 import numpy as np
 
-from omnisim.rendering.opengl.context import collect_garbage
+from omnisim.rendering.opengl.gl.context import collect_garbage
 from omnisim.rendering.opengl.materials.scene_textures import MaterialTextures
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
 

@@ -11,7 +11,7 @@ from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
-from omnisim.rendering.opengl.gl_functions import gl_function
+from omnisim.rendering.opengl.gl.functions import gl_function
 from omnisim.rendering.opengl.shadows import shadow_plan
 from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer
 from omnisim.rendering.opengl.shadows.depth_levels import LEVELS

@@ -15,8 +15,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.fences import end_pass
-from omnisim.rendering.opengl.gl_functions import constant_call, gl_function
+from omnisim.rendering.opengl.gl.fences import end_pass
+from omnisim.rendering.opengl.gl.functions import constant_call, gl_function
 
 _FRAMEBUFFER, _COLOR, _DEPTH = 0x8D40, 0x1800, 0x1801
 _RGBA, _UNSIGNED_BYTE = 0x1908, 0x1401

@@ -2,10 +2,10 @@ import re
 
 import pytest
 
-import omnisim.rendering.opengl.shader_files as shader_files
+import omnisim.rendering.opengl.gl.shader_files as shader_files
 from omnisim.core.errors import GraphicsError
 from omnisim.core.package_files import SHADERS
-from omnisim.rendering.opengl.shader_files import build_compute_shader, build_program
+from omnisim.rendering.opengl.gl.shader_files import build_compute_shader, build_program
 
 SUFFIXES = (".glsl", ".vert", ".frag", ".comp")
 

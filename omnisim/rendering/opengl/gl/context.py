@@ -17,9 +17,9 @@ import moderngl
 from moderngl import Context as Context  # re-exported
 
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.fences import Fences
-from omnisim.rendering.opengl.gl_functions import clip_depth_from_zero_to_one, delete_texture
-from omnisim.rendering.opengl.gl_state import set_constants
+from omnisim.rendering.opengl.gl.fences import Fences
+from omnisim.rendering.opengl.gl.functions import clip_depth_from_zero_to_one, delete_texture
+from omnisim.rendering.opengl.gl.state import set_constants
 
 REQUIRED_VERSION = 450
 INSTALL_HINT = (

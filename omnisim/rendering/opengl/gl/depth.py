@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import moderngl
 
-from omnisim.rendering.opengl.gl_functions import allocate_depth_texture, allocate_float_depth
-from omnisim.rendering.opengl.layer_targets import DEPTH, attach_texture
+from omnisim.rendering.opengl.gl.framebuffers import DEPTH, attach_texture
+from omnisim.rendering.opengl.gl.functions import allocate_depth_texture, allocate_float_depth
 
-DEPTH_FUNCTION = ">"  # set per context, see omnisim/rendering/opengl/gl_state.py
+DEPTH_FUNCTION = ">"  # set per context, see omnisim/rendering/opengl/gl/state.py
 CLEAR_DEPTH = 0.0
 
 

@@ -9,9 +9,9 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.fences import end_pass
-from omnisim.rendering.opengl.gl_functions import flush
-from omnisim.rendering.opengl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.fences import end_pass
+from omnisim.rendering.opengl.gl.functions import flush
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
 
 LENGTH = 3  # one buffer is drawn, one read, one copied
 

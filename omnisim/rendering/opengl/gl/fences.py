@@ -13,7 +13,7 @@ from collections import deque
 
 import moderngl
 
-from omnisim.rendering.opengl.gl_functions import constant_call, gl_function
+from omnisim.rendering.opengl.gl.functions import constant_call, gl_function
 
 _GPU_COMMANDS_COMPLETE = 0x9117
 _MAX_FENCES = 32  # llvmpipe has at most 5 passes in flight

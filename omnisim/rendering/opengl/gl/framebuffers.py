@@ -6,7 +6,7 @@ import ctypes
 
 import moderngl
 
-from omnisim.rendering.opengl.gl_functions import gl_function
+from omnisim.rendering.opengl.gl.functions import gl_function
 
 COLORS, DEPTH = 0x8CE0, 0x8D00  # attachments; further colors follow the first
 _TEXTURE_2D_ARRAY, _DEPTH_COMPONENT32F = 0x8C1A, 0x8CAC

@@ -2,7 +2,7 @@
 
 from ctypes import CFUNCTYPE, c_int, c_ubyte, c_uint, c_void_p
 
-from omnisim.rendering.opengl.gl_functions import constant_call
+from omnisim.rendering.opengl.gl.functions import constant_call
 
 
 def test_constant_arguments_arrive_as_those_of_a_typed_function():

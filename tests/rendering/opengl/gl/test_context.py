@@ -7,9 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-import omnisim.rendering.opengl.context as context_module
+import omnisim.rendering.opengl.gl.context as context_module
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.context import (
+from omnisim.rendering.opengl.gl.context import (
     graphics_info,
     list_devices,
     open_context,
@@ -93,7 +93,7 @@ def test_a_thread_uses_no_context_of_another(needs_opengl):
 
 ENDED_DISPLAY = """
 import ctypes
-from omnisim.rendering.opengl.context import open_context, release_context
+from omnisim.rendering.opengl.gl.context import open_context, release_context
 first = open_context()
 egl = ctypes.CDLL("libEGL.so.1")
 egl.eglGetCurrentDisplay.restype = ctypes.c_void_p

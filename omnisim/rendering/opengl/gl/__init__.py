@@ -1,0 +1,1 @@
+"""OpenGL: contexts, state, memory, programs and readback; the only package that calls OpenGL."""
