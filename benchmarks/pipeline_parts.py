@@ -25,6 +25,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.cube_backend import CubeCamera
 from omnisim.rendering.opengl.culling.command_slices import BANDS
 from omnisim.rendering.opengl.drawing.cluster_drawer import ClusterDrawer
+from omnisim.rendering.opengl.gl.buffers import read_buffer
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
@@ -213,7 +214,7 @@ def _noting_clusters(
     @wraps(draw)
     def noted(drawer: ClusterDrawer, pass_index: int) -> None:
         draw(drawer, pass_index)
-        counts = np.frombuffer(drawer.culler.counts.read(), dtype=np.uint32)
+        counts = np.frombuffer(read_buffer(drawer.culler.counts), dtype=np.uint32)
         length = BANDS * drawer.culler.ranges
         calls.extend(counts[pass_index * length : (pass_index + 1) * length].tolist())
 

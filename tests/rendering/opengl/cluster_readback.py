@@ -3,11 +3,12 @@
 import numpy as np
 
 from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX
+from omnisim.rendering.opengl.gl.buffers import read_buffer
 
 
 def read_vertices(geometry):
     """Vertices (n,) of type `CLUSTER_VERTEX`."""
-    return np.frombuffer(geometry.vertices.read(), dtype=CLUSTER_VERTEX)
+    return np.frombuffer(read_buffer(geometry.vertices), dtype=CLUSTER_VERTEX)
 
 
 def read_palette(geometry):

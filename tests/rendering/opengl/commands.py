@@ -5,13 +5,14 @@ from copy import copy
 import numpy as np
 
 from omnisim.rendering.opengl.culling.command_slices import BANDS
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, read_buffer
 
 
 def submitted_commands(culler, pass_index=0):
     """Commands (n, 5) of a pass of a culler, whose context is current, as they are drawn."""
     (ranges,) = culler.slices
-    counts = np.frombuffer(culler.counts.read(), "<u4").reshape(-1, BANDS, len(ranges))
-    commands = np.frombuffer(culler.commands.read(), "<u4").reshape(-1, 5)
+    counts = np.frombuffer(read_buffer(culler.counts), "<u4").reshape(-1, BANDS, len(ranges))
+    commands = np.frombuffer(read_buffer(culler.commands), "<u4").reshape(-1, 5)
     return np.concatenate(
         [
             commands[one.first + band * one.max_count :][:count]
@@ -33,6 +34,10 @@ def count_triangles(culler):
     return submitted
 
 
+def _fill(buffer, content):
+    buffer.ctx.copy_buffer(buffer, gpu_buffer(buffer.ctx, content))
+
+
 class _ShowAll:
     """Shader that culls, and then shows all clusters in all of up to 32 tiles."""
 
@@ -44,8 +49,8 @@ class _ShowAll:
 
     def run_indirect(self, *place):
         self._shader.run_indirect(*place)
-        self._visible.write(np.full(self._visible.size // 4, self._tiles))
-        self._of_group.write(self._shown)
+        _fill(self._visible, np.full(self._visible.size // 4, self._tiles))
+        _fill(self._of_group, self._shown)
 
 
 class _NoDepth:
@@ -68,6 +73,7 @@ def show_all(culler):
 def show_occluded(culler):
     """Let a culler draw in two passes, but leave what is occluded."""
     with culler._context:
-        culler._bound.buffers[11].clear()
+        depth = culler._bound.buffers[11]
+        _fill(depth, bytes(depth.size))
     culler._shaders = copy(culler._shaders)
     culler._shaders.hi_z = (_NoDepth(),) * 2

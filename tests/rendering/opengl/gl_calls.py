@@ -7,6 +7,7 @@ results stay where they are.
 import ctypes
 import mmap
 import platform
+import sys
 from collections import Counter, deque
 from functools import cache
 
@@ -14,9 +15,7 @@ import glcontext
 import pytest
 
 from omnisim.rendering.opengl.gl import context as contexts
-from omnisim.rendering.opengl.gl import fences, framebuffers
 from omnisim.rendering.opengl.gl import functions as gl_functions
-from omnisim.rendering.opengl.gl import state as gl_state
 
 _STUB_BYTES = 32
 _MAX_FUNCTIONS = 2048
@@ -50,8 +49,9 @@ class GlCalls:
             return ctypes.CFUNCTYPE(returns, *parameters)(self._counting(name, address))
 
         own = cache(counted)
-        for module in (fences, gl_functions, gl_state, framebuffers):
-            monkeypatch.setattr(module, "gl_function", own)
+        for name, module in list(sys.modules.items()):
+            if name.startswith("omnisim.rendering.opengl.gl.") and hasattr(module, "gl_function"):
+                monkeypatch.setattr(module, "gl_function", own)
         # contexts of other tests do not count, and others shall not get these
         monkeypatch.setattr(contexts, "_idle", deque())
         monkeypatch.setattr(contexts, "_MAX_IDLE", 0)

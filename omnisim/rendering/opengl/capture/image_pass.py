@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.pixel_map import RAYS_UNIT, CaptureOutput, PixelMap
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.fences import use_target
 from omnisim.rendering.opengl.gl.functions import StorageBindings
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
@@ -80,10 +81,10 @@ class RemapPass:
         target.clear(-1.0, -1.0)
         samples.vertex_array(CaptureOutput.UV, plan).render()
         uvs = _by_pixel(target, 0, supersampling)
-        tables = [context.buffer(uvs)]
+        tables = [gpu_buffer(context, uvs)]
         defines = ["REMAP"]
         if plan.max_level:
-            tables.append(context.buffer(_by_pixel(target, 1, supersampling)))
+            tables.append(gpu_buffer(context, _by_pixel(target, 1, supersampling)))
             defines.append("MIP_LEVELS")
         self._tables, self._state = StorageBindings(tables, _FIRST_TABLE), GlState()
         valid: NDArray[np.bool_] = np.any(uvs[..., 0] >= 0.0, axis=-1)

@@ -13,6 +13,7 @@ from omnisim.cameras import CentralCamera, HyperbolicCamera, MirroredCamera
 from omnisim.cameras.mirrors import tessellate
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.fences import use_target
 from omnisim.rendering.opengl.gl.shader_files import build_program, included_files
 from omnisim.rendering.opengl.gl.uniforms import uniform
@@ -153,7 +154,7 @@ class PixelMap:
         positions = (mesh.vertices_m / camera.mirror.c_m).astype("<f4")
         return self.context.vertex_array(
             program,
-            [(self.context.buffer(positions), "3f4", "in_position")],
-            self.context.buffer(mesh.triangles.astype("<u4")),
+            [(gpu_buffer(self.context, positions), "3f4", "in_position")],
+            gpu_buffer(self.context, mesh.triangles.astype("<u4")),
             index_element_size=4,
         )

@@ -6,6 +6,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.uniforms import uniform
 
 STRIP_PX = 8  # height of a rectangle
@@ -41,4 +42,4 @@ def valid_pixels_array(
         corners = np.zeros((3, 2), dtype=np.float32)  # OpenGL has no empty buffer
     height, width = valid.shape
     uniform(program, "u_image_size_px").value = (width, height)
-    return context.vertex_array(program, [(context.buffer(corners), "2f4", "in_corner_px")])
+    return context.vertex_array(program, [(gpu_buffer(context, corners), "2f4", "in_corner_px")])

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.culling.clusters import ClusterHierarchy
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 
 # Texture of bounds: entries of four words, see shaders/culling/bounds.glsl.
@@ -132,7 +133,7 @@ class ClusterBuffers:
             np.uint32
         )
         index_ranges = np.stack((3 * clusters.first, 3 * clusters.triangles), axis=1)
-        self.index_ranges = context.buffer(index_ranges.astype("<u4"))
+        self.index_ranges = gpu_buffer(context, index_ranges.astype("<u4"))
         of_groups = np.zeros(self.group_count, dtype=_GROUP)
         of_groups["first_cluster"], of_groups["object"] = groups.first, objects
         of_clusters = np.zeros(self.cluster_count, dtype=_CLUSTER)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from omnisim.rendering.opengl.culling.cluster_buffers import BOUNDS_UNIT, DEPTH_UNIT, ClusterBuffers
 from omnisim.rendering.opengl.culling.cluster_views import Views
 from omnisim.rendering.opengl.culling.command_slices import BANDS, command_slices
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
 from omnisim.rendering.opengl.gl.functions import COMMAND_BYTES, StorageBindings
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.state import GlState
@@ -106,21 +107,22 @@ class ClusterCuller:
             f"draw commands of {views.count} views of {buffers.cluster_count} clusters",
             "make the scene smaller, or the cameras fewer",
         ):
-            self.commands = context.buffer(reserve=COMMAND_BYTES * max_commands)
-            self.counts = context.buffer(reserve=4 * _MAX_PASSES * BANDS * self.ranges)
-            self.instances = context.buffer(reserve=_INSTANCE_BYTES * views.count * views.objects)
+            self.commands = gpu_buffer(context, COMMAND_BYTES * max_commands)
+            self.counts = gpu_buffer(context, 4 * _MAX_PASSES * BANDS * self.ranges)
+            instances_bytes = _INSTANCE_BYTES * views.count * views.objects
+            self.instances = written_buffer(context, instances_bytes)  # shadow maps' parts are
             words_of_cluster = views.cameras * math.ceil(views.tiles / 32)
             visible = np.zeros(buffers.cluster_count * words_of_cluster, dtype=np.uint32)
-            visible_tiles = context.buffer(visible)
+            visible_tiles = gpu_buffer(context, visible)
             groups_visible = np.zeros(views.cameras * buffers.group_count, dtype=np.uint32)
-            visible_of_group = context.buffer(groups_visible)
-            bins = context.buffer(reserve=4 * views.cameras * buffers.cluster_count)
+            visible_of_group = gpu_buffer(context, groups_visible)
+            bins = gpu_buffer(context, 4 * views.cameras * buffers.cluster_count)
             halves = min(self.passes, 2)  # each pass reads one and writes the other
-            self._lists = context.buffer(
-                reserve=(_MAX_PASSES + 1) * _LIST_BYTES + halves * _CANDIDATE_BYTES * words
+            self._lists = gpu_buffer(
+                context, (_MAX_PASSES + 1) * _LIST_BYTES + halves * _CANDIDATE_BYTES * words
             )
             cells = sum(4**level for level in range(_CELL_LEVELS)) * math.prod(self._cells)
-            hi_z = context.buffer(reserve=4 * (views.cameras * cells if depth else 1))
+            hi_z = gpu_buffer(context, 4 * views.cameras * cells if depth else 0)
         near_m, far_m = depths_m
         slope = 0.0 if math.isinf(far_m) else -near_m / (far_m - near_m)
         settings = np.zeros((self.passes, len(self.slices)), dtype=SETTINGS)
@@ -133,13 +135,15 @@ class ClusterCuller:
         settings["pass_index"] = np.arange(self.passes)[:, None]
         settings["occluder_rad"].T[:, :-1] = OCCLUDERS_RAD[self.passes - 1]
         settings["first_range"] = [ranges[0].number for ranges in self.slices]
-        self._settings = [[context.buffer(one.tobytes()) for one in row] for row in settings]
+        self._settings = [
+            [written_buffer(context, one.tobytes()) for one in row] for row in settings
+        ]
         self._written_cameras = views.cameras
-        self._shown = context.buffer(buffers.all_shown)
+        self._shown = written_buffer(context, buffers.all_shown)
         self._bound = StorageBindings([
             views.poses, views.clips_from_rig, views.rectangles_px, self.instances,
             self._lists, buffers.index_ranges, visible_tiles, self.commands, self.counts,
-            context.buffer(table), self._shown, hi_z, bins, visible_of_group,
+            gpu_buffer(context, table), self._shown, hi_z, bins, visible_of_group,
         ])  # fmt: skip
         self._blocks = math.ceil(buffers.block_count / _GROUP_SIZE)
         self._shaders = buffers.shaders

@@ -13,6 +13,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.uniforms import columns_first
 
 
@@ -49,9 +50,10 @@ class Views:
         self._anchor_m = anchor_m
         self._poses = np.zeros((self.cameras, 1 + objects, 3, 4), dtype=np.float32)
         self._poses[:, 1, :, :3] = np.eye(3)
-        self.poses = context.buffer(self._poses, dynamic=True)
-        self.clips_from_rig = context.buffer(columns_first(clips_from_rig), dynamic=True)
-        self.rectangles_px = context.buffer(np.tile(rectangles_px, (cameras, 1)).astype(np.float32))
+        self.poses = written_buffer(context, self._poses)
+        self.clips_from_rig = written_buffer(context, columns_first(clips_from_rig))
+        rectangles = np.tile(rectangles_px, (cameras, 1)).astype(np.float32)
+        self.rectangles_px = written_buffer(context, rectangles)
 
     @property
     def count(self) -> int:

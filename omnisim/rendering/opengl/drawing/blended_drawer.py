@@ -20,6 +20,7 @@ from omnisim.rendering.opengl.geometry.clustered_geometry import (
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.vertex_format import cluster_vertex_array
 from omnisim.rendering.opengl.geometry.vertex_palette import PALETTE_UNIT, VertexPalette
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
 from omnisim.rendering.opengl.gl.functions import COMMAND_BYTES, IndirectDraws, StorageBindings
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 from omnisim.rendering.opengl.gl.state import GlState
@@ -90,24 +91,24 @@ class BlendedDrawer:
         centers = np.zeros((total, 4), dtype=np.float32)
         centers[:, :3] = vertices["in_position"][triangles].mean(axis=1, dtype=np.float64)
         self._items = len(items)
-        self._commands = context.buffer(reserve=COMMAND_BYTES * views.count * len(items))
+        self._commands = gpu_buffer(context, COMMAND_BYTES * views.count * len(items))
         self._written = views.count * len(items)
-        self._count = context.buffer(np.array([self._written], dtype="<u4"))
-        self._indices = indices = context.buffer(reserve=12 * total * views.cameras)
+        self._count = written_buffer(context, np.array([self._written], dtype="<u4"))
+        self._indices = indices = gpu_buffer(context, 12 * total * views.cameras)
         self._vertices = cluster_vertex_array(
             context,
             program,
-            context.buffer(vertices),
+            gpu_buffer(context, vertices),
             indices,
             culler.instances,
-            context.buffer(normals),
+            gpu_buffer(context, normals),
             item_light_coordinates(context, items),
         )
         self._shader = build_compute_shader(context, "culling/blended.comp")
         self._shader["u_items"], self._shader["u_triangles"] = len(items), total
         bound = [
-            self._commands, context.buffer(_packed(items, geometry.anchor_m)),
-            context.buffer(centers), context.buffer(triangles.astype("<u4")), indices,
+            self._commands, gpu_buffer(context, _packed(items, geometry.anchor_m)),
+            gpu_buffer(context, centers), gpu_buffer(context, triangles.astype("<u4")), indices,
         ]  # fmt: skip
         self._bound = StorageBindings(bound, _COMMANDS_BINDING)
         self._draws, self._state = IndirectDraws(), GlState()

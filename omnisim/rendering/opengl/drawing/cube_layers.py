@@ -22,6 +22,7 @@ from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer, Virtual
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.framebuffers import layered_target
 from omnisim.rendering.opengl.gl.state import GlState
 
@@ -77,9 +78,7 @@ class CubeLayers:
             program = layered(variant)
             self._blended = BlendedDrawer(buffers.context, geometry, culler, blended, program)
         self._surface_programs, positions = programs, len(programs.positions_m)
-        self._positions = buffers.context.buffer(
-            reserve=16 * max(1, count * positions), dynamic=True
-        )
+        self._positions = written_buffer(buffers.context, 16 * count * positions)
         sky = programs.sky_seen(cameras.unlit)
         self._sky = None if sky is None else SkyPass(buffers.context, sky, plan, count)
 

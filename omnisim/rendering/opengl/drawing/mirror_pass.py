@@ -29,6 +29,7 @@ from omnisim.rendering.opengl.drawing.surface_program import (
 from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.draw_item import InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.depth import CLEAR_DEPTH, depth_texture
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_program
@@ -133,7 +134,7 @@ class MirrorPass:
             self._items,
             lambda item: program,
             first_of_item,
-            indices=self._buffers.context.buffer(np.concatenate(triangles).astype("<u4")),
+            indices=gpu_buffer(self._buffers.context, np.concatenate(triangles).astype("<u4")),
         )
 
     def render(

@@ -12,6 +12,7 @@ from omnisim.core.world import ObjectPart
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.triangle_windows import bind_triangles, window_defines
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
 from omnisim.scene.model import AlphaMode
@@ -55,10 +56,10 @@ class RangePass:
         self.refresh()
         self._is_front_only = bool(np.abs(angles_rad).max() <= 0.5 * np.pi)
         directions = np.stack((np.cos(angles_rad), np.sin(angles_rad)), axis=-1)
-        self._beams = context.buffer(directions.astype("<f4"))
+        self._beams = gpu_buffer(context, directions.astype("<f4"))
         no_hits = np.full(len(angles_rad), _NO_HIT, dtype="<f4")
-        self._no_hits = context.buffer(no_hits)
-        self._ranges = context.buffer(reserve=no_hits.nbytes)
+        self._no_hits = gpu_buffer(context, no_hits)
+        self._ranges = gpu_buffer(context, no_hits.nbytes)
         # Drivers move buffers that are read into host memory. Only a copy is read, so that the
         # buffer of the shaders stays on the GPU.
         self._read_copy = context.buffer(reserve=no_hits.nbytes, dynamic=True)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.atlas.tile_views import clips_from_rig
+from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.state import GlState
 
@@ -47,7 +48,7 @@ class SkyPass:
         scale = plan.rectangles_px[:, 2:] / atlas_px
         self._instances["scale"] = scale
         self._instances["shift"] = 2.0 * plan.rectangles_px[:, :2] / atlas_px + scale - 1.0
-        self._buffer = context.buffer(self._instances, dynamic=True)
+        self._buffer = written_buffer(context, self._instances)
         inputs = "in_direction_from_corner", "in_placement"
         self._tiles = context.vertex_array(program, [(self._buffer, "9f 4f/i", *inputs)])
 

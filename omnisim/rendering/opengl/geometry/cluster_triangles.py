@@ -16,6 +16,7 @@ from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
 from omnisim.rendering.opengl.geometry.light_baking import Shading, bake_directional_light, shadings
 from omnisim.rendering.opengl.geometry.vertex_palette import VertexPalette
 from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX, NORMAL_BYTES
+from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.scene.model import Lighting
 
 # Relative to white: a third of an 8-bit step in the dark, where steps are finest; a hundredth at
@@ -66,8 +67,8 @@ def shaded_triangles(
     room = next_copy + next_copy // _ROOM_FOR_COPIES
     has_normals = any(item.mesh.normals is not None for item in items)
     made = ShadedTriangles(
-        context.buffer(reserve=_VERTEX_BYTES * room),
-        context.buffer(reserve=NORMAL_BYTES * room) if has_normals else None,
+        written_buffer(context, _VERTEX_BYTES * room),
+        written_buffer(context, NORMAL_BYTES * room) if has_normals else None,
         VertexPalette(),
         np.empty((total, 3), dtype="<u4"),
         np.empty((total, 3, 3), dtype=np.float32),
@@ -101,7 +102,7 @@ def shaded_triangles(
 def _appended(buffer: moderngl.Buffer, used: int, values: NDArray[np.generic]) -> moderngl.Buffer:
     """Buffer with more values behind its used bytes; a larger one if it has no room."""
     if used + values.nbytes > buffer.size:
-        larger = buffer.ctx.buffer(reserve=used + values.nbytes)
+        larger = written_buffer(buffer.ctx, used + values.nbytes)
         buffer.ctx.copy_buffer(larger, buffer, size=used)
         buffer = larger
     if values.nbytes:

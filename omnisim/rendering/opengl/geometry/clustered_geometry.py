@@ -26,6 +26,7 @@ from omnisim.rendering.opengl.geometry.cluster_triangles import shaded_triangles
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
 from omnisim.rendering.opengl.geometry.light_baking import Shading
 from omnisim.rendering.opengl.geometry.vertex_records import light_coordinates
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, read_buffer, written_buffer
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.materials.material_table import vertex_details
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
@@ -96,11 +97,7 @@ class ClusteredGeometry:
     @cached_property
     def triangles(self) -> NDArray[np.uint32]:
         """Vertex indices (m, 3) of all triangles, cluster by cluster, hidden or not."""
-        # a copy is read: drivers move buffers that are read into host memory
-        context, size = self.indices.ctx, self.indices.size
-        copy = context.buffer(reserve=size)
-        context.copy_buffer(copy, self.indices)
-        return np.frombuffer(copy.read(), dtype="<u4").reshape(-1, 3)
+        return np.frombuffer(read_buffer(self.indices), dtype="<u4").reshape(-1, 3)
 
     @property
     def triangle_count(self) -> int:
@@ -178,7 +175,7 @@ def build_clustered_geometry(
     bucket_of_group, object_of_group = group_key // objects, group_key % objects
     double_sided = np.array([one.double_sided for one in buckets])[bucket_of_group]
     with gpu_allocation(f"clusters of {counts.sum()} triangles", "make the scene smaller"):
-        index_buffer = context.buffer(made.triangles[hierarchy.order])
+        index_buffer = written_buffer(context, made.triangles[hierarchy.order])
     return ClusteredGeometry(
         buckets=buckets,
         anchor_m=anchor_m,
@@ -291,4 +288,4 @@ def item_light_coordinates(
     parts = [
         (base, item.mesh, item.light_rectangles) for base, item in zip(bases, items, strict=False)
     ]
-    return context.buffer(light_coordinates(parts, bases[-1]))
+    return gpu_buffer(context, light_coordinates(parts, bases[-1]))

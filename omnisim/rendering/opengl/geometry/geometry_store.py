@@ -18,6 +18,7 @@ from omnisim.rendering.opengl.geometry.vertex_records import (
     fill_vertices,
     light_coordinates,
 )
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.scene.model import Mesh, Scene
 
@@ -98,7 +99,7 @@ class GeometryStore:
         if self._buffers is None:
             sizes = self.sizes
             with gpu_allocation(f"{sum(sizes)} bytes for the scene", "make the scene smaller"):
-                vertices, indices = (self._context.buffer(reserve=size) for size in sizes)
+                vertices, indices = (written_buffer(self._context, size) for size in sizes)
             self._buffers = vertices, indices
         return self._buffers
 
@@ -135,9 +136,7 @@ class GeometryStore:
         """Upload the light coordinates of all vertices."""
         whole = (0.0, 0.0, 1.0, 1.0)
         parts = [(one.base, one.mesh, (whole, whole)) for one in self.ranges]
-        places = light_coordinates(parts, self._vertex_count)
-        empty = VERTEX.itemsize
-        return self._context.buffer(places) if len(places) else self._context.buffer(reserve=empty)
+        return gpu_buffer(self._context, light_coordinates(parts, self._vertex_count))
 
     def place(self, mesh: Mesh, is_blended: bool) -> tuple[int, int]:
         """First index and first vertex for another instance of a mesh; appends a new mesh."""
@@ -180,7 +179,7 @@ class GeometryStore:
         end = used + values.nbytes
         if end > buffer.size:
             with gpu_allocation(f"{2 * end} bytes for the scene", "make the scene smaller"):
-                larger = self._context.buffer(reserve=2 * end)
+                larger = written_buffer(self._context, 2 * end)
             self._context.copy_buffer(larger, buffer, size=used)
             buffer = larger
         buffer.write(values, offset=used)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.geometry.geometry_store import IndexRange
 from omnisim.rendering.opengl.geometry.triangle_table import TriangleTable
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 from omnisim.scene.motion.deformation import Deformation
@@ -59,12 +60,12 @@ class MeshDeformer:
         matrices, weights = self._state(0.0)
         with gpu_allocation("meshes that deform", "make the scene smaller"):
             self._bound = [
-                context.buffer(bounds),
-                context.buffer(offsets) if len(offsets) else context.buffer(reserve=32),
-                context.buffer(matrices, dynamic=True),
-                context.buffer(weights, dynamic=True),
+                gpu_buffer(context, bounds),
+                gpu_buffer(context, offsets),
+                written_buffer(context, matrices),
+                written_buffer(context, weights),
             ]
-            self._corners = context.buffer(corners)
+            self._corners = gpu_buffer(context, corners)
         self._deform = build_compute_shader(context, "scene/deform.comp")
         self._copy = build_compute_shader(context, "scene/deform_corners.comp")
         self._deform["u_count"], self._copy["u_count"] = self._count, self._corner_count

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.geometry.adjacency import NO_NEIGHBOR, neighbors
 from omnisim.rendering.opengl.geometry.geometry_store import IndexRange
+from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 
 ROW_BITS = 12  # log2 of the entries per row, as in shaders/ground_truth/tables.glsl
@@ -42,7 +43,7 @@ class TriangleTable:
         count = indices.size // 4
         self.corners = table_texture(context, count, "the scene's triangles")
         self._is_sorted = any(one.is_blended for one in ranges)
-        self.indices = context.buffer(reserve=4 * count) if self._is_sorted else indices
+        self.indices = written_buffer(context, 4 * count) if self._is_sorted else indices
         self._written, self._row, self._rest = 0, 0, np.empty(0, dtype=_CORNER)
         self._write(ranges)
 

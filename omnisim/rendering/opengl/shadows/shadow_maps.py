@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from omnisim.core.bounds import bounds_of
 from omnisim.core.world import time_of
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.depth import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.fences import use_target
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
@@ -90,8 +91,7 @@ class ShadowMaps:
         self._drawn: _Views | None = None  # views of the drawn static maps
         at_anchor, _ = self._views(self.anchor_m)
         # empty if all casters have cubes
-        size = max(16, plan.block_data(at_anchor.clips).nbytes)
-        self._block = context.buffer(reserve=size, dynamic=True)
+        self._block = written_buffer(context, plan.block_data(at_anchor.clips))
         self._posed: tuple[float, NDArray[np.float64]] | None = None  # when, and where
         self._covered: NDArray[np.intp] = np.empty((0, 4), dtype=np.intp)
         objects = np.array(

@@ -7,6 +7,7 @@ import pytest
 
 from omnisim.rendering.opengl.culling.cluster_buffers import DEPTH_UNIT
 from omnisim.rendering.opengl.culling.cluster_culling import SETTINGS
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, read_buffer
 from omnisim.rendering.opengl.gl.depth import depth_texture
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 
@@ -50,17 +51,17 @@ def test_each_cell_has_its_farthest_depth(context, shape):
     coarse = build_compute_shader(context, "culling/hi_z.comp", ["COARSE"])
     groups = [math.ceil(side / (CELL_PX * SIDE)) for side in shape[::-1]]
     cells = [groups[0] * groups[1] * (SIDE >> level) ** 2 for level in range(LEVELS)]
-    buffer = context.buffer(reserve=4 * sum(cells))
+    buffer = gpu_buffer(context, 4 * sum(cells))
     buffer.bind_to_storage_buffer(11)
     _drawn(context, values).use(DEPTH_UNIT)
     settings = np.zeros(1, dtype=SETTINGS)
     settings["atlas_px"] = shape[::-1]
-    context.buffer(settings).bind_to_uniform_block(0)
+    gpu_buffer(context, settings).bind_to_uniform_block(0)
     fine.run(*groups)
     context.memory_barrier()
     coarse.run(*(math.ceil(side / 8) for side in groups))
     context.finish()
-    found = np.split(np.frombuffer(buffer.read(), np.float32), np.cumsum(cells)[:-1])
+    found = np.split(np.frombuffer(read_buffer(buffer), np.float32), np.cumsum(cells)[:-1])
     for level, of_level in enumerate(found):
         cell = CELL_PX << level
         of_level = of_level.reshape(groups[1] * (SIDE >> level), groups[0] * (SIDE >> level))

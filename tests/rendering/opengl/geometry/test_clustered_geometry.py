@@ -10,6 +10,7 @@ from omnisim.rendering.opengl.geometry import cluster_triangles, clustered_geome
 from omnisim.rendering.opengl.geometry.draw_item import MAX_DISTANCE_M
 from omnisim.rendering.opengl.geometry.light_baking import Shading, bake_directional_light
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl.buffers import read_buffer
 from omnisim.scene.model import AlphaMode, Lighting, Material, Mesh
 from tests.rendering.opengl.cluster_readback import lights_of, read_vertices
 from tests.rendering.opengl.sheets import SUN, sheet
@@ -142,14 +143,14 @@ def test_vertices_with_two_lights_get_copies_in_every_batch(context, monkeypatch
 def test_hidden_items_have_no_triangles_until_they_are_shown_again(context):
     scene = scene_of([sheet("one", 0), sheet("other", 0)], [Material()])
     geometry = SceneBuffers(context, scene).clustered_geometry
-    before = np.frombuffer(geometry.indices.read(), dtype="<u4").reshape(-1, 3)
+    before = np.frombuffer(read_buffer(geometry.indices), dtype="<u4").reshape(-1, 3)
     shown = np.array([True, False])
     for _ in range(2):  # the second time as the first
         geometry.show(shown)
-        now = np.frombuffer(geometry.indices.read(), dtype="<u4").reshape(-1, 3)
+        now = np.frombuffer(read_buffer(geometry.indices), dtype="<u4").reshape(-1, 3)
         is_shown = shown[geometry.item_of_triangle]
         assert not is_shown.all()
         np.testing.assert_array_equal(now[is_shown], before[is_shown])
         assert not now[~is_shown].any()
     geometry.show(~shown | shown)
-    assert geometry.indices.read() == before.tobytes()
+    assert read_buffer(geometry.indices) == before.tobytes()

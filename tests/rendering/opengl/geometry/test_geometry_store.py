@@ -9,6 +9,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.geometry import geometry_store
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_records import VERTEX
+from omnisim.rendering.opengl.gl.buffers import read_buffer
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene import Scene
 from tests.vehicles import surroundings
@@ -37,9 +38,9 @@ def test_meshes_are_uploaded_once_and_the_rest_is_left_as_it_is(context, uploade
     vertices.write(marked, offset=place)  # as the GPU does, which deforms meshes
     assert (buffers.vertices, buffers.indices) == (vertices, indices)
     assert len(uploaded) == len({one.base for one in buffers.draw_items})
-    assert vertices.read()[place : place + VERTEX.itemsize] == marked.tobytes()
-    made = np.frombuffer(vertices.read(), dtype=VERTEX)["in_position"]
-    corners = np.frombuffer(indices.read(), dtype="<u4")
+    assert read_buffer(vertices)[place : place + VERTEX.itemsize] == marked.tobytes()
+    made = np.frombuffer(read_buffer(vertices), dtype=VERTEX)["in_position"]
+    corners = np.frombuffer(read_buffer(indices), dtype="<u4")
     for other in buffers.draw_items[2:]:
         own = corners[other.first : other.first + other.count]
         expected = other.mesh.positions[other.mesh.triangles.ravel()]

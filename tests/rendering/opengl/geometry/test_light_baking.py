@@ -8,6 +8,7 @@ import pytest
 from omnisim.rendering.opengl.geometry.light_baking import Shading, bake_directional_light, shadings
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX
+from omnisim.rendering.opengl.gl.buffers import read_buffer
 from omnisim.scene.model import Light, Lighting, LightKind, Material, Mesh
 from tests.rendering.opengl.cluster_readback import lights_of, read_vertices
 from tests.rendering.opengl.sheets import LAMP, SUN
@@ -107,5 +108,5 @@ def test_vertices_of_two_triangles_that_differ_are_copied(context):
             else:
                 at = corners + geometry.anchor_m
                 numbers = [np.flatnonzero((positions == corner).all(axis=1))[0] for corner in at]
-                stored = np.frombuffer(geometry.normals.read(), dtype="<f4").reshape(-1, 3)
+                stored = np.frombuffer(read_buffer(geometry.normals), dtype="<f4").reshape(-1, 3)
                 np.testing.assert_array_equal(stored[triangle], normals[numbers])

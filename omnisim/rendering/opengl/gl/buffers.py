@@ -1,0 +1,65 @@
+"""Buffers with immutable storage: no driver moves them, or guesses how they are used.
+
+Nothing maps these buffers, and only those of `written_buffer` are written by the processor.
+"""
+
+from __future__ import annotations
+
+import ctypes
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.gl.functions import gl_function
+from omnisim.rendering.opengl.gl.memory import check_allocation
+
+Content = NDArray[np.generic] | bytes | int
+
+_DYNAMIC_STORAGE = 0x0100
+_EMPTY_BYTES = 64  # OpenGL has no empty buffers
+_ENUM, _SIZE, _POINTER = ctypes.c_uint, ctypes.c_ssize_t, ctypes.c_void_p
+
+
+def gpu_buffer(context: moderngl.Context, content: Content) -> moderngl.Buffer:
+    """Buffer that only the GPU reads and writes.
+
+    Args:
+        context: OpenGL context.
+        content: array or bytes to fill it with, or its size in bytes: then it is uninitialized.
+
+    Raises:
+        AllocationError: no room.
+    """
+    return _buffer(context, content, 0)
+
+
+def written_buffer(context: moderngl.Context, content: Content) -> moderngl.Buffer:
+    """Buffer that the processor also writes, by `Buffer.write`; otherwise a `gpu_buffer`."""
+    return _buffer(context, content, _DYNAMIC_STORAGE)
+
+
+def read_buffer(buffer: moderngl.Buffer) -> bytes:
+    """Content of any buffer, once the GPU has finished it: only for what no frame waits for."""
+    content = np.empty(buffer.size, dtype=np.uint8)
+    read = gl_function("glGetNamedBufferSubData", _ENUM, _SIZE, _SIZE, _POINTER)
+    read(buffer.glo, 0, buffer.size, content.ctypes.data)
+    return content.tobytes()
+
+
+def _buffer(context: moderngl.Context, content: Content, access: int) -> moderngl.Buffer:
+    values: NDArray[np.generic] | None = None
+    if isinstance(content, int | np.integer):
+        size = int(content)
+    elif isinstance(content, bytes):
+        values, size = np.frombuffer(content, dtype=np.uint8), len(content)
+    else:
+        values = np.ascontiguousarray(content)
+        size = values.nbytes
+    # moderngl's own storage is replaced before anything uses it
+    buffer = context.buffer(reserve=size or _EMPTY_BYTES)
+    allocate = gl_function("glNamedBufferStorage", _ENUM, _SIZE, _POINTER, _ENUM)
+    address = None if values is None or not size else values.ctypes.data
+    allocate(buffer.glo, buffer.size, address, access)
+    check_allocation(context, f"a buffer of {buffer.size} bytes")
+    return buffer
