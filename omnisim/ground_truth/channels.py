@@ -74,8 +74,8 @@ CHANNELS: dict[str, Channel] = {
     for channel in (
         Channel(
             "range", ("range",), "float32", "m",
-            "length of the ray from the effective viewpoint, or in optics without one from the ray's "
-            "own origin on the last surface; +inf: nothing is hit",
+            "length of the ray from the effective viewpoint, or in optics without one from the "
+            "origin of the ray on the last surface; +inf: nothing is hit",
             math.inf,
         ),
         Channel(
