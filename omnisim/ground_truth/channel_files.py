@@ -49,13 +49,6 @@ _MAX_ID = 2**16 - 1
 FINEST_RANGE_STEPS_PER_M = 1000
 _NOTHING_HIT = _MAX_ID
 _IN_STEPS = "in steps, at least 1; the scale is this image's own"
-_RANGE_ABOUT = {
-    "range": f"length of the ray from the effective viewpoint, {_IN_STEPS}",
-    "range_through": (
-        "length of the ray's path to the first surface that is no pane, and after mirrors, "
-        f"{_IN_STEPS}"
-    ),
-}
 
 
 def write_sidecars(
@@ -188,13 +181,14 @@ def _write_ranges(
     # 0 means outside the camera, so a hit is at least one step away
     steps = np.where(hit, np.maximum(steps, 1), np.where(has_ray, _NOTHING_HIT, 0))
     path = sidecar_path(image, f"{name}.png")
-    write_numbers(path, steps.astype(np.uint16))
-    return [path.name], {
-        "about": _RANGE_ABOUT[name],
+    described = {
+        "about": f"{CHANNELS[name].about.partition(';')[0]}, {_IN_STEPS}",
         "steps_per_m": int(steps_per_m) if steps_per_m.is_integer() else steps_per_m,
         "nothing_hit": _NOTHING_HIT,
         "outside": 0,
     }
+    write_numbers(path, steps.astype(np.uint16), {"channel": name, "unit": "m", **described})
+    return [path.name], described
 
 
 def _normal_steps(normals: NDArray[Any]) -> NDArray[np.uint16]:

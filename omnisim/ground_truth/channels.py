@@ -1,7 +1,8 @@
 """Ground-truth channels by name: contents, units, and layers in files.
 
-Each value belongs to the ray of the pixel's center, from the effective viewpoint. It is exact:
-unlike the image's colors, it is never averaged over the pixel or blended with its neighbors.
+Each value belongs to the ray of the pixel's center, which begins at the effective viewpoint, if
+there is one. It is exact: unlike the image's colors, it is never averaged over the pixel or blended
+with its neighbors.
 
 A surface with an alpha mask counts except at its holes. An alpha-blended surface counts where its
 alpha is at least 0.5. Panes that transmit light, and mirrors, are surfaces as well: only
@@ -73,7 +74,8 @@ CHANNELS: dict[str, Channel] = {
     for channel in (
         Channel(
             "range", ("range",), "float32", "m",
-            "length of the ray from the effective viewpoint; +inf: nothing is hit",
+            "length of the ray from the effective viewpoint, or in optics without one from the "
+            "origin of the ray on the last surface; +inf: nothing is hit",
             math.inf,
         ),
         Channel(

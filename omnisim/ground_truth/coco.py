@@ -16,11 +16,10 @@ from omnisim.core.version import __version__
 from omnisim.ground_truth.label_names import Labels
 
 _ABOUT = (
-    "Boxes and areas are those of the instance's visible pixels, nothing more: what is hidden is "
-    "not in them. Straight edges are curved in an omnidirectional image, so a box holds more "
-    "that is not the instance's than in a perspective one; and what stands across the seam of a "
-    "image that goes all around has a box as wide as the image. Box: x, y, width, height in "
-    "pixels from the corner of the first one."
+    "Boxes and areas cover an instance's visible pixels only. Straight edges are curved in an "
+    "omnidirectional image, so boxes fit less tightly than in a perspective one; an instance "
+    "across the seam of a 360° image has a box as wide as the image. Box: x, y, width, height in "
+    "pixels from the corner of the top left pixel."
 )
 VISIBLE_SHARE = "visible_share"  # key of an annotation, if the share is known
 

@@ -255,9 +255,10 @@ class PlannedDrive:
             write_labels(run, labels)
             missing = [step for step in range(len(self.truth)) if not run.is_done(step)]
             finished = len(self.truth) - len(missing)
-            if is_new and not missing:  # files of the whole run hold all of the record
+            if is_new:  # steps without a file, and files of the whole run, were not there before
                 yield 0
-            yield finished
+            if not (is_new and missing):
+                yield finished
             for done, step in enumerate(missing, start=finished + 1):
                 for name, instrument in instruments.items():
                     for index in run.indices_at(name, step):

@@ -201,6 +201,22 @@ def test_ranges_have_the_finest_scale_that_holds_them(tmp_path, farthest_m, step
     assert steps[1].tolist() == [0, 65535]
 
 
+def test_pngs_of_numbers_claim_no_color_space_and_ranges_state_their_unit(tmp_path):
+    _frame(_channels()).save(tmp_path / "a.png")
+    names = {"semantic", "instance", "flow", "normals", "range"}
+    for name in names:
+        data, found, at = (tmp_path / f"a.{name}.png").read_bytes(), set(), 8
+        while at < len(data):
+            length, kind = struct.unpack(">I4s", data[at : at + 8])
+            found.add(kind)
+            at += 12 + length
+        assert not found & {b"sRGB", b"gAMA", b"cHRM", b"iCCP"}, name
+    stated = read_image(tmp_path / "a.range.png")[1]
+    described = json.loads((tmp_path / "a.channels.json").read_text())["channels"]["range"]
+    assert stated["unit"] == "m"
+    assert stated.items() - {("channel", "range")} <= described.items()
+
+
 def test_flow_files_follow_middlebury_and_kitti(tmp_path):
     channels = _channels()
     flow = channels["flow"]

@@ -27,7 +27,8 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
             "runs.drive.run", "runs.requests.DriveRequest",
         ),
         "evaluate": Entry(
-            "Apply odometry and SLAM methods to a run, and report their errors.",
+            "Apply odometry and SLAM methods to a run, and report their errors; exits with 1 if "
+            "all fail.",
             "runs.evaluate.run", "runs.requests.EvaluateRequest",
         ),
         "plot": Entry(

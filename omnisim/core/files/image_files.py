@@ -145,7 +145,10 @@ def write_numbers(
     check_suffix(path, ".png")
     check_target(path)
     channels = numbers.reshape(*numbers.shape[:2], -1)
-    attributes: dict[str, str | int | float] = {"png:compressionLevel": _PNG_LEVEL}
+    attributes: dict[str, str | int | float] = {
+        "oiio:ColorSpace": "data",  # else PNG's chunks call the numbers sRGB
+        "png:compressionLevel": _PNG_LEVEL,
+    }
     if channels.shape[2] == 4:  # the fourth is not an alpha by which the others were multiplied
         attributes["oiio:UnassociatedAlpha"] = 1
     _write(path, channels, attributes, metadata)

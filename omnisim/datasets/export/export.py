@@ -78,13 +78,8 @@ def for_format(recording: Recording, form: ExportFormat, print_note: PrintNote) 
             f"{recording.run.path}: expected a sensor of type {' or '.join(types)} for "
             f"{form.name}, got {', '.join(others) or 'none'}"
         )
-    if form.one_camera and len(recording.cameras) > 1:
-        names = ", ".join(camera.name for camera in recording.cameras)
-        print_note(
-            f"{form.name} holds one camera: {recording.cameras[0].name} is exported: --camera-name "
-            f"takes another of {names}"
-        )
-        recording = dataclasses.replace(recording, cameras=recording.cameras[:1])
+    cameras = form.supported_cameras(recording.cameras, print_note)
+    recording = dataclasses.replace(recording, cameras=tuple(cameras))
     if not form.has_clocks:
         framed = [camera.name for camera in recording.cameras]
         for kind in held:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import OutputError
+from omnisim.datasets.export.recorded_camera import RecordedCamera
 from omnisim.datasets.export.recording import Recording
 from omnisim.sensors.sensor import MountedSensor
 
@@ -56,7 +57,6 @@ class ExportFormat(ABC):
 
     Attributes:
         name: name on the command line.
-        one_camera: True: supports the images of one camera only.
         sensors: classes of supported sensors besides cameras.
         lone_sensors: classes of sensors that are supported only in runs without a camera.
         holds_motion: True: stores the base's motion, and so supports runs without any sensor.
@@ -68,7 +68,6 @@ class ExportFormat(ABC):
     """
 
     name: ClassVar[str]
-    one_camera: ClassVar[bool] = False
     sensors: ClassVar[tuple[type[MountedSensor], ...]] = ()
     lone_sensors: ClassVar[tuple[type[MountedSensor], ...]] = ()
     holds_motion: ClassVar[bool] = False
@@ -76,6 +75,12 @@ class ExportFormat(ABC):
     dates_stamps: ClassVar[bool] = True
     has_clocks: ClassVar[bool] = False
     has_messages: ClassVar[bool] = False
+
+    def supported_cameras(
+        self, cameras: Sequence[RecordedCamera], print_note: PrintNote
+    ) -> Sequence[RecordedCamera]:
+        """Cameras that the format has room for: all, by default; notes name those left out."""
+        return cameras
 
     @abstractmethod
     def write(
@@ -92,3 +97,18 @@ class ExportFormat(ABC):
         Raises:
             OmnisimError: a file of the run is damaged, or the format lacks required content.
         """
+
+
+class OneCameraFormat(ExportFormat):
+    """Base of formats of one camera."""
+
+    def supported_cameras(
+        self, cameras: Sequence[RecordedCamera], print_note: PrintNote
+    ) -> Sequence[RecordedCamera]:
+        """The first camera."""
+        if len(cameras) > 1:
+            print_note(
+                f"{self.name} holds one camera: {cameras[0].name} is exported: --camera-name takes "
+                f"another of {', '.join(camera.name for camera in cameras)}"
+            )
+        return cameras[:1]

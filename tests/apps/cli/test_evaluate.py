@@ -34,6 +34,12 @@ def test_a_run(omnisim, folder):
         path.name for path in (folder / "report").iterdir()
     }
 
+    status, _, error = omnisim(
+        "evaluate", "run", "-o", "none", "--with", "command:false {run} {out}"
+    )
+    assert status == 1
+    assert "command:false {run} {out}: failed" in error
+
 
 @pytest.mark.slow
 def test_a_plan(omnisim, folder, monkeypatch):

@@ -10,6 +10,7 @@ from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.scene import load_scene
+from tests.scenes import room, scene_of
 
 LENSES = {
     "pinhole.toml": '[lens]\nmodel = "perspective"\nwidth_px = 64\nheight_px = 48\n'
@@ -65,6 +66,26 @@ type = "usarsim_sonar"
 position_m = [0.3, 0.0, 0.2]
 """
 
+START_M, SPEED_MPS, LIDAR_HEIGHT_M = -1.0, 4.0, 0.3
+FAST_ROBOT = f"""
+name = "cart"
+[[sensors]]
+name = "lidar"
+type = "lidar"
+rate_hz = 10.0
+firings = 90
+noise = false
+step_m = 0.0
+range_min_m = 0.0
+position_m = [0.0, 0.0, {LIDAR_HEIGHT_M}]
+[[sensors]]
+name = "fisheye"
+type = "omnicamera"
+file = "fisheye.toml"
+rate_hz = 2.0
+position_m = [0.0, 0.0, 0.4]
+"""
+
 
 @pytest.fixture(scope="session")
 def run(tmp_path_factory):
@@ -82,6 +103,21 @@ def run(tmp_path_factory):
         vehicle,
         Route(str(path)),
         channels=("range", "semantic", "instance", "flow", "occluded"),
+    )
+    list(drive.plan().record(folder / "run"))
+    return folder / "run"
+
+
+@pytest.fixture(scope="session")
+def fast_run(tmp_path_factory):
+    """Run of half a second in a box, with a lidar of 10 Hz and a fisheye of 2 Hz."""
+    folder = tmp_path_factory.mktemp("fast")
+    (folder / "fisheye.toml").write_text(LENSES["fisheye.toml"])
+    (folder / "robot.toml").write_text(FAST_ROBOT)
+    stop_m = START_M + 0.5 * SPEED_MPS
+    (folder / "path.csv").write_text(f"t_s,x_m,y_m,yaw_deg\n0,{START_M},0,0\n0.5,{stop_m},0,0\n")
+    drive = Drive(
+        scene_of([room()]), Vehicle.load(folder / "robot.toml"), Route(str(folder / "path.csv"))
     )
     list(drive.plan().record(folder / "run"))
     return folder / "run"

@@ -122,6 +122,15 @@ def test_pinholes_that_are_not_parallel_are_refused(run, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_cameras_without_a_place_do_not_set_the_pace(fast_run, tmp_path):
+    """All six clouds of a lidar of 10 Hz, and not the two images' of a fisheye of 2 Hz."""
+    notes = []
+    list(export_run(fast_run, "kitti", tmp_path / "out", print_note=notes.append))
+    clouds = sorted((tmp_path / "out" / "sequences" / "00" / "velodyne").iterdir())
+    assert [cloud.stem for cloud in clouds] == [f"{number:06d}" for number in range(6)]
+    assert "kitti holds two pinholes: fisheye left out" in notes
+
+
 KISS_ICP = "from kiss_icp.tools.cmd import run; run()"  # its command kiss_icp_pipeline
 LIDAR = """
 name = "cart"

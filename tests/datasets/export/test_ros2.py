@@ -16,6 +16,8 @@ from omnisim.core.trajectories import read_trajectory
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.export_format import ExportSettings
 from omnisim.datasets.export.recording import Recording
+from tests.datasets.export.conftest import LIDAR_HEIGHT_M
+from tests.scenes import ROOM_HALF_M
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 START_NS = 1_769_860_800_000_000_000
@@ -42,6 +44,10 @@ def _messages(bag, topic):
 
 def _array(message, dtype, *shape):
     return np.frombuffer(message.data, dtype=dtype).reshape(message.height, message.width, *shape)
+
+
+def _stamp_ns(message):
+    return message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
 
 
 def _pose(transform):
@@ -110,9 +116,10 @@ def test_stamps_begin_at_the_start_and_follow_the_run(bag):
     for topic in ("/front/image_raw", "/odom", "/laser/scan", "/lidar/points"):
         stamps = [one.log_time_ns for one in bag.topics[topic]]
         assert stamps == [START_NS + 500_000_000 * step for step in range(4)]
+        # a cloud is published at its revolution's end and, as drivers do, stamped with its start
+        early_ns = 100_000_000 if topic == "/lidar/points" else 0
         for one in bag.topics[topic]:
-            stamp = one.ros_msg.header.stamp
-            assert stamp.sec * 1_000_000_000 + stamp.nanosec == one.log_time_ns
+            assert _stamp_ns(one.ros_msg) == one.log_time_ns - early_ns
     readings = bag.topics["/imu/data_raw"]
     times = np.array([one.log_time_ns - START_NS for one in readings])
     np.testing.assert_array_equal(np.diff(times), 50_000_000)
@@ -181,6 +188,31 @@ def _cloud_type(cloud):
         "offsets": [field.offset for field in cloud.fields],
         "itemsize": cloud.point_step,
     })  # fmt: skip
+
+
+def test_stamp_plus_time_is_when_a_clouds_points_were_measured(fast_run, tmp_path):
+    """As LIO-SAM's and FAST-LIO's readers take it: the points then lie on the room's walls."""
+    pytest.importorskip("rosbags")
+    reader = pytest.importorskip("mcap_ros2.reader")
+    list(export_run(fast_run, "ros2-mcap", tmp_path / "bag"))
+    found = defaultdict(list)
+    for message in reader.read_ros2_messages(str(tmp_path / "bag" / "bag.mcap")):
+        found[message.channel.topic].append(message.ros_msg)
+    truth = [
+        (1e-9 * _stamp_ns(one), one.pose.pose.position.x) for one in found["/ground_truth/odom"]
+    ]
+    assert len(found["/lidar/points"]) == 6
+    for cloud in found["/lidar/points"]:
+        points = np.frombuffer(cloud.data, dtype=_cloud_type(cloud))
+        times_s = 1e-9 * _stamp_ns(cloud) + points["time"].astype(np.float64)
+        assert np.ptp(times_s) > 0.09
+        world_m = np.stack([points[axis] for axis in "xyz"], axis=-1).astype(np.float64)
+        world_m[:, 0] += np.interp(times_s, *np.transpose(truth))
+        world_m[:, 2] += LIDAR_HEIGHT_M - ROOM_HALF_M[2]  # the robot stands on the floor
+        off_m = np.abs(np.abs(world_m) - ROOM_HALF_M).min(axis=1)
+        for ring in range(16):
+            first, last = np.flatnonzero(points["ring"] == ring)[[0, -1]]
+            assert max(off_m[first], off_m[last]) < 1e-3
 
 
 def test_scans_and_ranges_are_the_runs_own(bag, run):

@@ -25,10 +25,11 @@ _PRINTED = ("estimator", "ATE m", "% of path", "drift %", "yaw °", "lost %", "a
 _NAME_LETTERS = 24
 
 
-def run(request: EvaluateRequest) -> None:
+def run(request: EvaluateRequest) -> bool:
     """Apply estimators to a run or to the drives of a plan, and write a report.
 
-    An estimator that is missing, fails, crashes or hangs is a row of the report.
+    An estimator that is missing, fails, crashes or hangs is a row of the report. Returns False if
+    all of a run's estimators did.
 
     Raises:
         EstimatorError: an unknown estimator.
@@ -45,10 +46,10 @@ def run(request: EvaluateRequest) -> None:
         if request.estimators:
             raise PlanError("--with: a plan names its estimators")
         sweep(request, plan)
-        return
+        return True
     if request.engine != "local" or request.address is not None:
         raise PlanError("--engine: expected a plan, got a run")
-    _evaluate_run(request)
+    return any(outcome.status == "ok" for outcome in _evaluate_run(request))
 
 
 def _names(given: Iterable[str]) -> list[str]:
@@ -59,7 +60,7 @@ def _names(given: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def _evaluate_run(request: EvaluateRequest) -> None:
+def _evaluate_run(request: EvaluateRequest) -> list[Outcome]:
     from omnisim.validation.report.estimator_report import run_section
     from omnisim.validation.report.report import Report
 
@@ -79,6 +80,7 @@ def _evaluate_run(request: EvaluateRequest) -> None:
     content = [one.as_dict() for one in outcomes]
     write_text(request.output / OUTCOMES, json.dumps(content, indent=2) + "\n")
     _print(request.output, outcomes)
+    return outcomes
 
 
 def _text(recording: Recording) -> str:

@@ -15,7 +15,7 @@ Source: Geiger et al., Are we ready for autonomous driving? (2012); the benchmar
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,7 @@ from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, 
 from omnisim.datasets.export.formats.kitti360 import LIDAR_FROM_CAMERA
 from omnisim.datasets.export.formats.tum import write_lines
 from omnisim.datasets.export.lens_camera import LensCamera
+from omnisim.datasets.export.recorded_camera import RecordedCamera
 from omnisim.datasets.export.recording import Recording
 from omnisim.sensors.lidar.mounted_lidar import MountedLidar
 
@@ -44,14 +45,27 @@ class Kitti(ExportFormat):
     sensors = (MountedLidar,)
     dates_stamps = False
 
+    def supported_cameras(
+        self, cameras: Sequence[RecordedCamera], print_note: PrintNote
+    ) -> Sequence[RecordedCamera]:
+        """The first two pinholes: other cameras do not set the pace of the frames either."""
+        pinholes = [one for one in cameras if isinstance(one.mount.camera, PerspectiveCamera)]
+        held = pinholes[: len(IMAGES)]
+        left_out = [camera.name for camera in cameras if camera not in held]
+        if left_out:
+            print_note(f"kitti holds two pinholes: {', '.join(left_out)} left out")
+        return held
+
     def write(
         self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
     ) -> Iterator[int]:
         """Write the sequence, step by step."""
-        cameras = _pinholes(recording, print_note)
+        cameras = [LensCamera.of(camera, print_note) for camera in recording.cameras]
+        for camera, name in zip(cameras, IMAGES, strict=False):
+            print_note(f"{camera.name} is {name}")
         lidars = recording.sensors(MountedLidar)
         if not cameras and not lidars:
-            names = ", ".join(camera.name for camera in recording.cameras)
+            names = ", ".join(recording.run.manifest.cameras)
             raise OutputError(
                 f"{recording.run.path}: expected a camera that is a pinhole, or a lidar, for "
                 f"{self.name}, got {names}"
@@ -84,20 +98,6 @@ class Kitti(ExportFormat):
                 points[:, :3] = deskewed_points_m(cloud, recording.fine_truth, base_from_lidar)
                 (sequence / "velodyne" / f"{step:06d}.bin").write_bytes(points.tobytes())
             yield step + 1
-
-
-def _pinholes(recording: Recording, print_note: PrintNote) -> list[LensCamera]:
-    """First two pinholes; a note names the cameras that are left out."""
-    pinholes = [one for one in recording.cameras if isinstance(one.mount.camera, PerspectiveCamera)]
-    taken = [LensCamera.of(camera, print_note) for camera in pinholes[: len(IMAGES)]]
-    names = [camera.name for camera in taken]
-    left_out = [camera.name for camera in recording.cameras if camera.name not in names]
-    if taken or recording.sensors(MountedLidar):
-        for camera, name in zip(taken, IMAGES, strict=False):
-            print_note(f"{camera.name} is {name}")
-        if left_out:
-            print_note(f"kitti holds two pinholes: {', '.join(left_out)} left out")
-    return taken
 
 
 def _camera_0(

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.files.image_files import write_numbers
 from omnisim.core.poses import quaternion_from_rotation
-from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
+from omnisim.datasets.export.export_format import ExportSettings, OneCameraFormat, PrintNote
 from omnisim.datasets.export.formats.tum import write_lines
 from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
@@ -45,11 +45,10 @@ LENS_FROM_NED = np.array(
 )
 
 
-class Tartanair(ExportFormat):
+class Tartanair(OneCameraFormat):
     """TartanAir V2 trajectory."""
 
     name = "tartanair"
-    one_camera = True
     channels = ("range", "semantic", "flow", "occluded")
     dates_stamps = False
 

@@ -20,7 +20,7 @@ from omnisim.core.files.image_files import write_numbers
 from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.formats import tum
 from omnisim.datasets.export.depth_images import FarDepths
-from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
+from omnisim.datasets.export.export_format import ExportSettings, OneCameraFormat, PrintNote
 from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
 from omnisim.datasets.export.stamps import restamped, seconds_text
@@ -29,11 +29,10 @@ from omnisim.sensors.depth_camera.mounted_depth_camera import MountedDepthCamera
 STEPS_PER_M = 5000.0
 
 
-class Tum(ExportFormat):
+class Tum(OneCameraFormat):
     """TUM RGB-D data set."""
 
     name = "tum"
-    one_camera = True
     lone_sensors = (MountedDepthCamera,)
     channels = ("range",)
 

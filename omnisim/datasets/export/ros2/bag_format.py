@@ -11,7 +11,7 @@
 | `/<camera>/points` | PointCloud2 | `--points`: points from the ranges, with colors |
 | `/<depth>/depth/image_rect`, `…/camera_info` | Image, 16UC1 | millimeters, 0: none (REP 118) |
 | `/<scanner>/scan` | LaserScan | |
-| `/<lidar>/points` | PointCloud2 | with ring, time since the revolution's start, range, instance |
+| `/<lidar>/points` | PointCloud2 | stamp: the revolution's start; ring, `time` since then … |
 | `/<imu>/data_raw` | Imu | at its own rate, without orientation |
 | `/<sonar>/range` | Range | |
 | `/odom` | Odometry | dead reckoning; absent for a rig |

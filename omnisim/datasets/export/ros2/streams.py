@@ -18,7 +18,7 @@ from omnisim.cameras.calibration.encode import encode_exactly
 from omnisim.cameras.calibration.formats.camera_info import CameraInfoLens
 from omnisim.cameras.calibration.formats.ros import Ros
 from omnisim.core.files.image_files import read_image
-from omnisim.datasets.export.export_format import ExportSettings
+from omnisim.datasets.export.export_format import NANOSECONDS, ExportSettings
 from omnisim.datasets.export.recorded_camera import RecordedCamera
 from omnisim.datasets.export.recording import ImuReadings, Recording
 from omnisim.datasets.export.ros2 import ros_messages as messages
@@ -210,9 +210,17 @@ class LidarStream(Stream):
         return self.recording.base_from_lidar(self.name)
 
     def messages_at(self, step: int, stamp_ns: int) -> Iterator[StampedMessage]:
-        """Point cloud with all fields, stamped with the end of the revolution."""
+        """Point cloud with all fields, stamped with the start of the revolution.
+
+        As drivers publish it, at the revolution's end: a point's time is stamp + `time`, which may
+        be negative, since no stamp is before 1970.
+        """
         cloud = self.recording.cloud(self.name, step)
-        message = messages.point_cloud(stamp_ns, self.frame, cloud.points)
+        period_ns = round(NANOSECONDS / cloud.header.number("rate_hz"))
+        start_ns = max(0, stamp_ns - period_ns)
+        points = cloud.points.copy()
+        points["time"] -= 1e-9 * (start_ns - (stamp_ns - period_ns))
+        message = messages.point_cloud(start_ns, self.frame, points)
         yield StampedMessage(f"/{self.topic}/points", stamp_ns, message)
 
 

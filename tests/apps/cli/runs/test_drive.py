@@ -206,6 +206,7 @@ def test_a_scene_is_the_same_from_any_folder(omnisim, needs_opengl, tmp_path, mo
     )
     assert (status, error) == (0, "")
     assert "4 steps, 4 of them there before" in out
+
     assert {path: path.read_bytes() for path in (tmp_path / "run").rglob("*.*")} == before
     status, _, error = omnisim("plot", ".")
     assert (status, error) == (0, "")
@@ -232,6 +233,22 @@ def test_bad_views_get_one_line(omnisim, run_folder, tmp_path, arguments, messag
     assert message in error
     assert error.count("\n") == 1
     assert not list(tmp_path.glob("a.*"))
+
+
+def test_steps_without_a_file_are_not_there_before(omnisim, tmp_path):
+    """A camera of 1 Hz leaves most steps without an image."""
+    (tmp_path / "robot.toml").write_text(
+        'name = "cart"\n[[sensors]]\nname = "front"\ntype = "omnicamera"\nrate_hz = 1.0\n'
+        "position_m = [0.0, 0.0, 0.5]\n"
+    )
+    (tmp_path / "path.csv").write_text(
+        "t_s,x_m,y_m,yaw_deg\n" + "".join(f"{0.25 * n},{0.1 * n},0,0\n" for n in range(6))
+    )
+    drive = ("drive", "soccer", "--robot", "robot.toml", "--path", "path.csv", "--size", "16")
+    status, out, error = omnisim(*drive, "-o", "run")
+    assert status == 0, error
+    assert "run: 6 steps; " in out
+    assert "run: 6 steps, 6 of them there before; " in omnisim(*drive, "-o", "run")[1]
 
 
 def test_contacts_are_noted_and_refused(omnisim, needs_opengl, tmp_path):
