@@ -26,7 +26,8 @@ def solve_increasing(
 
     Unreachable values give the nearest end. The search starts at the values themselves: in units of
     the normalized plane, they are close to the arguments. A slope of 0 at an end, where a lens
-    folds, only slows the search down.
+    folds, only slows the search down. Steps across more than half of the bracket are replaced by
+    bisections: two points of a stretched lens could otherwise lead to each other forever.
     """
     arguments = np.clip(values, low, high).ravel()
     tolerance = 4.0 * _EPS * max(abs(low), abs(high))
@@ -40,6 +41,7 @@ def solve_increasing(
         rise = slope(argument)
         newton = argument - error / np.where(rise > 1e-12, rise, 1.0)
         inside = (rise > 1e-12) & (newton >= lower) & (newton <= upper)
+        inside &= np.abs(newton - argument) <= 0.5 * (upper - lower)
         following = np.where(inside, newton, 0.5 * (lower + upper))
         arguments[active] = following
         moves = np.abs(following - argument) > tolerance
