@@ -8,7 +8,8 @@ from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene.light.environment import Environment
-from omnisim.scene.model import Lighting, Material
+from omnisim.scene.model import AlphaMode, Lighting, Material
+from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
 from tests.rendering.opengl.gl_calls import GlCalls
 from tests.rendering.opengl.sheets import sheet
 from tests.scenes import scene_of
@@ -22,6 +23,7 @@ SUBMISSIONS = (
 )  # fmt: skip
 # In the built-in scenes: state, draws, dispatches; lamps that shine bind the tables of materials.
 MAX_CALLS, MAX_SUBMISSIONS = 180, 45
+MAX_SCAN_CALLS = 60
 
 
 def _poses(count):
@@ -72,6 +74,22 @@ def test_calls_do_not_depend_on_the_number_of_tiles(monkeypatch):
             made.append(calls.of(lambda: renderer.render(_poses(1)[0])))
     assert tiles[0] < tiles[1]
     assert made[0] == made[1]
+
+
+def test_calls_of_a_scan_do_not_depend_on_the_number_of_objects(monkeypatch):
+    calls = GlCalls(monkeypatch)
+    fence = Material(base_color=(1.0, 1.0, 1.0, 0.7), alpha_mode=AlphaMode.MASK)
+    made = []
+    for count in (2, 40):
+        meshes = [sheet(f"sheet {number}", number % 2, seed=number) for number in range(count)]
+        poses = [pose((0.2 * number, 1.0, 0.0), 90.0) for number in range(count)]
+        scene = scene_of(meshes, [Material(), fence], poses)
+        with open_sensor(scene, LaserScanner().without_errors()) as renderer:
+            assert np.isfinite(renderer.scan(pose()).ranges_m).any()
+            made.append(calls.of(lambda: renderer.scan(pose())))
+    assert made[0] == made[1]
+    assert made[0]["glDispatchCompute"] == 2
+    assert sum(made[0].values()) <= MAX_SCAN_CALLS
 
 
 def test_calls_do_not_depend_on_the_number_of_objects(monkeypatch):
