@@ -1,14 +1,14 @@
-// Ranges of a scanner's beams to the triangles of draw items, with one or more work groups per item.
+// Ranges of a scanner's beams to the triangles of draw items, each with its own work groups.
 // The scan plane, z = 0 of the scanner's frame, cuts a triangle along a segment. The hits of all
 // beams that cross the segment follow from its ends, so a range is exact up to float rounding:
 // there are no pixels, no depth buffer and no near plane. Both sides of a surface reflect. A
 // triangle that lies in the plane is not hit.
 //
 // u_first_item, u_end_item  items of this dispatch, as a range of the table
-// u_first_group         first work group of the dispatch, counted over all items
+// u_first_group             first work group of the dispatch, counted over all items
 // u_angle_min, u_angle_increment  angles of the beams, radians, counter-clockwise
 //
-// With HOLES, beams pass where alpha is below the item's cutoff; with TEXTURED, textures change alpha.
+// With HOLES, beams pass where alpha is below the item's cutoff; with TEXTURED, it has a texture.
 #version 450 core
 
 layout(local_size_x = 32) in;
@@ -22,8 +22,8 @@ struct Item {  // as in omnisim/rendering/opengl/drawing/range_pass.py
     mat4 scanner_from_mesh;  // to the scanner's frame: x forward, y left, z up, meters
     uint first;              // first index
     uint triangles;
-    uint first_group;        // first of its work groups
-    uint layer;              // of the texture array
+    uint first_group;        // first work group
+    uint layer;              // layer of the texture array
     float base_alpha;
     float alpha_cutoff;
     uint unused[2];

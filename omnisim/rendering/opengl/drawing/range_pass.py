@@ -14,7 +14,7 @@ from omnisim.core.world import ObjectPart
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.triangle_windows import bind_triangles, window_defines
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 from omnisim.rendering.opengl.gl.uniforms import columns_first
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
@@ -110,7 +110,7 @@ class RangePass:
             ("alpha_cutoff", [item.material.hit_cutoff for item in items]),
         ):
             self._table[name] = values
-        self._items = context.buffer(reserve=max(1, len(items)) * _ITEM.itemsize, dynamic=True)
+        self._items = written_buffer(context, self._table.nbytes)
 
     def cast(
         self,
