@@ -260,17 +260,16 @@ class CubePass:
             if self._buffers.draw_items[index].shows(transforms.viewpoint_from_mesh[index])
         )
 
-    def read_depth(self) -> NDArray[np.float32]:
+    @property
+    def depth(self) -> moderngl.Texture:
         """Depth (height, width) of the last rendered atlas, without blended surfaces.
 
         Raises:
             GraphicsError: the atlas is multisampled.
         """
-        if self._is_multisampled:
+        if self._depth is None:
             raise GraphicsError("virtual_cameras.samples: expected 1 to read depth, got more")
-        depth = np.empty((self.plan.height_px, self.plan.width_px), dtype=np.float32)
-        self._target.read_into(depth, components=1, attachment=-1, dtype="f4")
-        return depth
+        return self._depth
 
     def read_face(self, tile: Tile) -> NDArray[np.float32]:
         """Read the 90° of a face as last rendered: linear RGB (size, size, 3), top row first.
