@@ -35,6 +35,7 @@ def _lens(seed):
         coefficients = tuple(random.uniform(-1.0, 1.0, 4) * (0.5, 0.4, 1.2, 1.2))
         return KannalaBrandtCamera(width, height, focals_px, center_px, coefficients)
     terms = random.normal(size=12) * [0.3, 0.1, 0.01, 0.01, 0.02, 0.3, 0.1, 0.02, *[0.01] * 4]
+    terms[5:8] = np.abs(terms[5:8])  # as in real ones, whose radial part has no pole
     count = int(random.choice([8, 12]))
     return RationalPolynomialCamera(width, height, focals_px, center_px, tuple(terms[:count]))
 
