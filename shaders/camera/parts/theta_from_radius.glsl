@@ -17,8 +17,9 @@ float theta_from_radius(float radius, float low_rad, float high_rad) {
         if (error >= 0.0) high = theta;
         float slope = slope_from_theta(theta);
         float newton = theta - error / max(slope, 1e-9);
-        bool converges = newton >= low && newton <= high && abs(newton - theta) <= 0.5 * (high - low);
-        theta = converges ? newton : 0.5 * (low + high);
+        bool inside = newton >= low && newton <= high;
+        inside = inside && abs(newton - theta) <= 0.5 * (high - low);
+        theta = inside ? newton : 0.5 * (low + high);
     }
     return theta;
 }
