@@ -78,7 +78,7 @@ def open_context(device: int | str | None = None) -> moderngl.Context:
             one that uses OpenGL.
     """
     check_process()
-    number = device_number(device)
+    number = None if device is None else device_number(device)
     check_libraries()
     release_unclosed_contexts()
     while (idle := _take_idle(number)) is not None:

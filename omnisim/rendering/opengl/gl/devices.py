@@ -53,29 +53,24 @@ def current_device() -> int | None:
     return numbers[0] if numbers else None
 
 
-def device_number(device: int | str | None) -> int | None:
-    """EGL's number of a device; CUDA's is written cuda:1.
+def device_number(device: int | str) -> int:
+    """EGL's number of a device; CUDA's are written cuda:1.
 
     Raises:
         GraphicsError: neither a number nor cuda:N, or EGL has no such device.
     """
     text = str(device)
-    kind, _, number = text.partition(":")
-    if device is None or (isinstance(device, int) and not isinstance(device, bool)):
-        result = device
-    elif text.isdecimal():
-        result = int(text)
-    elif kind == "cuda" and (number or "0").isdecimal():
-        known = {one.cuda: egl for egl, one in enumerate(egl_devices()) if one.cuda is not None}
-        result = known.get(int(number or 0), -1)
-    else:
-        result = -1
-    if result is not None and not 0 <= result < _MAX_DEVICES:
+    kind, _, cuda = text.partition(":")
+    number = int(text) if text.isdecimal() else -1
+    if kind == "cuda" and (cuda or "0").isdecimal():
+        numbers = {one.cuda: number for number, one in enumerate(egl_devices())}
+        number = numbers.get(int(cuda or 0), -1)
+    if not 0 <= number < _MAX_DEVICES:
         raise GraphicsError(
             f"device {text}: there is no such device: expected a number as `omnisim info` lists "
             "them, or cuda:N"
         )
-    return result
+    return number
 
 
 def _described(handle: int) -> EglDevice:

@@ -152,12 +152,12 @@ def nvidia_fault() -> Fault | None:
     return Fault(f"EGL does not know the NVIDIA driver: no {file}", f"write {_NVIDIA_FILE} to it")
 
 
-def cache_fault(vendor: str) -> Fault | None:
-    """Fault of the folder where a vendor's driver caches compiled shaders."""
+def cache_fault() -> Fault | None:
+    """Fault of the folder where the driver caches compiled shaders."""
     if os.environ.get("MESA_SHADER_CACHE_DISABLE", "").lower() in ("1", "true"):
         cause = "MESA_SHADER_CACHE_DISABLE is set, so that each start compiles all shaders"
         return Fault(cause, "unset MESA_SHADER_CACHE_DISABLE")
-    is_nvidia = "NVIDIA" in vendor
+    is_nvidia = nvidia_fault() is None and any(Path("/dev").glob("nvidia[0-9]*"))
     variable = "__GL_SHADER_DISK_CACHE_PATH" if is_nvidia else "MESA_SHADER_CACHE_DIR"
     usual = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     folder = Path(os.environ.get(variable) or usual)
@@ -171,6 +171,13 @@ def cache_fault(vendor: str) -> Fault | None:
             f"export {variable}=FOLDER, one that can be written",
         )
     return None
+
+
+def printed_fault(line: str) -> Fault:
+    """Fault behind a line that a driver printed although it works."""
+    fault = cache_fault() if "cache" in line else driver_fault() or gpu_fault()
+    remedy = fault.remedy if fault else "nothing, if no step fails: EGL_LOG_LEVEL=fatal hides it"
+    return Fault(f"prints {line.strip()!r}", remedy)
 
 
 def install_hint() -> str:

@@ -21,7 +21,7 @@ def test_the_current_device_is_one_of_egl_s(context):
 
 @pytest.mark.parametrize(
     ("device", "number"),
-    [(None, None), (0, 0), ("2", 2), ("cuda", 2), ("cuda:0", 2), ("cuda:1", 0)],
+    [(0, 0), ("2", 2), ("cuda", 2), ("cuda:0", 2), ("cuda:1", 0)],
 )
 def test_cuda_s_numbers_are_looked_up(monkeypatch, device, number):
     monkeypatch.setattr(
