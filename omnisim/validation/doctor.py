@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.errors import OmnisimError
+from omnisim.core.errors import GraphicsError, OmnisimError
 from omnisim.core.extras import require_opengl
 from omnisim.core.files.image_files import read_image
 from omnisim.core.trajectories.trajectory import Trajectory
@@ -31,7 +31,7 @@ from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.scene import builtin_scenes, load_scene
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
-from omnisim.validation.report.machine import SOFTWARE
+from omnisim.validation.report.machine import is_software
 
 OK, WARNING, FAILED = "ok", "warning", "failed"
 REFERENCES = Path(__file__).with_name("doctor.png")  # of llvmpipe, scene beside scene
@@ -77,6 +77,8 @@ def main() -> None:
     name, file, *device = sys.argv[1:]
     try:
         result = STEPS[name](int(device[0]) if device else None)
+    except GraphicsError as error:
+        result = Result(FAILED, error.cause, error.remedy)
     except OmnisimError as error:
         result = Result(FAILED, str(error))
     Path(file).write_text(json.dumps(result._asdict()), encoding="utf-8")
@@ -94,32 +96,33 @@ def _libraries(_: int | None) -> Result:
 
 
 def _devices(_: int | None) -> Result:
-    from omnisim.rendering.opengl.gl.context import GraphicsInfo, list_devices
-    from omnisim.rendering.opengl.gl.devices import egl_devices
+    from omnisim.rendering.opengl.gl.context import list_devices
+    from omnisim.rendering.opengl.gl.devices import cuda_numbers
     from omnisim.rendering.opengl.gl.diagnosis import gpu_fault
 
-    texts, renderers = [], []
-    for (number, opened), device in zip(list_devices(), egl_devices(), strict=True):
-        cuda = "" if device.cuda is None else f" (cuda:{device.cuda})"
-        if isinstance(opened, GraphicsInfo):
-            renderers.append(opened.renderer.lower())
-            texts.append(f"{number}{cuda}: {opened.renderer}")
+    texts, faults, has_gpu = [], [], False
+    for (number, opened), cuda in zip(list_devices(), cuda_numbers(), strict=True):
+        name = f"{number}" if cuda is None else f"{number} (cuda:{cuda})"
+        if isinstance(opened, GraphicsError):
+            texts.append(f"{name} does not open: {opened.cause}")
+            faults.append(opened.remedy)
         else:
-            texts.append(f"{number}{cuda} does not open: {opened}")
-    text = "; ".join(texts)
-    if all(any(name in one for name in SOFTWARE) for one in renderers) and (fault := gpu_fault()):
-        return Result(WARNING, f"{text}; {fault.cause}", fault.remedy)
-    return Result(OK if len(renderers) == len(texts) else WARNING if renderers else FAILED, text)
+            texts.append(f"{name}: {opened.renderer}")
+            has_gpu |= not is_software(opened.renderer)
+    if not has_gpu and (fault := gpu_fault()):
+        texts.append(fault.cause)
+        faults.append(fault.remedy)
+    status = OK if not faults else FAILED if len(faults) >= len(texts) else WARNING
+    return Result(status, "; ".join(texts), faults[-1] if faults else "")
 
 
 def _opengl(device: int | None) -> Result:
     from omnisim.rendering.opengl.gl.context import graphics_info, open_context
-    from omnisim.rendering.opengl.gl.devices import current_device
 
     context = open_context(device)
     opened, info = graphics_info(context), context.info
     limits = {name: info[name] for name in LIMITS}
-    details = {"device": current_device(), **opened._asdict(), "limits": limits}
+    details = {**opened._asdict(), "limits": limits}
     text = f"{opened.version}, {opened.renderer}"
     lacking = [
         f"{name} is {limits[name]} of {need}"
@@ -147,11 +150,11 @@ def _scene(name: str, device: int | None) -> Result:
     mean, share = float(off.mean()), float((off.max(axis=-1) > 24).mean())
     max_mean, max_share = BOUNDS["llvmpipe" in renderer]
     details = {"mean": mean, "share": share}
-    text = f"{mean:.2f} levels off the reference, {share:.1%} of the pixels by more than 24"
+    text = f"{mean:.2f} levels off; {share:.1%} of pixels by more than 24"
     if mean <= max_mean and share <= max_share:
         return Result(OK, text, details=details)
-    text = f"wrong image: {text} (at most {max_mean} and {max_share:.1%})"
-    return Result(FAILED, text, OTHER_DRIVER, details | {"image": image.tolist()})
+    text = f"wrong image: {text} (bounds: {max_mean}, {max_share:.1%})"
+    return Result(FAILED, text, OTHER_DRIVER, details | {"image": image.tobytes().hex()})
 
 
 def _sequence(camera: Renderer) -> Result:

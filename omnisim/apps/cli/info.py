@@ -98,19 +98,18 @@ def _print_devices(width: int) -> None:
         list_devices,
         open_context,
     )
-    from omnisim.rendering.opengl.gl.devices import current_device, egl_devices
+    from omnisim.rendering.opengl.gl.devices import cuda_numbers
 
     context = open_context()  # raises with the reason
-    used, number = graphics_info(context), current_device()
+    used = graphics_info(context)
     context.release()
-    by = "" if number is None else f", device {number}"
-    out.print(f"{'renderer':{width}}{used.renderer}, OpenGL {used.version}{by}", markup=False)
+    out.print(f"{'renderer':{width}}{used.renderer}, OpenGL {used.version}", markup=False)
     table = Table("device", "renderer", "vendor", "OpenGL", "largest texture", "samples")
-    for (number, device), egl in zip(list_devices(), egl_devices(), strict=True):
+    for (number, device), cuda in zip(list_devices(), cuda_numbers(), strict=True):
         if not isinstance(device, GraphicsInfo):
             out.print(f"device {number} cannot be used: {device}", markup=False)
             continue
-        name = f"{number}" if egl.cuda is None else f"{number}, cuda:{egl.cuda}"
+        name = f"{number}" if cuda is None else f"{number}, cuda:{cuda}"
         largest = f"{device.max_texture_size_px} px"
         samples = str(device.max_samples)
         table.add_row(name, device.renderer, device.vendor, device.version, largest, samples)

@@ -26,11 +26,10 @@ from omnisim.evaluation.child_process import ChildProcesses
 from omnisim.rendering.opengl.gl.diagnosis import VARIABLES, override_fault, printed_fault
 from omnisim.validation import doctor
 from omnisim.validation.doctor import FAILED, LIMIT_S, OK, OTHER_DRIVER, STEPS, WARNING, Result
-from omnisim.validation.report.machine import SOFTWARE
+from omnisim.validation.report.machine import is_software
 
-SKIPPED = "skipped"
 NEEDED = ("libraries", "OpenGL")  # by all steps after them
-_COLORS = {OK: "green", WARNING: "yellow", FAILED: "bold red", SKIPPED: "dim"}
+_COLORS = {OK: "green", WARNING: "yellow", FAILED: "bold red"}
 
 
 class Step(NamedTuple):
@@ -48,11 +47,11 @@ def run(request: DoctorRequest) -> bool:
         check_target(request.report)
     steps: list[Step] = []
     for name in STEPS:
-        lacking = [one.name for one in steps if one.result.status == FAILED and one.name in NEEDED]
         known = {line for one in steps for line in one.output.splitlines()}
-        result = Result(SKIPPED, f"needs {lacking[0]}") if lacking else None
-        steps.append(Step(name, 0.0, result) if result else run_step(name, request.device, known))
+        steps.append(run_step(name, request.device, known))
         _print(steps[-1])
+        if name in NEEDED and steps[-1].result.status == FAILED:
+            break
     lines = verdict(steps)
     out.print("\n" + "\n".join(map(_wrapped, lines)), markup=False)
     if request.report is not None:
@@ -85,8 +84,8 @@ def run_step(
         output.seek(0)
         printed = output.read().decode(errors="replace")
         text = file.read_text(encoding="utf-8") if file.exists() else ""
-    place = re.search(r'File ".*/(.+)", (line \d+ in \w+)', printed)
-    where = f" in {place[1]}, {place[2]}" if place else ""
+    tops = re.findall(r'hread 0x.*\n +File ".*/(.+)", (line \d+ in \w+)', printed)
+    where = f" in {', '.join(tops[-1])}" if tops else ""  # the main thread is the last
     if status is None:
         result = Result(FAILED, f"no end within {limit_s:g} s{where}", OTHER_DRIVER)
     elif status < 0:
@@ -109,14 +108,14 @@ def run_step(
 def verdict(steps: Sequence[Step]) -> list[str]:
     """Lines that say whether omnisim works on this machine, and what to do."""
     failed = [one.name for one in steps if one.result.status == FAILED]
-    opengl = next(one.result for one in steps if one.name == "OpenGL")
-    is_software = any(name in opengl.text.lower() for name in SOFTWARE)
     if not failed:
-        lines = ["omnisim works here" + ", in software, without a GPU." * is_software]
-    elif any(one.result.status == SKIPPED for one in steps):
+        opengl = next(one.result for one in steps if one.name == "OpenGL")
+        is_slow = is_software(opengl.text)
+        lines = ["omnisim works here" + (", in software: no GPU is used." if is_slow else ".")]
+    elif len(steps) < len(STEPS):
         lines = ["OpenGL does not work here: only --backend rays renders."]
     else:
-        lines = [f"OpenGL opens here, but omnisim does not work right: {', '.join(failed)} failed."]
+        lines = [f"OpenGL opens here, but not all is right: {', '.join(failed)}."]
     found = [one.result for one in steps if one.result.status in (FAILED, WARNING)]
     advice = dict.fromkeys(one.remedy or one.text for one in found)
     return lines + [f"To do: {one}" for one in advice]
@@ -154,8 +153,7 @@ def _without_names(text: str) -> str:
 
 def _print(step: Step) -> None:
     status, text, remedy, _ = step.result
-    time_text = f"{step.seconds:5.1f} s" if step.seconds else ""
-    head = f"{status:9}{step.name:13}{time_text:7}  "
+    head = f"{status:9}{step.name:13}{step.seconds:5.1f} s  "
     lines = _wrapped(text + (f": {remedy}" if remedy else ""), head)[len(status) :]
     out.print(f"[{_COLORS[status]}]{status}[/]{escape(lines)}")
 

@@ -19,7 +19,7 @@ import moderngl
 from moderngl import Context as Context  # re-exported
 
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.gl.devices import device_number, egl_devices
+from omnisim.rendering.opengl.gl.devices import cuda_numbers, device_number
 from omnisim.rendering.opengl.gl.diagnosis import (
     LIBRARIES,
     check_libraries,
@@ -197,7 +197,7 @@ def _open(device: int | None) -> moderngl.Context:
     try:
         context = _create(REQUIRED_VERSION, settings)
     except Exception as reason:  # glcontext raises nothing more specific
-        raise GraphicsError(_explain(str(reason), settings)) from None
+        raise _explained(str(reason), settings) from None
     clip_depth_from_zero_to_one()
     set_constants()
     lasting_target = context.framebuffer([context.renderbuffer((1, 1))])
@@ -228,7 +228,7 @@ def list_devices() -> list[tuple[int, GraphicsInfo | GraphicsError]]:
     """
     check_process()
     devices: list[tuple[int, GraphicsInfo | GraphicsError]] = []
-    for number in range(len(egl_devices())):
+    for number in range(len(cuda_numbers())):
         try:
             context = _open(number)
         except GraphicsError as reason:
@@ -250,13 +250,13 @@ def _create(version: int, settings: Mapping[str, int]) -> moderngl.Context:
     )
 
 
-def _explain(message: str, settings: Mapping[str, int]) -> str:
-    """Explain glcontext's message, which has numbers of devices or of EGL's errors."""
+def _explained(message: str, settings: Mapping[str, int]) -> GraphicsError:
+    """Error with the cause of glcontext's message, which has numbers of devices or EGL's errors."""
     if "found 0 devices" not in message and "requested device index" in message:
         device = settings["device_index"]
-        return f"device {device}: there is no such device ({message}): see `omnisim info`"
+        return GraphicsError(f"device {device}: there is no such device", "see `omnisim info`")
     if "version" not in message.lower() and "eglCreateContext" not in message:
-        return str(open_fault(message))
+        return GraphicsError(*open_fault(message))
     required = f"{REQUIRED_VERSION // 100}.{REQUIRED_VERSION % 100 // 10}"
     version, renderer = "", ""
     for older in (330, 310):  # EGL gives no context of a version that the driver lacks
@@ -265,4 +265,4 @@ def _explain(message: str, settings: Mapping[str, int]) -> str:
             version, renderer = context.info["GL_VERSION"], context.info["GL_RENDERER"]
             context.release()
             break
-    return str(version_fault(required, version, renderer))
+    return GraphicsError(*version_fault(required, version, renderer))

@@ -30,7 +30,7 @@ VARIABLES = (
     *_OVERRIDES, _VENDOR_FILES, _VENDOR_FOLDERS, "LIBGL_ALWAYS_SOFTWARE", "LIBGL_DRIVERS_PATH",
     "GLCONTEXT_DEVICE_INDEX", "LD_LIBRARY_PATH", "LD_PRELOAD", "CONDA_PREFIX",
     "NVIDIA_VISIBLE_DEVICES", "NVIDIA_DRIVER_CAPABILITIES", "CUDA_VISIBLE_DEVICES",
-    "MESA_SHADER_CACHE_DIR", "MESA_SHADER_CACHE_DISABLE", "XDG_CACHE_HOME",
+    "MESA_SHADER_CACHE_DIR", "XDG_CACHE_HOME",
 )  # fmt: skip
 _PACKAGES = {  # by the distribution, or the one that it is like
     "debian": "apt-get install libegl1 libgl1 libgl1-mesa-dri",
@@ -38,7 +38,7 @@ _PACKAGES = {  # by the distribution, or the one that it is like
     "arch": "pacman -S mesa libglvnd",
     "suse": "zypper install Mesa-libEGL1 Mesa-libGL1 Mesa-dri",
 }
-_NVIDIA, _MESA_DRIVER = "libEGL_nvidia.so.0", "swrast_dri.so"
+_NVIDIA = "libEGL_nvidia.so.0"
 _NVIDIA_FILE = '{"file_format_version": "1.0.0", "ICD": {"library_path": "libEGL_nvidia.so.0"}}'
 _LIBRARY_FOLDERS = ("/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib64")
 
@@ -49,9 +49,6 @@ class Fault(NamedTuple):
     cause: str
     remedy: str
 
-    def __str__(self) -> str:
-        return f"{self.cause}: {self.remedy}"
-
 
 def check_libraries() -> None:
     """Check that the libraries of EGL and OpenGL load.
@@ -60,7 +57,7 @@ def check_libraries() -> None:
         GraphicsError: one does not; with its remedy.
     """
     if fault := library_fault():
-        raise GraphicsError(str(fault))
+        raise GraphicsError(*fault)
 
 
 def library_fault() -> Fault | None:
@@ -120,7 +117,7 @@ def override_fault(cause: str) -> Fault | None:
 
 def gpu_fault() -> Fault | None:
     """Fault that hides a GPU from OpenGL, whether software renders or not."""
-    for node in sorted([*Path("/dev/dri").glob("renderD*"), *Path("/dev").glob("nvidia[0-9]*")]):
+    for node in [*Path("/dev/dri").glob("renderD*"), *_nvidia_cards()]:
         if not os.access(node, os.R_OK | os.W_OK):
             remedy = "sudo usermod -aG render,video $USER, and log in again"
             return Fault(f"{node}: this user has no access to the GPU", remedy)
@@ -131,15 +128,16 @@ def nvidia_fault() -> Fault | None:
     """Fault that hides an NVIDIA GPU of this machine or container from EGL."""
     is_asked_for = os.environ.get("NVIDIA_VISIBLE_DEVICES", "void") not in ("", "void", "none")
     driver = Path("/proc/driver/nvidia/version")
-    if not any(Path("/dev").glob("nvidia[0-9]*")):
-        cause = "the machine's NVIDIA GPU is not in this container"
-        remedy = "start it with --gpus all -e NVIDIA_DRIVER_CAPABILITIES=all"
-        return Fault(cause, remedy) if is_asked_for or driver.exists() else None
+    start = "start the container with --gpus all -e NVIDIA_DRIVER_CAPABILITIES=all"
+    if not _nvidia_cards():
+        cause = "this container is for NVIDIA GPUs, and has none"
+        return (
+            Fault(cause, f"{start}, if there is one") if is_asked_for or driver.exists() else None
+        )
     if error := _load_error(_NVIDIA):
         cause = f"the NVIDIA driver is here without OpenGL ({error})"
         if is_asked_for or any(map(os.path.exists, ("/.dockerenv", "/run/.containerenv"))):
-            remedy = "start the container with --gpus all -e NVIDIA_DRIVER_CAPABILITIES=all"
-            return Fault(cause, f"{remedy} ('graphics' is what is missing)")
+            return Fault(cause, f"{start} ('graphics' is missing)")
         number = re.search(r" (\d+)\.[\d.]+ ", driver.read_text() if driver.exists() else "")
         package = f"libnvidia-gl-{number[1] if number else '<version>'}"
         return Fault(cause, f"install {package}, of the same version as the driver")
@@ -152,24 +150,23 @@ def nvidia_fault() -> Fault | None:
     return Fault(f"EGL does not know the NVIDIA driver: no {file}", f"write {_NVIDIA_FILE} to it")
 
 
+def _nvidia_cards() -> list[Path]:
+    return sorted(Path("/dev").glob("nvidia[0-9]*"))
+
+
 def cache_fault() -> Fault | None:
     """Fault of the folder where the driver caches compiled shaders."""
-    if os.environ.get("MESA_SHADER_CACHE_DISABLE", "").lower() in ("1", "true"):
-        cause = "MESA_SHADER_CACHE_DISABLE is set, so that each start compiles all shaders"
-        return Fault(cause, "unset MESA_SHADER_CACHE_DISABLE")
-    is_nvidia = nvidia_fault() is None and any(Path("/dev").glob("nvidia[0-9]*"))
+    is_nvidia = any(_nvidia_cards()) and not nvidia_fault()
     variable = "__GL_SHADER_DISK_CACHE_PATH" if is_nvidia else "MESA_SHADER_CACHE_DIR"
-    usual = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    usual = os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()
     folder = Path(os.environ.get(variable) or usual)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
     except OSError as reason:
         cause = f"{folder}: the cache of shaders cannot be written ({reason.strerror})"
-        return Fault(
-            f"{cause}, so that each start compiles all of them",
-            f"export {variable}=FOLDER, one that can be written",
-        )
+        remedy = f"export {variable}=FOLDER, a folder that can be written"
+        return Fault(f"{cause}; each start compiles all of them", remedy)
     return None
 
 
@@ -204,13 +201,13 @@ def _vendor_fault(file: Path) -> Fault | None:
         return None
     variable = os.environ.get("LIBGL_DRIVERS_PATH")
     folders = variable.split(":") if variable else [str(mesa.parent / "dri"), "/usr/lib/dri"]
-    drivers = [path for one in folders if (path := Path(one, _MESA_DRIVER)).exists()]
-    if drivers:
-        return _load_fault(str(drivers[0]))
+    drivers = [str(driver) for one in folders for driver in Path(one).glob("*_dri.so")]
+    if drivers:  # in software, if there is one
+        return _load_fault(max(drivers, key=lambda driver: driver.endswith("/swrast_dri.so")))
     if variable:
-        cause = f"LIBGL_DRIVERS_PATH={variable} has no {_MESA_DRIVER}, Mesa's software driver"
+        cause = f"LIBGL_DRIVERS_PATH={variable} has none of Mesa's drivers (*_dri.so)"
         return Fault(cause, "unset LIBGL_DRIVERS_PATH")
-    return Fault(f"there is no OpenGL driver: no {_MESA_DRIVER} in {folders[0]}", install_hint())
+    return Fault(f"there is no OpenGL driver: no *_dri.so in {folders[0]}", install_hint())
 
 
 def _load_fault(library: str) -> Fault | None:
@@ -220,9 +217,7 @@ def _load_fault(library: str) -> Fault | None:
         return None
     if mismatch := re.match(r"(.*): version `(\w+?)_([\d.]+)' not found.*by (.*)\)", error):
         older, kind, version, newer = mismatch.groups()
-        cause = (
-            f"the OpenGL driver ({Path(newer).name}) needs {kind}_{version}, and {older} is older"
-        )
+        cause = f"OpenGL's {Path(newer).name} needs {kind}_{version}, and {older} is older"
         systems = (Path(one, Path(older).name) for one in _LIBRARY_FOLDERS)
         system = next((str(path) for path in systems if path.exists()), "")
         if kind == "GLIBC" or system in ("", os.path.realpath(older)):

@@ -13,7 +13,6 @@ from omnisim.rendering.opengl.gl.context import (
     open_context,
     release_context,
 )
-from omnisim.rendering.opengl.gl.devices import EglDevice
 
 
 def test_one_broken_device_does_not_hide_the_others(needs_opengl, monkeypatch):
@@ -25,7 +24,7 @@ def test_one_broken_device_does_not_hide_the_others(needs_opengl, monkeypatch):
         return real(0)
 
     monkeypatch.setattr(context_module, "_open", first_is_broken)
-    monkeypatch.setattr(context_module, "egl_devices", lambda: [EglDevice(1), EglDevice(2)])
+    monkeypatch.setattr(context_module, "cuda_numbers", lambda: [None, None])
     broken, working = list_devices()
     assert isinstance(broken[1], GraphicsError)
     assert working[0] == 1
