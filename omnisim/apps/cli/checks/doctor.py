@@ -18,14 +18,14 @@ from typing import NamedTuple
 
 from rich.markup import escape
 
+from omnisim.apps import doctor
 from omnisim.apps.cli.checks.requests import DoctorRequest
 from omnisim.apps.cli.console import out
 from omnisim.apps.cli.info import PACKAGE, installation
+from omnisim.apps.doctor import FAILED, LIMIT_S, OK, OTHER_DRIVER, STEPS, WARNING, Result
 from omnisim.core.files.atomic_file import check_target, write_text
 from omnisim.evaluation.child_process import ChildProcesses
 from omnisim.rendering.opengl.gl.diagnosis import VARIABLES, override_fault, printed_fault
-from omnisim.validation import doctor
-from omnisim.validation.doctor import FAILED, LIMIT_S, OK, OTHER_DRIVER, STEPS, WARNING, Result
 from omnisim.validation.report.machine import is_software
 
 NEEDED = ("libraries", "OpenGL")  # by all steps after them

@@ -12,11 +12,7 @@ import pytest
 
 from omnisim.apps.cli.checks import doctor as command
 from omnisim.apps.cli.checks.doctor import Step, report, run_step, verdict
-from omnisim.core.files.image_files import write_image
-from omnisim.core.package_files import SHADERS
-from omnisim.rendering.opengl.gl.context import graphics_info
-from omnisim.scene import builtin_scenes
-from omnisim.validation.doctor import (
+from omnisim.apps.doctor import (
     FAILED,
     LIMITS,
     OK,
@@ -26,6 +22,11 @@ from omnisim.validation.doctor import (
     Result,
     scene_image,
 )
+from omnisim.core.files.image_files import write_image
+from omnisim.core.package_files import SHADERS
+from omnisim.rendering.opengl.gl.context import graphics_info
+from omnisim.scene import builtin_scenes
+from tests.rendering.opengl.gl.older_libstdcxx import make_older_libstdcxx
 
 BROKEN = "tests.apps.cli.checks.broken_steps"
 FIRST = ("libraries", "devices", "OpenGL")
@@ -127,6 +128,56 @@ def test_limits_suffice_for_the_shaders():
         for number in re.findall(r"std430, *binding = (\d+)", path.read_text(encoding="utf-8"))
     ]
     assert max(bindings) < LIMITS["GL_MAX_SHADER_STORAGE_BUFFER_BINDINGS"]
+
+
+# Before all else: EGL is not installed.
+WITHOUT_EGL = """
+import ctypes
+class CDLL(ctypes.CDLL):
+    def __init__(self, name, *rest, **more):
+        if name and name.startswith("libEGL"):
+            raise OSError(f"{name}: cannot open shared object file: No such file or directory")
+        super().__init__(name, *rest, **more)
+ctypes.CDLL = CDLL
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("step", "environment", "status", "cause", "remedy"),
+    [
+        ("libraries", {"PYTHONPATH": "{0}"}, FAILED, "libEGL.so.1 is not there", "install OpenGL"),
+        ("libraries", {"LIBGL_DRIVERS_PATH": "{0}"}, FAILED, "none of Mesa's drivers", "unset LIB"),
+        (
+            "libraries", {"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent.json"}, FAILED,
+            "names no driver's file", "unset __EGL_VENDOR_LIBRARY_FILENAMES",
+        ),
+        (
+            "OpenGL", {"MESA_GL_VERSION_OVERRIDE": "3.3"}, FAILED,
+            "OpenGL 4.5 or newer is needed", "unset MESA_GL_VERSION_OVERRIDE",
+        ),
+        (
+            "libraries", {"MESA_SHADER_CACHE_DIR": "/proc/nothing"}, WARNING,
+            "the cache of shaders cannot be written", "export MESA_SHADER_CACHE_DIR=FOLDER",
+        ),
+        ("libraries", {"LD_LIBRARY_PATH": "{0}"}, FAILED, "needs GLIBCXX_3.4.30", "out of LD_LIB"),
+    ],
+)  # fmt: skip
+def test_broken_installations_are_named(
+    context, monkeypatch, tmp_path, step, environment, status, cause, remedy
+):
+    if "Mesa 22" not in graphics_info(context).version:
+        pytest.skip("of Mesa 22 it is known how to break it")
+    if step == "libraries" and "LIBGL_DRIVERS_PATH" not in environment:
+        (tmp_path / "sitecustomize.py").write_text(WITHOUT_EGL)
+        make_older_libstdcxx(tmp_path)
+    for name, value in environment.items():
+        path = f":{os.pathsep.join(sys.path)}" if name == "PYTHONPATH" else ""
+        monkeypatch.setenv(name, value.format(tmp_path) + path)
+    result = run_step(step).result
+    assert result.status == status, result
+    assert cause in result.text
+    assert remedy in result.remedy
 
 
 @pytest.mark.slow

@@ -12,6 +12,7 @@ import pytest
 
 from omnisim.rendering.opengl.gl import diagnosis
 from omnisim.rendering.opengl.gl.context import graphics_info
+from tests.rendering.opengl.gl.older_libstdcxx import make_older_libstdcxx
 
 OPEN = "from omnisim.rendering.opengl.gl.context import open_context; open_context().release()"
 CLEAN = {name: value for name, value in os.environ.items() if name not in diagnosis.VARIABLES}
@@ -60,10 +61,7 @@ def test_an_override_is_named(mesa, variable, value, cause):
 
 
 def test_an_old_libstdcxx_before_mesas_is_named_and_the_system_s_helps(mesa, tmp_path):
-    libraries = (Path(folder, "libstdc++.so.6") for folder in diagnosis._LIBRARY_FOLDERS)
-    system = next(path for path in libraries if path.exists())
-    older = tmp_path / "libstdc++.so.6"  # as conda's: without the newest symbols
-    older.write_bytes(system.read_bytes().replace(b"\0GLIBCXX_3.4.30\0", b"\0GLIBCXX_3.4.3X\0"))
+    older = make_older_libstdcxx(tmp_path)
     said = message(LD_LIBRARY_PATH=str(tmp_path))
     if not said:
         pytest.skip("this Mesa needs no newer libstdc++")

@@ -1,4 +1,4 @@
-"""Steps of `omnisim doctor`; `python -m omnisim.validation.doctor STEP FILE [DEVICE]` runs one.
+"""Steps of `omnisim doctor`; `python -m omnisim.apps.doctor STEP FILE [DEVICE]` runs one.
 
 Each has a process of its own, since a driver may crash or hang, and writes its result as JSON.
 """
