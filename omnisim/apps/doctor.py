@@ -86,9 +86,10 @@ def main() -> None:
 
 def _libraries(_: int | None) -> Result:
     require_opengl("omnisim")
-    from omnisim.rendering.opengl.gl.diagnosis import cache_fault, driver_fault, library_fault
+    from omnisim.rendering.opengl.gl.diagnosis import cache_fault, check_libraries, driver_fault
 
-    if fault := library_fault() or driver_fault():
+    check_libraries()
+    if fault := driver_fault():
         return Result(FAILED, *fault)
     if fault := cache_fault():
         return Result(WARNING, *fault)

@@ -90,7 +90,8 @@ def run_step(
         result = Result(FAILED, f"no end within {limit_s:g} s{where}", OTHER_DRIVER)
     elif status < 0:
         name_of_signal = signal.Signals(-status).name
-        result = Result(FAILED, f"the driver crashed ({name_of_signal}){where}", OTHER_DRIVER)
+        remedy = f"try MESA_SHADER_CACHE_DISABLE=1 (shaders of another machine), {OTHER_DRIVER}"
+        result = Result(FAILED, f"the driver crashed ({name_of_signal}){where}", remedy)
     elif status or not text:
         last = printed.strip().rpartition("\n")[2]
         result = Result(FAILED, f"exit status {status}: {last}", "report it, with --report FILE")
@@ -127,11 +128,7 @@ def report(steps: Sequence[Step], lines: Sequence[str]) -> str:
         "verdict": list(lines),
         "installation": dict(installation()),
         "variables": {name: os.environ[name] for name in VARIABLES if name in os.environ},
-        "steps": [
-            {"name": one.name, "seconds": round(one.seconds, 2), **one.result._asdict()}
-            | ({"output": one.output} if one.output else {})
-            for one in steps
-        ],
+        "steps": [one._asdict() | {"result": one.result._asdict()} for one in steps],
     }
     return _without_names(json.dumps(content, indent=2, ensure_ascii=False)) + "\n"
 
@@ -164,5 +161,5 @@ def _wrapped(text: str, head: str = "") -> str:
         return head + text
     return textwrap.fill(
         head + text, shutil.get_terminal_size().columns, subsequent_indent=" " * len(head),
-        break_long_words=False, break_on_hyphens=False, drop_whitespace=True,
+        break_long_words=False, break_on_hyphens=False,
     )  # fmt: skip

@@ -56,13 +56,9 @@ def check_libraries() -> None:
     Raises:
         GraphicsError: one does not; with its remedy.
     """
-    if fault := library_fault():
-        raise GraphicsError(*fault)
-
-
-def library_fault() -> Fault | None:
-    """Fault of the libraries of EGL and OpenGL, which load the driver."""
-    return next(filter(None, map(_load_fault, LIBRARIES)), None)
+    for library in LIBRARIES:
+        if fault := _load_fault(library):
+            raise GraphicsError(*fault)
 
 
 def driver_fault() -> Fault | None:
