@@ -98,7 +98,7 @@ def run_step(
     else:
         result = Result(**json.loads(text))
     lines = [line for line in printed.splitlines() if line.strip() and line not in known]
-    if result.status == FAILED and "unset" not in result.text + result.remedy:
+    if result.status == FAILED and (OTHER_DRIVER in result.remedy or not result.remedy):
         if fault := override_fault(result.text):
             result = result._replace(text=fault.cause, remedy=fault.remedy)
     elif result.status == OK and lines:
@@ -114,7 +114,7 @@ def verdict(steps: Sequence[Step]) -> list[str]:
         is_slow = is_software(opengl.text)
         lines = ["omnisim works here" + (", in software: no GPU is used." if is_slow else ".")]
     elif len(steps) < len(STEPS):
-        lines = ["OpenGL does not work here: only --backend rays renders."]
+        lines = ["OpenGL cannot be used here; --backend rays renders without it."]
     else:
         lines = [f"OpenGL opens here, but not all is right: {', '.join(failed)}."]
     found = [one.result for one in steps if one.result.status in (FAILED, WARNING)]

@@ -101,7 +101,7 @@ def open_fault(message: str) -> Fault:
     """Fault behind EGL's message that no device can be opened."""
     cause = f"the OpenGL driver cannot be opened ({message})"
     fault = driver_fault() or override_fault(cause) or gpu_fault()
-    return fault or Fault(cause, "`omnisim doctor` examines the drivers")
+    return fault or Fault(cause, "update it, or render in software: LIBGL_ALWAYS_SOFTWARE=1")
 
 
 def override_fault(cause: str) -> Fault | None:
@@ -197,13 +197,14 @@ def _vendor_fault(file: Path) -> Fault | None:
         return None
     variable = os.environ.get("LIBGL_DRIVERS_PATH")
     folders = variable.split(":") if variable else [str(mesa.parent / "dri"), "/usr/lib/dri"]
-    drivers = [str(driver) for one in folders for driver in Path(one).glob("*_dri.so")]
+    kind = "*_dri.so" if any(Path("/dev/dri").glob("renderD*")) else "swrast_dri.so"
+    drivers = [str(driver) for one in folders for driver in Path(one).glob(kind)]
     if drivers:  # in software, if there is one
         return _load_fault(max(drivers, key=lambda driver: driver.endswith("/swrast_dri.so")))
     if variable:
-        cause = f"LIBGL_DRIVERS_PATH={variable} has none of Mesa's drivers (*_dri.so)"
+        cause = f"LIBGL_DRIVERS_PATH={variable} has none of Mesa's drivers ({kind})"
         return Fault(cause, "unset LIBGL_DRIVERS_PATH")
-    return Fault(f"there is no OpenGL driver: no *_dri.so in {folders[0]}", install_hint())
+    return Fault(f"there is no OpenGL driver, no {kind} in {folders[0]}", install_hint())
 
 
 def _load_fault(library: str) -> Fault | None:

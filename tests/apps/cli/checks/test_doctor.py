@@ -72,7 +72,7 @@ def test_the_verdict_says_what_works_and_what_to_do():
     assert verdict(FINE) == ["omnisim works here, in software: no GPU is used."]
     broken = [Step("libraries", 1.0, Result(FAILED, "no EGL", "install it"))]
     assert verdict(broken) == [
-        "OpenGL does not work here: only --backend rays renders.", "To do: install it",
+        "OpenGL cannot be used here; --backend rays renders without it.", "To do: install it",
     ]  # fmt: skip
     wrong = Result(FAILED, "wrong image", "update")
     some = [step._replace(result=wrong) if step.name == "soccer" else step for step in FINE]

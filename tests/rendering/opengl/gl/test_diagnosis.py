@@ -44,8 +44,9 @@ def test_a_vendor_file_that_is_not_there_is_named(mesa, name):
 def test_an_empty_folder_of_drivers_is_named(mesa, tmp_path):
     if diagnosis._loaded("libgallium"):
         pytest.skip("this Mesa has all drivers in one library")
-    expected = f"LIBGL_DRIVERS_PATH={tmp_path} has none of Mesa's drivers (*_dri.so): "
-    assert message(LIBGL_DRIVERS_PATH=str(tmp_path)) == expected + "unset LIBGL_DRIVERS_PATH"
+    said = message(LIBGL_DRIVERS_PATH=str(tmp_path))
+    assert said.startswith(f"LIBGL_DRIVERS_PATH={tmp_path} has none of Mesa's drivers (")
+    assert said.endswith("_dri.so): unset LIBGL_DRIVERS_PATH")
 
 
 @pytest.mark.parametrize(
