@@ -134,15 +134,16 @@ def report(steps: Sequence[Step], lines: Sequence[str]) -> str:
 
 
 def _without_names(text: str) -> str:
+    home = os.path.expanduser("~")
     folders = {
         str(PACKAGE.parent): "<omnisim>", sys.prefix: "<python>", str(Path.cwd()): "<folder>",
-        str(Path.home()): "~", tempfile.gettempdir(): "<tmp>",
+        home: "~", tempfile.gettempdir(): "<tmp>",
     }  # fmt: skip
     for folder in sorted(folders.keys() - {"/"}, key=len, reverse=True):
         text = re.sub(rf"{re.escape(folder)}(?![\w-])", folders[folder], text)
     text = re.sub(r"/home/[^/\s\"':]+", "/home/<user>", text)
-    users = {os.environ.get("USER", ""), os.environ.get("LOGNAME", ""), Path.home().name}
-    names = dict.fromkeys(users - {"", "root", "omnisim"}, "<user>")
+    users = {os.environ.get("USER", ""), os.environ.get("LOGNAME", ""), os.path.basename(home)}
+    names = dict.fromkeys(users - {"", "~", "root", "omnisim"}, "<user>")
     for name, instead in {socket.gethostname(): "<host>", **names}.items():
         text = re.sub(rf"(?<![\w-]){re.escape(name)}(?![\w-])", instead, text)
     return text

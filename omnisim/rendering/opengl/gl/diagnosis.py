@@ -113,10 +113,13 @@ def override_fault(cause: str) -> Fault | None:
 
 def gpu_fault() -> Fault | None:
     """Fault that hides a GPU from OpenGL, whether software renders or not."""
-    for node in [*Path("/dev/dri").glob("renderD*"), *_nvidia_cards()]:
+    nodes = sorted(Path("/dev/dri").glob("renderD*"))
+    for node in [*nodes, *_nvidia_cards()]:
         if not os.access(node, os.R_OK | os.W_OK):
             remedy = "sudo usermod -aG render,video $USER, and log in again"
             return Fault(f"{node}: this user has no access to the GPU", remedy)
+    if nodes and (name := "LIBGL_ALWAYS_SOFTWARE") in os.environ:
+        return Fault(f"{name}={os.environ[name]} hides {nodes[0]}", f"unset {name}")
     return nvidia_fault()
 
 
@@ -126,10 +129,10 @@ def nvidia_fault() -> Fault | None:
     driver = Path("/proc/driver/nvidia/version")
     start = "start the container with --gpus all -e NVIDIA_DRIVER_CAPABILITIES=all"
     if not _nvidia_cards():
-        cause = "this container is for NVIDIA GPUs, and has none"
-        return (
-            Fault(cause, f"{start}, if there is one") if is_asked_for or driver.exists() else None
+        fault = Fault(
+            "this container is for NVIDIA GPUs, and has none", f"{start}, if there is one"
         )
+        return fault if is_asked_for or driver.exists() else None
     if error := _load_error(_NVIDIA):
         cause = f"the NVIDIA driver is here without OpenGL ({error})"
         if is_asked_for or any(map(os.path.exists, ("/.dockerenv", "/run/.containerenv"))):
@@ -138,7 +141,7 @@ def nvidia_fault() -> Fault | None:
         package = f"libnvidia-gl-{number[1] if number else '<version>'}"
         return Fault(cause, f"install {package}, of the same version as the driver")
     files, variable = _vendor_files(Path("/etc/glvnd/egl_vendor.d"), _SYSTEM_VENDORS)
-    if any(_vendor_library(file) == _NVIDIA for file in files):
+    if any(_NVIDIA in _vendor_library(file) for file in files):
         return None
     if variable:
         return Fault(f"{variable}={os.environ[variable]} hides the NVIDIA GPU", f"unset {variable}")
@@ -154,9 +157,11 @@ def cache_fault() -> Fault | None:
     """Fault of the folder where the driver caches compiled shaders."""
     is_nvidia = any(_nvidia_cards()) and not nvidia_fault()
     variable = "__GL_SHADER_DISK_CACHE_PATH" if is_nvidia else "MESA_SHADER_CACHE_DIR"
-    usual = os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser()
+    usual = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     folder = Path(os.environ.get(variable) or usual)
     try:
+        if folder.parts[0] == "~":
+            raise FileNotFoundError(0, "this user has no home folder")
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
     except OSError as reason:
@@ -191,7 +196,7 @@ def _vendor_fault(file: Path) -> Fault | None:
     if not library:
         return Fault(f"{file} names no driver's library", "install the driver again")
     if fault := _load_fault(library):
-        return (nvidia_fault() if library == _NVIDIA else None) or fault
+        return (nvidia_fault() if _NVIDIA in library else None) or fault
     mesa = _loaded("libEGL_mesa.so")
     if mesa is None or "mesa" not in library or _loaded("libgallium") is not None:
         return None

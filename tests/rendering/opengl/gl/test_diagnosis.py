@@ -96,6 +96,7 @@ def test_missing_libraries_are_installed_by_the_system_s_packages(monkeypatch, s
 @pytest.mark.parametrize(
     ("variables", "files", "error", "cause", "remedy"),
     [
+        ({"LIBGL_ALWAYS_SOFTWARE": "1"}, ["/dev/dri/renderD128"], "", "hides", "unset LIBGL_ALW"),
         ({"NVIDIA_VISIBLE_DEVICES": "all"}, [], "", "and has none", "--gpus all"),
         ({"NVIDIA_VISIBLE_DEVICES": "all"}, ["/dev/nvidia0"], "x", "without OpenGL", "graphics"),
         ({}, ["/dev/nvidia0"], "x", "without OpenGL", "libnvidia-gl-"),
@@ -108,8 +109,10 @@ def test_what_hides_an_nvidia_gpu_is_named(monkeypatch, variables, files, error,
         monkeypatch.delenv(name, raising=False)
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
-    cards = {Path("/dev"): [Path(one) for one in files]}
-    monkeypatch.setattr(Path, "glob", lambda folder, _: [*cards.get(folder, ())])
+    paths = [Path(one) for one in files]
+    monkeypatch.setattr(
+        Path, "glob", lambda folder, _: [one for one in paths if one.parent == folder]
+    )
     monkeypatch.setattr(diagnosis.os, "access", lambda *_: True)
     monkeypatch.setattr(diagnosis.os.path, "exists", lambda _: False)
     monkeypatch.setattr(diagnosis, "_load_error", lambda _: error)
@@ -126,3 +129,12 @@ def test_a_cache_that_cannot_be_written_is_named(monkeypatch, tmp_path):
     fault = diagnosis.cache_fault()
     assert fault.cause.startswith(f"{tmp_path / 'file'}: the cache of shaders cannot be written")
     assert fault.remedy.startswith("export MESA_SHADER_CACHE_DIR=")
+
+
+def test_a_user_without_a_home_has_no_cache(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    for name in ("MESA_SHADER_CACHE_DIR", "XDG_CACHE_HOME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(diagnosis.os.path, "expanduser", lambda path: path)  # as a container's user
+    assert "this user has no home folder" in diagnosis.cache_fault().cause
+    assert not list(tmp_path.iterdir())
