@@ -19,6 +19,7 @@ from omnisim.apps.cli.console import err
 from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_target
+from omnisim.rendering.opengl.gl.devices import device_number
 from omnisim.validation.report.machine import machine_line
 
 # In the order of `all`; each is a module, imported when it runs.
@@ -72,12 +73,21 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--warm-up", type=int, default=WARM_UP, help=f"rounds before, not timed ({WARM_UP})"
     )
-    parser.add_argument("--device", type=int, help="number of the GPU, see `omnisim info`")
+    parser.add_argument(
+        "--device", metavar="N|cuda:N", type=_device, help="number of the GPU, see `omnisim info`"
+    )
     parser.add_argument(
         "--scene", nargs="+", action="extend", default=[], metavar="S",
         help="built-in names or files, instead of the suite's own choice",
     )  # fmt: skip
     return parser
+
+
+def _device(text: str) -> int:
+    try:
+        return device_number(text)
+    except OmnisimError as reason:
+        raise argparse.ArgumentTypeError(str(reason)) from None
 
 
 def _suite_names(suite: str) -> list[str]:
