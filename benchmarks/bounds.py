@@ -94,15 +94,20 @@ def goal_text(entry: Mapping[str, Any]) -> str:
 def entry_cells(entry: Mapping[str, Any]) -> tuple[str, str, str, str]:
     """Name, value with its interval, bound and goal of an entry, as text."""
     sign = "≥" if entry["sense"] == "at least" else "≤"
-    value = f"{entry['value']:.3g}"
+    value = _text(entry["value"])
     if entry["low"] is not None:
-        value += f" ({entry['low']:.3g} – {entry['high']:.3g})"
+        value += f" ({_text(entry['low'])} – {_text(entry['high'])})"
     bound = goal = ""
     if entry["bound"] is not None:
         bound = f"{sign} {entry['bound']:g}: {'holds' if entry['passed'] else 'FAILS'}"
     if entry["goal"] is not None:
         goal = f"{sign} {entry['goal']:g}: {goal_text(entry)}"
     return entry["name"], value, bound, goal
+
+
+def _text(value: float) -> str:
+    """Number with three digits, or whole."""
+    return f"{value:.0f}" if abs(value) >= 1000 else f"{value:.3g}"
 
 
 def is_number(value: object) -> bool:

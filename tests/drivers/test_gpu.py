@@ -50,7 +50,7 @@ def test_it_runs_to_its_end(tmp_path):
     digests = results["02-sequence-rings"]["digests"]
     assert len(digests) == 6
     assert digests[:3] == digests[3:]
-    with np.load(tmp_path / "03-case-rings" / "rings.npz") as drawn:
+    with np.load(tmp_path / "cases" / "rings.npz") as drawn:
         assert drawn["rgb"].shape == (1, 96, 96, 3)
     assert [row["what"] for row in results["07-scans-and-batches"]["rows"]] == [
         "laser scan", "lidar scan", "batch of 64 × 84²", "batch of 20 × 84²"
