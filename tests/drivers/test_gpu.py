@@ -12,7 +12,7 @@ import pytest
 
 from omnisim.rendering.opengl.gl import buffers
 from omnisim.rendering.opengl.gl.functions import gl_function
-from tests.drivers.gpu import buffers_step, plan
+from tests.drivers.gpu import buffers_step, plan, steps
 from tests.drivers.gpu.plan import Outcome, PlannedStep, check_gpu, chosen_steps, summary_lines
 from tests.drivers.gpu.variants import HINTS, use_buffers
 from tests.drivers.processes import CHECKOUT, LLVMPIPE
@@ -92,6 +92,24 @@ def test_a_step_that_fails_says_why_and_a_risky_one_is_no_failure(tmp_path, monk
     late = plan._run(PlannedStep("b", ("x",), may_fail=True), tmp_path, 9.0, 1.0)
     assert (late.verdict, late.health) == ("timed out", "AssertionError: 12.0 s for three reads")
     assert late.text.startswith("not finished after 9 s")
+
+
+def test_a_frame_that_stalls_ends_its_step_with_what_there_is(tmp_path, monkeypatch):
+    def leave(status):
+        raise SystemExit(status)
+
+    step = steps.Step(tmp_path, scale=1.0)
+    monkeypatch.setattr(steps, "WAIT_S", 0.0)
+    assert step.timed("image 0", lambda: 7, may_wait=True)[0] == 7
+    assert step.timed("image 1", lambda: 8, may_wait=False)[0] == 8
+    assert step.result["waits"] == 1
+    monkeypatch.setattr(steps, "STALL_S", 0.0)
+    monkeypatch.setattr(steps.os, "_exit", leave)
+    with pytest.raises(SystemExit, match=str(steps.STALLED)):
+        step.timed("image 2", lambda: 9, may_wait=False)
+    result = json.loads((tmp_path / "result.json").read_text("utf-8"))
+    assert result["ok"] is False
+    assert result["text"].startswith("stalled: ")
 
 
 def test_a_process_is_killed_at_its_limit(tmp_path):

@@ -70,7 +70,7 @@ def planned_steps() -> list[PlannedStep]:
         PlannedStep("batches", ("batches",), 60.0),
         PlannedStep("in turn", ("in turn",), 90.0),
         *(PlannedStep(f"speed {quality}", ("speed", quality)) for quality in ("fast", "default")),
-        PlannedStep("scans and batches", ("scans and batches",)),
+        PlannedStep("scans and batches", ("scans and batches",), 90.0),
         PlannedStep("fig 10", ("fig 10",), 90.0),
         *(
             PlannedStep(f"variant {variant}", ("sequence", SCENES[0], variant), 25.0, may_fail=True)

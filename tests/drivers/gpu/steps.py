@@ -64,13 +64,19 @@ class Step:
         partial.write_text(json.dumps(self.result, indent=1), encoding="utf-8")
         partial.replace(self.folder / "result.json")
 
-    def timed(self, what: str, work: Callable[[], Any], is_first: bool) -> tuple[Any, float]:
-        """Value and seconds of a piece of work; a stall ends the process."""
+    def timed(self, what: str, work: Callable[[], Any], may_wait: bool) -> tuple[Any, float]:
+        """Value and seconds of a piece of work; a stall ends the process.
+
+        Args:
+            what: its name.
+            work: the piece of work.
+            may_wait: it is more than a frame, or the first one, which compiles shaders.
+        """
         start_s = time.monotonic()
         value = work()
         elapsed_s = time.monotonic() - start_s
         print(f"{what}: {1e3 * elapsed_s:.1f} ms", flush=True)
-        if is_first:
+        if may_wait:
             return value, elapsed_s
         self.result["waits"] += elapsed_s > WAIT_S
         if elapsed_s > STALL_S:
@@ -165,7 +171,7 @@ def case(step: Step, name: str) -> None:
 
     poses, size_px = step.count(4, least=1), 96
     cases = all_cases(size_px, poses) | sample_cases(size_px, poses)
-    (drawings, elapsed_s) = step.timed(name, cases[name], is_first=True)
+    drawings, elapsed_s = step.timed(name, cases[name], may_wait=True)
     np.savez_compressed(step.folder / f"{name}.npz", **drawings)
     unlike, images = int(drawings["unlike itself"]), int(drawings["images"])
     step.save(
@@ -213,13 +219,13 @@ def batches(step: Step) -> None:
             together, _ = step.timed(
                 f"batch {round_number}",
                 lambda: renderer.render_batch(poses, channels=names),
-                is_first=True,
+                may_wait=True,
             )
             for number, pose in enumerate(poses):
                 frame, _ = step.timed(
                     f"image {number}",
                     lambda pose=pose: renderer.render(pose, also=names[1:]),
-                    is_first=not number,
+                    may_wait=not number,
                 )
                 alone = {"rgb": frame.rgb, **frame.channels}
                 unlike += any(
@@ -292,7 +298,7 @@ def scans_and_batches(step: Step) -> None:
         for count in (64, step.count(BATCH)):
             many = np.resize(poses, (count, 4, 4))
             with stage.open(camera) as renderer:
-                out = renderer.render_batch(many)
+                out = renderer.render_batch(many)  # its atlas is allocated then
                 row = _measured(
                     step,
                     f"batch of {count} × {BATCH_PX}²",
@@ -349,10 +355,11 @@ def _measured(
 ) -> Result:
     """Median time of a piece of work, for as long as a measurement may take."""
     seconds: list[float] = []
-    waits = step.result["waits"]
-    step.timed(what, lambda: work(poses[0]), is_first=True)
-    for pose in _while(step.seconds(), poses):
-        _, elapsed_s = step.timed(what, lambda pose=pose: work(pose), is_first=False)
+    waits, is_batch = step.result["waits"], images > 1
+    if not is_batch:
+        step.timed(what, lambda: work(poses[0]), may_wait=True)
+    for pose in _while(step.seconds(), poses, least=2 if is_batch else 3):
+        _, elapsed_s = step.timed(what, lambda pose=pose: work(pose), may_wait=is_batch)
         seconds.append(elapsed_s)
     middle_s = float(np.median(seconds))
     return {
@@ -362,7 +369,7 @@ def _measured(
     }  # fmt: skip
 
 
-def _while(seconds: float, poses: np.ndarray, least: int = 3, most: int = 500) -> Iterator[Any]:
+def _while(seconds: float, poses: np.ndarray, least: int, most: int = 500) -> Iterator[Any]:
     """Poses, again and again, until the time is over."""
     end_s = time.monotonic() + seconds
     for number in range(most):
