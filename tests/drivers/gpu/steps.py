@@ -358,7 +358,7 @@ def _measured(
     waits, is_batch = step.result["waits"], images > 1
     if not is_batch:
         step.timed(what, lambda: work(poses[0]), may_wait=True)
-    for pose in _while(step.seconds(), poses, least=2 if is_batch else 3):
+    for pose in _while(step.seconds(), poses, least=1 if is_batch else 3):
         _, elapsed_s = step.timed(what, lambda pose=pose: work(pose), may_wait=is_batch)
         seconds.append(elapsed_s)
     middle_s = float(np.median(seconds))
