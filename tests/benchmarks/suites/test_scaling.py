@@ -11,7 +11,7 @@ from benchmarks.peers import quality
 from benchmarks.report import check
 from benchmarks.suites import scaling
 from benchmarks.town import build_town
-from omnisim import OmniCamera, open_sensor
+from omnisim import OmniCamera, Renderer, open_sensor
 from omnisim.validation.plots.plot_file import write_plot
 
 
@@ -21,6 +21,13 @@ def test_every_size_is_timed(tmp_path, monkeypatch):
     coarse = dataclasses.replace(quality.REFERENCE, supersampling=4, texels_per_pixel=4.0)
     monkeypatch.setattr(quality, "REFERENCE", coarse)
     options = Options(rounds=1, warm_up=0, scenes=("rings",))
+    sizes, render_batch = {}, Renderer.render_batch
+
+    def batch(renderer, poses):
+        sizes.setdefault(id(renderer), set()).add(len(poses))
+        return render_batch(renderer, poses)
+
+    monkeypatch.setattr(Renderer, "render_batch", batch)
     report = scaling.run(
         options, triangles=(1000,), sizes_px=(32, 64), cameras=(1, 3), batches=(2, 64)
     )
@@ -30,6 +37,8 @@ def test_every_size_is_timed(tmp_path, monkeypatch):
         ("triangles", 360, 1), ("image", 32, 1), ("image", 64, 1), ("cameras", 360, 1),
         ("cameras", 360, 3), ("batch", 84, 2), ("batch", 84, 64),
     ]  # fmt: skip
+    # a renderer whose size of batch changes allocates its atlas anew
+    assert sorted(sizes.values(), key=max) == [{2}, {64}]
     batch = report["rows"][-1]
     assert report["bounds"][-1]["value"] == batch["batch_ratio"] > 0.0
     assert batch["images_per_second"] == pytest.approx(64 * batch["fps"])
