@@ -72,7 +72,7 @@ def test_risky_steps_come_last_and_names_are_beginnings():
     assert risky == sorted(risky)
     assert len({step.name for step in steps}) == len(steps) > 40
     assert [step.name for step in chosen_steps(["speed", "fig"])] == [
-        "speed fast", "speed default", "fig 10"
+        "speed fast", "speed default", "fig 10 soccer", "fig 10 mapping"
     ]  # fmt: skip
     with pytest.raises(ValueError, match="no step begins with 'spede': expected some of facts"):
         chosen_steps(["spede"])

@@ -71,7 +71,7 @@ def planned_steps() -> list[PlannedStep]:
         PlannedStep("in turn", ("in turn",), 90.0),
         *(PlannedStep(f"speed {quality}", ("speed", quality)) for quality in ("fast", "default")),
         PlannedStep("scans and batches", ("scans and batches",), 90.0),
-        PlannedStep("fig 10", ("fig 10",), 120.0),
+        *(PlannedStep(f"fig 10 {name}", ("fig 10", name), 80.0) for name in SCENES[:2]),
         *(
             PlannedStep(f"variant {variant}", ("sequence", SCENES[0], variant), 25.0, may_fail=True)
             for variant in CHANGES
