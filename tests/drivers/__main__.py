@@ -8,6 +8,7 @@ from pathlib import Path
 
 from tests.drivers.bounds import compare
 from tests.drivers.cases import all_cases
+from tests.drivers.gpu import SECONDS
 from tests.drivers.processes import LLVMPIPE_LIKE_VIRGL, draw_by, draw_by_virgl
 
 print_line = partial(print, flush=True)
@@ -25,7 +26,7 @@ def main() -> None:
     drawn.add_argument("other", type=Path)
     gpu = commands.add_parser("gpu", help="check of this machine's graphics card in minutes")
     gpu.add_argument("--out", type=Path, default=Path("out") / "gpu.tar", help="all results")
-    gpu.add_argument("--seconds", type=float, default=480.0, help="time limit; the rest is skipped")
+    gpu.add_argument("--seconds", type=float, default=SECONDS, help="limit; the rest is skipped")
     gpu.add_argument("--only", nargs="+", default=[], metavar="STEP", help="names begin so")
     gpu.add_argument("--scale", type=float, default=1.0, help="share of the images, such as 0.1")
     options = parser.parse_args()

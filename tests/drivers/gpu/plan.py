@@ -26,12 +26,12 @@ from typing import Any
 
 from benchmarks.bounds import Limits, goal_text
 from tests.drivers.cases import all_cases
+from tests.drivers.gpu import SECONDS
 from tests.drivers.gpu.steps import NO_RESULT
 from tests.drivers.gpu.variants import CHANGES, HINTS, IMMUTABLE
 from tests.drivers.sample import sample_cases
 
 CHECKOUT = Path(__file__).resolve().parents[3]
-SECONDS = 480.0
 SCENES = ("soccer", "mapping", "rings")
 MIN_STEP_S = 4.0  # no step begins with less time left
 CASES_SHARE = 0.4  # of all time: what comes after them matters, too
