@@ -45,6 +45,18 @@ def test_report_follows_its_schema_and_names_missed_bounds(report):
     assert verdict([report, report]) == "2 of 4 bounds hold; 2 of 6 goals are reached"
 
 
+def test_on_a_gpu_bounds_of_software_are_left_out(context, monkeypatch):
+    monkeypatch.setattr("omnisim.validation.report.machine.SOFTWARE", ("another renderer",))
+    limits = {"bound": 1.0, "software_only": True}
+    judged = [("a", 9.0, Limits(**limits)), ("b", 9.0, Limits(**limits, goal=0.5))]
+    report = make_report("some", Options(), context, [{"a": 1}], judged)
+    check(report)
+    assert [(one["name"], one["bound"], one["goal"]) for one in report["bounds"]] == [
+        ("b", None, 0.5)
+    ]
+    assert report["passed"] is True
+
+
 def test_missed_goals_are_no_failure(context):
     judged = [("wish", 5.0, Limits(goal=4.0)), ("cost", 1.0, Limits(2.0, 0.5))]
     report = make_report("some", Options(), context, [{"a": 1}], judged)
