@@ -3,8 +3,8 @@
 //     float radius_from_theta(float theta_rad), increasing between the bounds, and
 //     float slope_from_theta(float theta_rad), its derivative.
 // Newton's method starts at the radius itself, which in focal lengths is nearly the angle. A step
-// that leaves the bracket, or crosses more than half of it, is replaced by a bisection: two angles of
-// a stretched lens could otherwise lead to each other forever.
+// that leaves the bracket, or crosses more than half of it, is replaced by a bisection: two angles
+// of a stretched lens could otherwise lead to each other forever.
 // Twin of omnisim/cameras/monotone.py.
 
 const int STEPS = 24;  // bisections alone reach the last bit of a float
