@@ -25,7 +25,7 @@ layout(std430, binding = 10) readonly buffer Centers { vec4 centers[]; };       
 layout(std430, binding = 11) readonly buffer Indices { uint indices[]; };
 layout(std430, binding = 12) writeonly buffer Sorted { uint sorted_indices[]; };  // [camera]
 
-uniform uint u_first_command, u_count;  // of blended items, and the index of their number
+uniform uint u_first_command, u_count_index;  // of blended items, and the index of their number
 uniform uint u_items;
 uniform uint u_triangles;  // triangles of all items
 
@@ -53,7 +53,7 @@ bool may_be_seen(Item item, uint view) {
 
 void main() {
     uint index = gl_WorkGroupID.x, camera = gl_WorkGroupID.y, thread = gl_LocalInvocationID.x;
-    if (gl_GlobalInvocationID.xy == uvec2(0u)) counts[u_count] = u_cameras * u_items * u_tiles;
+    if (gl_GlobalInvocationID.xy == uvec2(0u)) counts[u_count_index] = u_cameras * u_items * u_tiles;
     Item item = items[index];
     uint first = camera * u_triangles + item.first_triangle;
     vec4 rows[3] = rows_of(item.object, camera);  // once: compilers load buffers anew each time

@@ -110,7 +110,7 @@ class BlendedDrawer:
         self._shader = build_compute_shader(context, "culling/blended.comp")
         self._shader["u_items"], self._shader["u_triangles"] = len(items), total
         self._shader["u_first_command"] = culler.first_blended
-        self._shader["u_count"] = culler.blended_count
+        self._shader["u_count_index"] = culler.blended_count
         bound = [
             gpu_buffer(context, _packed(items, geometry.anchor_m)), gpu_buffer(context, centers),
             gpu_buffer(context, triangles.astype("<u4")), indices,
