@@ -76,12 +76,10 @@ class ClusterCuller:
         slices: command ranges of each slice. Each pass rewrites them: the previous pass is drawn
             before its depth is read.
         ranges: number of ranges in all slices.
-        commands: buffer with one slice's commands, then those of blended items; base instances
-            index `instances`.
-        counts: buffer with the number of commands per range, pass by pass, band by band, then that
-            of blended items.
-        first_blended: index of the first command of blended items.
-        blended_count: index of their number.
+        commands: buffer with one slice's commands, then, from `first_blended` on, those of blended
+            items; base instances index `instances`.
+        counts: buffer with the number of commands per range, pass by pass, band by band, then, at
+            `blended_count`, that of blended items.
         instances: buffer with one `vertex_format.INSTANCE` per object and view.
     """
 

@@ -6,6 +6,7 @@ One program has all of their materials, since distance alone sets the order.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import compress
 
 import moderngl
 import numpy as np
@@ -51,21 +52,16 @@ def arrays_of(items: Sequence[DrawItem]) -> list[TextureArray]:
 
 def can_sort(items: Sequence[DrawItem], geometry: ClusteredGeometry | None) -> NDArray[np.bool_]:
     """Mask (n,) of blended items to sort and draw at once: matte, rigid, small and near ones."""
-    none = np.zeros(len(items), dtype=np.bool_)
-    if geometry is None:
-        return none
-    mask = np.array(
-        [
-            item.texture_layer.reflectance is None
-            and item.mesh.deformation is None
-            and 0 < item.triangles <= MAX_TRIANGLES_OF_ITEM
-            and item.is_near(geometry.anchor_m)
-            for item in items
-        ],
-        dtype=np.bool_,
-    )
-    arrays = arrays_of([item for item, is_sorted in zip(items, mask, strict=True) if is_sorted])
-    return mask if mask.sum() <= MAX_ITEMS and len(arrays) <= MAX_ARRAYS else none
+    fits = [
+        geometry is not None
+        and item.texture_layer.reflectance is None
+        and item.mesh.deformation is None
+        and 0 < item.triangles <= MAX_TRIANGLES_OF_ITEM
+        and item.is_near(geometry.anchor_m)
+        for item in items
+    ]
+    few = sum(fits) <= MAX_ITEMS and len(arrays_of([*compress(items, fits)])) <= MAX_ARRAYS
+    return np.array(fits, dtype=np.bool_) & few
 
 
 class BlendedDrawer:

@@ -201,10 +201,10 @@ class CubePass:
             return None
         if self._layers is None or self._layers.atlases is not atlases:
             self._layers = None  # frees its memory first
-            items = self._view.sorted_items
             self._layers = CubeLayers(
-                self._buffers, self._programs, self.plan, self._cameras, items, atlases
-            )
+                self._buffers, self._programs, self.plan, self._cameras, self._view.sorted_items,
+                atlases,
+            )  # fmt: skip
         return self._layers
 
     def _draw_each(

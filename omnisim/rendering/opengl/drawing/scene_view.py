@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from omnisim.core.world import time_of
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.atlas.tile_views import PosedViews
 from omnisim.rendering.opengl.drawing.blended_drawer import BlendedDrawer, arrays_of, can_sort
 from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
@@ -32,7 +31,7 @@ from omnisim.rendering.opengl.drawing.tile_renderer import (
     VirtualCameras,
 )
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
-from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.scene.planar_mirrors import is_rough_mirror
@@ -116,7 +115,8 @@ class SceneView:
             blended = np.array([item.material.is_blended for item in items], dtype=np.bool_)
         self._blended = self._all_blended = np.flatnonzero(shown & blended)
         is_sorted = can_sort([items[one] for one in self._blended], buffers.clustered_geometry)
-        self._sorted, self._unsorted = self._blended[is_sorted], self._blended[~is_sorted]
+        self._sorted, self._all_unsorted = self._blended[is_sorted], self._blended[~is_sorted]
+        self._unsorted, self._has_all_sorted = self._all_unsorted, True
         self.sorted_items = [items[index] for index in self._sorted]
         opaque = np.flatnonzero(shown & ~blended)
         self.programs: set[SurfaceProgram] = set()
@@ -174,19 +174,16 @@ class SceneView:
     def select(self, left_out: NDArray[np.bool_], parts: SceneParts = SceneParts.ALL) -> None:
         """Select what to draw, see `TileRenderer.select`; blended items of all parts are drawn."""
         self._blended = self._all_blended[~left_out[self._all_blended]]
+        self._unsorted = self._all_unsorted[~left_out[self._all_unsorted]]
+        self._has_all_sorted = not left_out[self._sorted].any()
         self.tiles.select(left_out, parts)
 
     def sorts_blended(
         self, viewpoint_m: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
     ) -> bool:
         """True if the GPU sorts all that the blended items show to a viewpoint (3,), world."""
-        unsorted, selected = self._unsorted, self._blended
-        if selected is not self._all_blended:
-            if not np.isin(self._sorted, selected).all():
-                return False
-            unsorted = np.intersect1d(unsorted, selected)
-        showing = self._buffers.showing(unsorted, viewpoint_m, world_from_objects)
-        return next(showing, None) is None
+        showing = self._buffers.showing(self._unsorted, viewpoint_m, world_from_objects)
+        return self._has_all_sorted and next(showing, None) is None
 
     def draw_opaque(
         self,
@@ -221,8 +218,8 @@ class SceneView:
 
         The target is cleared, shadow maps and tables are bound, and meshes are deformed.
         """
-        sorts_blended = self.sorts_blended(world_from_rig[:3, 3], world_from_objects)
-        one_by_one = None if sorts_blended else self._blended_item_drawer  # with its programs
+        is_sorted = self.sorts_blended(world_from_rig[:3, 3], world_from_objects)
+        one_by_one = None if is_sorted else self._blended_item_drawer  # its programs are set, too
         for program in self.programs:
             program.set_viewpoint(world_from_rig[:3, 3])
             if mirror is not None:
@@ -264,17 +261,9 @@ class SceneView:
         world_from_objects: Sequence[NDArray[np.float64]],
         drawer: SceneDrawer[SurfaceProgram],
     ) -> None:
-        """Draw the blended items one by one."""
+        """Sort visible blended items, and their triangles, back to front; draw them one by one."""
         transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
-        views = self.tiles.views.at(world_from_rig)
-        blended = self._back_to_front(views, transforms, time_of(world_from_objects))
-        drawer.begin(transforms)
-        self.tiles.draw_items(target, views, transforms, blended, drawer)
-
-    def _back_to_front(
-        self, views: PosedViews, transforms: InstanceTransforms, time_s: float
-    ) -> NDArray[np.intp]:
-        """Sort visible blended items, and their triangles, back to front."""
+        views, time_s = self.tiles.views.at(world_from_rig), time_of(world_from_objects)
         blended = self._blended[transforms.seen_in(views, self._blended).any(axis=0)]
         distances = np.linalg.norm(transforms.centers_m[blended], axis=1)
         blended = blended[np.argsort(-distances, kind="stable")]
@@ -282,4 +271,5 @@ class SceneView:
             self._buffers.sort_triangles(
                 self._buffers.draw_items[index], transforms.viewpoint_from_mesh[index], time_s
             )
-        return blended
+        drawer.begin(transforms)
+        self.tiles.draw_items(target, views, transforms, blended, drawer)
