@@ -17,7 +17,7 @@ struct Command {  // arguments of glMultiDrawElementsIndirect
     uint indices, instances, first_index, base_vertex, base_instance;
 };
 
-// Of the culler; from u_first_command on [camera][rank][tile].
+// Commands and counts of the culler; from u_first_command on [camera][rank][tile].
 layout(std430, binding = 7) writeonly buffer Commands { Command commands[]; };
 layout(std430, binding = 8) writeonly buffer Counts { uint counts[]; };
 layout(std430, binding = 9) readonly buffer Items { Item items[]; };
@@ -25,7 +25,7 @@ layout(std430, binding = 10) readonly buffer Centers { vec4 centers[]; };       
 layout(std430, binding = 11) readonly buffer Indices { uint indices[]; };
 layout(std430, binding = 12) writeonly buffer Sorted { uint sorted_indices[]; };  // [camera]
 
-uniform uint u_first_command, u_count_index;  // of blended items, and the index of their number
+uniform uint u_first_command, u_count_index;  // indices of the first command, and of their number
 uniform uint u_items;
 uniform uint u_triangles;  // triangles of all items
 

@@ -317,7 +317,7 @@ class SceneBuffers:
         viewpoint_m: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]],
     ) -> Iterator[int]:
-        """Those of items (n,) that show something to a viewpoint (3,), world, in any direction."""
+        """Items, among indices (n,), that show something to a viewpoint (3,), world, anywhere."""
         for index in items.tolist():
             item, place_m = self.draw_items[index], viewpoint_m
             if item.object_index is not None:
