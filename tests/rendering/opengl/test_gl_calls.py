@@ -14,6 +14,7 @@ from tests.cameras.optics.examples import SYSTEMS
 from tests.rendering.opengl.gl_calls import GlCalls
 from tests.rendering.opengl.sheets import sheet
 from tests.scenes import room, scene_of
+from tests.vehicles import mounted_on_p2at, p2at_body
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 
@@ -25,6 +26,7 @@ SUBMISSIONS = (
 # In the built-in scenes: state, draws, dispatches; lamps that shine bind the tables of materials.
 MAX_CALLS, MAX_SUBMISSIONS = 180, 45
 MAX_SCAN_CALLS, MAX_OPTICS_CALLS = 60, 250
+MAX_CALLS_WITH_BODY, MAX_SUBMISSIONS_WITH_BODY = 230, 55  # which has materials of its own
 
 
 def _poses(count):
@@ -58,6 +60,19 @@ def test_calls_of_a_frame_are_few_and_those_of_a_batch_as_many(name, monkeypatch
     for made in (frame, batches[0]):
         assert 0 < sum(made.values()) <= MAX_CALLS
         assert sum(made[one] for one in SUBMISSIONS) <= MAX_SUBMISSIONS
+
+
+def test_calls_of_a_drive_are_few_and_batches_are_drawn_together(monkeypatch):
+    """The glass around the robot's camera shows nothing to it, and is not drawn."""
+    calls = GlCalls(monkeypatch)
+    camera = mounted_on_p2at(60)[0].with_quality("fast")
+    scene = omnisim.load_scene("soccer")
+    with open_sensor(scene, camera, body=p2at_body()) as renderer:
+        frame, *batches = _frame(calls, renderer)
+    assert batches[0] == batches[1] == batches[2]
+    for made in (frame, batches[0]):
+        assert 0 < sum(made.values()) <= MAX_CALLS_WITH_BODY
+        assert sum(made[one] for one in SUBMISSIONS) <= MAX_SUBMISSIONS_WITH_BODY
 
 
 def test_calls_do_not_depend_on_the_number_of_tiles(monkeypatch):
