@@ -26,15 +26,13 @@ from omnisim.rendering.cube_backend import CubeCamera
 from omnisim.rendering.opengl.culling.command_slices import BANDS
 from omnisim.rendering.opengl.drawing.cluster_drawer import ClusterDrawer
 from omnisim.rendering.opengl.gl.buffers import read_buffer
-from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Reading
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 
 _READS = (
-    (moderngl.Framebuffer, ("read", "read_into")),
-    (moderngl.Texture, ("read", "read_into")),
-    (moderngl.Buffer, ("read", "read_into")),
-    (GlState, ("read_rgba",)),
+    (PixelReadback, ("start",)),
+    (Reading, ("finish",)),
 )
 
 

@@ -16,13 +16,13 @@ PACKAGE = ROOT / "omnisim"
 WAYS: dict[str, tuple[str, ...]] = {
     "a frame": (
         "rendering.renderer:Renderer.render",
-        "rendering.backend:CameraBackend.take",
-        "rendering.opengl.pipeline:Pipeline.render",
+        "rendering.backend:CameraBackend.begin",
+        "rendering.opengl.pipeline:Pipeline.begin",
         "rendering.opengl.drawing.cube_pass:CubePass.render",
         "rendering.opengl.culling.cluster_culling:ClusterCuller.run",
         "rendering.opengl.drawing.cluster_drawer:ClusterDrawer.draw",
         "rendering.opengl.capture.image_pass:RemapPass.draw",
-        "rendering.opengl.pipeline:Pipeline.read_encoded",
+        "rendering.opengl.gl.pixel_readback:Reading.finish",
         "ground_truth.frame:Frame.save",
     ),
     "a hit": (
@@ -32,7 +32,7 @@ WAYS: dict[str, tuple[str, ...]] = {
         "rendering.cube_backend:CubeHits.hits",
         "rendering.opengl.ground_truth.ray_hit_pass:RayHitPass.render",
         "rendering.opengl.ground_truth.visibility_pass:VisibilityPass.render",
-        "rendering.opengl.ground_truth.ray_hit_pass:read_hits",
+        "rendering.opengl.ground_truth.ray_hit_pass:RayHitPass.begin_reading",
         "ground_truth.channel_files:write_sidecars",
     ),
     "a run": (

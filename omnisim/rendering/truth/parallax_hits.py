@@ -179,11 +179,11 @@ class ParallaxHits(DrawnHits):
         # from the points in the pass, relative to both viewpoints
         transforms = other_from_current.copy()
         transforms[..., 3] += other_from_current[..., :3] @ self._from_rig_m - offset_m
-        self._occlusion_pass.render(pose, other.world_from_objects, transforms)
+        self._occlusion = self._occlusion_pass.begin(pose, other.world_from_objects, transforms)
 
     def occluded(self) -> NDArray[np.bool_]:
         """Mask (height, width) of points that are occluded from the other pose."""
-        bits = self._occlusion_pass.read()
+        bits = self._occlusion.result()
         occluded = bits & ~UNKNOWN_OCCLUSION > 0
         undecided = self.has_ray & (bits & UNKNOWN_OCCLUSION > 0)
         if self._ray_scene is not None and undecided.any():

@@ -9,11 +9,13 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
 from omnisim.rendering.opengl.gl.fences import use_target
-from omnisim.rendering.opengl.gl.functions import clear_integers, flush
+from omnisim.rendering.opengl.gl.functions import clear_integers
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.pixel_readback import Pixels
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
 from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
+from omnisim.rendering.readback import Pending
 
 _POINTS_UNIT, _PRIMITIVES_UNIT = 4, 5
 
@@ -44,13 +46,13 @@ class OcclusionPass:
         use_target(self._target)
         clear_integers(0)
 
-    def render(
+    def begin(
         self,
         world_from_rig: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]],
         next_from_current: NDArray[np.float64],
-    ) -> None:
-        """Start drawing; `read` waits for it.
+    ) -> Pending[NDArray[np.uint8]]:
+        """Draw, and start to read; the result is the occlusion, encoded as in occlusion.frag.
 
         Args:
             world_from_rig: (4, 4) next pose.
@@ -70,11 +72,12 @@ class OcclusionPass:
         self._hits.points.use(_POINTS_UNIT)
         self._hits.primitives.use(_PRIMITIVES_UNIT)
         self._vertex_array.render()
-        flush()
-
-    def read(self) -> NDArray[np.uint8]:
-        """Read the occlusion (height, width) of the points, encoded as in occlusion.frag."""
         width, height = self._hits.pixels.size_px
         occluded = np.empty((height, width), dtype=np.uint8)
-        self._target.read_into(occluded, components=1, dtype="u1")
-        return occluded
+        reading = self._hits.readback.start((Pixels(self._target), occluded))
+
+        def finish() -> NDArray[np.uint8]:
+            reading.finish()
+            return occluded
+
+        return Pending(finish)
