@@ -87,15 +87,9 @@ class CameraBackend(ABC):
     def begin(self, request: FrameRequest) -> Pending[tuple[Readback, dict[str, Any]]]:
         """Begin to render an image, to be returned with the metadata of its degradation."""
         if self._degraded is None:
-            ideal = self._begin_ideal(request)
-            return Pending(lambda: (ideal.result(), {}))
-        degraded = self._degraded.begin(request)
-
-        def finish() -> tuple[Readback, dict[str, Any]]:
-            image, metadata = degraded.result()
-            return image, {"degradation": metadata}
-
-        return Pending(finish)
+            return self._begin_ideal(request).then(lambda image: (image, {}))
+        taken = self._degraded.begin(request)
+        return taken.then(lambda image: (image[0], {"degradation": image[1]}))
 
     @abstractmethod
     def _begin_ideal(self, request: FrameRequest) -> Pending[Readback]:

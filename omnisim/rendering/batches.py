@@ -121,10 +121,10 @@ class BatchRenderer(SensorRenderer[OmniCamera, CameraBackend]):
         arrays = batch_arrays(names, (len(poses), model.height_px, model.width_px), out)
         truth = {name: array for name, array in arrays.items() if name in CHANNELS}
         with self._current() as passes:
-            images = [
-                passes.begin_batch(poses, arrays[name], frame_number)
-                for name in IMAGES
-                if name in arrays
+            begun = [
+                passes.begin_batch(poses, arrays[one], frame_number)
+                for one in IMAGES
+                if one in arrays
             ]
             if truth:
                 fill_channels(passes, truth, poses, others)
@@ -132,7 +132,7 @@ class BatchRenderer(SensorRenderer[OmniCamera, CameraBackend]):
 
         def finish() -> dict[str, NDArray[Any]]:
             with self._current():
-                for one in images:
+                for one in begun:
                     one.result()
             return arrays
 

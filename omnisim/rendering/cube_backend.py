@@ -332,17 +332,14 @@ class CubeHits(DrawnHits):
 
     def begin_occlusion(
         self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
-    ) -> None:
-        """Start to render the occlusion from another viewpoint."""
+    ) -> Pending[NDArray[np.bool_]]:
+        """Begin to render the occlusion from another viewpoint."""
         if deformed is not None:
             self._passes.put_points(deformed)
-        self._occlusion = self._occlusion_pass.begin(
+        bits = self._occlusion_pass.begin(
             other.world_from_rig, other.world_from_objects, other_from_current
         )
-
-    def occluded(self) -> NDArray[np.bool_]:
-        """Mask (height, width) of the points that are occluded from there."""
-        return self._occlusion.result() > 0
+        return bits.then(lambda values: values > 0)
 
     @cached_property
     def _occlusion_pass(self) -> OcclusionPass:

@@ -84,14 +84,9 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
     def begin(self, request: FrameRequest) -> Pending[tuple[Readback, dict[str, Any]]]:
         """Begin to render an image; its metadata also counts undecided samples."""
         self._parallax.undecided_samples = 0
-        pending = super().begin(request)
+        taken = super().begin(request)
         undecided = {"samples": self._parallax.undecided_samples, "cast": self._casts}
-
-        def finish() -> tuple[Readback, dict[str, Any]]:
-            image, metadata = pending.result()
-            return image, {**metadata, "undecided": undecided}
-
-        return Pending(finish)
+        return taken.then(lambda image: (image[0], image[1] | {"undecided": undecided}))
 
     def _make_hits(self, details: HitDetails) -> ParallaxHits:
         return self.make_hits(details, self._casts)

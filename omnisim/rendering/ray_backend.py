@@ -228,7 +228,6 @@ class RayHitSource(HitSource):
         self._through = ThroughCaster(lambda: rays, setup)
         self._pixels = PixelHits(rays, PixelRays(sensor.model, sensor.mesh_polygons), limits)
         self.has_ray = self._pixels.has_ray
-        self._occluded = np.zeros_like(self.has_ray)
 
     def rays(self) -> NDArray[np.float64]:
         """Unit rays (height, width, 3), optical frame."""
@@ -245,16 +244,13 @@ class RayHitSource(HitSource):
 
     def begin_occlusion(
         self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
-    ) -> None:
+    ) -> Pending[NDArray[np.bool_]]:
         """Cast rays from another viewpoint to the points of the last hits."""
         if deformed is not None:
             self._pixels.put_points(deformed)
         objects = ObjectState(other.world_from_objects, self._hidden)
-        self._occluded = self._pixels.occluded(other.world_from_rig, objects, other_from_current)
-
-    def occluded(self) -> NDArray[np.bool_]:
-        """Mask (height, width) of the points that are occluded from the other viewpoint."""
-        return self._occluded
+        occluded = self._pixels.occluded(other.world_from_rig, objects, other_from_current)
+        return Pending(lambda: occluded)
 
 
 def _readback(image: LinearImage, encoding: Encoding | None, linear: bool) -> Readback:

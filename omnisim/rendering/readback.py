@@ -14,6 +14,7 @@ from omnisim.rendering.camera.degradations.effect import MAX_EV
 from omnisim.rendering.camera.metering import Metering
 
 T = TypeVar("T")
+U = TypeVar("U")
 
 
 class Pending(Generic[T]):
@@ -36,6 +37,10 @@ class Pending(Generic[T]):
             self._result = self._finish()
             self._finish = None
         return self._result
+
+    def then(self, change: Callable[[T], U]) -> Pending[U]:
+        """Result of a function of this result."""
+        return Pending(lambda: change(self.result()))
 
 
 class Readback(NamedTuple):

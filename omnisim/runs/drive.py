@@ -266,8 +266,8 @@ class PlannedDrive:
             writes: list[Future[None]] = []
             for done, step in enumerate([*missing, None], start=finished):
                 begun: list[tuple[Path, Pending[Measurement]]] = []
-                for name, instrument in instruments.items() if step is not None else ():
-                    for index in run.indices_at(name, step):
+                for name, instrument in instruments.items():
+                    for index in () if step is None else run.indices_at(name, step):
                         if run.missing_at(name, index):
                             before, previous = last.get(name, (index, None))
                             moment = self._moment(

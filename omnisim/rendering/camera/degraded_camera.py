@@ -50,7 +50,7 @@ class DegradedCamera:
             ev = metered_ev(luminance) if exposure_ev is None else exposure_ev
             return ImageExposure(degradation.exposure_factors(ev), request.frame_number % 2**32)
 
-        pending = self._begin(
+        begun = self._begin(
             SubFrames(
                 sub_frames,
                 expose,
@@ -61,8 +61,7 @@ class DegradedCamera:
             )
         )
 
-        def finish() -> tuple[Readback, dict[str, Any]]:
-            image = pending.result()
+        def finished(image: Readback) -> tuple[Readback, dict[str, Any]]:
             metadata: dict[str, Any] = {
                 "parameters": degradation.tables(),
                 "sub_frames": len(sub_frames),
@@ -77,7 +76,7 @@ class DegradedCamera:
                 image = image._replace(rgba=degradation.jpeg.compressed(image.rgba))
             return image, metadata
 
-        return Pending(finish)
+        return begun.then(finished)
 
     def _sub_frames(self, request: FrameRequest) -> list[SubFrame]:
         """Plan the poses at which the shutter is open."""

@@ -88,12 +88,7 @@ class Pipeline:
             floats = np.empty((height, width, 3), dtype=np.float32)
             reads.append((linear, floats))
         reading = self.readback.start(*reads)
-
-        def finish() -> Readback:
-            reading.finish()
-            return Readback(rgba, floats)
-
-        return Pending(finish)
+        return Pending(reading.finish).then(lambda _: Readback(rgba, floats))
 
 
 class DegradedPipeline:
@@ -117,23 +112,24 @@ class DegradedPipeline:
         for sub_frame in frames.parts:
             ideal.draw(sub_frame.poses, linear=True)
             degradation.add(ideal.linear, sub_frame.row_weights)
-        metered = None if frames.meter is None else degradation.draw_meter(frames.meter)
-        luminance, others = None, [] if metered is None else [metered.read]
-        if metered is not None and not frames.is_exposed:
-            ideal.readback.read(*others)
-            luminance, others = metered.luminance(), []
+        luminance, metered = None, None
+        if frames.meter is not None:
+            metered = degradation.draw_meter(frames.meter)
+            if not frames.is_exposed:
+                ideal.readback.read(metered.read)
+                luminance, metered = metered.luminance(), None
         exposed = frames.expose(luminance)
         degradation.finish({"u_exposure_factors": exposed.factors, "u_frame": exposed.frame_number})
         degradation.encode(ideal.encoded_target)
-        image = ideal.begin_reading(degradation.finished if frames.linear else None, *others)
-
-        def finish() -> Readback:
-            read = image.result()
-            if metered is None or luminance is not None:
-                return read._replace(luminance=luminance)
-            return read._replace(luminance=metered.luminance())
-
-        return Pending(finish)
+        image = ideal.begin_reading(
+            degradation.finished if frames.linear else None,
+            *(() if metered is None else (metered.read,)),
+        )
+        return image.then(
+            lambda read: read._replace(
+                luminance=luminance if metered is None else metered.luminance()
+            )
+        )
 
 
 def check_image_size(context: moderngl.Context, width_px: int, height_px: int) -> None:

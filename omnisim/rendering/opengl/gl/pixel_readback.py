@@ -1,8 +1,8 @@
 """Readback through persistently mapped buffers: what was drawn is read while the next is drawn.
 
-The GPU copies pixels as they are stored into a buffer that stays mapped; a fence tells when it has
-done so. Conversions and dropped components are left to the copy out of the buffer: drivers make
-them on the processor, too, and wait for the GPU first.
+The GPU copies pixels as they are stored into a buffer that stays mapped, and a fence says when.
+Conversions, and dropping components, are left to the copy out of the buffer: drivers would do them
+on the processor, too, and wait for the GPU first.
 """
 
 from __future__ import annotations
@@ -16,21 +16,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.gl.buffers import immutable_buffer
 from omnisim.rendering.opengl.gl.fences import Fences, end_pass
 from omnisim.rendering.opengl.gl.functions import flush, gl_function
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.memory import check_allocation, gpu_allocation
 
 LENGTH = 3  # one buffer is drawn, one read, one copied
 DEPTH_ATTACHMENT = -1
 
 _READ_FRAMEBUFFER, _COLOR_ATTACHMENT, _PIXEL_PACK_BUFFER = 0x8CA8, 0x8CE0, 0x88EB
-_MAP_READ, _PERSISTENT, _COHERENT, _CLIENT_STORAGE = 0x1, 0x40, 0x80, 0x200
-_MAPPED = _MAP_READ | _PERSISTENT | _COHERENT
+_MAPPED, _CLIENT_STORAGE = 0x1 | 0x40 | 0x80, 0x200  # for reading, persistent, coherent
 _DEPTH_COMPONENT = 0x1902
 _FORMATS = {1: 0x1903, 2: 0x8227, 4: 0x1908}  # by number of components
 _INTEGER_FORMATS = {1: 0x8D94, 2: 0x8228, 4: 0x8D99}
-_TYPES = {"f1": 0x1401, "u1": 0x1401, "f2": 0x140B, "f4": 0x1406, "u4": 0x1405}
-_DTYPES = {"f1": "u1", "u1": "u1", "f2": "<f2", "f4": "<f4", "u4": "<u4"}  # by moderngl's
+_TYPES = {  # OpenGL's and NumPy's by moderngl's
+    "f1": (0x1401, "u1"), "u1": (0x1401, "u1"), "u4": (0x1405, "<u4"),
+    "f2": (0x140B, "<f2"), "f4": (0x1406, "<f4"),
+}  # fmt: skip
 _ALIGNMENT = 16  # bytes
 _ENUM, _INT, _SIZE, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_ssize_t, ctypes.c_void_p
 
@@ -56,10 +58,6 @@ Read = tuple[Source, NDArray[Any]]  # source, and the array to fill
 class MappedBuffer:
     """Buffer that the GPU fills and the processor reads, mapped for as long as it exists.
 
-    Args:
-        context: OpenGL context.
-        size: its size in bytes.
-
     Attributes:
         buffer: its OpenGL object.
         content: its bytes, to be read after a fence.
@@ -71,45 +69,22 @@ class MappedBuffer:
     def __init__(self, context: moderngl.Context, size: int):
         what = f"a readback of {-(-size // 2**20)} MiB"
         with gpu_allocation(what, "render fewer or smaller images at once"):
-            self.buffer = context.buffer(reserve=size)
-            allocate = gl_function("glNamedBufferStorage", _ENUM, _SIZE, _POINTER, _ENUM)
-            allocate(self.buffer.glo, size, None, _MAPPED | _CLIENT_STORAGE)
+            self.buffer = immutable_buffer(context, size, _MAPPED | _CLIENT_STORAGE)
             map_range = gl_function(
                 "glMapNamedBufferRange", _ENUM, _SIZE, _SIZE, _ENUM, returns=_POINTER
             )
             address = map_range(self.buffer.glo, 0, size, _MAPPED)
-            if address is None:
-                raise moderngl.Error(context.error)
-        self.content: NDArray[np.uint8] = np.ctypeslib.as_array(
-            (ctypes.c_uint8 * size).from_address(address)
-        )
-
-
-class _Copy(NamedTuple):
-    """Array, and the pixels in a mapped buffer that fill it."""
-
-    out: NDArray[Any]
-    first: int
-    size: int
-    dtype: str
-    components: int
-
-    def take(self, content: NDArray[np.uint8]) -> None:
-        """Copy as many components as the array has, in its type."""
-        out = self.out
-        stored = content[self.first : self.first + self.size].view(self.dtype)
-        if stored.size == out.size:
-            np.copyto(out, stored.reshape(out.shape))
-            return
-        pixels = stored.reshape(*out.shape[:-1], self.components)
-        for component in range(out.shape[-1]):  # far quicker than pixel by pixel
-            np.copyto(out[..., component], pixels[..., component])
+            check_allocation(context, what)
+        content = (ctypes.c_uint8 * size).from_address(address)
+        self.content: NDArray[np.uint8] = np.ctypeslib.as_array(content)
 
 
 class Reading:
     """Readback in progress."""
 
-    def __init__(self, owner: PixelReadback, buffer: MappedBuffer, copies: list[_Copy]):
+    def __init__(
+        self, owner: PixelReadback, buffer: MappedBuffer, copies: list[tuple[Any, NDArray[Any]]]
+    ):
         self._owner, self._buffer, self._copies = owner, buffer, copies
         self._fence: int | None = owner.fences.create()
 
@@ -119,22 +94,29 @@ class Reading:
         Raises:
             GraphicsError: the GPU does not finish.
         """
-        if self._fence is not None:
-            self._owner.fences.wait(self._fence)
-            for copy in self._copies:
-                copy.take(self._buffer.content)
-            self.discard()
+        if self._fence is None:
+            return
+        self._owner.fences.wait(self._fence)
+        for out, pixels in self._copies:
+            if pixels.size == out.size:
+                np.copyto(out, pixels.reshape(out.shape))
+                continue
+            pixels = pixels.reshape(*out.shape[:-1], -1)
+            for component in range(out.shape[-1]):  # far quicker than pixel by pixel
+                np.copyto(out[..., component], pixels[..., component])
+        self.discard()
 
     def discard(self) -> None:
-        """Leave the arrays as they are."""
+        """Leave the arrays as they are, unless they are filled."""
         if self._fence is not None:
             self._owner.fences.release(self._fence)
+            self._owner.readings.remove(self)
+            self._owner.free.append(self._buffer)
             self._fence = None
-            self._owner.give_back(self, self._buffer)
 
 
 class PixelReadback:
-    """Ring of mapped buffers, created when they are needed.
+    """Ring of mapped buffers, which are created when they are needed.
 
     Args:
         context: OpenGL context, current here and in all methods.
@@ -142,13 +124,15 @@ class PixelReadback:
     Attributes:
         context: OpenGL context.
         fences: fences of the context.
+        readings: readings in progress, oldest first.
+        free: buffers that no reading uses.
     """
 
     def __init__(self, context: moderngl.Context):
         self.context = context
         self.fences: Fences = context.extra.fences
-        self._free: list[MappedBuffer] = []
-        self._readings: deque[Reading] = deque()
+        self.readings: deque[Reading] = deque()
+        self.free: list[MappedBuffer] = []
         self._bind = gl_function("glBindBuffer", _ENUM, _ENUM)
         self._bind_target = gl_function("glBindFramebuffer", _ENUM, _ENUM)
         self._select = gl_function("glNamedFramebufferReadBuffer", _ENUM, _ENUM)
@@ -170,63 +154,55 @@ class PixelReadback:
         Raises:
             GraphicsError: an error of OpenGL, in this frame or in its readback.
         """
-        if len(self._readings) == LENGTH:
-            self._readings[0].finish()
-        copies: list[_Copy] = []
-        size = 0
-        for source, out in reads:
-            copies.append(_copy_of(source, out, size))
-            size += -(-copies[-1].size // _ALIGNMENT) * _ALIGNMENT
-        buffer = self._buffer(size)
+        if len(self.readings) == LENGTH:
+            self.readings[0].finish()
+        stored = [_stored(*one) for one in reads]
+        ends = np.cumsum([-(-one.size // _ALIGNMENT) * _ALIGNMENT for one in stored]).tolist()
+        buffer = self._buffer(ends[-1])
         end_pass(self.context)
-        try:
-            self._bind(_PIXEL_PACK_BUFFER, buffer.buffer.glo)
-            for (source, _), copy in zip(reads, copies, strict=True):
-                self._copy(source, copy, buffer)
-        finally:
-            self._bind(_PIXEL_PACK_BUFFER, 0)
+        self._bind(_PIXEL_PACK_BUFFER, buffer.buffer.glo)
+        copies: list[tuple[Any, NDArray[Any]]] = []
+        for (source, out), one, first in zip(reads, stored, [0, *ends], strict=False):
+            self._copy(source, one, buffer, first)
+            copies.append((out, buffer.content[first : first + one.size].view(one.dtype)))
+        self._bind(_PIXEL_PACK_BUFFER, 0)
         reading = Reading(self, buffer, copies)
-        self._readings.append(reading)
+        self.readings.append(reading)
         flush()
-        error = self.context.error
-        if error != "GL_NO_ERROR":
+        try:
+            self._check()
+        except GraphicsError:
             reading.discard()
-            raise GraphicsError(f"OpenGL failed to draw or to read an image: {error}")
+            raise
         return reading
 
     def read(self, *reads: Read) -> None:
         """Read what has been drawn, and wait for it; see `start`."""
         self.start(*reads).finish()
 
-    def give_back(self, reading: Reading, buffer: MappedBuffer) -> None:
-        """Take the buffer of a finished reading."""
-        self._readings.remove(reading)
-        self._free.append(buffer)
-
-    def _copy(self, source: Source, copy: _Copy, buffer: MappedBuffer) -> None:
-        """Let the GPU copy a source into a bound buffer."""
+    def _copy(self, source: Source, stored: _Stored, buffer: MappedBuffer, first: int) -> None:
+        """Let the GPU copy a source to a byte of a bound buffer."""
         if isinstance(source, moderngl.Buffer):
-            self.context.copy_buffer(buffer.buffer, source, copy.size, write_offset=copy.first)
-            return
-        if isinstance(source, moderngl.Texture):
-            form = _pixel_format(source)
-            self._read_texture(source.glo, 0, *form, copy.size, copy.first)
-            return
-        target, attachment, region = source
-        form = (_DEPTH_COMPONENT, _TYPES["f4"])
-        if attachment != DEPTH_ATTACHMENT:
-            form = _pixel_format(target.color_attachments[attachment])
-            self._select(target.glo, _COLOR_ATTACHMENT + attachment)
-        self._bind_target(_READ_FRAMEBUFFER, target.glo)
-        self._read_pixels(*(region or (0, 0, *target.size)), *form, copy.first)
+            self.context.copy_buffer(buffer.buffer, source, stored.size, write_offset=first)
+        elif isinstance(source, moderngl.Texture):
+            self._read_texture(source.glo, 0, stored.form, stored.kind, stored.size, first)
+        else:
+            target, attachment, region = source
+            if attachment != DEPTH_ATTACHMENT:
+                self._select(target.glo, _COLOR_ATTACHMENT + attachment)
+            self._bind_target(_READ_FRAMEBUFFER, target.glo)
+            self._read_pixels(*(region or (0, 0, *target.size)), stored.form, stored.kind, first)
 
     def _buffer(self, size: int) -> MappedBuffer:
-        """Free buffer of at least `size` bytes."""
-        if self._free:
-            buffer = self._free.pop()
-            if buffer.buffer.size >= size:
-                return buffer
+        """Free buffer of at least `size` bytes; one that is too small is dropped."""
+        if self.free and (buffer := self.free.pop()).buffer.size >= size:
+            return buffer
+        self._check()
         return MappedBuffer(self.context, size)
+
+    def _check(self) -> None:
+        if (error := self.context.error) != "GL_NO_ERROR":
+            raise GraphicsError(f"OpenGL failed to draw or to read an image: {error}")
 
 
 def read_once(context: moderngl.Context, *reads: Read) -> None:
@@ -234,22 +210,27 @@ def read_once(context: moderngl.Context, *reads: Read) -> None:
     PixelReadback(context).read(*reads)
 
 
-def _copy_of(source: Source, out: NDArray[Any], first: int) -> _Copy:
+class _Stored(NamedTuple):
+    """Pixels as they are stored: size in bytes, NumPy's type, OpenGL's format and type."""
+
+    size: int
+    dtype: str
+    form: int = 0
+    kind: int = 0
+
+
+def _stored(source: Source, out: NDArray[Any]) -> _Stored:
     if isinstance(source, moderngl.Buffer):
-        return _Copy(out, first, source.size, out.dtype.str, 1)
-    if isinstance(source, Pixels):
+        return _Stored(source.size, out.dtype.str)
+    if isinstance(source, moderngl.Texture):
+        attachment: moderngl.Texture | moderngl.Renderbuffer = source
+        width, height = source.size
+    else:
         width, height = source.target.size if source.region is None else source.region[2:]
         if source.attachment == DEPTH_ATTACHMENT:
-            return _Copy(out, first, 4 * width * height, "<f4", 1)
+            return _Stored(4 * width * height, "<f4", _DEPTH_COMPONENT, _TYPES["f4"][0])
         attachment = source.target.color_attachments[source.attachment]
-    else:
-        attachment, (width, height) = source, source.size
-    dtype, components = _DTYPES[attachment.dtype], attachment.components
-    size = width * height * components * np.dtype(dtype).itemsize
-    return _Copy(out, first, size, dtype, components)
-
-
-def _pixel_format(attachment: moderngl.Texture | moderngl.Renderbuffer) -> tuple[int, int]:
-    """OpenGL's format and type of pixels as they are stored."""
+    kind, dtype = _TYPES[attachment.dtype]
     formats = _INTEGER_FORMATS if attachment.dtype.startswith("u") else _FORMATS
-    return formats[attachment.components], _TYPES[attachment.dtype]
+    size = width * height * attachment.components * np.dtype(dtype).itemsize
+    return _Stored(size, dtype, formats[attachment.components], kind)

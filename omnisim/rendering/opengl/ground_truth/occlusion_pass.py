@@ -75,9 +75,4 @@ class OcclusionPass:
         width, height = self._hits.pixels.size_px
         occluded = np.empty((height, width), dtype=np.uint8)
         reading = self._hits.readback.start((Pixels(self._target), occluded))
-
-        def finish() -> NDArray[np.uint8]:
-            reading.finish()
-            return occluded
-
-        return Pending(finish)
+        return Pending(reading.finish).then(lambda _: occluded)
