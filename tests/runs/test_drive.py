@@ -310,7 +310,7 @@ def test_one_drive_a_folder_at_a_time(scene, vehicle, tmp_path):
 
 
 def test_a_step_is_written_while_the_next_is_drawn(scene, vehicle, whole, tmp_path, monkeypatch):
-    """What was counted is there all the same, and nothing of the next step."""
+    """Counted steps have their files all the same, and the next step has none."""
     is_next_drawn = threading.Event()
     submit, save = Renderer.submit, CameraMeasurement.save
 
