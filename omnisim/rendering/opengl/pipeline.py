@@ -112,23 +112,17 @@ class DegradedPipeline:
         for sub_frame in frames.parts:
             ideal.draw(sub_frame.poses, linear=True)
             degradation.add(ideal.linear, sub_frame.row_weights)
-        luminance, metered = None, None
-        if frames.meter is not None:
-            metered = degradation.draw_meter(frames.meter)
-            if not frames.is_exposed:
-                ideal.readback.read(metered.read)
-                luminance, metered = metered.luminance(), None
+        metered = None if frames.meter is None else degradation.draw_meter(frames.meter)
+        luminance, reads = None, [] if metered is None else [metered[0]]
+        if metered is not None and not frames.is_exposed:
+            ideal.readback.read(*reads)
+            luminance, reads, metered = metered[1](), [], None
         exposed = frames.expose(luminance)
         degradation.finish({"u_exposure_factors": exposed.factors, "u_frame": exposed.frame_number})
         degradation.encode(ideal.encoded_target)
-        image = ideal.begin_reading(
-            degradation.finished if frames.linear else None,
-            *(() if metered is None else (metered.read,)),
-        )
+        image = ideal.begin_reading(degradation.finished if frames.linear else None, *reads)
         return image.then(
-            lambda read: read._replace(
-                luminance=luminance if metered is None else metered.luminance()
-            )
+            lambda done: done._replace(luminance=metered[1]() if metered else luminance)
         )
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
-from typing import NamedTuple
 
 import moderngl
 import numpy as np
@@ -21,6 +20,10 @@ from omnisim.rendering.opengl.gl.functions import flush
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import Read
 from omnisim.rendering.opengl.gl.shader_files import build_program
+
+# Readback of a light meter, and the function that reduces what was read to the metered luminance
+# (Rec. 709); 0: no valid pixel.
+Metered = tuple[Read, Callable[[], float]]
 
 METER_BLOCK_PX = 16  # side of the block that one fragment of the light meter sums, pixels
 
@@ -112,18 +115,6 @@ class DegradationPass:
         step.draw(after.framebuffer, self._current, uniforms)
         self._current = after.texture
         self._spare.reverse()
-
-
-class Metered(NamedTuple):
-    """Light meter's image.
-
-    Attributes:
-        read: its readback.
-        luminance: function that reduces it, once it is read; 0: no valid pixel.
-    """
-
-    read: Read
-    luminance: Callable[[], float]
 
 
 class _Target:
@@ -224,7 +215,7 @@ class _MeanMeter:
             total, count = sums.reshape(-1, 4).sum(axis=0, dtype=float)[:2]
             return float(total / count) if count > 0.0 else 0.0
 
-        return Metered((self._blocks.texture, sums), mean)
+        return (self._blocks.texture, sums), mean
 
 
 class _PixelMeter:
@@ -242,6 +233,4 @@ class _PixelMeter:
         """Draw the luminances, negative where pixels are invalid."""
         self._pass.draw(self._target, image)
         values = np.empty(self._luminances.size[::-1], dtype=np.float32)
-        return Metered(
-            (self._luminances, values), lambda: metering.of_luminances(values[values >= 0.0])
-        )
+        return (self._luminances, values), lambda: metering.of_luminances(values[values >= 0.0])

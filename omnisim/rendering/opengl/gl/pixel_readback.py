@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 from collections import deque
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import moderngl
@@ -59,8 +60,7 @@ class MappedBuffer:
     """Buffer that the GPU fills and the processor reads, mapped for as long as it exists.
 
     Attributes:
-        buffer: its OpenGL object.
-        content: its bytes, to be read after a fence.
+        buffer, content: OpenGL's buffer, and its bytes, to be read after a fence.
 
     Raises:
         GraphicsError: no memory for it.
@@ -110,8 +110,8 @@ class Reading:
         """Leave the arrays as they are, unless they are filled."""
         if self._fence is not None:
             self._owner.fences.release(self._fence)
-            self._owner.readings.remove(self)
-            self._owner.free.append(self._buffer)
+            self._owner._readings.remove(self)
+            self._owner._free.append(self._buffer)
             self._fence = None
 
 
@@ -122,17 +122,14 @@ class PixelReadback:
         context: OpenGL context, current here and in all methods.
 
     Attributes:
-        context: OpenGL context.
-        fences: fences of the context.
-        readings: readings in progress, oldest first.
-        free: buffers that no reading uses.
+        context, fences: OpenGL context, and its fences.
     """
 
     def __init__(self, context: moderngl.Context):
         self.context = context
         self.fences: Fences = context.extra.fences
-        self.readings: deque[Reading] = deque()
-        self.free: list[MappedBuffer] = []
+        self._readings: deque[Reading] = deque()  # oldest first
+        self._free: list[MappedBuffer] = []
         self._bind = gl_function("glBindBuffer", _ENUM, _ENUM)
         self._bind_target = gl_function("glBindFramebuffer", _ENUM, _ENUM)
         self._select = gl_function("glNamedFramebufferReadBuffer", _ENUM, _ENUM)
@@ -154,10 +151,10 @@ class PixelReadback:
         Raises:
             GraphicsError: an error of OpenGL, in this frame or in its readback.
         """
-        if len(self.readings) == LENGTH:
-            self.readings[0].finish()
+        if len(self._readings) == LENGTH:
+            self._readings[0].finish()
         stored = [_stored(*one) for one in reads]
-        ends = np.cumsum([-(-one.size // _ALIGNMENT) * _ALIGNMENT for one in stored]).tolist()
+        ends = [*accumulate(-(-one.size // _ALIGNMENT) * _ALIGNMENT for one in stored)]
         buffer = self._buffer(ends[-1])
         end_pass(self.context)
         self._bind(_PIXEL_PACK_BUFFER, buffer.buffer.glo)
@@ -166,15 +163,10 @@ class PixelReadback:
             self._copy(source, one, buffer, first)
             copies.append((out, buffer.content[first : first + one.size].view(one.dtype)))
         self._bind(_PIXEL_PACK_BUFFER, 0)
-        reading = Reading(self, buffer, copies)
-        self.readings.append(reading)
+        self._check()
+        self._readings.append(Reading(self, buffer, copies))
         flush()
-        try:
-            self._check()
-        except GraphicsError:
-            reading.discard()
-            raise
-        return reading
+        return self._readings[-1]
 
     def read(self, *reads: Read) -> None:
         """Read what has been drawn, and wait for it; see `start`."""
@@ -195,7 +187,7 @@ class PixelReadback:
 
     def _buffer(self, size: int) -> MappedBuffer:
         """Free buffer of at least `size` bytes; one that is too small is dropped."""
-        if self.free and (buffer := self.free.pop()).buffer.size >= size:
+        if self._free and (buffer := self._free.pop()).buffer.size >= size:
             return buffer
         self._check()
         return MappedBuffer(self.context, size)

@@ -220,9 +220,9 @@ def test_the_neutral_curve_is_khronos_s():
 
 
 def _luminance(chain, meter):
-    metered = chain.draw_meter(meter)
-    read_once(chain.finished.ctx, metered.read)
-    return metered.luminance()
+    read, luminance = chain.draw_meter(meter)
+    read_once(chain.finished.ctx, read)
+    return luminance()
 
 
 @pytest.mark.parametrize("percentile", [None, 50.0, 97.5])

@@ -1,10 +1,13 @@
 """Readback through mapped buffers: all formats, a ring in any order, and what goes wrong."""
 
 import ctypes
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import omnisim
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl import fences
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
@@ -98,10 +101,10 @@ def test_readings_end_in_any_order_and_a_fourth_ends_the_oldest(context):
         reading.finish()
     for (_, values), out in zip(textures, arrays, strict=True):
         np.testing.assert_array_equal(out, values)
-    assert (len(ring.readings), len(ring.free)) == (0, LENGTH)
+    assert (len(ring._readings), len(ring._free)) == (0, LENGTH)
     get = gl_function("glGetNamedBufferParameteriv", ctypes.c_uint, ctypes.c_uint, ctypes.c_void_p)
     value = ctypes.c_int()
-    for mapped in ring.free:
+    for mapped in ring._free:
         for name, expected in ((0x821F, 1), (0x8220, 0x2C1), (0x88BC, 1)):  # immutable, and mapped
             get(mapped.buffer.glo, name, ctypes.addressof(value))
             assert value.value == expected
@@ -115,8 +118,8 @@ def test_buffers_are_used_again_and_small_ones_replaced(context):
     sizes = []
     for source, array in ((first_row, row), (texture, out), (first_row, row), (texture, out)):
         ring.read((source, array))
-        sizes.append(ring.free[-1].buffer.size)
-        assert len(ring.free) == 1
+        sizes.append(ring._free[-1].buffer.size)
+        assert len(ring._free) == 1
     assert sizes == [112, 560, 560, 560]
     np.testing.assert_array_equal(out, values)
     np.testing.assert_array_equal(row, values[:1])
@@ -140,7 +143,7 @@ def test_errors_of_opengl_are_named(context):
     gl_function("glEnable", ctypes.c_uint)(0xDEAD)
     with pytest.raises(GraphicsError, match=r"^OpenGL failed to draw .*: GL_INVALID_ENUM$"):
         ring.start((texture, values))
-    assert not ring.readings
+    assert not ring._readings
     ring.read((texture, values))
 
 
@@ -178,3 +181,14 @@ def test_fences_are_deleted_at_once_or_when_no_thread_uses_them(context, keeps_p
     assert not is_sync(first)
     while own._kept:
         own._delete(own._kept.popleft())
+
+
+def test_nothing_else_reads_from_the_gpu():
+    """Moderngl's reads wait for the GPU, and map buffers that drivers then move."""
+    reads = re.compile(r"\bread_into\(|(?<!stream)(?<!file)\.read\(\)|glGetTexImage|glReadPixels")
+    found = [
+        str(path)
+        for path in sorted((Path(omnisim.__file__).parent / "rendering").rglob("*.py"))
+        if path.name != "pixel_readback.py" and reads.search(path.read_text("utf-8"))
+    ]
+    assert not found
