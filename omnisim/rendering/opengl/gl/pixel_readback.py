@@ -23,11 +23,9 @@ from omnisim.rendering.opengl.gl.functions import flush, gl_function
 from omnisim.rendering.opengl.gl.memory import check_allocation, gpu_allocation
 
 LENGTH = 3  # one buffer is drawn, one read, one copied
-DEPTH_ATTACHMENT = -1
 
 _READ_FRAMEBUFFER, _COLOR_ATTACHMENT, _PIXEL_PACK_BUFFER = 0x8CA8, 0x8CE0, 0x88EB
 _MAPPED, _CLIENT_STORAGE = 0x1 | 0x40 | 0x80, 0x200  # for reading, persistent, coherent
-_DEPTH_COMPONENT = 0x1902
 _FORMATS = {1: 0x1903, 2: 0x8227, 4: 0x1908}  # by number of components
 _INTEGER_FORMATS = {1: 0x8D94, 2: 0x8228, 4: 0x8D99}
 _TYPES = {  # OpenGL's and NumPy's by moderngl's
@@ -43,7 +41,7 @@ class Pixels(NamedTuple):
 
     Attributes:
         target: already drawn; not multisampled.
-        attachment: number of a color attachment, or `DEPTH_ATTACHMENT`.
+        attachment: number of a color attachment.
         region: left, top, width and height; None: all.
     """
 
@@ -180,8 +178,7 @@ class PixelReadback:
             self._read_texture(source.glo, 0, stored.form, stored.kind, stored.size, first)
         else:
             target, attachment, region = source
-            if attachment != DEPTH_ATTACHMENT:
-                self._select(target.glo, _COLOR_ATTACHMENT + attachment)
+            self._select(target.glo, _COLOR_ATTACHMENT + attachment)
             self._bind_target(_READ_FRAMEBUFFER, target.glo)
             self._read_pixels(*(region or (0, 0, *target.size)), stored.form, stored.kind, first)
 
@@ -219,8 +216,6 @@ def _stored(source: Source, out: NDArray[Any]) -> _Stored:
         width, height = source.size
     else:
         width, height = source.target.size if source.region is None else source.region[2:]
-        if source.attachment == DEPTH_ATTACHMENT:
-            return _Stored(4 * width * height, "<f4", _DEPTH_COMPONENT, _TYPES["f4"][0])
         attachment = source.target.color_attachments[source.attachment]
     kind, dtype = _TYPES[attachment.dtype]
     formats = _INTEGER_FORMATS if attachment.dtype.startswith("u") else _FORMATS
