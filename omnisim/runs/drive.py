@@ -5,8 +5,9 @@ from __future__ import annotations
 import dataclasses
 import json
 import platform
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -62,6 +63,7 @@ from omnisim.sensors.sensor import DriveSettings, Measurement, Moment, MountedSe
 from omnisim.sensors.specular_keys import specular_notes
 
 MAX_SEED = 2**63 - 1
+MAX_BEGUN = 8  # measurements of a step in progress; more of them are written at once
 SAME_MOTION_M = 1e-3  # far below a pixel; contacts that amplify rounding exceed it
 
 
@@ -265,7 +267,8 @@ class PlannedDrive:
             last: dict[str, tuple[int, Pending[Measurement]]] = {}  # index and measurement
             writes: list[Future[None]] = []
             for done, step in enumerate([*missing, None], start=finished):
-                begun: list[tuple[Path, Pending[Measurement]]] = []
+                begun: deque[tuple[Path, Pending[Measurement]]] = deque()
+                following: list[Future[None]] = []
                 for name, instrument in instruments.items():
                     for index in () if step is None else run.indices_at(name, step):
                         if run.missing_at(name, index):
@@ -275,11 +278,15 @@ class PlannedDrive:
                             )
                             last[name] = index, instrument.begin(moment)
                             begun.append((run.stem(name, index), last[name][1]))
+                        if len(begun) > MAX_BEGUN:
+                            following.append(_write(writer, *begun.popleft()))
+                            if len(following) > MAX_BEGUN:
+                                following[-MAX_BEGUN].result()
                 for write in writes:  # of the step before: it was written meanwhile
                     write.result()
                 if done > finished:
                     yield done
-                writes = [writer.submit(one.result().save, stem) for stem, one in begun]
+                writes = [*following, *(_write(writer, *one) for one in begun)]
             write_boxes(run, labels)
 
     @property
@@ -430,6 +437,11 @@ class PlannedDrive:
                     run.path / camera.name / CAMERA_POSES,
                     Trajectory(own_s, poses @ camera.sensor.base_from_optical),
                 )
+
+
+def _write(writer: Executor, stem: Path, measurement: Pending[Measurement]) -> Future[None]:
+    """Begin to write a measurement once it is made."""
+    return writer.submit(measurement.result().save, stem)
 
 
 def _check_motion(run: RunFolder, truth: Trajectory) -> None:
