@@ -22,7 +22,7 @@ WAYS: dict[str, tuple[str, ...]] = {
         "rendering.opengl.culling.cluster_culling:ClusterCuller.run",
         "rendering.opengl.drawing.cluster_drawer:ClusterDrawer.draw",
         "rendering.opengl.capture.image_pass:RemapPass.draw",
-        "rendering.opengl.gl.pixel_readback:Reading.finish",
+        "rendering.opengl.pipeline:Pipeline.begin_reading",
         "ground_truth.frame:Frame.save",
     ),
     "a hit": (
@@ -44,7 +44,7 @@ WAYS: dict[str, tuple[str, ...]] = {
         "sensors.sensor:RenderedSensor.instrument",
         "rendering.stage:Stage.open",
         "runs.run_folder:open_run",
-        "sensors.sensor:Instrument.measure",
+        "sensors.sensor:Instrument.begin",
         "sensors.omnicamera.mounted_omnicamera:CameraMeasurement.save",
     ),
     "a shard": (
@@ -54,7 +54,7 @@ WAYS: dict[str, tuple[str, ...]] = {
         "datasets.generate.draw:draw_indices",
         "datasets.generate.draw:draw",
         "rendering.stage:Stage.open",
-        "rendering.renderer:Renderer.render",
+        "rendering.renderer:Renderer.submit",
         "datasets.tar_file:write_tar",
         "datasets.dataset_manifest:Manifest.to_json",
     ),
