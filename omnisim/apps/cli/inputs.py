@@ -96,11 +96,15 @@ class Viewpoint:
     @property
     def pose(self) -> NDArray[np.float64]:
         """Pose (4, 4) in the world."""
-        return pose(self.position_m, self.roll_deg, self.pitch_deg, self.yaw_deg)
+        return pose(
+            self.position_m, roll_deg=self.roll_deg, pitch_deg=self.pitch_deg, yaw_deg=self.yaw_deg
+        )
 
     def base_of(self, camera: OmniCamera) -> NDArray[np.float64]:
         """Pose (4, 4) world_from_base of a vehicle whose camera is at this viewpoint."""
-        return camera.base_pose(self.position_m, self.yaw_deg, self.pitch_deg, self.roll_deg)
+        return camera.base_pose(
+            self.position_m, yaw_deg=self.yaw_deg, pitch_deg=self.pitch_deg, roll_deg=self.roll_deg
+        )
 
 
 def read_sensor(path: Path | None) -> OmniCamera:

@@ -219,7 +219,10 @@ class OmniCamera:
             model=settings.model,
             polygons=settings.polygons,
             base_from_rig=poses.pose(
-                mounting.position_m, mounting.roll_deg, mounting.pitch_deg, mounting.yaw_deg
+                mounting.position_m,
+                roll_deg=mounting.roll_deg,
+                pitch_deg=mounting.pitch_deg,
+                yaw_deg=mounting.yaw_deg,
             ),
             face_size_px=None if virtual.size_px == "auto" else virtual.size_px,
             near_m=virtual.near_m,
@@ -351,6 +354,7 @@ class OmniCamera:
     def base_pose(
         self,
         viewpoint_m: ArrayLike,
+        *,
         yaw_deg: float = 0.0,
         pitch_deg: float = 0.0,
         roll_deg: float = 0.0,
@@ -364,6 +368,8 @@ class OmniCamera:
         Raises:
             OmnisimError: a position or angle is not finite.
         """
-        world_from_base = poses.pose(viewpoint_m, roll_deg, pitch_deg, yaw_deg)
+        world_from_base = poses.pose(
+            viewpoint_m, roll_deg=roll_deg, pitch_deg=pitch_deg, yaw_deg=yaw_deg
+        )
         world_from_base[:3, 3] -= world_from_base[:3, :3] @ self.base_from_rig[:3, 3]
         return world_from_base
