@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +13,7 @@ from omnisim.cameras.calibration.calibration_formats import format_named
 from omnisim.cameras.calibration.encode import encode_cameras
 from omnisim.cameras.calibration.kitti360_folder import FORMAT, read_kitti360_folder
 from omnisim.cameras.calibration.read import read_cameras
-from omnisim.core.errors import CalibrationError, OutputError
+from omnisim.core.errors import CalibrationError, NoticeWarning, OutputError
 from omnisim.core.files.atomic_file import atomic_write, check_target
 from omnisim.core.short_repr import short_repr
 
@@ -27,11 +29,13 @@ class Calibration:
         cameras: cameras of the file, at least one, with distinct names.
         format: name of the file format.
         source: file name, for messages.
+        file_notes: notes on the whole file, one sentence each.
     """
 
     cameras: tuple[CalibratedCamera, ...]
     format: str = "omnisim"
     source: str = "calibration"
+    file_notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         cameras = [f"{camera.name}: {summary(camera.camera)}" for camera in self.cameras]
@@ -44,9 +48,9 @@ class Calibration:
 
     @property
     def notes(self) -> list[str]:
-        """Notes of all cameras for the user, one sentence each."""
+        """Notes on the file and all cameras for the user, one sentence each."""
         several = len(self.cameras) > 1
-        return [
+        return [*self.file_notes] + [
             f"{camera.name}: {note}" if several else note
             for camera in self.cameras
             for note in camera.notes
@@ -85,7 +89,7 @@ class Calibration:
         Raises:
             CalibrationError: the file has no such camera.
         """
-        return Calibration((self.camera(name),), self.format, self.source)
+        return dataclasses.replace(self, cameras=(self.camera(name),))
 
     def save(self, path: str | Path, format: str, model: str | None = None) -> Calibration:
         """Write a calibration file; see `save_calibration`.
@@ -120,7 +124,7 @@ def load_calibration(
     camera: str | None = None,
     mirrored: bool | None = None,
 ) -> Calibration:
-    """Read a calibration file.
+    """Read a calibration file; its notes are also issued as `NoticeWarning`.
 
     Args:
         path: calibration file, or the folder of KITTI-360's calibrations.
@@ -138,11 +142,14 @@ def load_calibration(
     except OSError as reason:  # the name is too long
         raise CalibrationError(f"{path}: cannot be read: {reason.strerror}") from None
     if is_folder:
-        cameras, format = read_kitti360_folder(path, mirrored), FORMAT
+        calibration = Calibration(read_kitti360_folder(path, mirrored), FORMAT, str(path))
     else:
-        cameras, format = read_cameras(path, format, mirrored)
-    calibration = Calibration(cameras, format, str(path))
-    return calibration if camera is None else calibration.only(camera)
+        file = read_cameras(path, format, mirrored)
+        calibration = Calibration(file.cameras, file.format, str(path), file.notes)
+    selected = calibration if camera is None else calibration.only(camera)
+    for note in selected.notes:
+        warnings.warn(f"{path}: {note}", NoticeWarning, stacklevel=2)
+    return selected
 
 
 def save_calibration(

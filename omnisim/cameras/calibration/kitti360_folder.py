@@ -43,7 +43,7 @@ def read_kitti360_folder(folder: Path, mirrored: bool | None) -> tuple[Calibrate
     for name, matrix in _extrinsics(path).items():
         file = folder / f"{name}.yaml"
         if file.is_file():
-            ((camera,), _) = read_cameras(file, FORMAT, mirrored)
+            camera = read_cameras(file, FORMAT, mirrored).cameras[0]
             poses = (NamedPose(BODY, name, matrix),)
             cameras.append(dataclasses.replace(camera, name=name, poses=poses))
     if not cameras:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import warnings
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -16,7 +15,7 @@ from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, s
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.mirrors.tessellation import sectors_and_rings
 from omnisim.core import poses
-from omnisim.core.errors import NoticeWarning, OpticsError
+from omnisim.core.errors import OpticsError
 from omnisim.core.short_repr import short_repr
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons, max_polygons, mesh_error_px
 from omnisim.rendering.camera.degradations import Degradation
@@ -181,8 +180,6 @@ class OmniCamera:
 
         source = load_calibration(camera) if isinstance(camera, str | Path) else camera
         if isinstance(source, Calibration):
-            for note in source.notes if source is not camera else ():
-                warnings.warn(f"{camera}: {note}", NoticeWarning, stacklevel=3)
             source = source.only_camera()
         if isinstance(source, CalibratedCamera):
             return cls(source.camera, polygons=None)
