@@ -15,7 +15,7 @@ from omnisim.cameras.camera import CentralCamera
 
 SAMPLES = 129  # per line from the image center
 HALVINGS = 60  # from the distance between samples to the last bit of a pixel
-GRID = 33  # samples per side, for the share of the image that a lens leaves black
+GRID = 65  # samples per side, for the share of the image that a lens leaves black
 MIN_UNSEEN = 0.01  # smallest share worth a note
 THETA_TOLERANCE_RAD = 1e-3
 MAX_PIXELS = 1 << 19  # evaluated at once; gives a share to a few hundredths of a percent
@@ -65,7 +65,8 @@ def field_of_view(camera: CentralCamera) -> FieldOfView:
 def field_notes(camera: CentralCamera) -> tuple[str, ...]:
     """Notes on a lens that ends inside its image, or before its stated θ_max."""
     stated_rad = camera.domain_limit_rad
-    u, v = (np.linspace(0.0, side - 1.0, GRID) for side in (camera.width_px, camera.height_px))
+    shares = (np.arange(GRID) + 0.5) / GRID
+    u, v = (side * shares - 0.5 for side in (camera.width_px, camera.height_px))
     unseen = 1.0 - float(camera.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1)).valid.mean())
     if stated_rad is None and unseen < MIN_UNSEEN:
         return ()

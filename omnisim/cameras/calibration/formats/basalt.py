@@ -119,7 +119,7 @@ class Basalt(Format[BasaltLens]):
     signature = re.compile(r'"value0"\s*:')
     metadata_place = MetadataPlace.KEY
     several = True
-    table = _File
+    tables = (_File,)
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the cameras in `value0`."""

@@ -18,8 +18,6 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from pydantic import Field
-
 from omnisim.cameras import (
     CentralCamera,
     KannalaBrandtCamera,
@@ -65,11 +63,10 @@ class CameraInfoMessage(
         "binning_y": Unread(_FULL_SIZE, (1,)),
         "roi": Unread(_FULL_SIZE),
     },
-    harmless="timestamp R",
+    harmless="timestamp header R",
 ):
     """sensor_msgs/CameraInfo, or Foxglove's CameraCalibration."""
 
-    header: dict[str, Any] = Field(default_factory=dict)
     frame_id: str = ""
     width: Size
     height: Size
@@ -98,8 +95,7 @@ class CameraInfo(Format[CameraInfoLens]):
         fields = parse(message, CameraInfoMessage, source)
         size_px = fields.width, fields.height
         lens = self._lens(size_px, fields.distortion_model, fields.K, fields.D, source, ("K", "D"))
-        name = fields.frame_id or str(fields.header.get("frame_id", "")) or "camera"
-        return ParsedCamera(name, lens, notes=baseline_notes("P", fields.P))
+        return ParsedCamera(fields.frame_id or "camera", lens, notes=baseline_notes("P", fields.P))
 
     def _lens(
         self,

@@ -138,7 +138,7 @@ class Camodocal(Format[CamodocalLens]):
     fits = ((UnifiedCamera, NO_SKEW), (KannalaBrandtCamera, ANY))
     signature = re.compile(r"""^[ \t]*["']?model_type["']?[ \t]*:""", re.M)
     unified_terms = frozenset({"ξ"})
-    table = _Head
+    tables = (_Mei, _Pinhole, _Fisheye)
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the camera."""

@@ -70,7 +70,7 @@ class Format(ABC, Generic[LensT]):
         caveat: note for the user about a lens that sees farther than caveat_theta_rad.
         centered: True if the axis is always at the image center.
         several: True if a file can hold several cameras.
-        table: schema of the file; None: a file without keys.
+        tables: schemas of its kinds of files; empty: files without keys.
         has_names: True if cameras have names in the file.
         unified_terms: terms among "ξ", "skew", "k3" and "thin prism or tilt" that the format's
             unified or pinhole camera has.
@@ -88,7 +88,7 @@ class Format(ABC, Generic[LensT]):
     caveat_theta_rad: ClassVar[float] = 0.5 * math.pi
     centered: ClassVar[bool] = False
     several: ClassVar[bool] = False
-    table: ClassVar[type[ForeignTable] | None] = None
+    tables: ClassVar[tuple[type[ForeignTable], ...]] = ()
     has_names: ClassVar[bool] = True
     unified_terms: ClassVar[frozenset[str]] = frozenset({"k3"})
 
@@ -106,7 +106,7 @@ class Format(ABC, Generic[LensT]):
         Raises:
             CalibrationError: a fault of the syntax; names the file and the line.
         """
-        if self.table is None:
+        if not self.tables:
             return text
         return {".yaml": parse_yaml, ".json": parse_json}[self.suffix](text, source)
 
@@ -120,7 +120,7 @@ class Format(ABC, Generic[LensT]):
 
     def table_of(self, document: Any) -> type[ForeignTable] | None:
         """Schema of a document."""
-        return self.table
+        return self.tables[0] if self.tables else None
 
     def notices(self, document: Any, source: str) -> list[str]:
         """Notes on keys in a document that are not read, one sentence each.

@@ -33,7 +33,7 @@ class Foxglove(CameraInfo):
     metadata_place = MetadataPlace.KEY
     distortion_models = ("plumb_bob", "rational_polynomial")
     fisheye_models = ("kannala_brandt",)
-    table = CameraInfoMessage
+    tables = (CameraInfoMessage,)
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the camera."""

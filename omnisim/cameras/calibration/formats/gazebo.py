@@ -115,7 +115,7 @@ class Gazebo(Format[GazeboLens]):
     signature = re.compile(r"\A\s*(?=<).*<(lens|horizontal_fov)\b", re.S)
     metadata_place = MetadataPlace.XML
     centered = True
-    table = _Cameras
+    tables = (_Cameras,)
 
     def document(self, text: str, source: str) -> Element:
         """Root element of a file."""
@@ -210,6 +210,8 @@ def _contradictions(camera: Element, lens: CentralCamera) -> tuple[str, ...]:
             notes.append(f"lens/cutoff_angle = {cutoff.strip()} is not read in a perspective lens")
     elif camera.find("lens/intrinsics") is not None:
         notes.append("lens/intrinsics is not read in a wide lens")
+    if camera.find("lens/custom_function") is not None and not isinstance(lens, GazeboCamera):
+        notes.append("lens/custom_function is not read in a lens of another type")
     return tuple(notes)
 
 

@@ -62,6 +62,7 @@ from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
 from omnisim.cameras.calibration.formats.yaml_text import yaml_floats
 from omnisim.cameras.calibration.fov_lens import FovLens
 from omnisim.core.files.parameters import Number
+from omnisim.core.poses import inverse
 
 INTRINSICS = {
     "pinhole": "fu fv pu pv",
@@ -124,7 +125,7 @@ class Kalibr(Format[KalibrLens]):
     )
     signature = re.compile(r"""(?:^|[{,])[ \t]*["']?camera_model["']?[ \t]*:""", re.M)
     several = True
-    table = _Chain
+    tables = (_Chain,)
     unified_terms = frozenset({"ξ"})
 
     def looks_like(self, text: str) -> bool:
@@ -230,7 +231,8 @@ def _poses(fields: _Camera, name: str, before: str | None, place: str) -> list[N
     if fields.T_cam_imu is not None:
         poses.append(NamedPose(name, "imu", pose(fields.T_cam_imu, f"{place}: T_cam_imu")))
     if fields.T_imu_cam is not None:
-        poses.append(NamedPose("imu", name, pose(fields.T_imu_cam, f"{place}: T_imu_cam")))
+        imu_from_camera = pose(fields.T_imu_cam, f"{place}: T_imu_cam")
+        poses.append(NamedPose(name, "imu", inverse(imu_from_camera)))
     return poses
 
 

@@ -146,7 +146,7 @@ class Nerfstudio(Format[NerfstudioLens]):
     signature = re.compile(r'\A\s*\{.*"(fl_x|camera_angle_x|transform_matrix)"\s*:', re.S)
     metadata_place = MetadataPlace.KEY
     has_names = False
-    table = _File
+    tables = (_File,)
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse one camera per set of intrinsics, with the poses of its frames."""

@@ -75,7 +75,7 @@ class OmnisimJson(Format[CentralCamera]):
     )
     metadata_place = MetadataPlace.KEY
     several = True
-    table = _File
+    tables = (_File, _RunFile)
 
     def table_of(self, document: Any) -> type[ForeignTable] | None:
         """Schema of a calibration or a run; None for a camera's bare parameters."""

@@ -24,7 +24,7 @@ import math
 import re
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 from omnisim.cameras import (
     CentralCamera,
@@ -135,7 +135,6 @@ class _Opencv(Format[LensT]):
 
     suffix = ".yaml"
     has_names = False
-    table: ClassVar[type[ForeignTable]] = _Table
 
     def looks_like(self, text: str) -> bool:
         """True for YAML of `cv2.FileStorage` with this kind of camera."""
@@ -175,7 +174,7 @@ class OpencvOmnidir(_Opencv[UnifiedCamera]):
     name = "opencv_omnidir"
     title = "OpenCV: omnidir yaml"
     unified_terms = frozenset({"ξ", "skew"})
-    table = _OmnidirTable
+    tables = (_OmnidirTable,)
     models = (UnifiedCamera,)
     fits = ((UnifiedCamera, NO_SKEW),)
 
@@ -200,7 +199,7 @@ class OpencvFisheye(_Opencv[KannalaBrandtCamera]):
 
     name = "opencv_fisheye"
     title = "OpenCV: fisheye yaml"
-    table = _FisheyeTable
+    tables = (_FisheyeTable,)
     models = (KannalaBrandtCamera,)
     fits = ((KannalaBrandtCamera, ANY),)
     caveat = "cv2.fisheye's own projection is wrong past 90°"
@@ -223,6 +222,7 @@ class OpencvPinhole(_Opencv[OpencvPinholeLens]):
     models = (UnifiedCamera, RationalPolynomialCamera)
     fits = ((UnifiedCamera, PINHOLE), (RationalPolynomialCamera, ANY))
     max_theta_rad = 0.5 * math.pi
+    tables = (_Table,)
 
     def ambiguity(self, text: str, source: str) -> str | None:
         """Reason for naming the format: four coefficients fit a fisheye and a pinhole camera."""

@@ -42,7 +42,7 @@ class _Matrix(ForeignTable, harmless="rows cols"):
 
 class _Camera(
     ForeignTable,
-    inner=dict.fromkeys(("camera_matrix", "distortion_coefficients", "projection_matrix"), _Matrix),
+    inner=dict.fromkeys(("camera_matrix", "distortion_coefficients"), _Matrix),
     harmless="rectification_matrix",  # turns rectified images only
 ):
     image_width: Size
@@ -64,7 +64,7 @@ class Ros(CameraInfo):
     signature = re.compile(
         r"^(distortion_model|projection_matrix|rectification_matrix)[ \t]*:", re.M
     )
-    table = _Camera
+    tables = (_Camera, CameraInfoMessage)
     distortion_models = ("plumb_bob", "rational_polynomial")
     fisheye_models = ("equidistant", "fisheye", "kannala_brandt")
 
@@ -83,7 +83,9 @@ class Ros(CameraInfo):
             return super().document(text, source)
         first = re.split(r"^---[ \t\r]*$", text.lstrip("-\n"), maxsplit=1, flags=re.M)[0]
         message = parse_yaml(first, source)
-        return {key.upper() if len(key) == 1 else key: value for key, value in message.items()}
+        header = message.get("header")
+        named = {"frame_id": header.get("frame_id")} if isinstance(header, dict) else {}
+        return named | {key.upper() if len(key) == 1 else key: message[key] for key in message}
 
     def table_of(self, document: Any) -> type[ForeignTable]:
         """Schema of a file or of a message."""

@@ -77,7 +77,7 @@ class Woodscape(Format[FThetaCamera]):
     fits = ((FThetaCamera, ANY),)
     signature = re.compile(r'"cx_offset"\s*:|"radial_poly"')
     metadata_place = MetadataPlace.KEY
-    table = _File
+    tables = (_File,)
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the camera."""
