@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from omnisim.cameras import (
-    CAMERA_MODELS,
-    CentralCamera,
-    MirroredCamera,
-    camera_from_parameters,
-)
+from omnisim.cameras import CAMERA_MODELS, CentralCamera, camera_from_parameters
 from omnisim.core.errors import CalibrationError, OpticsError, SensorFileError, did_you_mean
 
 FIELDS = [model.__dataclass_fields__.keys() for model in CAMERA_MODELS.values()]
@@ -76,32 +70,16 @@ def camera_from_calibration(
     mirrored, theta_max_deg = keys.get("mirrored"), keys.get("theta_max_deg")
     if mirrored is not None and type(mirrored) is not bool:
         raise SensorFileError(f"{source}: {key}.mirrored: expected true or false, got {mirrored!r}")
+    path = Path(source).parent / file
     try:
-        calibration = load_calibration(Path(source).parent / file, None, camera, mirrored)
+        (found, *_) = load_calibration(path, None, camera, mirrored, theta_max_deg).cameras
     except CalibrationError as reason:
-        raise SensorFileError(f"{source}: {key}.calibration: {reason}") from None
-    model = calibration.cameras[0].camera
+        of_key = str(reason).startswith("theta_max_deg")
+        place = f"{source}: {key}{'.' if of_key else '.calibration: '}"
+        raise SensorFileError(f"{place}{reason}") from None
     for other in sorted(keys.keys() - allowed):
         hint = f"unknown key beside calibration; {did_you_mean(other, ('camera', *allowed))}"
         raise SensorFileError(
             f"{source}: {key}.{other}: {has_it if any(other in one for one in FIELDS) else hint}"
         )
-    place = f"{source}: {key}.theta_max_deg"
-    return model if theta_max_deg is None else _ending(model, theta_max_deg, place)
-
-
-def _ending(camera: CentralCamera, theta_max_deg: Any, place: str) -> CentralCamera:
-    """Camera whose field of view ends at an angle from its axis."""
-    lens = camera.lens if isinstance(camera, MirroredCamera) else camera
-    if type(theta_max_deg) not in (int, float) or not 0.0 < theta_max_deg <= 180.0:
-        raise SensorFileError(f"{place}: expected a number, 0 to 180, got {theta_max_deg!r}")
-    try:
-        ended = getattr(lens, "ending_at", lambda _: None)(math.radians(theta_max_deg))
-    except OpticsError as reason:  # beyond the limit of the model
-        raise SensorFileError(f"{place}: {str(reason).removeprefix('camera: ')}") from None
-    if ended is None:
-        raise SensorFileError(
-            f"{place}: {lens.model_name} ends by its own parameters: `omnisim calibration convert` "
-            "to opencv_fisheye fits a lens that has this key"
-        )
-    return MirroredCamera(ended) if camera is not lens else ended
+    return found.camera

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -123,6 +124,7 @@ def load_calibration(
     format: str | None = None,
     camera: str | None = None,
     mirrored: bool | None = None,
+    theta_max_deg: float | None = None,
 ) -> Calibration:
     """Read a calibration file; its notes are also issued as `NoticeWarning`.
 
@@ -132,21 +134,36 @@ def load_calibration(
         camera: name of the only camera to keep; by default all are kept.
         mirrored: True if the cameras look into mirrors; by default taken from omnisim's metadata in
             the file, and False without metadata.
+        theta_max_deg: angle from the axis where the field of view ends; by default where the model
+            ends.
 
     Raises:
         CalibrationError: the file is invalid; names file, key, actual and expected value.
     """
-    path = Path(path)
+    path, limit_rad = Path(path), None
+    if theta_max_deg is not None:
+        if type(theta_max_deg) not in (int, float) or not 0.0 < theta_max_deg <= 180.0:
+            got = repr(theta_max_deg)
+            raise CalibrationError(f"theta_max_deg: expected a number, 0 to 180, got {got}")
+        limit_rad = math.radians(theta_max_deg)
     try:
         is_folder = path.is_dir()
     except OSError as reason:  # the name is too long
         raise CalibrationError(f"{path}: cannot be read: {reason.strerror}") from None
     if is_folder:
-        calibration = Calibration(read_kitti360_folder(path, mirrored), FORMAT, str(path))
+        calibration = Calibration(
+            read_kitti360_folder(path, mirrored, limit_rad), FORMAT, str(path)
+        )
     else:
-        file = read_cameras(path, format, mirrored)
+        file = read_cameras(path, format, mirrored, limit_rad)
         calibration = Calibration(file.cameras, file.format, str(path), file.notes)
     selected = calibration if camera is None else calibration.only(camera)
+    for one in selected.cameras:
+        if limit_rad not in (None, math.pi) and one.camera.domain_limit_rad is None:
+            raise CalibrationError(
+                f"theta_max_deg: {one.camera.model_name} ends by its own parameters: `omnisim "
+                "calibration convert` to opencv_fisheye fits a lens that has this key"
+            )
     for note in selected.notes:
         warnings.warn(f"{path}: {note}", NoticeWarning, stacklevel=2)
     return selected

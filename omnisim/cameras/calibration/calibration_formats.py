@@ -51,7 +51,8 @@ FOREIGN_FILES = (
     ("OpenSfM's camera_models.json", r'"projection_type"\s*:', _AS_OPENCV),
     ("OpenMVG's sfm_data.json", r'"sfm_data_version"\s*:', _AS_OPENCV),
     (
-        "Metashape's calibration", r"<calibration>\s*<projection>|<document[^>]*>\s*<chunk",
+        "Metashape's calibration",
+        r"<calibration>\s*<projection>|<document version(?s:.*)<sensors\b",
         "export it by Tools > Camera Calibration, as OpenCV",
     ),
     ("MATLAB's calibration", r"^[ \t]*(fc|KK)[ \t]*=[ \t]*\[", _AS_OPENCV),

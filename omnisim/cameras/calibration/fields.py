@@ -77,7 +77,7 @@ class ForeignTable(Table):
 
     Attributes:
         also_read: keys that are read without a field.
-        unread: keys that change an image or a pose, and are not read.
+        unread: keys that change an image or a pose, and are not read; given in words.
         harmless: keys that change neither.
         inner: tables in this one by their keys, in lists or alone; "*": of all other keys.
     """
@@ -98,7 +98,8 @@ class ForeignTable(Table):
     ) -> None:
         super().__init_subclass__(**settings)
         cls.also_read = cls.also_read.union(also_read.split())
-        cls.unread = {**cls.unread, **(unread or {})}
+        own = {key: one for keys, one in (unread or {}).items() for key in keys.split()}
+        cls.unread = {**cls.unread, **own}
         cls.harmless = cls.harmless.union(harmless.split())
         cls.inner = {**cls.inner, **(inner or {})}
 

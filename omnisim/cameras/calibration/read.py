@@ -39,13 +39,17 @@ class CameraFile(NamedTuple):
     notes: tuple[str, ...]
 
 
-def read_cameras(path: Path, format: str | None, mirrored: bool | None) -> CameraFile:
+def read_cameras(
+    path: Path, format: str | None, mirrored: bool | None, theta_max_rad: float | None = None
+) -> CameraFile:
     """Read a calibration file.
 
     Args:
         path: calibration file.
         format: name of the format, or None to detect it.
         mirrored: True if the cameras look into mirrors; None to take it from their metadata.
+        theta_max_rad: angle from the axis where the field of view ends, for models that have it;
+            None to take it from their metadata.
 
     Raises:
         CalibrationError: the file is invalid; names file, key, actual and expected value.
@@ -66,8 +70,9 @@ def read_cameras(path: Path, format: str | None, mirrored: bool | None) -> Camer
     cameras = []
     for camera in parsed:
         one = metadata.get(camera.name, CameraMetadata(camera=camera.name))
-        if mirrored is not None:
-            one = one.model_copy(update={"mirrored": mirrored})
+        given = {"mirrored": mirrored, "theta_max_rad": theta_max_rad}
+        given = {key: value for key, value in given.items() if value is not None}
+        one = one.model_copy(update=given)
         cameras.append(_calibrated(camera, one, f"{source}: {camera.name}"))
     contradiction = pose_contradiction([pose for camera in cameras for pose in camera.poses])
     if contradiction is not None:

@@ -243,17 +243,14 @@ class LensTable(Table):
         _warn_of_narrow_field(extra.get("theta_max_deg"), f"{source}: lens")
         if self.calibration is not None:
             allowed = ("theta_max_deg", "mirrored")
-            camera = camera_from_calibration(
+            return camera_from_calibration(
                 self.calibration, self.camera, keys, source, "lens", allowed
             )
-            notes = field_notes(camera) if "theta_max_deg" in extra else ()
-        elif self.camera is not None:
+        if self.camera is not None:
             reason = "is a name in a calibration file: expected calibration"
             raise SensorFileError(f"{source}: lens.camera: {reason}")
-        else:
-            camera = camera_from_table(keys, source, "lens")
-            notes = field_notes(camera)
-        for note in notes:
+        camera = camera_from_table(keys, source, "lens")
+        for note in field_notes(camera):
             warnings.warn(f"{source}: lens: {note}", NoticeWarning, stacklevel=2)
         return camera
 

@@ -20,7 +20,7 @@ STEREO = [400.0, 0.0, 320.0, -50.0, 0.0, 400.0, 240.0, 0.0, 0.0, 0.0, 1.0, 0.0]
 # Valid values of read keys; others are changed, or get a number, which may be an error.
 VALUES = {
     "camera_angle_x": 1.0, "camera_angle_y": 1.0, "x_fov": 50.0, "y_fov": 50.0, "is_fisheye": False,
-    "p1": 0.1, "p2": 0.1, "distortion_params": [0.1] * 6, "T_cn_cnm1": POSE, "T_imu_cam": POSE,
+    "p1": 0.1, "p2": 0.1, "T_cn_cnm1": POSE, "T_imu_cam": POSE,
     "T_cam_imu": POSE, "timeshift_cam_imu": 0.01, "camera_name": "other", "frame_id": "other",
     "header": {"frame_id": "other"}, "P": STEREO, "projection_matrix": {"data": STEREO},
     "omnisim_poses_not_known": True, "distortion_coeffs": [0.1] * 4, "lens/cutoff_angle": "0.3",

@@ -53,15 +53,11 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 CameraInfoLens = UnifiedCamera | RationalPolynomialCamera | KannalaBrandtCamera
 
 
-_FULL_SIZE = "the camera is that of the sensor's full size"
-
-
 class CameraInfoMessage(
     ForeignTable,
     unread={
-        "binning_x": Unread(_FULL_SIZE, (1,)),
-        "binning_y": Unread(_FULL_SIZE, (1,)),
-        "roi": Unread(_FULL_SIZE),
+        "binning_x binning_y": Unread("the camera is that of the full size", (1,)),
+        "roi": Unread("the camera is that of the full size"),
     },
     harmless="timestamp header R",
 ):

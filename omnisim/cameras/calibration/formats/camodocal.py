@@ -84,18 +84,12 @@ class _KannalaBrandt(Table):
     v0: Number
 
 
-ON_IMU = Unread("pose of the camera on the IMU: a Kalibr chain has one")
-
-
 class _Head(
     ForeignTable,
     unread={
-        "extrinsicRotation": ON_IMU,
-        "extrinsicTranslation": ON_IMU,
-        "body_T_cam0": ON_IMU,
-        "td": Unread("time shift: a Kalibr chain has one"),
-        "rolling_shutter": ROLLING_SHUTTER,
-        "rolling_shutter_tr": ROLLING_SHUTTER,
+        "extrinsicRotation extrinsicTranslation body_T_cam0": Unread("pose: a Kalibr chain has it"),
+        "td": Unread("time shift: a Kalibr chain has it"),
+        "rolling_shutter rolling_shutter_tr": ROLLING_SHUTTER,
         "mirror_parameters": Unread("ξ of a MEI camera, and the model is another", is_fault=True),
         "distortion_parameters": Unread("distortion of another model", is_fault=True),
     },

@@ -83,8 +83,7 @@ class _Camera(
     ),
     unread={
         "image/format": Unread("images are RGB", ("R8G8B8", "RGB_INT8", "B8G8R8", "BGR_INT8")),
-        "clip/near": Unread("near_m of a sensor file"),
-        "clip/far": Unread("far_m of a sensor file"),
+        "clip/near clip/far": Unread("near_m and far_m of a sensor file"),
         "noise/stddev": Unread("[degradation.noise] of a sensor file"),
         "pose": Unread("mounting of a sensor file"),
     },

@@ -39,7 +39,6 @@ from omnisim.cameras.calibration.fields import (
     Size,
     Unread,
     check_choice,
-    counted,
     parse,
     pose,
     rows,
@@ -59,29 +58,23 @@ from omnisim.core.files.parameters import Flag, Number
 
 CENTER_PX = 0.5  # center of the first pixel
 OPENGL_FROM_OPENCV = np.array([1.0, -1.0, -1.0, 1.0])
-COEFFICIENTS = "k1 k2 k3 k4 p1 p2"
 PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "PERSPECTIVE")
 FISHEYES = ("OPENCV_FISHEYE", "FISHEYE")
 NerfstudioLens = UnifiedCamera | KannalaBrandtCamera | EquirectangularCamera
-
-
-NGP_FTHETA = Unread("instant-ngp's f-theta lens is not read: state a camera_model", is_fault=True)
-NGP_PANORAMA = Unread("instant-ngp's panorama is not read: state a camera_model", is_fault=True)
-NO_COEFFICIENT = Unread("nerfstudio has no such coefficient", is_fault=True)
 FOCAL_TOLERANCE = 1e-3  # relative difference of two statements of a focal length
+
+
+OTHER_LENS = Unread("a lens of instant-ngp that is not read: state a camera_model", is_fault=True)
 
 
 class _Intrinsics(
     ForeignTable,
     unread={
-        "rolling_shutter": ROLLING_SHUTTER,
-        "transform_matrix_start": ROLLING_SHUTTER,
-        "transform_matrix_end": ROLLING_SHUTTER,
         "fisheye_crop_radius": Unread("black beyond it: theta_max_deg of a sensor file"),
-        "latlong": NGP_PANORAMA,
-        "equirectangular": NGP_PANORAMA,
-        **dict.fromkeys(("k5", "k6"), NO_COEFFICIENT),
-        **{f"ftheta_p{index}": NGP_FTHETA for index in range(5)},
+        "distortion_params": Unread("state k1, k2, k3, k4, p1, p2 in its place", is_fault=True),
+        "rolling_shutter transform_matrix_start transform_matrix_end": ROLLING_SHUTTER,
+        "latlong equirectangular k5 k6": OTHER_LENS,
+        "ftheta_p0 ftheta_p1 ftheta_p2 ftheta_p3 ftheta_p4": OTHER_LENS,
     },
 ):
     """Intrinsics of all frames or of one."""
@@ -100,7 +93,6 @@ class _Intrinsics(
     k4: Number = 0.0
     p1: Number = 0.0
     p2: Number = 0.0
-    distortion_params: tuple[Number, ...] = ()
     camera_angle_x: Number | None = None
     camera_angle_y: Number | None = None
     x_fov: Number | None = None
@@ -200,49 +192,45 @@ def _size(
     """Image size, from the file or from an image; adds a note if the two differ."""
     names = (image, f"{image}.png", f"{image}.jpg") if image else ()
     path = next((folder / name for name in names if (folder / name).is_file()), None)
-    stated = part.w, part.h
-    if path is None and None in stated:
-        key = "w" if part.w is None else "h"
-        hint = f": expected it, or the image {image} beside the file" if image else ""
-        raise CalibrationError(f"{place}: {key}: missing{hint}")
-    if path is None:
-        return int(part.w or 0), int(part.h or 0)
-    from omnisim.core.files.image_files import read_image  # loads OpenImageIO
+    width, height = part.w, part.h
+    if path is not None:
+        from omnisim.core.files.image_files import read_image  # loads OpenImageIO
 
-    height, width = map(int, read_image(path)[0].shape[:2])
-    if None in stated:
-        return width, height
-    if stated != (width, height):
-        notes.append(f"w, h = {part.w}, {part.h}, and {image} has {width} × {height} px")
-    return int(part.w or 0), int(part.h or 0)
+        rows, columns = map(int, read_image(path)[0].shape[:2])
+        if width is None or height is None:
+            return columns, rows
+        if (width, height) != (columns, rows):
+            notes.append(f"w, h = {width}, {height}, and {image} has {columns} × {rows} px")
+    if width is None or height is None:
+        key, hint = ("w" if width is None else "h"), f", or the image {image} beside the file"
+        hint = f": expected it{hint}" if image else ""
+        raise CalibrationError(f"{place}: {key}: missing{hint}")
+    return width, height
 
 
 def _focal_px(
     part: _Intrinsics, axis: str, side_px: int, place: str, notes: list[str]
 ) -> float | None:
     """Focal length along an axis, px, or None; adds a note if two statements differ."""
-    angle_rad, fov_deg = getattr(part, f"camera_angle_{axis}"), getattr(part, f"{axis}_fov")
-    focal_px = {f"fl_{axis}": getattr(part, f"fl_{axis}")}
-    for key, angle, half in (
-        (f"camera_angle_{axis}", angle_rad, 0.5),
-        (f"{axis}_fov", fov_deg, math.radians(0.5)),
+    first = taken = None
+    for key, per_unit, straight in (
+        (f"fl_{axis}", None, ""),
+        (f"camera_angle_{axis}", 1.0, "π"),
+        (f"{axis}_fov", math.radians(1.0), "180"),
     ):
-        if angle is not None:
-            if not 0.0 < angle * half < 0.5 * math.pi:
-                straight = "π" if half == 0.5 else "180"
-                raise unexpected(f"{place}: {key}", f"more than 0 and less than {straight}", angle)
-            focal_px[key] = 0.5 * side_px / math.tan(angle * half)
-    stated = {key: value for key, value in focal_px.items() if value is not None}
-    if not stated:
-        return None
-    (first, taken), *others = stated.items()
-    for key, value in others:
-        if abs(value - taken) > FOCAL_TOLERANCE * abs(taken):
+        value = focal_px = getattr(part, key)
+        if value is not None and per_unit is not None:
+            if not 0.0 < value * per_unit < math.pi:
+                raise unexpected(f"{place}: {key}", f"more than 0 and less than {straight}", value)
+            focal_px = 0.5 * side_px / math.tan(0.5 * value * per_unit)
+        if taken is None:
+            first, taken = key, focal_px
+        elif focal_px is not None and abs(focal_px - taken) > FOCAL_TOLERANCE * abs(taken):
             notes.append(
-                f"{key} = {getattr(part, key):g} is not read: it is a focal length of "
-                f"{value:.6g} px, and {first} states {taken:.6g} px"
+                f"{key} = {value:g} is not read: it is a focal length of {focal_px:.6g} px, and "
+                f"{first} states {taken:.6g} px"
             )
-    return float(taken)
+    return taken
 
 
 def _lens(part: _Intrinsics, size: tuple[int, int], place: str, notes: list[str]) -> CentralCamera:
@@ -262,20 +250,15 @@ def _lens(part: _Intrinsics, size: tuple[int, int], place: str, notes: list[str]
     v = 0.5 * height if part.cy is None else part.cy
     focal, other = (one for one in (focal or other, other or focal) if one is not None)
     intrinsics = Intrinsics(width, height, (focal, other), (u - CENTER_PX, v - CENTER_PX))
-    k1, k2, k3, k4, p1, p2 = own = part.k1, part.k2, part.k3, part.k4, part.p1, part.p2
-    if part.distortion_params:
-        listed = counted(part.distortion_params, COEFFICIENTS, f"{place}: distortion_params")
-        if any(own) and own != tuple(listed):
-            raise unexpected(f"{place}: distortion_params", "k1, k2, k3, k4, p1, p2", listed)
-        k1, k2, k3, k4, p1, p2 = listed
     with error_context(place):
         if model in FISHEYES:
-            if p1 or p2:
-                raise unexpected(f"{place}: p1, p2", "0 in a fisheye", [p1, p2])
-            return KannalaBrandtCamera(*intrinsics, (k1, k2, k3, k4))
-        if k4:
-            raise unexpected(f"{place}: k4", f"0 with camera_model {model}", k4)
-        return pinhole(intrinsics, (k1, k2, p1, p2, k3) if k3 else (k1, k2, p1, p2))
+            if part.p1 or part.p2:
+                raise unexpected(f"{place}: p1, p2", "0 in a fisheye", [part.p1, part.p2])
+            return KannalaBrandtCamera(*intrinsics, (part.k1, part.k2, part.k3, part.k4))
+        if part.k4:
+            raise unexpected(f"{place}: k4", f"0 with camera_model {model}", part.k4)
+        four = part.k1, part.k2, part.p1, part.p2
+        return pinhole(intrinsics, (*four, part.k3) if part.k3 else four)
 
 
 def intrinsics(lens: NerfstudioLens) -> dict[str, Any]:
