@@ -71,6 +71,8 @@ def field_notes(camera: CentralCamera) -> tuple[str, ...]:
     if stated_rad is None and unseen < MIN_UNSEEN:
         return ()
     limit_rad = _model_limit_rad(camera, optical_axis(camera))
+    if limit_rad > math.pi - THETA_TOLERANCE_RAD:  # the whole sphere
+        return ()
     fold_rad = getattr(getattr(camera, "lens", camera), "fold_rad", math.inf)
     end = f"{'folds' if abs(limit_rad - fold_rad) < 1e-6 else 'ends'} at {_degrees(limit_rad)}"
     if stated_rad is not None:
