@@ -45,9 +45,10 @@ def read_kitti360_folder(
     for name, matrix in _extrinsics(path).items():
         file = folder / f"{name}.yaml"
         if file.is_file():
-            camera = read_cameras(file, FORMAT, mirrored, theta_max_rad).cameras[0]
-            poses = (NamedPose(BODY, name, matrix),)
-            cameras.append(dataclasses.replace(camera, name=name, poses=poses))
+            read = read_cameras(file, FORMAT, mirrored, theta_max_rad)
+            (camera,), poses = read.cameras, (NamedPose(BODY, name, matrix),)
+            notes = (*read.notes, *camera.notes)
+            cameras.append(dataclasses.replace(camera, name=name, poses=poses, notes=notes))
     if not cameras:
         raise CalibrationError(f"{folder}: expected image_02.yaml or image_03.yaml, got neither")
     return tuple(cameras)

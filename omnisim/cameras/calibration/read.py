@@ -59,7 +59,7 @@ def read_cameras(
     document = form.document(text, source)
     with error_context(source):
         parsed = form.read(document, source)
-    notes = form.notices(document, source)
+        notes = form.notices(document, source)
     metadata = read_metadata(text, form.metadata_place, source)
     names = [camera.name for camera in parsed]
     duplicate = next((name for name in names if names.count(name) > 1), None)

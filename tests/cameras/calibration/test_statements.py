@@ -177,3 +177,11 @@ def test_kitti_360_leaves_out_tangential_distortion(tmp_path):
     most_px = np.hypot(*np.multiply(np.transpose(tangential), lens.focal_lengths_px).T).max()
     assert note == f"KITTI-360's own code leaves out p1 and p2: it is up to {most_px:.2g} px off"
     assert camera.save(tmp_path / "b.yaml", "opencv_omnidir").notes == []
+
+
+def test_the_first_of_several_printed_messages_is_read(tmp_path):
+    text = (FOLDER / "ros_echo.yaml").read_text()
+    (tmp_path / "a.yaml").write_text(f"{text}---\n{text.replace('330.5', '331.5')}---\n")
+    camera = load_calibration(tmp_path / "a.yaml").cameras[0]
+    assert camera.camera == load_calibration(FOLDER / "ros_echo.yaml").cameras[0].camera
+    assert camera.name == "front_camera"

@@ -191,5 +191,5 @@ def error_context(source: str) -> Iterator[None]:
     except OpticsError as reason:
         message = str(reason).removeprefix("camera: ")
         raise CalibrationError(f"{source}: {message}") from None
-    except (ArithmeticError, ValueError, np.linalg.LinAlgError) as reason:
+    except (ArithmeticError, ValueError, RecursionError, np.linalg.LinAlgError) as reason:
         raise CalibrationError(f"{source}: expected numbers of a camera: {reason}") from None

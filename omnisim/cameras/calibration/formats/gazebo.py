@@ -66,6 +66,7 @@ TYPES: Mapping[str, type[GazeboFisheye]] = {
     "orthographic": OrthographicCamera,
 }
 FUNCTIONS = {"sin": math.sin, "tan": math.tan, "id": float}
+MAX_DEPTH = 4  # of elements in a camera
 FOV_TOLERANCE_RAD = 1e-3  # between horizontal_fov and intrinsics
 DEFAULT_CUTOFF_RAD = 1.5707
 CORNER_PX = 0.5  # from the first pixel's corner to its center
@@ -190,8 +191,9 @@ def _elements(root: Element) -> dict[str, Element]:
 def _texts(element: Element, path: str = "") -> Iterator[tuple[str, str]]:
     """Paths below an element, and their texts."""
     for child in element:
-        yield from _texts(child, f"{path}{child.tag}/")
-        if not len(child):
+        if len(child) and path.count("/") < MAX_DEPTH:
+            yield from _texts(child, f"{path}{child.tag}/")
+        else:
             yield f"{path}{child.tag}", (child.text or "").strip()
 
 

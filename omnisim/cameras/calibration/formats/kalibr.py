@@ -187,8 +187,8 @@ def _chain_of_sensor(sensor: dict[str, Any], source: str) -> dict[str, Any]:
     name = folder if re.fullmatch(r"cam\d+", folder, re.ASCII) else "cam0"
     camera = {RENAMED.get(key, key): value for key, value in sensor.items()}
     model = camera.get("distortion_model")
-    coefficients = camera.get("distortion_coeffs") or ()
-    if camera.get("camera_model") in ("ds", "eucm") and not any(coefficients):
+    none = camera.get("distortion_coeffs") in (None, [], [0.0] * 4)
+    if none and camera.get("camera_model") in ("ds", "eucm"):
         camera.update(distortion_model="none", distortion_coeffs=[])
     elif model in ("radial-tangential", "plumb_bob"):
         camera["distortion_model"] = "radtan"
