@@ -80,7 +80,7 @@ class RepeatedFrame:
     def at_start(cls, stage: Stage, camera: OmniCamera) -> RepeatedFrame:
         """Frame from the scene's start pose."""
         start = stage.scene.start
-        return cls(stage.open(camera), camera.base_pose(start.position_m, start.yaw_deg))
+        return cls(stage.open(camera), camera.base_pose(start.position_m, yaw_deg=start.yaw_deg))
 
     def render(self) -> NDArray[np.uint8]:
         """Render the image (height, width, 4), and wait for it."""

@@ -100,7 +100,12 @@ class SampleRenderer:
         stage, rig = self._open(drawn.indices)
         assert self._light is not None
         scene, first = self._light.scene, rig.cameras.first
-        base = first.base_pose(drawn.position_m, drawn.yaw_deg, drawn.pitch_deg, drawn.roll_deg)
+        base = first.base_pose(
+            drawn.position_m,
+            yaw_deg=drawn.yaw_deg,
+            pitch_deg=drawn.pitch_deg,
+            roll_deg=drawn.roll_deg,
+        )
         base[:3, 3] += base[:3, :3] @ drawn.shift_m
         for name, color in drawn.colors.items():
             scene = scene.recolored(name, color)

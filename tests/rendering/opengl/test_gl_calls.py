@@ -110,7 +110,7 @@ def test_calls_of_a_scan_do_not_depend_on_the_number_of_objects(monkeypatch):
     made = []
     for count in (2, 40):
         meshes = [sheet(f"sheet {number}", number % 2, seed=number) for number in range(count)]
-        poses = [pose((0.2 * number, 1.0, 0.0), 90.0) for number in range(count)]
+        poses = [pose((0.2 * number, 1.0, 0.0), roll_deg=90.0) for number in range(count)]
         scene = scene_of(meshes, [Material(), fence], poses)
         with open_sensor(scene, LaserScanner().without_errors()) as renderer:
             assert np.isfinite(renderer.scan(pose()).ranges_m).any()

@@ -32,7 +32,7 @@ CAMERAS = {
 
 def _at_start(stage, camera):
     start = stage.scene.start
-    return camera.base_pose(start.position_m, start.yaw_deg)
+    return camera.base_pose(start.position_m, yaw_deg=start.yaw_deg)
 
 
 def _take(stage, camera):
