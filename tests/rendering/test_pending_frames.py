@@ -20,7 +20,7 @@ NAMES = ("range", "instance")
 
 
 def _poses(count):
-    return [CAMERA.base_pose((0.3 * number, 0.2, 0.8), 30.0 * number) for number in range(count)]
+    return [CAMERA.base_pose((0.3 * number, 0.2, 0.8), yaw_deg=30.0 * number) for number in range(count)]
 
 
 def assert_same(pending, frame):
