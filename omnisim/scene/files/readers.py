@@ -16,7 +16,7 @@ from omnisim.core.extras import require_extra
 from omnisim.core.files.sources import read_source
 from omnisim.scene.files.asset_resolver import AssetResolver
 from omnisim.scene.files.file_axes import FileAxes, world_from_file
-from omnisim.scene.files.imported_scene import ImportedScene, texture_notices
+from omnisim.scene.files.imported_scene import ImportedScene, material_notices
 from omnisim.scene.files.search_path import ResourcePath
 from omnisim.scene.formats.gltf.animations import FIRST_ANIMATION, NO_ANIMATION, AnimationChoice
 from omnisim.scene.formats.gltf.reader import read_gltf
@@ -184,6 +184,6 @@ def read_file(
         read, matrix = _read_other(file) if scene_format is None else scene_format.read(file)
     if not read.instances:
         raise SceneError("has no triangles to draw")
-    own = texture_notices(read)
+    own = material_notices(read)
     notices = [*file.assets.notices, *file.textures.notices, *own, *read.notices]
     return read._replace(notices=list(dict.fromkeys(notices))), matrix

@@ -32,7 +32,7 @@ from omnisim.scene.formats.sdf.models import (
     read_root,
     unique_name,
 )
-from omnisim.scene.formats.xml.omissions import Omissions
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.sensors.sensor_names import folder_name
 
 _GROUND_M = 0.02  # maximum height of the body's lowest point above or below the ground

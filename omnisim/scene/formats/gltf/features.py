@@ -8,10 +8,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from enum import Enum
 
 from omnisim.core.errors import SceneError
 from omnisim.core.short_repr import counted
+from omnisim.scene.formats.features import Feature, Support
 from omnisim.scene.formats.gltf.further_extensions import IGNORED, LEFT_OUT, OTHER_IMAGES
 from omnisim.scene.formats.gltf.json_object import JsonObject
 from omnisim.scene.formats.gltf.materials.reflectance import has_transmission_map
@@ -19,41 +19,6 @@ from omnisim.scene.formats.gltf.primitives import POINTS_AND_LINES, TRIANGLES
 
 _GROUPS_OF_NODES = ("shining",)
 _NEAREST = 9728  # OpenGL's constant
-
-
-class Support(Enum):
-    """Support level of a feature."""
-
-    APPLIED = "applied"
-    LEFT_OUT = "left out"
-    IGNORED = "ignored"
-    REFUSED = "refused"
-
-
-@dataclass(frozen=True)
-class Feature:
-    """Property or extension of glTF.
-
-    Attributes:
-        name: name in the file, or several names with one purpose.
-        support: level of support in omnisim.
-        effect: notice for an omitted feature, also used in the documentation.
-        group: field of `DrawnObjects` with the objects that can have the feature; empty: an omitted
-            extension is reported by name, and other features are not reported.
-        is_used: predicate for objects of the group that the feature would change.
-    """
-
-    name: str
-    support: Support
-    effect: str
-    group: str = ""
-    is_used: Callable[[JsonObject], bool] = lambda _: False
-
-    @property
-    def extensions(self) -> tuple[str, ...]:
-        """Extension names in `name`; empty: the feature is a property."""
-        names = self.name.split(", ")
-        return tuple(name for name in names if re.match(r"[A-Z]+_[a-z]", name))
 
 
 @dataclass(frozen=True)

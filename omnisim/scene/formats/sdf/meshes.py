@@ -12,7 +12,7 @@ from omnisim.core.errors import SceneError
 from omnisim.core.files.sources import read_source
 from omnisim.scene.files.asset_resolver import AssetResolver
 from omnisim.scene.files.file_axes import FileAxes, world_from_file
-from omnisim.scene.files.imported_scene import texture_notices
+from omnisim.scene.files.imported_scene import material_notices
 from omnisim.scene.formats.gltf.animations import NO_ANIMATION, AnimationChoice
 from omnisim.scene.formats.gltf.reader import read_gltf
 from omnisim.scene.formats.mesh.other_formats import check_format, read_other
@@ -89,7 +89,7 @@ class MeshLibrary:
             raise SceneError("has no triangles")
         self.notices += [
             f"{path.name}: {notice}"
-            for notice in (*assets.notices, *texture_notices(read), *read.notices)
+            for notice in (*assets.notices, *material_notices(read), *read.notices)
         ]
         instances = tuple(
             replace(one, world_from_mesh=meters_from_file @ one.world_from_mesh)

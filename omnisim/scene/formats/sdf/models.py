@@ -24,7 +24,7 @@ from omnisim.scene.formats.sdf.model_folder import model_file, read_xml
 from omnisim.scene.formats.sdf.shapes import ROUND
 from omnisim.scene.formats.xml.document import parse_xml
 from omnisim.scene.formats.xml.element import XmlElement
-from omnisim.scene.formats.xml.omissions import Omissions
+from omnisim.scene.formats.omissions import Omissions
 
 _MAX_DEPTH = 24  # nesting depth of models
 _MAX_MODELS = 200_000  # models per world: a few files with repeated includes could make billions
@@ -98,7 +98,7 @@ class ModelLibrary:
                 model.scope.model_pose(inner.name)
             except UnplacedError:
                 model.models.remove(inner)
-                self.omissions.add(UNPLACED, "model")
+                self.omissions.count(UNPLACED, "model")
             else:
                 self.drop_unplaced(inner)
 

@@ -19,11 +19,13 @@ from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene import primitives
 from omnisim.scene.files.imported_scene import PLAIN_GRAY, ImportedScene, make_mesh, translate
 from omnisim.scene.files.search_path import ResourcePath
+from omnisim.scene.formats.features import part_notices, xml_parts
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.sdf.meshes import MeshLibrary
+from omnisim.scene.formats.urdf.features import URDF_FEATURES
 from omnisim.scene.formats.urdf.kinematics import link_poses
 from omnisim.scene.formats.xml.document import parse_xml
 from omnisim.scene.formats.xml.element import XmlElement
-from omnisim.scene.formats.xml.omissions import Omissions
 from omnisim.scene.parts import AlphaMode, Instance, Material, Mesh, Texture
 from omnisim.scene.primitives import Surface
 from omnisim.scene.textures import TextureStore, alpha_mode_of
@@ -77,7 +79,8 @@ class _Reader:
         for link in robot.children("link"):
             for visual in link.children("visual"):
                 self._read_visual(link, visual, poses[link.name] @ visual.origin())
-        notices = [*self._omissions.notices, *self._files.notices]
+        unread = part_notices(URDF_FEATURES, xml_parts(robot.element, URDF_FEATURES))
+        notices = [*unread, *self._omissions.notices, *self._files.notices]
         if self._missing:
             names = ", ".join(sorted(self._missing))
             hint = f"{names}: pass the folder of the packages as --resources"
@@ -93,7 +96,7 @@ class _Reader:
         geometry = visual.find("geometry")
         shapes = [one for tag in _GEOMETRIES for one in geometry.children(tag)] if geometry else []
         if not shapes:
-            self._omissions.add("no geometry that is known", "visual")
+            self._omissions.count("no geometry that is known", "visual")
             return
         shape = shapes[0]
         material = self._material(visual)
@@ -123,7 +126,7 @@ class _Reader:
             return
         file = self._files.load(path)
         if isinstance(file, str):
-            self._omissions.add(f"{path.name}: not drawn: {file}", "visual")
+            self._omissions.count(f"{path.name}: not drawn: {file}", "visual")
             return
         for one in file.instances:
             mesh = file.meshes[one.mesh]
@@ -193,7 +196,7 @@ class _Reader:
         try:
             image = Image.open(io.BytesIO(data))
         except Exception:  # Pillow's readers raise exceptions of any type
-            self._omissions.add(f"texture {name} is not an image that can be read", "material")
+            self._omissions.count(f"texture {name} is not an image that can be read", "material")
             return None
         return self._textures.texture(image, element.name)
 

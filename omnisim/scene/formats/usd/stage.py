@@ -9,10 +9,10 @@ from pxr import Tf, Usd, UsdGeom
 
 from omnisim.core.errors import SceneError
 from omnisim.scene.files.file_axes import FileAxes
-from omnisim.scene.formats.usd.notices import Notices
+from omnisim.scene.formats.omissions import Omissions
 
 
-def open_stage(path: Path, notices: Notices) -> Usd.Stage:
+def open_stage(path: Path, notices: Omissions) -> Usd.Stage:
     """Open a stage with all payloads; missing references become notices.
 
     Raises:
