@@ -318,10 +318,13 @@ def _load_mesh_file(
                 animation = options.animation
             choice = AnimationChoice(animation, moves_objects=not options.is_shape)
             with recorded_sources() as sources:
-                read, matrix = read_file(path, axes, options.resources, choice)
+                read, matrix = read_file(
+                    path, axes, options.resources, choice, settings.urdf_materials
+                )
             scene = _scene(str(source), path, read, matrix, settings, options.is_shape)
             moving = choice.name or True if read.objects else None
-            given = source_digest(sources.digest(path.parent), axes, moving)
+            chosen = () if settings.urdf_materials is None else (settings.urdf_materials,)
+            given = source_digest(sources.digest(path.parent), axes, moving, *chosen)
             return with_moving_instances(scene, read.objects).identified(
                 SourceDigests(given, given)
             )

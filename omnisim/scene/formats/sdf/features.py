@@ -24,7 +24,7 @@ def _has_fog(element: Element) -> bool:
 
 
 SDF_FEATURES = (
-    Feature("world, model, link, visual, geometry, @name, @version", _APPLIED, "one instance a visual"),
+    Feature("world, model, link, visual, geometry, name, @name, @version", _APPLIED, "one instance a visual"),
     Feature(
         "box, sphere, ellipsoid, cylinder, cone, capsule, size, radius, radii, length", _APPLIED,
         "round ones to 0.02 % of their radius, coarser where there are more than 20",

@@ -158,6 +158,10 @@ class ModelLibrary:
         model.models.append(inner)
         posed = include if include.find("pose") is not None else entity
         placement = include.text("placement_frame") or entity.attribute("placement_frame")
+        first, _, rest = placement.partition("::")
+        frames = {one.name for one in entity.children("link", "frame", "joint", "model")}
+        if first in (name, entity.name) and first not in frames:  # the model itself
+            placement = rest
         model.scope.add_model(name, posed, inner.scope, placement)
         if is_merged:
             for frame in entity.children("link", "frame", "joint", "model"):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from pxr import Usd, UsdGeom
+from pxr import Usd
 
 from omnisim.scene.formats.features import Feature, Support
 

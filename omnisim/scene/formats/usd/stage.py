@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from pxr import Tf, Usd, UsdGeom
+from pxr import Sdf, Tf, Usd, UsdGeom
 
 from omnisim.core.errors import SceneError
 from omnisim.scene.files.file_axes import FileAxes
 from omnisim.scene.formats.omissions import Omissions
+
+
+_MAX_FAULT = 200  # characters of usd-core's message
 
 
 def open_stage(path: Path, notices: Omissions) -> Usd.Stage:
@@ -28,7 +31,23 @@ def open_stage(path: Path, notices: Omissions) -> Usd.Stage:
             notices.count("files of MaterialX are not read", "reference")
         else:
             notices.add(f"{text}: drawn without it")
+    for layer in stage.GetUsedLayers():
+        _compare_axes(stage, layer, notices)
     return stage
+
+
+def _compare_axes(stage: Usd.Stage, layer: Sdf.Layer, notices: Omissions) -> None:
+    """Add a notice for a layer whose unit or up axis differs from the stage's.
+
+    USD does not convert, and viewers do not either: a composed prim is in the stage's unit.
+    """
+    root = layer.pseudoRoot
+    axes = {"metersPerUnit": UsdGeom.GetStageMetersPerUnit(stage), "upAxis": UsdGeom.GetStageUpAxis(stage)}
+    others = {key: root.GetInfo(key) for key in axes if root.HasInfo(key)}
+    if layer.anonymous or all(others[key] == axes[key] for key in others):
+        return
+    stated = ", ".join(f"{key} = {value} instead of {axes[key]}" for key, value in others.items() if value != axes[key])
+    notices.add(f"{Path(layer.realPath).name}: {stated} of the stage: USD does not convert it")
 
 
 def stage_axes(stage: Usd.Stage) -> FileAxes:
@@ -54,7 +73,8 @@ def _first_line(reason: Tf.ErrorException, path: Path) -> str:
     """Error on one line, without the stage's path, which the message names already."""
     texts = [" ".join(str(error.commentary).split()) for error in reason.args]
     text = next((text for text in texts if not text.startswith("Failed to open layer")), "")
-    return _relative(text, path) or "is damaged, or of another format than its name says"
+    text = re.sub(r"parse error matching .*?(?= at ')", "syntax error", text)  # types of its parser
+    return _relative(text, path)[:_MAX_FAULT] or "is damaged, or of another format than its name says"
 
 
 def _relative(text: str, path: Path) -> str:
