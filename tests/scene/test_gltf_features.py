@@ -231,6 +231,7 @@ USES = {
     "translation, rotation, scale, matrix": lambda p: p.node.update(translation=[1, 2, 3]),
     "mode: 4, 5, 6": lambda p: (
         p.attribute("POSITION", np.concatenate((CORNERS, [[1, 1, 0]])).astype("<f4"), "VEC3"),
+        p.attribute("TEXCOORD_0", np.zeros((4, 2), "<f4"), "VEC2"),
         p.primitive.update(mode=5),
     ),
     "mode: 0, 1, 2, 3": lambda p: p.mesh["primitives"].append({**p.primitive, "mode": 1}),

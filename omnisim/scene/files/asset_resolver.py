@@ -69,7 +69,9 @@ class AssetResolver(Mapping[str, bytes]):
         try:
             path = self._find(name)
             if path is None and (tiles := re.search(r"<(UDIM|UVTILE)>", name)) is not None:
-                self.faults[name] = "is a set of UDIM tiles, of which the first, 1001, is drawn alone"
+                self.faults[name] = (
+                    "is a set of UDIM tiles, of which the first, 1001, is drawn alone"
+                )
                 first = {"UDIM": "1001", "UVTILE": "u1_v1"}[tiles[1]]
                 path = self._find(name.replace(tiles[0], first))
             data = b"" if path is None else read_source(path)

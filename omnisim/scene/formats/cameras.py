@@ -50,7 +50,9 @@ class Cameras:
             return
         self._poses[free] = pose
         if isinstance(lens, str):
-            self.notices.append(f"camera {free!r}: its pose is a viewpoint, its lens is not: {lens}")
+            self.notices.append(
+                f"camera {free!r}: its pose is a viewpoint, its lens is not: {lens}"
+            )
 
 
 def read_lens(make: Callable[[], CentralCamera | str]) -> CentralCamera | str:

@@ -140,7 +140,7 @@ FEATURES = (
         "channels",
         lambda channel: channel.object("target").text("path", "") == "pointer",
     ),
-    Feature("camera", _APPLIED, "its pose is a viewpoint: `--at-camera`"),
+    Feature("camera", _APPLIED, "a viewpoint, with a perspective lens: `--at-camera`"),
     Feature("baseColorFactor", _APPLIED, "linear"),
     Feature("baseColorTexture", _APPLIED, "with any set of texture coordinates"),
     Feature("wrapS, wrapT", _APPLIED, "repeated, mirrored or clamped"),

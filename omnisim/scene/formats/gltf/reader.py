@@ -89,7 +89,10 @@ def read_gltf(
         materials.read({mesh.material for mesh in meshes.meshes}),
         tuple(instance for _, instance in placed),
         [
-            *materials.notices, *deforming.notices, *feature_notices(drawn, extensions), *dropped,
+            *materials.notices,
+            *deforming.notices,
+            *feature_notices(drawn, extensions),
+            *dropped,
             *cameras.notices,
         ],
         read_lights(root, nodes, in_world),

@@ -111,7 +111,7 @@ def mesh_notices(kind: str, data: bytes) -> list[str]:
         kind: suffix without its dot, or "mtl".
         data: content of the file; of MTL in its normalized form.
     """
-    if kind not in _TABLES:
+    if kind not in _TABLES or (kind == "mtl" and b"newmtl" not in data):
         return []
     features, find = _TABLES[kind]
     return part_notices(features, find(data))

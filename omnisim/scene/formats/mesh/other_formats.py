@@ -91,9 +91,7 @@ def _load_with_trimesh(
             warnings.simplefilter("ignore")
             file = io.BytesIO(data if plain is None else plain)
             apart = {"split_objects": True} if plain is not None else {}
-            return trimesh.load_scene(
-                file, file_type=kind, resolver=assets, process=False, **apart
-            )
+            return trimesh.load_scene(file, file_type=kind, resolver=assets, process=False, **apart)
     except MemoryError:
         raise
     except Exception as reason:  # trimesh's readers raise any exception on a damaged file

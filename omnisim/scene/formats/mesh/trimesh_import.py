@@ -59,7 +59,8 @@ def read_trimesh(source: object, name: str, smooth: bool | None) -> tuple[Import
     if not read.instances:
         raise SceneError(f"{name}: has no triangles to draw")
     notices = [
-        f"{name}: {notice}" for notice in (*textures.notices, *material_notices(read), *read.notices)
+        f"{name}: {notice}"
+        for notice in (*textures.notices, *material_notices(read), *read.notices)
     ]
     return read._replace(notices=list(dict.fromkeys(notices))), _meters_per_unit(source.units)
 
@@ -149,7 +150,9 @@ def _mesh(
         colors = np.repeat(_linear_colors(visual.face_colors), 3, axis=0)
         positions, normals = positions[triangles].reshape(-1, 3), None
         triangles = np.arange(len(positions)).reshape(-1, 3)
-    return make_mesh(name, positions, triangles, material, normals, coordinates, colors, None, dropped)
+    return make_mesh(
+        name, positions, triangles, material, normals, coordinates, colors, None, dropped
+    )
 
 
 @np.errstate(over="ignore", invalid="ignore")  # non-finite coordinates are dropped with the mesh

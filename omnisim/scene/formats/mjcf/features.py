@@ -18,7 +18,9 @@ _APPLIED, _LEFT_OUT, _IGNORED = Support.APPLIED, Support.LEFT_OUT, Support.IGNOR
 
 
 def _exceeds_zero(attribute: str) -> Any:
-    return lambda element: any(one not in ("0", "0.0") for one in element.get(attribute, "").split())
+    return lambda element: any(
+        one not in ("0", "0.0") for one in element.get(attribute, "").split()
+    )
 
 
 def _is_textured(element: Element) -> bool:

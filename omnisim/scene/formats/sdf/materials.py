@@ -270,4 +270,3 @@ def _of_visual(material: Material, visual: XmlElement) -> Material:
         alpha_mode=AlphaMode.BLEND,
         double_sided=True,
     )
-

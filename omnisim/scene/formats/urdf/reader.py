@@ -102,7 +102,7 @@ class _Reader:
             )
         if self._missing:
             names = ", ".join(sorted(self._missing))
-            hint = f"{names}: pass the folder of the packages, by their names in package.xml, as --resources"
+            hint = f"{names}: pass the folder of the packages as --resources"
             count = counted(self._missing.total(), "file")
             if not self._instances:
                 raise SceneError(f"has nothing to draw: {count} not found: {hint}")

@@ -33,7 +33,9 @@ class Lights:
             texture.
     """
 
-    def __init__(self, world_from_stage: NDArray[np.float64], time: Usd.TimeCode, notices: Omissions):
+    def __init__(
+        self, world_from_stage: NDArray[np.float64], time: Usd.TimeCode, notices: Omissions
+    ):
         self.lights: list[Light] = []
         self.dome: tuple[float, float, float] | None = None
         self.environment: NDArray[np.float32] | None = None

@@ -42,11 +42,18 @@ def _compare_axes(stage: Usd.Stage, layer: Sdf.Layer, notices: Omissions) -> Non
     USD does not convert, and viewers do not either: a composed prim is in the stage's unit.
     """
     root = layer.pseudoRoot
-    axes = {"metersPerUnit": UsdGeom.GetStageMetersPerUnit(stage), "upAxis": UsdGeom.GetStageUpAxis(stage)}
+    axes = {
+        "metersPerUnit": UsdGeom.GetStageMetersPerUnit(stage),
+        "upAxis": UsdGeom.GetStageUpAxis(stage),
+    }
     others = {key: root.GetInfo(key) for key in axes if root.HasInfo(key)}
     if layer.anonymous or all(others[key] == axes[key] for key in others):
         return
-    stated = ", ".join(f"{key} = {value} instead of {axes[key]}" for key, value in others.items() if value != axes[key])
+    stated = ", ".join(
+        f"{key} = {value} instead of {axes[key]}"
+        for key, value in others.items()
+        if value != axes[key]
+    )
     notices.add(f"{Path(layer.realPath).name}: {stated} of the stage: USD does not convert it")
 
 
@@ -74,7 +81,9 @@ def _first_line(reason: Tf.ErrorException, path: Path) -> str:
     texts = [" ".join(str(error.commentary).split()) for error in reason.args]
     text = next((text for text in texts if not text.startswith("Failed to open layer")), "")
     text = re.sub(r"parse error matching .*?(?= at ')", "syntax error", text)  # types of its parser
-    return _relative(text, path)[:_MAX_FAULT] or "is damaged, or of another format than its name says"
+    return (
+        _relative(text, path)[:_MAX_FAULT] or "is damaged, or of another format than its name says"
+    )
 
 
 def _relative(text: str, path: Path) -> str:
