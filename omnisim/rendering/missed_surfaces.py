@@ -97,7 +97,7 @@ def _bodies_around(scene: Scene, point_m: NDArray[np.float64]) -> list[str]:
     low_m, high_m = scene.bounds_m()
     is_around = np.all((boxes_m[:, 0] < point_m) & (boxes_m[:, 1] > point_m), axis=1)
     is_room = np.all((boxes_m[:, 1] - boxes_m[:, 0])[:, :2] >= 0.5 * (high_m - low_m)[:2], axis=1)
-    near = tuple(one for one, keep in zip(scene.instances, is_around & ~is_room) if keep)
+    near = tuple(scene.instances[row] for row in np.flatnonzero(is_around & ~is_room))
     return list(enclosing_nodes(dataclasses.replace(scene, instances=near), point_m))
 
 

@@ -114,11 +114,11 @@ def _read_other(file: SourceFile) -> Read:
     from omnisim.scene.formats.mesh.other_formats import read_other
 
     read = read_other(file.path, file.data, file.textures, file.assets)
-    if file.path.suffix.lower() == ".dae" and file.axes.up_axis is None:
-        if b"<up_axis>" not in file.data:
-            read.notices.append(
-                "states no up axis: y is up, as COLLADA says; RViz and Gazebo take z (up_axis)"
-            )
+    is_collada = file.path.suffix.lower() == ".dae"
+    if is_collada and file.axes.up_axis is None and b"<up_axis>" not in file.data:
+        read.notices.append(
+            "states no up axis: y is up, as COLLADA says; RViz and Gazebo take z (up_axis)"
+        )
     return read, file.matrix
 
 

@@ -1,24 +1,33 @@
 """Features of scene formats: applied, omitted with a notice, ignored or refused.
 
-Each format has a table of its features, the source of its notices, of its table in the
+`features.json` has the table of each format, the source of its notices, of its table in the
 documentation and of its tests. A reader lists the parts of a file (elements, keys, properties), and
 `part_notices` compares them with the table: parts that are left out or unknown become notices.
+
+A row has names with one purpose, the support and its effect; for omitted parts also the noun that
+is counted, and the test of their values. In XML a name is `tag`, `parent/tag`, `tag/*` (with all
+that is in it), `parent/…` (its other children), `tag@attribute`, `@attribute`, or `@*`.
 """
 
 from __future__ import annotations
 
+import json
 import re
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
+from functools import cache
+from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
 
 from omnisim.core.short_repr import counted
 
-Parts = Iterable[tuple[str, Any]]  # names of parts, each with the object that it is tested on
+Parts = Iterable[tuple[str, str]]  # names of parts with their values
 _SHOWN = 6  # unknown names in a notice
+_TABLES = Path(__file__).with_suffix(".json")
+_OFF = ("", "0", "false", "none", "off", "default", "inherited")
 
 
 class Support(Enum):
@@ -35,14 +44,13 @@ class Feature:
     """Part of a format, such as an element, a key or an extension.
 
     Attributes:
-        name: name in the file, or several names with one purpose. In XML: `tag`, `parent/tag`,
-            `tag/*` for an element with all that is in it, `tag@attribute` or `@attribute`.
+        name: name in the file, or several names with one purpose.
         support: level of support in omnisim.
         effect: notice for an omitted feature, also used in the documentation.
         group: noun of the counted parts in a notice. In glTF: field of `DrawnObjects` with the
             objects that can have the feature; empty: an omitted extension is reported by name, and
             other features are not reported.
-        is_used: predicate for parts that the feature would change.
+        is_used: predicate for the values of parts that the feature would change.
     """
 
     name: str
@@ -62,51 +70,87 @@ class Feature:
         return tuple(name for name in self.names if re.match(r"[A-Z]+_[a-z]", name))
 
 
-def part_notices(features: Sequence[Feature], parts: Parts) -> list[str]:
+def _is_on(value: str) -> bool:
+    return value.strip().lower() not in _OFF
+
+
+def _is_nonzero(value: str) -> bool:
+    """True for numbers other than 0, and for words that are no numbers, such as file names."""
+    return any(word.strip("0.-+(),@") for word in value.split())
+
+
+_TESTS: Mapping[str, Callable[[str], bool]] = {
+    "on": _is_on,
+    "off": lambda value: not _is_on(value),
+    "nonzero": _is_nonzero,
+    "not one": lambda value: any(re.sub(r"\.0*$", "", word) != "1" for word in value.split()),
+    "lit": lambda value: not value.strip() or _is_nonzero(" ".join(value.split()[:3])),
+}
+
+
+@cache
+def _tables() -> dict[str, list[list[str]]]:
+    tables: dict[str, list[list[str]]] = json.loads(_TABLES.read_text(encoding="utf-8"))
+    return tables
+
+
+TABLES = ("gltf", "sdf", "urdf", "mjcf", "usd", "obj", "mtl", "ply", "stl", "off", "dae")
+
+
+@cache
+def feature_table(table: str) -> tuple[Feature, ...]:
+    """Features of a format."""
+    return tuple(
+        Feature(names, Support(support), effect, *rest[:1], *map(_TESTS.__getitem__, rest[1:]))
+        for names, support, effect, *rest in _tables()[table]
+    )
+
+
+@cache
+def _features_by_name(table: str) -> dict[str, Feature]:
+    return {name: feature for feature in feature_table(table) for name in feature.names}
+
+
+def part_notices(table: str, parts: Parts) -> list[str]:
     """Notices for parts of a file that its reader leaves out or does not know, one line each."""
-    feature_of = {name: feature for feature in features for name in feature.names}
-    counts: Counter[str] = Counter()
+    counts: Counter[tuple[str, str]] = Counter()
     unknown: dict[str, None] = {}
-    for name, part in parts:
-        feature = feature_of.get(name)
+    for name, value in parts:
+        feature = _features_by_name(table).get(name)
         if feature is None:
             unknown[name] = None
-        elif feature.support is Support.LEFT_OUT and feature.is_used(part):
+        elif feature.support is Support.LEFT_OUT and feature.is_used(value):
             counts[feature.effect, feature.group or name.rpartition("/")[2]] += 1
-    notices = [
-        f"{effect} ({counted(count, noun, 'meshes' if noun == 'mesh' else '')})"
-        for (effect, noun), count in counts.items()
-    ]
+    notices = [f"{effect} ({counted(count, noun)})" for (effect, noun), count in counts.items()]
     if unknown:
         more = ", …" if len(unknown) > _SHOWN else ""
         notices.append(f"not read: {', '.join([*unknown][:_SHOWN])}{more}")
     return notices
 
 
-def xml_parts(
-    root: Element, features: Sequence[Feature], apart: Collection[str] = ()
-) -> Iterator[tuple[str, Element]]:
+def xml_parts(root: Element, table: str, apart: Collection[str] = ()) -> Parts:
     """Elements and attributes of an XML tree, by their names in a table.
 
     Elements that are not applied are not looked into, and neither are those `apart`. Elements and
     attributes with a prefix, as in `drake:compliance`, are extensions unless the table has them.
     """
-    known = {name: feature.support for feature in features for name in feature.names}
-    waiting = [root]
-    while waiting:
-        element = waiting.pop()
+    known = {name: feature.support for name, feature in _features_by_name(table).items()}
+
+    def parts(element: Element) -> Iterator[tuple[str, str]]:
         parent = element.tag.rpartition("}")[2]
-        for attribute in element.attrib:
+        for attribute, value in element.attrib.items():
             names = f"{parent}@{attribute}", f"@{attribute}"
             name = next((one for one in names if one in known), names[0])
             if name in known or not (":" in name or "@*" in known):
-                yield name, element
-        for child in reversed(element):
+                yield name, value
+        for child in element:
             tag = child.tag.rpartition("}")[2]
-            names = f"{parent}/{tag}", f"{tag}/*", tag
+            names = f"{parent}/{tag}", f"{tag}/*", tag, f"{parent}/…"
             name = next((one for one in names if one in known), tag)
             if tag in apart or (":" in tag and name not in known):
                 continue
-            yield name, child
+            yield name, " ".join(child.itertext()) if known.get(name) is Support.LEFT_OUT else ""
             if known.get(name) is Support.APPLIED and not name.endswith("/*"):
-                waiting.append(child)
+                yield from parts(child)
+
+    return parts(root)

@@ -23,6 +23,7 @@ from omnisim.robots.importers.imported_robot import (
     load_body,
 )
 from omnisim.scene.files.search_path import ResourcePath
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.sdf.models import (
     Model,
     ModelLibrary,
@@ -30,7 +31,6 @@ from omnisim.scene.formats.sdf.models import (
     read_root,
     unique_name,
 )
-from omnisim.scene.formats.omissions import Omissions
 from omnisim.sensors.sensor_names import folder_name
 
 _GROUND_M = 0.02  # maximum height of the body's lowest point above or below the ground

@@ -16,11 +16,11 @@ from omnisim.core.errors import SceneError
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.short_repr import counted
 from omnisim.scene.files.imported_scene import ImportedScene, translate
+from omnisim.scene.formats import features
 from omnisim.scene.formats.cameras import Cameras, read_lens
 from omnisim.scene.formats.features import part_notices, xml_parts
 from omnisim.scene.formats.mjcf.camera_lens import lens_of
 from omnisim.scene.formats.mjcf.deformables import visible_deformables
-from omnisim.scene.formats.mjcf.features import MJCF_FEATURES, drawn_parts
 from omnisim.scene.formats.mjcf.geometry import Geom
 from omnisim.scene.formats.mjcf.lights import read_background, read_lighting, transformed
 from omnisim.scene.formats.mjcf.meshes import Meshes, Parts
@@ -40,9 +40,9 @@ def read_mjcf(path: Path, world_from_file: NDArray[np.float64]) -> ImportedScene
         SceneError: MuJoCo cannot read the file.
     """
     model, data, warnings = load_model(path)
-    parts = chain(*(xml_parts(root, MJCF_FEATURES) for root in note_model_files(path)))
-    drawn = drawn_parts(model, VISIBLE_GROUPS)
-    unread, cameras = part_notices(MJCF_FEATURES, chain(parts, drawn)), Cameras()
+    parts = chain(*(xml_parts(root, "mjcf") for root in note_model_files(path)))
+    unread = part_notices("mjcf", chain(parts, _drawn_parts(model, VISIBLE_GROUPS)))
+    cameras = Cameras()
     try:
         read = ModelReader(model, data, VISIBLE_GROUPS).read()
     except UnicodeDecodeError as reason:
@@ -174,6 +174,18 @@ class ModelReader:
 def _place(name: str, parts: Parts, pose: NDArray[np.float64]) -> list[Instance]:
     """Instances of an element's meshes at its pose."""
     return [Instance(name, mesh, translate(pose, center), pose) for mesh, center in parts]
+
+
+def _drawn_parts(model: mujoco.MjModel, groups: Collection[int]) -> features.Parts:
+    """Sites and spatial tendons that MuJoCo draws."""
+    for site in range(model.nsite):
+        if int(model.site_group[site]) in groups and model.site_rgba[site, 3] > 0.0:
+            yield "visible sites", ""
+    for tendon in range(model.ntendon):
+        kind = int(model.wrap_type[model.tendon_adr[tendon]])
+        is_visible = int(model.tendon_group[tendon]) in groups and model.tendon_rgba[tendon, 3] > 0
+        if is_visible and kind != mujoco.mjtWrap.mjWRAP_JOINT:
+            yield "visible tendons", ""
 
 
 def _one_line(text: str) -> str:

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.scene.formats.omissions import Omissions
+from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.scene.parts import Light, LightKind
 
 _KINDS = {kind.value: kind for kind in LightKind}

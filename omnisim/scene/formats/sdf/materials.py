@@ -15,10 +15,10 @@ from PIL import Image
 
 from omnisim.core.files.sources import read_source
 from omnisim.scene.files.search_path import ResourcePath
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.sdf.heightmaps import Layer, blend
 from omnisim.scene.formats.sdf.scripts import GAZEBO_MATERIALS, ScriptMaterial, read_scripts
 from omnisim.scene.formats.xml.element import XmlElement
-from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.parts import AlphaMode, Material, Texture
 from omnisim.scene.textures import NO_IMAGE, TextureStore, alpha_mode_of, unreadable_image
 

@@ -18,13 +18,13 @@ from omnisim.core.errors import SceneError
 from omnisim.core.files.sources import read_source
 from omnisim.core.short_repr import counted
 from omnisim.scene.files.search_path import ResourcePath
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.sdf.builtin_models import BUILTIN_MODELS
 from omnisim.scene.formats.sdf.frames import Scope, UnplacedError
 from omnisim.scene.formats.sdf.model_folder import model_file, read_xml
 from omnisim.scene.formats.sdf.shapes import ROUND
 from omnisim.scene.formats.xml.document import parse_xml
 from omnisim.scene.formats.xml.element import XmlElement
-from omnisim.scene.formats.omissions import Omissions
 
 _MAX_DEPTH = 24  # nesting depth of models
 _MAX_MODELS = 200_000  # models per world: a few files with repeated includes could make billions

@@ -6,7 +6,6 @@ import itertools
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from xml.etree.ElementTree import Element
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,6 @@ from omnisim.scene.formats.cameras import Cameras, read_lens
 from omnisim.scene.formats.features import part_notices, xml_parts
 from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.sdf import shapes
-from omnisim.scene.formats.sdf.features import SDF_FEATURES
 from omnisim.scene.formats.sdf.frames import UnplacedError
 from omnisim.scene.formats.sdf.heightmaps import read_levels, terrain
 from omnisim.scene.formats.sdf.lights import read_light
@@ -99,13 +97,13 @@ class _Reader:
         self._library.drop_unplaced(world)
         scene = outer.find("scene")
         background = None if scene is None else self._read_scene(scene)
-        parts: dict[int, list[tuple[str, Element]]] = {}  # by id: files may be included repeatedly
+        parts: dict[int, list[tuple[str, str]]] = {}  # by id: files may be included repeatedly
         for placed in placed_models(world):
             self._read_model(placed)
             own = placed.model.element.element
             if id(own) not in parts:
-                parts[id(own)] = list(xml_parts(own, SDF_FEATURES, ("model",)))
-        unread = part_notices(SDF_FEATURES, itertools.chain(*parts.values()))
+                parts[id(own)] = list(xml_parts(own, "sdf", ("model",)))
+        unread = part_notices("sdf", itertools.chain(*parts.values()))
         notices = [
             *self._library.notices, *unread, *self._omissions.notices, *self._files.notices,
             *self._cameras.notices,

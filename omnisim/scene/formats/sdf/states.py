@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from omnisim.core.poses import inverse
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.sdf.models import Model, with_pose_of
 from omnisim.scene.formats.xml.element import XmlElement
-from omnisim.scene.formats.omissions import Omissions
 
 _UNIT = (1.0, 1.0, 1.0)
 

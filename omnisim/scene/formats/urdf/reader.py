@@ -22,7 +22,6 @@ from omnisim.scene.files.search_path import ResourcePath
 from omnisim.scene.formats.features import part_notices, xml_parts
 from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.sdf.meshes import MeshLibrary
-from omnisim.scene.formats.urdf.features import URDF_FEATURES
 from omnisim.scene.formats.urdf.kinematics import link_poses
 from omnisim.scene.formats.xml.document import parse_xml
 from omnisim.scene.formats.xml.element import XmlElement
@@ -92,7 +91,7 @@ class _Reader:
         for link in robot.children("link"):
             for visual in link.children("visual"):
                 self._read_visual(link, visual, poses[link.name] @ visual.origin())
-        unread = part_notices(URDF_FEATURES, xml_parts(robot.element, URDF_FEATURES))
+        unread = part_notices("urdf", xml_parts(robot.element, "urdf"))
         notices = [*unread, *self._omissions.notices, *self._files.notices]
         if self._hidden and self._chosen is None:
             notices.append(

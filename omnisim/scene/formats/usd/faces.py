@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.formats.usd.corners import Corners, PrimvarValues
 from omnisim.scene.formats.omissions import Omissions
+from omnisim.scene.formats.usd.corners import Corners, PrimvarValues
 from omnisim.scene.formats.usd.polygons import triangulate
 from omnisim.scene.formats.usd.primvars import find_primvar, integers, rows
 from omnisim.scene.formats.usd.shapes import read_shape

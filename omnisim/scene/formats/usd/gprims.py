@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdShade
 
 from omnisim.scene.files.imported_scene import PLAIN_GRAY, make_mesh
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.usd.corners import PrimvarValues, make_vertices
 from omnisim.scene.formats.usd.faces import Faces, mesh_faces, shape_faces
-from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.usd.primvars import find_primvar, integers
 from omnisim.scene.formats.usd.shapes import is_shape
 from omnisim.scene.formats.usd.surfaces import Appearance, Surfaces

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdLux
 
-from omnisim.scene.formats.usd.dome_maps import dome_map, mean_radiance
 from omnisim.scene.formats.omissions import Omissions
+from omnisim.scene.formats.usd.dome_maps import dome_map, mean_radiance
 from omnisim.scene.formats.usd.shading.shading import numbers
 from omnisim.scene.parts import Light, LightKind
 

@@ -9,9 +9,11 @@ from pxr import Sdf, Tf, Usd, UsdGeom
 
 from omnisim.core.errors import SceneError
 from omnisim.scene.files.file_axes import FileAxes
+from omnisim.scene.formats.features import Parts, feature_table
 from omnisim.scene.formats.omissions import Omissions
 
-
+_LIGHTS = ("SphereLight", "DiskLight", "RectLight", "CylinderLight", "DistantLight", "DomeLight")
+_READ_TYPES = ("Mesh", "Camera", *_LIGHTS)  # types all of whose properties are looked at
 _MAX_FAULT = 200  # characters of usd-core's message
 
 
@@ -67,6 +69,21 @@ def stage_axes(stage: Usd.Stage) -> FileAxes:
     if not 0.0 < unit < 1e30:
         raise SceneError(f"metersPerUnit = {unit:g}: expected a number > 0")
     return FileAxes(str(UsdGeom.GetStageUpAxis(stage)).lower(), unit)
+
+
+def stage_parts(stage: Usd.Stage, time: Usd.TimeCode) -> Parts:
+    """Types and schemas of the prims of a stage and its prototypes, and properties of some."""
+    known = {name for feature in feature_table("usd") for name in feature.names}
+    roots = (stage.GetPseudoRoot(), *stage.GetPrototypes())
+    for prim in (one for root in roots for one in Usd.PrimRange(root)):
+        kind = str(prim.GetTypeName())
+        names = [kind, *(one for one in prim.GetAppliedSchemas() if one in known)]
+        yield from ((name, "") for name in names if name)
+        for attribute in prim.GetAuthoredProperties():
+            name = str(attribute.GetName())
+            if name in known or (kind in _READ_TYPES and ":" not in name):
+                is_value = isinstance(attribute, Usd.Attribute)
+                yield name, str(attribute.Get(time)) if is_value else "targets"
 
 
 def first_time(stage: Usd.Stage) -> Usd.TimeCode:

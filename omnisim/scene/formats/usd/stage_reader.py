@@ -21,13 +21,12 @@ from omnisim.scene.formats.cameras import Cameras, read_lens
 from omnisim.scene.formats.features import part_notices
 from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.usd.cameras import lens_of, start_of_camera
-from omnisim.scene.formats.usd.features import USD_FEATURES, stage_parts
 from omnisim.scene.formats.usd.gprims import Gprims
 from omnisim.scene.formats.usd.instancers import read_copies
 from omnisim.scene.formats.usd.lights import Lights, is_light
 from omnisim.scene.formats.usd.shading.texture_files import TextureFiles
 from omnisim.scene.formats.usd.shapes import is_shape
-from omnisim.scene.formats.usd.stage import first_time, open_stage, stage_axes
+from omnisim.scene.formats.usd.stage import first_time, open_stage, stage_axes, stage_parts
 from omnisim.scene.formats.usd.surfaces import Surfaces
 from omnisim.scene.formats.usd.walk import Site, Walk
 from omnisim.scene.parts import Instance, LabelRule, StartPose
@@ -111,7 +110,7 @@ class _Reader:
         read.notices.extend(
             [
                 *self._assets.notices, *self._textures.notices, *self._notices.notices,
-                *part_notices(USD_FEATURES, stage_parts(self._stage, self._time)),
+                *part_notices("usd", stage_parts(self._stage, self._time)),
                 *self._cameras.notices,
             ]
         )  # fmt: skip
