@@ -80,6 +80,7 @@ def _is_nonzero(value: str) -> bool:
 
 
 _TESTS: Mapping[str, Callable[[str], bool]] = {
+    "": lambda _: True,
     "on": _is_on,
     "off": lambda value: not _is_on(value),
     "nonzero": _is_nonzero,
@@ -101,7 +102,7 @@ TABLES = ("gltf", "sdf", "urdf", "mjcf", "usd", "obj", "mtl", "ply", "stl", "off
 def feature_table(table: str) -> tuple[Feature, ...]:
     """Features of a format."""
     return tuple(
-        Feature(names, Support(support), effect, *rest[:1], *map(_TESTS.__getitem__, rest[1:]))
+        Feature(names, Support(support), effect, (*rest, "")[0], _TESTS["".join(rest[1:])])
         for names, support, effect, *rest in _tables()[table]
     )
 
@@ -139,8 +140,8 @@ def xml_parts(root: Element, table: str, apart: Collection[str] = ()) -> Parts:
     def parts(element: Element) -> Iterator[tuple[str, str]]:
         parent = element.tag.rpartition("}")[2]
         for attribute, value in element.attrib.items():
-            names = f"{parent}@{attribute}", f"@{attribute}"
-            name = next((one for one in names if one in known), names[0])
+            own, shared = f"{parent}@{attribute}", f"@{attribute}"
+            name = shared if shared in known and own not in known else own
             if name in known or not (":" in name or "@*" in known):
                 yield name, value
         for child in element:

@@ -10,6 +10,7 @@ import logging
 import warnings
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -90,7 +91,7 @@ def _load_with_trimesh(
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
             file = io.BytesIO(data if plain is None else plain)
-            apart = {"split_objects": True} if plain is not None else {}
+            apart: dict[str, Any] = {"split_objects": True} if plain is not None else {}
             return trimesh.load_scene(file, file_type=kind, resolver=assets, process=False, **apart)
     except MemoryError:
         raise

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Usd, UsdGeom
+from pxr import Usd
 
 from omnisim.cameras import (
     CentralCamera,
@@ -36,7 +36,7 @@ def start_of_camera(world_from_camera: NDArray[np.float64]) -> StartPose | None:
     return StartPose((x, y, z), round(yaw_deg, 6) + 0.0)  # avoids -0.0
 
 
-def lens_of(camera: UsdGeom.Camera, time: Usd.TimeCode) -> CentralCamera | str:
+def lens_of(prim: Usd.Prim, time: Usd.TimeCode) -> CentralCamera | str:
     """Lens of a camera, or the reason why omnisim has none.
 
     NVIDIA's optical centers count pixels from the corner of the first pixel, like its image sizes.
@@ -44,29 +44,30 @@ def lens_of(camera: UsdGeom.Camera, time: Usd.TimeCode) -> CentralCamera | str:
     Source: UsdGeomCamera; NVIDIA's schemas OmniLensDistortion…API, and the older attributes
     `cameraProjectionType` and `fthetaPolyA` to `fthetaPolyE`.
     """
-    prim = camera.GetPrim()
-
-    def values(prefix: str, *keys: str) -> list[float]:
-        found = (prim.GetAttribute(f"{prefix}{key}") for key in keys)
-        return [float(one.Get(time) or 0.0) if one else 0.0 for one in found]
 
     def value(name: str) -> Any:
         attribute = prim.GetAttribute(name)
         return attribute.Get(time) if attribute else None
 
+    def values(prefix: str, *keys: str) -> list[float]:
+        return [float(value(f"{prefix}{key}") or 0.0) for key in keys]
+
     older = str(value("cameraProjectionType") or "pinhole")
     model = str(value("omni:lensdistortion:model") or ("" if older == "pinhole" else older))
     prefix = f"omni:lensdistortion:{model}:"
+    if not model:
+        across, down, focal = values("", "horizontalAperture", "verticalAperture", "focalLength")
+        right, up = values("", "horizontalApertureOffset", "verticalApertureOffset")
+        if value("projection") == "orthographic":
+            return "it is orthographic"
+        return pinhole((across, down), focal, (right, up))
     if model in ("opencvPinhole", "opencvFisheye"):
         width, height = map(int, value(f"{prefix}imageSize") or (2048, 1024))
-        fx, fy, cx, cy = values(prefix, "fx", "fy", "cx", "cy")
-        center = cx - 0.5, cy - 0.5
-        if model == "opencvFisheye":
-            coefficients = tuple(values(prefix, "k1", "k2", "k3", "k4"))
-            return KannalaBrandtCamera(width, height, (fx, fy), center, coefficients)
-        keys = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4")
-        distortion = tuple(values(prefix, *keys))
-        return RationalPolynomialCamera(width, height, (fx, fy), center, distortion)
+        fx, fy, u, v = values(prefix, "fx", "fy", "cx", "cy")
+        keys = "k1 k2 k3 k4" if model == "opencvFisheye" else "k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4"
+        make = KannalaBrandtCamera if model == "opencvFisheye" else RationalPolynomialCamera
+        coefficients = tuple(values(prefix, *keys.split()))
+        return make(width, height, (fx, fy), (u - 0.5, v - 0.5), coefficients)
     if model in ("ftheta", "kannalaBrandtK3"):
         width, height = map(int, values(prefix, "nominalWidth", "nominalHeight"))
         u, v = map(float, value(f"{prefix}opticalCenter") or (0.5 * width, 0.5 * height))
@@ -76,20 +77,8 @@ def lens_of(camera: UsdGeom.Camera, time: Usd.TimeCode) -> CentralCamera | str:
         width, height = map(int, values("ftheta", "Width", "Height"))
         u, v, field_deg = values("ftheta", "Cx", "Cy", "MaxFov")
         k = values("fthetaPoly", "A", "B", "C", "D", "E")
-    elif model:
-        return f"omnisim has no model {model}"
-    elif str(camera.GetProjectionAttr().Get(time)) != "perspective":
-        return "it is orthographic"
     else:
-        across, down, focal, right, up = (
-            float(one.Get(time))
-            for one in (
-                camera.GetHorizontalApertureAttr(), camera.GetVerticalApertureAttr(),
-                camera.GetFocalLengthAttr(), camera.GetHorizontalApertureOffsetAttr(),
-                camera.GetVerticalApertureOffsetAttr(),
-            )
-        )  # fmt: skip
-        return pinhole((across, down), focal, (right, up))
+        return f"omnisim has no model {model}"
     center, theta_max_rad = (u - 0.5, v - 0.5), math.radians(0.5 * field_deg) or math.pi
     if model == "kannalaBrandtK3":
         shares = (k[1] / k[0], k[2] / k[0], k[3] / k[0], 0.0)

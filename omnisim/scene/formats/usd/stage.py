@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from pxr import Sdf, Tf, Usd, UsdGeom
+from pxr import Tf, Usd, UsdGeom
 
 from omnisim.core.errors import SceneError
 from omnisim.scene.files.file_axes import FileAxes
@@ -33,30 +33,28 @@ def open_stage(path: Path, notices: Omissions) -> Usd.Stage:
             notices.count("files of MaterialX are not read", "reference")
         else:
             notices.add(f"{text}: drawn without it")
-    for layer in stage.GetUsedLayers():
-        _compare_axes(stage, layer, notices)
+    _compare_axes(stage, notices)
     return stage
 
 
-def _compare_axes(stage: Usd.Stage, layer: Sdf.Layer, notices: Omissions) -> None:
-    """Add a notice for a layer whose unit or up axis differs from the stage's.
+def _compare_axes(stage: Usd.Stage, notices: Omissions) -> None:
+    """Add a notice for each layer whose unit or up axis differs from the stage's.
 
     USD does not convert, and viewers do not either: a composed prim is in the stage's unit.
     """
-    root = layer.pseudoRoot
-    axes = {
-        "metersPerUnit": UsdGeom.GetStageMetersPerUnit(stage),
-        "upAxis": UsdGeom.GetStageUpAxis(stage),
-    }
-    others = {key: root.GetInfo(key) for key in axes if root.HasInfo(key)}
-    if layer.anonymous or all(others[key] == axes[key] for key in others):
-        return
-    stated = ", ".join(
-        f"{key} = {value} instead of {axes[key]}"
-        for key, value in others.items()
-        if value != axes[key]
-    )
-    notices.add(f"{Path(layer.realPath).name}: {stated} of the stage: USD does not convert it")
+    axes = ("metersPerUnit", UsdGeom.GetStageMetersPerUnit(stage)), (
+        "upAxis", UsdGeom.GetStageUpAxis(stage)
+    )  # fmt: skip
+    for layer in stage.GetUsedLayers():
+        root = layer.pseudoRoot
+        others = [
+            f"{key} = {root.GetInfo(key)} instead of {value}"
+            for key, value in axes
+            if layer.realPath and root.HasInfo(key) and root.GetInfo(key) != value
+        ]
+        if others:
+            name = Path(layer.realPath).name
+            notices.add(f"{name}: {', '.join(others)} of the stage: USD does not convert it")
 
 
 def stage_axes(stage: Usd.Stage) -> FileAxes:

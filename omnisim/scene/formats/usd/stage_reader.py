@@ -136,7 +136,7 @@ class _Reader:
             elif prim.IsA(UsdGeom.Camera):
                 world_from_camera = self._world_from_stage @ site.stage_from_prim
                 self._start = self._start or start_of_camera(world_from_camera)
-                lens = read_lens(partial(lens_of, UsdGeom.Camera(prim), self._time))
+                lens = read_lens(partial(lens_of, prim, self._time))
                 self._cameras.add(self._walk.path_name(prim), world_from_camera, lens)
             elif prim.IsA(UsdGeom.PointInstancer):
                 placed += self._copies(site, owners, nested)
