@@ -194,7 +194,7 @@ def read_file(
     with large_textures():
         read, matrix = _read_other(file) if scene_format is None else scene_format.read(file)
     if not read.instances:
-        raise SceneError("has no triangles to draw")
+        raise SceneError("; ".join(["has no triangles to draw", *read.notices[:1]]))
     own = material_notices(read)
     notices = [*file.assets.notices, *file.textures.notices, *own, *read.notices]
     return read._replace(notices=list(dict.fromkeys(notices))), matrix

@@ -60,7 +60,7 @@ def read_lens(make: Callable[[], CentralCamera | str]) -> CentralCamera | str:
     try:
         return make()
     except (OmnisimError, ArithmeticError, ValueError) as reason:
-        return " ".join(str(reason).split())
+        return " ".join(str(reason).removeprefix("camera: ").split())
 
 
 def pinhole(

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.calibration.formats.gazebo import read_lens as gazebo_lens
 from omnisim.core.errors import SceneError
 from omnisim.scene.files.imported_scene import ImportedScene, make_mesh, translate
 from omnisim.scene.files.search_path import ResourcePath
@@ -142,10 +141,12 @@ class _Reader:
         self, placed: PlacedModel, link: XmlElement, sensor: XmlElement, camera: XmlElement
     ) -> None:
         """Camera as a viewpoint; Gazebo's look along x, z up."""
+        from omnisim.cameras.calibration.formats import gazebo  # seldom needed
+
         pose = self._pose_of(placed, sensor, link.name)
         if pose is not None:
             name = f"{placed.path}{sensor.name or camera.name or 'camera'}"
-            lens = read_lens(partial(gazebo_lens, camera.element, camera.place))
+            lens = read_lens(partial(gazebo.read_lens, camera.element, camera.place))
             world_from_camera = self._world_from_file @ pose @ camera.pose() @ _BASE_FROM_OPENGL
             self._cameras.add(name, world_from_camera, lens)
 
