@@ -73,7 +73,7 @@ def viewpoint_notes(
     elif near is None:
         triangles = triangles_within(still, point_m - seeing.near_m, point_m + seeing.near_m)
         gaps_m = triangle_distances(triangles.corners_m - point_m)
-        if len(gaps_m) and gaps_m.min() < seeing.near_m:
+        if len(gaps_m) and gaps_m.min() < 0.99 * seeing.near_m:
             name = still.instances[triangles.instances[np.argmin(gaps_m)]].name
             notes.append(
                 f"{place} is {gaps_m.min():.2g} m from {name}, nearer than the near plane, "
