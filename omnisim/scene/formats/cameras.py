@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import CentralCamera, PerspectiveCamera
+from omnisim.cameras import CentralCamera
 from omnisim.core.errors import OmnisimError
 from omnisim.core.poses import roll_pitch_yaw_from_rotation
 from omnisim.scene.files.imported_scene import MAX_COORDINATE
@@ -73,6 +73,8 @@ def pinhole(
         focal_length: in the unit of the size.
         offset: of the image plane's middle from the axis, right and up.
     """
+    from omnisim.cameras import PerspectiveCamera  # few files have cameras
+
     per_unit = HEIGHT_PX / size[1]
     width = max(round(size[0] * per_unit), 1)
     middle = (0.5 * (width - 1), 0.5 * (HEIGHT_PX - 1))
