@@ -313,7 +313,9 @@ def test_obj_with_vertices_of_two_numbers_is_refused(tmp_path):
         load_scene(tmp_path / "a.obj")
 
 
-TWO_TRIANGLES = "v 0 0 0\nv 1 0 0\nv 0 1 0\n{first}f 1 2 3\nv 5 0 0\nv 6 0 0\nv 5 1 0\n{second}f 4 5 6\n"
+TWO_TRIANGLES = (
+    "v 0 0 0\nv 1 0 0\nv 0 1 0\n{first}f 1 2 3\nv 5 0 0\nv 6 0 0\nv 5 1 0\n{second}f 4 5 6\n"
+)
 
 
 @pytest.mark.parametrize(
@@ -349,7 +351,9 @@ def test_udim_tiles_are_named_and_the_first_is_drawn(tmp_path):
     scene = load_scene(_obj(tmp_path, "newmtl m\nmap_Kd wood.<UDIM>.png\n"))
     assert scene.materials[0].texture.pixels[0, 0].tolist() == [250, 120, 60, 255]
     (notice,) = scene.notices
-    assert notice.endswith("wood.<UDIM>.png is a set of UDIM tiles, of which the first, 1001, is drawn alone")
+    assert notice.endswith(
+        "wood.<UDIM>.png is a set of UDIM tiles, of which the first, 1001, is drawn alone"
+    )
 
 
 def test_collada_without_an_up_axis_says_which_was_taken(tmp_path):

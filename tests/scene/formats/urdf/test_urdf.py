@@ -228,3 +228,17 @@ def test_a_package_in_a_clone_of_another_name_is_found_by_package_xml(tmp_path):
     elsewhere.write_text(ROBOT)
     for folder in (clone, tmp_path):  # the package itself, or the folder of the clones
         assert "hand/hand" in load_scene(elsewhere, resources=[folder]).instance_names
+
+
+def test_equal_notices_of_several_mesh_files_are_one(tmp_path):
+    (tmp_path / "a.mtl").write_text("newmtl m\nKd 1 0 0\nKs 1 1 1\n")
+    visuals = ""
+    for name in ("a", "b", "c"):
+        path = tmp_path / f"{name}.obj"
+        path.write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n")
+        visuals += f'<visual><geometry><mesh filename="{path.name}"/></geometry></visual>'
+    path = tmp_path / "a.urdf"
+    path.write_text(f'<robot name="r"><link name="l">{visuals}</link></robot>')
+    assert load_scene(path).notices == (
+        "a.urdf: a.obj and 2 more files: highlights are not drawn: surfaces are matte",
+    )
