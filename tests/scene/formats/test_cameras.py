@@ -195,9 +195,9 @@ def test_cameras_of_gazebo(tmp_path):
     path = tmp_path / "a.sdf"
     path.write_text(
         '<sdf version="1.9"><model name="m"><pose>1 2 3 0 0 1</pose><link name="l">'
-        "<visual name='v'><geometry><box/></geometry></visual><sensor name='eye' type='camera'><pose>0 0 1 0 0.2 0"
-        "</pose><camera><horizontal_fov>1.2</horizontal_fov><image><width>640</width><height>480"
-        "</height></image></camera></sensor></link></model></sdf>"
+        "<visual name='v'><geometry><box/></geometry></visual><sensor name='eye' type='camera'>"
+        "<pose>0 0 1 0 0.2 0</pose><camera><horizontal_fov>1.2</horizontal_fov>"
+        "<image><width>640</width><height>480</height></image></camera></sensor></link></model></sdf>"
     )
     (eye,) = load_scene(path).cameras
     assert isinstance(eye.lens, PerspectiveCamera)

@@ -19,7 +19,8 @@ SDF = """<sdf version="1.9"><world name="w"><scene>{scene}</scene>{world}
 <light name="sun" type="spot"><attenuation><constant>0</constant><linear>0</linear><quadratic>1
 </quadratic></attenuation>{light}</light><model name="m"><link name="l">{link}
 <visual name="v"><geometry><box><size>1 2 3</size></box></geometry><material>
-<diffuse>1 0 0</diffuse><pbr><metal>{metal}</metal></pbr></material></visual>{visual}</link></model></world></sdf>"""
+<diffuse>1 0 0</diffuse><pbr><metal>{metal}</metal></pbr></material></visual>{visual}</link></model>
+</world></sdf>"""
 ROBOT = """<robot name="r"><link name="l"><visual><geometry><box size="1 2 3"/></geometry>
 </visual></link><link name="c"/><joint name="j" type="fixed"><parent link="l"/><child link="c"/>
 {joint}</joint>{robot}</robot>"""
@@ -49,9 +50,9 @@ COLLADA = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" versi
 <profile_COMMON><technique sid="t"><phong><diffuse><color>1 0 0 1</color></diffuse>{phong}</phong>
 </technique></profile_COMMON></effect></library_effects><library_materials><material id="m">
 <instance_effect url="#e"/></material></library_materials><library_geometries><geometry id="g">
-<mesh><source id="p"><float_array id="pa" count="9">0 0 0 1 0 0 0 0 2</float_array><technique_common>
-<accessor source="#pa" count="3" stride="3"><param name="X" type="float"/><param name="Y"
-type="float"/><param name="Z" type="float"/></accessor></technique_common></source><vertices id="v">
+<mesh><source id="p"><float_array id="pa" count="9">0 0 0 1 0 0 0 0 2</float_array>
+<technique_common><accessor source="#pa" count="3" stride="3"><param name="X" type="float"/>
+<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source><vertices id="v">
 <input semantic="POSITION" source="#p"/></vertices><triangles count="1"><input semantic="VERTEX"
 source="#v" offset="0"/><p>0 1 2</p></triangles>{mesh}</mesh></geometry>{geometry}
 </library_geometries><library_visual_scenes><visual_scene id="s"><node id="n">

@@ -214,9 +214,7 @@ def test_a_camera_with_distortion_is_left_out_and_the_others_stay(tmp_path):
         "bent", "<distortion><k1>-0.2</k1></distortion>"
     )
     path = tmp_path / "a.sdf"
-    path.write_text(
-        f"<sdf version='1.9'><model name='m'><link name='l'>{sensors}</link></model></sdf>"
-    )
+    path.write_text(sdf(model("m", sensors)))
     imported = import_model(path)
     assert [one.name for one in imported.sensors] == ["plain"]
     assert any(one.startswith("camera bent: left out: ") for one in imported.notices)
