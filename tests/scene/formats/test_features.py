@@ -52,7 +52,8 @@ COLLADA = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" versi
 <instance_effect url="#e"/></material></library_materials><library_geometries><geometry id="g">
 <mesh><source id="p"><float_array id="pa" count="9">0 0 0 1 0 0 0 0 2</float_array>
 <technique_common><accessor source="#pa" count="3" stride="3"><param name="X" type="float"/>
-<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source><vertices id="v">
+<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
+<vertices id="v">
 <input semantic="POSITION" source="#p"/></vertices><triangles count="1"><input semantic="VERTEX"
 source="#v" offset="0"/><p>0 1 2</p></triangles>{mesh}</mesh></geometry>{geometry}
 </library_geometries><library_visual_scenes><visual_scene id="s"><node id="n">

@@ -60,7 +60,7 @@ def _ply_parts(data: bytes) -> Iterator[tuple[str, str]]:
 
 def _stl_parts(data: bytes) -> Iterator[tuple[str, str]]:
     is_text = data.lstrip().startswith(b"solid") and b"endsolid" in data
-    if is_text or (len(data) - 84) % 50:
+    if is_text or len(data) <= 84 or (len(data) - 84) % 50:
         return
     triangles = np.frombuffer(data, np.uint8, offset=84).reshape(-1, 50)
     for _ in range(int(triangles[:, 48:].any(axis=1).sum())):
