@@ -60,7 +60,9 @@ def viewpoint_notes(
     point_m, notes = (world_from_base @ sensor.base_from_rig)[:3, 3], list[str]()
     place = f"the viewpoint ({', '.join(f'{value:.6g}' for value in point_m)}) m"
     seeing, still = sensor.seeing(scene_size_m(scene)), scene.at_start()
-    low_m, high_m = scene.bounds_m()
+    if not still.instances:
+        return notes
+    low_m, high_m = still.bounds_m()
     own = [scene.start.position_m, *(one.position_m for one in scene.cameras)]
     is_own = bool(np.isclose(own, point_m, rtol=0.0, atol=1e-3).all(axis=1).any())
     beside = (point_m < low_m) | (point_m > np.where([True, True, False], high_m, np.inf))

@@ -355,7 +355,12 @@ SAME = {
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("reader", "name"),
-    [("sdf", "a.world"), ("sdf", "cup/cup.sdf"), ("urdf", "a.urdf"), ("dae", "a.dae")],
+    [
+        pytest.param("sdf", "a.world", marks=pytest.mark.long),
+        ("sdf", "cup/cup.sdf"),
+        ("urdf", "a.urdf"),
+        ("dae", "a.dae"),
+    ],
 )
 def test_each_part_of_a_sample_changes_the_scene_or_is_noted(reader, name, tmp_path):
     READERS[reader].build(tmp_path)
