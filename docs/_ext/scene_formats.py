@@ -1,19 +1,21 @@
-"""Tables of the scene formats: features of glTF, and conversions of what is not read."""
+"""Tables of the scene formats: their features, and conversions of what is not read."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from omnisim.scene.files.conversions import CONVERSIONS
-from omnisim.scene.formats.gltf.features import FEATURES
+from omnisim.scene.formats.features import TABLES, feature_table
 
 
-def gltf_features() -> str:
-    """Markdown table of the features of glTF."""
+def features(table: str) -> str:
+    """Markdown table of the features of a format."""
+    first = "property or extension" if table == "gltf" else "part"
     rows = [
-        f"| `{feature.name}` | {feature.support.value} | {feature.effect} |" for feature in FEATURES
+        f"| `{one.name}` | {one.support.value} | {one.effect.replace('<', '&lt;')} |"
+        for one in feature_table(table)
     ]
-    return "\n".join(["| property or extension | support | effect |", "| --- | --- | --- |", *rows])
+    return "\n".join([f"| {first} | support | effect |", "| --- | --- | --- |", *rows])
 
 
 def conversions() -> str:
@@ -29,4 +31,5 @@ def conversions() -> str:
 
 def scene_format_pages() -> dict[str, str]:
     """Markdown of the tables, by the names of their files."""
-    return {"gltf-features": gltf_features() + "\n", "scene-conversions": conversions() + "\n"}
+    tables = {f"{table}-features": features(table) + "\n" for table in TABLES}
+    return {**tables, "scene-conversions": conversions() + "\n"}

@@ -1,6 +1,9 @@
-"""Surfaces that a camera misses, because they are nearer than its virtual cameras' near plane."""
+"""Unusual viewpoints: outside, in objects, or so near to surfaces that a camera misses them."""
 
 from __future__ import annotations
+
+import dataclasses
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,16 +12,21 @@ from omnisim.core.bounds import bounds_of, triangle_bounds
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.near_plane import scene_size_m
 from omnisim.scene import Scene
+from omnisim.scene.parts import instance_bounds_m
+from omnisim.scene.space.enclosure import enclosing_nodes
+from omnisim.scene.space.start_pose import triangle_distances
+from omnisim.scene.space.triangles import triangles_within
 
 _PROBES = 48  # maximum number of rays per image side
 _TRIANGLES_PER_BATCH = 256
 _NAMES = 4  # in a note
+MIN_FIELD_DEG = 10.0  # narrower fields are noted
 
 
 def near_plane_note(
     scene: Scene, sensor: OmniCamera, world_from_base: NDArray[np.float64]
 ) -> str | None:
-    """Note on surfaces that are missing because they are too near; None: no such surfaces.
+    """Note on visible surfaces that are missing because they are too near; None: none.
 
     Args:
         scene: visible scene.
@@ -34,6 +42,65 @@ def near_plane_note(
         f"nearer than the near plane, {seeing.near_m:.3g} m, and not seen there: "
         f"{', '.join(names[:_NAMES])}{more} (virtual_cameras.near_m of a sensor file)"
     )
+
+
+def viewpoint_notes(
+    scene: Scene, sensor: OmniCamera, world_from_base: NDArray[np.float64]
+) -> list[str]:
+    """Notes on an unusual viewpoint or field of view, one line each.
+
+    The viewpoint is outside of the scene, inside an object, or nearer to a surface than the near
+    plane; the field is narrower than `MIN_FIELD_DEG`. The scene's own viewpoints are not outside.
+
+    Args:
+        scene: visible scene.
+        sensor: camera before it takes the scene's near plane.
+        world_from_base: (4, 4) pose of its vehicle.
+    """
+    point_m, notes = (world_from_base @ sensor.base_from_rig)[:3, 3], list[str]()
+    place = f"the viewpoint ({', '.join(f'{value:.6g}' for value in point_m)}) m"
+    seeing, still = sensor.seeing(scene_size_m(scene)), scene.at_start()
+    if not still.instances:
+        return notes
+    low_m, high_m = still.bounds_m()
+    own = [scene.start.position_m, *(one.position_m for one in scene.cameras)]
+    is_own = bool(np.isclose(own, point_m, rtol=0.0, atol=1e-3).all(axis=1).any())
+    beside = (point_m < low_m) | (point_m > np.where([True, True, False], high_m, np.inf))
+    near = near_plane_note(scene, sensor, world_from_base)
+    if around := _bodies_around(still, point_m):
+        notes.append(f"{place} is inside of {', '.join(around[:_NAMES])}")
+    elif beside.any() and not is_own:
+        low, high = (" ".join(f"{value:.4g}" for value in end) for end in (low_m, high_m))
+        notes.append(f"{place} is outside of the scene, which is from {low} to {high} m")
+    elif near is None:
+        triangles = triangles_within(still, point_m - seeing.near_m, point_m + seeing.near_m)
+        gaps_m = triangle_distances(triangles.corners_m - point_m)
+        if len(gaps_m) and gaps_m.min() < 0.99 * seeing.near_m:
+            name = still.instances[triangles.instances[np.argmin(gaps_m)]].name
+            notes.append(
+                f"{place} is {gaps_m.min():.2g} m from {name}, nearer than the near plane, "
+                f"{seeing.near_m:.3g} m"
+            )
+    directions = _probe_rays(sensor)[1]
+    if len(directions):
+        middle = directions.mean(axis=0)
+        cosine = float((directions @ middle).min() / max(np.linalg.norm(middle), 1e-9))
+        field_deg = 2.0 * math.degrees(math.acos(min(max(cosine, -1.0), 1.0)))
+        if field_deg < MIN_FIELD_DEG:
+            notes.append(
+                f"the camera sees a field of {field_deg:.3g}°: angles named _deg are in degrees"
+            )
+    return notes if near is None else [*notes, near]
+
+
+def _bodies_around(scene: Scene, point_m: NDArray[np.float64]) -> list[str]:
+    """Names of closed objects around a point, but for rooms: those half as wide as the scene."""
+    boxes_m = instance_bounds_m(scene.meshes, scene.instances)
+    low_m, high_m = scene.bounds_m()
+    is_around = np.all((boxes_m[:, 0] < point_m) & (boxes_m[:, 1] > point_m), axis=1)
+    is_room = np.all((boxes_m[:, 1] - boxes_m[:, 0])[:, :2] >= 0.5 * (high_m - low_m)[:2], axis=1)
+    near = tuple(scene.instances[row] for row in np.flatnonzero(is_around & ~is_room))
+    return list(enclosing_nodes(dataclasses.replace(scene, instances=near), point_m))
 
 
 def surfaces_too_near(

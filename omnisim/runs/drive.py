@@ -31,7 +31,7 @@ from omnisim.core.trajectories.odometry import Odometry
 from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.core.version import __version__
 from omnisim.ground_truth.npy import ChannelFormat
-from omnisim.rendering.missed_surfaces import near_plane_note
+from omnisim.rendering.missed_surfaces import viewpoint_notes
 from omnisim.rendering.readback import Pending
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import Stage
@@ -313,8 +313,8 @@ class PlannedDrive:
         drive, start = self.drive, self.truth.world_from_base[0]
         notes = [one.note(self.sensor_times_s[one.name]) for one in drive.vehicle.sensors]
         for one in drive.vehicle.cameras:
-            note = near_plane_note(drive.scene, one.sensor, start)
-            notes.append(None if note is None else f"{one.name}: {note}")
+            unusual = viewpoint_notes(drive.scene, one.sensor, start)
+            notes += [f"{one.name}: {note}" for note in unusual]
         if any(getattr(one.sensor, "specular", False) for one in drive.vehicle.sensors):
             objects = [one.shape for one in drive.scene.objects]
             notes += specular_notes(drive.scene, objects, drive.backend)

@@ -10,6 +10,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras import CentralCamera
 from omnisim.core.bounds import bounds_of
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.scene.light.baked_light import BakedLight
@@ -411,13 +412,18 @@ class StartPose:
 
 @dataclass(frozen=True)
 class CameraPose:
-    """Camera pose from a scene file: viewpoint in the world frame and attitude, x forward."""
+    """Camera from a scene file: viewpoint in the world frame and attitude, x forward.
+
+    Attributes:
+        lens: lens of the file; None: not stated, or of a model that omnisim does not have.
+    """
 
     name: str
     position_m: tuple[float, float, float]
     yaw_deg: float = 0.0
     pitch_deg: float = 0.0
     roll_deg: float = 0.0
+    lens: CentralCamera | None = None
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,8 @@ PACKAGE = Path(omnisim.__file__).parent
 
 def test_quoted_messages_are_those_of_the_program():
     """Each part of a message that has no number stands in the source."""
-    source = " ".join(path.read_text(encoding="utf-8") for path in PACKAGE.rglob("*.py"))
+    files = (*PACKAGE.rglob("*.py"), *PACKAGE.rglob("features.json"))
+    source = " ".join(path.read_text(encoding="utf-8") for path in files)
     # strings that go on in the next line are one
     source = re.sub(r"\s+", " ", re.sub(r'"\s*f?"', "", source))
     text = " ".join((DOCS / "how-to" / "troubleshooting.md").read_text(encoding="utf-8").split())

@@ -166,6 +166,7 @@ def _gazebo_world(folder: Path) -> None:
     """World with every geometry, and a model that it includes."""
     _box_obj(folder)
     (folder / "cup").mkdir()
+    _box_obj(folder / "cup")
     (folder / "cup" / "model.config").write_text("<model><sdf version='1.9'>cup.sdf</sdf></model>")
     (folder / "cup" / "cup.sdf").write_text(GAZEBO_MODEL)
     (folder / "cup" / "cup.material").write_text("material Cup { diffuse 0.1 0.2 0.3 1 }")

@@ -52,7 +52,11 @@ def test_lens_from_a_sensor_file(tmp_path):
         ("equidistant", "equidistand", r"lens\.model: expected one of .*, got 'equidistand'"),
         ("focal_length_px = 90.0\n", "", r"lens\.focal_length_px: missing"),
         ("90.0", "'90'", r"lens\.focal_length_px: expected a number, got '90'"),
-        ("theta_max_deg", "theta_deg", r"lens\.theta_max_deg: missing"),
+        (
+            "theta_max_deg",
+            "theta_deg",
+            r"lens\.theta_deg: unknown key; did you mean 'theta_max_deg'\?",
+        ),
         (
             "theta_max_deg = 100.0",
             "theta_max_deg = 100.0\nk5 = 1",

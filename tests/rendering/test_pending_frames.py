@@ -20,7 +20,8 @@ NAMES = ("range", "instance")
 
 
 def _poses(count):
-    return [CAMERA.base_pose((0.3 * number, 0.2, 0.8), yaw_deg=30.0 * number) for number in range(count)]
+    turns_deg = 30.0 * np.arange(count)
+    return [CAMERA.base_pose((0.01 * turn, 0.2, 0.8), yaw_deg=turn) for turn in turns_deg]
 
 
 def assert_same(pending, frame):

@@ -13,10 +13,16 @@ from omnisim.core.package_files import SCENES
 from omnisim.scene import load_scene
 from omnisim.scene.formats.gltf import meshopt
 from omnisim.scene.formats.gltf.features import FEATURES, SUPPORTED_EXTENSIONS, Support
-from omnisim.scene.formats.gltf.further_extensions import IGNORED, LEFT_OUT, OTHER_IMAGES
 from omnisim.scene.formats.gltf.writing.writer import write_glb
 from tests.scene.gltf_builder import GltfBuilder
 
+OTHER_IMAGES = ("EXT_texture_astc", "EXT_texture_avif", "MSFT_texture_dds")
+IGNORED = [one.name for one in FEATURES if one.support is Support.IGNORED]
+LEFT_OUT = [
+    one.name
+    for one in FEATURES
+    if one.support is Support.LEFT_OUT and not one.group and one.extensions
+]
 CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
 IMAGE = [[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [9, 9, 9]]]
 
@@ -231,6 +237,7 @@ USES = {
     "translation, rotation, scale, matrix": lambda p: p.node.update(translation=[1, 2, 3]),
     "mode: 4, 5, 6": lambda p: (
         p.attribute("POSITION", np.concatenate((CORNERS, [[1, 1, 0]])).astype("<f4"), "VEC3"),
+        p.attribute("TEXCOORD_0", np.zeros((4, 2), "<f4"), "VEC2"),
         p.primitive.update(mode=5),
     ),
     "mode: 0, 1, 2, 3": lambda p: p.mesh["primitives"].append({**p.primitive, "mode": 1}),

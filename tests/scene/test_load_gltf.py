@@ -463,3 +463,26 @@ def test_draco_with_vertex_colors(gltf, tmp_path, monkeypatch, decoder):
     mesh = load_scene(gltf.write(tmp_path / "a.gltf"), up_axis="z").meshes[0]
     np.testing.assert_allclose(mesh.colors, [[1.0, 0.5, 0.0, 1.0]] * 3, atol=1e-4)
     assert sorted(map(tuple, mesh.positions)) == sorted(map(tuple, corners - [0.5, 0.5, 0.0]))
+
+
+def test_vertex_data_of_another_count_than_vertices_is_noted(tmp_path):
+    gltf = GltfBuilder()
+    colors = gltf.accessor(np.array([[1, 0, 0], [0, 1, 0]], "<f4"), "VEC3")
+    gltf.node(mesh=gltf.triangle(COLOR_0=colors))
+    scene = load_scene(gltf.write(tmp_path / "a.glb"))
+    assert scene.meshes[0].colors is None
+    assert scene.notices == (
+        "a.glb: vertex colors not drawn: not finite, or not one for each vertex (1 mesh)",
+    )
+
+
+def test_black_vertex_colors_on_a_texture_are_noted(tmp_path):
+    gltf = GltfBuilder()
+    texture = gltf.texture([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [9, 9, 9]]])
+    pbr = {"baseColorTexture": {"index": texture}}
+    gltf.tree["materials"] = [{"pbrMetallicRoughness": pbr}]
+    black = gltf.accessor(np.zeros((3, 3), "<f4"), "VEC3")
+    uv = gltf.accessor(np.zeros((3, 2), "<f4"), "VEC2")
+    gltf.node(mesh=gltf.triangle(material=0, COLOR_0=black, TEXCOORD_0=uv))
+    scene = load_scene(gltf.write(tmp_path / "a.glb"))
+    assert scene.notices == ("a.glb: vertex colors make textures black (1 mesh)",)

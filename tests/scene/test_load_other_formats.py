@@ -74,7 +74,7 @@ def test_obj_texture_without_kd_is_not_darkened(tmp_path):
 def test_mtl_options_of_a_map(tmp_path, line):
     Image.new("RGB", (2, 2), (250, 120, 60)).save(tmp_path / "my wood.png")
     scene = load_scene(_obj(tmp_path, f"# made by hand\nnewmtl m\n{line}\n"))
-    assert scene.notices == ()
+    assert len(scene.notices) == ("-clamp" in line)
     assert scene.materials[0].texture is not None
     # vt (0, 1): u = 0 · 2 + 0.5, and v = 1 · 3 + 0.25 from the bottom
     np.testing.assert_allclose(scene.meshes[0].texture_coordinates[2], [0.5, 1.0 - 3.25])
@@ -274,7 +274,7 @@ def test_irregular_files_are_refused(tmp_path):
 def test_point_cloud_has_nothing_to_draw(tmp_path):
     path = tmp_path / "points.ply"
     trimesh.PointCloud(np.random.default_rng(0).normal(size=(10, 3))).export(path)
-    with pytest.raises(SceneError, match="has no triangles"):
+    with pytest.raises(SceneError, match="is a point cloud without surfaces: make a mesh"):
         load_scene(path)
 
 
@@ -311,3 +311,80 @@ def test_obj_with_vertices_of_two_numbers_is_refused(tmp_path):
     (tmp_path / "a.obj").write_text(text, encoding="utf-8")
     with pytest.raises(SceneError, match="expected vertices of three numbers"):
         load_scene(tmp_path / "a.obj")
+
+
+TWO_TRIANGLES = (
+    "v 0 0 0\nv 1 0 0\nv 0 1 0\n{first}f 1 2 3\nv 5 0 0\nv 6 0 0\nv 5 1 0\n{second}f 4 5 6\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "names"),
+    [
+        ("o chair_01\nusemtl m\n", "o table 2\nusemtl m\n", {"chair_01", "table 2"}),
+        ("g legs\nusemtl m\n", "g top\n", {"legs", "top"}),
+        ("o chair\ng legs\n", "g seat\n", {"chair/legs", "chair/seat"}),
+        ("o chair\ng chair\n", "o table\ng default\n", {"chair", "table"}),
+        ("o chair\nusemtl m\n", "usemtl n\n", {"chair"}),
+        ("", "", {"a.obj"}),
+    ],
+)
+def test_objects_and_groups_of_obj_are_instances(first, second, names, tmp_path):
+    (tmp_path / "a.mtl").write_text("newmtl m\nKd 1 0 0\nnewmtl n\nKd 0 1 0\n")
+    path = tmp_path / "a.obj"
+    path.write_text("mtllib a.mtl\n" + TWO_TRIANGLES.format(first=first, second=second))
+    scene = load_scene(path)
+    assert set(scene.instance_names) == names
+    assert scene.triangle_count == 2
+    if names == {"legs", "top"}:  # the material goes on through a group
+        assert {scene.materials[one.material].name for one in scene.meshes} == {"m"}
+
+
+@pytest.mark.parametrize(("line", "is_noted"), [("Tr 1", 1), ("d 0", 1), ("Tr 0", 0), ("d 1", 0)])
+def test_invisible_materials_of_obj_are_noted(line, is_noted, tmp_path):
+    scene = load_scene(_obj(tmp_path, f"newmtl m\nKd 1 0 0\n{line}\n"))
+    assert scene.notices == ("a.obj: material 'm' is invisible: its opacity is 0",) * is_noted
+
+
+def test_udim_tiles_are_named_and_the_first_is_drawn(tmp_path):
+    Image.new("RGB", (2, 2), (250, 120, 60)).save(tmp_path / "wood.1001.png")
+    scene = load_scene(_obj(tmp_path, "newmtl m\nmap_Kd wood.<UDIM>.png\n"))
+    assert scene.materials[0].texture.pixels[0, 0].tolist() == [250, 120, 60, 255]
+    (notice,) = scene.notices
+    assert notice.endswith(
+        "wood.<UDIM>.png is a set of UDIM tiles, of which the first, 1001, is drawn alone"
+    )
+
+
+def test_collada_without_an_up_axis_says_which_was_taken(tmp_path):
+    path = tmp_path / "a.dae"
+    trimesh.creation.box().export(path)
+    text = re.sub(r"<up_axis>.*?</up_axis>", "", path.read_text())
+    path.write_text(text)
+    assert any("states no up axis: y is up" in one for one in load_scene(path).notices)
+    assert not any("up axis" in one for one in load_scene(path, up_axis="z").notices)
+
+
+def test_gaussian_splats_are_named(tmp_path):
+    names = [*"xyz", *(f"f_dc_{i}" for i in range(3)), "opacity"]
+    head = "".join(f"property float {name}\n" for name in names)
+    path = tmp_path / "a.ply"
+    path.write_text(f"ply\nformat ascii 1.0\nelement vertex 1\n{head}end_header\n0 0 0 1 1 1 1\n")
+    with pytest.raises(SceneError, match=r"a\.ply: .*is a Gaussian splat, whose points have no su"):
+        load_scene(path)
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [
+        (1000.0, "is 5000 × 3000 × 2500 m: if those are millimeters, set meters_per_unit = 0.001"),
+        (100.0, "is 500 × 300 × 250 m: if those are centimeters, set meters_per_unit = 0.01"),
+        (1.0, ""),
+    ],
+)
+def test_the_likely_unit_of_an_unusually_large_scene_is_said(factor, words, tmp_path):
+    path = tmp_path / "room.stl"
+    trimesh.creation.box(extents=np.array((5.0, 3.0, 2.5)) * factor).export(path)
+    expected = (f"room.stl: {words}, else 1",) if words else ()
+    assert load_scene(path).notices == expected
+    assert load_scene(path, meters_per_unit=1.0).notices == ()  # confirmed

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -11,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import RobotFileError, SceneError
-from omnisim.core.short_repr import counted
 from omnisim.robots.importers.gazebo.drive_plugins import is_wheel_drive, stated_limits
 from omnisim.robots.importers.gazebo.sensor_tables import read_sensors
 from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor, load_body
@@ -19,6 +17,7 @@ from omnisim.robots.importers.mechanics import Mechanics, imported_robot
 from omnisim.robots.importers.wheels import Wheel, is_across
 from omnisim.scene import Scene
 from omnisim.scene.files.search_path import ResourcePath
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.sdf.models import unique_name
 from omnisim.scene.formats.urdf.kinematics import link_poses
 from omnisim.scene.formats.xml.document import parse_xml
@@ -140,17 +139,14 @@ def _sensors(
     root: Element, path: Path, poses: Poses, notices: list[str]
 ) -> Iterator[ImportedSensor]:
     """Sensors of the `<gazebo>` elements, placed on their links; notices count the others."""
-    others: Counter[str] = Counter()
+    omissions = Omissions()
     used_names: set[str] = set()
     for extension in XmlElement(root, "robot", path).children("gazebo"):
         link = extension.attribute("reference")
         for sensor in extension.children("sensor") if link in poses else ():
-            read = list(read_sensors(sensor, poses[link] @ sensor.pose()))
-            for one in read:
+            for one in read_sensors(sensor, poses[link] @ sensor.pose(), omissions):
                 yield one._replace(name=unique_name(folder_name(one.name), used_names))
-            if not read:
-                others[sensor.attribute("type") or "sensor"] += 1
-    notices += [f"{kind}: left out ({counted(n, 'sensor')})" for kind, n in others.items()]
+    notices += omissions.notices
 
 
 def _plugin_limits(root: Element, path: Path) -> dict[str, float]:

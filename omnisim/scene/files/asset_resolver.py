@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -44,7 +45,7 @@ class AssetResolver(Mapping[str, bytes]):
         try:
             data = self._read(name)
         except FileNotFoundError as reason:
-            self.faults.setdefault(name, str(reason))
+            self.faults[name] = str(reason)
             raise
         self.read.add(name)
         return data
@@ -52,7 +53,10 @@ class AssetResolver(Mapping[str, bytes]):
     @property
     def notices(self) -> list[str]:
         """One line for each file that cannot be read."""
-        return [f"{name} {reason}: drawn without it" for name, reason in self.faults.items()]
+        return [
+            f"{name} {reason}" + ("" if "is drawn" in reason else ": drawn without it")
+            for name, reason in self.faults.items()
+        ]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.given)
@@ -64,6 +68,12 @@ class AssetResolver(Mapping[str, bytes]):
         """Content of a file; raises a FileNotFoundError with the reason if it cannot be read."""
         try:
             path = self._find(name)
+            if path is None and (tiles := re.search(r"<(UDIM|UVTILE)>", name)) is not None:
+                self.faults[name] = (
+                    "is a set of UDIM tiles, of which the first, 1001, is drawn alone"
+                )
+                first = {"UDIM": "1001", "UVTILE": "u1_v1"}[tiles[1]]
+                path = self._find(name.replace(tiles[0], first))
             data = b"" if path is None else read_source(path)
         except OSError as reason:  # no permission, a disk error or a name too long
             raise FileNotFoundError(f"cannot be read: {reason.strerror}") from None

@@ -12,6 +12,7 @@ from omnisim.core.bounds import bounds_of
 from omnisim.core.errors import SceneError
 from omnisim.core.short_repr import counted
 from omnisim.core.srgb import linear_from_srgb
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.motion.object_motion import ObjectMotion
 from omnisim.scene.parts import (
     CameraPose,
@@ -80,11 +81,24 @@ class ImportedScene(NamedTuple):
     objects: tuple[ImportedObject, ...] = ()
 
 
-def texture_notices(read: ImportedScene) -> list[str]:
-    """Notices for materials with a texture on meshes without texture coordinates, one line each."""
+def material_notices(read: ImportedScene) -> list[str]:
+    """Notices for materials that do not show on their meshes as intended, one line each.
+
+    They have a texture without texture coordinates or below black vertex colors, or are invisible.
+    """
     used_meshes = [read.meshes[index] for index in sorted({i.mesh for i in read.instances})]
+    textured = [one for one in used_meshes if read.materials[one.material].texture is not None]
+    black = sum(one.colors is not None and not one.colors[:, :3].any() for one in textured)
+    unseen = {
+        one.name: None
+        for one in (read.materials[mesh.material] for mesh in used_meshes)
+        if one.is_blended and one.base_color[3] == 0.0
+    }
+    notices = [f"material {name!r} is invisible: its opacity is 0" for name in unseen]
+    if black:
+        notices.append(f"vertex colors make textures black ({counted(black, 'mesh', 'meshes')})")
     bare = Counter(mesh.material for mesh in used_meshes if mesh.texture_coordinates is None)
-    return [
+    return notices + [
         f"texture of {read.materials[index].name!r} is not drawn on "
         f"{counted(count, 'mesh', 'meshes')} without texture coordinates"
         for index, count in bare.items()
@@ -101,12 +115,13 @@ def make_mesh(
     texture_coordinates: ArrayLike | None = None,
     colors: ArrayLike | None = None,
     second_texture_coordinates: ArrayLike | None = None,
+    dropped: Omissions | None = None,
 ) -> tuple[Mesh, NDArray[np.float64]]:
     """Mesh centered on its bounding box, and the center (3,) of that box.
 
     Centering in float64 keeps micrometer precision in float32, even for a town in map coordinates.
     Normals or texture coordinates that are not finite, or whose count differs from that of the
-    positions, are dropped. The mesh is then shaded flat, or in its plain color.
+    positions, are dropped, and counted. The mesh is then shaded flat, or in its plain color.
 
     Arrays are those of `Mesh`, with at least one triangle.
 
@@ -126,15 +141,24 @@ def make_mesh(
             f"({int(bad.sum())} of {len(points)} vertices)"
         )
     center = 0.5 * bounds_of(points).sum(axis=0)
+
+    def per_vertex(values: ArrayLike | None, width: int, what: str) -> NDArray[np.float32] | None:
+        kept = _per_vertex(values, len(points), width)
+        if values is not None and kept is None and dropped is not None:
+            dropped.count(f"{what} not drawn: not finite, or not one for each vertex", "mesh")
+        return kept
+
     mesh = Mesh(
         name=name,
         positions=np.ascontiguousarray(points - center, dtype=np.float32),
         triangles=np.ascontiguousarray(corners, dtype=np.uint32),
         material=material,
-        normals=_per_vertex(normals, len(points), 3),
-        texture_coordinates=_per_vertex(texture_coordinates, len(points), 2),
-        colors=_per_vertex(colors, len(points), 4),
-        second_texture_coordinates=_per_vertex(second_texture_coordinates, len(points), 2),
+        normals=per_vertex(normals, 3, "normals"),
+        texture_coordinates=per_vertex(texture_coordinates, 2, "texture coordinates"),
+        colors=per_vertex(colors, 4, "vertex colors"),
+        second_texture_coordinates=per_vertex(
+            second_texture_coordinates, 2, "second texture coordinates"
+        ),
     )
     return mesh, center
 

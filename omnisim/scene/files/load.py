@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -41,6 +42,9 @@ from omnisim.scene.motion.dynamic_objects import load_objects
 from omnisim.scene.space.start_pose import default_start, find_start
 
 MAX_NOTICE = 300
+MAX_HEIGHT_M, MAX_SIDE_M = 75.0, 1000.0  # of scenes without a note on their size
+ROOM_HEIGHT_M = 2.7
+UNITS = {"millimeters": 0.001, "centimeters": 0.01}
 _LIGHT_KEYS = {"background", "light", "lamps", "sun", "sky"}
 NO_BAKED_LIGHT = "none"  # in place of a folder name
 
@@ -318,10 +322,16 @@ def _load_mesh_file(
                 animation = options.animation
             choice = AnimationChoice(animation, moves_objects=not options.is_shape)
             with recorded_sources() as sources:
-                read, matrix = read_file(path, axes, options.resources, choice)
-            scene = _scene(str(source), path, read, matrix, settings, options.is_shape)
+                read, matrix = read_file(
+                    path, axes, options.resources, choice, settings.urdf_materials
+                )
+            scene = _scene(
+                str(source), path, read, matrix, settings, options.is_shape,
+                axes.meters_per_unit is not None,
+            )  # fmt: skip
             moving = choice.name or True if read.objects else None
-            given = source_digest(sources.digest(path.parent), axes, moving)
+            chosen = () if settings.urdf_materials is None else (settings.urdf_materials,)
+            given = source_digest(sources.digest(path.parent), axes, moving, *chosen)
             return with_moving_instances(scene, read.objects).identified(
                 SourceDigests(given, given)
             )
@@ -340,9 +350,13 @@ def _scene(
     matrix: NDArray[np.float64],
     settings: SceneFile,
     is_shape: bool,
+    has_unit: bool,
 ) -> Scene:
-    """Scene from a file's contents and the settings of its TOML file."""
+    """Scene from a file's contents and the settings of its TOML file, which may state its unit."""
     instances = place(read, matrix)
+    if not is_shape and not has_unit:
+        unit = float(np.linalg.norm(matrix[:3, 0]))
+        read.notices.extend(_size_notices(bounds_m(read.meshes, instances), unit))
     if len(read.lights) > MAX_LIGHTS:
         read.notices.append(f"has {len(read.lights)} lights: the {MAX_LIGHTS} strongest shine")
     # a shape needs no start pose, so the search for one is skipped
@@ -370,6 +384,18 @@ def _scene(
         labels=label_rules(settings.labels) or read.labels,
         cameras=read.cameras,
     )
+
+
+def _size_notices(bounds: NDArray[np.float64], meters_per_unit: float) -> list[str]:
+    """Notice for a scene of an unusual size, with the unit that makes it as high as a room."""
+    size = bounds[1] - bounds[0]
+    if not (size[2] > MAX_HEIGHT_M or size.max() > MAX_SIDE_M):
+        return []
+    height = max(float(size[2]), 1e-3 * float(size.max()))
+    unit = min(UNITS, key=lambda unit: abs(math.log(height * UNITS[unit] / ROOM_HEIGHT_M)))
+    likely, stated = UNITS[unit] * meters_per_unit, meters_per_unit
+    sides = " × ".join(f"{side:.4g}" for side in size)
+    return [f"is {sides} m: if those are {unit}, set meters_per_unit = {likely:g}, else {stated:g}"]
 
 
 def _lighting(lighting: Lighting, settings: SceneFile) -> Lighting:

@@ -16,7 +16,7 @@ from omnisim.core.extras import require_extra
 from omnisim.core.files.sources import read_source
 from omnisim.scene.files.asset_resolver import AssetResolver
 from omnisim.scene.files.file_axes import FileAxes, world_from_file
-from omnisim.scene.files.imported_scene import ImportedScene, texture_notices
+from omnisim.scene.files.imported_scene import ImportedScene, material_notices
 from omnisim.scene.files.search_path import ResourcePath
 from omnisim.scene.formats.gltf.animations import FIRST_ANIMATION, NO_ANIMATION, AnimationChoice
 from omnisim.scene.formats.gltf.reader import read_gltf
@@ -34,6 +34,7 @@ class SourceFile:
         axes: overrides of the file's up axis and unit.
         folders: folders of models and packages, see `load_scene`.
         animation: glTF animation to play.
+        urdf_materials: "robot" or "mesh", see `SceneFile`; None: not stated.
         textures, assets: store and resolver for all images and other files of the scene.
     """
 
@@ -43,6 +44,7 @@ class SourceFile:
     animation: AnimationChoice
     textures: TextureStore
     assets: AssetResolver
+    urdf_materials: str | None
 
     @cached_property
     def data(self) -> bytes:
@@ -92,7 +94,8 @@ def _read_sdf(file: SourceFile) -> Read:
 def _read_urdf(file: SourceFile) -> Read:
     from omnisim.scene.formats.urdf.reader import read_urdf
 
-    return read_urdf(file.path, file.data, file.textures, file.resources), file.matrix
+    stated = file.urdf_materials
+    return read_urdf(file.path, file.data, file.textures, file.resources, stated), file.matrix
 
 
 def _read_mjcf(file: SourceFile) -> Read:
@@ -110,7 +113,13 @@ def _read_usd(file: SourceFile) -> Read:
 def _read_other(file: SourceFile) -> Read:
     from omnisim.scene.formats.mesh.other_formats import read_other
 
-    return read_other(file.path, file.data, file.textures, file.assets), file.matrix
+    read = read_other(file.path, file.data, file.textures, file.assets)
+    is_collada = file.path.suffix.lower() == ".dae"
+    if is_collada and file.axes.up_axis is None and b"<up_axis>" not in file.data:
+        read.notices.append(
+            "states no up axis: y is up, as COLLADA says; RViz and Gazebo take z (up_axis)"
+        )
+    return read, file.matrix
 
 
 _GLTF = SceneFormat((".glb", ".gltf"), _read_gltf)
@@ -161,11 +170,12 @@ def read_file(
     axes: FileAxes,
     folders: Sequence[Path],
     animation: AnimationChoice = FIRST_ANIMATION,
+    urdf_materials: str | None = None,
 ) -> Read:
     """Read a file in any supported format.
 
     Args:
-        path, axes, folders, animation: see `SourceFile`.
+        path, axes, folders, animation, urdf_materials: see `SourceFile`.
 
     Returns:
         File contents with all notices, and the transform (4, 4) world_from_file.
@@ -174,7 +184,8 @@ def read_file(
         SceneError: the file is damaged or has no geometry.
         OSError: the file cannot be read.
     """
-    file = SourceFile(path, axes, folders, animation, TextureStore(), AssetResolver(path))
+    stores = TextureStore(), AssetResolver(path)
+    file = SourceFile(path, axes, folders, animation, *stores, urdf_materials)
     scene_format = _format_of(path)
     if scene_format is not _GLTF and animation.name not in (None, NO_ANIMATION):
         raise SceneError(
@@ -183,7 +194,7 @@ def read_file(
     with large_textures():
         read, matrix = _read_other(file) if scene_format is None else scene_format.read(file)
     if not read.instances:
-        raise SceneError("has no triangles to draw")
-    own = texture_notices(read)
+        raise SceneError("; ".join(["has no triangles to draw", *read.notices[:1]]))
+    own = material_notices(read)
     notices = [*file.assets.notices, *file.textures.notices, *own, *read.notices]
     return read._replace(notices=list(dict.fromkeys(notices))), matrix

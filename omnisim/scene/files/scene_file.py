@@ -229,6 +229,9 @@ class SceneFile(Table):
     animation: Name | None = None
     """Name of the glTF animation to play in a loop; "none": no animation. Default: the first
     animation."""
+    urdf_materials: Literal["robot", "mesh"] | None = None
+    """Materials of a URDF's meshes: those of the robot, or the meshes' own where they have some, as
+    in RViz. Default: robot, with a note."""
     background: LinearRgb | None = None
     """Linear RGB of rays without a hit. Default: a pale sky."""
     light: LightTable = Field(default_factory=LightTable)

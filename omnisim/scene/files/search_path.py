@@ -39,6 +39,7 @@ class ResourcePath:
         stated = [*map(Path, given), *_environment(), *_homes(_HOME)]
         self._stated = _distinct(stated)
         self.folders = _distinct([*stated, *_around(scene_file)])
+        self._packages: dict[str, Path] | None = None
 
     def find(self, uri: str, *beside: Path) -> Path | None:
         """File or folder of a URI or path; None: not found.
@@ -90,6 +91,22 @@ class ResourcePath:
                 first, _, inner = relative.partition("/")
                 if folder.name == first:  # the folder of the model itself
                     yield folder, inner
+            if scheme == "package":
+                first, _, inner = relative.partition("/")
+                if first in self._package_folders():
+                    yield self._package_folders()[first], inner
+
+    def _package_folders(self) -> dict[str, Path]:
+        """Folders of ROS packages by the names in `package.xml`: clones have other names."""
+        if self._packages is None:
+            self._packages = {}
+            for folder in self.folders:
+                for file in (folder / "package.xml", *sorted(folder.glob("*/package.xml"))):
+                    with suppress(OSError):
+                        name = re.search(rb"<name>\s*([^<\s]+)\s*</name>", file.read_bytes())
+                        if name is not None:
+                            self._packages.setdefault(name[1].decode("latin-1"), file.parent)
+        return self._packages
 
     def _downloaded(self, uri: str) -> Iterator[tuple[Path, str]]:
         """Candidates for a Gazebo Fuel URI: https://host/1.0/owner/models/name/version/files/…."""

@@ -39,7 +39,10 @@ class SceneSource(NamedTuple):
         if self.toml is None or self.settings.extends is None:
             return None
         beside = self.toml.parent / self.settings.extends
-        return beside if beside.exists() else self.settings.extends
+        try:
+            return beside if beside.exists() else self.settings.extends
+        except OSError:  # a name too long, which is no file's
+            return self.settings.extends
 
     def with_sky(self, sky: SkyTable | None, sun: SunTable | None) -> SceneSource:
         """Source with its sky and sun replaced or removed."""

@@ -39,6 +39,9 @@ class mjtGeom(IntEnum):
     mjGEOM_MESH = 7
     mjGEOM_SDF = 8
 
+class mjtWrap(IntEnum):
+    mjWRAP_JOINT = 1
+
 class mjtTexture(IntEnum):
     mjTEXTURE_2D = 0
     mjTEXTURE_CUBE = 1
@@ -138,6 +141,13 @@ class MjModel:
     nv: int
     nu: int
     nkey: int
+    ntendon: int
+    site_group: Ints
+    site_rgba: Floats
+    tendon_adr: Ints
+    tendon_group: Ints
+    tendon_rgba: Floats
+    wrap_type: Ints
     nbody: int
     ngeom: int
     nsite: int

@@ -37,6 +37,7 @@ if TYPE_CHECKING:  # seldom needed at run time
     from omnisim.cameras.optics import OpticalSystem
 
 SHOWN_POSES = 8
+_SCENES = (".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz", ".mjcf")
 
 
 def list_formats() -> None:
@@ -179,6 +180,8 @@ def read_calibration(
     Raises:
         OmnisimError: names the file and the key.
     """
+    if path.suffix.lower() in _SCENES and format is None:
+        return _scene_cameras(path)
     camera = None if format is not None else _own_camera(path)
     if camera is not None:
         if camera_name is not None:
@@ -205,6 +208,24 @@ def select_camera(calibration: Calibration, name: str | None) -> Calibration:
             f"{calibration.names[0]}: --camera-name takes another of {names}"
         )
     return calibration.only(name or calibration.names[0])
+
+
+def _scene_cameras(path: Path) -> Calibration:
+    """Cameras of a scene file that have lenses; print its notices."""
+    from omnisim.scene import read_scene  # calibrations seldom are scenes
+
+    scene = read_scene(path)
+    for notice in scene.notices:
+        print_note(notice)
+    cameras = [
+        camera
+        for one in scene.cameras
+        if one.lens is not None
+        for camera in calibration_of(one.lens, one.name).cameras
+    ]
+    if not cameras:
+        raise CalibrationError(f"{path}: expected a camera with a lens, got a scene without")
+    return Calibration(tuple(cameras), "scene", str(path))
 
 
 def _own_camera(path: Path) -> CentralCamera | None:

@@ -44,7 +44,7 @@ from omnisim.ground_truth.channel_files import (
 )
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.missed_surfaces import near_plane_note
+from omnisim.rendering.missed_surfaces import viewpoint_notes
 from omnisim.rendering.stage import open_sensor
 from omnisim.rendering.twist import Twist
 from omnisim.scene import Scene
@@ -75,6 +75,8 @@ def run(request: RenderRequest) -> None:
     channel_format = parse_channel_format(request.truth.channel_format, channels)
     scene = load_labeled_scene(request.world, request.light, request.truth, channels)
     viewpoint = Viewpoint.in_scene(scene, request.viewpoint)
+    if vehicle is None and not _has_own_camera(request.camera):
+        camera = _of_file(request, scene) or camera
     base = viewpoint.base_of(camera)
     others = other_viewpoints(request.flow, viewpoint, channels)
     twist = _twist(request.motion, camera).through(base)
@@ -90,7 +92,7 @@ def run(request: RenderRequest) -> None:
         seed=request.motion.seed,
         backend=backend,
     ) as renderer:
-        _note_near_plane(request.world.scene, scene, camera, renderer.camera, base)
+        _note_viewpoint(request.world.scene, scene, camera, renderer.camera, base)
         if not request.light.unlit:
             note_lighting(request.world.scene, scene, backend, [camera])
         states = {
@@ -124,7 +126,7 @@ def run(request: RenderRequest) -> None:
         _note_coarse_ranges(request.output, frame.channels["range"])
 
 
-def _note_near_plane(
+def _note_viewpoint(
     name: str, scene: Scene, camera: OmniCamera, rendered: OmniCamera, base: NDArray[np.float64]
 ) -> None:
     if rendered.near_m < camera.near_m:
@@ -132,7 +134,7 @@ def _note_near_plane(
             f"{name}: is small: the near plane is at {rendered.near_m:.3g} m instead of "
             f"{camera.near_m:g} m (virtual_cameras.near_m of a sensor file)"
         )
-    if note := near_plane_note(scene, camera, base):
+    for note in viewpoint_notes(scene, camera, base):
         print_note(f"{name}: {note}")
 
 
@@ -156,11 +158,32 @@ def _hidden(options: RigCameraOptions, vehicle: Vehicle | None) -> tuple[str, ..
 
 
 def _camera(request: RenderRequest, vehicle: Vehicle | None) -> OmniCamera:
-    options, image, truth = request.camera, request.image, request.truth
+    options = request.camera
     if vehicle is not None and not _has_own_camera(options):
         camera = vehicle.camera(options.camera_name).sensor
     else:
         camera = read_camera(options)
+    return _adjusted(request, camera)
+
+
+def _of_file(request: RenderRequest, scene: Scene) -> OmniCamera | None:
+    """Camera with the lens of --at-camera; None: another viewpoint, or no lens in the file."""
+    name = request.viewpoint.at_camera
+    lens = next((one.lens for one in scene.cameras if one.name == name), None)
+    if name is None:
+        return None
+    if lens is None:
+        print_note(f"--at-camera {name!r}: without a lens of its own: the default camera is drawn")
+        return None
+    print_note(
+        f"--at-camera {name!r}: with its own lens, {lens.model_name}; --sensor takes another"
+    )
+    return _adjusted(request, OmniCamera(lens, polygons=None))
+
+
+def _adjusted(request: RenderRequest, camera: OmniCamera) -> OmniCamera:
+    """Camera with the options of the image."""
+    image, truth = request.image, request.truth
     if request.files.faces is not None:
         check_central(camera.model, "--faces")
     if isinstance(camera.model, NonCentralCamera) and (truth.also or truth.boxes_3d):

@@ -61,7 +61,8 @@ class CameraViewpointOptions(TiltedViewpointOptions):
     """Viewpoint, or a camera of the scene's file."""
 
     at_camera: Annotated[str | None, Option(metavar="NAME")] = None
-    """Camera of the scene's file that sets viewpoint and attitude; `omnisim scene` lists them."""
+    """Camera of the scene's file that sets viewpoint, attitude and, unless another is chosen, the
+    lens; `omnisim scene` lists them."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -79,7 +79,10 @@ def describe(scene: Scene) -> dict[str, Any]:
         "gpu_bytes": gpu_bytes(scene),
         "floors": [dataclasses.asdict(one) for one in floors(scene)],
         "starts": [dataclasses.asdict(one) for one in start_summaries(scene)],
-        "cameras": [dataclasses.asdict(one) for one in scene.cameras],
+        "cameras": [
+            {**vars(one), "lens": None if one.lens is None else one.lens.parameters()}
+            for one in scene.cameras
+        ],
         "paths": [
             {
                 "name": name,
@@ -179,7 +182,8 @@ def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
         )
     for one in document["cameras"]:
         place = f"{one['name']}: {_point(one['position_m'], digits)} m, yaw {one['yaw_deg']:g}°"
-        lines.append(("camera", f"{place}, pitch {one['pitch_deg']:g}°"))
+        lens = "no lens" if one["lens"] is None else one["lens"]["model"]
+        lines.append(("camera", f"{place}, pitch {one['pitch_deg']:g}°, {lens}"))
     for one in document["paths"]:
         count = pluralize(one["waypoints"], "waypoint")
         lines.append(("path", f"{one['name']}: {count}, {one['length_m']:.1f} m"))

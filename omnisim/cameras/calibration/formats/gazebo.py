@@ -73,6 +73,10 @@ CORNER_PX = 0.5  # from the first pixel's corner to its center
 GazeboLens = PerspectiveCamera | GazeboCamera
 
 
+class UnsupportedLensError(CalibrationError):
+    """Error for a valid lens that omnisim has no model for."""
+
+
 class _Camera(
     ForeignTable,
     also_read=(
@@ -243,7 +247,8 @@ def read_lens(camera: Element, place: str) -> CentralCamera:
         coefficient = _number(camera, f"distortion/{key}", 0.0, place)
         if coefficient:
             expected = "0, as it distorts the image after the lens"
-            raise unexpected(f"{place}: distortion/{key}", expected, coefficient)
+            fault = unexpected(f"{place}: distortion/{key}", expected, coefficient)
+            raise UnsupportedLensError(str(fault))
     lens = camera.find("lens")
     kind = (lens.findtext("type") or "").strip() if lens is not None else "gnomonical"
     if lens is None or kind in ("", "gnomonical"):

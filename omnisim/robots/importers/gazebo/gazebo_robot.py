@@ -7,7 +7,6 @@ unsupported parts.
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from omnisim.core.errors import RobotFileError, SceneError, did_you_mean
-from omnisim.core.short_repr import counted
 from omnisim.robots.importers.gazebo.drive_plugins import drive_table, is_wheel_drive
 from omnisim.robots.importers.gazebo.sensor_tables import read_sensors
 from omnisim.robots.importers.imported_robot import (
@@ -25,6 +23,7 @@ from omnisim.robots.importers.imported_robot import (
     load_body,
 )
 from omnisim.scene.files.search_path import ResourcePath
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.sdf.models import (
     Model,
     ModelLibrary,
@@ -32,7 +31,6 @@ from omnisim.scene.formats.sdf.models import (
     read_root,
     unique_name,
 )
-from omnisim.scene.formats.xml.omissions import Omissions
 from omnisim.sensors.sensor_names import folder_name
 
 _GROUND_M = 0.02  # maximum height of the body's lowest point above or below the ground
@@ -59,7 +57,8 @@ def import_model(
         model = _choose(tree, name)
         # a model alone in its file shares that file's frame, and so does its body
         whole = tree if world is None and len(tree.models) == 1 else model
-        sensors, others = _sensors(whole)
+        omissions = Omissions()
+        sensors = _sensors(whole, omissions)
         about_drive: list[str] = []
         kinematics = _kinematics(model, about_drive)
     except SceneError as reason:
@@ -67,7 +66,7 @@ def import_model(
     except RobotFileError as reason:
         raise RobotFileError(f"{path}: {reason}") from None
     notices = [*library.notices, *(notice for one in sensors for notice in one.notices)]
-    notices += [f"{kind}: left out ({counted(n, 'sensor')})" for kind, n in others.items()]
+    notices += omissions.notices
     body = load_body(path, resources, notices) if whole is tree else None
     if body is not None:
         lowest_m = float(body.bounds_m()[0, 2])
@@ -114,22 +113,18 @@ def _has_sensors(model: Model) -> bool:
     )
 
 
-def _sensors(model: Model) -> tuple[list[ImportedSensor], Counter[str]]:
-    """Sensors with unique names and their poses in the base, and counts of unsupported types."""
+def _sensors(model: Model, omissions: Omissions) -> list[ImportedSensor]:
+    """Sensors with unique names and their poses in the base."""
     sensors: list[ImportedSensor] = []
-    others: Counter[str] = Counter()
     used_names: set[str] = set()
     for placed in placed_models(model):
         for link in placed.model.element.children("link"):
             for sensor in link.children("sensor"):
                 pose = placed.pose_of(sensor, link.name)
-                read = list(read_sensors(sensor, pose))
-                for one in read:
+                for one in read_sensors(sensor, pose, omissions):
                     name = unique_name(folder_name(one.name), used_names)
                     sensors.append(one._replace(name=name))
-                if not read:
-                    others[sensor.attribute("type") or "sensor"] += 1
-    return sensors, others
+    return sensors
 
 
 def _kinematics(model: Model, notices: list[str]) -> dict[str, Any] | None:

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras.calibration.formats.format import error_context
-from omnisim.cameras.calibration.formats.gazebo import read_lens
+from omnisim.cameras.calibration.formats.gazebo import UnsupportedLensError, read_lens
 from omnisim.core.errors import OmnisimError, RobotFileError
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots.importers.imported_robot import ImportedSensor
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.sensors.depth_camera.depth_camera import MAX_RANGE_M
 
@@ -25,9 +26,9 @@ _LIDARS = ("lidar", "gpu_lidar", "ray", "gpu_ray")
 
 
 def read_sensors(
-    sensor: XmlElement, base_from_sensor: NDArray[np.float64]
+    sensor: XmlElement, base_from_sensor: NDArray[np.float64], omissions: Omissions
 ) -> Iterator[ImportedSensor]:
-    """Convert a `<sensor>` to sensors; an unsupported type yields none.
+    """Convert a `<sensor>` to sensors; unsupported types and lenses are omissions.
 
     Raises:
         RobotFileError: a value is invalid.
@@ -37,7 +38,10 @@ def read_sensors(
         if kind in _CAMERAS or kind in _RGBD:
             for camera in sensor.children("camera"):
                 own = camera.name if kind == "multicamera" and camera.name else name
-                yield _camera(own, camera, base_from_sensor @ camera.pose())
+                try:
+                    yield _camera(own, camera, base_from_sensor @ camera.pose())
+                except UnsupportedLensError as reason:
+                    omissions.add(f"camera {own}: left out: {reason}")
         if kind in _DEPTH or kind in _RGBD:
             for camera in sensor.children("camera"):
                 own = f"{name}_depth" if kind in _RGBD else name
@@ -50,6 +54,8 @@ def read_sensors(
             rate = sensor.number("update_rate", 0.0)
             values = {"device": "ideal", **({"rate_hz": rate} if rate > 0.0 else {})}
             yield ImportedSensor.at(name, "imu", base_from_sensor, values)
+        if kind not in (*_CAMERAS, *_DEPTH, *_RGBD, *_LIDARS, "imu"):
+            omissions.count(f"{kind or 'sensor'}: left out", "sensor")
     except OmnisimError as reason:
         raise RobotFileError(str(reason)) from None
 

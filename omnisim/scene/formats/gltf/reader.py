@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras import CentralCamera
 from omnisim.core.errors import SceneError, printable
 from omnisim.scene.files.asset_resolver import AssetResolver
 from omnisim.scene.files.imported_scene import ImportedScene, colors_rgba, make_mesh, translate
+from omnisim.scene.formats.cameras import Cameras, pinhole, read_lens
 from omnisim.scene.formats.gltf.accessors import Accessors
 from omnisim.scene.formats.gltf.animated_objects import (
     moving_objects,
@@ -25,7 +29,6 @@ from omnisim.scene.formats.gltf.animations import (
     read_animation,
     transforms_at_start,
 )
-from omnisim.scene.formats.gltf.cameras import read_cameras
 from omnisim.scene.formats.gltf.container import read_container
 from omnisim.scene.formats.gltf.deforming_meshes import DeformingMeshes, PlayedNodes
 from omnisim.scene.formats.gltf.features import SUPPORTED_EXTENSIONS, DrawnObjects, feature_notices
@@ -35,6 +38,7 @@ from omnisim.scene.formats.gltf.lights import read_lights
 from omnisim.scene.formats.gltf.materials.materials import Materials, is_unlit
 from omnisim.scene.formats.gltf.nodes import file_from_nodes, scene_parents
 from omnisim.scene.formats.gltf.primitives import POINTS_AND_LINES, TRIANGLES, Primitive
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.model import Instance, Mesh
 from omnisim.scene.textures import TextureStore
 
@@ -78,13 +82,21 @@ def read_gltf(
     )
     in_world = {index: world_from_file @ pose for index, pose in poses.items()}
     extensions = [str(name) for name in root.array("extensionsUsed")]
+    cameras = _read_cameras(root, nodes, in_world)
+    dropped = meshes.dropped.notices
     return ImportedScene(
         tuple(meshes.meshes),
         materials.read({mesh.material for mesh in meshes.meshes}),
         tuple(instance for _, instance in placed),
-        [*materials.notices, *deforming.notices, *feature_notices(drawn, extensions)],
+        [
+            *materials.notices,
+            *deforming.notices,
+            *feature_notices(drawn, extensions),
+            *dropped,
+            *cameras.notices,
+        ],
         read_lights(root, nodes, in_world),
-        cameras=read_cameras(root, nodes, in_world),
+        cameras=cameras.poses,
         objects=moving_objects(nodes, [owner for owner, _ in placed], moved, world_from_file),
     )
 
@@ -110,6 +122,34 @@ def _drawn_objects(
     )
 
 
+def _read_cameras(
+    root: JsonObject, nodes: list[JsonObject], world_from_node: Mapping[int, NDArray[np.float64]]
+) -> Cameras:
+    """Cameras of the nodes, named after the nodes, or else after the cameras.
+
+    Source: glTF 2.0, section 3.10: a camera looks along −z, with y up; its scale is ignored.
+    """
+    entries, cameras = root.objects("cameras"), Cameras()
+    for index in sorted(world_from_node):
+        if nodes[index].has("camera"):
+            entry = entries[nodes[index].index("camera", entries)]
+            name = nodes[index].text("name", entry.text("name", f"camera {len(cameras.poses)}"))
+            cameras.add(name, world_from_node[index], read_lens(partial(_lens, entry)))
+    return cameras
+
+
+def _lens(camera: JsonObject) -> CentralCamera | str:
+    """Lens of a camera, 4:3 without an aspect ratio."""
+    if not camera.has("perspective"):
+        return "it is orthographic"
+    values = camera.object("perspective")
+    half_height = math.tan(0.5 * values.number("yfov", 0.0))
+    if not half_height > 0.0:
+        return "it has no yfov between 0 and π"
+    size = 2.0 * half_height * values.number("aspectRatio", 4 / 3), 2.0 * half_height
+    return pinhole(size, 1.0)
+
+
 class _Part(NamedTuple):
     """Primitive of a glTF mesh, with its scene mesh and that mesh's origin."""
 
@@ -123,10 +163,12 @@ class _Meshes:
 
     Attributes:
         meshes: meshes of the file; `instantiate` appends skinned, morphed and non-rigid ones.
+        dropped: counts of vertex data that do not match their vertices.
     """
 
     def __init__(self, root: JsonObject, accessors: Accessors, materials: Materials):
         self.meshes: list[Mesh] = []
+        self.dropped = Omissions()
         self._accessors, self._materials = accessors, materials
         self._name_counts: dict[str, int] = {}
         self._parts = [
@@ -197,6 +239,7 @@ class _Meshes:
                 texture_coordinates=self._materials.uv(primitive, material),
                 colors=None if colors is None else colors_rgba(colors, 1.0),
                 second_texture_coordinates=self._materials.second_uv(primitive, material),
+                dropped=self.dropped,
             )
             self.meshes.append(new_mesh)
             yield _Part(primitive, len(self.meshes) - 1, center)

@@ -47,6 +47,22 @@ def early_end(kind: str, data: bytes) -> str:
     return {"ply": _ply_end, "off": _off_end}[kind](data) if kind in ("ply", "off") else ""
 
 
+def points_fault(kind: str, data: bytes) -> str:
+    """Fault of a PLY without faces: what it is, and the way on; empty: no points either."""
+    head = data.partition(b"end_header")[0]
+    if kind != "ply" or not re.search(rb"element vertex [1-9]", head):
+        return ""
+    if b" f_dc_0" in head and b" opacity" in head:
+        return (
+            "is a Gaussian splat, whose points have no surface: reconstruct a mesh from its images,"
+            " such as with 2DGS or SuGaR"
+        )
+    return (
+        "is a point cloud without surfaces: make a mesh of it, with CloudCompare or Open3D, and "
+        "save that as PLY"
+    )
+
+
 def _numbered(data: bytes) -> Iterator[tuple[int, list[str]]]:
     """Words of each non-empty line with its number from 1; comments are dropped."""
     for number, line in enumerate(decode_text(data).split("\n"), start=1):

@@ -28,8 +28,11 @@ def decode_text(data: bytes) -> str:
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def plain_obj(data: bytes) -> tuple[bytes, list[str]]:
-    """Return a normalized OBJ, and the argument of each `mtllib` line."""
+def plain_obj(data: bytes) -> tuple[bytes, list[str], list[str]]:
+    """Return a normalized OBJ, the argument of each `mtllib` line, and the names of its objects.
+
+    An object is an `o`, each of its groups `g` apart: `o/g`. The `o` lines become its number.
+    """
     text = decode_text(data).replace("\\\n", " ")
     text = re.sub(r"#[^\n]*", "", text)
     names = re.findall(r"^[ \t]*mtllib[ \t]+(\S[^\n]*?)[ \t]*$", text, re.MULTILINE)
@@ -40,7 +43,23 @@ def plain_obj(data: bytes) -> tuple[bytes, list[str]]:
         text = _plain_corners(text)
     if names:
         text = f"mtllib {MATERIAL_FILES}\n{text}"
-    return text.encode(), names
+    text, objects = _numbered_objects(text)
+    return text.encode(), names, objects
+
+
+def _numbered_objects(text: str) -> tuple[str, list[str]]:
+    """Text whose `o` and `g` lines became `o :number`, and the objects' names by number."""
+    numbers: dict[str, int] = {}
+    parts = {"o": "", "g": ""}
+
+    def number(line: re.Match[str]) -> str:
+        parts["g"] = ""
+        parts[line[1]] = "" if (line[1], line[2]) == ("g", "default") else (line[2] or "").strip()
+        name = "/".join(dict.fromkeys(filter(None, parts.values()))) or "default"
+        return f"o :{numbers.setdefault(name, len(numbers))}"
+
+    text = re.sub(r"^[ \t]*([og])(?:[ \t]+([^\n]*?))?[ \t]*$", number, text, flags=re.MULTILINE)
+    return text, list(numbers)
 
 
 def _plain_corners(text: str) -> str:

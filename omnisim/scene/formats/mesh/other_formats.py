@@ -10,6 +10,7 @@ import logging
 import warnings
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -19,7 +20,8 @@ from omnisim.core.errors import SceneError
 from omnisim.scene.files.asset_resolver import AssetResolver
 from omnisim.scene.files.conversions import conversion_hint
 from omnisim.scene.files.imported_scene import ImportedScene
-from omnisim.scene.formats.mesh.mesh_faults import early_end, mesh_fault
+from omnisim.scene.formats.mesh.features import mesh_notices
+from omnisim.scene.formats.mesh.mesh_faults import early_end, mesh_fault, points_fault
 from omnisim.scene.formats.mesh.obj_text import (
     MATERIAL_FILES,
     plain_mtl,
@@ -59,18 +61,21 @@ def read_other(
     Raises:
         SceneError: the file is damaged or has no triangles.
     """
-    plain = None
+    plain, objects = None, list[str]()
     if path.suffix.lower() == ".obj":
-        plain, names = plain_obj(data)
+        plain, names, objects = plain_obj(data)
         assets.given[MATERIAL_FILES] = _material_files(names, assets)
     kind = path.suffix[1:].lower()
     if fault := early_end(kind, data):
         raise SceneError(f"cannot be read as {kind}: {fault}")
     texts = set(assets.read)
-    imported = import_trimesh(_load_with_trimesh(kind, data, plain, assets), textures, assets)
-    if not imported.instances and (fault := mesh_fault(kind, data)):
+    loaded = _load_with_trimesh(kind, data, plain, assets)
+    imported = import_trimesh(loaded, textures, assets, objects=objects)
+    if not imported.instances and (fault := mesh_fault(kind, data) or points_fault(kind, data)):
         raise SceneError(f"cannot be read as {kind}: {fault}")
+    imported.notices.extend(mesh_notices(kind, data))
     if plain is not None:
+        imported.notices.extend(mesh_notices("mtl", assets.given[MATERIAL_FILES]))
         imported.notices.extend(undefined_materials(plain, assets.given[MATERIAL_FILES]))
     for asset in sorted(assets.read - texts):
         _check_image(asset, assets)
@@ -86,7 +91,8 @@ def _load_with_trimesh(
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
             file = io.BytesIO(data if plain is None else plain)
-            return trimesh.load_scene(file, file_type=kind, resolver=assets, process=False)
+            apart: dict[str, Any] = {"split_objects": True} if plain is not None else {}
+            return trimesh.load_scene(file, file_type=kind, resolver=assets, process=False, **apart)
     except MemoryError:
         raise
     except Exception as reason:  # trimesh's readers raise any exception on a damaged file

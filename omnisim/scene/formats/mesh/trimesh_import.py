@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -25,9 +26,10 @@ from omnisim.scene.files.imported_scene import (
     ImportedScene,
     colors_rgba,
     make_mesh,
-    texture_notices,
+    material_notices,
     translate,
 )
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.parts import AlphaMode, Instance, Material, Mesh, Texture
 from omnisim.scene.textures import TextureStore, alpha_mode_of, rgba8
 
@@ -57,7 +59,8 @@ def read_trimesh(source: object, name: str, smooth: bool | None) -> tuple[Import
     if not read.instances:
         raise SceneError(f"{name}: has no triangles to draw")
     notices = [
-        f"{name}: {notice}" for notice in (*textures.notices, *texture_notices(read), *read.notices)
+        f"{name}: {notice}"
+        for notice in (*textures.notices, *material_notices(read), *read.notices)
     ]
     return read._replace(notices=list(dict.fromkeys(notices))), _meters_per_unit(source.units)
 
@@ -76,6 +79,7 @@ def import_trimesh(
     textures: TextureStore,
     assets: Mapping[str, bytes] | None = None,
     smooth: bool | None = None,
+    objects: Sequence[str] = (),
 ) -> ImportedScene:
     """Import the meshes of a trimesh scene.
 
@@ -84,7 +88,9 @@ def import_trimesh(
         textures: store that decodes the scene's images.
         assets: files referenced by the scene file; None: built in memory.
         smooth: True: vertex normals; False: flat shading; None: vertex normals if present.
+        objects: names of the objects by number, for geometries named `:number`.
     """
+    dropped = Omissions()
     meshes: list[Mesh] = []
     materials: list[Material] = []
     notices: list[str] = []
@@ -93,25 +99,33 @@ def import_trimesh(
         if not isinstance(geometry, trimesh.Trimesh):
             notices.append("points and lines are not drawn")
         elif len(geometry.faces):
-            mesh, center = _mesh(name, geometry, len(materials), smooth)
+            mesh, center = _mesh(_object(name, objects), geometry, len(materials), smooth, dropped)
             index_of[name] = (len(meshes), center)
             meshes.append(mesh)
             if assets is None:
                 materials.append(_material_in_memory(name, geometry.visual, textures, notices))
             else:
-                materials.append(_material_of_file(name, geometry.visual, textures, assets))
+                own = _object(name, objects)
+                materials.append(_material_of_file(own, geometry.visual, textures, assets))
     instances = []
     for node in loaded.graph.nodes_geometry:
         file_from_mesh, geometry_name = loaded.graph[node]
         if geometry_name in index_of:
             index, center = index_of[geometry_name]
             pose = translate(file_from_mesh, center)
-            instances.append(Instance(str(node), index, pose, file_from_mesh))
+            instances.append(Instance(_object(node, objects), index, pose, file_from_mesh))
+    notices += dropped.notices
     return ImportedScene(tuple(meshes), tuple(materials), tuple(instances), notices)
 
 
+def _object(geometry: object, objects: Sequence[str]) -> str:
+    """Name of a geometry's object: its own, or by its number, as in `:3_wood`."""
+    number = re.match(r":(\d+)", str(geometry))
+    return objects[int(number[1])] if number and objects else str(geometry)
+
+
 def _mesh(
-    name: str, geometry: trimesh.Trimesh, material: int, smooth: bool | None
+    name: str, geometry: trimesh.Trimesh, material: int, smooth: bool | None, dropped: Omissions
 ) -> tuple[Mesh, NDArray[np.float64]]:
     visual = geometry.visual
     positions: NDArray[np.float64] = np.asarray(geometry.vertices)
@@ -136,7 +150,9 @@ def _mesh(
         colors = np.repeat(_linear_colors(visual.face_colors), 3, axis=0)
         positions, normals = positions[triangles].reshape(-1, 3), None
         triangles = np.arange(len(positions)).reshape(-1, 3)
-    return make_mesh(name, positions, triangles, material, normals, coordinates, colors)
+    return make_mesh(
+        name, positions, triangles, material, normals, coordinates, colors, None, dropped
+    )
 
 
 @np.errstate(over="ignore", invalid="ignore")  # non-finite coordinates are dropped with the mesh

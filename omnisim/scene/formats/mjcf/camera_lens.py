@@ -14,22 +14,24 @@ _DEFAULT_SIZE_PX = (640, 480)  # for cameras without a resolution
 
 
 def lens_of(
-    model: mujoco.MjModel, camera: str, size_px: tuple[int, int] | None = None
+    model: mujoco.MjModel, camera: str | int, size_px: tuple[int, int] | None = None
 ) -> PerspectiveCamera | UnifiedCamera:
     """Pinhole lens of a camera in the model; omnisim's images then match MuJoCo's.
 
     Args:
         model: MuJoCo model.
-        camera: camera name.
+        camera: camera name or index.
         size_px: (width, height); None: the camera's resolution, or 640 × 480 by default.
 
     Raises:
         SceneError: an unknown or an orthographic camera.
         OpticsError: a size below 1.
     """
-    mount = find_mount(model, camera=camera)
-    assert mount is not None
-    index = mount.number
+    index = camera
+    if isinstance(index, str):
+        mount = find_mount(model, camera=index)
+        assert mount is not None
+        index = mount.number
     if int(model.cam_projection[index]) != mujoco.mjtProjection.mjPROJ_PERSPECTIVE:
         raise SceneError(f"camera = {camera!r}: expected a perspective camera, got an orthographic")
     stated = (int(model.cam_resolution[index][0]), int(model.cam_resolution[index][1]))

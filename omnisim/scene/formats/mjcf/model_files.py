@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from pathlib import Path
 from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 from omnisim.core.files.sources import note_file
 
 _FOLDERS = ("assetdir", "meshdir", "texturedir")
 
 
-def note_model_files(path: Path) -> None:
-    """Record the files of a model: included files, meshes, textures and height fields."""
+def note_model_files(path: Path) -> list[Element]:
+    """Record the files of a model: included files, meshes, textures and height fields.
+
+    Returns:
+        The roots of the model's XML files.
+    """
+    roots = []
     names, folders = {""}, {""}
     waiting, seen = [path], set()
     while waiting:
@@ -21,10 +27,10 @@ def note_model_files(path: Path) -> None:
         seen.add(file)
         note_file(file)
         try:
-            elements = list(ElementTree.parse(file).iter())
+            roots.append(ElementTree.parse(file).getroot())
         except (OSError, ElementTree.ParseError):  # MuJoCo reports faults itself
             continue
-        for element in elements:
+        for element in roots[-1].iter():
             folders |= {element.get(key, "") for key in _FOLDERS}
             # cube textures have one file per side: fileright, fileleft, …
             given = {value for key, value in element.items() if key.startswith("file")}
@@ -36,3 +42,4 @@ def note_model_files(path: Path) -> None:
             candidate = path.parent / folder / name
             if candidate.is_file():
                 note_file(candidate)
+    return roots

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
+from itertools import chain
 from pathlib import Path
 
 import mujoco
@@ -14,6 +16,10 @@ from omnisim.core.errors import SceneError
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.short_repr import counted
 from omnisim.scene.files.imported_scene import ImportedScene, translate
+from omnisim.scene.formats import features
+from omnisim.scene.formats.cameras import Cameras, read_lens
+from omnisim.scene.formats.features import part_notices, xml_parts
+from omnisim.scene.formats.mjcf.camera_lens import lens_of
 from omnisim.scene.formats.mjcf.deformables import visible_deformables
 from omnisim.scene.formats.mjcf.geometry import Geom
 from omnisim.scene.formats.mjcf.lights import read_background, read_lighting, transformed
@@ -34,15 +40,22 @@ def read_mjcf(path: Path, world_from_file: NDArray[np.float64]) -> ImportedScene
         SceneError: MuJoCo cannot read the file.
     """
     model, data, warnings = load_model(path)
-    note_model_files(path)
+    parts = chain(*(xml_parts(root, "mjcf") for root in note_model_files(path)))
+    unread = part_notices("mjcf", chain(parts, _drawn_parts(model, VISIBLE_GROUPS)))
+    cameras = Cameras()
     try:
         read = ModelReader(model, data, VISIBLE_GROUPS).read()
     except UnicodeDecodeError as reason:
         raise SceneError(f"expected names in UTF-8, got {bytes(reason.object)!r:.40}") from None
-    notices = [*(f"MuJoCo: {_one_line(text)}" for text in warnings), *read.notices]
+    for camera in range(model.ncam):
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_CAMERA, camera) or f"camera_{camera}"
+        pose = pose_from_rotation(data.cam_xmat[camera].reshape(3, 3), data.cam_xpos[camera])
+        cameras.add(name, world_from_file @ pose, read_lens(partial(lens_of, model, camera)))
+    notices = [*(f"MuJoCo: {_one_line(text)}" for text in warnings), *read.notices, *unread]
+    notices += cameras.notices
     lighting = None if read.lighting is None else transformed(read.lighting, world_from_file)
     start = find_viewpoint(model, data, world_from_file)
-    return read._replace(notices=notices, lighting=lighting, start=start)
+    return read._replace(notices=notices, lighting=lighting, start=start, cameras=cameras.poses)
 
 
 def load_model(path: Path) -> tuple[mujoco.MjModel, mujoco.MjData, list[str]]:
@@ -161,6 +174,18 @@ class ModelReader:
 def _place(name: str, parts: Parts, pose: NDArray[np.float64]) -> list[Instance]:
     """Instances of an element's meshes at its pose."""
     return [Instance(name, mesh, translate(pose, center), pose) for mesh, center in parts]
+
+
+def _drawn_parts(model: mujoco.MjModel, groups: Collection[int]) -> features.Parts:
+    """Sites and spatial tendons that MuJoCo draws."""
+    for site in range(model.nsite):
+        if int(model.site_group[site]) in groups and model.site_rgba[site, 3] > 0.0:
+            yield "visible sites", ""
+    for tendon in range(model.ntendon):
+        kind = int(model.wrap_type[model.tendon_adr[tendon]])
+        is_visible = int(model.tendon_group[tendon]) in groups and model.tendon_rgba[tendon, 3] > 0
+        if is_visible and kind != mujoco.mjtWrap.mjWRAP_JOINT:
+            yield "visible tendons", ""
 
 
 def _one_line(text: str) -> str:

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.xml.element import XmlElement
-from omnisim.scene.formats.xml.omissions import Omissions
 from omnisim.scene.parts import Light, LightKind
 
 _KINDS = {kind.value: kind for kind in LightKind}
@@ -61,7 +61,7 @@ def _candela(element: XmlElement, range_m: float, omissions: Omissions) -> float
     )
     if constant == linear == 0.0 and quadratic > 0.0:
         return 1.0 / quadratic
-    omissions.add(_ATTENUATION, "light")
+    omissions.count(_ATTENUATION, "light")
     distance = min(0.25 * range_m, _REFERENCE_M)
     falloff = constant + linear * distance + quadratic * distance**2
     return distance**2 / max(falloff, 1e-3)

@@ -15,10 +15,10 @@ from PIL import Image
 
 from omnisim.core.files.sources import read_source
 from omnisim.scene.files.search_path import ResourcePath
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.sdf.heightmaps import Layer, blend
 from omnisim.scene.formats.sdf.scripts import GAZEBO_MATERIALS, ScriptMaterial, read_scripts
 from omnisim.scene.formats.xml.element import XmlElement
-from omnisim.scene.formats.xml.omissions import Omissions
 from omnisim.scene.parts import AlphaMode, Material, Texture
 from omnisim.scene.textures import NO_IMAGE, TextureStore, alpha_mode_of, unreadable_image
 
@@ -80,9 +80,6 @@ class MaterialReader:
         values = metal or element.find("pbr/specular")
         if values is None:
             return plain
-        for key, effect in _NOT_DRAWN.items():
-            if values.text(key):
-                self._omissions.add(effect, "material")
         emissive_map = self._map(values, "emissive_map", is_linear=False)
         is_dark = emissive_map is not None and element.find("emissive") is None
         material = replace(
@@ -161,7 +158,7 @@ class MaterialReader:
     def _normal_map(self, values: XmlElement) -> Texture | None:
         normal_map = values.find("normal_map")
         if normal_map is not None and normal_map.attribute("type") == "object":
-            self._omissions.add("normal maps in the object's frame are not drawn", "material")
+            self._omissions.count("normal maps in the object's frame are not drawn", "material")
             return None
         return self._map(values, "normal_map")
 
@@ -195,14 +192,14 @@ class MaterialReader:
         """Image by its name in an element; None, with a notice, if it cannot be read."""
         path = self.find_image(element, name)
         if path is None:
-            self._omissions.add(f"image {name} is not there: drawn without it", "material")
+            self._omissions.count(f"image {name} is not there: drawn without it", "material")
             return None
         image = self.image(path)
         if image is None:
             reason = NO_IMAGE
             with suppress(OSError):
                 reason = unreadable_image(read_source(path))
-            self._omissions.add(f"image {name} {reason}: drawn without it", "material")
+            self._omissions.count(f"image {name} {reason}: drawn without it", "material")
         return image
 
     def find_image(self, element: XmlElement, name: str) -> Path | None:
@@ -253,9 +250,9 @@ class MaterialReader:
         if material is None:
             has_color = element.find("diffuse") is not None
             other = "its <diffuse> is" if has_color else "gray is"
-            self._omissions.add(f"material {name} not found: {other} drawn", "visual")
+            self._omissions.count(f"material {name} not found: {other} drawn", "visual")
         elif not material.is_known:
-            self._omissions.add(f"material {name} is drawn in a plain color", "visual")
+            self._omissions.count(f"material {name} is drawn in a plain color", "visual")
         return material
 
 
@@ -273,11 +270,3 @@ def _of_visual(material: Material, visual: XmlElement) -> Material:
         alpha_mode=AlphaMode.BLEND,
         double_sided=True,
     )
-
-
-_NOT_DRAWN = {
-    "specular_map": "specular color and glossiness are not drawn",
-    "glossiness_map": "specular color and glossiness are not drawn",
-    "environment_map": "environment maps of materials are not drawn",
-    "light_map": "light maps are not drawn",
-}

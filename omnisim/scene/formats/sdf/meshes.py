@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -10,9 +11,10 @@ import numpy as np
 
 from omnisim.core.errors import SceneError
 from omnisim.core.files.sources import read_source
+from omnisim.core.short_repr import counted
 from omnisim.scene.files.asset_resolver import AssetResolver
 from omnisim.scene.files.file_axes import FileAxes, world_from_file
-from omnisim.scene.files.imported_scene import texture_notices
+from omnisim.scene.files.imported_scene import material_notices
 from omnisim.scene.formats.gltf.animations import NO_ANIMATION, AnimationChoice
 from omnisim.scene.formats.gltf.reader import read_gltf
 from omnisim.scene.formats.mesh.other_formats import check_format, read_other
@@ -41,16 +43,22 @@ class MeshFile(NamedTuple):
 
 
 class MeshLibrary:
-    """Mesh files by path. As in Gazebo, their axes are not rotated.
-
-    Attributes:
-        notices: one line for each feature that is not drawn.
-    """
+    """Mesh files by path. As in Gazebo, their axes are not rotated."""
 
     def __init__(self, textures: TextureStore) -> None:
-        self.notices: list[str] = []
+        self._notices: dict[str, list[tuple[str, str]]] = {}  # by text without its count
         self._textures = textures
         self._files: dict[Path, MeshFile | str] = {}
+
+    @property
+    def notices(self) -> list[str]:
+        """One line for each feature that is not drawn, with the first of several files."""
+        return [
+            f"{name}: {notice}"
+            if not others
+            else f"{name} and {counted(len(others), 'more file')}: {text}"
+            for text, ((name, notice), *others) in self._notices.items()
+        ]
 
     def load(self, path: Path) -> MeshFile | str:
         """Contents of a file, or the reason why it cannot be read.
@@ -87,10 +95,9 @@ class MeshLibrary:
             read = read_other(path, data, self._textures, assets)
         if not read.instances:
             raise SceneError("has no triangles")
-        self.notices += [
-            f"{path.name}: {notice}"
-            for notice in (*assets.notices, *texture_notices(read), *read.notices)
-        ]
+        for notice in (*assets.notices, *material_notices(read), *read.notices):
+            text = re.sub(r" \([\d,]+ [a-z ]+\)$", "", notice)
+            self._notices.setdefault(text, []).append((path.name, notice))
         instances = tuple(
             replace(one, world_from_mesh=meters_from_file @ one.world_from_mesh)
             for one in read.instances

@@ -18,13 +18,13 @@ from omnisim.core.errors import SceneError
 from omnisim.core.files.sources import read_source
 from omnisim.core.short_repr import counted
 from omnisim.scene.files.search_path import ResourcePath
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.sdf.builtin_models import BUILTIN_MODELS
 from omnisim.scene.formats.sdf.frames import Scope, UnplacedError
 from omnisim.scene.formats.sdf.model_folder import model_file, read_xml
 from omnisim.scene.formats.sdf.shapes import ROUND
 from omnisim.scene.formats.xml.document import parse_xml
 from omnisim.scene.formats.xml.element import XmlElement
-from omnisim.scene.formats.xml.omissions import Omissions
 
 _MAX_DEPTH = 24  # nesting depth of models
 _MAX_MODELS = 200_000  # models per world: a few files with repeated includes could make billions
@@ -98,7 +98,7 @@ class ModelLibrary:
                 model.scope.model_pose(inner.name)
             except UnplacedError:
                 model.models.remove(inner)
-                self.omissions.add(UNPLACED, "model")
+                self.omissions.count(UNPLACED, "model")
             else:
                 self.drop_unplaced(inner)
 
@@ -158,6 +158,10 @@ class ModelLibrary:
         model.models.append(inner)
         posed = include if include.find("pose") is not None else entity
         placement = include.text("placement_frame") or entity.attribute("placement_frame")
+        first, _, rest = placement.partition("::")
+        frames = {one.name for one in entity.children("link", "frame", "joint", "model")}
+        if first in (name, entity.name) and first not in frames:  # the model itself
+            placement = rest
         model.scope.add_model(name, posed, inner.scope, placement)
         if is_merged:
             for frame in entity.children("link", "frame", "joint", "model"):

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,9 @@ from numpy.typing import NDArray
 from omnisim.core.errors import SceneError
 from omnisim.scene.files.imported_scene import ImportedScene, make_mesh, translate
 from omnisim.scene.files.search_path import ResourcePath
+from omnisim.scene.formats.cameras import Cameras, read_lens
+from omnisim.scene.formats.features import part_notices, xml_parts
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.sdf import shapes
 from omnisim.scene.formats.sdf.frames import UnplacedError
 from omnisim.scene.formats.sdf.heightmaps import read_levels, terrain
@@ -28,18 +33,14 @@ from omnisim.scene.formats.sdf.models import (
 from omnisim.scene.formats.sdf.shapes import Shape
 from omnisim.scene.formats.sdf.states import apply_state
 from omnisim.scene.formats.xml.element import XmlElement
-from omnisim.scene.formats.xml.omissions import Omissions
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND
 from omnisim.scene.parts import Instance, Light, Mesh
 from omnisim.scene.textures import TextureStore
 
 _FARTHEST_M = 1e9
-# World elements that are reported as unsupported.
-_LEFT_OUT = {
-    "road": "roads are not drawn",
-    "population": "populations of models are not made",
-    "actor": "actors are not drawn",
-}
+_BASE_FROM_OPENGL = np.array(
+    [[0.0, 0, -1, 0], [-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
+)  # a camera's x ahead, z up, from −z ahead, y up
 
 
 def read_sdf(
@@ -76,6 +77,7 @@ class _Reader:
         self._made: dict[tuple[int, int], tuple[int, NDArray[np.float64]]] = {}
         self._instances: list[Instance] = []
         self._lights: list[Light] = []
+        self._cameras = Cameras()
 
     def read(self, root: XmlElement) -> ImportedScene:
         """Read the first world of a file, or all of its models and lights.
@@ -85,7 +87,7 @@ class _Reader:
         """
         worlds = list(root.children("world"))
         for _ in worlds[1:]:
-            self._omissions.add("only the first world is drawn", "further world")
+            self._omissions.count("only the first world is drawn", "further world")
         outer = worlds[0] if worlds else root
         if not worlds and not any(True for _ in root.children(*ENTITIES)):
             raise SceneError("expected a <world>, <model> or <light>, got none")
@@ -94,11 +96,17 @@ class _Reader:
         self._library.drop_unplaced(world)
         scene = outer.find("scene")
         background = None if scene is None else self._read_scene(scene)
+        parts: dict[int, list[tuple[str, str]]] = {}  # by id: files may be included repeatedly
         for placed in placed_models(world):
             self._read_model(placed)
-        for each in outer.children("road", "population"):
-            self._omissions.add(_LEFT_OUT[each.element.tag], each.element.tag)
-        notices = [*self._library.notices, *self._omissions.notices, *self._files.notices]
+            own = placed.model.element.element
+            if id(own) not in parts:
+                parts[id(own)] = list(xml_parts(own, "sdf", ("model",)))
+        unread = part_notices("sdf", itertools.chain(*parts.values()))
+        notices = [
+            *self._library.notices, *unread, *self._omissions.notices, *self._files.notices,
+            *self._cameras.notices,
+        ]  # fmt: skip
         if not self._instances:
             raise SceneError("; ".join(["has no triangles to draw", *notices[:1]]))
         return ImportedScene(
@@ -108,22 +116,16 @@ class _Reader:
             notices,
             tuple(self._lights),
             background=background,
+            cameras=self._cameras.poses,
         )
 
     def _read_scene(self, scene: XmlElement) -> tuple[float, float, float] | None:
         """Background color of the `<scene>`; None: not stated."""
-        if scene.find("sky") is not None:
-            self._omissions.add("the sky is drawn in one color", "sky")
-            return DEFAULT_BACKGROUND
-        if scene.find("fog") is not None and scene.text("fog/type", "none") != "none":
-            self._omissions.add("fog is not drawn", "fog")
-        return scene.color("background")
+        return DEFAULT_BACKGROUND if scene.find("sky") is not None else scene.color("background")
 
     def _read_model(self, placed: PlacedModel) -> None:
         for other in placed.model.others:
-            if other.element.tag == "actor":
-                self._omissions.add(_LEFT_OUT["actor"], "actor")
-            else:
+            if other.element.tag == "light":
                 self._read_light(other, self._pose_of(placed, other))
         for link in placed.model.element.children("link"):
             for visual in link.children("visual"):
@@ -131,8 +133,22 @@ class _Reader:
                 self._read_visual(visual, self._pose_of(placed, visual, link.name), name)
             for light in link.children("light"):
                 self._read_light(light, self._pose_of(placed, light, link.name))
-            for extra in link.children("projector", "particle_emitter"):
-                self._omissions.add(f"{extra.element.tag}s are not drawn", "element")
+            for sensor in link.children("sensor"):
+                for camera in sensor.children("camera"):
+                    self._read_camera(placed, link, sensor, camera)
+
+    def _read_camera(
+        self, placed: PlacedModel, link: XmlElement, sensor: XmlElement, camera: XmlElement
+    ) -> None:
+        """Camera as a viewpoint; Gazebo's look along x, z up."""
+        from omnisim.cameras.calibration.formats import gazebo  # seldom needed
+
+        pose = self._pose_of(placed, sensor, link.name)
+        if pose is not None:
+            name = f"{placed.path}{sensor.name or camera.name or 'camera'}"
+            lens = read_lens(partial(gazebo.read_lens, camera.element, camera.place))
+            world_from_camera = self._world_from_file @ pose @ camera.pose() @ _BASE_FROM_OPENGL
+            self._cameras.add(name, world_from_camera, lens)
 
     def _pose_of(
         self, placed: PlacedModel, element: XmlElement, default: str = ""
@@ -141,7 +157,7 @@ class _Reader:
         try:
             return placed.pose_of(element, default)
         except UnplacedError:
-            self._omissions.add(UNPLACED, element.element.tag)
+            self._omissions.count(UNPLACED, element.element.tag)
             return None
 
     def _read_light(self, element: XmlElement, file_from_light: NDArray[np.float64] | None) -> None:
@@ -167,8 +183,6 @@ class _Reader:
             shape = self._shape(geometry, kind)
             material = self._materials.read(visual, double_sided=not shape.is_closed)
             self._place(shape, material, file_from_visual, name)
-        else:
-            self._omissions.add(f"<{tag}> is not drawn", "visual")
 
     def _read_heightmap(
         self, element: XmlElement, file_from_visual: NDArray[np.float64], name: str
@@ -181,10 +195,8 @@ class _Reader:
         image = self._materials.image(path)
         levels = None if image is None else read_levels(image)
         if levels is None:
-            self._omissions.add(f"heightmap {path.name} is not drawn: no gray image", "visual")
+            self._omissions.count(f"heightmap {path.name} is not drawn: no gray image", "visual")
             return
-        if element.find("texture/normal") is not None:
-            self._omissions.add("normal maps of terrains are not drawn", "heightmap")
         material, tile_m = self._materials.terrain(element, levels)
         self._place(terrain(element, levels, tile_m), material, file_from_visual, name)
 
@@ -228,13 +240,13 @@ class _Reader:
             return
         file = self._files.load(path)
         if isinstance(file, str):
-            self._omissions.add(f"{path.name}: not drawn: {file}", "visual")
+            self._omissions.count(f"{path.name}: not drawn: {file}", "visual")
             return
         visual_from_file, instances = np.diag((*scale, 1.0)), file.instances
         if chosen := element.text("submesh/name"):
             instances = submesh(file, chosen)
             if not instances:
-                self._omissions.add(f"{path.name}: submesh {chosen!r} not found", "visual")
+                self._omissions.count(f"{path.name}: submesh {chosen!r} not found", "visual")
                 return
             if element.flag("submesh/center"):
                 instances = centered(file, instances)
@@ -252,6 +264,6 @@ class _Reader:
                 self._meshes.append(replace(mesh, material=material))
             pose = file_from_visual @ visual_from_file @ one.world_from_mesh
             if not np.abs(pose).max() < _FARTHEST_M:  # false for NaN as well
-                self._omissions.add(f"{path.name}: a part is too far away to be drawn", "part")
+                self._omissions.count(f"{path.name}: a part is too far away to be drawn", "part")
                 continue
             self._instances.append(Instance(name, self._made[key][0], pose, file_from_visual))

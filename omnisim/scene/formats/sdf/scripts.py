@@ -84,7 +84,7 @@ def parse_scripts(text: str, parents: dict[str, ScriptMaterial]) -> dict[str, Sc
     text = re.sub(r"//[^\n]*", "", text)
     heads = list(_HEAD.finditer(text))
     materials: dict[str, ScriptMaterial] = {}
-    for head, end in zip(heads, [*(h.start() for h in heads[1:]), len(text)], strict=True):
+    for head, end in zip(heads, [*(h.start() for h in heads), len(text)][1:], strict=True):
         parent = materials.get(head[2] or "") or parents.get(head[2] or "") or ScriptMaterial()
         values: dict[str, str] = {}
         passes = list(_PASS.finditer(text, head.end(), end))

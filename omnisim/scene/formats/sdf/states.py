@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from omnisim.core.poses import inverse
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.sdf.models import Model, with_pose_of
 from omnisim.scene.formats.xml.element import XmlElement
-from omnisim.scene.formats.xml.omissions import Omissions
 
 _UNIT = (1.0, 1.0, 1.0)
 
@@ -23,7 +23,7 @@ def apply_state(world: Model, omissions: Omissions) -> None:
     lights = {light.name: light for light in state.children("light")}
     world.others[:] = [with_pose_of(one, lights.get(one.name, one)) for one in world.others]
     for _ in state.children("insertions"):
-        omissions.add("insertions of a state are not made", "state")
+        omissions.count("insertions of a state are not made", "state")
 
 
 def _move(outer: Model, state: XmlElement, omissions: Omissions) -> None:
@@ -42,5 +42,5 @@ def _move(outer: Model, state: XmlElement, omissions: Omissions) -> None:
             outer.scope.place(saved.name, inverse(world_from_outer) @ saved.pose())
         if is_model and saved.name in models:
             if saved.vector("scale", _UNIT) != _UNIT:
-                omissions.add("scales of a state are not applied", "model")
+                omissions.count("scales of a state are not applied", "model")
             _move(models[saved.name], saved, omissions)

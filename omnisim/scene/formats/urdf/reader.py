@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
@@ -19,11 +19,12 @@ from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene import primitives
 from omnisim.scene.files.imported_scene import PLAIN_GRAY, ImportedScene, make_mesh, translate
 from omnisim.scene.files.search_path import ResourcePath
+from omnisim.scene.formats.features import part_notices, xml_parts
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.sdf.meshes import MeshLibrary
 from omnisim.scene.formats.urdf.kinematics import link_poses
 from omnisim.scene.formats.xml.document import parse_xml
 from omnisim.scene.formats.xml.element import XmlElement
-from omnisim.scene.formats.xml.omissions import Omissions
 from omnisim.scene.parts import AlphaMode, Instance, Material, Mesh, Texture
 from omnisim.scene.primitives import Surface
 from omnisim.scene.textures import TextureStore, alpha_mode_of
@@ -33,9 +34,19 @@ _GRAY = (PLAIN_GRAY, PLAIN_GRAY, PLAIN_GRAY, 1.0)
 
 
 def read_urdf(
-    path: Path, data: bytes, textures: TextureStore, resources: ResourcePath
+    path: Path,
+    data: bytes,
+    textures: TextureStore,
+    resources: ResourcePath,
+    materials: str | None = None,
 ) -> ImportedScene:
     """Read a robot.
+
+    Args:
+        path, data: path and content of the file.
+        textures: store of the images.
+        resources: search path for packages.
+        materials: "robot" or "mesh": materials of meshes that have their own; None: robot.
 
     Raises:
         SceneError: a damaged file; naming element, attribute, value and the expected value.
@@ -43,13 +54,16 @@ def read_urdf(
     root = parse_xml(data)
     if root.tag != "robot":
         raise SceneError(f"expected <robot>, got <{root.tag}>")
-    return _Reader(path, textures, resources).read(XmlElement(root, "robot", path))
+    return _Reader(path, textures, resources, materials).read(XmlElement(root, "robot", path))
 
 
 class _Reader:
     """Meshes, materials and instances of a file."""
 
-    def __init__(self, path: Path, textures: TextureStore, resources: ResourcePath) -> None:
+    def __init__(
+        self, path: Path, textures: TextureStore, resources: ResourcePath, chosen: str | None
+    ) -> None:
+        self._chosen, self._hidden = chosen, 0
         self._folder, self._textures, self._resources = path.parent, textures, resources
         self._files, self._omissions = MeshLibrary(textures), Omissions()
         self._missing: Counter[str] = Counter()
@@ -77,7 +91,14 @@ class _Reader:
         for link in robot.children("link"):
             for visual in link.children("visual"):
                 self._read_visual(link, visual, poses[link.name] @ visual.origin())
-        notices = [*self._omissions.notices, *self._files.notices]
+        unread = part_notices("urdf", xml_parts(robot.element, "urdf"))
+        notices = [*unread, *self._omissions.notices, *self._files.notices]
+        if self._hidden and self._chosen is None:
+            notices.append(
+                f"materials of the robot are in place of their meshes' own "
+                f'({counted(self._hidden, "visual")}): urdf_materials = "mesh" of a scene file '
+                "takes those, as RViz does"
+            )
         if self._missing:
             names = ", ".join(sorted(self._missing))
             hint = f"{names}: pass the folder of the packages as --resources"
@@ -93,7 +114,7 @@ class _Reader:
         geometry = visual.find("geometry")
         shapes = [one for tag in _GEOMETRIES for one in geometry.children(tag)] if geometry else []
         if not shapes:
-            self._omissions.add("no geometry that is known", "visual")
+            self._omissions.count("no geometry that is known", "visual")
             return
         shape = shapes[0]
         material = self._material(visual)
@@ -123,10 +144,14 @@ class _Reader:
             return
         file = self._files.load(path)
         if isinstance(file, str):
-            self._omissions.add(f"{path.name}: not drawn: {file}", "visual")
+            self._omissions.count(f"{path.name}: not drawn: {file}", "visual")
             return
-        for one in file.instances:
+        has_own = [_has_own(file.meshes[one.mesh], file.materials) for one in file.instances]
+        self._hidden += material is not None and any(has_own)
+        for one, is_colored in zip(file.instances, has_own, strict=True):
             mesh = file.meshes[one.mesh]
+            if is_colored and self._chosen == "mesh":
+                material = None
             own = self._of_file(file.materials[mesh.material]) if material is None else material
             if (id(mesh), own) not in self._mesh_of:
                 self._mesh_of[id(mesh), own] = len(self._meshes)
@@ -193,9 +218,16 @@ class _Reader:
         try:
             image = Image.open(io.BytesIO(data))
         except Exception:  # Pillow's readers raise exceptions of any type
-            self._omissions.add(f"texture {name} is not an image that can be read", "material")
+            self._omissions.count(f"texture {name} is not an image that can be read", "material")
             return None
         return self._textures.texture(image, element.name)
+
+
+def _has_own(mesh: Mesh, materials: Sequence[Material]) -> bool:
+    """True for a mesh with colors, a texture, or another material than that of plain files."""
+    material = materials[mesh.material]
+    is_plain = material.base_color == _GRAY or not material.name
+    return mesh.colors is not None or material.texture is not None or not is_plain
 
 
 def _inner_materials(link: XmlElement) -> Iterator[XmlElement]:

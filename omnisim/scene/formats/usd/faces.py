@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
 from omnisim.core.errors import SceneError
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.usd.corners import Corners, PrimvarValues
-from omnisim.scene.formats.usd.notices import Notices
 from omnisim.scene.formats.usd.polygons import triangulate
 from omnisim.scene.formats.usd.primvars import find_primvar, integers, rows
 from omnisim.scene.formats.usd.shapes import read_shape
@@ -56,7 +56,7 @@ def shape_faces(prim: Usd.Prim, time: Usd.TimeCode, meters_per_unit: float) -> F
     )
 
 
-def mesh_faces(prim: Usd.Prim, time: Usd.TimeCode, notices: Notices) -> Faces | None:
+def mesh_faces(prim: Usd.Prim, time: Usd.TimeCode, notices: Omissions) -> Faces | None:
     """Triangles of a mesh; None: no triangles.
 
     Raises:

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdShade
 
 from omnisim.scene.files.imported_scene import PLAIN_GRAY, make_mesh
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.usd.corners import PrimvarValues, make_vertices
 from omnisim.scene.formats.usd.faces import Faces, mesh_faces, shape_faces
-from omnisim.scene.formats.usd.notices import Notices
 from omnisim.scene.formats.usd.primvars import find_primvar, integers
 from omnisim.scene.formats.usd.shapes import is_shape
 from omnisim.scene.formats.usd.surfaces import Appearance, Surfaces
@@ -36,7 +36,7 @@ class Gprims:
     """
 
     def __init__(
-        self, surfaces: Surfaces, time: Usd.TimeCode, meters_per_unit: float, notices: Notices
+        self, surfaces: Surfaces, time: Usd.TimeCode, meters_per_unit: float, notices: Omissions
     ):
         self.meshes: list[Mesh] = []
         self.materials: list[Material] = []

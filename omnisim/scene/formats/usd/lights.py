@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdLux
 
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.usd.dome_maps import dome_map, mean_radiance
-from omnisim.scene.formats.usd.notices import Notices
 from omnisim.scene.formats.usd.shading.shading import numbers
 from omnisim.scene.parts import Light, LightKind
 
@@ -33,7 +33,9 @@ class Lights:
             texture.
     """
 
-    def __init__(self, world_from_stage: NDArray[np.float64], time: Usd.TimeCode, notices: Notices):
+    def __init__(
+        self, world_from_stage: NDArray[np.float64], time: Usd.TimeCode, notices: Omissions
+    ):
         self.lights: list[Light] = []
         self.dome: tuple[float, float, float] | None = None
         self.environment: NDArray[np.float32] | None = None

@@ -9,10 +9,15 @@ from pxr import Tf, Usd, UsdGeom
 
 from omnisim.core.errors import SceneError
 from omnisim.scene.files.file_axes import FileAxes
-from omnisim.scene.formats.usd.notices import Notices
+from omnisim.scene.formats.features import Parts, feature_table
+from omnisim.scene.formats.omissions import Omissions
+
+_LIGHTS = ("SphereLight", "DiskLight", "RectLight", "CylinderLight", "DistantLight", "DomeLight")
+_READ_TYPES = ("Mesh", "Camera", *_LIGHTS)  # types all of whose properties are looked at
+_MAX_FAULT = 200  # characters of usd-core's message
 
 
-def open_stage(path: Path, notices: Notices) -> Usd.Stage:
+def open_stage(path: Path, notices: Omissions) -> Usd.Stage:
     """Open a stage with all payloads; missing references become notices.
 
     Raises:
@@ -28,7 +33,28 @@ def open_stage(path: Path, notices: Notices) -> Usd.Stage:
             notices.count("files of MaterialX are not read", "reference")
         else:
             notices.add(f"{text}: drawn without it")
+    _compare_axes(stage, notices)
     return stage
+
+
+def _compare_axes(stage: Usd.Stage, notices: Omissions) -> None:
+    """Add a notice for each layer whose unit or up axis differs from the stage's.
+
+    USD does not convert, and viewers do not either: a composed prim is in the stage's unit.
+    """
+    axes = ("metersPerUnit", UsdGeom.GetStageMetersPerUnit(stage)), (
+        "upAxis", UsdGeom.GetStageUpAxis(stage)
+    )  # fmt: skip
+    for layer in stage.GetUsedLayers():
+        root = layer.pseudoRoot
+        others = [
+            f"{key} = {root.GetInfo(key)} instead of {value}"
+            for key, value in axes
+            if layer.realPath and root.HasInfo(key) and root.GetInfo(key) != value
+        ]
+        if others:
+            name = Path(layer.realPath).name
+            notices.add(f"{name}: {', '.join(others)} of the stage: USD does not convert it")
 
 
 def stage_axes(stage: Usd.Stage) -> FileAxes:
@@ -43,6 +69,21 @@ def stage_axes(stage: Usd.Stage) -> FileAxes:
     return FileAxes(str(UsdGeom.GetStageUpAxis(stage)).lower(), unit)
 
 
+def stage_parts(stage: Usd.Stage, time: Usd.TimeCode) -> Parts:
+    """Types and schemas of the prims of a stage and its prototypes, and properties of some."""
+    known = {name for feature in feature_table("usd") for name in feature.names}
+    roots = (stage.GetPseudoRoot(), *stage.GetPrototypes())
+    for prim in (one for root in roots for one in Usd.PrimRange(root)):
+        kind = str(prim.GetTypeName())
+        names = [kind, *(one for one in prim.GetAppliedSchemas() if one in known)]
+        yield from ((name, "") for name in names if name)
+        for attribute in prim.GetAuthoredProperties():
+            name = str(attribute.GetName())
+            if name in known or (kind in _READ_TYPES and ":" not in name):
+                is_value = isinstance(attribute, Usd.Attribute)
+                yield name, str(attribute.Get(time)) if is_value else "targets"
+
+
 def first_time(stage: Usd.Stage) -> Usd.TimeCode:
     """Time of the stage's first frame, or else the earliest time of each attribute."""
     if stage.HasAuthoredTimeCodeRange():
@@ -54,7 +95,10 @@ def _first_line(reason: Tf.ErrorException, path: Path) -> str:
     """Error on one line, without the stage's path, which the message names already."""
     texts = [" ".join(str(error.commentary).split()) for error in reason.args]
     text = next((text for text in texts if not text.startswith("Failed to open layer")), "")
-    return _relative(text, path) or "is damaged, or of another format than its name says"
+    text = re.sub(r"parse error matching .*?(?= at ')", "syntax error", text)  # types of its parser
+    return (
+        _relative(text, path)[:_MAX_FAULT] or "is damaged, or of another format than its name says"
+    )
 
 
 def _relative(text: str, path: Path) -> str:

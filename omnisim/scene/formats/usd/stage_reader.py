@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,14 +17,16 @@ from omnisim.ground_truth.label_names import distinct_color
 from omnisim.scene.files.asset_resolver import AssetResolver
 from omnisim.scene.files.file_axes import FileAxes, world_from_axes
 from omnisim.scene.files.imported_scene import ImportedScene, translate
-from omnisim.scene.formats.usd.cameras import start_of_camera
+from omnisim.scene.formats.cameras import Cameras, read_lens
+from omnisim.scene.formats.features import part_notices
+from omnisim.scene.formats.omissions import Omissions
+from omnisim.scene.formats.usd.cameras import lens_of, start_of_camera
 from omnisim.scene.formats.usd.gprims import Gprims
 from omnisim.scene.formats.usd.instancers import read_copies
 from omnisim.scene.formats.usd.lights import Lights, is_light
-from omnisim.scene.formats.usd.notices import Notices
 from omnisim.scene.formats.usd.shading.texture_files import TextureFiles
 from omnisim.scene.formats.usd.shapes import is_shape
-from omnisim.scene.formats.usd.stage import first_time, open_stage, stage_axes
+from omnisim.scene.formats.usd.stage import first_time, open_stage, stage_axes, stage_parts
 from omnisim.scene.formats.usd.surfaces import Surfaces
 from omnisim.scene.formats.usd.walk import Site, Walk
 from omnisim.scene.parts import Instance, LabelRule, StartPose
@@ -61,7 +64,7 @@ class _Reader:
     """Reader of one stage."""
 
     def __init__(self, path: Path, axes: FileAxes):
-        self._notices = Notices()
+        self._notices = Omissions()
         self._assets, self._textures = AssetResolver(path), TextureStore()
         self._stage = open_stage(path, self._notices)
         note_file(path)
@@ -77,6 +80,7 @@ class _Reader:
         self._lights = Lights(self._world_from_stage, self._time, self._notices)
         self._walk = Walk(self._stage, self._time, self._notices)
         self._start: StartPose | None = None
+        self._cameras = Cameras()
         self._copies_of: dict[str, list[_PlacedMesh]] = {}
         self._names: Counter[str] = Counter()
 
@@ -100,9 +104,16 @@ class _Reader:
             dome=self._lights.dome,
             environment=self._lights.environment,
             start=self._start,
+            cameras=self._cameras.poses,
             labels=_labels({one.name: one.class_name for one in placed if one.class_name}),
         )
-        read.notices.extend([*self._assets.notices, *self._textures.notices, *self._notices.lines])
+        read.notices.extend(
+            [
+                *self._assets.notices, *self._textures.notices, *self._notices.notices,
+                *part_notices("usd", stage_parts(self._stage, self._time)),
+                *self._cameras.notices,
+            ]
+        )  # fmt: skip
         if not instances:
             reasons = "".join(f"; {notice}" for notice in read.notices[:1])
             raise SceneError(f"has no triangles to draw{reasons}")
@@ -123,9 +134,10 @@ class _Reader:
                 if not nested:
                     self._lights.add(prim, site.stage_from_prim)
             elif prim.IsA(UsdGeom.Camera):
-                self._start = self._start or start_of_camera(
-                    self._world_from_stage @ site.stage_from_prim
-                )
+                world_from_camera = self._world_from_stage @ site.stage_from_prim
+                self._start = self._start or start_of_camera(world_from_camera)
+                lens = read_lens(partial(lens_of, prim, self._time))
+                self._cameras.add(self._walk.path_name(prim), world_from_camera, lens)
             elif prim.IsA(UsdGeom.PointInstancer):
                 placed += self._copies(site, owners, nested)
             elif prim.IsA(UsdGeom.Mesh) or is_shape(prim):

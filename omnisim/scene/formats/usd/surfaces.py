@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdShade
 
-from omnisim.scene.formats.usd.notices import Notices
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.usd.shading import omni_pbr
 from omnisim.scene.formats.usd.shading.shading import Affine, Inputs, ShaderInput, TextureSource
 from omnisim.scene.formats.usd.shading.texture_files import CHANNELS, TextureFiles
@@ -38,7 +38,7 @@ class Appearance(NamedTuple):
 class Surfaces:
     """Appearances of a stage's materials, each read once."""
 
-    def __init__(self, files: TextureFiles, time: Usd.TimeCode, notices: Notices):
+    def __init__(self, files: TextureFiles, time: Usd.TimeCode, notices: Omissions):
         self._files, self._time, self._notices = files, time, notices
         self._known: dict[str, Appearance | None] = {}
 
@@ -72,7 +72,7 @@ class _PreviewSurface:
     Source: the UsdPreviewSurface specification of OpenUSD, version 2.6.
     """
 
-    def __init__(self, name: str, inputs: Inputs, files: TextureFiles, notices: Notices):
+    def __init__(self, name: str, inputs: Inputs, files: TextureFiles, notices: Omissions):
         self._name, self._inputs, self._files, self._notices = name, inputs, files, notices
         self._uv: TextureSource | None = None  # determines the meshes' texture coordinates
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pxr import Kind, Usd, UsdGeom, UsdShade
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.formats.usd.notices import Notices
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.usd.semantics import semantic_class
 
 MAX_DEPTH = 500  # nesting depth of prims, which Sdf paths do not limit
@@ -56,7 +56,7 @@ class Site(NamedTuple):
 class Walk:
     """Traversal of visible prims, parents before children, in stage order."""
 
-    def __init__(self, stage: Usd.Stage, time: Usd.TimeCode, notices: Notices):
+    def __init__(self, stage: Usd.Stage, time: Usd.TimeCode, notices: Omissions):
         self._time, self._notices = time, notices
         self._children = Usd.TraverseInstanceProxies()
         default = stage.GetDefaultPrim()

@@ -203,3 +203,19 @@ def test_folders_that_a_model_does_not_need_are_not_named(tmp_path):
     (tmp_path / "a.sdf").write_text(sdf(model("m", visual(BOX))))
     _, imported = load(tmp_path / "a.sdf", tmp_path, resources=[tmp_path / "models"])
     assert not imported.robot(tmp_path / "robot.toml").resources
+
+
+def test_a_camera_with_distortion_is_left_out_and_the_others_stay(tmp_path):
+    camera = (
+        "<sensor name='{0}' type='camera'><camera><horizontal_fov>1</horizontal_fov><image>"
+        "<width>64</width><height>48</height></image>{1}</camera></sensor>"
+    )
+    sensors = camera.format("plain", "") + camera.format(
+        "bent", "<distortion><k1>-0.2</k1></distortion>"
+    )
+    path = tmp_path / "a.sdf"
+    path.write_text(sdf(model("m", sensors)))
+    imported = import_model(path)
+    assert [one.name for one in imported.sensors] == ["plain"]
+    assert any(one.startswith("camera bent: left out: ") for one in imported.notices)
+    assert any("distortion/k1: expected 0" in one for one in imported.notices)

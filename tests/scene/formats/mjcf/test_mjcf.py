@@ -52,6 +52,7 @@ def test_what_is_not_drawn_is_said(shapes):
             "the headlight shines from everywhere",
             "attenuation of lamps is drawn as that of 1/distance², equal where they point to",
             "the sky box is drawn in its mean color",
+            "sites are not drawn (1 site)",
         )
     )
 

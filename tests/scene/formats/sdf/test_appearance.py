@@ -306,3 +306,10 @@ def test_a_material_that_is_none_is_named(tmp_path, text, message):
 def test_a_light_that_is_none_is_named(tmp_path):
     with pytest.raises(SceneError, match=r"light\[a\]: expected type point, directional or spot"):
         load(tmp_path, world('<light name="a" type="laser"/>'))
+
+
+def test_a_script_file_without_materials_is_no_error(tmp_path):
+    (tmp_path / "a.material").write_text("no words of OGRE\n")
+    script = "<material><script><uri>a.material</uri><name>Mine</name></script></material>"
+    scene = load(tmp_path, world(model("m", visual(BOX, rest=script))))
+    assert scene.notices == ("test.world: material Mine not found: gray is drawn (1 visual)",)

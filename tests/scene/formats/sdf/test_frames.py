@@ -166,3 +166,16 @@ def test_a_pose_that_is_none_is_named(tmp_path, inner, message):
         load(tmp_path, sdf(f'<model name="m">{inner}</model>'))
     assert message in str(info.value)
     assert "model[m]/" in str(info.value)
+
+
+@pytest.mark.parametrize("frame", ["cup", "mug", "__model__", "cup::f", "mug::f"])
+def test_a_placement_frame_may_name_the_include_itself(frame, tmp_path):
+    inner = f'<frame name="f"><pose>0 0 5 0 0 0</pose></frame><link name="l">{visual(BOX)}</link>'
+    write_model(tmp_path, "cup_model", f'<model name="mug">{inner}</model>')
+    include = (
+        "<include><name>cup</name><uri>cup_model</uri><pose>1 2 3 0 0 0</pose>"
+        f"<placement_frame>{frame}</placement_frame></include>"
+    )
+    scene = load(tmp_path, world(include))
+    z = -2.0 if frame.endswith("::f") else 3.0
+    np.testing.assert_allclose(scene.instances[0].world_from_mesh[:3, 3], (1, 2, z))

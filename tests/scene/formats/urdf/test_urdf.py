@@ -181,3 +181,64 @@ def test_faults_are_one_line_with_the_place(tmp_path, body, message):
     assert str(error.value).startswith(f"{path}: ")
     assert message in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def _two_materials(folder):
+    (folder / "a.mtl").write_text("newmtl own\nKd 0 0 1\n")
+    (folder / "own.obj").write_text(
+        "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl own\nf 1 2 3\n"
+    )
+    (folder / "plain.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    visuals = "".join(
+        f'<visual name="{name}"><geometry><mesh filename="{name}.obj"/></geometry>'
+        '<material name="red"><color rgba="1 0 0 1"/></material></visual>'
+        for name in ("own", "plain")
+    )
+    path = folder / "a.urdf"
+    path.write_text(f'<robot name="r"><link name="l">{visuals}</link></robot>')
+    return path
+
+
+@pytest.mark.parametrize(
+    ("key", "own", "notices"),
+    [("", "red", 1), ('urdf_materials = "robot"', "red", 0), ('urdf_materials = "mesh"', "own", 0)],
+)
+def test_a_material_of_the_robot_on_a_mesh_with_its_own_is_noted(key, own, notices, tmp_path):
+    path = _two_materials(tmp_path)
+    toml = tmp_path / "scene.toml"
+    toml.write_text(f'file = "{path.name}"\n{key}\n')
+    scene = load_scene(toml)
+    assert (_material(scene, "l/own").name, _material(scene, "l/plain").name) == (own, "red")
+    assert len(scene.notices) == notices
+    if notices:
+        assert "in place of their meshes' own (1 visual)" in scene.notices[0]
+
+
+def test_a_package_in_a_clone_of_another_name_is_found_by_package_xml(tmp_path):
+    clone = tmp_path / "a-clone"
+    for name in ("meshes", "urdf"):
+        (clone / name).mkdir(parents=True)
+    (clone / "package.xml").write_text("<package><name> arm_description </name></package>")
+    trimesh.creation.box().export(clone / "meshes" / "hand.stl")
+    path = clone / "urdf" / "arm.urdf"
+    path.write_text(ROBOT)
+    assert "hand/hand" in load_scene(path).instance_names
+    elsewhere = tmp_path / "robot" / "arm.urdf"
+    elsewhere.parent.mkdir()
+    elsewhere.write_text(ROBOT)
+    for folder in (clone, tmp_path):  # the package itself, or the folder of the clones
+        assert "hand/hand" in load_scene(elsewhere, resources=[folder]).instance_names
+
+
+def test_equal_notices_of_several_mesh_files_are_one(tmp_path):
+    (tmp_path / "a.mtl").write_text("newmtl m\nKd 1 0 0\nKs 1 1 1\n")
+    visuals = ""
+    for name in ("a", "b", "c"):
+        path = tmp_path / f"{name}.obj"
+        path.write_text("mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n")
+        visuals += f'<visual><geometry><mesh filename="{path.name}"/></geometry></visual>'
+    path = tmp_path / "a.urdf"
+    path.write_text(f'<robot name="r"><link name="l">{visuals}</link></robot>')
+    assert load_scene(path).notices == (
+        "a.urdf: a.obj and 2 more files: highlights are not drawn: surfaces are matte",
+    )

@@ -288,3 +288,28 @@ def test_faults_are_one_line(tmp_path, capfd, own_process, text, message):
     assert message in str(error.value)
     assert "\n" not in str(error.value)
     assert capfd.readouterr() == ("", "")  # usd-core writes to standard error by itself
+
+
+def test_other_units_and_axes_of_a_reference_are_noted_and_not_converted(tmp_path):
+    part = new_stage(tmp_path / "part.usda", up="Y", meters_per_unit=0.01)
+    define_box(part, "/World/box")
+    part.Save()
+    stage = new_stage(tmp_path / "a.usda")
+    stage.DefinePrim("/World/part").GetReferences().AddReference("part.usda")
+    stage.Save()
+    scene = load_scene(tmp_path / "a.usda")
+    np.testing.assert_allclose(scene.bounds_m(), [[-0.5] * 3, [0.5] * 3])
+    assert scene.notices == (
+        "a.usda: part.usda: metersPerUnit = 0.01 instead of 1.0, upAxis = Y instead of Z of the "
+        "stage: USD does not convert it",
+    )
+
+
+@pytest.mark.parametrize("text", ["def Xform World {}", "def Mesh 'm' { int[] a = [3, 3"])
+def test_a_syntax_error_is_named_without_the_types_of_the_parser(text, tmp_path):
+    path = tmp_path / "a.usda"
+    path.write_text(f"#usda 1.0\n{text}\n")
+    with pytest.raises(SceneError, match=r"a\.usda:\d+:\d+: syntax error at") as caught:
+        load_scene(path)
+    assert len(str(caught.value)) < 300
+    assert "pegtl" not in str(caught.value)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pxr import Sdf
 
-from omnisim.scene.formats.usd.notices import Notices
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.usd.shading.shading import IDENTITY, Inputs, TextureSource
 from omnisim.scene.formats.usd.shading.texture_files import TextureFiles
 from omnisim.scene.parts import AlphaMode, Material, Texture
@@ -18,7 +18,7 @@ Color = tuple[float, float, float]
 
 
 def read_omni_pbr(
-    name: str, inputs: Inputs, files: TextureFiles, notices: Notices
+    name: str, inputs: Inputs, files: TextureFiles, notices: Omissions
 ) -> tuple[Material, TextureSource | None]:
     """Material, and the texture that determines its meshes' texture coordinates.
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdShade
 
-from omnisim.scene.formats.usd.notices import Notices
+from omnisim.scene.formats.omissions import Omissions
 
 Affine = tuple[tuple[float, float, float], tuple[float, float, float]]
 Rgba = tuple[float, float, float, float]
@@ -75,7 +75,7 @@ class ShaderInput(NamedTuple):
 class Inputs:
     """Inputs of a shader by name."""
 
-    def __init__(self, shader: UsdShade.Shader, time: Usd.TimeCode, notices: Notices):
+    def __init__(self, shader: UsdShade.Shader, time: Usd.TimeCode, notices: Omissions):
         self._shader, self._time, self._notices = shader, time, notices
 
     def get(self, name: str) -> ShaderInput:

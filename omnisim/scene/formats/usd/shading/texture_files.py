@@ -13,7 +13,7 @@ from pxr import Ar
 
 from omnisim.core.files.sources import note_file, read_source
 from omnisim.scene.files.asset_resolver import AssetResolver
-from omnisim.scene.formats.usd.notices import Notices
+from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.formats.usd.shading.shading import TextureSource
 from omnisim.scene.parts import Texture, Wrap
 from omnisim.scene.textures import TextureStore, unreadable_image
@@ -25,7 +25,7 @@ _WRAPS = {"clamp": Wrap.CLAMP_TO_EDGE, "black": Wrap.CLAMP_TO_EDGE}
 class TextureFiles:
     """Textures by their sources; each unreadable one is reported once."""
 
-    def __init__(self, assets: AssetResolver, textures: TextureStore, notices: Notices):
+    def __init__(self, assets: AssetResolver, textures: TextureStore, notices: Omissions):
         self._assets, self._textures, self._notices = assets, textures, notices
         self._images: dict[str, Image.Image | None] = {}
         self._packed: dict[object, Texture | None] = {}

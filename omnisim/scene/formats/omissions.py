@@ -1,4 +1,4 @@
-"""Notices of a stage: one line with a count for each feature that is not drawn."""
+"""Unsupported or approximated parts of a file, as notices."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections import Counter
 from omnisim.core.short_repr import counted
 
 
-class Notices:
-    """Features that are not drawn, in order of occurrence."""
+class Omissions:
+    """Omitted or approximated parts, in order of occurrence."""
 
     def __init__(self) -> None:
         self._plain: dict[str, None] = {}
@@ -18,13 +18,18 @@ class Notices:
         """Add a line without a count."""
         self._plain[text] = None
 
-    def count(self, text: str, noun: str = "prim") -> None:
-        """Count one use of a feature."""
-        self._counts[text, noun] += 1
+    def count(self, effect: str, noun: str = "prim") -> None:
+        """Count one more part.
+
+        Args:
+            effect: text of the notice.
+            noun: singular noun for the counted parts.
+        """
+        self._counts[effect, noun] += 1
 
     @property
-    def lines(self) -> list[str]:
-        """Notices, one line per feature."""
+    def notices(self) -> list[str]:
+        """Notices, one line per effect."""
         uses = [
             f"{text} ({counted(n, noun, 'meshes' if noun == 'mesh' else '')})"
             for (text, noun), n in self._counts.items()
