@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
+from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.uniforms import columns_first, find_uniform, uniform
 
@@ -40,12 +41,10 @@ class DepthPyramid:
         size = plan.width_px, plan.height_px
         blocks = -(-plan.width_px // _BLOCK), -(-plan.height_px // _BLOCK)
         with gpu_allocation(f"depth of {size[0]} × {size[1]} px", "make the image smaller"):
-            self._depth = context.texture(size, 1, dtype="f4")
-            self._blocks = context.texture(blocks, 2, dtype="f4")
+            self._depth = texture_2d(context, size, 1)
+            self._blocks = texture_2d(context, blocks, 2)
             cells = _cell_tiles(plan)
-            self._cells = context.texture(cells.shape[1::-1], 4, cells.tobytes(), dtype="f4")
-        for texture in (self._depth, self._blocks, self._cells):
-            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            self._cells = texture_2d(context, cells.shape[1::-1], 4, cells)
         share = near_m / (far_m - near_m)  # depth is −share + near (1 + share) / z
         scale = 1.0 / (near_m * (1.0 + share))
         self._inverse_z_from_depth = (scale, share * scale)

@@ -18,7 +18,9 @@ from moderngl import Context as Context  # re-exported
 
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl.fences import Fences
-from omnisim.rendering.opengl.gl.functions import clip_depth_from_zero_to_one, delete_texture
+from omnisim.rendering.opengl.gl.framebuffers import framebuffer
+from omnisim.rendering.opengl.gl.functions import clip_depth_from_zero_to_one
+from omnisim.rendering.opengl.gl.gpu_textures import delete_texture, renderbuffer
 from omnisim.rendering.opengl.gl.state import set_constants
 
 REQUIRED_VERSION = 450
@@ -216,7 +218,7 @@ def _open(device: int | None) -> moderngl.Context:
         raise GraphicsError(_reason(str(reason), device)) from None
     clip_depth_from_zero_to_one()
     set_constants()
-    lasting_target = context.framebuffer([context.renderbuffer((1, 1))])
+    lasting_target = framebuffer(context, [renderbuffer(context, (1, 1), 4)])
     lasting_target.use()
     fences = Fences() if "llvmpipe" in context.info["GL_RENDERER"] else None
     context.extra = _ContextResources(device, _current_handle(), [], lasting_target, fences)

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
-from omnisim.rendering.opengl.gl.fences import use_target
-from omnisim.rendering.opengl.gl.functions import clear_integers, flush
+from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
+from omnisim.rendering.opengl.gl.functions import flush
+from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
@@ -38,11 +39,10 @@ class OcclusionPass:
         self._vertex_array = valid_pixels_array(context, program, pixels.valid)
         width, height = pixels.size_px
         with gpu_allocation(f"flow of {width} × {height} px", "make the image smaller"):
-            occluded = context.renderbuffer(pixels.size_px, 1, dtype="u1")
-            self._target = context.framebuffer([occluded])
+            occluded = renderbuffer(context, pixels.size_px, 1, dtype="u1")
+            self._target = framebuffer(context, [occluded])
         # once: pixels without a ray are never drawn
-        use_target(self._target)
-        clear_integers(0)
+        clear_target(self._target, None)
 
     def render(
         self,

@@ -9,6 +9,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
 from omnisim.scene.model import Material, Mesh
@@ -97,9 +98,7 @@ def _table(
     context: moderngl.Context, size: tuple[int, int], values: NDArray[np.float32], content: str
 ) -> moderngl.Texture:
     with gpu_allocation(f"{values.nbytes} bytes for {content}", "make the scene smaller"):
-        texture = context.texture(size, 4, values, dtype="f4")
-    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-    return texture
+        return texture_2d(context, size, 4, values)
 
 
 def _record(material: Material, layers: Sequence[int | None]) -> NDArray[np.float32]:

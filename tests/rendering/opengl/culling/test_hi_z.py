@@ -8,7 +8,7 @@ import pytest
 from omnisim.rendering.opengl.culling.cluster_buffers import DEPTH_UNIT
 from omnisim.rendering.opengl.culling.cluster_culling import SETTINGS
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer, read_buffer
-from omnisim.rendering.opengl.gl.depth import depth_texture
+from omnisim.rendering.opengl.gl.gpu_textures import depth_texture
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 
 CELL_PX, LEVELS, SIDE = 4, 5, 16
