@@ -11,6 +11,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.rendering.opengl.gl import debug
 from omnisim.rendering.opengl.gl.functions import gl_function
 from omnisim.rendering.opengl.gl.memory import check_allocation
 
@@ -62,4 +63,5 @@ def _buffer(context: moderngl.Context, content: Content, access: int) -> moderng
     address = None if values is None or not size else values.ctypes.data
     allocate(buffer.glo, buffer.size, address, access)
     check_allocation(context, f"a buffer of {buffer.size} bytes")
+    debug.label(debug.BUFFER, buffer.glo)
     return buffer

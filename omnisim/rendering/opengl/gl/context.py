@@ -11,15 +11,19 @@ import os
 import threading
 import warnings
 from collections import deque
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from typing import Any, NamedTuple, cast
 
 import moderngl
 from moderngl import Context as Context  # re-exported
 
 from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.gl import debug
 from omnisim.rendering.opengl.gl.fences import Fences
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
-from omnisim.rendering.opengl.gl.functions import clip_depth_from_zero_to_one
+from omnisim.rendering.opengl.gl.functions import clip_depth_from_zero_to_one, gl_function
 from omnisim.rendering.opengl.gl.gpu_textures import delete_texture, renderbuffer
 from omnisim.rendering.opengl.gl.state import set_constants
 
@@ -99,6 +103,34 @@ def open_context(device: int | None = None) -> moderngl.Context:
         raise reason from None
 
 
+@contextmanager
+def current(context: moderngl.Context) -> Iterator[None]:
+    """Make a context current for a `with` block; within another block of it, it stays current.
+
+    Blocks around loops therefore save a change of contexts per image. Other libraries may make
+    theirs current in between.
+
+    Raises:
+        GraphicsError: it is current on another thread, or another library ended EGL; or OpenGL
+            reported an error, see `debug`.
+    """
+    handle = context.extra.handle
+    is_inner = _current_handle() == handle
+    if not is_inner:
+        context.__enter__()  # type: ignore[no-untyped-call]
+        if _current_handle() != handle:
+            raise GraphicsError(
+                "OpenGL's context is not available: it is in use on another thread, or another "
+                "library has ended it: open another stage"
+            )
+    try:
+        yield
+        debug.raise_messages()
+    finally:
+        if not is_inner and _current_handle() == handle:
+            context.__exit__(None, None, None)  # type: ignore[no-untyped-call]
+
+
 def check_process() -> None:
     """Refuse OpenGL after a fork: the child would wait for driver threads that it does not have.
 
@@ -116,10 +148,15 @@ def release_context(context: moderngl.Context) -> None:
     """Release a context of this thread with everything in it; a forked child leaves it alone."""
     if _users != [os.getpid()]:
         return
-    with context:
-        collect_garbage(context)
-        context.finish()  # the driver still holds what pending commands use
-        is_sound = context.error == "GL_NO_ERROR"
+    try:
+        with current(context):
+            collect_garbage(context)
+            context.finish()  # the driver still holds what pending commands use
+            is_sound = context.error == "GL_NO_ERROR"
+    except GraphicsError:  # another library, or a bug, has left it unusable
+        is_sound = False
+    if _current_handle() == context.extra.handle:  # the caller has it current
+        context.__exit__(None, None, None)  # type: ignore[no-untyped-call]
     if is_sound and len(_idle) < _MAX_IDLE:
         _idle.append((threading.current_thread(), context))
     else:
@@ -131,6 +168,7 @@ def collect_garbage(context: moderngl.Context) -> None:
     if not context.objects and not context.extra.dropped_textures:
         return
     context.extra.lasting_target.use()
+    gl_function("glBindVertexArray", ctypes.c_uint)(0)  # deletions change the array that is bound
     context.gc()
     while context.extra.dropped_textures:
         delete_texture(context.extra.dropped_textures.pop())
@@ -188,10 +226,15 @@ def release_unclosed_contexts() -> None:
 
 def _current_handle() -> int | None:
     """EGL's handle of this thread's current context; None: no context is current."""
+    handle: int | None = _get_current()()
+    return handle
+
+
+@cache
+def _get_current() -> Callable[[], int | None]:
     get: Any = ctypes.CDLL(_LIBRARIES[0]).eglGetCurrentContext
     get.restype = ctypes.c_void_p
-    handle: int | None = get()
-    return handle
+    return cast(Callable[[], "int | None"], get)
 
 
 def _check_libraries() -> None:
@@ -216,6 +259,7 @@ def _open(device: int | None) -> moderngl.Context:
         )
     except Exception as reason:  # glcontext raises nothing more specific
         raise GraphicsError(_reason(str(reason), device)) from None
+    debug.listen()
     clip_depth_from_zero_to_one()
     set_constants()
     lasting_target = framebuffer(context, [renderbuffer(context, (1, 1), 4)])

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import moderngl
 
+from omnisim.rendering.opengl.gl import debug
 from omnisim.rendering.opengl.gl.fences import end_pass
 from omnisim.rendering.opengl.gl.functions import gl_function
 from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH, depth_array
@@ -29,11 +30,13 @@ def framebuffer(
         AllocationError: this GPU does not draw to them; names them.
     """
     try:
-        return context.framebuffer(list(colors), depth)
+        target = context.framebuffer(list(colors), depth)
     except moderngl.Error as error:
         kinds = [f"{one.size}, {one.components} × {one.dtype}" for one in colors]
         kinds += [] if depth is None else [f"{depth.size}, depth"]
         raise AllocationError(f"a framebuffer of {'; '.join(kinds)}", str(error)) from None
+    debug.label(debug.FRAMEBUFFER, target.glo)
+    return target
 
 
 def depth_target(

@@ -17,6 +17,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.rendering.opengl.gl import debug
 from omnisim.rendering.opengl.gl.fences import end_pass
 from omnisim.rendering.opengl.gl.functions import gl_function
 from omnisim.rendering.opengl.gl.memory import AllocationError, check_allocation
@@ -64,7 +65,7 @@ def texture_2d(
         if levels > 1:
             _allocate(texture.glo, levels, {3: _RGB16F, 4: _RGBA16F}[components], *size)
             limit_levels(texture.glo, 0, levels - 1)
-    _filter(texture, is_linear)
+    _finish(texture, is_linear)
     return texture
 
 
@@ -74,7 +75,7 @@ def texture_3d(
     """RGBA half floats that are interpolated between, and clamped to the edge."""
     with _allocation(context, "a texture", *size, limits=["GL_MAX_3D_TEXTURE_SIZE"] * 3):
         texture = context.texture3d(size, 4, content, dtype="f2")
-    _filter(texture, is_linear=True)
+    _finish(texture, is_linear=True)
     texture.repeat_z = False
     return texture
 
@@ -92,7 +93,7 @@ def texture_array(
         if levels > 1:
             _allocate(array.glo, levels, _RGBA16F, *size)
             limit_levels(array.glo, 0, levels - 1)
-    _filter(array)
+    _finish(array)
     return array
 
 
@@ -103,6 +104,7 @@ def byte_array(
     with _allocation(context, "a texture array", *size):
         array = context.texture_array((1, 1, 1), 4)  # moderngl has no sRGB
         _allocate(array.glo, levels, stored, *size)
+    _finish(array)
     return array
 
 
@@ -136,6 +138,7 @@ def cube_array(context: moderngl.Context, size_px: int, levels: int, cubes: int)
         create = gl_function("glCreateTextures", _ENUM, _INT, _POINTER)
         create(_CUBE_MAP_ARRAY, 1, ctypes.addressof(name))
         _allocate(name.value, levels, _RGBA16F, size_px, size_px, 6 * cubes)
+    debug.label(debug.TEXTURE, name.value)
     set_parameter = gl_function("glTextureParameteri", _ENUM, _ENUM, _INT)
     set_parameter(name.value, _MIN_FILTER, _LINEAR_MIPMAP_LINEAR)
     set_parameter(name.value, _MAG_FILTER, _LINEAR)
@@ -153,7 +156,7 @@ def depth_texture(
         # large ones without moderngl's own allocation
         texture = context.depth_texture(size if levels == 1 else (1, 1))
         _allocate(texture.glo, levels, _DEPTH_COMPONENT32F, *size)
-    _filter(texture)
+    _finish(texture)
     texture.compare_func = ""
     texture.repeat_x = texture.repeat_y = False
     return texture
@@ -165,7 +168,7 @@ def depth_array(context: moderngl.Context, size: tuple[int, int, int]) -> modern
         # moderngl has no layered depth: its color texture gets other storage
         depth = context.texture_array((1, 1, 1), 1)
         _allocate(depth.glo, 1, _DEPTH_COMPONENT32F, *size)
-    _filter(depth)
+    _finish(depth)
     depth.repeat_x = depth.repeat_y = False
     return depth
 
@@ -179,7 +182,9 @@ def renderbuffer(
 ) -> moderngl.Renderbuffer:
     """Renderbuffer; `samples` 0: no multisampling."""
     with _allocation(context, "a renderbuffer", *size):
-        return context.renderbuffer(size, components, samples=samples, dtype=dtype)
+        buffer = context.renderbuffer(size, components, samples=samples, dtype=dtype)
+    debug.label(debug.RENDERBUFFER, buffer.glo)
+    return buffer
 
 
 def depth_renderbuffer(
@@ -192,6 +197,7 @@ def depth_renderbuffer(
             "glNamedRenderbufferStorageMultisample", _ENUM, _INT, _ENUM, _INT, _INT
         )
         allocate(buffer.glo, samples, _DEPTH_COMPONENT32F, *size)
+    debug.label(debug.RENDERBUFFER, buffer.glo)
     return buffer
 
 
@@ -303,7 +309,9 @@ def _allocate(texture: int, levels: int, internal_format: int, *size: int) -> No
     allocate(texture, levels, internal_format, *size)
 
 
-def _filter(texture: AnyTexture, is_linear: bool = False) -> None:
+def _finish(texture: AnyTexture, is_linear: bool = False) -> None:
+    """Label a new texture, and set its filter."""
+    debug.label(debug.TEXTURE, texture.glo)
     texture.filter = (moderngl.LINEAR if is_linear else moderngl.NEAREST,) * 2
     if is_linear:
         texture.repeat_x = texture.repeat_y = False

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import moderngl
 
 from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.gl import debug
 
 
 class AllocationError(GraphicsError):
@@ -32,6 +33,7 @@ def check_allocation(context: moderngl.Context, what: str) -> None:
         AllocationError: there is one.
     """
     if (error := context.error) != "GL_NO_ERROR":
+        debug.take_messages()  # this one
         raise AllocationError(what, error)
 
 

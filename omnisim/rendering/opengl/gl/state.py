@@ -62,6 +62,7 @@ class GlState:
             "glReadPixels", _INT, _INT, _INT, _INT, _ENUM, _ENUM, _POINTER
         )  # fmt: skip
         self.bind_texture = gl_function("glBindTextureUnit", _ENUM, _ENUM)
+        self._texture_barrier = gl_function("glTextureBarrier")
         depth_mask = gl_function("glDepthMask", _BOOLEAN)
         self._set_depth_mask = _choice(
             constant_call(depth_mask, False), constant_call(depth_mask, True)
@@ -97,6 +98,26 @@ class GlState:
             else:
                 self._clear_floats(_COLOR, number, (ctypes.c_float * 4)(*color))
         self._clear_floats(_DEPTH, 0, (ctypes.c_float * 1)(depth))
+
+    @contextmanager
+    def sampling(
+        self,
+        unit: int,
+        attached: moderngl.Texture | moderngl.TextureArray,
+        bound: moderngl.Framebuffer,
+    ) -> Iterator[None]:
+        """Let compute shaders sample what the bound target has drawn: it is not bound meanwhile.
+
+        Otherwise this is a feedback loop, whose result OpenGL leaves undefined.
+        """
+        try:
+            self._bind(_FRAMEBUFFER, bound.ctx.extra.lasting_target.glo)
+            self._texture_barrier()
+            self.bind_texture(unit, attached.glo)
+            yield
+        finally:
+            self.bind_texture(unit, 0)
+            self._bind(_FRAMEBUFFER, bound.glo)
 
     @contextmanager
     def drawing(self) -> Iterator[None]:

@@ -60,6 +60,7 @@ class VisibilityLayers:
         self._tiles.begin(self._target, clear_colors(self._wanted))
         with self._state.drawing():
             self._tiles.draw_clusters(
+                self._target,
                 np.array([rig for rig, _ in poses]),
                 np.array([objects for _, objects in poses]),
             )
