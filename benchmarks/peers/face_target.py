@@ -19,8 +19,9 @@ from omnisim.rendering.opengl.geometry.vertex_format import vertex_array
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import (
     CLEAR_DEPTH,
+    DEPTH,
     DEPTH_FUNCTION,
-    depth_renderbuffer,
+    renderbuffer,
 )
 from omnisim.rendering.opengl.gl.uniforms import columns_first, find_uniform, uniform
 from omnisim.scene.model import Material, Scene
@@ -51,7 +52,7 @@ def srgb_texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.T
 
 def face_target(context: moderngl.Context, texture: moderngl.Texture) -> moderngl.Framebuffer:
     """Framebuffer for one face, with a depth buffer."""
-    return framebuffer(context, [texture], depth_renderbuffer(context, texture.size, 0))
+    return framebuffer(context, [texture], renderbuffer(context, texture.size, 1, DEPTH))
 
 
 class ObjectDrawer:

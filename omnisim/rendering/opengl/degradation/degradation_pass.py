@@ -18,7 +18,6 @@ from omnisim.rendering.opengl.degradation.step import Step, UniformValue
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
 from omnisim.rendering.opengl.gl.functions import flush
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_program
 
 METER_BLOCK_PX = 16  # side of the block that one fragment of the light meter sums, pixels
@@ -120,11 +119,8 @@ class _Target:
     """Float32 render target that can be sampled."""
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int]):
-        with gpu_allocation(
-            f"a degraded image of {size[0]} × {size[1]} px", "make the image smaller"
-        ):
-            self.texture = texture_2d(context, size, 4)
-            self.framebuffer = framebuffer(context, [self.texture])
+        self.texture = texture_2d(context, size, 4)
+        self.framebuffer = framebuffer(context, [self.texture])
 
 
 class _FullScreenPass:
@@ -216,10 +212,7 @@ class _PixelMeter:
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int]):
         self._pass = _FullScreenPass(context, Step("luminance"))
-        with gpu_allocation(
-            f"the light meter of {size[0]} × {size[1]} px", "make the image smaller"
-        ):
-            self._target = framebuffer(context, [texture_2d(context, size, 1)])
+        self._target = framebuffer(context, [texture_2d(context, size, 1)])
 
     def luminances(self, image: moderngl.Texture) -> NDArray[np.float32]:
         """Luminances (n,) (Rec. 709) of the valid pixels."""

@@ -25,7 +25,7 @@ from omnisim.rendering.opengl.gl.framebuffers import (
     resolve,
 )
 from omnisim.rendering.opengl.gl.gpu_textures import (
-    depth_renderbuffer,
+    DEPTH,
     depth_texture,
     renderbuffer,
     texture_2d,
@@ -67,17 +67,10 @@ class CubePass:
         self._context, self._buffers, self.plan = context, buffers, plan
         self._background = cameras.background
         size = (plan.width_px, plan.height_px)
-        limit = int(context.info["GL_MAX_TEXTURE_SIZE"])
-        if max(size) > limit:
-            raise GraphicsError(
-                f"virtual cameras of {max(tile.face_size_px for tile in plan.tiles)} px need an "
-                f"atlas of {size[0]} × {size[1]} px: this GPU takes at most {limit}; "
-                "make the image, virtual_cameras.texels_per_pixel or size_px smaller"
-            )
         samples = min(cameras.samples, int(context.max_samples))
         with gpu_allocation(
             f"an atlas of {size[0]} × {size[1]} px with {samples} samples",
-            "make the image, virtual_cameras.size_px or virtual_cameras.samples smaller",
+            "make the image, or virtual_cameras.texels_per_pixel, size_px or samples smaller",
         ):
             self.atlas = texture_2d(context, size, 4, dtype="f2", levels=1 + plan.max_level)
             self._resolved = framebuffer(context, [self.atlas])
@@ -86,7 +79,7 @@ class CubePass:
                 color = renderbuffer(context, size, 4, dtype="f2", samples=samples)
             # multisampled depth cannot be read, and one sample may show what another occludes
             self._depth = None if samples > 1 else depth_texture(context, size)
-            depth = self._depth or depth_renderbuffer(context, size, samples)
+            depth = self._depth or renderbuffer(context, size, 1, DEPTH, samples)
             self._target = framebuffer(context, [color], depth)
         self.atlas.repeat_x = self.atlas.repeat_y = False
         self._levels = AtlasLevels(self.atlas, plan.max_level)

@@ -50,17 +50,15 @@ def read_buffer(buffer: moderngl.Buffer) -> bytes:
 
 def _buffer(context: moderngl.Context, content: Content, access: int) -> moderngl.Buffer:
     values: NDArray[np.generic] | None = None
-    if isinstance(content, int | np.integer):
-        size = int(content)
-    elif isinstance(content, bytes):
-        values, size = np.frombuffer(content, dtype=np.uint8), len(content)
-    else:
+    if isinstance(content, bytes):
+        values = np.frombuffer(content, dtype=np.uint8)
+    elif isinstance(content, np.ndarray):
         values = np.ascontiguousarray(content)
-        size = values.nbytes
+    size = int(content) if values is None else values.nbytes
     # moderngl's own storage is replaced before anything uses it
     buffer = context.buffer(reserve=size or _EMPTY_BYTES)
-    allocate = gl_function("glNamedBufferStorage", _ENUM, _SIZE, _POINTER, _ENUM)
     address = None if values is None or not size else values.ctypes.data
+    allocate = gl_function("glNamedBufferStorage", _ENUM, _SIZE, _POINTER, _ENUM)
     allocate(buffer.glo, buffer.size, address, access)
     check_allocation(context, f"a buffer of {buffer.size} bytes")
     debug.label(debug.BUFFER, buffer.glo)

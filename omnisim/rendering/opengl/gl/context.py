@@ -11,10 +11,9 @@ import os
 import threading
 import warnings
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache
-from typing import Any, NamedTuple, cast
+from typing import NamedTuple
 
 import moderngl
 from moderngl import Context as Context  # re-exported
@@ -23,7 +22,7 @@ from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl import debug
 from omnisim.rendering.opengl.gl.fences import Fences
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
-from omnisim.rendering.opengl.gl.functions import clip_depth_from_zero_to_one, gl_function
+from omnisim.rendering.opengl.gl.functions import gl_function
 from omnisim.rendering.opengl.gl.gpu_textures import delete_texture, renderbuffer
 from omnisim.rendering.opengl.gl.state import set_constants
 
@@ -111,8 +110,7 @@ def current(context: moderngl.Context) -> Iterator[None]:
     theirs current in between.
 
     Raises:
-        GraphicsError: it is current on another thread, or another library ended EGL; or OpenGL
-            reported an error, see `debug`.
+        GraphicsError: another thread uses it, it was ended, or OpenGL reported an error (`debug`).
     """
     handle = context.extra.handle
     is_inner = _current_handle() == handle
@@ -120,8 +118,7 @@ def current(context: moderngl.Context) -> Iterator[None]:
         context.__enter__()  # type: ignore[no-untyped-call]
         if _current_handle() != handle:
             raise GraphicsError(
-                "OpenGL's context is not available: it is in use on another thread, or another "
-                "library has ended it: open another stage"
+                "another thread uses this stage, or another library ended OpenGL: open a new stage"
             )
     try:
         yield
@@ -148,15 +145,12 @@ def release_context(context: moderngl.Context) -> None:
     """Release a context of this thread with everything in it; a forked child leaves it alone."""
     if _users != [os.getpid()]:
         return
-    try:
-        with current(context):
+    with context:
+        is_sound = _current_handle() == context.extra.handle  # no other thread uses it
+        if is_sound:
             collect_garbage(context)
             context.finish()  # the driver still holds what pending commands use
             is_sound = context.error == "GL_NO_ERROR"
-    except GraphicsError:  # another library, or a bug, has left it unusable
-        is_sound = False
-    if _current_handle() == context.extra.handle:  # the caller has it current
-        context.__exit__(None, None, None)  # type: ignore[no-untyped-call]
     if is_sound and len(_idle) < _MAX_IDLE:
         _idle.append((threading.current_thread(), context))
     else:
@@ -190,10 +184,6 @@ def _take_idle(device: int | None) -> moderngl.Context | None:
     return idle
 
 
-def _is_here(thread: threading.Thread) -> bool:
-    return thread is threading.current_thread()
-
-
 def release_unclosed_context(context: moderngl.Context, thread: threading.Thread) -> None:
     """Release a context whose last user dropped it without closing, and warn.
 
@@ -216,7 +206,7 @@ def release_unclosed_contexts() -> None:
             thread, context = _unclosed.popleft()
         except IndexError:  # another thread was faster
             return
-        if _is_here(thread):
+        if thread is threading.current_thread():
             release_context(context)
         elif not thread.is_alive():
             context.release()
@@ -226,15 +216,8 @@ def release_unclosed_contexts() -> None:
 
 def _current_handle() -> int | None:
     """EGL's handle of this thread's current context; None: no context is current."""
-    handle: int | None = _get_current()()
+    handle: int | None = gl_function("eglGetCurrentContext", returns=ctypes.c_void_p)()
     return handle
-
-
-@cache
-def _get_current() -> Callable[[], int | None]:
-    get: Any = ctypes.CDLL(_LIBRARIES[0]).eglGetCurrentContext
-    get.restype = ctypes.c_void_p
-    return cast(Callable[[], "int | None"], get)
 
 
 def _check_libraries() -> None:
@@ -260,7 +243,6 @@ def _open(device: int | None) -> moderngl.Context:
     except Exception as reason:  # glcontext raises nothing more specific
         raise GraphicsError(_reason(str(reason), device)) from None
     debug.listen()
-    clip_depth_from_zero_to_one()
     set_constants()
     lasting_target = framebuffer(context, [renderbuffer(context, (1, 1), 4)])
     lasting_target.use()

@@ -20,6 +20,7 @@ _DEBUG_OUTPUT, _SYNCHRONOUS, _API, _ANY = 0x92E0, 0x8242, 0x8246, 0x1100
 _REPORTED = 0x824C, 0x824E  # errors, and undefined behavior
 _ENUM, _INT, _POINTER, _TEXT = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_char_p
 _CALLBACK = ctypes.CFUNCTYPE(None, _ENUM, _ENUM, _ENUM, _ENUM, _INT, _TEXT, _POINTER)
+_ROOM = os.path.dirname(__file__)
 _messages: list[str] = []
 
 
@@ -40,9 +41,8 @@ def listen() -> None:
         return
     for capability in (_DEBUG_OUTPUT, _SYNCHRONOUS):
         gl_function("glEnable", _ENUM)(capability)
-    control = gl_function(
-        "glDebugMessageControl", _ENUM, _ENUM, _ENUM, _INT, _POINTER, ctypes.c_ubyte
-    )
+    kinds = _ENUM, _ENUM, _ENUM, _INT, _POINTER, ctypes.c_ubyte
+    control = gl_function("glDebugMessageControl", *kinds)
     control(_ANY, _ANY, _ANY, 0, None, False)
     for kind in _REPORTED:
         control(_API, kind, _ANY, 0, None, True)
@@ -57,23 +57,15 @@ def take_messages() -> list[str]:
 
 
 def raise_messages() -> None:
-    """Raise what was reported since the last call.
-
-    Raises:
-        GraphicsError: there was an error, or undefined behavior.
-    """
+    """Raise messages since the last call as a `GraphicsError`."""
     if _messages:
         raise GraphicsError(f"OpenGL: {'; '.join(take_messages())}")
 
 
-def label(kind: int, name: int, text: str | None = None) -> None:
+def label(kind: int, name: int, text: str = "") -> None:
     """Label an object, if `IS_ON`; without a text by the line outside of this package."""
-    if not IS_ON:
-        return
-    frame = sys._getframe(1)
-    while text is None:
-        if __package__ != frame.f_globals.get("__package__") or frame.f_back is None:
-            text = f"{frame.f_globals['__name__']}:{frame.f_lineno}"
-        else:
-            frame = frame.f_back
-    gl_function("glObjectLabel", _ENUM, _ENUM, _INT, _TEXT)(kind, name, -1, text.encode())
+    if IS_ON:
+        stack = (one for one in reversed(traceback.extract_stack()) if _ROOM not in one.filename)
+        line = next(stack)
+        set_label = gl_function("glObjectLabel", _ENUM, _ENUM, _INT, _TEXT)
+        set_label(kind, name, -1, (text or f"{line.filename}:{line.lineno}").encode())

@@ -15,7 +15,6 @@ from omnisim.rendering.opengl.gl.memory import AllocationError
 from omnisim.rendering.opengl.gl.state import GlState
 
 COLORS, DEPTH = 0x8CE0, 0x8D00  # attachments; further colors follow the first
-_FRAMEBUFFER, _COMPLETE = 0x8D40, 0x8CD5
 _ENUM, _INT, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p
 
 
@@ -24,11 +23,7 @@ def framebuffer(
     colors: Sequence[moderngl.Texture | moderngl.TextureArray | moderngl.Renderbuffer] = (),
     depth: moderngl.Texture | moderngl.Renderbuffer | None = None,
 ) -> moderngl.Framebuffer:
-    """Framebuffer of attachments of one size.
-
-    Raises:
-        AllocationError: this GPU does not draw to them; names them.
-    """
+    """Framebuffer of attachments of one size; an `AllocationError` names them."""
     try:
         target = context.framebuffer(list(colors), depth)
     except moderngl.Error as error:
@@ -36,6 +31,10 @@ def framebuffer(
         kinds += [] if depth is None else [f"{depth.size}, depth"]
         raise AllocationError(f"a framebuffer of {'; '.join(kinds)}", str(error)) from None
     debug.label(debug.FRAMEBUFFER, target.glo)
+    # moderngl enables all attachments only when it binds a target
+    attachments = (_ENUM * len(colors))(*range(COLORS, COLORS + len(colors)))
+    draw = gl_function("glNamedFramebufferDrawBuffers", _ENUM, _INT, _POINTER)
+    draw(target.glo, len(colors), ctypes.addressof(attachments))
     return target
 
 
@@ -46,7 +45,6 @@ def depth_target(
     target = context.empty_framebuffer(size)
     target.depth_mask = True
     attach_texture(target.glo, texture.glo, DEPTH, level)
-    _check_complete(target, f"a depth target of {size[0]} × {size[1]} texels, level {level}")
     return target
 
 
@@ -58,8 +56,6 @@ def layered_target(
     depth = depth_array(context, (width, height, layers))
     target = framebuffer(context, colors)
     attach_texture(target.glo, depth.glo, DEPTH)
-    draw_into_all(target)
-    _check_complete(target, f"a target of {layers} layers of {width} × {height} texels")
     return target, depth
 
 
@@ -79,14 +75,6 @@ def attach_layer(
     attach(framebuffer, attachment, array, level, layer)
 
 
-def draw_into_all(target: moderngl.Framebuffer) -> None:
-    """Enable all color attachments of a target: moderngl does so only when it binds one."""
-    count = len(target.color_attachments)
-    attachments = (_ENUM * count)(*range(COLORS, COLORS + count))
-    draw = gl_function("glNamedFramebufferDrawBuffers", _ENUM, _INT, _POINTER)
-    draw(target.glo, count, ctypes.addressof(attachments))
-
-
 def use_target(target: moderngl.Framebuffer) -> None:
     """Draw to a target, with moderngl's state of it."""
     end_pass(target.ctx)
@@ -96,11 +84,9 @@ def use_target(target: moderngl.Framebuffer) -> None:
 def clear_target(
     target: moderngl.Framebuffer, *colors: tuple[float, float, float, float] | None
 ) -> None:
-    """Clear a target without depth in a pass of its own, and leave it bound.
+    """Clear each attachment of a target in a pass of its own, by default to 0.
 
-    Args:
-        target: render target.
-        colors: values per attachment; None: an integer one, cleared to 0. Left out: 0 in all.
+    None marks an integer attachment, cleared to 0.
     """
     use_target(target)
     nothing = [(0.0, 0.0, 0.0, 0.0)] * len(target.color_attachments)
@@ -111,11 +97,3 @@ def resolve(target: moderngl.Framebuffer, multisampled: moderngl.Framebuffer) ->
     """Average the samples of a target into another, in a pass of its own."""
     end_pass(target.ctx)
     target.ctx.copy_framebuffer(target, multisampled)
-
-
-def _check_complete(target: moderngl.Framebuffer, what: str) -> None:
-    status: int = gl_function("glCheckNamedFramebufferStatus", _ENUM, _ENUM, returns=_ENUM)(
-        target.glo, _FRAMEBUFFER
-    )
-    if status != _COMPLETE:
-        raise AllocationError(what, f"incomplete, {status:#x}")

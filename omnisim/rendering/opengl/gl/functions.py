@@ -9,7 +9,6 @@ from typing import Any
 
 import moderngl
 
-_LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
 _UNSIGNED_INT, _TRIANGLES = 0x1405, 4
 _DRAW_INDIRECT_BUFFER, _PARAMETER_BUFFER, _SHADER_STORAGE_BUFFER = 0x8F3F, 0x80EE, 0x90D2
 _ENUM, _INT = ctypes.c_uint, ctypes.c_int
@@ -34,11 +33,6 @@ def constant_call(function: Callable[..., Any], *arguments: int) -> Callable[[],
     converted = [kind(value) for kind, value in zip(typed.argtypes, arguments, strict=True)]
     address: Any = ctypes.cast(typed, ctypes.c_void_p).value
     return partial(ctypes.CFUNCTYPE(typed.restype)(address), *converted)
-
-
-def clip_depth_from_zero_to_one() -> None:
-    """Clip depth to [0, w] in the current context, as reversed depth requires."""
-    gl_function("glClipControl", ctypes.c_uint, ctypes.c_uint)(_LOWER_LEFT, _ZERO_TO_ONE)
 
 
 def flush() -> None:

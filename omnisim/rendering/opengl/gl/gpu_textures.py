@@ -12,6 +12,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from typing import TypeVar
 
 import moderngl
 import numpy as np
@@ -23,9 +24,11 @@ from omnisim.rendering.opengl.gl.functions import gl_function
 from omnisim.rendering.opengl.gl.memory import AllocationError, check_allocation
 
 AnyTexture = moderngl.Texture | moderngl.Texture3D | moderngl.TextureArray
+TextureT = TypeVar("TextureT", moderngl.Texture, moderngl.Texture3D, moderngl.TextureArray)
 
 DEPTH_FUNCTION = ">"  # set per context, see omnisim/rendering/opengl/gl/state.py
 CLEAR_DEPTH = 0.0
+DEPTH = "d4"  # type of a renderbuffer of depth
 SRGB8_ALPHA8, RGBA8 = 0x8C43, 0x8058
 _DEPTH_COMPONENT32F, _RGB16F, _RGBA16F = 0x8CAC, 0x881B, 0x881A
 _TEXTURE_2D, _TEXTURE_2D_ARRAY, _CUBE_MAP_ARRAY = 0x0DE1, 0x8C1A, 0x9009
@@ -65,19 +68,17 @@ def texture_2d(
         if levels > 1:
             _allocate(texture.glo, levels, {3: _RGB16F, 4: _RGBA16F}[components], *size)
             limit_levels(texture.glo, 0, levels - 1)
-    _finish(texture, is_linear)
-    return texture
+    return _finished(texture, is_linear)
 
 
 def texture_3d(
     context: moderngl.Context, size: tuple[int, int, int], content: NDArray[np.float16]
 ) -> moderngl.Texture3D:
-    """RGBA half floats that are interpolated between, and clamped to the edge."""
-    with _allocation(context, "a texture", *size, limits=["GL_MAX_3D_TEXTURE_SIZE"] * 3):
+    """RGBA half floats, interpolated between, and clamped to the edge."""
+    with _allocation(context, "a texture", *size, limits=("GL_MAX_3D_TEXTURE_SIZE",) * 3):
         texture = context.texture3d(size, 4, content, dtype="f2")
-    _finish(texture, is_linear=True)
     texture.repeat_z = False
-    return texture
+    return _finished(texture, is_linear=True)
 
 
 def texture_array(
@@ -93,46 +94,31 @@ def texture_array(
         if levels > 1:
             _allocate(array.glo, levels, _RGBA16F, *size)
             limit_levels(array.glo, 0, levels - 1)
-    _finish(array)
-    return array
+    return _finished(array)
 
 
-def byte_array(
+def byte_textures(
     context: moderngl.Context, size: tuple[int, int, int], levels: int, stored: int
-) -> moderngl.TextureArray:
-    """Array of 8-bit RGBA textures with mip levels; `stored`: `RGBA8` or `SRGB8_ALPHA8`."""
+) -> tuple[moderngl.TextureArray, list[moderngl.Texture]]:
+    """Array of 8-bit RGBA textures with mip levels, and its layers as textures, without a copy.
+
+    Moderngl does not free the layers. They are `stored` as `RGBA8` or `SRGB8_ALPHA8`.
+    """
+    width, height, layers = size
+    names = (_ENUM * layers)()
     with _allocation(context, "a texture array", *size):
         array = context.texture_array((1, 1, 1), 4)  # moderngl has no sRGB
         _allocate(array.glo, levels, stored, *size)
-    _finish(array)
-    return array
-
-
-def byte_layer(
-    context: moderngl.Context,
-    array: moderngl.TextureArray,
-    size: tuple[int, int],
-    levels: int,
-    stored: int,
-    layer: int,
-) -> moderngl.Texture:
-    """Layer of a `byte_array` as a 2D texture, without a copy; moderngl does not free it."""
-    name = ctypes.c_uint()
-    gl_function("glGenTextures", _INT, _POINTER)(1, ctypes.addressof(name))
-    view = gl_function("glTextureView", *(_ENUM,) * 8)
-    view(name.value, _TEXTURE_2D, array.glo, stored, 0, levels, layer, 1)
-    return context.external_texture(name.value, size, 4, 0, "f1")
+        gl_function("glGenTextures", _INT, _POINTER)(layers, ctypes.addressof(names))
+        for layer, name in enumerate(names):
+            view = gl_function("glTextureView", *(_ENUM,) * 8)
+            view(name, _TEXTURE_2D, array.glo, stored, 0, levels, layer, 1)
+    views = [context.external_texture(name, (width, height), 4, 0, "f1") for name in names]
+    return _finished(array), [_finished(one) for one in views]
 
 
 def cube_array(context: moderngl.Context, size_px: int, levels: int, cubes: int) -> int:
-    """Name of an array of cube maps of RGBA half floats, filtered linearly.
-
-    Args:
-        context: OpenGL context.
-        size_px: texels across a face.
-        levels: number of mip levels.
-        cubes: number of cube maps.
-    """
+    """Name of an array of cube maps of RGBA half floats with mip levels, filtered linearly."""
     name = ctypes.c_uint()
     with _allocation(context, "an array of cube maps", size_px, size_px, 6 * cubes):
         create = gl_function("glCreateTextures", _ENUM, _INT, _POINTER)
@@ -148,18 +134,14 @@ def cube_array(context: moderngl.Context, size_px: int, levels: int, cubes: int)
 def depth_texture(
     context: moderngl.Context, size: tuple[int, int], levels: int = 1
 ) -> moderngl.Texture:
-    """32-bit float depth texture.
-
-    Moderngl takes one with levels for a texture of one texel: see `depth_target`.
-    """
+    """32-bit float depth; with levels, moderngl takes it for one texel: see `depth_target`."""
     with _allocation(context, "a depth texture", *size):
         # large ones without moderngl's own allocation
         texture = context.depth_texture(size if levels == 1 else (1, 1))
         _allocate(texture.glo, levels, _DEPTH_COMPONENT32F, *size)
-    _finish(texture)
     texture.compare_func = ""
     texture.repeat_x = texture.repeat_y = False
-    return texture
+    return _finished(texture)
 
 
 def depth_array(context: moderngl.Context, size: tuple[int, int, int]) -> moderngl.TextureArray:
@@ -168,9 +150,8 @@ def depth_array(context: moderngl.Context, size: tuple[int, int, int]) -> modern
         # moderngl has no layered depth: its color texture gets other storage
         depth = context.texture_array((1, 1, 1), 1)
         _allocate(depth.glo, 1, _DEPTH_COMPONENT32F, *size)
-    _finish(depth)
     depth.repeat_x = depth.repeat_y = False
-    return depth
+    return _finished(depth)
 
 
 def renderbuffer(
@@ -180,23 +161,15 @@ def renderbuffer(
     dtype: str = "f1",
     samples: int = 0,
 ) -> moderngl.Renderbuffer:
-    """Renderbuffer; `samples` 0: no multisampling."""
+    """Renderbuffer; `samples` 0: no multisampling; `dtype` `DEPTH`: 32-bit float depth."""
     with _allocation(context, "a renderbuffer", *size):
-        buffer = context.renderbuffer(size, components, samples=samples, dtype=dtype)
-    debug.label(debug.RENDERBUFFER, buffer.glo)
-    return buffer
-
-
-def depth_renderbuffer(
-    context: moderngl.Context, size: tuple[int, int], samples: int
-) -> moderngl.Renderbuffer:
-    """32-bit float depth buffer; `samples` 0: no multisampling."""
-    with _allocation(context, "a depth buffer", *size):
-        buffer = context.depth_renderbuffer(size, samples=samples)
-        allocate = gl_function(
-            "glNamedRenderbufferStorageMultisample", _ENUM, _INT, _ENUM, _INT, _INT
-        )
-        allocate(buffer.glo, samples, _DEPTH_COMPONENT32F, *size)
+        if dtype == DEPTH:
+            buffer = context.depth_renderbuffer(size, samples=samples)
+            storage = "glNamedRenderbufferStorageMultisample"
+            allocate = gl_function(storage, _ENUM, _INT, _ENUM, _INT, _INT)
+            allocate(buffer.glo, samples, _DEPTH_COMPONENT32F, *size)
+        else:
+            buffer = context.renderbuffer(size, components, samples=samples, dtype=dtype)
     debug.label(debug.RENDERBUFFER, buffer.glo)
     return buffer
 
@@ -208,25 +181,18 @@ def limit_levels(texture: int, first: int, last: int) -> None:
     limit(texture, _MAX_LEVEL, last)
 
 
-def upload_half_floats(texture: int, level: int, pixels: NDArray[np.float16]) -> None:
-    """Upload RGB (height, width, 3), contiguous, to a whole mip level of a 2D texture."""
-    height, width, _ = pixels.shape
+def upload(
+    texture: int, level: int, pixels: NDArray[np.float16 | np.uint8], layer: int | None = None
+) -> None:
+    """Upload RGB or RGBA (height, width, n) to a whole mip level, of a layer of an array."""
+    height, width, components = pixels.shape
+    size = (0, 0, width, height) if layer is None else (0, 0, layer, width, height, 1)
     gl_function("glPixelStorei", _ENUM, _INT)(_UNPACK_ALIGNMENT, 1)
-    upload = gl_function(
-        "glTextureSubImage2D", _ENUM, _INT, _INT, _INT, _INT, _INT, _ENUM, _ENUM, _POINTER
-    )
-    upload(texture, level, 0, 0, width, height, _RGB, _HALF_FLOAT, pixels.ctypes.data)
-
-
-def upload_layer(array: int, level: int, layer: int, pixels: NDArray[np.uint8]) -> None:
-    """Upload 8-bit RGBA (height, width, 4) to a whole mip level of a layer."""
-    height, width, _ = pixels.shape
-    upload = gl_function(
-        "glTextureSubImage3D",
-        _ENUM, _INT, _INT, _INT, _INT, _INT, _INT, _INT, _ENUM, _ENUM, ctypes.c_char_p,
-    )  # fmt: skip
-    texels = pixels.tobytes()
-    upload(array, level, 0, 0, layer, width, height, 1, _RGBA, _UNSIGNED_BYTE, texels)
+    kinds = _ENUM, _INT, *(_INT for _ in size), _ENUM, _ENUM, _POINTER
+    write = gl_function(f"glTextureSubImage{len(size) // 2}D", *kinds)
+    texels = np.ascontiguousarray(pixels)
+    kind = _HALF_FLOAT if texels.dtype == np.float16 else _UNSIGNED_BYTE
+    write(texture, level, *size, (_RGB, _RGBA)[components - 3], kind, texels.ctypes.data)
 
 
 def delete_texture(name: int) -> None:
@@ -243,22 +209,11 @@ def copy_region(
     to_px: tuple[int, int],
     size_px: tuple[int, int],
 ) -> None:
-    """Copy a rectangle between two 2D textures.
-
-    Args:
-        source, target: texture names.
-        level: mip level of both.
-        first_px, to_px: left and top, in the source and in the target.
-        size_px: width and height.
-    """
-    copy = gl_function(
-        "glCopyImageSubData",
-        _ENUM, _ENUM, _INT, _INT, _INT, _INT,
-        _ENUM, _ENUM, _INT, _INT, _INT, _INT, _INT, _INT, _INT,
-    )  # fmt: skip
-    copy(
-        source, _TEXTURE_2D, level, *first_px, 0, target, _TEXTURE_2D, level, *to_px, 0, *size_px, 1
-    )
+    """Copy a rectangle of a mip level, by left and top in both, between 2D textures by name."""
+    place = _ENUM, _ENUM, _INT, _INT, _INT, _INT
+    copy = gl_function("glCopyImageSubData", *place, *place, _INT, _INT, _INT)
+    from_place, to_place = (source, _TEXTURE_2D, level), (target, _TEXTURE_2D, level)
+    copy(*from_place, *first_px, 0, *to_place, *to_px, 0, *size_px, 1)
 
 
 def copy_textures(copies: Mapping[moderngl.Texture, moderngl.Texture]) -> None:
@@ -288,16 +243,13 @@ def bind_textures(textures: Mapping[int, AnyTexture]) -> None:
 
 @contextmanager
 def _allocation(
-    context: moderngl.Context,
-    kind: str,
-    *size: int,
-    limits: Sequence[str] = _LIMITS,
+    context: moderngl.Context, kind: str, *size: int, limits: Sequence[str] = _LIMITS
 ) -> Iterator[None]:
     """Check a size before its allocation in a `with` block, and OpenGL's error after it."""
     what = f"{kind} of {' × '.join(map(str, size))} texels"
     for side, limit in zip(size, limits, strict=False):
         if side > int(context.info[limit]):
-            raise AllocationError(what, f"it takes at most {context.info[limit]}")
+            raise AllocationError(what, f"this GPU takes at most {context.info[limit]}")
     yield
     check_allocation(context, what)
 
@@ -309,9 +261,10 @@ def _allocate(texture: int, levels: int, internal_format: int, *size: int) -> No
     allocate(texture, levels, internal_format, *size)
 
 
-def _finish(texture: AnyTexture, is_linear: bool = False) -> None:
+def _finished(texture: TextureT, is_linear: bool = False) -> TextureT:
     """Label a new texture, and set its filter."""
     debug.label(debug.TEXTURE, texture.glo)
     texture.filter = (moderngl.LINEAR if is_linear else moderngl.NEAREST,) * 2
     if is_linear:
         texture.repeat_x = texture.repeat_y = False
+    return texture

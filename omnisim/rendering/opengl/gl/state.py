@@ -26,6 +26,7 @@ _MIRROR_CLIP_DISTANCE = 0x3004  # at a mirror, see shaders/scene/mirror_clip.gls
 _GREATER, _EQUAL, _ALWAYS, _BACK = 0x0204, 0x0202, 0x0207, 0x0405
 _CLOCKWISE, _COUNTERCLOCKWISE = 0x0900, 0x0901
 _SRC_ALPHA, _ONE_MINUS_SRC_ALPHA, _ZERO, _ONE = 0x0302, 0x0303, 0, 1
+_LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
 _SRC1_COLOR, _SEAMLESS_CUBES = 0x88F9, 0x884F
 _ENUM, _INT, _POINTER, _BOOLEAN = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_ubyte
 
@@ -33,9 +34,10 @@ _ENUM, _INT, _POINTER, _BOOLEAN = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, 
 def set_constants() -> None:
     """Set the state that all passes of a context share.
 
-    Reversed depth, winding, blend function, and filters across the edges of cube maps.
+    Reversed depth, clipped to [0, w]; winding, blend function, filters across edges of cube maps.
     Clip-space y points down the image, which reverses the winding.
     """
+    gl_function("glClipControl", _ENUM, _ENUM)(_LOWER_LEFT, _ZERO_TO_ONE)
     gl_function("glDepthFunc", _ENUM)(_GREATER)
     gl_function("glFrontFace", _ENUM)(_CLOCKWISE)
     gl_function("glCullFace", _ENUM)(_BACK)

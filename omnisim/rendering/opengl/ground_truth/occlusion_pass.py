@@ -11,7 +11,6 @@ from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
 from omnisim.rendering.opengl.gl.functions import flush
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
 from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
@@ -37,10 +36,8 @@ class OcclusionPass:
         uniform(program, "u_hit_primitives").value = _PRIMITIVES_UNIT
         self._rig_from_viewpoint = uniform(program, "u_rig_from_viewpoint")
         self._vertex_array = valid_pixels_array(context, program, pixels.valid)
-        width, height = pixels.size_px
-        with gpu_allocation(f"flow of {width} × {height} px", "make the image smaller"):
-            occluded = renderbuffer(context, pixels.size_px, 1, dtype="u1")
-            self._target = framebuffer(context, [occluded])
+        occluded = renderbuffer(context, pixels.size_px, 1, dtype="u1")
+        self._target = framebuffer(context, [occluded])
         # once: pixels without a ray are never drawn
         clear_target(self._target, None)
 

@@ -24,7 +24,6 @@ from omnisim.rendering.opengl.gl.framebuffers import (
     DEPTH,
     attach_layer,
     attach_texture,
-    draw_into_all,
     framebuffer,
 )
 from omnisim.rendering.opengl.gl.gpu_textures import bind_textures, depth_texture, texture_2d
@@ -122,7 +121,6 @@ class VisibilityPass:
         if details not in self._targets:
             atlases = self._atlases(details)
             self._targets[details] = framebuffer(self.buffers.context, atlases, self._depth)
-            draw_into_all(self._targets[details])
         return self._targets[details]
 
     def _atlases(self, details: HitDetails) -> list[moderngl.Texture]:

@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.gl.gpu_textures import texture_2d, upload_half_floats
+from omnisim.rendering.opengl.gl.gpu_textures import texture_2d, upload
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.scene.light.environment import Environment
 
@@ -29,7 +29,7 @@ def _map(context: moderngl.Context, levels: tuple[NDArray[np.float32], ...]) -> 
         texture = texture_2d(context, (width, height), 3, dtype="f2", levels=len(levels))
     for level, pixels in enumerate(levels):
         half = np.minimum(pixels, _MAX_HALF).astype(np.float16)
-        upload_half_floats(texture.glo, level, np.ascontiguousarray(half))
+        upload(texture.glo, level, half)
     texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
     texture.repeat_x, texture.repeat_y = True, False
     return texture

@@ -13,9 +13,8 @@ from omnisim.rendering.opengl.gl.gpu_textures import (
     RGBA8,
     SRGB8_ALPHA8,
     bind_texture,
-    byte_array,
-    byte_layer,
-    upload_layer,
+    byte_textures,
+    upload,
 )
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 
@@ -49,14 +48,11 @@ class TextureArray:
         with gpu_allocation(
             f"{len(layers)} textures of {width} × {height} texels", "make the scene smaller"
         ):
-            self.array = byte_array(context, (width, height, len(layers)), levels, stored)
+            size = width, height, len(layers)
+            self.array, self.layers = byte_textures(context, size, levels, stored)
         for layer, pixels in enumerate(layers):
             for level, texels in enumerate(pixels):
-                upload_layer(self.array.glo, level, layer, texels)
-        self.layers = [
-            byte_layer(context, self.array, (width, height), levels, stored, layer)
-            for layer in range(len(layers))
-        ]
+                upload(self.array.glo, level, texels, layer)
         textures: list[moderngl.Texture | moderngl.TextureArray] = [self.array, *self.layers]
         for texture in textures:
             texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)

@@ -130,7 +130,7 @@ def test_a_context_stays_current_within_a_block_of_its_own(needs_opengl):
     assert context_module._current_handle() is None
     with ThreadPoolExecutor(1) as executor:  # once no thread has it current
         executor.submit(_use, first).result()
-        with current(first), pytest.raises(GraphicsError, match="in use on another thread"):
+        with current(first), pytest.raises(GraphicsError, match="another thread uses this stage"):
             executor.submit(_use, first).result()
     for one in contexts:
         one.release()

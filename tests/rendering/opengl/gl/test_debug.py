@@ -1,4 +1,4 @@
-"""What OpenGL reports with OMNISIM_GL_DEBUG=1, in a process of its own."""
+"""Reports of OpenGL with OMNISIM_GL_DEBUG=1, in a process of its own."""
 
 import os
 import subprocess
@@ -39,6 +39,6 @@ def test_errors_are_raised_where_they_happen_and_objects_are_labeled():
     )
     assert done.returncode == 0, done.stderr
     label, error = done.stdout.splitlines()
-    assert label == "__main__:10"
+    assert label == "<string>:10"
     assert error.startswith("OpenGL: GL_INVALID_OPERATION in glBufferSubData")
     assert ", line 18, in <module>" in done.stderr
