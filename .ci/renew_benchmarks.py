@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,9 @@ from pages import ROOT, renew_block, renew_figures
 sys.path.insert(0, str(ROOT))
 
 from benchmarks.__main__ import SUITES
+from benchmarks.bounds import entry_cells
 from benchmarks.report import read_report
+from benchmarks.suites.fps import fps_table
 from omnisim.core.errors import OmnisimError
 from omnisim.validation.report.machine import machine_line
 
@@ -61,33 +64,17 @@ def main() -> None:
             figure = (kept / f"{suite}.jpg").relative_to(ROOT)
             lines = [
                 f"On {machine_line(report['machine'])}:", "", f"![{suite}]({figure})", "",
-                *table(report), "", *_bounds(report),
+                *table(report), "", *_bounds(report), "",
                 *(f"- {remark}" for remark in report.get("remarks", ())),
             ]  # fmt: skip
             renew_block(suite, "\n".join(lines) + "\n")
 
 
 def _fps_table(report: dict[str, Any]) -> list[str]:
-    """A row for each sensor, a column for each map and setting, at the paper's size."""
+    """Fig. 10 at the paper's size."""
     size_px = min(row["size_px"] for row in report["rows"])
-    rows = [row for row in report["rows"] if row["size_px"] == size_px]
-    groups = list(dict.fromkeys((row["scene"], row["setting"]) for row in rows))
-    fps = {(_variant(row), (row["scene"], row["setting"])): f"{row['fps']:.1f}" for row in rows}
-    titles = [f"{scene}, {setting}" for scene, setting in groups]
-    lines = [
-        f"| frames per second, {size_px}² | {' | '.join(titles)} |",
-        f"| --- |{' --- |' * len(groups)}",
-    ]
-    for variant in dict.fromkeys(map(_variant, rows)):
-        lines.append(f"| {variant} | {' | '.join(fps[variant, group] for group in groups)} |")
-    return lines
-
-
-def _variant(row: dict[str, Any]) -> str:
-    if row["polygons"] is None:
-        return "view and LMS200" if row["sensor"] == "lms200" else "view alone"
-    polygons = "exact" if row["polygons"] == "exact" else f"{row['polygons']} polygons"
-    return f"view and camera, {polygons}"
+    (_, *groups), *rows = fps_table([r for r in report["rows"] if r["size_px"] == size_px])
+    return _table((f"frames per second, {size_px}²", *groups), rows)
 
 
 def _peers_table(report: dict[str, Any]) -> list[str]:
@@ -95,14 +82,13 @@ def _peers_table(report: dict[str, Any]) -> list[str]:
     rows = [row for row in report["rows"] if row["missing"] is None]
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
     cells = {(row["racer"], row["scene"]): _raced(row) for row in rows}
-    lines = [
-        f"| the same frame, {report['image_px']}² | {' | '.join(scenes)} |",
-        f"| --- |{' --- |' * len(scenes)}",
-    ]
-    for racer in dict.fromkeys(row["racer"] for row in rows):
-        row_cells = [cells.get((racer, scene), "") for scene in scenes]
-        lines.append(f"| {racer} | {' | '.join(row_cells)} |")
-    return lines
+    return _table(
+        (f"the same frame, {report['image_px']}²", *scenes),
+        [
+            (racer, *(cells.get((racer, scene), "") for scene in scenes))
+            for racer in dict.fromkeys(row["racer"] for row in rows)
+        ],
+    )
 
 
 def _raced(row: dict[str, Any]) -> str:
@@ -115,13 +101,14 @@ def _raced(row: dict[str, Any]) -> str:
 
 
 def _bounds(report: dict[str, Any]) -> list[str]:
-    """The bounds, a list."""
-    lines: list[str] = []
-    for bound in report["bounds"]:
-        sign = "≥" if bound["sense"] == "at least" else "≤"
-        missed = "" if bound["passed"] else ": **missed**"
-        lines.append(f"- {bound['name']}: {bound['value']:.3g} ({sign} {bound['bound']:g}){missed}")
-    return lines
+    """Judged numbers beside their bounds and goals."""
+    return _table(("", "measured", "bound", "goal"), map(entry_cells, report["bounds"]))
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """Table in Markdown."""
+    cells = [head, ["---"] * len(head), *rows]
+    return [f"| {' | '.join(row)} |" for row in cells]
 
 
 if __name__ == "__main__":

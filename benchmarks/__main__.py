@@ -9,7 +9,7 @@ from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
@@ -19,6 +19,7 @@ from omnisim.apps.cli.console import err
 from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_target
+from omnisim.rendering.opengl.gl.devices import device_number
 from omnisim.validation.report.machine import machine_line
 
 # In the order of `all`; each is a module, imported when it runs.
@@ -41,6 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
 
     Returns:
         Exit status: 1 if a bound does not hold or a suite cannot run; 2 for invalid arguments.
+        Goals do not count.
     """
     parsed = _parser().parse_args(arguments)
     try:
@@ -51,6 +53,7 @@ def main(arguments: list[str] | None = None) -> int:
             warm_up=parsed.warm_up,
             device=parsed.device,
             scenes=tuple(parsed.scene),
+            is_full=parsed.full or parsed.suite == ALL,
             progress=partial(show_progress, err=err.console),
         )
         _make_folder(parsed.output, names)
@@ -58,7 +61,11 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"error: {reason}", file=sys.stderr)
         return 2
     # all suites run before the status reports a failure
-    return 0 if all([_passes(name, options, parsed.output) for name in names]) else 1
+    reports = [_report(name, options, parsed.output) for name in names]
+    from benchmarks.report import verdict  # needs the extra
+
+    print(verdict([report for report in reports if report is not None]))
+    return 0 if all(report is not None and report["passed"] for report in reports) else 1
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -68,16 +75,29 @@ def _parser() -> argparse.ArgumentParser:
         "-o", "--output", metavar="DIR", type=Path, default=DEFAULT_FOLDER,
         help=f"folder for <suite>.json and <suite>.png ({DEFAULT_FOLDER})",
     )  # fmt: skip
+    parser.add_argument(
+        "--full", action="store_true",
+        help=f"fps: all lights and sizes, without a limit of time; {ALL} does so, too",
+    )  # fmt: skip
     parser.add_argument("--rounds", type=int, default=ROUNDS, help=f"timed rounds ({ROUNDS})")
     parser.add_argument(
         "--warm-up", type=int, default=WARM_UP, help=f"rounds before, not timed ({WARM_UP})"
     )
-    parser.add_argument("--device", type=int, help="number of the GPU, see `omnisim info`")
+    parser.add_argument(
+        "--device", metavar="N|cuda:N", type=_device, help="number of the GPU, see `omnisim info`"
+    )
     parser.add_argument(
         "--scene", nargs="+", action="extend", default=[], metavar="S",
         help="built-in names or files, instead of the suite's own choice",
     )  # fmt: skip
     return parser
+
+
+def _device(text: str) -> int:
+    try:
+        return device_number(text)
+    except OmnisimError as reason:
+        raise argparse.ArgumentTypeError(str(reason)) from None
 
 
 def _suite_names(suite: str) -> list[str]:
@@ -111,20 +131,21 @@ def _make_folder(folder: Path, names: list[str]) -> None:
             check_target(folder / f"{name}{suffix}")
 
 
-def _passes(name: str, options: Options, folder: Path) -> bool:
-    """Run a suite and write its report; True if it ran and all its bounds hold."""
+def _report(name: str, options: Options, folder: Path) -> dict[str, Any] | None:
+    """Run a suite, and print and write its report; None: the suite cannot run."""
     from benchmarks.report import write_report  # needs the extra
 
     try:
         suite = import_module(f"benchmarks.suites.{name}")
-        report = suite.run(options)
+        report: dict[str, Any] = suite.run(options)
         print(f"{name}, on {machine_line(report['machine'])}")
-        print("\n".join(suite.lines(report)), end="\n\n", flush=True)
+        print("\n".join(suite.lines(report)))
         write_report(folder, report, suite.figure(report))
+        print(f"figure: {folder / name}.png", end="\n\n", flush=True)
     except OmnisimError as reason:
         print(f"error: {name}: {reason}", file=sys.stderr)
-        return False
-    return bool(report["passed"])
+        return None
+    return report
 
 
 if __name__ == "__main__":

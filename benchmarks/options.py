@@ -7,11 +7,11 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 from benchmarks.errors import BenchmarkError
-from benchmarks.timer import ROUNDS, WARM_UP, without_progress
+from benchmarks.timer import MIN_ROUNDS, ROUNDS, WARM_UP, without_progress
 
 # Iterates over steps, given a description and their number.
 Progress = Callable[[Iterable[int], str, int], Iterator[int]]
-MIN_ROUNDS, MIN_TO_WARM_UP = 6, 2  # six are the fewest whose extremes hold a median at 95 %
+MIN_TO_WARM_UP = 2
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,7 @@ class Options:
         warm_up: rounds before the timed ones.
         device: EGL index of the GPU, as `omnisim info` lists them; None: the first.
         scenes: names of built-in scenes, or files; empty: the suite's own choice.
+        is_full: everything that a suite can measure, without a limit of time.
         progress: iterates over the rounds, and may show a progress bar.
 
     Raises:
@@ -33,6 +34,7 @@ class Options:
     warm_up: int = WARM_UP
     device: int | None = None
     scenes: tuple[str, ...] = ()
+    is_full: bool = False
     progress: Progress = field(default=without_progress, compare=False)
 
     def __post_init__(self) -> None:

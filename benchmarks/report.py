@@ -3,10 +3,10 @@
 | key | content |
 | --- | --- |
 | `suite` | name of the suite |
-| `schema` | 1: this table |
+| `schema` | 2: this table |
 | `rows` | one per measured variant: names and numbers, nothing nested |
-| `bounds` | measures with a bound: `name`, `value`, `bound`, `sense`, `passed` and more |
-| `passed` | true if all bounds hold |
+| `bounds` | judged numbers, see `benchmarks.bounds`; null: no interval, bound or goal |
+| `passed` | true if all bounds hold; goals do not count |
 | `rounds` | timed rounds; a row's own number takes precedence |
 | `machine` | machine and versions, see `omnisim.validation.report.machine` |
 
@@ -23,16 +23,18 @@ from typing import Any, get_args
 
 import moderngl
 
+from benchmarks.bounds import Limits, Sense, entry_cells, is_number, passes, reaches_goal
 from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
+from benchmarks.timer import MedianInterval
 from omnisim.core.errors import OutputError
 from omnisim.rendering.opengl.gl.context import graphics_info
 from omnisim.validation.plots.plot_file import Figure, write_plot
 from omnisim.validation.report.machine import describe_machine
-from omnisim.validation.report.measure import Measure, Sense
 from omnisim.validation.report.report import write_json
 
-SCHEMA = 1
+SCHEMA = 2
+Judged = tuple[str, float | MedianInterval, Limits]  # name, value, and what it should be
 _KINDS = {
     "suite": str, "schema": int, "rows": list, "bounds": list, "passed": bool, "rounds": int,
     "machine": dict,
@@ -40,7 +42,7 @@ _KINDS = {
 _MACHINE_KEYS = (
     "name", "processor", "cores", "load", "renderer", "opengl", "is_software", "commit",
 )  # fmt: skip
-_BOUND_KEYS = ("name", "value", "bound", "sense", "passed")  # of every version of the schema
+_BOUND_KEYS = ("name", "value", "low", "high", "sense", "bound", "goal", "reason", "passed")
 _PLAIN = (str, bool, int, float, type(None))
 
 
@@ -49,7 +51,7 @@ def make_report(
     options: Options,
     context: moderngl.Context,
     rows: Sequence[Mapping[str, Any]],
-    bounds: Sequence[Measure] = (),
+    judged: Sequence[Judged] = (),
     **more: Any,
 ) -> dict[str, Any]:
     """Make the report of a suite, in the schema above.
@@ -59,19 +61,28 @@ def make_report(
         options: options of the run.
         context: OpenGL context of the run.
         rows: measured variants.
-        bounds: measures with a bound.
+        judged: numbers with a bound or a goal.
         more: further results.
     """
+    machine = describe_machine(graphics_info(context), options.device)
+    judgments = [
+        limits.judge(name, value, machine["is_software"]) for name, value, limits in judged
+    ]
+    bounds = [one for one in judgments if one["bound"] is not None or one["goal"] is not None]
     return {
         "suite": suite,
         "schema": SCHEMA,
         "rounds": options.rounds,
         **more,
         "rows": [dict(row) for row in rows],
-        "bounds": [bound.as_dict() for bound in bounds],
-        "passed": all(bound.passed for bound in bounds),
-        "machine": describe_machine(graphics_info(context), options.device),
+        "bounds": bounds,
+        "passed": _all_hold(bounds),
+        "machine": machine,
     }
+
+
+def _all_hold(bounds: Sequence[Mapping[str, Any]]) -> bool:
+    return all(entry["passed"] is not False for entry in bounds)
 
 
 def check(report: Mapping[str, Any]) -> None:
@@ -94,7 +105,7 @@ def check(report: Mapping[str, Any]) -> None:
         _check_row(row, f"{name}: rows[{at}]")
     for at, bound in enumerate(report["bounds"]):
         _check_bound(bound, f"{name}: bounds[{at}]")
-    if report["passed"] is not all(bound["passed"] for bound in report["bounds"]):
+    if report["passed"] is not _all_hold(report["bounds"]):
         raise BenchmarkError(f"{name}: passed = {report['passed']}: its bounds say otherwise")
     for key in _MACHINE_KEYS:
         if key not in report["machine"]:
@@ -106,12 +117,23 @@ def check(report: Mapping[str, Any]) -> None:
 
 
 def bound_lines(report: Mapping[str, Any]) -> list[str]:
-    """Bounds as text, one line each."""
-    return [
-        f"{'holds' if one['passed'] else 'FAILS'}: {one['name']}: {one['value']:.3g}, "
-        f"expected {one['sense']} {one['bound']:g}"
-        for one in report["bounds"]
-    ]
+    """Table of the judged numbers, a line each; a bound that does not hold says FAILS."""
+    if not report["bounds"]:
+        return []
+    rows = [("", "measured", "bound", "goal"), *map(entry_cells, report["bounds"])]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+
+
+def verdict(reports: Sequence[Mapping[str, Any]]) -> str:
+    """Numbers of bounds that hold and goals that are reached, in one line."""
+    entries = [entry for report in reports for entry in report["bounds"]]
+    hold = [entry["passed"] for entry in entries if entry["bound"] is not None]
+    reached = [reaches_goal(entry) for entry in entries if entry["goal"] is not None]
+    return (
+        f"{hold.count(True)} of {len(hold)} bounds hold; "
+        f"{reached.count(True)} of {len(reached)} goals are reached"
+    )
 
 
 def write_report(folder: Path, report: Mapping[str, Any], figure: Figure) -> None:
@@ -163,9 +185,10 @@ def _check_bound(bound: Any, where: str) -> None:
         raise BenchmarkError(
             f"{where}: sense: expected {' or '.join(get_args(Sense))}, got {bound['sense']!r}"
         )
-    for key in ("value", "bound"):
-        if type(bound[key]) not in (int, float) or not math.isfinite(bound[key]):
+    for key in ("value", "low", "high", "bound", "goal"):
+        if not is_number(bound[key]) and (key == "value" or bound[key] is not None):
             raise BenchmarkError(f"{where}: {key}: expected a finite number, got {bound[key]!r}")
-    at_least = bound["sense"] == "at least"
-    if Measure("", bound["value"], "", bound["bound"], at_least).passed is not bound["passed"]:
+    if bound["bound"] is None and bound["goal"] is None:
+        raise BenchmarkError(f"{where}: expected a bound or a goal, got neither")
+    if passes(bound) is not bound["passed"]:
         raise BenchmarkError(f"{where}: passed = {bound['passed']}: its value says otherwise")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 WARM_UP = 20
 ROUNDS = 30
+MIN_ROUNDS = 6  # the fewest whose extremes contain the median at 95 %
 CONFIDENCE = 0.95
 
 
@@ -92,6 +93,7 @@ def time_interleaved(
     warm_up: int = WARM_UP,
     progress: Callable[[Iterable[int], str, int], Iterator[int]] = without_progress,
     what: str = "",
+    max_seconds: float = math.inf,
 ) -> Timings:
     """Time variants interleaved, A B C A B C, so that a slow minute affects them all.
 
@@ -101,7 +103,10 @@ def time_interleaved(
         warm_up: number of rounds before the timed ones: shaders compile at their first use.
         progress: iterates over all rounds, and may show a progress bar.
         what: description of the rounds.
+        max_seconds: time after which no further round begins, warm-up included; at least
+            `MIN_ROUNDS` rounds are timed.
     """
+    begin = time.perf_counter()
     seconds = {name: np.empty(rounds) for name in variants}
     processor_seconds = {name: np.empty(rounds) for name in variants}
     for index in progress(range(-warm_up, rounds), what, warm_up + rounds):
@@ -111,7 +116,13 @@ def time_interleaved(
             if index >= 0:
                 seconds[name][index] = time.perf_counter() - start
                 processor_seconds[name][index] = time.process_time() - busy
-    return Timings(seconds, processor_seconds)
+        if index + 1 >= MIN_ROUNDS and time.perf_counter() - begin > max_seconds:
+            rounds = index + 1
+            break
+    return Timings(
+        {name: values[:rounds] for name, values in seconds.items()},
+        {name: values[:rounds] for name, values in processor_seconds.items()},
+    )
 
 
 def _median_interval(values: NDArray[np.float64]) -> MedianInterval:

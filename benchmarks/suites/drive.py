@@ -16,11 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.bounds import Limits
 from benchmarks.collector_watch import CollectorWatch, watching_the_collector
 from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from benchmarks.probes import fill
-from benchmarks.report import bound_lines, make_report
+from benchmarks.report import Judged, bound_lines, make_report
 from benchmarks.resident_memory import resident_bytes
 from benchmarks.scenes import load_scenes
 from benchmarks.settings import at_setting
@@ -34,18 +35,26 @@ from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.route import Route, plan_route
 from omnisim.scene import Scene
-from omnisim.validation.report.measure import Measure
 
 SCENE, ROBOT = "soccer", "p2at"
 RATE_HZ = 20.0
-HELD = "fast"  # the setting whose bounds count
+JUDGED = "fast"  # the setting whose frames have a bound and a goal
 FRAMES = {"fast": 500, "default": 100}
 SETTLED = 50  # frames until all constant data is allocated
 STARTS = 5
-MAX_UNEVEN = 1.3  # p99 to p50
-# Python allocates arenas of 1 MiB: smaller growth is indistinguishable from none.
-MAX_GROWTH_MIB = 1.0
-MAX_START_S = 1.5
+# p99 to p50: of wall-clock time other programs have their part; processor time hardly notices them.
+UNEVENNESS = Limits(goal=1.3)
+PROCESSOR_UNEVENNESS = Limits(
+    bound=1.8, software_only=True,
+    reason="1.2 along this path, by the view alone; twice it is work that only some frames do",
+)  # fmt: skip
+GROWTH_MIB = Limits(
+    bound=8.0, goal=1.0,
+    reason="Python allocates arenas of 1 MiB; to keep every image would take 170 MiB in 450 frames",
+)  # fmt: skip
+START_S = Limits(
+    bound=12.0, goal=1.5, reason="1.0 to 1.5 s on two processors; none in use is eight times slower"
+)
 SLOW = 1.3  # times the median
 _NEAR = 31  # frames of the running median, which shows the cost of the view
 _FILL_SIDE_PX = 512
@@ -92,7 +101,7 @@ def run(
     rows += started
     context = open_context(options.device)
     report = make_report(
-        "drive", options, context, rows, _bounds(rows),
+        "drive", options, context, rows, _judged(rows),
         scene=name, robot=ROBOT, path=scene.paths[0].name, rate_hz=RATE_HZ, starts=starts,
         series={one.setting: _series(one) for one in driven},
     )  # fmt: skip
@@ -247,19 +256,22 @@ def _memory_row(driven: _DriveResult) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _bounds(rows: list[dict[str, Any]]) -> list[Measure]:
-    bounds = []
+def _judged(rows: list[dict[str, Any]]) -> list[Judged]:
+    judged: list[Judged] = []
     for row in _of_kind(rows, "frames"):
-        if row["setting"] == HELD:
-            name = f"p99 to p50 of {row['rounds']} frames, {HELD}"
-            bounds.append(Measure(name, row["p99_to_p50"], bound=MAX_UNEVEN))
+        if row["setting"] == JUDGED:
+            name = f"p99 to p50 of {row['rounds']} frames, {JUDGED}"
+            judged.append((name, row["p99_to_p50"], UNEVENNESS))
+            judged.append(
+                (f"{name}, processor time", row["processor_p99_to_p50"], PROCESSOR_UNEVENNESS)
+            )
     for row in _of_kind(rows, "memory"):
-        name = f"memory grown after frame {row['settled_frames']}, {row['setting']}, MiB"
-        bounds.append(Measure(name, row["growth_mib"], bound=MAX_GROWTH_MIB))
+        name = f"growth after frame {row['settled_frames']}, {row['setting']}, MiB"
+        judged.append((name, row["growth_mib"], GROWTH_MIB))
     for row in _of_kind(rows, "start-up"):
         if row["what"] == CACHED:
-            bounds.append(Measure("start to first image, s", row["seconds"], bound=MAX_START_S))
-    return bounds
+            judged.append(("start to first image, s", row["seconds"], START_S))
+    return judged
 
 
 def _series(driven: _DriveResult) -> dict[str, list[float]]:

@@ -32,25 +32,36 @@ from typing import Any
 import moderngl
 import numpy as np
 
+from benchmarks.bounds import Limits
 from benchmarks.idle_driver import BATCH, BATCH_PX, FRAME_PX, idle_driver_rows
 from benchmarks.options import Options
 from benchmarks.probes import fill, readback, small_faces, submission, surfaces, triangles
 from benchmarks.probes.probe import Probe, side_px
-from benchmarks.report import bound_lines, make_report
+from benchmarks.report import Judged, bound_lines, make_report
 from benchmarks.scenes import load_scenes, usual_scenes
 from benchmarks.settings import SETTINGS, at_setting
 from benchmarks.suites.limit_figure import limit_figure
 from benchmarks.suites.limit_frames import LimitedFrame
-from benchmarks.timer import Timings, time_interleaved
+from benchmarks.timer import MedianInterval, Timings, time_interleaved
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
 from omnisim.rendering.opengl.gl.context import open_context
 from omnisim.rendering.stage import Stage
-from omnisim.validation.report.measure import Measure
 
-HELD = "fast"  # the setting whose bounds count
-MAX_AFTER_FACES = 0.15  # mirror pass, capture and readback, of a frame
-MAX_SAMPLES = 3.7  # shaded for each pixel of the mirror
-MAX_FRAME_MS, MAX_BATCHED_MS = 0.4, 0.03  # of the processor, for a frame, and in a batch
+JUDGED = "fast"  # the setting whose numbers have bounds and goals
+AFTER_FACES = Limits(
+    bound=0.4, goal=0.15, software_only=True,
+    reason="the share depends on the processor's rate of texels: 0.18 to 0.25 on an EPYC",
+)  # fmt: skip
+SAMPLES = Limits(bound=3.7, reason="a count without noise: 3.1 to 3.4 in the usual scenes")
+# Processor time of a frame, and of an image in a batch.
+FRAME_MS = Limits(
+    bound=1.6, goal=0.4,
+    reason="0.22 to 0.38 ms on two processors; none in use is four times slower",
+)  # fmt: skip
+BATCHED_MS = Limits(
+    bound=0.12, goal=0.03,
+    reason="0.016 to 0.028 ms on two processors; none in use is four times slower",
+)  # fmt: skip
 
 figure = limit_figure
 
@@ -89,7 +100,7 @@ def run(options: Options, size_px: int | None = None) -> dict[str, Any]:
         rows += idle_driver_rows(options.scenes or usual_scenes(), options)
         with context:  # others have been current since
             return make_report(
-                "limit", options, context, rows, _bounds(rows),
+                "limit", options, context, rows, _judged(rows, is_usual=not options.scenes),
                 image_px=paper.model.width_px,
             )  # fmt: skip
 
@@ -173,22 +184,32 @@ def _probe_row(probe: Probe, timings: Timings) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _bounds(rows: Sequence[dict[str, Any]]) -> list[Measure]:
-    held = [row for row in rows if row["kind"] == "frame" and row["setting"] == HELD]
+def _judged(rows: Sequence[dict[str, Any]], is_usual: bool) -> list[Judged]:
+    """Numbers with a bound or a goal.
+
+    Args:
+        rows: rows of the report.
+        is_usual: the scenes are the suite's own: counts of others have no bound.
+    """
+    frames = [row for row in rows if row["kind"] == "frame" and row["setting"] == JUDGED]
     idle = [row for row in rows if row["kind"] == "idle driver"]
-    return [
-        Measure(f"the processor's ms {what}: {row['scene']}", row[key], bound=most)
-        for what, key, most in (
-            (f"a frame of {FRAME_PX}²", "frame_ms", MAX_FRAME_MS),
-            (f"an image of {BATCH_PX}² in a batch of {BATCH}", "batched_ms", MAX_BATCHED_MS),
-        )
-        for row in idle
-    ] + [
-        Measure(f"{what}: {row['scene']}, {HELD}", row[key], bound=most)
-        for what, key, most in (
-            ("mirror pass, capture and readback, of a frame",
-             "after_faces_share", MAX_AFTER_FACES),
-            ("shaded samples a pixel of the mirror", "samples_a_mirror_px", MAX_SAMPLES),
-        )
-        for row in held
-    ]  # fmt: skip
+    judged: list[Judged] = []
+    for what, key, limits in (
+        (f"the processor's ms per frame of {FRAME_PX}²", "frame_ms", FRAME_MS),
+        (
+            f"the processor's ms per image of {BATCH_PX}² in a batch of {BATCH}",
+            "batched_ms",
+            BATCHED_MS,
+        ),
+    ):
+        judged += [(f"{what}: {row['scene']}", row[key], limits) for row in idle]
+    for row in frames:
+        name = f"share of mirror pass, capture and readback: {row['scene']}, {JUDGED}"
+        interval = (row[f"after_faces_share{end}"] for end in ("", "_low", "_high"))
+        judged.append((name, MedianInterval(*interval), AFTER_FACES))
+    if is_usual:
+        name = f"shaded samples per pixel of the mirror: {{}}, {JUDGED}"
+        judged += [
+            (name.format(row["scene"]), row["samples_a_mirror_px"], SAMPLES) for row in frames
+        ]
+    return judged

@@ -46,7 +46,15 @@ class TrajectoryError(OmnisimError):
 
 
 class GraphicsError(OmnisimError):
-    """OpenGL is missing or too old, a size exceeds its limits, or a shader does not compile."""
+    """OpenGL is missing or too old, a size exceeds its limits, or a shader does not compile.
+
+    Attributes:
+        cause, remedy: the two halves of the message; a message may lack the second.
+    """
+
+    def __init__(self, cause: str = "", remedy: str = ""):
+        super().__init__(f"{cause}: {remedy}" if remedy else cause)
+        self.cause, self.remedy = cause, remedy
 
 
 class RunError(OmnisimError):

@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.world import ObjectPoses, time_of
+
 
 class EchoLimits(NamedTuple):
     """Limits of a receiver behind glass and mirrors.
@@ -85,6 +87,25 @@ class Slice:
     def path_m(self) -> NDArray[np.float64]:
         """Motion (3,) of the lidar's origin from start to end, world frame."""
         return self.end.origin_m - self.start.origin_m
+
+    def part(self, first: int, last: int) -> Slice:
+        """Part of the slice: the firings from `first` to before `last`; its middle is theirs."""
+        count, middle = self.last - self.first, 0.5 * (first + last - 1)
+        shares = [(firing - self.first) / count for firing in (first, middle, last)]
+        return Slice(first, last, *map(self._poses_at, shares))
+
+    def _poses_at(self, share: float) -> LidarPoses:
+        """Poses at a share of the slice's duration."""
+        poses = [
+            start + share * (end - start)
+            for start, end in zip(
+                (self.start.world_from_lidar, *self.start.world_from_objects),
+                (self.end.world_from_lidar, *self.end.world_from_objects),
+                strict=True,
+            )
+        ]
+        start_s, end_s = (time_of(one.world_from_objects) for one in (self.start, self.end))
+        return LidarPoses(poses[0], ObjectPoses(poses[1:], start_s + share * (end_s - start_s)))
 
 
 class Revolution(NamedTuple):

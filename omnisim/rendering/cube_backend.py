@@ -71,7 +71,7 @@ class CubeBackend(SceneBackend):
     Args:
         scene: static scene.
         objects: bodies and dynamic objects by name.
-        device: EGL's number of the GPU, as `omnisim info` lists them; None takes the first.
+        device: number of the GPU, as `omnisim info` lists them, or cuda:N; None takes the first.
 
     Attributes:
         context, buffers, surface_programs: OpenGL context, scene and programs of all passes.
@@ -80,7 +80,7 @@ class CubeBackend(SceneBackend):
         GraphicsError: no OpenGL, OpenGL too old, or a scene beyond its limits.
     """
 
-    def __init__(self, scene: Scene, objects: Mapping[str, Scene], device: int | None = None):
+    def __init__(self, scene: Scene, objects: Mapping[str, Scene], device: int | str | None = None):
         super().__init__(scene, objects)
         self._rays: RayScene | None = None
         self.context = open_context(device)

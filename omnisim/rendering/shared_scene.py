@@ -48,7 +48,7 @@ BackendName = Literal["cube", "rays"]
 
 
 def open_backend(
-    name: str, scene: Scene, objects: Mapping[str, Scene], device: int | None
+    name: str, scene: Scene, objects: Mapping[str, Scene], device: int | str | None
 ) -> SceneBackend:
     """Open a back end by name.
 
@@ -56,7 +56,7 @@ def open_backend(
         name: a `BackendName`.
         scene: static scene.
         objects: bodies and dynamic objects by name.
-        device: number of the GPU; None takes the first.
+        device: number of the GPU, or cuda:N; None takes the first.
 
     Raises:
         GraphicsError: an unknown back end, one that does not open, or one without devices.
@@ -97,7 +97,7 @@ class SharedScene(Closeable, EditableScene):
         *,
         vehicles: Mapping[str, Scene] | None = None,
         dynamic_objects: Mapping[str, Scene] | None = None,
-        device: int | None = None,
+        device: int | str | None = None,
         backend: BackendName = "cube",
     ):
         self._scene = scene if isinstance(scene, Scene) else load_scene(scene)

@@ -36,7 +36,7 @@ class Stage(SharedScene):
         vehicles: bodies of several vehicles by name, instead of `body`.
         dynamic_objects: scenes by name, each in its own frame; their lights and backgrounds are
             ignored.
-        device: EGL's number of the GPU, as `omnisim info` lists them; None: the first.
+        device: number of the GPU, as `omnisim info` lists them, or cuda:N; None: the first.
         backend: "cube": virtual cameras by OpenGL; "rays": Embree on the CPU, without OpenGL.
 
     Raises:
@@ -88,7 +88,7 @@ def open_sensor(
     base_from_sensor: ArrayLike | None = None,
     *,
     body: Scene | None = None,
-    device: int | None = None,
+    device: int | str | None = None,
     backend: BackendName = "cube",
     hidden: Collection[str] = (),
     seed: int | str = 0,

@@ -2,6 +2,7 @@
 //     beside the viewpoint, at a nearness of at most start.
 // Place place_of(vec3 direction, vec3 origin): texel of the atlas that shows a direction.
 // float nearness_at(Place place): nearness of the surface in that texel.
+// float largest_nearness(): largest nearness of any surface.
 // Vectors are in the rig frame, with the viewpoint at 0. Origins are short compared with ranges.
 //
 // From the viewpoint, the point of the ray at distance s appears in the direction ray + w origin,
@@ -9,15 +10,14 @@
 // on the same scale. If m < w, the viewpoint sees past the point, so the ray continues. At the
 // first surface, m = w. If m leaps above w, the ray continues hidden from the viewpoint, and its
 // first surface is unknown; with GUESS the result is then a likely one.
-// The search starts at u_nearest. Upper bounds of m over blocks of texels let it cross empty space
-// in few steps.
+// The search starts at the largest nearness. Upper bounds of m over blocks of texels, which
+// depth_bounds.comp finds, let it cross empty space in few steps.
 // Source: Uludag, "Hi-Z screen-space cone-traced reflections", GPU Pro 5, 2014.
 
 uniform sampler2D u_depth;   // depth of the atlas's texels
 uniform sampler2D u_blocks;  // largest inverse depth within BLOCK texels, and within GROUP texels
 uniform sampler2D u_cells;   // cells per face: texel = xy + tangent * zw; 0: in no tile
 uniform vec2 u_inverse_z_from_depth;  // factor and offset; a depth of 0 is empty
-uniform float u_nearest;     // largest nearness of any surface
 uniform float u_near_m;      // distance of the near planes, which form a cube about a ray's origin
 uniform mat3 u_face_from_rig[6];
 
@@ -61,6 +61,10 @@ Place place_of(vec3 direction, vec3 origin) {
 float inverse_z_at(vec2 texel) {
     float depth = texelFetch(u_depth, ivec2(texel), 0).r;
     return depth > 0.0 ? u_inverse_z_from_depth.x * depth + u_inverse_z_from_depth.y : 0.0;
+}
+
+float largest_nearness() {
+    return texelFetch(u_blocks, ivec2(0, textureSize(u_blocks, 0).y - 1), 0).r;
 }
 
 float nearness_at(Place place) {

@@ -28,7 +28,7 @@ void main() {
     int number = int(at / 64u);
     ivec2 pixel = ivec2(number % u_width_px, number / u_width_px);
     Ray ray = ray_of(pixel, int(at % 64u));
-    FirstSurface found = first_surface(ray.direction, ray.origin, u_nearest);
+    FirstSurface found = first_surface(ray.direction, ray.origin, largest_nearness());
     Place place = place_of(ray.direction + found.nearness * ray.origin, ray.origin);
     float level = level_at(pixel, place);
     bool known = found.known && is_unmixed(place, found.nearness, level);

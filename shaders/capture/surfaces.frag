@@ -14,7 +14,7 @@ void main() {
     ivec2 at = ivec2(gl_FragCoord.xy) + MARGIN;
     vec4 ray = texelFetch(u_rays, at, 0);
     vec4 origin = texelFetch(u_origins, at, 0);
-    FirstSurface found = first_surface(ray.xyz, origin.xyz, u_nearest);
+    FirstSurface found = first_surface(ray.xyz, origin.xyz, largest_nearness());
     bool known = found.known && ray.xyz != vec3(0.0);
     out_surface = vec4(ray.xyz + found.nearness * origin.xyz, known ? found.nearness : -1.0);
 }

@@ -17,13 +17,15 @@ struct Command {  // arguments of glMultiDrawElementsIndirect
     uint indices, instances, first_index, base_vertex, base_instance;
 };
 
-// [camera][rank][tile]
+// Commands and counts of the culler; from u_first_command on [camera][rank][tile].
 layout(std430, binding = 7) writeonly buffer Commands { Command commands[]; };
-layout(std430, binding = 8) readonly buffer Items { Item items[]; };
-layout(std430, binding = 9) readonly buffer Centers { vec4 centers[]; };        // triangle centers
-layout(std430, binding = 10) readonly buffer Indices { uint indices[]; };
-layout(std430, binding = 11) writeonly buffer Sorted { uint sorted_indices[]; };  // [camera]
+layout(std430, binding = 8) writeonly buffer Counts { uint counts[]; };
+layout(std430, binding = 9) readonly buffer Items { Item items[]; };
+layout(std430, binding = 10) readonly buffer Centers { vec4 centers[]; };       // triangle centers
+layout(std430, binding = 11) readonly buffer Indices { uint indices[]; };
+layout(std430, binding = 12) writeonly buffer Sorted { uint sorted_indices[]; };  // [camera]
 
+uniform uint u_first_command, u_count_index;  // indices of the first command, and of their number
 uniform uint u_items;
 uniform uint u_triangles;  // triangles of all items
 
@@ -53,6 +55,7 @@ bool may_be_seen(Item item, uint view) {
 
 void main() {
     uint index = gl_WorkGroupID.x, camera = gl_WorkGroupID.y, thread = gl_LocalInvocationID.x;
+    if (gl_GlobalInvocationID.xy == uvec2(0u)) counts[u_count_index] = u_cameras * u_items * u_tiles;
     Item item = items[index];
     uint first = camera * u_triangles + item.first_triangle;
     vec4 rows[3] = rows_of(item.object, camera);  // once: compilers load buffers anew each time
@@ -76,7 +79,7 @@ void main() {
     }
     for (uint tile = thread; tile < u_tiles; tile += 32u) {
         uint view = camera * u_tiles + tile;
-        commands[(camera * u_items + rank) * u_tiles + tile] = Command(
+        commands[u_first_command + (camera * u_items + rank) * u_tiles + tile] = Command(
             may_be_seen(item, view) ? 3u * item.triangles : 0u, 1u, 3u * first, 0u,
             item.object * u_cameras * u_tiles + view);
     }

@@ -44,7 +44,7 @@ bool is_beside_nearer(Hit hit, Place place, vec3 ray) {
 Ending follow(vec3 rig, vec3 rig_origin, vec3 ray) {
     Ending ending;
     ending.known = false;
-    float start = u_nearest;
+    float start = largest_nearness();
     // near and far planes are centered on the ray's origin
     float depth = max(max(abs(rig.x), abs(rig.y)), abs(rig.z));
     bool continues = true;

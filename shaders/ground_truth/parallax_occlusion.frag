@@ -16,7 +16,7 @@ const int ROUNDS = 3;
 uint follow(vec3 ray, uvec2 primitive, float range) {
     vec3 rig = u_rig_from_viewpoint * ray, rig_origin = u_rig_from_viewpoint * ray_origin;
     float depth = max(max(abs(rig.x), abs(rig.y)), abs(rig.z));
-    float start = u_nearest;
+    float start = largest_nearness();
     bool continues = true, known = false, is_occluded = false;
     for (int round = 0; round < ROUNDS && continues; ++round) {
         FirstSurface found = first_surface(rig, rig_origin, start);

@@ -7,21 +7,22 @@ import pytest
 from matplotlib.figure import Figure
 
 import benchmarks.__main__ as command
+from benchmarks.bounds import Limits
 from benchmarks.report import make_report, read_report
 from omnisim.core.errors import SceneError
 from omnisim.rendering.opengl.gl.context import open_context
-from omnisim.validation.report.measure import Measure
 
 
 def _suite(name, value):
-    """A suite whose only bound holds for values up to 1; None: it cannot be run."""
+    """A suite with a bound of 1 and a goal of 0.1; None: it cannot be run."""
 
     def run(options):
         if value is None:
             raise SceneError("there is no such scene")
         context = open_context(options.device)
         rows = [{"variant": "a", "rounds": options.rounds}]
-        report = make_report(name, options, context, rows, [Measure("cost", value, bound=1.0)])
+        limits = Limits(bound=1.0, goal=0.1)
+        report = make_report(name, options, context, rows, [("cost", value, limits)])
         context.release()
         return report
 
@@ -48,6 +49,18 @@ def test_a_suite_writes_its_report_and_its_plot(suites, tmp_path, capsys):
     shown = capsys.readouterr().out.splitlines()
     assert shown[1] == "table of lenses"
     assert report["machine"]["renderer"] in shown[0]
+    assert shown[2:] == [
+        f"figure: {folder / 'lenses.png'}", "", "1 of 1 bounds hold; 0 of 1 goals are reached"
+    ]  # fmt: skip
+
+
+def test_all_is_in_full(suites, tmp_path):
+    seen = []
+    run = suites["lenses"].run
+    suites["lenses"].run = lambda options: seen.append(options.is_full) or run(options)
+    for arguments in (["lenses"], ["lenses", "--full"], ["all"]):
+        command.main([*arguments, "-o", str(tmp_path)])
+    assert seen == [False, True, True]
 
 
 def test_all_suites_run_before_one_that_failed_counts(suites, tmp_path, capsys):

@@ -38,3 +38,14 @@ def test_interval_holds_the_true_median_as_often_as_it_says():
         held += ratio.low <= 1.0 <= ratio.high
     # at least 95 %; three standard deviations of 2000 draws are 1.5 %
     assert held / 2000 > 0.935
+
+
+def test_no_round_begins_after_the_time_but_for_the_fewest(monkeypatch):
+    now = iter(range(10**6))
+    monkeypatch.setattr(timer.time, "perf_counter", lambda: next(now))
+    work = {"a": lambda: None}
+    assert len(time_interleaved(work, 30, 2, max_seconds=0.0).seconds["a"]) == timer.MIN_ROUNDS
+    rounds = len(time_interleaved(work, 30, 0, max_seconds=50.0).seconds["a"])
+    assert timer.MIN_ROUNDS < rounds < 30
+    timings = time_interleaved(work, 8, 0, max_seconds=10**5)
+    assert len(timings.seconds["a"]) == len(timings.processor_seconds["a"]) == 8

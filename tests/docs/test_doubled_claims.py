@@ -191,7 +191,7 @@ def test_repeated_ranges_are_those_of_the_benchmark(page, pattern, rows, number)
 @pytest.mark.parametrize(
     ("pattern", "measured"),
     [
-        (r"FPS\(4096\)/FPS\(16\) is # to #", r"FPS\(16\), [^:]+: ([\d.]+) \("),
+        (r"FPS\(4096\)/FPS\(16\) is # to #", r"FPS\(16\), [^|]+\| ([\d.]+) \("),
         (r"# to # times as much at `fast`", r", fast: beside [^:]+: ([\d.]+) times"),
         (r"# to # times at default", r", default: beside [^:]+: ([\d.]+) times"),
         (r"a scan costs # to # ms", r"the LMS200 ([\d.]+) ms"),

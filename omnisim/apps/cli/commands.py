@@ -222,6 +222,11 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
         ),
     },
     "Checks": {
+        "doctor": Entry(
+            "Examine OpenGL on this machine step by step, and say what to do; exits with 1 if a "
+            "step fails.",
+            "checks.doctor.run", "checks.requests.DoctorRequest",
+        ),
         "info": Entry(
             "Show versions, built-in scenes, and the GPUs that can render.", "info.run"
         ),

@@ -13,7 +13,6 @@ from rich.table import Table
 from omnisim.apps.cli.cameras.sensor import mesh_text
 from omnisim.apps.cli.console import out
 from omnisim.cameras import summary
-from omnisim.core.errors import GraphicsError
 from omnisim.core.extras import (
     EXTRAS,
     REQUIRED,
@@ -36,12 +35,14 @@ def run() -> None:
     Raises:
         GraphicsError: no usable OpenGL; says how to install it.
     """
-    for name, text in _installation():
-        out.print(f"{name:9}{text}", markup=False)
-    _print_devices()
+    lines = installation()
+    width = max(len(name) for name, _ in lines) + 2
+    for name, text in lines:
+        out.print(f"{name:{width}}{text}", markup=False)
+    _print_devices(width)
 
 
-def _installation() -> list[tuple[str, str]]:
+def installation() -> list[tuple[str, str]]:
     """Names and values of all lines except OpenGL's."""
     lines = [
         ("omnisim", f"{__version__}, in {PACKAGE}"),
@@ -88,20 +89,28 @@ def _version(package: str, module: str) -> str:
         return "of unknown version" if is_installed(module) else "missing"
 
 
-def _print_devices() -> None:
+def _print_devices(width: int) -> None:
+    """Print the device that is used by default after a name of some width, and all in a table."""
     require_opengl("the list of devices")
-    from omnisim.rendering.opengl.gl.context import GraphicsInfo, list_devices, open_context
+    from omnisim.rendering.opengl.gl.context import (
+        GraphicsInfo,
+        graphics_info,
+        list_devices,
+        open_context,
+    )
+    from omnisim.rendering.opengl.gl.devices import cuda_numbers
 
-    devices = list_devices()
-    usable = [(number, device) for number, device in devices if isinstance(device, GraphicsInfo)]
-    for number, device in devices:
-        if isinstance(device, GraphicsError):
-            out.print(f"device {number} cannot be used: {device}", markup=False)
-    if not usable:
-        open_context().release()  # raises with the reason
+    context = open_context()  # raises with the reason
+    used = graphics_info(context)
+    context.release()
+    out.print(f"{'renderer':{width}}{used.renderer}, OpenGL {used.version}", markup=False)
     table = Table("device", "renderer", "vendor", "OpenGL", "largest texture", "samples")
-    for number, device in usable:
+    for (number, device), cuda in zip(list_devices(), cuda_numbers(), strict=True):
+        if not isinstance(device, GraphicsInfo):
+            out.print(f"device {number} cannot be used: {device}", markup=False)
+            continue
+        name = f"{number}" if cuda is None else f"{number}, cuda:{cuda}"
         largest = f"{device.max_texture_size_px} px"
         samples = str(device.max_samples)
-        table.add_row(str(number), device.renderer, device.vendor, device.version, largest, samples)
+        table.add_row(name, device.renderer, device.vendor, device.version, largest, samples)
     out.print(table)

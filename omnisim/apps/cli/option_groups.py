@@ -210,12 +210,22 @@ class TruthOptions:
     """Label file: .toml."""
 
 
+def _device_number(text: str) -> int:
+    if text.isdecimal():
+        return int(text)
+    from omnisim.rendering.opengl.gl.devices import device_number  # EGL is seldom needed
+
+    return device_number(text)
+
+
 @dataclass(frozen=True, kw_only=True)
 class DeviceOptions:
     """GPU to render on."""
 
-    device: Annotated[int | None, Option(min=0, default="the first")] = None
-    """Index of the GPU, as `omnisim info` lists it."""
+    device: Annotated[
+        int | None, Option(metavar="N|cuda:N", default="the first", parse=_device_number)
+    ] = None
+    """Index of the GPU, as `omnisim info` lists it, or its number in CUDA."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -38,6 +38,7 @@ class Option:
         names: values to complete; the help text may list them as `{names}`.
         complete: completion of values that depend on other arguments, in typer's signature.
         min, max: limits of a number.
+        parse: reader of the text of a value; None: by the field's type.
     """
 
     flags: tuple[str, ...] = ()
@@ -47,6 +48,7 @@ class Option:
     complete: Callable[..., list[str]] | None = None
     min: float | None = None
     max: float | None = None
+    parse: Callable[[str], object] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,6 +113,7 @@ def _info(name: str, kind: Any, details: Option, text: str, panel: str | None) -
         "rich_help_panel": panel,
         "min": details.min,
         "max": details.max,
+        "parser": details.parse,
         "readable": False,  # the reader of a file reports its own errors
     }
     if not isinstance(details, Argument):

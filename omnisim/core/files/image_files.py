@@ -146,7 +146,7 @@ def write_numbers(
     check_target(path)
     channels = numbers.reshape(*numbers.shape[:2], -1)
     attributes: dict[str, str | int | float] = {
-        "oiio:ColorSpace": "data",  # else PNG's chunks call the numbers sRGB
+        "oiio:ColorSpace": "data",  # else the file calls them sRGB
         "png:compressionLevel": _PNG_LEVEL,
     }
     if channels.shape[2] == 4:  # the fourth is not an alpha by which the others were multiplied

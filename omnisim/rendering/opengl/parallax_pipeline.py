@@ -58,7 +58,7 @@ class ParallaxPipeline(Pipeline):
         atlas = self._cube.render(pose, poses.world_from_objects)
         self._parallax.draw(
             atlas,
-            self._cube.read_depth(),
+            self._cube.depth,
             self._both_targets if linear else self.encoded_target,
             None if cast is None else lambda rays: cast(poses, rays),
         )

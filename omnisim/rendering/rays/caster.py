@@ -131,6 +131,18 @@ class RayCaster:
             hits.put(aimed[nearer], part_hits.take(nearer))
         return hits
 
+    def longest_path_m(self, start: Poses, end: Poses, hidden: frozenset[ObjectPart]) -> float:
+        """Upper bound of the straight motion of any object's points from one pose to another."""
+        paths_m = [0.0]
+        for part, (one, other) in enumerate(zip(start, end, strict=True), start=1):
+            change = other - one
+            if change.any():
+                mesh = self._part_mesh(part, hidden)
+                center_m = change[:3, :3] @ mesh.center_m + change[:3, 3]
+                turn_m = np.linalg.norm(change[:3, :3], 2) * mesh.radius_m
+                paths_m.append(float(np.linalg.norm(center_m) + turn_m))
+        return max(paths_m)
+
     @property
     def static_center_m(self) -> NDArray[np.float64]:
         """Middle (3,) of the static surfaces' bounds, world."""

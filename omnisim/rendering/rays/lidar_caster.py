@@ -20,6 +20,7 @@ from omnisim.rendering.rays.embree import NO_TRIANGLE
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 
 _FIRINGS_AT_ONCE = 128
+_MAX_PATH_M = 0.002  # of an object during the firings that are cast at once
 _BESIDE = 0.01  # barycentric tolerance: a ray may just miss a triangle that deforms
 
 
@@ -27,9 +28,9 @@ class LidarCaster:
     """Casts the beams of a lidar into a scene.
 
     Surfaces reflect on both sides. The surface that a beam hits is found with the dynamic objects
-    at their poses in the middle of a slice; its range is computed with the object at its pose at
-    the time of firing. Beams that hit glass or mirrors first are followed with the objects as in
-    the middle of the slice, if the beams have `EchoLimits`.
+    at their poses in the middle of a slice, or of a part of it in which they move by at most 2 mm;
+    its range is computed with the object at its pose at the time of firing. Beams that hit glass or
+    mirrors first are followed with the objects as in that middle, if the beams have `EchoLimits`.
 
     Args:
         scene: scene to cast at, in its current state; earlier states are not kept.
@@ -60,16 +61,13 @@ class LidarCaster:
         if limits is not None and limits.returns > 1:
             hits = hits._replace(second=_no_hits(size, True))
         targets = [hits] if hits.second is None else [hits, hits.second]
-        parts = [
-            (one, first, min(first + _FIRINGS_AT_ONCE, one.last))
-            for one in revolution.slices
-            for first in range(one.first, one.last, _FIRINGS_AT_ONCE)
-        ]
+        parts = [part for one in revolution.slices for part in self._parts(scene, one)]
 
         def cast_part(part: tuple[Slice, int, int]) -> None:
             one, first, last = part
             firings = slice(first, last)
-            shares = np.broadcast_to(revolution.shares[firings], (size[0], last - first)).ravel()
+            elapsed = (np.arange(first, last) - one.first) / (one.last - one.first)
+            shares = np.broadcast_to(elapsed, (size[0], last - first)).ravel()
             directions = np.einsum(
                 "fij,rfj->rfi", revolution.rotations[firings], self._directions[:, firings]
             ).reshape(-1, 3)
@@ -89,6 +87,21 @@ class LidarCaster:
 
         scene.in_threads(cast_part, parts)
         return hits
+
+    def _parts(self, scene: RayScene, one: Slice) -> list[tuple[Slice, int, int]]:
+        """Ranges of firings that are cast at once, each with its slice or part of a slice."""
+        at_once = _FIRINGS_AT_ONCE
+        path_m = scene.caster.longest_path_m(
+            one.start.world_from_objects, one.end.world_from_objects, self._hidden
+        )
+        is_cut = path_m > _MAX_PATH_M
+        if is_cut:
+            at_once = max(1, min(at_once, int((one.last - one.first) * _MAX_PATH_M / path_m)))
+        parts = []
+        for first in range(one.first, one.last, at_once):
+            last = min(first + at_once, one.last)
+            parts.append((one.part(first, last) if is_cut else one, first, last))
+        return parts
 
     def _cast_slice(
         self,

@@ -48,9 +48,8 @@ def describe_machine(graphics: GraphicsInfo, device: int | None = None) -> dict[
         graphics: OpenGL renderer and driver.
         device: EGL index of the GPU; None: not chosen.
     """
-    is_software = any(name in graphics.renderer.lower() for name in SOFTWARE)
     return {
-        "name": _name(graphics.renderer, is_software),
+        "name": _name(graphics.renderer),
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
         "processor": _processor(),
         "cores": _cores(),
@@ -60,7 +59,7 @@ def describe_machine(graphics: GraphicsInfo, device: int | None = None) -> dict[
         "renderer": graphics.renderer,
         "vendor": graphics.vendor,
         "opengl": graphics.version,
-        "is_software": is_software,
+        "is_software": is_software(graphics.renderer),
         "python": platform.python_version(),
         "omnisim": __version__,
         "packages": {name: _version(name) for name in PACKAGES},
@@ -77,10 +76,15 @@ def machine_line(machine: dict[str, Any]) -> str:
     )
 
 
-def _name(renderer: str, is_software: bool) -> str:
+def is_software(renderer: str) -> bool:
+    """True if OpenGL's renderer is no GPU."""
+    return any(name in renderer.lower() for name in SOFTWARE)
+
+
+def _name(renderer: str) -> str:
     """Folder name for results: the renderer, with the cores of a software renderer."""
     plain = re.sub(r"[^a-z0-9]+", "-", re.split(r"[/(]", renderer.lower())[0]).strip("-")
-    return f"{plain}-{_cores()}-cores" if is_software else plain
+    return f"{plain}-{_cores()}-cores" if is_software(renderer) else plain
 
 
 def _cores() -> int:

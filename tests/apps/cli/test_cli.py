@@ -1,6 +1,7 @@
 """The command line: output, files and errors."""
 
 import platform
+import re
 import subprocess
 import sys
 from importlib.metadata import version
@@ -138,10 +139,18 @@ def test_info_tells_how_to_get_a_missing_extra(omnisim, monkeypatch):
     monkeypatch.setitem(sys.modules, "av", None)
     monkeypatch.setitem(sys.modules, "jinja2", None)
     _, out, _ = omnisim("info")
-    assert f"\nvideo    no av: {install_hint('video')}\n" in out
+    out = re.sub(" {2,}", "  ", out)
+    assert f"\nvideo  no av: {install_hint('video')}\n" in out
     plots = f"matplotlib {version('matplotlib')}"
-    assert f"\nplots    {plots}\n" in out
+    assert f"\nplots  {plots}\n" in out
     assert f"\nreports  {plots}; no jinja2: {install_hint('reports')}\n" in out
+
+
+def test_info_sets_names_apart_and_names_the_renderer(omnisim, context):
+    _, out, _ = omnisim("info")
+    extras = [line for line in out.splitlines() if line.startswith(("estimators", "orb-slam3"))]
+    assert all("  " in line for line in extras)
+    assert f"\nrenderer    {context.info['GL_RENDERER']}, OpenGL " in out
 
 
 def test_version_and_help(omnisim):
@@ -152,13 +161,13 @@ def test_version_and_help(omnisim):
 
 
 def test_missing_opengl_is_one_line(omnisim, monkeypatch):
-    import omnisim.rendering.opengl.gl.context as context
+    from omnisim.rendering.opengl.gl import diagnosis
 
-    monkeypatch.setattr(context, "_LIBRARIES", ("libNoSuchEGL.so.1", "libGL.so.1"))
+    monkeypatch.setattr(diagnosis, "LIBRARIES", ("libNoSuchEGL.so.1", "libGL.so.1"))
     for arguments in (("render", "courtyard", "-o", "a.png"), ("info",)):
         status, out, error = omnisim(*arguments)
         assert status == 1
-        assert error.startswith("error: libNoSuchEGL.so.1 is not there: install OpenGL: sudo apt")
+        assert error.startswith("error: libNoSuchEGL.so.1 is not there: install OpenGL: ")
         assert error.count("\n") == 1
         assert "cannot be used" not in out
     for known in (f"{__version__}, in {PACKAGE}", "numpy", "plots", "courtyard", "superscout"):

@@ -1,5 +1,7 @@
 """Fig. 10's suite, run as little as can be: no times, only what must be there."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -48,13 +50,28 @@ def test_bound_is_that_of_frames_per_second(report):
     assert bound["value"] == pytest.approx(fast[4096]["fps"] / fast[16]["fps"])
     assert bound["value"] == fast[4096]["share"]
     assert fast[16]["share"] == 1.0
+    assert (bound["low"], bound["high"]) == (fast[4096]["share_low"], fast[4096]["share_high"])
     lines = fps.lines(report)
-    assert sum(line.startswith(("holds", "FAILS")) for line in lines) == 2
+    assert sum("× off" in line or "reached" in line for line in lines) == 2
     assert sum("the paper found them alike" in line for line in lines) == 2
+    table = [line.split() for line in lines[lines.index("frames per second, 60²") + 1 :]]
+    assert table[0] == ["rings,", "fast", "rings,", "default"]
+    (exact,) = (row for row in table if row[-3:-2] == ["exact"])
+    assert exact[-2:] == [
+        f"{row['fps']:.1f}" for row in report["rows"] if row["polygons"] == "exact"
+    ]
+
+
+def test_the_time_left_is_shared_by_the_groups_left(monkeypatch):
+    times = iter([0.0, 0.0, 30.0, 130.0])
+    monkeypatch.setattr(fps.time, "perf_counter", lambda: next(times))
+    assert list(fps._shares_s(90.0, 3)) == [30.0, 30.0, 0.0]
 
 
 def test_maps_with_baked_light_are_timed_without_it_too():
-    maps = fps._lit_maps(Options(scenes=("soccer", "rings")))
+    options = Options(scenes=("soccer", "rings"))
+    assert list(fps._lit_maps(options)) == ["soccer", "rings"]
+    maps = fps._lit_maps(dataclasses.replace(options, is_full=True))
     assert list(maps) == ["soccer", "soccer, even light", "rings"]
     assert [maps[name].lighting.baked is None for name in maps] == [False, True, True]
 

@@ -20,6 +20,6 @@ def test_every_model_is_timed_and_the_slowest_is_bounded(tmp_path, monkeypatch):
     assert len(report["rows"]) > 1
     ratios = [row["ratio"] for row in report["rows"]]
     assert report["bounds"][0]["value"] == max(ratios)
-    assert len(lenses.lines(report)) == 1 + len(ratios) + 1
+    assert len(lenses.lines(report)) == 1 + len(ratios) + 2
     write_plot(tmp_path / "lenses.png", lenses.figure(report))
     assert (tmp_path / "lenses.png").stat().st_size > 0

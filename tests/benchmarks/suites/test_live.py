@@ -18,6 +18,6 @@ def test_every_number_of_the_page_is_measured_and_bounded(tmp_path, monkeypatch)
     assert [row["unit"] for row in report["rows"]] == ["1/s", "1/s", "ms", "ms", "s", "kB"]
     assert all(row["value"] > 0.0 for row in report["rows"])
     assert len(report["bounds"]) == len(report["rows"])
-    assert len(live.lines(report)) == 2 * len(report["rows"])
+    assert len(live.lines(report)) == 2 * len(report["rows"]) + 1
     write_plot(tmp_path / "live.png", live.figure(report))
     assert (tmp_path / "live.png").stat().st_size > 0

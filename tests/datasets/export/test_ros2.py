@@ -209,10 +209,10 @@ def test_stamp_plus_time_is_when_a_clouds_points_were_measured(fast_run, tmp_pat
         world_m = np.stack([points[axis] for axis in "xyz"], axis=-1).astype(np.float64)
         world_m[:, 0] += np.interp(times_s, *np.transpose(truth))
         world_m[:, 2] += LIDAR_HEIGHT_M - ROOM_HALF_M[2]  # the robot stands on the floor
-        off_m = np.abs(np.abs(world_m) - ROOM_HALF_M).min(axis=1)
+        miss_m = np.abs(np.abs(world_m) - ROOM_HALF_M).min(axis=1)
         for ring in range(16):
             first, last = np.flatnonzero(points["ring"] == ring)[[0, -1]]
-            assert max(off_m[first], off_m[last]) < 1e-3
+            assert max(miss_m[first], miss_m[last]) < 1e-3
 
 
 def test_scans_and_ranges_are_the_runs_own(bag, run):

@@ -11,7 +11,8 @@ from omnisim.rendering.opengl.gl.buffers import gpu_buffer, read_buffer
 def submitted_commands(culler, pass_index=0):
     """Commands (n, 5) of a pass of a culler, whose context is current, as they are drawn."""
     (ranges,) = culler.slices
-    counts = np.frombuffer(read_buffer(culler.counts), "<u4").reshape(-1, BANDS, len(ranges))
+    counts = np.frombuffer(read_buffer(culler.counts), "<u4")[: culler.blended_count]
+    counts = counts.reshape(-1, BANDS, len(ranges))
     commands = np.frombuffer(read_buffer(culler.commands), "<u4").reshape(-1, 5)
     return np.concatenate(
         [

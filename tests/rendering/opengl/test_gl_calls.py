@@ -15,11 +15,13 @@ from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.robots.vehicle import Vehicle
 from omnisim.scene.light.environment import Environment
-from omnisim.scene.model import Lighting, Material
-from omnisim.sensors import LaserScanner
+from omnisim.scene.model import AlphaMode, Lighting, Material
+from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
+from tests.cameras.optics.examples import SYSTEMS
 from tests.rendering.opengl.gl_calls import GlCalls
 from tests.rendering.opengl.sheets import sheet
-from tests.scenes import scene_of
+from tests.scenes import room, scene_of
+from tests.vehicles import mounted_on_p2at, p2at_body
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 
@@ -30,6 +32,8 @@ SUBMISSIONS = (
 )  # fmt: skip
 # In the built-in scenes: state, draws, dispatches; lamps that shine bind the tables of materials.
 MAX_CALLS, MAX_SUBMISSIONS = 180, 45
+MAX_SCAN_CALLS, MAX_OPTICS_CALLS = 60, 250
+MAX_CALLS_WITH_BODY, MAX_SUBMISSIONS_WITH_BODY = 230, 55  # which has materials of its own
 
 
 def _poses(count):
@@ -65,6 +69,19 @@ def test_calls_of_a_frame_are_few_and_those_of_a_batch_as_many(name, monkeypatch
         assert sum(made[one] for one in SUBMISSIONS) <= MAX_SUBMISSIONS
 
 
+def test_calls_of_a_drive_are_few_and_batches_are_drawn_together(monkeypatch):
+    """The glass around the robot's camera shows nothing to it, and is not drawn."""
+    calls = GlCalls(monkeypatch)
+    camera = mounted_on_p2at(60)[0].with_quality("fast")
+    scene = omnisim.load_scene("soccer")
+    with open_sensor(scene, camera, body=p2at_body()) as renderer:
+        frame, *batches = _frame(calls, renderer)
+    assert batches[0] == batches[1] == batches[2]
+    for made in (frame, batches[0]):
+        assert 0 < sum(made.values()) <= MAX_CALLS_WITH_BODY
+        assert sum(made[one] for one in SUBMISSIONS) <= MAX_SUBMISSIONS_WITH_BODY
+
+
 def test_calls_do_not_depend_on_the_number_of_tiles(monkeypatch):
     """With a sky behind the scene."""
     calls = GlCalls(monkeypatch)
@@ -80,6 +97,34 @@ def test_calls_do_not_depend_on_the_number_of_tiles(monkeypatch):
             made.append(calls.of(lambda: renderer.render(_poses(1)[0])))
     assert tiles[0] < tiles[1]
     assert made[0] == made[1]
+
+
+def test_a_frame_of_optics_keeps_its_depth_on_the_gpu(monkeypatch):
+    """Only undecided samples and the image come to the processor."""
+    calls = GlCalls(monkeypatch)
+    with open_sensor(scene_of([room()]), OmniCamera.of(SYSTEMS["sphere"].scaled(0.1))) as renderer:
+        renderer.render(pose())
+        made = calls.of(lambda: renderer.render(pose()))
+    assert made["glCopyImageSubData"] == 1
+    assert made["glReadPixels"] <= 3
+    assert made["glTexSubImage2D"] <= 2
+    assert sum(made.values()) <= MAX_OPTICS_CALLS
+
+
+def test_calls_of_a_scan_do_not_depend_on_the_number_of_objects(monkeypatch):
+    calls = GlCalls(monkeypatch)
+    fence = Material(base_color=(1.0, 1.0, 1.0, 0.7), alpha_mode=AlphaMode.MASK)
+    made = []
+    for count in (2, 40):
+        meshes = [sheet(f"sheet {number}", number % 2, seed=number) for number in range(count)]
+        poses = [pose((0.2 * number, 1.0, 0.0), 90.0) for number in range(count)]
+        scene = scene_of(meshes, [Material(), fence], poses)
+        with open_sensor(scene, LaserScanner().without_errors()) as renderer:
+            assert np.isfinite(renderer.scan(pose()).ranges_m).any()
+            made.append(calls.of(lambda: renderer.scan(pose())))
+    assert made[0] == made[1]
+    assert made[0]["glDispatchCompute"] == 2
+    assert sum(made[0].values()) <= MAX_SCAN_CALLS
 
 
 def test_calls_do_not_depend_on_the_number_of_objects(monkeypatch):

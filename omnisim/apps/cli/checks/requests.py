@@ -1,4 +1,4 @@
-"""Requests of `omnisim validate` and `omnisim experiments`."""
+"""Requests of `omnisim doctor`, `omnisim validate` and `omnisim experiments`."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,6 +7,14 @@ from typing import Annotated
 from omnisim.apps.cli import completion
 from omnisim.apps.cli.option_groups import DeviceOptions
 from omnisim.apps.cli.options import Option
+
+
+@dataclass(frozen=True, kw_only=True)
+class DoctorRequest(DeviceOptions):
+    """Parameters of `omnisim doctor`."""
+
+    report: Path | None = None
+    """JSON file for all results, without names of the user, the machine and their folders."""
 
 
 @dataclass(frozen=True, kw_only=True)

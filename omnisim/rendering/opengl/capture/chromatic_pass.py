@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import moderngl
-import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
@@ -49,7 +47,7 @@ class ChromaticPass:
     def draw(
         self,
         atlas: moderngl.Texture,
-        depth: NDArray[np.float32],
+        depth: moderngl.Texture,
         target: moderngl.Framebuffer,
         cast: CastSamples | None,
     ) -> None:

@@ -8,12 +8,16 @@ from numpy.typing import NDArray
 
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
-from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer
+from omnisim.rendering.opengl.gl.functions import StorageBindings
+from omnisim.rendering.opengl.gl.gpu_textures import copy_textures, depth_texture, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 from omnisim.rendering.opengl.gl.uniforms import columns_first, find_uniform, uniform
 
 _CELLS = 64  # per face side; tiles end at cell edges; as in first_surface.glsl
-_BLOCK, _BLOCKS_PER_GROUP = 8, 8  # texels per side, as there
+_BLOCK, _BLOCKS_PER_GROUP = 8, 8  # per side, as in depth_bounds.comp
+_GROUP_SIZE = 8  # invocations per side, as there
 _DEPTH, _BLOCKS, _CELL_TILES = 8, 9, 10  # texture units
 
 
@@ -38,21 +42,32 @@ class DepthPyramid:
         far_m: float,
         longest_m: float,
     ):
-        size = plan.width_px, plan.height_px
-        blocks = -(-plan.width_px // _BLOCK), -(-plan.height_px // _BLOCK)
+        self._context, size = context, (plan.width_px, plan.height_px)
+        columns, rows = (-(-side // _BLOCK) for side in size)
+        groups = -(-columns // _BLOCKS_PER_GROUP) * -(-rows // _BLOCKS_PER_GROUP)
         with gpu_allocation(f"depth of {size[0]} × {size[1]} px", "make the image smaller"):
-            self._depth = texture_2d(context, size, 1)
-            self._blocks = texture_2d(context, blocks, 2)
+            self._depth = depth_texture(context, size)
+            self._bounds = texture_2d(context, (columns, rows + 1), 2)
             cells = _cell_tiles(plan)
             self._cells = texture_2d(context, cells.shape[1::-1], 4, cells)
+            no_surface = np.zeros(1 + groups, dtype="<u4")
+            self._empty = gpu_buffer(context, no_surface)
+            self._groups = gpu_buffer(context, no_surface)
+            self._buffers = StorageBindings([gpu_buffer(context, 4 * columns * rows), self._groups])
         share = near_m / (far_m - near_m)  # depth is −share + near (1 + share) / z
         scale = 1.0 / (near_m * (1.0 + share))
         self._inverse_z_from_depth = (scale, share * scale)
-        self._near_m, self._longest_m = near_m, longest_m
-        self._nearest: list[moderngl.Uniform] = []
+        self._work_groups = -(-columns // _GROUP_SIZE), -(-rows // _GROUP_SIZE)
+        self._find = build_compute_shader(context, "capture/depth_bounds.comp")
+        self._find["u_inverse_z_from_depth"] = self._inverse_z_from_depth
+        self._dilate = build_compute_shader(context, "capture/depth_bounds.comp", ("DILATE",))
+        self._dilate["u_near_m"], self._dilate["u_longest_m"] = near_m, longest_m
+        for program in (self._find, self._dilate):
+            program["u_depth"] = _DEPTH
+        self._near_m = near_m
 
     def bind_program(self, program: moderngl.Program) -> None:
-        """Set the constant uniforms of a program; `update` sets the rest."""
+        """Set the uniforms of a program."""
         for name, value in (
             ("u_depth", _DEPTH),
             ("u_blocks", _BLOCKS),
@@ -64,25 +79,27 @@ class DepthPyramid:
             if member is not None:
                 member.value = value
         uniform(program, "u_face_from_rig").write(columns_first(FACE_FROM_RIG))
-        nearest = find_uniform(program, "u_nearest")
-        if nearest is not None:
-            self._nearest.append(nearest)
 
-    def update(self, depth: NDArray[np.float32]) -> None:
-        """Take the depth (height, width) of the atlas, and bind the textures."""
-        self._depth.write(depth)
-        blocks = _largest(depth, _BLOCK)
-        scale, offset = self._inverse_z_from_depth
-        blocks = np.where(blocks > 0.0, np.float32(scale) * blocks + np.float32(offset), 0.0)
-        self._blocks.write(np.stack((_dilated(blocks), _dilated_groups(blocks)), axis=-1))
-        nearest = float(blocks.max())
-        if nearest > 0.0:
-            nearest = 1.0 / max(1.0 / nearest - self._longest_m, self._near_m)
-        for one in self._nearest:
-            one.value = nearest
-        for texture, unit in ((self._depth, _DEPTH), (self._blocks, _BLOCKS)):
+    def update(self, depth: moderngl.Texture) -> None:
+        """Copy the depth of the atlas, find its bounds, and bind the textures.
+
+        The copy is never attached to a target: it may stay bound while the next image is drawn.
+        """
+        context = self._context
+        copy_textures({depth: self._depth})
+        context.copy_buffer(self._groups, self._empty)
+        self._buffers.bind()
+        for texture, unit in (
+            (self._depth, _DEPTH), (self._bounds, _BLOCKS), (self._cells, _CELL_TILES)
+        ):  # fmt: skip
             texture.use(unit)
-        self._cells.use(_CELL_TILES)
+        self._find.run(*self._work_groups)
+        context.memory_barrier(context.SHADER_STORAGE_BARRIER_BIT)
+        self._bounds.bind_to_image(0, read=False)
+        self._dilate.run(*self._work_groups)
+        context.memory_barrier(
+            context.TEXTURE_FETCH_BARRIER_BIT | context.BUFFER_UPDATE_BARRIER_BIT
+        )
 
 
 def _cell_tiles(plan: TilePlan) -> NDArray[np.float32]:
@@ -109,30 +126,3 @@ def _whole_cells(tile: Tile) -> tuple[slice, slice]:
         ends = np.floor(0.5 * _CELLS * (min(last, drawn_last) + 1.0) + 1e-6)
         slices.append(slice(max(0, int(begins)), max(0, int(ends))))
     return slices[0], slices[1]
-
-
-def _largest(values: NDArray[np.float32], side: int) -> NDArray[np.float32]:
-    """Maximum of each square of `side` × `side` values, smaller at the far edges."""
-    height, width = values.shape
-    whole = height - height % side
-    # rows first, full ones at once: far quicker than one after the other
-    rows = values[:whole].reshape(-1, side, width).max(axis=1)
-    if whole < height:
-        rows = np.concatenate((rows, values[whole:].max(axis=0, keepdims=True)))
-    maxima: NDArray[np.float32] = np.maximum.reduceat(rows, range(0, width, side), axis=1)
-    return maxima
-
-
-def _dilated(blocks: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Maximum over each block and its eight neighbors."""
-    rows = np.pad(blocks, 1, mode="edge")
-    rows = np.maximum(np.maximum(rows[:-2], rows[1:-1]), rows[2:])
-    maxima: NDArray[np.float32] = np.maximum(np.maximum(rows[:, :-2], rows[:, 1:-1]), rows[:, 2:])
-    return maxima
-
-
-def _dilated_groups(blocks: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Maximum over each group of blocks and its neighbors, per block."""
-    groups = _dilated(_largest(blocks, _BLOCKS_PER_GROUP))
-    columns = groups.repeat(_BLOCKS_PER_GROUP, axis=0)[: blocks.shape[0]]
-    return columns.repeat(_BLOCKS_PER_GROUP, axis=1)[:, : blocks.shape[1]]

@@ -133,7 +133,7 @@ class ParallaxPass:
     def draw(
         self,
         atlas: moderngl.Texture,
-        depth: NDArray[np.float32],
+        depth: moderngl.Texture,
         target: moderngl.Framebuffer,
         cast: CastSamples | None,
     ) -> None:
@@ -141,7 +141,7 @@ class ParallaxPass:
 
         Args:
             atlas: atlas rendered from the viewpoint.
-            depth: depth (height, width) of its texels.
+            depth: depth of its texels.
             target: framebuffer for the image.
             cast: function that colors undecided samples by rays; None: treat occluders as thin.
         """

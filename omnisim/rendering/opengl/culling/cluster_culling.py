@@ -68,6 +68,7 @@ class ClusterCuller:
         depths_m: distances of the near and the far plane.
         samples: samples per texel.
         both_sides: keep clusters seen from behind, too.
+        blended_items: number of blended items with commands of their own in all views.
 
     Attributes:
         views: see the arguments.
@@ -75,8 +76,10 @@ class ClusterCuller:
         slices: command ranges of each slice. Each pass rewrites them: the previous pass is drawn
             before its depth is read.
         ranges: number of ranges in all slices.
-        commands: buffer with one slice's commands; base instances index `instances`.
-        counts: buffer with the number of commands per range, pass by pass, band by band.
+        commands: buffer with one slice's commands, then, from `first_blended` on, those of blended
+            items; base instances index `instances`.
+        counts: buffer with the number of commands per range, pass by pass, band by band, then, at
+            `blended_count`, that of blended items.
         instances: buffer with one `vertex_format.INSTANCE` per object and view.
     """
 
@@ -92,23 +95,27 @@ class ClusterCuller:
         depths_m: tuple[float, float],
         samples: int = 1,
         both_sides: bool = False,
+        blended_items: int = 0,
     ):
         self._context, self._buffers, self.views = context, buffers, views
         self._state = GlState()
         self.passes, self._depth = (1 if depth is None else passes), depth
         limit = min(MAX_COMMAND_BYTES, int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]))
-        self.slices, table, max_commands = command_slices(
-            buffers.clusters_of_group, groups_of_batch, views.count, limit // COMMAND_BYTES
-        )
+        blended = blended_items * views.count
+        self.slices, table, self.first_blended = command_slices(
+            buffers.clusters_of_group, groups_of_batch, views.count,
+            max(0, limit // COMMAND_BYTES - blended),
+        )  # fmt: skip
         self.ranges = len(table)
+        self.blended_count = _MAX_PASSES * BANDS * self.ranges
         words = buffers.group_count * views.count
         self._cells = [math.ceil(side / _CELL_PX) for side in atlas_px]
         with gpu_allocation(
             f"draw commands of {views.count} views of {buffers.cluster_count} clusters",
             "make the scene smaller, or the cameras fewer",
         ):
-            self.commands = gpu_buffer(context, COMMAND_BYTES * max_commands)
-            self.counts = gpu_buffer(context, 4 * _MAX_PASSES * BANDS * self.ranges)
+            self.commands = gpu_buffer(context, COMMAND_BYTES * (self.first_blended + blended))
+            self.counts = gpu_buffer(context, 4 * (self.blended_count + 1))
             instances_bytes = _INSTANCE_BYTES * views.count * views.objects
             self.instances = written_buffer(context, instances_bytes)  # shadow maps' parts are
             words_of_cluster = views.cameras * math.ceil(views.tiles / 32)
@@ -181,7 +188,7 @@ class ClusterCuller:
         self.bind(pass_index)
         if pass_index == 0:
             context.memory_barrier(barrier)  # the last frame's draws may still read these buffers
-            entries = max(views.count * views.objects, _MAX_PASSES * BANDS * self.ranges)
+            entries = max(views.count * views.objects, self.blended_count)
             shaders.instances.run(math.ceil(entries / _GROUP_SIZE))
             context.memory_barrier(barrier)
             shaders.groups.run(self._blocks, views.count)

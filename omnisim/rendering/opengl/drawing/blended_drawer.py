@@ -6,6 +6,7 @@ One program has all of their materials, since distance alone sets the order.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import compress
 
 import moderngl
 import numpy as np
@@ -20,8 +21,8 @@ from omnisim.rendering.opengl.geometry.clustered_geometry import (
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.vertex_format import cluster_vertex_array
 from omnisim.rendering.opengl.geometry.vertex_palette import PALETTE_UNIT, VertexPalette
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
-from omnisim.rendering.opengl.gl.functions import COMMAND_BYTES, IndirectDraws, StorageBindings
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer
+from omnisim.rendering.opengl.gl.functions import IndirectDraws, StorageBindings
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
@@ -30,7 +31,7 @@ from omnisim.rendering.opengl.materials.texture_array import TextureArray
 MAX_ARRAYS, MAX_TRIANGLES_OF_ITEM, MAX_ITEMS = 4, 1024, 1024
 # Material kind in shaders/scene/material.glsl: number of the texture array, and flags.
 _NO_ARRAY, _UNLIT, _DOUBLE_SIDED = 7, 8, 16
-_COMMANDS_BINDING = 7
+_ITEMS_BINDING = 9  # after the culler's commands and counts
 _ITEM = np.dtype(  # as in shaders/culling/blended.comp
     [
         ("center", "<f4", 3),
@@ -49,17 +50,18 @@ def arrays_of(items: Sequence[DrawItem]) -> list[TextureArray]:
     return [array for array in arrays.values() if array is not None]
 
 
-def fits(items: Sequence[DrawItem], geometry: ClusteredGeometry | None) -> bool:
-    """Tell whether items are rigid, few, small and near enough to be sorted and drawn at once."""
-    return (
+def can_sort(items: Sequence[DrawItem], geometry: ClusteredGeometry | None) -> NDArray[np.bool_]:
+    """Mask (n,) of blended items to sort and draw at once: matte, rigid, small and near ones."""
+    fits = [
         geometry is not None
-        and 0 < len(items) <= MAX_ITEMS
-        and all(item.texture_layer.reflectance is None for item in items)
-        and all(item.mesh.deformation is None for item in items)
-        and all(item.is_near(geometry.anchor_m) for item in items)
-        and len(arrays_of(items)) <= MAX_ARRAYS
-        and all(0 < item.triangles <= MAX_TRIANGLES_OF_ITEM for item in items)
-    )
+        and item.texture_layer.reflectance is None
+        and item.mesh.deformation is None
+        and 0 < item.triangles <= MAX_TRIANGLES_OF_ITEM
+        and item.is_near(geometry.anchor_m)
+        for item in items
+    ]
+    few = sum(fits) <= MAX_ITEMS and len(arrays_of([*compress(items, fits)])) <= MAX_ARRAYS
+    return np.array(fits, dtype=np.bool_) & few
 
 
 class BlendedDrawer:
@@ -68,8 +70,8 @@ class BlendedDrawer:
     Args:
         context: OpenGL context.
         geometry: clusters of the scene; their objects carry the items.
-        culler: culler of the clusters; its matrices place the items.
-        items: items for which `fits` is true.
+        culler: culler of the clusters, with room for the items' commands; its matrices place them.
+        items: items that can be sorted, see `can_sort`.
         program: program for `CLUSTER_VERTEX` and all texture arrays of the items.
     """
 
@@ -91,9 +93,6 @@ class BlendedDrawer:
         centers = np.zeros((total, 4), dtype=np.float32)
         centers[:, :3] = vertices["in_position"][triangles].mean(axis=1, dtype=np.float64)
         self._items = len(items)
-        self._commands = gpu_buffer(context, COMMAND_BYTES * views.count * len(items))
-        self._written = views.count * len(items)
-        self._count = written_buffer(context, np.array([self._written], dtype="<u4"))
         self._indices = indices = gpu_buffer(context, 12 * total * views.cameras)
         self._vertices = cluster_vertex_array(
             context,
@@ -106,38 +105,37 @@ class BlendedDrawer:
         )
         self._shader = build_compute_shader(context, "culling/blended.comp")
         self._shader["u_items"], self._shader["u_triangles"] = len(items), total
+        self._shader["u_first_command"] = culler.first_blended
+        self._shader["u_count_index"] = culler.blended_count
         bound = [
-            self._commands, gpu_buffer(context, _packed(items, geometry.anchor_m)),
-            gpu_buffer(context, centers), gpu_buffer(context, triangles.astype("<u4")), indices,
+            gpu_buffer(context, _packed(items, geometry.anchor_m)), gpu_buffer(context, centers),
+            gpu_buffer(context, triangles.astype("<u4")), indices,
         ]  # fmt: skip
-        self._bound = StorageBindings(bound, _COMMANDS_BINDING)
+        self._bound = StorageBindings(bound, _ITEMS_BINDING)
         self._draws, self._state = IndirectDraws(), GlState()
-        self._draw_items = self._draws.drawing(0, 0, self._written)
+        self._draw_items = self._draws.drawing(
+            culler.first_blended, culler.blended_count, views.count * len(items)
+        )
 
     @property
     def memory_bytes(self) -> int:
-        """Size of the sort buffers for all cameras, bytes."""
-        return self._commands.size + self._indices.size
+        """Size of the sorted indices for all cameras, bytes."""
+        return self._indices.size
 
     def draw(self) -> None:
         """Sort and draw with the buffers of the culler's last run bound.
 
         Needs blending enabled, and the state of `GlState.drawing`.
         """
-        context, draws, views = self._context, self._draws, self._culler.views
-        commands = views.count * self._items
-        if commands != self._written:
-            self._written = commands
-            self._count.write(np.uint32(commands))
-            self._draw_items = draws.drawing(0, 0, commands)
+        context, draws, culler = self._context, self._draws, self._culler
         self._bound.bind()
-        self._shader.run(self._items, views.cameras)
+        self._shader.run(self._items, culler.views.cameras)
         context.memory_barrier(context.COMMAND_BARRIER_BIT | context.ELEMENT_ARRAY_BARRIER_BIT)
         self._state.set_culling(False)
         for unit, array in enumerate(self._arrays):
             self._state.bind_texture(unit, array.array.glo)
         self._state.bind_texture(PALETTE_UNIT, self._palette.glo)
-        draws.bind(self._commands.glo, self._count.glo, self._vertices.glo)
+        draws.bind(culler.commands.glo, culler.counts.glo, self._vertices.glo)
         draws.use_program(self._program.glo)
         self._draw_items()
 

@@ -40,7 +40,7 @@ class CubeLayers:
         programs: surface programs for the scene's lights.
         plan: tiles per camera.
         cameras: virtual cameras.
-        blended: items for which `blended_drawer.fits` is true; may be empty.
+        blended: items that the GPU sorts, see `blended_drawer.can_sort`; may be empty.
         atlases: texture array with one atlas layer per camera.
 
     Attributes:
@@ -69,8 +69,9 @@ class CubeLayers:
 
         nothing, count = np.empty(0, dtype=np.intp), atlases.layers
         self._tiles = TileRenderer(
-            buffers, plan, cameras, nothing, find_program, self._depth, max_cameras=count
-        )
+            buffers, plan, cameras, nothing, find_program, self._depth,
+            max_cameras=count, blended_items=len(blended),
+        )  # fmt: skip
         self._blended: BlendedDrawer | None = None
         geometry, culler = buffers.clustered_geometry, self._tiles.culler
         if blended and geometry is not None and culler is not None:

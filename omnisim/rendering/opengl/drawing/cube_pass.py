@@ -194,19 +194,19 @@ class CubePass:
     ) -> CubeLayers | None:
         """Drawer of all layers together; None: this scene needs one layer after the other."""
         has_drawers = self.tiles.culler is not None and not self.tiles.has_items
-        if self._view.blended.size and self._view.blended_drawer is None:
-            has_drawers = False
         if self._is_multisampled or not has_drawers or not self._context.extensions >= EXTENSIONS:
+            return None
+        if not all(self._view.sorts_blended(rig[:3, 3], objects) for rig, objects in poses):
             return None
         shadows = None if self._cameras.unlit else self._programs.shadows
         if shadows is not None and not shadows.are_shared(poses):
             return None
         if self._layers is None or self._layers.atlases is not atlases:
             self._layers = None  # frees its memory first
-            items = [self._buffers.draw_items[index] for index in self._view.blended.tolist()]
             self._layers = CubeLayers(
-                self._buffers, self._programs, self.plan, self._cameras, items, atlases
-            )
+                self._buffers, self._programs, self.plan, self._cameras, self._view.sorted_items,
+                atlases,
+            )  # fmt: skip
         return self._layers
 
     def _draw_each(
@@ -252,26 +252,24 @@ class CubePass:
         """Indices of items with a probe that are in view, or may be so in a mirror."""
         if self._mirrors:
             return probes.items
-        items = self._shown_with_probe
-        transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
-        seen = transforms.seen_in(self.tiles.views.at(world_from_rig), items).any(axis=0)
-        return frozenset(
-            index
-            for index in items[seen].tolist()
-            if self._buffers.draw_items[index].shows(transforms.viewpoint_from_mesh[index])
-        )
+        buffers, viewpoint_m = self._buffers, world_from_rig[:3, 3]
+        items = [*buffers.showing(self._shown_with_probe, viewpoint_m, world_from_objects)]
+        if not items:
+            return frozenset()
+        transforms = buffers.instance_transforms(viewpoint_m, world_from_objects)
+        seen = transforms.seen_in(self.tiles.views.at(world_from_rig), np.array(items))
+        return frozenset(np.array(items)[seen.any(axis=0)].tolist())
 
-    def read_depth(self) -> NDArray[np.float32]:
+    @property
+    def depth(self) -> moderngl.Texture:
         """Depth (height, width) of the last rendered atlas, without blended surfaces.
 
         Raises:
             GraphicsError: the atlas is multisampled.
         """
-        if self._is_multisampled:
+        if self._depth is None:
             raise GraphicsError("virtual_cameras.samples: expected 1 to read depth, got more")
-        depth = np.empty((self.plan.height_px, self.plan.width_px), dtype=np.float32)
-        self._target.read_into(depth, components=1, attachment=-1, dtype="f4")
-        return depth
+        return self._depth
 
     def read_face(self, tile: Tile) -> NDArray[np.float32]:
         """Read the 90° of a face as last rendered: linear RGB (size, size, 3), top row first.

@@ -238,7 +238,6 @@ class MirrorPass:
         self._state.use(self._depth_target, has_depth=True)
         with self._state.setting_depth():
             self._triangle.render(moderngl.TRIANGLES, vertices=3)
-        for program in self._view.programs:
-            program.set_mirror(np.array((*normal, -height_m)))
         self._state.use(self._target, has_depth=True)
-        self._view.draw(self._target, mirrored, world_from_objects)
+        plane = np.array((*normal, -height_m))
+        self._view.draw(self._target, mirrored, world_from_objects, plane)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from itertools import pairwise
 
+import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,15 +14,31 @@ from omnisim.core.world import ObjectPart
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.triangle_windows import bind_triangles, window_defines
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer
+from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
-from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
+from omnisim.rendering.opengl.gl.uniforms import columns_first
+from omnisim.rendering.opengl.materials.texture_array import TextureArray
 from omnisim.scene.model import AlphaMode
 
-_GROUP_SIZE = 64  # triangles; local_size_x in range.comp
+_GROUP_SIZE = 256  # triangles, as in range.comp
 _MAX_GROUPS = 65535  # per dimension; every GPU allows as many
-_BEAMS, _RANGES = 2, 3  # bindings in range.comp
+_BEAMS, _RANGES, _ITEMS = 2, 3, 4  # bindings in range.comp
+_ITEM = np.dtype(  # as in range.comp
+    [
+        ("scanner_from_mesh", "<f4", (4, 4)),
+        ("first", "<u4"),
+        ("triangles", "<u4"),
+        ("first_group", "<u4"),
+        ("layer", "<u4"),
+        ("base_alpha", "<f4"),
+        ("alpha_cutoff", "<f4"),
+        ("unused", "<u4", 2),
+    ]
+)
 _NO_HIT = np.float32(np.inf)
+
+# Defines of a program that casts beams at items, and the texture array of the items.
+_Kind = tuple[tuple[str, ...], TextureArray | None]
 
 
 class RangePass:
@@ -53,6 +71,7 @@ class RangePass:
         increment_rad = angles_rad[1] - angles_rad[0] if len(angles_rad) > 1 else 1.0
         self._angles_rad = angles_rad[0], increment_rad
         self._compiled_windows: tuple[str, ...] | None = None
+        self._programs: dict[tuple[str, ...], moderngl.ComputeShader] = {}
         self.refresh()
         self._is_front_only = bool(np.abs(angles_rad).max() <= 0.5 * np.pi)
         directions = np.stack((np.cos(angles_rad), np.sin(angles_rad)), axis=-1)
@@ -66,21 +85,32 @@ class RangePass:
 
     def refresh(self) -> None:
         """Update after the buffers changed."""
-        self._shown = self._buffers.shown(self._hidden)
-        buffers = self._buffers
+        buffers, context = self._buffers, self._context
         buffers.check_readable("to scan them")
-        windows = window_defines(self._context, buffers.vertices, buffers.indices)
+        windows = window_defines(context, buffers.vertices, buffers.indices)
+        kinds: dict[_Kind, list[int]] = {}
+        for index in np.flatnonzero(buffers.shown(self._hidden)).tolist():
+            kinds.setdefault(_kind(buffers.draw_items[index]), []).append(index)
         if windows != self._compiled_windows:
-            self._compiled_windows = windows
-            self._compile(windows)
-
-    def _compile(self, windows: tuple[str, ...]) -> None:
-        context = self._context
-        self._opaque = build_compute_shader(context, "scene/range.comp", windows)
-        self._masked = build_compute_shader(context, "scene/range.comp", ("HOLES", *windows))
-        self._masked["u_texture"] = 0
-        for program in (self._opaque, self._masked):
+            self._compiled_windows, self._programs = windows, {}
+        for defines in {defines for defines, _ in kinds} - self._programs.keys():
+            program = build_compute_shader(context, "scene/range.comp", (*defines, *windows))
             program["u_angle_min"], program["u_angle_increment"] = self._angles_rad
+            self._programs[defines] = program
+        self._kinds = tuple(kinds)
+        self._starts = np.cumsum([0, *map(len, kinds.values())])
+        self._order = np.array([index for some in kinds.values() for index in some], dtype=np.intp)
+        items = [buffers.draw_items[index] for index in self._order.tolist()]
+        self._table = np.zeros(len(items), dtype=_ITEM)
+        for name, values in (
+            ("first", [item.first for item in items]),
+            ("triangles", [item.triangles for item in items]),
+            ("layer", [item.texture_layer.layer for item in items]),
+            ("base_alpha", [item.material.base_color[3] for item in items]),
+            ("alpha_cutoff", [item.material.hit_cutoff for item in items]),
+        ):
+            self._table[name] = values
+        self._items = written_buffer(context, self._table.nbytes)
 
     def cast(
         self,
@@ -93,15 +123,24 @@ class RangePass:
         transforms = buffers.instance_transforms(world_from_scanner[:3, 3], world_from_objects)
         scanner_from_viewpoint = np.eye(4)
         scanner_from_viewpoint[:3, :3] = world_from_scanner[:3, :3].T
-        matrices = columns_first(scanner_from_viewpoint @ transforms.viewpoint_from_mesh)
         centers_m = transforms.centers_m @ scanner_from_viewpoint[:3, :3].T
-        hit = self._shown & self._may_hit(centers_m, transforms.radii_m)
+        kept = self._may_hit(centers_m, transforms.radii_m)[self._order]
+        table = self._table[kept]
+        viewpoint_from_mesh = transforms.viewpoint_from_mesh[self._order[kept]]
+        table["scanner_from_mesh"] = columns_first(scanner_from_viewpoint @ viewpoint_from_mesh)
+        groups = np.append(0, np.cumsum(-(-table["triangles"].astype(np.intp) // _GROUP_SIZE)))
+        table["first_group"] = groups[:-1]
+        self._items.write(table)
         self._context.copy_buffer(self._ranges, self._no_hits)
         self._beams.bind_to_storage_buffer(_BEAMS)
         self._ranges.bind_to_storage_buffer(_RANGES)
+        self._items.bind_to_storage_buffer(_ITEMS)
         bind_triangles(self._context, buffers.vertices, buffers.indices)
-        for index in np.flatnonzero(hit):
-            self._cast_item(buffers.draw_items[index], matrices[index])
+        starts = np.searchsorted(np.flatnonzero(kept), self._starts)
+        ranges = pairwise(starts.tolist()), pairwise(groups[starts].tolist())
+        for kind, items, (first, end) in zip(self._kinds, *ranges, strict=True):
+            if end > first:
+                self._cast_kind(kind, items, first, end - first)
         self._context.memory_barrier(self._context.BUFFER_UPDATE_BARRIER_BIT)
         self._context.copy_buffer(self._read_copy, self._ranges)
         return np.frombuffer(self._read_copy.read(), dtype="<f4").astype(np.float64)
@@ -116,17 +155,20 @@ class RangePass:
             kept &= centers_m[:, 0] >= -radii_m
         return kept
 
-    def _cast_item(self, item: DrawItem, scanner_from_mesh: NDArray[np.float32]) -> None:
-        material = item.material
-        program = self._opaque if material.alpha_mode is AlphaMode.OPAQUE else self._masked
-        if program is self._masked:
-            program["u_base_alpha"] = material.base_color[3]
-            program["u_alpha_cutoff"] = material.hit_cutoff
-            item.texture.use(0)
-        triangles = item.triangles
-        uniform(program, "u_scanner_from_mesh").write(scanner_from_mesh)
-        program["u_first"] = item.first
-        program["u_triangles"] = triangles
-        groups = -(-triangles // _GROUP_SIZE)
+    def _cast_kind(self, kind: _Kind, items: tuple[int, int], first: int, groups: int) -> None:
+        """Cast beams at a range of the table's items, with work groups from the first on."""
+        defines, array = kind
+        program = self._programs[defines]
+        if array is not None:
+            array.array.use()
+        program["u_first_item"], program["u_end_item"] = items
+        program["u_first_group"] = first
         rows = 1 + groups // _MAX_GROUPS
         program.run(-(-groups // rows), rows)
+
+
+def _kind(item: DrawItem) -> _Kind:
+    if item.material.alpha_mode is AlphaMode.OPAQUE:
+        return (), None
+    array = item.texture_layer.array
+    return ("HOLES",) if array is None else ("HOLES", "TEXTURED"), array

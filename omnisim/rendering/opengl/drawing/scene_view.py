@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from functools import cached_property
 from typing import Protocol
 
 import moderngl
@@ -12,8 +13,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.world import time_of
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.atlas.tile_views import PosedViews
-from omnisim.rendering.opengl.drawing.blended_drawer import BlendedDrawer, arrays_of, fits
+from omnisim.rendering.opengl.drawing.blended_drawer import BlendedDrawer, arrays_of, can_sort
 from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
@@ -31,7 +31,7 @@ from omnisim.rendering.opengl.drawing.tile_renderer import (
     VirtualCameras,
 )
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
-from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.scene.planar_mirrors import is_rough_mirror
@@ -88,7 +88,8 @@ class SceneView:
 
     Attributes:
         tiles: renderer of the tiles.
-        blended: indices of the blended items.
+        sorted_items: blended items that the GPU sorts.
+        blended_drawer: drawer of these items; None: there are none.
         programs: surface programs in use.
     """
 
@@ -112,7 +113,11 @@ class SceneView:
         blended = np.array([item.is_blended for item in items], dtype=np.bool_)
         if cameras.unlit:  # panes are opaque
             blended = np.array([item.material.is_blended for item in items], dtype=np.bool_)
-        self.blended = self._all_blended = np.flatnonzero(shown & blended)
+        self._blended = self._all_blended = np.flatnonzero(shown & blended)
+        is_sorted = can_sort([items[one] for one in self._blended], buffers.clustered_geometry)
+        self._sorted, self._all_unsorted = self._blended[is_sorted], self._blended[~is_sorted]
+        self._unsorted, self._has_all_sorted = self._all_unsorted, True
+        self.sorted_items = [items[index] for index in self._sorted]
         opaque = np.flatnonzero(shown & ~blended)
         self.programs: set[SurfaceProgram] = set()
         self._mirrors = mirrors
@@ -133,14 +138,12 @@ class SceneView:
         def find_program(bucket: Bucket) -> BucketProgram:
             return BucketProgram(self._program(variant_of_bucket(bucket, cameras.unlit)).program)
 
-        self._drawer = SceneDrawer(
-            buffers,
-            opaque if self._sorts_blended else np.flatnonzero(shown),
-            find_item_program,
-            id_of_item={},
-            is_mirrored=is_mirrored,
-        )
-        self.tiles = TileRenderer(buffers, plan, cameras, opaque, find_program, depth, samples)
+        self._find_item_program = find_item_program
+        self._drawer = self._item_drawer(opaque)
+        self.tiles = TileRenderer(
+            buffers, plan, cameras, opaque, find_program, depth, samples,
+            blended_items=len(self.sorted_items),
+        )  # fmt: skip
         self.blended_drawer = self._make_blended_drawer()
 
     def _program(self, variant: SurfaceVariant) -> SurfaceProgram:
@@ -148,29 +151,39 @@ class SceneView:
         self.programs.add(program)
         return program
 
-    @property
-    def _blended_items(self) -> list[DrawItem]:
-        return [self._buffers.draw_items[index] for index in self.blended.tolist()]
+    def _item_drawer(self, items: NDArray[np.intp]) -> SceneDrawer[SurfaceProgram]:
+        """Drawer of items (n,) one by one."""
+        return SceneDrawer(
+            self._buffers, items, self._find_item_program, {}, is_mirrored=self._is_mirrored
+        )
 
-    @property
-    def _sorts_blended(self) -> bool:
-        """The blended items are sorted on the GPU."""
-        return fits(self._blended_items, self._buffers.clustered_geometry)
+    @cached_property
+    def _blended_item_drawer(self) -> SceneDrawer[SurfaceProgram]:
+        """Drawer of blended items one by one, made for the first pose that needs it."""
+        return self._item_drawer(self._all_blended)
 
     def _make_blended_drawer(self) -> BlendedDrawer | None:
-        """Drawer that sorts blended items on the GPU; None: no blended items, or too many."""
         geometry, culler = self._buffers.clustered_geometry, self.tiles.culler
-        if geometry is None or culler is None or not self._sorts_blended:
+        items = self.sorted_items
+        if geometry is None or culler is None or not items:
             return None
-        items = self._blended_items
         variant = variant_of_blended(len(arrays_of(items)), self._cameras.unlit, items)
         program = self._program(variant).program
         return BlendedDrawer(self._buffers.context, geometry, culler, items, program)
 
     def select(self, left_out: NDArray[np.bool_], parts: SceneParts = SceneParts.ALL) -> None:
         """Select what to draw, see `TileRenderer.select`; blended items of all parts are drawn."""
-        self.blended = self._all_blended[~left_out[self._all_blended]]
+        self._blended = self._all_blended[~left_out[self._all_blended]]
+        self._unsorted = self._all_unsorted[~left_out[self._all_unsorted]]
+        self._has_all_sorted = not left_out[self._sorted].any()
         self.tiles.select(left_out, parts)
+
+    def sorts_blended(
+        self, viewpoint_m: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
+    ) -> bool:
+        """True if the GPU sorts all that the blended items show to a viewpoint (3,), world."""
+        showing = self._buffers.showing(self._unsorted, viewpoint_m, world_from_objects)
+        return self._has_all_sorted and next(showing, None) is None
 
     def draw_opaque(
         self,
@@ -199,13 +212,18 @@ class SceneView:
         target: moderngl.Framebuffer,
         world_from_rig: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]],
+        mirror: NDArray[np.float64] | None = None,
     ) -> None:
-        """Draw from a pose (4, 4) onto the bound target.
+        """Draw from a pose (4, 4) onto the bound target; `mirror`: see `SurfaceProgram.set_mirror`.
 
         The target is cleared, shadow maps and tables are bound, and meshes are deformed.
         """
+        is_sorted = self.sorts_blended(world_from_rig[:3, 3], world_from_objects)
+        one_by_one = None if is_sorted else self._blended_item_drawer  # its programs are set, too
         for program in self.programs:
             program.set_viewpoint(world_from_rig[:3, 3])
+            if mirror is not None:
+                program.set_mirror(mirror)
         for mirrors in self._mirrors:
             mirrors.connect(self.programs)
         if self._probes is not None:
@@ -216,10 +234,14 @@ class SceneView:
                 self.tiles.draw(target, world_from_rig, world_from_objects, self._drawer)
             if self._sky is not None:
                 self._sky.draw(world_from_rig[None])
-            if self.blended.size:
-                with self._state.blending(), self._clipped():
+            if one_by_one is None and self.blended_drawer is None:
+                return
+            with self._state.blending(), self._clipped():
+                if one_by_one is not None:
                     self._bind_mirrors(of_panes=True)
-                    self._draw_blended(target, world_from_rig, world_from_objects)
+                    self._draw_back_to_front(target, world_from_rig, world_from_objects, one_by_one)
+                elif self.blended_drawer is not None:
+                    self.blended_drawer.draw()
 
     def _bind_mirrors(self, of_panes: bool) -> None:
         for mirrors in self._mirrors:
@@ -232,31 +254,22 @@ class SceneView:
     def _clipped(self) -> AbstractContextManager[None]:
         return self._state.clipped_at_mirror() if self._is_mirrored else nullcontext()
 
-    def _draw_blended(
+    def _draw_back_to_front(
         self,
         target: moderngl.Framebuffer,
         world_from_rig: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]],
+        drawer: SceneDrawer[SurfaceProgram],
     ) -> None:
-        """Draw the blended items."""
-        if self.blended_drawer is not None:
-            self.blended_drawer.draw()
-            return
+        """Sort visible blended items, and their triangles, back to front; draw them one by one."""
         transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
-        views = self.tiles.views.at(world_from_rig)
-        blended = self._back_to_front(views, transforms, time_of(world_from_objects))
-        self._drawer.begin(transforms)
-        self.tiles.draw_items(target, views, transforms, blended, self._drawer)
-
-    def _back_to_front(
-        self, views: PosedViews, transforms: InstanceTransforms, time_s: float
-    ) -> NDArray[np.intp]:
-        """Sort visible blended items, and their triangles, back to front."""
-        blended = self.blended[transforms.seen_in(views, self.blended).any(axis=0)]
+        views, time_s = self.tiles.views.at(world_from_rig), time_of(world_from_objects)
+        blended = self._blended[transforms.seen_in(views, self._blended).any(axis=0)]
         distances = np.linalg.norm(transforms.centers_m[blended], axis=1)
         blended = blended[np.argsort(-distances, kind="stable")]
         for index in blended:
             self._buffers.sort_triangles(
                 self._buffers.draw_items[index], transforms.viewpoint_from_mesh[index], time_s
             )
-        return blended
+        drawer.begin(transforms)
+        self.tiles.draw_items(target, views, transforms, blended, drawer)

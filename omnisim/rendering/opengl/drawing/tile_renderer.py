@@ -85,6 +85,7 @@ class TileRenderer:
         depth: depth of the atlas; None if shaders cannot read it.
         samples: samples per texel.
         max_cameras: maximum number of cameras drawn together, one target layer each.
+        blended_items: number of blended items that the GPU sorts.
 
     Attributes:
         views: views of the tiles.
@@ -101,6 +102,7 @@ class TileRenderer:
         depth: moderngl.Texture | moderngl.TextureArray | None,
         samples: int = 1,
         max_cameras: int = 1,
+        blended_items: int = 0,
     ):
         self._buffers, self._items = buffers, items
         self._all_items = items
@@ -131,6 +133,7 @@ class TileRenderer:
             depths_m,
             samples,
             cameras.both_sides,
+            blended_items,
         )
         # hidden static items have no triangles
         shown = buffers.shown(cameras.hidden)

@@ -6,7 +6,7 @@ uploaded once; only matrices change. The GPU rewrites the vertices of deforming 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from functools import cached_property
 
 import moderngl
@@ -310,6 +310,21 @@ class SceneBuffers:
             self._deformer = MeshDeformer(self.context, self._store.ranges)
         table = self.triangles if triangles else None
         self._deformer.run(time_of(world_from_objects), self._store.allocated[0], table)
+
+    def showing(
+        self,
+        items: NDArray[np.intp],
+        viewpoint_m: NDArray[np.float64],
+        world_from_objects: Sequence[NDArray[np.float64]],
+    ) -> Iterator[int]:
+        """Items, among indices (n,), that show something to a viewpoint (3,), world, anywhere."""
+        for index in items.tolist():
+            item, place_m = self.draw_items[index], viewpoint_m
+            if item.object_index is not None:
+                pose = world_from_objects[item.object_index]
+                place_m = (viewpoint_m - pose[:3, 3]) @ pose[:3, :3]
+            if item.shows(place_m):
+                yield index
 
     def front_to_back(
         self, items: NDArray[np.intp], transforms: InstanceTransforms

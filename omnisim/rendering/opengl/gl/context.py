@@ -11,8 +11,8 @@ import os
 import threading
 import warnings
 from collections import deque
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from typing import NamedTuple
 
 import moderngl
@@ -20,6 +20,13 @@ from moderngl import Context as Context  # re-exported
 
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl import debug
+from omnisim.rendering.opengl.gl.devices import cuda_numbers, device_number
+from omnisim.rendering.opengl.gl.diagnosis import (
+    LIBRARIES,
+    check_libraries,
+    open_fault,
+    version_fault,
+)
 from omnisim.rendering.opengl.gl.fences import Fences
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
 from omnisim.rendering.opengl.gl.functions import gl_function
@@ -27,14 +34,6 @@ from omnisim.rendering.opengl.gl.gpu_textures import delete_texture, renderbuffe
 from omnisim.rendering.opengl.gl.state import set_constants
 
 REQUIRED_VERSION = 450
-INSTALL_HINT = (
-    "install OpenGL: sudo apt-get install libegl1 libgl1 libgl1-mesa-dri (software), "
-    "or your graphics card's driver"
-)
-_NO_DRIVER = "there is no OpenGL driver"
-_NO_SUCH_DEVICE = "there is no such device"
-_MAX_DEVICES = 64  # more than any machine has; ends a driver's endless list
-_LIBRARIES = ("libEGL.so.1", "libGL.so.1")
 _users: list[int] = []  # process that uses OpenGL, if any; inherited by a fork
 _unclosed: deque[tuple[threading.Thread, moderngl.Context]] = deque()  # with their threads
 _idle: deque[tuple[threading.Thread, moderngl.Context]] = deque()  # emptied, with their threads
@@ -69,36 +68,34 @@ class GraphicsInfo(NamedTuple):
     max_samples: int
 
 
-def open_context(device: int | None = None) -> moderngl.Context:
+def open_context(device: int | str | None = None) -> moderngl.Context:
     """Open an offscreen OpenGL context, or one that was released on this thread.
 
     Args:
-        device: EGL's number, as `omnisim info` lists them; None takes the default device, else the
-            first that works (on most machines the last one is software).
+        device: EGL's number, as `omnisim info` lists them, or CUDA's, such as cuda:1; None takes
+            the default device, else the first that works (on most machines the last one is
+            software).
 
     Raises:
         GraphicsError: no EGL, no driver, no such device, OpenGL too old, or a process forked from
             one that uses OpenGL.
     """
     check_process()
-    if device is not None and not (isinstance(device, int) and 0 <= device < _MAX_DEVICES):
-        raise GraphicsError(
-            f"device {device!r}: {_NO_SUCH_DEVICE}: expected a number as `omnisim info` lists them"
-        )
-    _check_libraries()
+    number = None if device is None else device_number(device)
+    check_libraries()
     release_unclosed_contexts()
-    while (idle := _take_idle(device)) is not None:
+    while (idle := _take_idle(number)) is not None:
         idle.__enter__()  # type: ignore[no-untyped-call]  # current, as a new one is
         if _current_handle() == idle.extra.handle:
             return idle
         # another library has terminated EGL's display, and with it all contexts
     try:
-        return _open(device)
+        return _open(number)
     except GraphicsError as reason:
-        if device is None:
-            for number, result in list_devices():
+        if number is None:
+            for other, result in list_devices():
                 if isinstance(result, GraphicsInfo):
-                    return _open(number)
+                    return _open(other)
         raise reason from None
 
 
@@ -220,28 +217,13 @@ def _current_handle() -> int | None:
     return handle
 
 
-def _check_libraries() -> None:
-    for library in _LIBRARIES:
-        try:
-            ctypes.CDLL(library)
-        except OSError:
-            raise GraphicsError(f"{library} is not there: {INSTALL_HINT}") from None
-
-
 def _open(device: int | None) -> moderngl.Context:
     _users[:] = [os.getpid()]
-    settings: dict[str, object] = {"libegl": _LIBRARIES[0], "libgl": _LIBRARIES[1]}
-    if device is not None:
-        settings["device_index"] = device
+    settings = {} if device is None else {"device_index": device}
     try:
-        context = moderngl.create_context(
-            standalone=True,
-            require=REQUIRED_VERSION,
-            backend="egl",  # type: ignore[arg-type]  # moderngl's stub takes dicts only
-            **settings,  # type: ignore[arg-type]  # likewise
-        )
+        context = _create(REQUIRED_VERSION, settings)
     except Exception as reason:  # glcontext raises nothing more specific
-        raise GraphicsError(_reason(str(reason), device)) from None
+        raise _explained(str(reason), settings) from None
     debug.listen()
     set_constants()
     lasting_target = framebuffer(context, [renderbuffer(context, (1, 1), 4)])
@@ -271,14 +253,11 @@ def list_devices() -> list[tuple[int, GraphicsInfo | GraphicsError]]:
         GraphicsError: EGL or OpenGL is not installed.
     """
     check_process()
-    _check_libraries()
     devices: list[tuple[int, GraphicsInfo | GraphicsError]] = []
-    for number in range(_MAX_DEVICES):
+    for number in range(len(cuda_numbers())):
         try:
             context = _open(number)
         except GraphicsError as reason:
-            if _NO_SUCH_DEVICE in str(reason) or _NO_DRIVER in str(reason):
-                break
             devices.append((number, reason))
         else:
             devices.append((number, graphics_info(context)))
@@ -286,13 +265,30 @@ def list_devices() -> list[tuple[int, GraphicsInfo | GraphicsError]]:
     return devices
 
 
-def _reason(message: str, device: int | None) -> str:
-    """Explain glcontext's message: "found N devices", or EGL's error numbers."""
-    if "found 0 devices" in message:
-        return f"{_NO_DRIVER}: {INSTALL_HINT}"
-    if "requested device index" in message:
-        return f"device {device}: {_NO_SUCH_DEVICE} ({message}): see `omnisim info`"
-    required = f"OpenGL {REQUIRED_VERSION // 100}.{REQUIRED_VERSION % 100 // 10}"
-    if "version" in message.lower() or "eglCreateContext" in message:
-        return f"{required} or newer is needed and not there ({message}): {INSTALL_HINT}"
-    return f"OpenGL could not be opened ({message}): {INSTALL_HINT}"
+def _create(version: int, settings: Mapping[str, int]) -> moderngl.Context:
+    return moderngl.create_context(
+        standalone=True,
+        require=version,
+        backend="egl",  # type: ignore[arg-type]  # moderngl's stub takes dicts only
+        libegl=LIBRARIES[0],  # type: ignore[arg-type]  # likewise
+        libgl=LIBRARIES[1],  # type: ignore[arg-type]
+        **settings,  # type: ignore[arg-type]
+    )
+
+
+def _explained(message: str, settings: Mapping[str, int]) -> GraphicsError:
+    """Error with the cause of glcontext's message, which has numbers of devices or EGL's errors."""
+    if "found 0 devices" not in message and "requested device index" in message:
+        device = settings["device_index"]
+        return GraphicsError(f"device {device}: there is no such device", "see `omnisim info`")
+    if "version" not in message.lower() and "eglCreateContext" not in message:
+        return GraphicsError(*open_fault(message))
+    required = f"{REQUIRED_VERSION // 100}.{REQUIRED_VERSION % 100 // 10}"
+    version, renderer = "", ""
+    for older in (330, 310):  # EGL gives no context of a version that the driver lacks
+        with suppress(Exception):  # glcontext raises nothing more specific
+            context = _create(older, settings)
+            version, renderer = context.info["GL_VERSION"], context.info["GL_RENDERER"]
+            context.release()
+            break
+    return GraphicsError(*version_fault(required, version, renderer))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from functools import lru_cache
 
 import moderngl
@@ -14,7 +15,7 @@ from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, LidarPoses, Revolution, Slice
-from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, plan_tiles
 from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.draw_item import InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
@@ -32,6 +33,9 @@ from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
 TEXELS_PER_BEAM = 2.5
 # Margin of a slice's virtual camera, for objects that turn during the slice.
 MARGIN_RAD = 0.05
+# Maximum number of texels of an atlas: 512 MiB of triangle IDs and depth. Beams that need more are
+# drawn in parts.
+MAX_TEXELS = 1 << 26
 _RAYS_UNIT = 1
 
 
@@ -91,7 +95,9 @@ class LidarPass:
         slices = revolution.slices
         for one in slices:
             sector = self._sector(slices[0].last, len(slices) == 1)
-            sector.render(one, self._target, self._rays, self._heading_rad(one))
+            for first in range(one.first, one.last, sector.firings):
+                part = replace(one, first=first, last=min(first + sector.firings, one.last))
+                sector.render(part, self._target, self._rays, self._heading_rad(part))
         hits = np.empty((*size, 2), dtype=np.uint32)
         self._target.read_into(hits, components=2, dtype="u4")
         return BeamHits(hits[..., 1].view(np.float32), hits[..., 0])
@@ -108,12 +114,15 @@ class LidarPass:
 
 
 class _Sector:
-    """Virtual cameras of a slice, centered on its middle azimuth.
+    """Virtual cameras of a slice, or of a part of it, centered on its middle azimuth.
 
     Args:
         buffers, beams, cameras: see `LidarPass`.
         firings: number of firings in the slice.
         is_whole: the slice is a whole revolution.
+
+    Attributes:
+        firings: number of firings that are drawn at once.
     """
 
     def __init__(
@@ -125,9 +134,9 @@ class _Sector:
         is_whole: bool,
     ):
         self._buffers = buffers
-        plan_camera = _plan_camera(beams, firings, is_whole)
         rig_from_optical = BASE_FROM_OPTICAL_LOOKING_AHEAD
-        plan = plan_tiles(plan_camera, rig_from_optical, TEXELS_PER_BEAM)
+        limit_px = int(buffers.context.info["GL_MAX_TEXTURE_SIZE"])
+        self.firings, plan = _plan_part(beams, firings, is_whole, limit_px)
         self._visibility = VisibilityPass(buffers, plan, cameras)
         self._tables = HitTables(self._visibility)
         context = buffers.context
@@ -166,6 +175,28 @@ class _Sector:
 
     def _transforms(self, poses: LidarPoses) -> InstanceTransforms:
         return self._buffers.instance_transforms(poses.origin_m, poses.world_from_objects)
+
+
+def _plan_part(
+    beams: LidarBeams, firings: int, is_whole: bool, limit_px: int
+) -> tuple[int, TilePlan]:
+    """Number of a slice's firings that fit into an atlas, and its tiles.
+
+    Beams too dense for any atlas share texels: their hits stay exact, but more are missed.
+    """
+    count, density = firings, TEXELS_PER_BEAM
+    while True:
+        camera = _plan_camera(beams, count, is_whole and count == firings)
+        subdivides = count < firings or density < TEXELS_PER_BEAM
+        plan = plan_tiles(camera, BASE_FROM_OPTICAL_LOOKING_AHEAD, density, subdivide=subdivides)
+        fits = max(plan.width_px, plan.height_px) <= limit_px
+        if fits and plan.width_px * plan.height_px <= MAX_TEXELS:
+            return count, plan
+        width_rad = 2.0 * math.pi * count / len(beams.azimuths_rad)
+        if count > 1 and width_rad > 2.0 * MARGIN_RAD:
+            count = -(-count // 2)
+        else:
+            density *= 0.5
 
 
 def _plan_camera(beams: LidarBeams, firings: int, is_whole: bool) -> CylindricalCamera:

@@ -52,7 +52,7 @@ class ParallaxHitPass(RayHitPass):
         """Bind rays, origins, and the depth of the last rendered atlas."""
         super().bind()
         self.origins.use(_ORIGINS)
-        self._pyramid.update(self.visibility.read_depth())
+        self._pyramid.update(self.visibility.depth)
 
     def prepare(self, program: moderngl.Program, rig_from_optical: NDArray[np.float64]) -> None:
         """Set the constant uniforms of a program, with rig_from_optical (3, 3)."""

@@ -66,6 +66,7 @@ class VisibilityPass:
         triangle_ids: table of the IDs.
         detail_atlases: textures of base colors (square root of linear RGB) and of materials, by
             sampler name.
+        depth: depth of the last rendered atlas.
 
     Raises:
         GraphicsError: the atlas does not fit on the GPU.
@@ -91,7 +92,7 @@ class VisibilityPass:
                 name: texture_2d(context, size, components, dtype=dtype)
                 for name, (components, dtype) in atlas_formats(details).items()
             }
-            self._depth = depth_texture(context, size)
+            self.depth = depth_texture(context, size)
         self._targets: dict[HitDetails, moderngl.Framebuffer] = {}
         self.cameras = cameras
         self._compiled: dict[VisibilityVariant, VisibilityProgram] = {}
@@ -120,7 +121,7 @@ class VisibilityPass:
         """Target of IDs and details, created on first use."""
         if details not in self._targets:
             atlases = self._atlases(details)
-            self._targets[details] = framebuffer(self.buffers.context, atlases, self._depth)
+            self._targets[details] = framebuffer(self.buffers.context, atlases, self.depth)
         return self._targets[details]
 
     def _atlases(self, details: HitDetails) -> list[moderngl.Texture]:
@@ -155,16 +156,10 @@ class VisibilityPass:
             variant = variant.with_maps(found.maps, found.second_coordinates)
         return self._program(variant)
 
-    def read_depth(self) -> NDArray[np.float32]:
-        """Depth (height, width) of the last rendered atlas."""
-        depth = np.empty((self.plan.height_px, self.plan.width_px), dtype=np.float32)
-        self._target(NO_DETAILS).read_into(depth, components=1, attachment=-1, dtype="f4")
-        return depth
-
     def _make_tiles(self, details: HitDetails, items: NDArray[np.intp]) -> TileRenderer:
         """Renderer of the clusters' IDs and details."""
         find_program = partial(self.bucket_program, details)
-        return TileRenderer(self.buffers, self.plan, self.cameras, items, find_program, self._depth)
+        return TileRenderer(self.buffers, self.plan, self.cameras, items, find_program, self.depth)
 
     def draw_items(
         self,
@@ -181,7 +176,7 @@ class VisibilityPass:
         if not tiles.has_items:
             return
         self.bind_materials(details)
-        own = [*self._atlases(details), self._depth]
+        own = [*self._atlases(details), self.depth]
         attachments = [*range(COLORS, COLORS + len(layers) - 1), DEPTH]
         try:
             for number, one in enumerate(poses):

@@ -8,37 +8,10 @@ import pytest
 from omnisim.rendering.opengl.culling.cluster_buffers import DEPTH_UNIT
 from omnisim.rendering.opengl.culling.cluster_culling import SETTINGS
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer, read_buffer
-from omnisim.rendering.opengl.gl.gpu_textures import depth_texture
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
+from tests.rendering.opengl.depths import drawn_depth
 
 CELL_PX, LEVELS, SIDE = 4, 5, 16
-PLANE = """
-#version 430 core
-uniform sampler2D u_values;
-void main() { gl_FragDepth = texelFetch(u_values, ivec2(gl_FragCoord.xy), 0).r; }
-"""
-TRIANGLE = """
-#version 430 core
-void main() { gl_Position = vec4(4.0 * (gl_VertexID & 1) - 1.0, 2.0 * (gl_VertexID & 2) - 1.0, 0.5, 1.0); }
-"""  # noqa: E501
-
-
-def _drawn(context, values):
-    """Depth texture with values (height, width)."""
-    height, width = values.shape
-    depth = depth_texture(context, (width, height))
-    target = context.framebuffer([], depth)
-    target.use()
-    target.clear(depth=0.0)
-    texture = context.texture((width, height), 1, values, dtype="f4")
-    texture.filter = (context.NEAREST, context.NEAREST)
-    texture.use(0)
-    context.enable_only(context.DEPTH_TEST)
-    context.depth_func = ">"
-    program = context.program(vertex_shader=TRIANGLE, fragment_shader=PLANE)
-    context.vertex_array(program, []).render(vertices=3)
-    context.enable_only(context.NOTHING)
-    return depth
 
 
 @pytest.mark.parametrize("shape", [(64, 96), (61, 83), (130, 7), (3, 3), (200, 300)])
@@ -53,7 +26,7 @@ def test_each_cell_has_its_farthest_depth(context, shape):
     cells = [groups[0] * groups[1] * (SIDE >> level) ** 2 for level in range(LEVELS)]
     buffer = gpu_buffer(context, 4 * sum(cells))
     buffer.bind_to_storage_buffer(11)
-    _drawn(context, values).use(DEPTH_UNIT)
+    drawn_depth(context, values).use(DEPTH_UNIT)
     settings = np.zeros(1, dtype=SETTINGS)
     settings["atlas_px"] = shape[::-1]
     gpu_buffer(context, settings).bind_to_uniform_block(0)

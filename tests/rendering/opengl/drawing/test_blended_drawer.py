@@ -4,12 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+import trimesh
 
 from omnisim.core.poses import pose as make_pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.drawing import blended_drawer
 from omnisim.rendering.stage import Stage
-from omnisim.scene.model import AlphaMode, Lighting, Material, Texture, Wrap
+from omnisim.scene.model import AlphaMode, Lighting, Material, Mesh, Texture, Wrap
 from tests.rendering.opengl.drawing.test_cluster_drawer import assert_same, reference_stage
 from tests.rendering.opengl.sheets import LAMP, SUN, sheet
 from tests.scenes import room, scene_of
@@ -93,6 +94,45 @@ def test_too_many_are_drawn_one_by_one(limit, monkeypatch):
         with stage.open(CAMERA) as renderer:
             assert renderer._passes.cube._view.blended_drawer is None
             assert_same(renderer.render(POSES[0]).rgba, expected)
+
+
+def _in_a_bulb():
+    """The body, with a closed surface of glossy glass around the camera, which no drawer sorts."""
+    body, ball = _body(), trimesh.creation.icosphere(subdivisions=1, radius=0.2)
+    bulb = Mesh("bulb", ball.vertices.astype(np.float32), ball.faces.astype(np.uint32), 6)
+    materials = [*MATERIALS, _glass(specular=1.0, roughness=0.1)]
+    meshes, poses = [*body.meshes, bulb], [one.world_from_mesh for one in body.instances]
+    return scene_of(meshes, materials, [*poses, np.eye(4)])
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_others_that_turn_away_leave_the_sorting_to_the_gpu():
+    with Stage(_scene(SUN), _body()) as stage, stage.open(CAMERA) as renderer:
+        expected = [renderer.render(pose).rgba for pose in POSES]
+    colors = [one[..., :3] for one in expected]
+    with Stage(_scene(SUN), _in_a_bulb()) as stage, stage.open(CAMERA) as renderer:
+        cube = renderer._passes.cube
+        images = [renderer.render(pose).rgba for pose in POSES]
+        assert all(map(np.array_equal, images, expected))
+        assert all(cube._view.sorts_blended(pose[:3, 3], [pose]) for pose in POSES)
+        batch = renderer.render_batch(np.stack(POSES))
+        assert cube._layers is not None
+        assert all(map(np.array_equal, batch, colors))
+
+
+@pytest.mark.usefixtures("needs_opengl")
+def test_others_in_view_are_drawn_one_by_one_with_the_rest(monkeypatch):
+    scenes = _scene(SUN, LAMP), _in_a_bulb()
+    camera = dataclasses.replace(CAMERA, base_from_rig=make_pose((-0.4, -0.3, 0.1)))
+    with Stage(*scenes) as stage, reference_stage(monkeypatch, *scenes) as reference:
+        with stage.open(camera) as renderer:
+            images = [renderer.render(pose).rgba for pose in POSES]
+            batch = renderer.render_batch(np.stack(POSES))
+            assert renderer._passes.cube._layers is None
+        with reference.open(camera) as renderer:
+            for image, also, pose in zip(images, batch, POSES, strict=True):
+                assert_same(image, renderer.render(pose).rgba)
+                np.testing.assert_array_equal(image[..., :3], also)
 
 
 @pytest.mark.usefixtures("needs_opengl")

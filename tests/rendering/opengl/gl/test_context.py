@@ -1,6 +1,5 @@
-"""Errors of a missing or old OpenGL, each in a process of its own."""
+"""Contexts: which device they open, and how they are kept and used again."""
 
-import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
@@ -11,40 +10,10 @@ import omnisim.rendering.opengl.gl.context as context_module
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl.context import (
     current,
-    graphics_info,
     list_devices,
     open_context,
     release_context,
 )
-
-
-def _info(**environment):
-    code = (
-        "from omnisim.apps.cli.app import main; import sys; sys.argv = ['omnisim', 'info']; main()"
-    )
-    return subprocess.run(
-        [sys.executable, "-c", code],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=os.environ | environment,
-    )
-
-
-def test_no_driver_says_what_to_install(needs_opengl):
-    done = _info(__EGL_VENDOR_LIBRARY_DIRS="/nonexistent")
-    assert done.returncode == 1
-    assert "there is no OpenGL driver: install OpenGL: sudo apt-get install" in done.stderr
-    assert done.stderr.count("\n") == 1
-
-
-def test_too_old_an_opengl_says_so(context):
-    if "llvmpipe" not in graphics_info(context).renderer:
-        pytest.skip("only Mesa can be told to be old")
-    done = _info(MESA_GL_VERSION_OVERRIDE="3.3")
-    assert done.returncode == 1
-    assert "error: OpenGL 4.5 or newer is needed and not there" in done.stderr
-    assert done.stderr.count("\n") == 1
 
 
 def test_one_broken_device_does_not_hide_the_others(needs_opengl, monkeypatch):
@@ -53,11 +22,10 @@ def test_one_broken_device_does_not_hide_the_others(needs_opengl, monkeypatch):
     def first_is_broken(device):
         if device in (None, 0):
             raise GraphicsError("no permission")
-        if device == 1:
-            return real(0)
-        raise GraphicsError(f"device {device}: {context_module._NO_SUCH_DEVICE}")
+        return real(0)
 
     monkeypatch.setattr(context_module, "_open", first_is_broken)
+    monkeypatch.setattr(context_module, "cuda_numbers", lambda: [None, None])
     broken, working = list_devices()
     assert isinstance(broken[1], GraphicsError)
     assert working[0] == 1

@@ -1,0 +1,166 @@
+"""`omnisim doctor`."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+import socket
+import sys
+import tempfile
+import textwrap
+import time
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from rich.markup import escape
+
+from omnisim.apps import doctor
+from omnisim.apps.cli.checks.requests import DoctorRequest
+from omnisim.apps.cli.console import out
+from omnisim.apps.cli.info import PACKAGE, installation
+from omnisim.apps.doctor import FAILED, LIMIT_S, OK, OTHER_DRIVER, STEPS, WARNING, Result
+from omnisim.core.files.atomic_file import check_target, write_text
+from omnisim.evaluation.child_process import ChildProcesses
+from omnisim.rendering.opengl.gl.diagnosis import VARIABLES, override_fault, printed_fault
+from omnisim.validation.report.machine import is_software
+
+NEEDED = ("libraries", "OpenGL")  # by all steps after them
+_COLORS = {OK: "green", WARNING: "yellow", FAILED: "bold red"}
+
+
+class Step(NamedTuple):
+    """Finished step: its result, and what its process printed."""
+
+    name: str
+    seconds: float
+    result: Result
+    output: str = ""
+
+
+def run(request: DoctorRequest) -> bool:
+    """Run all steps, print them and a verdict, write the report; return whether none failed."""
+    if request.report is not None:
+        check_target(request.report)
+    steps: list[Step] = []
+    for name in STEPS:
+        known = {line for one in steps for line in one.output.splitlines()}
+        steps.append(run_step(name, request.device, known))
+        _print(steps[-1])
+        if name in NEEDED and steps[-1].result.status == FAILED:
+            break
+    lines = verdict(steps)
+    out.print("\n" + "\n".join(map(_wrapped, lines)), markup=False)
+    if request.report is not None:
+        write_text(request.report, report(steps, lines))
+        out.print(f"{request.report}: the report, for a bug report", markup=False)
+    return all(one.result.status != FAILED for one in steps)
+
+
+def run_step(
+    name: str,
+    device: int | None = None,
+    known: Collection[str] = (),
+    module: str = doctor.__name__,
+    limit_s: float = LIMIT_S,
+) -> Step:
+    """Run a step in a process of its own.
+
+    Args:
+        name: key of `STEPS`.
+        device: number of the GPU; None: the first.
+        known: lines that drivers have printed in other steps.
+        module: module whose `main` runs steps.
+        limit_s: time limit.
+    """
+    with tempfile.TemporaryFile() as output, tempfile.TemporaryDirectory() as folder:
+        file, start_s = Path(folder, "result.json"), time.monotonic()
+        number = [] if device is None else [str(device)]
+        status = ChildProcesses().run(module, [name, str(file), *number], output, limit_s)
+        seconds = time.monotonic() - start_s
+        output.seek(0)
+        printed = output.read().decode(errors="replace")
+        text = file.read_text(encoding="utf-8") if file.exists() else ""
+    tops = re.findall(r'hread 0x.*\n +File ".*/(.+)", (line \d+ in \w+)', printed)
+    where = f" in {', '.join(tops[-1])}" if tops else ""  # the main thread is the last
+    if status is None:
+        result = Result(FAILED, f"no end within {limit_s:g} s{where}", OTHER_DRIVER)
+    elif status < 0:
+        name_of_signal = signal.Signals(-status).name
+        remedy = f"try MESA_SHADER_CACHE_DISABLE=1 (shaders of another machine), {OTHER_DRIVER}"
+        result = Result(FAILED, f"the driver crashed ({name_of_signal}){where}", remedy)
+    elif status or not text:
+        last = printed.strip().rpartition("\n")[2]
+        result = Result(FAILED, f"exit status {status}: {last}", "report it, with --report FILE")
+    else:
+        result = Result(**json.loads(text))
+    lines = [line for line in printed.splitlines() if line.strip() and line not in known]
+    if result.status == FAILED and (OTHER_DRIVER in result.remedy or not result.remedy):
+        if fault := override_fault(result.text):
+            result = result._replace(text=fault.cause, remedy=fault.remedy)
+    elif result.status == OK and lines:
+        result = Result(WARNING, *printed_fault(lines[0]), result.details)
+    return Step(name, seconds, result, printed)
+
+
+def verdict(steps: Sequence[Step]) -> list[str]:
+    """Lines that say whether omnisim works on this machine, and what to do."""
+    failed = [one.name for one in steps if one.result.status == FAILED]
+    if not failed:
+        opengl = next(one.result for one in steps if one.name == "OpenGL")
+        is_slow = is_software(opengl.text)
+        lines = ["omnisim works here" + (", in software: no GPU is used." if is_slow else ".")]
+    elif len(steps) < len(STEPS):
+        lines = ["OpenGL cannot be used here; --backend rays renders without it."]
+    else:
+        lines = [f"OpenGL opens here, but not all is right: {', '.join(failed)}."]
+    found = [one.result for one in steps if one.result.status in (FAILED, WARNING)]
+    advice = dict.fromkeys(one.remedy or one.text for one in found)
+    return lines + [f"To do: {one}" for one in advice]
+
+
+def report(steps: Sequence[Step], lines: Sequence[str]) -> str:
+    """JSON of all steps, without names of the user, the machine and their folders."""
+    content = {
+        "verdict": list(lines),
+        "installation": dict(installation()),
+        "variables": {name: os.environ[name] for name in VARIABLES if name in os.environ},
+        "steps": [one._asdict() | {"result": one.result._asdict()} for one in steps],
+    }
+    return _without_names(json.dumps(content, indent=2, ensure_ascii=False)) + "\n"
+
+
+def _without_names(text: str) -> str:
+    home = os.path.expanduser("~")
+    folders = {
+        str(PACKAGE.parent): "<omnisim>", sys.prefix: "<python>", str(Path.cwd()): "<folder>",
+        home: "~", tempfile.gettempdir(): "<tmp>",
+    }  # fmt: skip
+    for folder in sorted(folders.keys() - {"/"}, key=len, reverse=True):
+        text = re.sub(rf"{re.escape(folder)}(?![\w-])", folders[folder], text)
+    text = re.sub(r"/home/[^/\s\"':]+", "/home/<user>", text)
+    users = {os.environ.get("USER", ""), os.environ.get("LOGNAME", ""), os.path.basename(home)}
+    names = dict.fromkeys(users - {"", "~", "root", "omnisim"}, "<user>")
+    for name, instead in {socket.gethostname(): "<host>", **names}.items():
+        text = re.sub(rf"(?<![\w-]){re.escape(name)}(?![\w-])", instead, text)
+    return text
+
+
+def _print(step: Step) -> None:
+    status, text, remedy, _ = step.result
+    head = f"{status:9}{step.name:13}{step.seconds:5.1f} s  "
+    lines = _wrapped(text + (f": {remedy}" if remedy else ""), head)[len(status) :]
+    out.print(f"[{_COLORS[status]}]{status}[/]{escape(lines)}")
+
+
+def _wrapped(text: str, head: str = "") -> str:
+    """Text after a head, in lines of a terminal's width."""
+    if not out.is_terminal:
+        return head + text
+    return textwrap.fill(
+        head + text, shutil.get_terminal_size().columns, subsequent_indent=" " * len(head),
+        break_long_words=False, break_on_hyphens=False,
+    )  # fmt: skip
