@@ -144,7 +144,7 @@ def image_of(camera: CentralCamera) -> Image.Image:
     """Image of the scene by a camera."""
     sensor = OmniCamera(camera, polygons=None, supersampling=SUPERSAMPLING)
     with open_sensor(load_scene(SCENE), sensor) as renderer:
-        frame = renderer.render(sensor.base_pose(VIEWPOINT_M, YAW_DEG))
+        frame = renderer.render(sensor.base_pose(VIEWPOINT_M, yaw_deg=YAW_DEG))
     pixels = np.where(frame.valid[..., None], frame.rgb, np.array(OUTSIDE, dtype=np.uint8))
     return Image.fromarray(pixels)
 

@@ -135,7 +135,7 @@ def image_of(name: str, polygons: int | None = None) -> Image.Image:
     sensor = OmniCamera(system_of(name), polygons=polygons, supersampling=SUPERSAMPLING)
     x, y, z = VIEWPOINT_M
     with open_sensor(load_scene(SCENE), sensor, backend="rays") as renderer:
-        frame = renderer.render(sensor.base_pose((x, y, HEIGHTS_M.get(name, z)), YAW_DEG))
+        frame = renderer.render(sensor.base_pose((x, y, HEIGHTS_M.get(name, z)), yaw_deg=YAW_DEG))
     pixels = np.where(frame.valid[..., None], frame.rgb, np.array(OUTSIDE, dtype=np.uint8))
     return Image.fromarray(pixels)
 

@@ -201,7 +201,7 @@ def _scene_and_pose(name: str) -> tuple[Scene, NDArray[np.float64]]:
     except (ValueError, OverflowError):
         scene = load_scene(name)
         start = scene.start
-        return scene, OmniCamera().base_pose(start.position_m, start.yaw_deg)
+        return scene, OmniCamera().base_pose(start.position_m, yaw_deg=start.yaw_deg)
     return build_town(triangles), STREET[0]
 
 

@@ -32,7 +32,7 @@ def main(source: str) -> None:
     scene = load_scene(source)
     for quality in ("default", "fast"):
         camera = OmniCamera().with_quality(quality)
-        current = camera.base_pose(scene.start.position_m, scene.start.yaw_deg)
+        current = camera.base_pose(scene.start.position_m, yaw_deg=scene.start.yaw_deg)
         next_pose = current @ pose((0.1, 0.0, 0.0), yaw_deg=4.0)
         times_s: dict[str, list[float]] = {name: [] for name in VARIANTS}
         with open_sensor(scene, camera) as renderer:

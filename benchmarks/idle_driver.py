@@ -118,7 +118,7 @@ def _poses(scene: Scene, count: int) -> NDArray[np.float64]:
     start, camera = scene.start, OmniCamera()
     x, y, z = start.position_m
     poses = [
-        camera.base_pose((x + 0.01 * number, y, z), start.yaw_deg + 360.0 * number / count)
+        camera.base_pose((x + 0.01 * number, y, z), yaw_deg=start.yaw_deg + 360.0 * number / count)
         for number in range(count)
     ]
     return np.stack(poses)

@@ -55,7 +55,7 @@ def main() -> None:
 
 def places(sensor: OmniCamera, scene: Scene, rays: RayScene) -> dict[str, Pose]:
     """Poses (4, 4) of the base: at the start of a scene, and beside the nearest object there."""
-    start = sensor.base_pose(scene.start.position_m, scene.start.yaw_deg)
+    start = sensor.base_pose(scene.start.position_m, yaw_deg=scene.start.yaw_deg)
     beside = pose_beside_nearest(sensor, rays, start)
     return {"start": start, f"{BESIDE_M} m beside": beside}
 

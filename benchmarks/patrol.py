@@ -31,7 +31,9 @@ def patrol(scene: Scene, vehicle: Vehicle, count: int) -> NDArray[np.float64]:
     if not scene.paths:
         camera, start = vehicle.camera().sensor, scene.start
         yaws_deg = start.yaw_deg + np.arange(count) * 360.0 / count
-        return np.array([camera.base_pose(start.position_m, yaw_deg) for yaw_deg in yaws_deg])
+        return np.array(
+            [camera.base_pose(start.position_m, yaw_deg=yaw_deg) for yaw_deg in yaws_deg]
+        )
     driven = plan_route(scene, vehicle, Route(scene.paths[0].name)).trajectory.world_from_base
     return driven[np.arange(count) * len(driven) // count]
 

@@ -26,15 +26,13 @@ from omnisim.rendering.cube_backend import CubeCamera
 from omnisim.rendering.opengl.culling.command_slices import BANDS
 from omnisim.rendering.opengl.drawing.cluster_drawer import ClusterDrawer
 from omnisim.rendering.opengl.gl.buffers import read_buffer
-from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Reading
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 
 _READS = (
-    (moderngl.Framebuffer, ("read", "read_into")),
-    (moderngl.Texture, ("read", "read_into")),
-    (moderngl.Buffer, ("read", "read_into")),
-    (GlState, ("read_rgba",)),
+    (PixelReadback, ("start",)),
+    (Reading, ("finish",)),
 )
 
 
@@ -82,7 +80,7 @@ class RepeatedFrame:
     def at_start(cls, stage: Stage, camera: OmniCamera) -> RepeatedFrame:
         """Frame from the scene's start pose."""
         start = stage.scene.start
-        return cls(stage.open(camera), camera.base_pose(start.position_m, start.yaw_deg))
+        return cls(stage.open(camera), camera.base_pose(start.position_m, yaw_deg=start.yaw_deg))
 
     def render(self) -> NDArray[np.uint8]:
         """Render the image (height, width, 4), and wait for it."""

@@ -53,7 +53,9 @@ def main(start: float, scene_name: str, path: str, device: int | None) -> dict[s
         camera = OmniCamera()
         with on_stage.open(camera) as renderer:
             done(COMPILE)
-            frame = renderer.render(camera.base_pose(scene.start.position_m, scene.start.yaw_deg))
+            frame = renderer.render(
+                camera.base_pose(scene.start.position_m, yaw_deg=scene.start.yaw_deg)
+            )
             done(FRAME)
             frame.save(path)
             done(WRITE)

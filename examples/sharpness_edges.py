@@ -64,7 +64,7 @@ def main(folder: Path) -> None:
     (folder / "lens.toml").write_text(sensor_toml(camera))
     with Stage(scene) as stage, stage.open(camera.with_degradation(TWIN)) as renderer:
         for number in range(3):
-            pose = camera.base_pose((0.0, 0.07 * number, 0.03 * number), 2.0 * number)
+            pose = camera.base_pose((0.0, 0.07 * number, 0.03 * number), yaw_deg=2.0 * number)
             linear = renderer.render(pose, linear=True, frame_number=number).linear[..., :3]
             values = np.rint(65535.0 * np.clip(linear, 0.0, 1.0)).astype(np.uint16)
             write_numbers(folder / "images" / f"{number}.png", values)

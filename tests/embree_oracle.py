@@ -139,7 +139,8 @@ def free_poses(oracle, count, low_m, high_m, seed=1):
     poses = []
     while len(poses) < count:
         values = random.uniform(low, high)
-        now = pose(values[:3], *values[3:])
+        roll_deg, pitch_deg, yaw_deg = values[3:]
+        now = pose(values[:3], roll_deg=roll_deg, pitch_deg=pitch_deg, yaw_deg=yaw_deg)
         viewpoints = (now[:3, 3], next_pose(now)[:3, 3])
         if all(oracle.hits(viewpoint, directions).ranges_m.min() > 0.3 for viewpoint in viewpoints):
             poses.append(now)

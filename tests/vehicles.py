@@ -31,15 +31,15 @@ def p2at_with_every_sensor():
     return re.sub(r"(?m)^# (?=\[\[sensors\]\]|\w+ = )", "", text)
 
 
-CAMERA = OmniCamera(polygons=None, base_from_rig=pose((-0.1, 0.05, 0.6), 2.0, -3.0, 10.0)).resized(
-    90
-)
+CAMERA = OmniCamera(
+    polygons=None, base_from_rig=pose((-0.1, 0.05, 0.6), roll_deg=2.0, pitch_deg=-3.0, yaw_deg=10.0)
+).resized(90)
 SCANNER = dataclasses.replace(LaserScanner().without_errors(), range_min_m=0.0)
 BASE_FROM_SCANNER = pose((0.2, 0.0, 0.3))
 POSES = {
     "at the origin": pose(),
     "turned": pose((0.4, -0.3, -1.2), yaw_deg=130.0),
-    "tilted": pose((-0.5, 0.2, -1.0), 12.0, -17.0, -40.0),
+    "tilted": pose((-0.5, 0.2, -1.0), roll_deg=12.0, pitch_deg=-17.0, yaw_deg=-40.0),
     "upside down": pose((0.0, 0.2, 0.3), roll_deg=180.0),
 }
 
@@ -92,7 +92,13 @@ def body():
     ]
     instances = (
         Instance("hull", 0, scaled(pose((0, 0, 0.1)), 0.5, 0.3, 0.1)),
-        Instance("tail", 0, scaled(pose((-0.4, 0.2, 0.25), 20.0, 30.0, 40.0), -0.1, 0.2, 0.3)),
+        Instance(
+            "tail",
+            0,
+            scaled(
+                pose((-0.4, 0.2, 0.25), roll_deg=20.0, pitch_deg=30.0, yaw_deg=40.0), -0.1, 0.2, 0.3
+            ),
+        ),
         Instance("box", 1, scaled(pose((0.3, -0.3, 0.2), yaw_deg=15.0), 0.2, 0.2, 0.3)),
         Instance("cage", 2, scaled(pose((0.35, 0.2, 0.3)), 0.1, 0.1, 0.3)),
         Instance("tube", 3, scaled(pose((0.0, -0.15, 0.4)), 0.1, 0.1, 0.2)),
@@ -110,7 +116,7 @@ def surroundings():
         Material(texture=checkered()),
         Material(base_color=(0.1, 0.2, 0.9, 0.5), alpha_mode=AlphaMode.BLEND, double_sided=True),
     ]
-    poses = [np.eye(4), pose((1.5, 0.8, -0.5), 10.0, 20.0, 30.0)]
+    poses = [np.eye(4), pose((1.5, 0.8, -0.5), roll_deg=10.0, pitch_deg=20.0, yaw_deg=30.0)]
     poses.append(scaled(pose((-1.2, -0.5, 0.0)), 0.02, 1.0, 1.5))
     lamps = (
         Light(LightKind.POINT, (1.0, 0.9, 0.7), 2.0, position_m=np.array([0.5, 0.5, 1.3])),

@@ -27,7 +27,7 @@ def race_poses(stage: Stage, count: int) -> NDArray[np.float64]:
         corners = np.array(scene.paths[0].waypoints_m)
         return np.array(
             [
-                SENSOR.base_pose((*position_m, HEIGHT_M), yaw_deg + YAW_STEP_DEG * step)
+                SENSOR.base_pose((*position_m, HEIGHT_M), yaw_deg=yaw_deg + YAW_STEP_DEG * step)
                 for step, (position_m, yaw_deg) in enumerate(_along(corners, count))
             ]
         )
@@ -37,7 +37,7 @@ def race_poses(stage: Stage, count: int) -> NDArray[np.float64]:
     shares = np.linspace(0.0, 1.0, count)
     return np.array(
         [
-            SENSOR.base_pose(start + share * reach_m * ahead, yaw_deg + YAW_STEP_DEG * step)
+            SENSOR.base_pose(start + share * reach_m * ahead, yaw_deg=yaw_deg + YAW_STEP_DEG * step)
             for step, share in enumerate(shares)
         ]
     )

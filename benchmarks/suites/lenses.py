@@ -60,7 +60,7 @@ def run(options: Options) -> dict[str, Any]:
 
     def frame_of(pipeline: Pipeline) -> Callable[[], None]:
         def work() -> None:
-            pipeline.render(viewpoint)
+            pipeline.begin(viewpoint).result()
             context.finish()
 
         return work

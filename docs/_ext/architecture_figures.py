@@ -16,13 +16,13 @@ PACKAGE = ROOT / "omnisim"
 WAYS: dict[str, tuple[str, ...]] = {
     "a frame": (
         "rendering.renderer:Renderer.render",
-        "rendering.backend:CameraBackend.take",
-        "rendering.opengl.pipeline:Pipeline.render",
+        "rendering.backend:CameraBackend.begin",
+        "rendering.opengl.pipeline:Pipeline.begin",
         "rendering.opengl.drawing.cube_pass:CubePass.render",
         "rendering.opengl.culling.cluster_culling:ClusterCuller.run",
         "rendering.opengl.drawing.cluster_drawer:ClusterDrawer.draw",
         "rendering.opengl.capture.image_pass:RemapPass.draw",
-        "rendering.opengl.pipeline:Pipeline.read_encoded",
+        "rendering.opengl.pipeline:Pipeline.begin_reading",
         "ground_truth.frame:Frame.save",
     ),
     "a hit": (
@@ -32,7 +32,7 @@ WAYS: dict[str, tuple[str, ...]] = {
         "rendering.cube_backend:CubeHits.hits",
         "rendering.opengl.ground_truth.ray_hit_pass:RayHitPass.render",
         "rendering.opengl.ground_truth.visibility_pass:VisibilityPass.render",
-        "rendering.opengl.ground_truth.ray_hit_pass:read_hits",
+        "rendering.opengl.ground_truth.ray_hit_pass:RayHitPass.begin_reading",
         "ground_truth.channel_files:write_sidecars",
     ),
     "a run": (
@@ -44,7 +44,7 @@ WAYS: dict[str, tuple[str, ...]] = {
         "sensors.sensor:RenderedSensor.instrument",
         "rendering.stage:Stage.open",
         "runs.run_folder:open_run",
-        "sensors.sensor:Instrument.measure",
+        "sensors.sensor:Instrument.begin",
         "sensors.omnicamera.mounted_omnicamera:CameraMeasurement.save",
     ),
     "a shard": (
@@ -54,7 +54,7 @@ WAYS: dict[str, tuple[str, ...]] = {
         "datasets.generate.draw:draw_indices",
         "datasets.generate.draw:draw",
         "rendering.stage:Stage.open",
-        "rendering.renderer:Renderer.render",
+        "rendering.renderer:Renderer.submit",
         "datasets.tar_file:write_tar",
         "datasets.dataset_manifest:Manifest.to_json",
     ),

@@ -244,7 +244,7 @@ def _poses(camera: Renderer, count: int) -> NDArray[np.float64]:
     """Poses (count, 4, 4) of the base, turning around the scene's start."""
     start = camera.scene.start
     turns = (start.yaw_deg + 15.0 * number for number in range(count))
-    return np.stack([camera.camera.base_pose(start.position_m, turn) for turn in turns])
+    return np.stack([camera.camera.base_pose(start.position_m, yaw_deg=turn) for turn in turns])
 
 
 STEPS: dict[str, Callable[[int | None], Result]] = {

@@ -29,7 +29,7 @@ from omnisim.cameras.models.rational_polynomial import RationalPolynomialCamera
 from omnisim.cameras.models.stereographic import StereographicCamera
 from omnisim.cameras.models.unified import UnifiedCamera
 from omnisim.cameras.parametric_camera import ParametricCamera
-from omnisim.core.errors import OpticsError
+from omnisim.core.errors import OpticsError, did_you_mean
 
 CAMERA_MODELS: dict[str, type[ParametricCamera]] = {
     model.model_name: model
@@ -69,6 +69,7 @@ def camera_from_parameters(parameters: Mapping[str, Any]) -> CentralCamera:
         raise OpticsError(f"camera: expected its parameters by name, got {parameters!r}")
     model = parameters.get("model")
     if not isinstance(model, str) or model not in CAMERA_MODELS:
-        names = ", ".join(CAMERA_MODELS)
-        raise OpticsError(f"camera: model: expected one of {names}, got {model!r}")
+        names, hint = ", ".join(CAMERA_MODELS), did_you_mean(str(model), CAMERA_MODELS)
+        hint = "" if hint.startswith("expected") else f": {hint}"
+        raise OpticsError(f"camera: model: expected one of {names}, got {model!r}{hint}")
     return MirroredCamera.of(CAMERA_MODELS[model].from_parameters(parameters), parameters)

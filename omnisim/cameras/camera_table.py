@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
-from omnisim.cameras import CentralCamera, camera_from_parameters
-from omnisim.core.errors import OpticsError, SensorFileError, did_you_mean
+from omnisim.cameras import CAMERA_MODELS, CentralCamera, camera_from_parameters
+from omnisim.core.errors import CalibrationError, OpticsError, SensorFileError, did_you_mean
+
+FIELDS = [model.__dataclass_fields__.keys() for model in CAMERA_MODELS.values()]
 
 
 def camera_from_table(parameters: Mapping[str, Any], source: str, key: str) -> CentralCamera:
@@ -24,9 +27,59 @@ def camera_from_table(parameters: Mapping[str, Any], source: str, key: str) -> C
         camera = camera_from_parameters(parameters)
     except OpticsError as reason:
         message = str(reason).removeprefix("camera: ")
+        missing, _, rest = message.partition(": missing")
+        for name in parameters if missing != message and not rest else ():
+            hint = did_you_mean(name, [missing])
+            # a key that is misspelled, and no other key of a model
+            if hint.startswith("did") and not any(name in one for one in FIELDS):
+                message = f"{name}: unknown key; {hint}"
         raise SensorFileError(f"{source}: {key}.{message}") from None
     known = camera.parameters()
     for name in parameters.keys() - known.keys():
         hint = did_you_mean(name, known)
         raise SensorFileError(f"{source}: {key}.{name}: unknown key; {hint}")
     return camera
+
+
+def camera_from_calibration(
+    file: str,
+    camera: str | None,
+    keys: Mapping[str, Any],
+    source: str,
+    key: str,
+    allowed: Sequence[str] = ("theta_max_deg",),
+) -> CentralCamera:
+    """Read the camera of a calibration file that a table names.
+
+    Args:
+        file: path relative to the table's file.
+        camera: name of a camera in the file; None: the first.
+        keys: further keys of the table.
+        source: file name, for messages.
+        key: key of the table in its file.
+        allowed: further keys that the table may have.
+
+    Raises:
+        SensorFileError: the file or a key is invalid; names the key and the expected value.
+    """
+    from omnisim.cameras.calibration import load_calibration  # loads the formats only when needed
+
+    has_it = "calibration has it: expected one of them"
+    if "model" in keys:
+        raise SensorFileError(f"{source}: {key}.model: {has_it}")
+    mirrored, theta_max_deg = keys.get("mirrored"), keys.get("theta_max_deg")
+    if mirrored is not None and type(mirrored) is not bool:
+        raise SensorFileError(f"{source}: {key}.mirrored: expected true or false, got {mirrored!r}")
+    path = Path(source).parent / file
+    try:
+        (found, *_) = load_calibration(path, None, camera, mirrored, theta_max_deg).cameras
+    except CalibrationError as reason:
+        of_key = str(reason).startswith("theta_max_deg")
+        place = f"{source}: {key}{'.' if of_key else '.calibration: '}"
+        raise SensorFileError(f"{place}{reason}") from None
+    for other in sorted(keys.keys() - allowed):
+        hint = f"unknown key beside calibration; {did_you_mean(other, ('camera', *allowed))}"
+        raise SensorFileError(
+            f"{source}: {key}.{other}: {has_it if any(other in one for one in FIELDS) else hint}"
+        )
+    return found.camera

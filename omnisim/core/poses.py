@@ -34,6 +34,7 @@ def rotation_type() -> type[Rotation]:
 
 def pose(
     position_m: ArrayLike = (0.0, 0.0, 0.0),
+    *,
     roll_deg: float = 0.0,
     pitch_deg: float = 0.0,
     yaw_deg: float = 0.0,

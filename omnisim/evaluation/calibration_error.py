@@ -54,7 +54,7 @@ class CalibrationError(Table):
     def wrong(self, base_from_sensor: Floats) -> Floats:
         """Extrinsics (4, 4) with the error, from the true ones."""
         turned: Floats = base_from_sensor @ pose(
-            (0.0, 0.0, 0.0), self.roll_deg, self.pitch_deg, self.yaw_deg
+            (0.0, 0.0, 0.0), roll_deg=self.roll_deg, pitch_deg=self.pitch_deg, yaw_deg=self.yaw_deg
         )
         turned[:3, 3] += self.offset_m
         return turned

@@ -19,7 +19,7 @@ from omnisim.core.extras import missing_packages
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.label_names import Labels
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.readback import FrameRequest, Readback, ScenePoses, SubFrames
+from omnisim.rendering.readback import FrameRequest, Pending, Readback, ScenePoses, SubFrames
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
 from omnisim.scene.specular_materials import has_specular
@@ -84,29 +84,29 @@ class CameraBackend(ABC):
     def refresh(self) -> None:
         """Adapt to the scene after its objects or buffers have changed."""
 
-    def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
-        """Render an image; also return the metadata of its degradation."""
+    def begin(self, request: FrameRequest) -> Pending[tuple[Readback, dict[str, Any]]]:
+        """Begin to render an image, to be returned with the metadata of its degradation."""
         if self._degraded is None:
-            return self._take_ideal(request), {}
-        image, metadata = self._degraded.take(request)
-        return image, {"degradation": metadata}
+            return self._begin_ideal(request).then(lambda image: (image, {}))
+        taken = self._degraded.begin(request)
+        return taken.then(lambda image: (image[0], {"degradation": image[1]}))
 
     @abstractmethod
-    def _take_ideal(self, request: FrameRequest) -> Readback:
-        """Render an image without degradation."""
+    def _begin_ideal(self, request: FrameRequest) -> Pending[Readback]:
+        """Begin to render an image without degradation."""
 
-    def _degrade(self, render: Callable[[SubFrames], Readback]) -> None:
+    def _degrade(self, begin: Callable[[SubFrames], Pending[Readback]]) -> None:
         """Degrade all further images, and render them from sub-frames."""
         from omnisim.rendering.camera.degraded_camera import DegradedCamera
         from omnisim.rendering.truth.moving_boxes import MovingBoxes
 
         boxes = MovingBoxes(self.world.scene, self.world.objects.values())
-        self._degraded = DegradedCamera(self.setup.sensor, self.setup.seed, render, boxes)
+        self._degraded = DegradedCamera(self.setup.sensor, self.setup.seed, begin, boxes)
 
     def begin_batch(
         self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0
-    ) -> Callable[[], None] | None:
-        """Start to render images from poses at rest; by default one after the other.
+    ) -> Pending[None]:
+        """Begin to render images from poses at rest; by default one after the other.
 
         Args:
             poses: poses of the camera and the objects, one entry per image.
@@ -114,13 +114,12 @@ class CameraBackend(ABC):
             frame_number: number of the first image.
 
         Returns:
-            Function that waits until `out` is filled; the next batch waits, too. None: already
-            filled.
+            Result that waits until `out` is filled.
         """
         for number, one in enumerate(poses):
             request = FrameRequest(one, None, False, frame_number + number, None)
-            out[number] = self.take(request)[0].rgba[..., : out.shape[-1]]
-        return None
+            out[number] = self.begin(request).result()[0].rgba[..., : out.shape[-1]]
+        return Pending(lambda: None)
 
     @abstractmethod
     def hit_source(self, details: HitDetails) -> HitSource:

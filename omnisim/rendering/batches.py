@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from functools import partial
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, overload
 
 import numpy as np
@@ -16,35 +15,13 @@ from omnisim.ground_truth import CHANNELS
 from omnisim.rendering.backend import CameraBackend
 from omnisim.rendering.batch_arrays import IMAGES, batch_arrays, check_contents
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.readback import Pending, ScenePoses
 from omnisim.rendering.sensor_renderer import SensorRenderer
 
 # World states, or vehicle poses (n, 4, 4) if nothing else moves.
 States = Sequence[WorldState | ArrayLike] | ArrayLike
 Arrays = Mapping[str, NDArray[Any]]
-
-
-class PendingBatch:
-    """Batch in progress, see `BatchRenderer.begin_batch`.
-
-    Args:
-        arrays: arrays by name, to be filled.
-        finish: function that fills the arrays; None: they are filled.
-    """
-
-    def __init__(self, arrays: dict[str, NDArray[Any]], finish: Callable[[], None] | None):
-        self._arrays, self._finish = arrays, finish
-
-    def result(self) -> dict[str, NDArray[Any]]:
-        """Wait, and return the arrays (n, height, width, …) by name.
-
-        Raises:
-            GraphicsError: the renderer was closed in the meantime.
-        """
-        if self._finish is not None:
-            self._finish()
-            self._finish = None
-        return self._arrays
+PendingBatch = Pending[dict[str, NDArray[Any]]]
 
 
 class BatchRenderer(SensorRenderer[OmniCamera, CameraBackend]):
@@ -131,7 +108,8 @@ class BatchRenderer(SensorRenderer[OmniCamera, CameraBackend]):
         """Begin to render a batch, see `render_batch`, without waiting for its images.
 
         This way several cameras of a stage are drawn together: begin a batch with each, then call
-        each `PendingBatch.result`. A renderer's next batch first finishes its previous one.
+        each one's `result`, which returns the arrays by name. A renderer has three batches, slices
+        of large ones, or frames in progress; a further one first waits for the oldest.
         """
         names = check_contents(channels)
         poses = self._batch_poses(states)
@@ -142,18 +120,23 @@ class BatchRenderer(SensorRenderer[OmniCamera, CameraBackend]):
         model = self.camera.model
         arrays = batch_arrays(names, (len(poses), model.height_px, model.width_px), out)
         truth = {name: array for name, array in arrays.items() if name in CHANNELS}
-        end: Callable[[], None] | None = None
         with self._current() as passes:
-            for array in (arrays[name] for name in IMAGES if name in arrays):
-                end = passes.begin_batch(poses, array, frame_number)
+            begun = [
+                passes.begin_batch(poses, arrays[one], frame_number)
+                for one in IMAGES
+                if one in arrays
+            ]
             if truth:
                 fill_channels(passes, truth, poses, others)
         self._last_poses = poses[-1] if poses else self._last_poses
-        return PendingBatch(arrays, None if end is None else partial(self._end_batch, end))
 
-    def _end_batch(self, end: Callable[[], None]) -> None:
-        with self._current():
-            end()
+        def finish() -> dict[str, NDArray[Any]]:
+            with self._current():
+                for one in begun:
+                    one.result()
+            return arrays
+
+        return Pending(finish)
 
     def _other_poses(
         self, names: Collection[str], states: Mapping[str, States | None]

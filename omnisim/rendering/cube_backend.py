@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import weakref
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
@@ -46,7 +46,7 @@ from omnisim.rendering.opengl.gl.context import (
 from omnisim.rendering.opengl.pipeline import Pipeline, check_image_size
 from omnisim.rendering.opengl.shadows.shadow_maps import ShadowMaps
 from omnisim.rendering.opengl_camera import DrawnHits, DrawnScene, OpenGLCamera
-from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.readback import Pending, ScenePoses
 from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene import Scene
 
@@ -253,12 +253,11 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
 
     def begin_batch(
         self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0
-    ) -> Callable[[], None] | None:
-        """Start to render images; those of an ideal camera are drawn together."""
+    ) -> Pending[None]:
+        """Begin to render images; those of an ideal camera are drawn together."""
         if self.batches is None:
             return super().begin_batch(poses, out, frame_number)
-        self.batches.begin(poses, out)
-        return self.batches.end
+        return self.batches.begin(poses, out)
 
     @cached_property
     def batches(self) -> BatchPipeline | None:
@@ -269,7 +268,7 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
         if self._degraded is not None or not isinstance(image_pass, RemapPass):
             return None
         pipeline = self._pipeline
-        return BatchPipeline(pipeline.context, self.cube, image_pass, pipeline.size_px)
+        return BatchPipeline(pipeline.readback, self.cube, image_pass, pipeline.size_px)
 
     def _make_hits(self, details: HitDetails) -> CubeHits:
         return CubeHits(self._drawn.buffers, self._sensor, self._cameras, details)
@@ -334,17 +333,14 @@ class CubeHits(DrawnHits):
 
     def begin_occlusion(
         self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
-    ) -> None:
-        """Start to render the occlusion from another viewpoint."""
+    ) -> Pending[NDArray[np.bool_]]:
+        """Begin to render the occlusion from another viewpoint."""
         if deformed is not None:
             self._passes.put_points(deformed)
-        self._occlusion_pass.render(
+        bits = self._occlusion_pass.begin(
             other.world_from_rig, other.world_from_objects, other_from_current
         )
-
-    def occluded(self) -> NDArray[np.bool_]:
-        """Mask (height, width) of the points that are occluded from there."""
-        return self._occlusion_pass.read() > 0
+        return bits.then(lambda values: values > 0)
 
     @cached_property
     def _occlusion_pass(self) -> OcclusionPass:

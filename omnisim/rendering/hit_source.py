@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from omnisim.cameras import CentralCamera
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
-from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.readback import Pending, ScenePoses
 from omnisim.scene.model import Mesh
 
 
@@ -73,19 +73,18 @@ class HitSource(ABC):
     @abstractmethod
     def begin_occlusion(
         self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
-    ) -> None:
-        """Start to cast rays from another viewpoint to the points of the last `hits`.
+    ) -> Pending[NDArray[np.bool_]]:
+        """Begin to find the points of the last `hits` that are occluded from another viewpoint.
 
         Args:
             other: poses at the other time.
             other_from_current: (draws, 3, 4) transforms of the instances' points, from the
                 viewpoint frame of the last hits to that of the other time.
             deformed: last hits with the points of deformed surfaces; None: no surface deforms.
-        """
 
-    @abstractmethod
-    def occluded(self) -> NDArray[np.bool_]:
-        """Mask (height, width) of the points that are occluded from the other viewpoint."""
+        Returns:
+            Mask (height, width).
+        """
 
     def objects_of_draws(self) -> NDArray[np.intp]:
         """Object of each instance (n + 1,), after −1 for no hit; 0: the static scene."""

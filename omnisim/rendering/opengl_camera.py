@@ -21,7 +21,7 @@ from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.context import collect_garbage
 from omnisim.rendering.opengl.pipeline import DegradedPipeline, Pipeline
-from omnisim.rendering.readback import FrameRequest, Readback, ScenePoses
+from omnisim.rendering.readback import FrameRequest, Pending, Readback, ScenePoses
 from omnisim.scene.specular_materials import specular_mask
 
 if TYPE_CHECKING:
@@ -149,8 +149,8 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
     def _make_hits(self, details: HitDetails) -> HitsT:
         """Hits behind ground truth with these details."""
 
-    def _take_ideal(self, request: FrameRequest) -> Readback:
-        return self._pipeline.render(request.poses, request.linear)
+    def _begin_ideal(self, request: FrameRequest) -> Pending[Readback]:
+        return self._pipeline.begin(request.poses, request.linear)
 
     def _cube_pass(self, plan: TilePlan) -> CubePass:
         return CubePass(self._drawn.buffers, self._drawn.programs, plan, self._cameras)
@@ -174,4 +174,4 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
             degradation.sensor_steps(geometry, key_of("noise", self.setup.seed)),
             degradation.encoding_step(),
         )
-        self._degrade(DegradedPipeline(pipeline, passes).render)
+        self._degrade(DegradedPipeline(pipeline, passes).begin)

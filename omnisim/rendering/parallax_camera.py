@@ -25,7 +25,7 @@ from omnisim.rendering.opengl.capture.parallax_rays import ParallaxRays, SampleR
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.parallax_pipeline import ParallaxPipeline
 from omnisim.rendering.opengl_camera import DrawnScene, OpenGLCamera
-from omnisim.rendering.readback import FrameRequest, Readback, ScenePoses
+from omnisim.rendering.readback import FrameRequest, Pending, Readback, ScenePoses
 from omnisim.rendering.truth.sample_rays import sample_rays
 
 if TYPE_CHECKING:
@@ -81,12 +81,12 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
         )
         self._use(self._parallax)
 
-    def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
-        """Render an image; also return the metadata of its degradation and undecided samples."""
+    def begin(self, request: FrameRequest) -> Pending[tuple[Readback, dict[str, Any]]]:
+        """Begin to render an image; its metadata also counts undecided samples."""
         self._parallax.undecided_samples = 0
-        image, metadata = super().take(request)
+        taken = super().begin(request)
         undecided = {"samples": self._parallax.undecided_samples, "cast": self._casts}
-        return image, {**metadata, "undecided": undecided}
+        return taken.then(lambda image: (image[0], image[1] | {"undecided": undecided}))
 
     def _make_hits(self, details: HitDetails) -> ParallaxHits:
         return self.make_hits(details, self._casts)

@@ -32,7 +32,7 @@ from omnisim.rendering.rays.pixel_hits import PixelHits
 from omnisim.rendering.rays.pixel_rays import PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.through import ThroughCaster
-from omnisim.rendering.readback import FrameRequest, Readback, ScenePoses, SubFrames
+from omnisim.rendering.readback import FrameRequest, Pending, Readback, ScenePoses, SubFrames
 from omnisim.scene import Scene
 
 
@@ -154,11 +154,12 @@ class RayCamera(CameraBackend):
             )
         ]
 
-    def _take_ideal(self, request: FrameRequest) -> Readback:
+    def _begin_ideal(self, request: FrameRequest) -> Pending[Readback]:
         light = self._linear(request.poses, request.frame_number)
-        return _readback(light, None, request.linear)
+        image = _readback(light, None, request.linear)
+        return Pending(lambda: image)
 
-    def _develop(self, frames: SubFrames) -> Readback:
+    def _develop(self, frames: SubFrames) -> Pending[Readback]:
         """Render an image from sub-frames with the NumPy references of the degradations."""
         degradation = self._sensor.degradation
         geometry = ImageGeometry.of_camera(self._sensor.model)
@@ -167,12 +168,14 @@ class RayCamera(CameraBackend):
             for number, part in enumerate(frames.parts)
         )
         light = exposed(ideal, degradation, geometry)
-        exposure = frames.expose(None if frames.meter is None else frames.meter.of_image(light))
+        luminance = None if frames.meter is None else frames.meter.of_image(light)
+        exposure = frames.expose(luminance)
         noise_key = key_of("noise", self.setup.seed)
         image = developed(
             light, degradation, geometry, exposure.factors, noise_key, exposure.frame_number
         )
-        return _readback(image, degradation.encoding, frames.linear)
+        readback = _readback(image, degradation.encoding, frames.linear)
+        return Pending(lambda: readback._replace(luminance=luminance))
 
     def hit_source(self, details: HitDetails) -> RayHitSource:
         """Hits behind its ground truth."""
@@ -225,7 +228,6 @@ class RayHitSource(HitSource):
         self._through = ThroughCaster(lambda: rays, setup)
         self._pixels = PixelHits(rays, PixelRays(sensor.model, sensor.mesh_polygons), limits)
         self.has_ray = self._pixels.has_ray
-        self._occluded = np.zeros_like(self.has_ray)
 
     def rays(self) -> NDArray[np.float64]:
         """Unit rays (height, width, 3), optical frame."""
@@ -242,16 +244,13 @@ class RayHitSource(HitSource):
 
     def begin_occlusion(
         self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
-    ) -> None:
+    ) -> Pending[NDArray[np.bool_]]:
         """Cast rays from another viewpoint to the points of the last hits."""
         if deformed is not None:
             self._pixels.put_points(deformed)
         objects = ObjectState(other.world_from_objects, self._hidden)
-        self._occluded = self._pixels.occluded(other.world_from_rig, objects, other_from_current)
-
-    def occluded(self) -> NDArray[np.bool_]:
-        """Mask (height, width) of the points that are occluded from the other viewpoint."""
-        return self._occluded
+        occluded = self._pixels.occluded(other.world_from_rig, objects, other_from_current)
+        return Pending(lambda: occluded)
 
 
 def _readback(image: LinearImage, encoding: Encoding | None, linear: bool) -> Readback:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,12 +13,42 @@ from omnisim.core.errors import OpticsError
 from omnisim.rendering.camera.degradations.effect import MAX_EV
 from omnisim.rendering.camera.metering import Metering
 
+T = TypeVar("T")
+U = TypeVar("U")
+
+
+class Pending(Generic[T]):
+    """Result in progress: it was requested, and is computed or drawn meanwhile.
+
+    Args:
+        finish: function that waits for the result.
+    """
+
+    def __init__(self, finish: Callable[[], T]):
+        self._finish: Callable[[], T] | None = finish
+
+    def result(self) -> T:
+        """Wait, and return the result; each call returns the same one.
+
+        Raises:
+            GraphicsError: the renderer was closed in the meantime, or the GPU failed.
+        """
+        if self._finish is not None:
+            self._result = self._finish()
+            self._finish = None
+        return self._result
+
+    def then(self, change: Callable[[T], U]) -> Pending[U]:
+        """Result of a function of this result."""
+        return Pending(lambda: change(self.result()))
+
 
 class Readback(NamedTuple):
     """Rendered image; top row first."""
 
     rgba: NDArray[np.uint8]  # (height, width, 4): sRGB, alpha 255 where the camera sees something
     linear: NDArray[np.float32] | None  # (height, width, 3), on request
+    luminance: float | None = None  # of the light meter, if there is one
 
 
 class ScenePoses(NamedTuple):
@@ -66,6 +96,7 @@ class SubFrames(NamedTuple):
         meter: light meter that measures the luminance for `expose`; None: not measured.
         linear: also return linear colors.
         frame_number: number of the frame, part of the key of its random numbers.
+        is_exposed: the exposure does not depend on the luminance, which is only reported.
     """
 
     parts: Sequence[SubFrame]
@@ -73,6 +104,7 @@ class SubFrames(NamedTuple):
     meter: Metering | None
     linear: bool
     frame_number: int = 0
+    is_exposed: bool = False
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,12 +20,14 @@ from omnisim.rendering.backend import CameraBackend, CameraSetup
 from omnisim.rendering.batches import BatchRenderer, needed_others
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.near_plane import scene_size_m
-from omnisim.rendering.readback import FrameRequest, ScenePoses
+from omnisim.rendering.readback import FrameRequest, Pending, ScenePoses
 from omnisim.rendering.sensor_renderer import Mounting
 from omnisim.rendering.shared_scene import SharedScene
 
 if TYPE_CHECKING:  # slow to import, and seldom needed
     from omnisim.ground_truth.boxes_3d import OrientedBox
+
+PendingFrame = Pending[Frame]
 
 
 class Renderer(BatchRenderer):
@@ -86,6 +88,39 @@ class Renderer(BatchRenderer):
                 flow without its other state, an impossible exposure, or the renderer or its stage
                 is closed.
         """
+        return self.submit(
+            state,
+            linear,
+            optical=optical,
+            also=also,
+            next_state=next_state,
+            previous_state=previous_state,
+            motion=motion,
+            frame_number=frame_number,
+            exposure_ev=exposure_ev,
+            boxes_3d=boxes_3d,
+        ).result()
+
+    def submit(
+        self,
+        state: WorldState | ArrayLike | None = None,
+        linear: bool = False,
+        *,
+        optical: ArrayLike | None = None,
+        also: Collection[ChannelName | str] = (),
+        next_state: WorldState | ArrayLike | None = None,
+        previous_state: WorldState | ArrayLike | None = None,
+        motion: Motion | None = None,
+        frame_number: int = 0,
+        exposure_ev: float | None = None,
+        boxes_3d: bool = False,
+    ) -> PendingFrame:
+        """Begin to render one frame, see `render`, without waiting for its image.
+
+        Its `result` waits and returns the frame. Three may be in progress, and a fourth first waits
+        for the oldest: while the GPU draws the next frame, the last one can be encoded and written.
+        Ground truth is computed at once, as are images of back end "rays".
+        """
         names = check_channels(also)
         now = self._state(self._state_or_optical(state, optical))
         others = {
@@ -98,9 +133,7 @@ class Renderer(BatchRenderer):
         with self._current() as passes:
             poses = self._poses_in(now)
             around = None if motion is None else partial(self._poses_at, motion, now)
-            image, degradation = passes.take(
-                FrameRequest(poses, around, linear, frame_number, exposure_ev)
-            )
+            pending = passes.begin(FrameRequest(poses, around, linear, frame_number, exposure_ev))
             if names or boxes_3d:
                 ground_truth = passes.ground_truth(names)
                 other_poses = {other: self._poses_in(others[other]) for other in needed}
@@ -116,11 +149,19 @@ class Renderer(BatchRenderer):
 
                     boxes = visible_boxes(computed["position"], computed["instance"], labels, full)
         self._last_poses = poses
-        metadata = self._frame_metadata(now, poses.world_from_rig) | degradation
-        for other in needed:
-            world_from_base = others[other].world_from_object[self.vehicle]
-            metadata[f"{other}_world_from_base"] = world_from_base.tolist()
-        return Frame(image.rgba, image.linear, metadata, channels, labels, has_ray, boxes)
+        metadata = self._frame_metadata(now, poses.world_from_rig)
+        bases = {
+            f"{other}_world_from_base": others[other].world_from_object[self.vehicle].tolist()
+            for other in needed
+        }
+
+        def finish() -> Frame:
+            with self._current():
+                image, degradation = pending.result()
+            values = metadata | degradation | bases
+            return Frame(image.rgba, image.linear, values, channels, labels, has_ray, boxes)
+
+        return Pending(finish)
 
     def _state_or_optical(
         self, state: WorldState | ArrayLike | None, optical: ArrayLike | None

@@ -5,7 +5,9 @@ from __future__ import annotations
 import dataclasses
 import json
 import platform
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -30,6 +32,7 @@ from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.core.version import __version__
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.missed_surfaces import near_plane_note
+from omnisim.rendering.readback import Pending
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import Stage
 from omnisim.robots import Chassis, simulate_odometry, with_errors, write_odometry
@@ -56,10 +59,11 @@ from omnisim.runs.true_states import write_states
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
 from omnisim.sensors.omnicamera.mounted_omnicamera import CAMERA_POSES
-from omnisim.sensors.sensor import DriveSettings, Moment, MountedSensor
+from omnisim.sensors.sensor import DriveSettings, Measurement, Moment, MountedSensor
 from omnisim.sensors.specular_keys import specular_notes
 
 MAX_SEED = 2**63 - 1
+MAX_BEGUN = 8  # measurements of a step in progress; more of them are written at once
 SAME_MOTION_M = 1e-3  # far below a pixel; contacts that amplify rounding exceed it
 
 
@@ -260,13 +264,30 @@ class PlannedDrive:
                 yield 0
             if not (is_new and missing):
                 yield finished
-            for done, step in enumerate(missing, start=finished + 1):
+            writer = stack.enter_context(ThreadPoolExecutor(1))
+            last: dict[str, tuple[int, Pending[Measurement]]] = {}  # index and measurement
+            writes: list[Future[None]] = []
+            for done, step in enumerate([*missing, None], start=finished):
+                begun: deque[tuple[Path, Pending[Measurement]]] = deque()
+                following: list[Future[None]] = []
                 for name, instrument in instruments.items():
-                    for index in run.indices_at(name, step):
+                    for index in () if step is None else run.indices_at(name, step):
                         if run.missing_at(name, index):
-                            moment = self._moment(run, name, index)
-                            instrument.measure(moment).save(run.stem(name, index))
-                yield done
+                            before, previous = last.get(name, (index, None))
+                            moment = self._moment(
+                                run, name, index, previous if before == index - 1 else None
+                            )
+                            last[name] = index, instrument.begin(moment)
+                            begun.append((run.stem(name, index), last[name][1]))
+                        if len(begun) > MAX_BEGUN:
+                            following.append(_write(writer, *begun.popleft()))
+                            if len(following) > MAX_BEGUN:
+                                following[-MAX_BEGUN].result()
+                for write in writes:  # of the step before: it was written meanwhile
+                    write.result()
+                if done > finished:
+                    yield done
+                writes = [*following, *(_write(writer, *one) for one in begun)]
             write_boxes(run, labels)
 
     @property
@@ -300,7 +321,9 @@ class PlannedDrive:
             notes += specular_notes(drive.scene, objects, drive.backend)
         return [note for note in notes if note is not None]
 
-    def _moment(self, run: RunFolder, sensor: str, index: int) -> Moment:
+    def _moment(
+        self, run: RunFolder, sensor: str, index: int, previous: Pending[Measurement] | None
+    ) -> Moment:
         """Moment of a measurement; the folder has all earlier measurements."""
         times_s = self.sensor_times_s[sensor]
         return Moment(
@@ -311,6 +334,7 @@ class PlannedDrive:
             float(times_s[index + 1]) if index + 1 < len(times_s) else None,
             run.channels_at(index, sensor),
             run.stem(sensor, index - 1) if index > 0 else None,
+            previous,
         )
 
     def _manifest(self, renderer: str) -> dict[str, Any]:
@@ -414,6 +438,11 @@ class PlannedDrive:
                     run.path / camera.name / CAMERA_POSES,
                     Trajectory(own_s, poses @ camera.sensor.base_from_optical),
                 )
+
+
+def _write(writer: Executor, stem: Path, measurement: Pending[Measurement]) -> Future[None]:
+    """Begin to write a measurement once it is made."""
+    return writer.submit(measurement.result().save, stem)
 
 
 def _check_motion(run: RunFolder, truth: Trajectory) -> None:

@@ -24,6 +24,7 @@ from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion
 from omnisim.core.world import Motion
 from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.rendering.readback import Pending
 from omnisim.rendering.sensor_renderer import Mounting
 from omnisim.rendering.shared_scene import Closeable, SharedScene
 from omnisim.rendering.stage import Stage
@@ -44,6 +45,7 @@ class Moment:
         channels: ground-truth channels to record.
         previous_stem: path, without suffix, of the previous measurement's files; None: no previous
             measurement.
+        previous: the previous measurement, whose files may not be written yet; None: they are.
     """
 
     motion: Motion
@@ -53,6 +55,7 @@ class Moment:
     next_s: float | None = None
     channels: tuple[str, ...] = ()
     previous_stem: Path | None = None
+    previous: Pending[Any] | None = None
 
     def __repr__(self) -> str:
         return short_repr(self, f"step {self.number}", f"{self.time_s:g} s")
@@ -138,11 +141,15 @@ class Instrument(Closeable):
 
     Args:
         renderer: renderer that is closed with the instrument.
-        measure: function that measures the moving world at a moment.
+        begin: function that begins to measure the moving world at a moment.
     """
 
-    def __init__(self, renderer: Closeable, measure: Callable[[Moment], Measurement]):
-        self._renderer, self._measure = renderer, measure
+    def __init__(self, renderer: Closeable, begin: Callable[[Moment], Pending[Measurement]]):
+        self._renderer, self._begin = renderer, begin
+
+    def begin(self, moment: Moment) -> Pending[Measurement]:
+        """Begin to measure, see `measure`; images are drawn until the result is requested."""
+        return self._begin(moment)
 
     def measure(self, moment: Moment) -> Measurement:
         """Measure the moving world at a moment.
@@ -151,7 +158,7 @@ class Instrument(Closeable):
             RunError: the files of the previous step are damaged.
             OmnisimError: the instrument is closed.
         """
-        return self._measure(moment)
+        return self._begin(moment).result()
 
     def close(self) -> None:
         """Close the renderer."""
@@ -288,7 +295,12 @@ class RenderedSensor(MountedSensor):
         seed = f"{settings.seed} {self.name}"
         mounting = Mounting(vehicle=settings.vehicle, seed=seed, unlit=settings.unlit)
         renderer = self.open(stage, mounting)
-        return Instrument(renderer, partial(self.measure, renderer, settings))
+        return Instrument(renderer, partial(self.begin, renderer, settings))
+
+    def begin(self, renderer: Any, settings: DriveSettings, moment: Moment) -> Pending[Measurement]:
+        """Begin to measure, see `measure`; by default all of it."""
+        measurement = self.measure(renderer, settings, moment)
+        return Pending(lambda: measurement)
 
     @abstractmethod
     def measure(self, renderer: Any, settings: DriveSettings, moment: Moment) -> Measurement:

@@ -56,7 +56,9 @@ class SensorMount(Table):
     @property
     def base_from_mount(self) -> NDArray[np.float64]:
         """Pose (4, 4) of the sensor in the base frame."""
-        return poses.pose(self.position_m, self.roll_deg, self.pitch_deg, self.yaw_deg)
+        return poses.pose(
+            self.position_m, roll_deg=self.roll_deg, pitch_deg=self.pitch_deg, yaw_deg=self.yaw_deg
+        )
 
     def sensors(self, folder: Path, source: str) -> tuple[MountedSensor, ...]:
         """Build the sensors of the table, usually one; see `sensor`."""

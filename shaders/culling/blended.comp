@@ -55,7 +55,8 @@ bool may_be_seen(Item item, uint view) {
 
 void main() {
     uint index = gl_WorkGroupID.x, camera = gl_WorkGroupID.y, thread = gl_LocalInvocationID.x;
-    if (gl_GlobalInvocationID.xy == uvec2(0u)) counts[u_count_index] = u_cameras * u_items * u_tiles;
+    bool is_first = gl_GlobalInvocationID.xy == uvec2(0u);
+    if (is_first) counts[u_count_index] = u_cameras * u_items * u_tiles;
     Item item = items[index];
     uint first = camera * u_triangles + item.first_triangle;
     vec4 rows[3] = rows_of(item.object, camera);  // once: compilers load buffers anew each time

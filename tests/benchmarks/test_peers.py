@@ -100,7 +100,7 @@ def test_pyrenders_reference_is_its_own_image(monkeypatch):
     monkeypatch.setattr(face_maps, "CAPTURES", 2)
     monkeypatch.setattr(pyrender_faces, "REFERENCE_FACE_PX", 720)
     racer = pyrender_faces.PyrenderFaces(load_scene("rings"), lit=False)
-    pose = SENSOR.base_pose((0.1, -0.2, 1.0), 30.0)
+    pose = SENSOR.base_pose((0.1, -0.2, 1.0), yaw_deg=30.0)
     first = racer.render(pose)
     reference = racer.reference(pose)
     assert reference.shape == first.shape
@@ -161,7 +161,7 @@ class TestEmbree:
     def test_sees_the_paint_of_the_room(self):
         scene = scene_of([room()])
         racer = EmbreeColors(scene)
-        pose = SENSOR.base_pose((0.4, -0.3, 0.2), 30.0)
+        pose = SENSOR.base_pose((0.4, -0.3, 0.2), yaw_deg=30.0)
         rays, valid = mirror_rays(SENSOR.model)
         hits = room_hit(pose[:3, 3], rays[valid] @ pose[:3, :3].T)
         expected = 255.0 * srgb_from_linear(room_color(hits))
@@ -186,7 +186,7 @@ class TestEmbree:
 
     def test_judges_by_a_image_of_the_same_frame(self, monkeypatch):
         monkeypatch.setattr(second_judge, "CAPTURES", 2)
-        scene, pose = load_scene("rings"), SENSOR.base_pose((0.1, -0.2, 1.0), 30.0)
+        scene, pose = load_scene("rings"), SENSOR.base_pose((0.1, -0.2, 1.0), yaw_deg=30.0)
         first = EmbreeColors(scene).render(pose)
         judged = second_judge.by_embree(scene, pose)
         # fine lines from few rays: less alike, and yet not moved by a pixel

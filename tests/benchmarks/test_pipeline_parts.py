@@ -6,6 +6,7 @@ import pytest
 
 from benchmarks.pipeline_parts import RepeatedFrame
 from omnisim import OmniCamera, open_sensor
+from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback
 from omnisim.scene import load_scene
 
 
@@ -18,7 +19,7 @@ def frame(needs_opengl):
 
 
 def test_a_frame_in_parts_is_the_frame(frame, monkeypatch):
-    before = (moderngl.Framebuffer.read_into, moderngl.VertexArray.render)
+    before = (PixelReadback.start, moderngl.VertexArray.render)
     image = frame.render()
     images = []
     render = frame.render
@@ -27,7 +28,7 @@ def test_a_frame_in_parts_is_the_frame(frame, monkeypatch):
     assert np.array_equal(images[0], image)
     assert min(parts) > 0.0
     assert parts.whole == pytest.approx(sum(parts))
-    assert (moderngl.Framebuffer.read_into, moderngl.VertexArray.render) == before
+    assert (PixelReadback.start, moderngl.VertexArray.render) == before
     assert "render" not in vars(frame.renderer._passes.cube)
 
 
@@ -35,11 +36,11 @@ def test_a_failure_leaves_nothing_changed(frame, monkeypatch):
     def fails():
         raise RuntimeError
 
-    before = moderngl.Framebuffer.read_into
+    before = PixelReadback.start
     monkeypatch.setattr(frame, "render", fails)
     with pytest.raises(RuntimeError):
         frame.parts()
-    assert moderngl.Framebuffer.read_into is before
+    assert PixelReadback.start is before
     assert "render" not in vars(frame.renderer._passes.cube)
 
 

@@ -3,6 +3,7 @@
 import importlib
 import re
 import sys
+import threading
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -50,10 +51,12 @@ def _entered():
             names.setdefault(f"{module}:{frame.f_code.co_qualname}", len(names))
 
     sys.setprofile(profile)
+    threading.setprofile(profile)  # of the thread that writes
     try:
         yield names
     finally:
         sys.setprofile(None)
+        threading.setprofile(None)
 
 
 def test_figures_are_those_of_the_code(extension):

@@ -34,8 +34,9 @@ def disturbed(truth, scale=1.0, noise_m=0.02, seed=1):
     for one in truth.world_from_base:
         moved = world @ one
         moved[:3, 3] = scale * moved[:3, 3] + noise_m * random.normal(size=3)
-        angles = 0.5 * random.normal(size=3)
-        moved[:3, :3] = moved[:3, :3] @ pose((0, 0, 0), *angles)[:3, :3]
+        roll_deg, pitch_deg, yaw_deg = 0.5 * random.normal(size=3)
+        turn = pose(roll_deg=roll_deg, pitch_deg=pitch_deg, yaw_deg=yaw_deg)
+        moved[:3, :3] = moved[:3, :3] @ turn[:3, :3]
         poses.append(moved)
     return Trajectory(truth.times_s[::2], np.stack(poses)[::2])
 

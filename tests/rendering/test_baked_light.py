@@ -54,7 +54,7 @@ def test_a_white_room_has_the_colors_of_its_light(tmp_path, backend):
 def test_what_moves_has_the_light_of_the_probes(tmp_path, backend):
     """A box as a dynamic object looks as if it stood there, in the lightmap."""
     walls, crate = dataclasses.replace(room(), colors=None), box("crate", 0)
-    place = pose((0.9, 0.3, -0.4), 10.0, 20.0, 30.0)
+    place = pose((0.9, 0.3, -0.4), roll_deg=10.0, pitch_deg=20.0, yaw_deg=30.0)
     standing = baked(tmp_path / "all.baked", scene_of([walls, crate], None, [np.eye(4), place]))
     empty = baked(tmp_path / "room.baked", scene_of([walls]))
     expected = _linear(standing, backend)
@@ -155,7 +155,7 @@ def test_ground_truth_and_plain_colors_are_those_without_it(furnished):
 def test_edits_leave_the_light_of_all_else(tmp_path, backend):
     """Moved and added instances take the probes' light; recolored ones keep their own."""
     walls, crate = dataclasses.replace(room(), colors=None), box("crate", 0)
-    before, after = pose((0.9, 0.3, -0.4)), pose((-0.6, 0.5, 0.2), 30.0, 0.0, 20.0)
+    before, after = pose((0.9, 0.3, -0.4)), pose((-0.6, 0.5, 0.2), roll_deg=30.0, yaw_deg=20.0)
     scene = baked(tmp_path / "before.baked", scene_of([walls, crate], None, [np.eye(4), before]))
     there = baked(tmp_path / "after.baked", scene_of([walls, crate], None, [np.eye(4), after]))
     empty = baked(tmp_path / "room.baked", scene_of([walls]))
@@ -206,7 +206,10 @@ def test_the_sides_of_a_sheet_have_light_of_their_own(tmp_path, backend, flips, 
 def test_instances_of_one_mesh_have_light_of_their_own(tmp_path):
     """One of them is a mirror image, and of another size."""
     walls, crate = dataclasses.replace(room(), colors=None), box("crate", 0)
-    places = pose((0.9, 0.3, -0.4)), pose((-0.9, 0.6, 0.5), 20.0) @ np.diag([-0.5, 0.7, 0.6, 1.0])
+    places = (
+        pose((0.9, 0.3, -0.4)),
+        pose((-0.9, 0.6, 0.5), roll_deg=20.0) @ np.diag([-0.5, 0.7, 0.6, 1.0]),
+    )
     shared = scene_of([walls, crate])
     shared = dataclasses.replace(
         shared,

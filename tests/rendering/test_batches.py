@@ -266,7 +266,7 @@ def test_occlusion_is_that_of_each_camera(name):
     with Stage(name) as stage, stage.open(PAPER) as renderer:
         start = stage.scene.start
         poses = np.stack(
-            [PAPER.base_pose(start.position_m, start.yaw_deg + 50.0 * k) for k in range(3)]
+            [PAPER.base_pose(start.position_m, yaw_deg=start.yaw_deg + 50.0 * k) for k in range(3)]
         )
         poses[1, 0, 3] += 2.0
         poses[2, 1, 3] += 1.5

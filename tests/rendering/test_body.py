@@ -170,7 +170,7 @@ def test_p2at_is_visible_in_the_middle_only():
     with Stage(scene, p2at_body()) as stage, open_sensor(scene, camera) as alone:
         renderer = stage.open(camera)
         no_scanner = stage.open(camera, hidden={"lms200"})
-        for base in (pose(), pose((1.5, -2.0, 0.0), 3.0, -4.0, 70.0)):
+        for base in (pose(), pose((1.5, -2.0, 0.0), roll_deg=3.0, pitch_deg=-4.0, yaw_deg=70.0)):
             ours = renderer.render(base).rgba
             is_body = np.any(ours != alone.render(base).rgba, axis=-1)
             assert np.all(is_body[theta_deg < 19.0])
@@ -191,7 +191,7 @@ def test_p2at_scanner_does_not_hit_the_robot():
         stage.open(SCANNER, **mount) as blind,
         open_sensor(scene, SCANNER, **mount) as alone,
     ):
-        for base in (pose(), pose((1.5, -2.0, 0.0), 3.0, -4.0, 70.0)):
+        for base in (pose(), pose((1.5, -2.0, 0.0), roll_deg=3.0, pitch_deg=-4.0, yaw_deg=70.0)):
             scan = scanner.scan(base)
             np.testing.assert_array_equal(scan.ranges_m, alone.scan(base).ranges_m)
             assert scan.hit.sum() > 100

@@ -107,7 +107,9 @@ def test_channels_are_those_of_three_cameras(backend, degradation):
     chromatic = OmniCamera(FISHEYE, degradation=degradation)
 
     def motion(time_s):
-        return pose((0.3 * time_s, 0.2, 0.1), 2.0, -4.0, 30.0 + 20.0 * time_s)
+        return pose(
+            (0.3 * time_s, 0.2, 0.1), roll_deg=2.0, pitch_deg=-4.0, yaw_deg=30.0 + 20.0 * time_s
+        )
 
     frames = []
     for sensor in (

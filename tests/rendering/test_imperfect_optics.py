@@ -25,7 +25,7 @@ from tests.vehicles import box
 
 pytestmark = pytest.mark.usefixtures("needs_opengl", "embree")
 BACKENDS = ("cube", "rays")
-NOW = pose((0.4, -0.3, 0.1), 2.0, -4.0, 30.0)
+NOW = pose((0.4, -0.3, 0.1), roll_deg=2.0, pitch_deg=-4.0, yaw_deg=30.0)
 BALL = OpticalSystem(pinhole(550.0), (Surface(Conic(0.06), at(0.2), 0.057),)).scaled(0.25)
 PORT = SYSTEMS["port"].scaled(0.25)
 each_backend = pytest.mark.parametrize("backend", BACKENDS)

@@ -22,7 +22,7 @@ from tests.scenes import ROOM_HALF_M, room, scene_of
 needs_opengl = pytest.mark.usefixtures("needs_opengl")
 EXACT = dataclasses.replace(SpinningLidar.hdl64e().without_errors(), range_min_m=0.0, firings=512)
 SMALL = dataclasses.replace(SpinningLidar.vlp16().without_errors(), range_min_m=0.0, firings=360)
-START = pose((0.4, -0.3, -0.2), 3.0, -4.0, 30.0)
+START = pose((0.4, -0.3, -0.2), roll_deg=3.0, pitch_deg=-4.0, yaw_deg=30.0)
 
 
 def _embree_ranges(scene, origins_m, directions):
@@ -62,7 +62,9 @@ def _grid(cloud, name="range"):
 
 def _drive(time_s):
     """1.5 m/s ahead in a bend of 1.2 rad/s, while the vehicle rolls."""
-    return START @ pose((1.5 * time_s, 0.9 * time_s**2, 0.0), 20.0 * time_s, 0.0, 68.75 * time_s)
+    return START @ pose(
+        (1.5 * time_s, 0.9 * time_s**2, 0.0), roll_deg=20.0 * time_s, yaw_deg=68.75 * time_s
+    )
 
 
 @needs_opengl

@@ -21,7 +21,7 @@ def renderer():
 
 
 def test_an_optical_pose_is_that_of_the_vehicle_whose_camera_is_there(renderer):
-    base = pose((0.2, -0.1, 0.4), 5.0, -10.0, 30.0)
+    base = pose((0.2, -0.1, 0.4), roll_deg=5.0, pitch_deg=-10.0, yaw_deg=30.0)
     optical = base @ renderer.camera.base_from_optical
     by_base, by_camera = renderer.render(base), renderer.render(optical=optical)
     np.testing.assert_allclose(by_camera.metadata["world_from_optical"], optical, atol=1e-12)

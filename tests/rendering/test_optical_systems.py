@@ -37,9 +37,9 @@ from tests.scenes import room, room_color, room_hit, scene_of
 from tests.slow import slow_but
 from tests.vehicles import box, p2at_body
 
-NOW = pose((0.4, -0.3, 0.1), 2.0, -4.0, 30.0)
-BEFORE = NOW @ pose((-0.1, 0.02, 0.0), 0.0, 0.0, -3.0)
-AFTER = NOW @ pose((0.12, 0.05, 0.02), 1.0, 0.5, 4.0)
+NOW = pose((0.4, -0.3, 0.1), roll_deg=2.0, pitch_deg=-4.0, yaw_deg=30.0)
+BEFORE = NOW @ pose((-0.1, 0.02, 0.0), yaw_deg=-3.0)
+AFTER = NOW @ pose((0.12, 0.05, 0.02), roll_deg=1.0, pitch_deg=0.5, yaw_deg=4.0)
 
 
 @pytest.fixture
@@ -276,7 +276,7 @@ def test_the_robot_itself_is_right(embree, monkeypatch, casts):
     sensor = OmniCamera(
         SYSTEMS["tilted camera"].scaled(0.5), base_from_rig=pose((-0.1, 0.0, 0.05)), near_m=0.02
     )
-    base, frames = pose((0.3, -0.2, -1.2), 1.0, -2.0, 40.0), []
+    base, frames = pose((0.3, -0.2, -1.2), roll_deg=1.0, pitch_deg=-2.0, yaw_deg=40.0), []
     for backend in ("cube", "rays"):
         with (
             Stage(scene_of([room()]), p2at_body(), backend=backend) as stage,
@@ -326,7 +326,7 @@ def test_same_triangles_as_exact_rays(embree, source, name):
     if source is WAREHOUSE and not WAREHOUSE.exists():
         pytest.skip("a real warehouse is not part of the project")
     scene, sensor = load_scene(source), OmniCamera(SYSTEMS[name])
-    start = sensor.base_pose(scene.start.position_m, scene.start.yaw_deg)
+    start = sensor.base_pose(scene.start.position_m, yaw_deg=scene.start.yaw_deg)
     rays = RayScene(scene)
     with Stage(scene) as stage:
         for base in (start, pose_beside_nearest(sensor, rays, start)):

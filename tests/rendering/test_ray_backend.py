@@ -48,7 +48,7 @@ AFTER = NOW @ pose((0.06, 0.02, 0.01), yaw_deg=2.0, pitch_deg=1.0)
 
 def _poses(sensor, scene):
     """Poses of the start, and of the next frame."""
-    now = sensor.base_pose(scene.start.position_m, scene.start.yaw_deg)
+    now = sensor.base_pose(scene.start.position_m, yaw_deg=scene.start.yaw_deg)
     return now, now @ pose((0.2, 0.1, 0.0), yaw_deg=3.0)
 
 

@@ -57,13 +57,19 @@ def yard():
     for number, angle in enumerate(np.arange(0, 360, 60)):
         turned = pose(yaw_deg=angle) @ pose((2.0 + 0.3 * number, 0.0, 0.4))
         scene = scene.added(f"box_{number}", plain, turned)
-    scene = scene.added("fence", box(texture=fence()), pose((1.2, 1.2, 0.8), 10, 20, 17))
+    scene = scene.added(
+        "fence", box(texture=fence()), pose((1.2, 1.2, 0.8), roll_deg=10, pitch_deg=20, yaw_deg=17)
+    )
     return scene.added("glass", box(base_color=(0, 0, 1, 0.6)), pose((1.0, -1.0, 0.6)))
 
 
 EDITS = {
-    "move": lambda one: one.move("box_1", pose((1.0, 0.2, 1.1), 10.0, 20.0, 30.0)),
-    "move a masked one": lambda one: one.move("fence", pose((-1.0, 0.2, 1.1), 10.0, 20.0, 30.0)),
+    "move": lambda one: one.move(
+        "box_1", pose((1.0, 0.2, 1.1), roll_deg=10.0, pitch_deg=20.0, yaw_deg=30.0)
+    ),
+    "move a masked one": lambda one: one.move(
+        "fence", pose((-1.0, 0.2, 1.1), roll_deg=10.0, pitch_deg=20.0, yaw_deg=30.0)
+    ),
     "move a blended one": lambda one: one.move("glass", pose((-1.0, 0.2, 1.1), yaw_deg=30.0)),
     "remove": lambda one: one.remove("box_5"),
     "recolor": lambda one: one.recolor("box_1", (0.9, 0.1, 0.0)),
@@ -112,7 +118,10 @@ def test_many_edits_are_as_good_as_one():
         for step in range(40):
             names = renderer.scene.instance_names
             name = str(rng.choice(names[1:]))
-            place = pose(rng.uniform((-2, -2, 0), (2, 2, 2)), *rng.uniform(0, 360, 3))
+            at, (roll_deg, pitch_deg, yaw_deg) = (
+                rng.uniform((-2, -2, 0), (2, 2, 2)), rng.uniform(0, 360, 3),
+            )  # fmt: skip
+            place = pose(at, roll_deg=roll_deg, pitch_deg=pitch_deg, yaw_deg=yaw_deg)
             kind = rng.integers(4)
             if kind == 0:
                 renderer.add(f"new_{step}", part, place)
@@ -268,7 +277,7 @@ def test_rays_see_edits_too():
         for edit in EDITS.values():
             edit(renderer)
             renderer.scene = yard() if "glass" in renderer.scene.instance_names else renderer.scene
-        renderer.move("box_1", pose((1.0, 0.2, 1.1), 10.0, 20.0, 30.0))
+        renderer.move("box_1", pose((1.0, 0.2, 1.1), roll_deg=10.0, pitch_deg=20.0, yaw_deg=30.0))
         frame = draw(renderer)
         with open_sensor(renderer.scene, LENS, backend="rays") as fresh:
             expected = draw(fresh)

@@ -18,7 +18,7 @@ def test_a_small_object_is_seen_at_its_range(radius_m):
     ball = trimesh.creation.icosphere(4, radius_m)
     scene = Scene.from_arrays("ball", ball.vertices, ball.faces)
     with open_sensor(scene, EquirectangularCamera(128, 64)) as renderer:
-        base = renderer.camera.base_pose(scene.start.position_m, scene.start.yaw_deg)
+        base = renderer.camera.base_pose(scene.start.position_m, yaw_deg=scene.start.yaw_deg)
         ranges_m = renderer.render(base, also=("range",)).channels["range"]
     distance_m = np.linalg.norm(scene.start.position_m)
     seen = ranges_m[np.isfinite(ranges_m)]

@@ -136,7 +136,7 @@ def test_flying_poses_of_a_file(vehicle, tmp_path):
     """They keep their heights, and the box turns with them."""
     scene = _scene(((1.0, 0.0, 2.0), (0.1, 2.0, 0.1)))
     for roll_deg, z_m, touches in ((0.0, 2.2, False), (180.0, 2.2, True), (180.0, 2.9, False)):
-        poses = np.array([pose((x, 0.0, z_m), roll_deg) for x in (0.0, 2.0)])
+        poses = np.array([pose((x, 0.0, z_m), roll_deg=roll_deg) for x in (0.0, 2.0)])
         write_trajectory(tmp_path / "fly.tum", Trajectory([0.0, 9.0], poses))
         route = Route(str(tmp_path / "fly.tum"), ignore_limits=True)
         assert bool(Drive(scene, vehicle, route).plan().contacts) == touches
@@ -160,7 +160,7 @@ def test_robots_of_unknown_size_have_unknown_contacts(vehicle):
 
 
 def test_sweeps_hold_the_poses_and_fill_the_turns():
-    poses = np.array([pose(), pose((1.0, 0.0, 0.0)), pose((1.0, 0.0, 0.0), 0, 0, 90.0)])
+    poses = np.array([pose(), pose((1.0, 0.0, 0.0)), pose((1.0, 0.0, 0.0), yaw_deg=90.0)])
     trajectory = Trajectory([0.0, 1.0, 2.0], poses)
     sweep = Sweep.along(trajectory, reach_m=0.5)
     np.testing.assert_array_equal(sweep.world_from_base[sweep.is_step], poses)

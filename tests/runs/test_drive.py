@@ -7,6 +7,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -18,12 +19,14 @@ from omnisim.core.files.image_files import read_image
 from omnisim.core.trajectories import read_trajectory
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_toml import sensor_toml
+from omnisim.rendering.renderer import Renderer
 from omnisim.robots import read_odometry
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.runs.run_folder import RunFolder
 from omnisim.scene import load_scene
+from omnisim.sensors.omnicamera.mounted_omnicamera import CameraMeasurement
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 ROUTE = Route("lap", step_m=1.2, step_deg=45.0)
@@ -304,6 +307,44 @@ def test_one_drive_a_folder_at_a_time(scene, vehicle, tmp_path):
     second = drive.plan().record(tmp_path / "run")
     assert next(second) == 1
     second.close()
+
+
+def test_a_step_is_written_while_the_next_is_drawn(scene, vehicle, whole, tmp_path, monkeypatch):
+    """Counted steps have their files all the same, and the next step has none."""
+    is_next_drawn = threading.Event()
+    submit, save = Renderer.submit, CameraMeasurement.save
+
+    def submitted(renderer, *arguments, **options):
+        pending = submit(renderer, *arguments, **options)
+        if options["frame_number"] == 1:
+            is_next_drawn.set()
+        return pending
+
+    def saved(measurement, stem):
+        assert is_next_drawn.wait(20.0)
+        save(measurement, stem)
+
+    monkeypatch.setattr(Renderer, "submit", submitted)
+    monkeypatch.setattr(CameraMeasurement, "save", saved)
+    steps = Drive(scene, vehicle, ROUTE, seed=7).plan().record(tmp_path / "run")
+    assert [next(steps), next(steps)] == [0, 1]
+    recorded = _bytes(tmp_path / "run")
+    steps.close()
+    assert _bytes(tmp_path / "run") == recorded
+    names = {name for name in recorded if name.endswith((".png", "0.csv", "1.csv"))}
+    assert names == {"omnicam/000000.png", "lms200/000000.csv"}
+    assert all(recorded[name] == (whole / name).read_bytes() for name in names)
+
+
+def test_a_file_that_cannot_be_written_ends_the_drive(scene, vehicle, tmp_path, monkeypatch):
+    def fails(measurement, stem):
+        raise OutputError(f"{stem}: cannot be written")
+
+    monkeypatch.setattr(CameraMeasurement, "save", fails)
+    steps = Drive(scene, vehicle, ROUTE, seed=7).plan().record(tmp_path / "run")
+    assert next(steps) == 0
+    with pytest.raises(OutputError, match="000000: cannot be written"):
+        next(steps)
 
 
 def test_force_leaves_no_other_run_s_images(scene, vehicle, whole, tmp_path):

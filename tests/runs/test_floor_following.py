@@ -73,7 +73,7 @@ def test_objects_beside_the_start_are_no_floor(vehicle):
 
 @pytest.mark.parametrize(("roll_deg", "pitch_deg"), [(0.0, -11.0), (4.0, 0.0), (-6.0, 9.0)])
 def test_slopes_tilt_the_robot(vehicle, roll_deg, pitch_deg):
-    world_from_slope = pose((0.0, 0.0, 0.05), roll_deg, pitch_deg)
+    world_from_slope = pose((0.0, 0.0, 0.05), roll_deg=roll_deg, pitch_deg=pitch_deg)
     square = ((-1.0, -1.0), (1.0, -1.0), (1.0, 1.0))
     found = _drive(vehicle, [_slab(-3, 3, 0.0)], square, [world_from_slope])
     level = _drive(vehicle, [_slab(-3, 3, 0.0)], square, ground_m=0.0)

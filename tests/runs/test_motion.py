@@ -19,7 +19,7 @@ from omnisim.sensors.imu.imu import true_readings
 G = 9.80665
 PATHS = [("soccer", "lap"), ("soccer", "lap_clockwise"), ("mapping", "round")]
 STEPS = [{}, {"step_m": 0.35}, {"rate_hz": 10.0}]
-MOUNTS = [np.eye(4), pose((0.2, 0.1, 0.15), 10.0, 20.0, 30.0)]
+MOUNTS = [np.eye(4), pose((0.2, 0.1, 0.15), roll_deg=10.0, pitch_deg=20.0, yaw_deg=30.0)]
 
 
 def integrate(times_s, readings, start, velocity_mps):

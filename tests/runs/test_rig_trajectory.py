@@ -19,10 +19,15 @@ from omnisim.runs.rig_trajectory import RigRoute
 SAMPLES = Path(__file__).parents[1] / "cameras" / "calibration" / "samples"
 LENS = PerspectiveCamera(64, 48, 40.0, (31.5, 23.5))
 AHEAD = pose_from_rotation(BASE_FROM_OPTICAL_LOOKING_AHEAD, np.zeros(3))
-IMU_FROM_CAMERA = pose((0.1, -0.2, 0.3), 10.0, 20.0, 30.0)
+IMU_FROM_CAMERA = pose((0.1, -0.2, 0.3), roll_deg=10.0, pitch_deg=20.0, yaw_deg=30.0)
 ON_IMU = Rig("imu", (RigCamera("cam0", LENS, IMU_FROM_CAMERA),))
 BARE = Rig("cam0", (RigCamera("cam0", LENS, np.eye(4)),))
-POSES = np.array([pose((1.0, 2.0, 0.5), 5.0, -10.0, 40.0), pose((1.5, 2.0, 0.6), 0.0, 3.0, 50.0)])
+POSES = np.array(
+    [
+        pose((1.0, 2.0, 0.5), roll_deg=5.0, pitch_deg=-10.0, yaw_deg=40.0),
+        pose((1.5, 2.0, 0.6), pitch_deg=3.0, yaw_deg=50.0),
+    ]
+)
 TIMES_S = np.array([0.25, 0.75])
 
 

@@ -14,12 +14,14 @@ from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.recording import Recording
 from omnisim.robots import parse_robot
 from omnisim.robots.vehicle import Vehicle
+from omnisim.runs import drive as drives
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.runs.run_data import read_run
 from omnisim.runs.run_folder import RunFolder
 from omnisim.scene import load_scene
 from omnisim.sensors.rate import SensorRate
+from omnisim.sensors.sensor import Instrument
 from tests.conftest import open_context_or_skip
 
 KINEMATICS = {
@@ -213,6 +215,28 @@ def test_a_run_that_was_stopped_ends_with_the_same_bytes(whole, tmp_path):
     assert bytes_of(run) == bytes_of(whole)
     list(drive.plan().record(run, force=True))
     assert bytes_of(run) == bytes_of(whole)
+
+
+def test_measurements_beyond_those_in_progress_are_written_at_once(whole, tmp_path, monkeypatch):
+    """Their order, and thus their number in memory, is that of the measurements."""
+    events, begin = [], Instrument.begin
+
+    def begun(instrument, moment):
+        events.append("begun")
+        return begin(instrument, moment)
+
+    def submitted(writer, *arguments):
+        events.append("written")
+        return write(writer, *arguments)
+
+    write = drives._write
+    monkeypatch.setattr(drives, "MAX_BEGUN", 1)
+    monkeypatch.setattr(drives, "_write", submitted)
+    monkeypatch.setattr(Instrument, "begin", begun)
+    list(drive_of(*SENSORS).plan().record(tmp_path / "run"))
+    assert bytes_of(tmp_path / "run") == bytes_of(whole)
+    in_progress = np.cumsum([1 if one == "begun" else -1 for one in events])
+    assert (in_progress.max(), in_progress[-1]) == (2, 0)
 
 
 def test_damaged_times_are_named(whole, tmp_path):

@@ -29,7 +29,9 @@ def _surface(mesh, place=None, object_index=None, material=CHROME):
 
 def test_planes_of_a_box():
     """Far from the origin, turned and scaled."""
-    place = pose((400.0, -300.0, 20.0), 10.0, 20.0, 30.0) @ np.diag((0.5, 2.0, 1.5, 1.0))
+    place = pose((400.0, -300.0, 20.0), roll_deg=10.0, pitch_deg=20.0, yaw_deg=30.0) @ np.diag(
+        (0.5, 2.0, 1.5, 1.0)
+    )
     planes = find_mirrors({7: _surface(box("box", 0), place)}, is_planar_mirror)
     assert len(planes) == 6
     np.testing.assert_allclose([plane.area_m2 for plane in planes], [3, 3, 1, 1, 0.75, 0.75])

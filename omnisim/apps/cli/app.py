@@ -6,6 +6,7 @@ Commands raise OmnisimError for every fault that a user can fix.
 import errno
 import os
 import sys
+import warnings
 from typing import Annotated, Any, NoReturn
 
 import typer
@@ -13,8 +14,8 @@ import typer
 from omnisim.apps.cli import INTERRUPTED
 from omnisim.apps.cli.command import Group, make_commands
 from omnisim.apps.cli.commands import COMMANDS
-from omnisim.apps.cli.console import err, out
-from omnisim.core.errors import OmnisimError
+from omnisim.apps.cli.console import err, out, print_note
+from omnisim.core.errors import NoticeWarning, OmnisimError
 from omnisim.core.version import __version__
 
 
@@ -58,7 +59,10 @@ def _options(
 def main() -> None:
     """Run the command line; an OmnisimError prints its message and exits with status 1."""
     try:
-        app(prog_name="omnisim")
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", NoticeWarning)
+            _print_notices()
+            app(prog_name="omnisim")
     except SystemExit as stopped:
         if stopped.code == INTERRUPTED:  # typer prints no message
             err.print("interrupted")
@@ -72,6 +76,21 @@ def main() -> None:
             _fail("the working directory is not there any more")
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # else flushing at exit fails again
         _fail(f"standard output: cannot be written: {error.strerror}")
+
+
+def _print_notices() -> None:
+    """Print each notice about a file once, as a note."""
+    printed: set[str] = set()
+    show = warnings.showwarning
+
+    def show_warning(message: Any, category: Any, *place: Any, **more: Any) -> None:
+        if not issubclass(category, NoticeWarning):
+            show(message, category, *place, **more)
+        elif str(message) not in printed:
+            printed.add(str(message))
+            print_note(str(message))
+
+    warnings.showwarning = show_warning
 
 
 def _fail(message: str) -> NoReturn:

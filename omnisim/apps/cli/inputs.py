@@ -29,6 +29,8 @@ from omnisim.core.errors import (
     OmnisimError,
     OpticsError,
     OutputError,
+    SceneError,
+    SensorFileError,
     did_you_mean,
 )
 from omnisim.core.extras import require_extra
@@ -45,6 +47,7 @@ from omnisim.scene.labels import find_labels, read_label_file
 
 LABELED = frozenset((*CLASSES, "instance"))  # channels whose files name classes
 
+CALIBRATION_SUFFIXES = (".yaml", ".yml", ".json", ".txt")
 MAX_S = 1e9  # maximum world time, some 30 years
 
 
@@ -96,11 +99,15 @@ class Viewpoint:
     @property
     def pose(self) -> NDArray[np.float64]:
         """Pose (4, 4) in the world."""
-        return pose(self.position_m, self.roll_deg, self.pitch_deg, self.yaw_deg)
+        return pose(
+            self.position_m, roll_deg=self.roll_deg, pitch_deg=self.pitch_deg, yaw_deg=self.yaw_deg
+        )
 
     def base_of(self, camera: OmniCamera) -> NDArray[np.float64]:
         """Pose (4, 4) world_from_base of a vehicle whose camera is at this viewpoint."""
-        return camera.base_pose(self.position_m, self.yaw_deg, self.pitch_deg, self.roll_deg)
+        return camera.base_pose(
+            self.position_m, yaw_deg=self.yaw_deg, pitch_deg=self.pitch_deg, roll_deg=self.roll_deg
+        )
 
 
 def read_sensor(path: Path | None) -> OmniCamera:
@@ -109,7 +116,13 @@ def read_sensor(path: Path | None) -> OmniCamera:
     Raises:
         SensorFileError: names file, key and value.
     """
-    return OmniCamera() if path is None else OmniCamera.from_file(path)
+    if path is None:
+        return OmniCamera()
+    if path.suffix.lower() in CALIBRATION_SUFFIXES:
+        raise SensorFileError(
+            f"--sensor: expected a sensor file, got {path}: pass a calibration file as --camera"
+        )
+    return OmniCamera.from_file(path)
 
 
 def read_camera(files: CameraFileOptions, calibration: Path | None = None) -> OmniCamera:
@@ -241,6 +254,10 @@ def load_requested_scene(world: SceneOptions, light: LightOptions | None = None)
     Raises:
         SceneError: the scene cannot be read.
     """
+    if Path(world.scene).suffix.lower() in CALIBRATION_SUFFIXES:
+        raise SceneError(
+            f"{world.scene}: expected a scene, got another file: pass a calibration as --camera"
+        )
     scene = read_scene(
         world.scene,
         world.up_axis,

@@ -262,8 +262,9 @@ class LiveSource:
 
     def _base(self, renderer: Renderer, place: Place) -> Any:
         at = self._viewpoint(place)
-        angles = (at.yaw_deg, at.pitch_deg, at.roll_deg)
-        return renderer.camera.base_pose(at.position_m, *angles)
+        return renderer.camera.base_pose(
+            at.position_m, yaw_deg=at.yaw_deg, pitch_deg=at.pitch_deg, roll_deg=at.roll_deg
+        )
 
     def _viewpoint(self, place: Place) -> Place:
         """Pose of the effective viewpoint for a pose of the base, rounded as on a command line."""

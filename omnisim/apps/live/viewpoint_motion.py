@@ -58,7 +58,9 @@ class Place:
     @property
     def pose(self) -> NDArray[np.float64]:
         """Pose (4, 4) in the world."""
-        return pose(self.position_m, self.roll_deg, self.pitch_deg, self.yaw_deg)
+        return pose(
+            self.position_m, roll_deg=self.roll_deg, pitch_deg=self.pitch_deg, yaw_deg=self.yaw_deg
+        )
 
     def rounded(self) -> Place:
         """Copy rounded to the decimals of a command line, with angles wrapped to ±180°."""

@@ -7,7 +7,8 @@ Other frames keep the names of the format: `imu`, `vehicle`, `world`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,9 +16,12 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, MirroredCamera, check_central, summary
 from omnisim.cameras.central_error import CentralError
-from omnisim.core.poses import inverse
+from omnisim.core.poses import inverse, rotation_angles
 from omnisim.core.short_repr import short_repr
 
+# Tolerance between two chains of extrinsics; beyond it they contradict each other.
+MAX_GAP_M, MAX_GAP_RAD = 1e-3, 1e-3
+WORLD = "world"
 OPTICS = "optics"  # frame of the optical system to which a central camera was fitted
 
 
@@ -107,3 +111,21 @@ def find_pose(poses: Iterable[NamedPose], target: str, source: str) -> NDArray[n
             return None
         known.update(reached)
     return known[target]
+
+
+def pose_contradiction(poses: Sequence[NamedPose]) -> str | None:
+    """Description of a pose that contradicts the chain of the other poses on the rig, or None."""
+    rig_poses = [pose for pose in poses if WORLD not in (pose.target, pose.source)]
+    for index, pose in enumerate(rig_poses):
+        around = find_pose(rig_poses[:index], pose.target, pose.source)
+        if around is None:
+            continue
+        gap = inverse(around) @ pose.target_from_source
+        gap_m = float(np.linalg.norm(gap[:3, 3]))
+        gap_rad = abs(float(rotation_angles(np.eye(3)[None], gap[None, :3, :3])[0]))
+        if gap_m > MAX_GAP_M or gap_rad > MAX_GAP_RAD:
+            return (
+                f"{pose.target} from {pose.source}: expected the pose that the other extrinsics "
+                f"chain to, got one {1000.0 * gap_m:.3g} mm and {math.degrees(gap_rad):.3g}° away"
+            )
+    return None

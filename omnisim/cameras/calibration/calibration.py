@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +14,7 @@ from omnisim.cameras.calibration.calibration_formats import format_named
 from omnisim.cameras.calibration.encode import encode_cameras
 from omnisim.cameras.calibration.kitti360_folder import FORMAT, read_kitti360_folder
 from omnisim.cameras.calibration.read import read_cameras
-from omnisim.core.errors import CalibrationError, OutputError
+from omnisim.core.errors import CalibrationError, NoticeWarning, OutputError
 from omnisim.core.files.atomic_file import atomic_write, check_target
 from omnisim.core.short_repr import short_repr
 
@@ -27,11 +30,13 @@ class Calibration:
         cameras: cameras of the file, at least one, with distinct names.
         format: name of the file format.
         source: file name, for messages.
+        file_notes: notes on the whole file, one sentence each.
     """
 
     cameras: tuple[CalibratedCamera, ...]
     format: str = "omnisim"
     source: str = "calibration"
+    file_notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         cameras = [f"{camera.name}: {summary(camera.camera)}" for camera in self.cameras]
@@ -44,9 +49,9 @@ class Calibration:
 
     @property
     def notes(self) -> list[str]:
-        """Notes of all cameras for the user, one sentence each."""
+        """Notes on the file and all cameras for the user, one sentence each."""
         several = len(self.cameras) > 1
-        return [
+        return [*self.file_notes] + [
             f"{camera.name}: {note}" if several else note
             for camera in self.cameras
             for note in camera.notes
@@ -85,7 +90,7 @@ class Calibration:
         Raises:
             CalibrationError: the file has no such camera.
         """
-        return Calibration((self.camera(name),), self.format, self.source)
+        return dataclasses.replace(self, cameras=(self.camera(name),))
 
     def save(self, path: str | Path, format: str, model: str | None = None) -> Calibration:
         """Write a calibration file; see `save_calibration`.
@@ -119,8 +124,9 @@ def load_calibration(
     format: str | None = None,
     camera: str | None = None,
     mirrored: bool | None = None,
+    theta_max_deg: float | None = None,
 ) -> Calibration:
-    """Read a calibration file.
+    """Read a calibration file; its notes are also issued as `NoticeWarning`.
 
     Args:
         path: calibration file, or the folder of KITTI-360's calibrations.
@@ -128,21 +134,39 @@ def load_calibration(
         camera: name of the only camera to keep; by default all are kept.
         mirrored: True if the cameras look into mirrors; by default taken from omnisim's metadata in
             the file, and False without metadata.
+        theta_max_deg: angle from the axis where the field of view ends; by default where the model
+            ends.
 
     Raises:
         CalibrationError: the file is invalid; names file, key, actual and expected value.
     """
-    path = Path(path)
+    path, limit_rad = Path(path), None
+    if theta_max_deg is not None:
+        if type(theta_max_deg) not in (int, float) or not 0.0 < theta_max_deg <= 180.0:
+            got = repr(theta_max_deg)
+            raise CalibrationError(f"theta_max_deg: expected a number, 0 to 180, got {got}")
+        limit_rad = math.radians(theta_max_deg)
     try:
         is_folder = path.is_dir()
     except OSError as reason:  # the name is too long
         raise CalibrationError(f"{path}: cannot be read: {reason.strerror}") from None
     if is_folder:
-        cameras, format = read_kitti360_folder(path, mirrored), FORMAT
+        calibration = Calibration(
+            read_kitti360_folder(path, mirrored, limit_rad), FORMAT, str(path)
+        )
     else:
-        cameras, format = read_cameras(path, format, mirrored)
-    calibration = Calibration(cameras, format, str(path))
-    return calibration if camera is None else calibration.only(camera)
+        file = read_cameras(path, format, mirrored, limit_rad)
+        calibration = Calibration(file.cameras, file.format, str(path), file.notes)
+    selected = calibration if camera is None else calibration.only(camera)
+    for one in selected.cameras:
+        if limit_rad not in (None, math.pi) and one.camera.domain_limit_rad is None:
+            raise CalibrationError(
+                f"theta_max_deg: {one.camera.model_name} ends by its own parameters: `omnisim "
+                "calibration convert` to opencv_fisheye fits a lens that has this key"
+            )
+    for note in selected.notes:
+        warnings.warn(f"{path}: {note}", NoticeWarning, stacklevel=2)
+    return selected
 
 
 def save_calibration(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from typing import Any
 
@@ -42,6 +43,31 @@ FORMATS: dict[str, Format[Any]] = {
 }
 
 
+_AS_OPENCV = "write its numbers as an opencv_fisheye or opencv_pinhole file, in pixels"
+_AS_SCENE = "pass it as the scene"
+# Files of other tools that are recognized, but not read: name, signature, and the remedy.
+FOREIGN_FILES = (
+    ("Gyroflow's lens profile", r'"(calib_dimension|fisheye_params)"\s*:', _AS_OPENCV),
+    ("OpenSfM's camera_models.json", r'"projection_type"\s*:', _AS_OPENCV),
+    ("OpenMVG's sfm_data.json", r'"sfm_data_version"\s*:', _AS_OPENCV),
+    (
+        "Metashape's calibration",
+        r"<calibration>\s*<projection>|<document version(?s:.*)<sensors\b",
+        "export it by Tools > Camera Calibration, as OpenCV",
+    ),
+    ("MATLAB's calibration", r"^[ \t]*(fc|KK)[ \t]*=[ \t]*\[", _AS_OPENCV),
+    ("ORB-SLAM's settings", r"^[ \t]*Camera1?\.(type|fx)[ \t]*:", _AS_OPENCV),
+    ("OpenVINS's settings", r"^relative_config_imucam\s*:", "pass the chain that they name"),
+    ("Kalibr's report", r"aslam_cv|^Camera-system parameters", "pass the camchain.yaml beside it"),
+    ("Kalibr's target", r"^target_type\s*:", "pass it as --board"),
+    ("COLMAP's images.txt", r"IMAGE_ID, QW, QX", "pass the cameras.txt beside it"),
+    ("a glTF scene", r'\A\s*\{(?s:.*)"asset"\s*:', _AS_SCENE),
+    ("a USD scene", r"\A#usda", _AS_SCENE),
+    ("an OBJ scene", r"^(mtllib|v [-\d.e]+ [-\d.e]+ [-\d.e]+)", _AS_SCENE),
+    ("a scene or a robot", r"<(robot|mujoco|sdf|COLLADA)\b", _AS_SCENE),
+)  # fmt: skip
+
+
 def format_named(name: str) -> Format[Any]:
     """Format with the given name.
 
@@ -60,6 +86,11 @@ def detect_format(text: str, source: str, name: str | None = None) -> Format[Any
         CalibrationError: the name is unknown, no signature matches, or another format's does.
     """
     candidates = [form for form in FORMATS.values() if form.looks_like(text)]
+    # Foxglove's signature is a key that Gyroflow has, too
+    if name is None and all(one.name == Foxglove.name for one in candidates):
+        for tool, signature, remedy in FOREIGN_FILES:
+            if re.search(signature, text, re.M):
+                raise CalibrationError(f"{source}: this is {tool}: {remedy}")
     if name is None:
         if candidates:
             reason = candidates[0].ambiguity(text, source)

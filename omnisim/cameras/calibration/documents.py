@@ -20,6 +20,9 @@ from omnisim.core.files.sources import note_bytes
 
 MAX_BYTES = 1 << 26
 MAX_GROWTH = 100_000  # nodes that the aliases of a YAML text may add
+_MATLAB = "MATLAB's data: export it with OCamCalib's Export Data, or as an opencv_pinhole file"
+_BINARY = {b"MATLAB": _MATLAB, b"\x89HDF": _MATLAB}  # by the files' first bytes
+_BINARY |= dict.fromkeys((b"glTF", b"PXR-USDC", b"ply"), "a scene: pass it as the scene")
 _HEADER = re.compile(r"\A\s*%YAML[ :][^\n]*\n?")
 
 
@@ -73,7 +76,11 @@ def read_text(path: Path) -> str:
     except UnicodeDecodeError:
         text = "\0"
     if "\0" in text:
-        raise CalibrationError(f"{path}: expected a calibration file, got no text in UTF-8")
+        got = "COLMAP's binary model: convert it with colmap model_converter --output_type TXT"
+        if path.suffix != ".bin":
+            kinds = (kind for start, kind in _BINARY.items() if data.startswith(start))
+            got = next(kinds, "no text in UTF-8")
+        raise CalibrationError(f"{path}: expected a calibration file, got {got}")
     if not text.strip():
         raise CalibrationError(f"{path}: expected a calibration file, got an empty one")
     return text
@@ -90,7 +97,10 @@ def parse_yaml(text: str, source: str) -> dict[str, Any]:
     except yaml.MarkedYAMLError as reason:
         mark = reason.problem_mark
         where = f" in line {mark.line + 1}" if mark else ""
-        raise CalibrationError(f"{source}: not YAML{where}: {reason.problem}") from None
+        problem = reason.problem
+        if "'\\t'" in str(problem):
+            problem = "expected spaces, got a tab, with which YAML cannot indent"
+        raise CalibrationError(f"{source}: not YAML{where}: {problem}") from None
     except yaml.YAMLError as reason:
         raise CalibrationError(f"{source}: not YAML: {_reason(reason)}") from None
     except (ValueError, TypeError, RecursionError, OverflowError) as reason:  # 2026-99-99, [[[[[…

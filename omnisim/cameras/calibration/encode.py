@@ -188,12 +188,13 @@ def _renamed(cameras: Sequence[CalibratedCamera], form: Format[Any]) -> list[Cal
 
 def caveats(lens: CentralCamera, form: Format[Any]) -> tuple[str, ...]:
     """Notes about other tools that interpret the file differently."""
+    notes = form.lens_caveats(lens)
     if not form.caveat or isinstance(lens, EquirectangularCamera):
-        return ()
+        return notes
     widest = _widest_rad(lens)
     if widest <= form.caveat_theta_rad:
-        return ()
-    return (f"sees {math.degrees(widest):.1f}° from its axis: {form.caveat}",)
+        return notes
+    return (*notes, f"sees {math.degrees(widest):.1f}° from its axis: {form.caveat}")
 
 
 def _check_cone(camera: CentralCamera, form: Format[Any], place: str) -> None:

@@ -27,7 +27,9 @@ BODY = "imu"
 NUMBERS = " ".join(f"r{row}{column}" for row in "123" for column in "123t")
 
 
-def read_kitti360_folder(folder: Path, mirrored: bool | None) -> tuple[CalibratedCamera, ...]:
+def read_kitti360_folder(
+    folder: Path, mirrored: bool | None, theta_max_rad: float | None = None
+) -> tuple[CalibratedCamera, ...]:
     """Read the fisheye cameras of a folder, at least one, with their poses relative to the IMU.
 
     Raises:
@@ -43,9 +45,10 @@ def read_kitti360_folder(folder: Path, mirrored: bool | None) -> tuple[Calibrate
     for name, matrix in _extrinsics(path).items():
         file = folder / f"{name}.yaml"
         if file.is_file():
-            ((camera,), _) = read_cameras(file, FORMAT, mirrored)
-            poses = (NamedPose(BODY, name, matrix),)
-            cameras.append(dataclasses.replace(camera, name=name, poses=poses))
+            read = read_cameras(file, FORMAT, mirrored, theta_max_rad)
+            (camera,), poses = read.cameras, (NamedPose(BODY, name, matrix),)
+            notes = (*read.notes, *camera.notes)
+            cameras.append(dataclasses.replace(camera, name=name, poses=poses, notes=notes))
     if not cameras:
         raise CalibrationError(f"{folder}: expected image_02.yaml or image_03.yaml, got neither")
     return tuple(cameras)

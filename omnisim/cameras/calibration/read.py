@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
 from omnisim.cameras import CentralCamera, EucmCamera, KannalaBrandtCamera, UnifiedCamera
-from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera
+from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera, pose_contradiction
 from omnisim.cameras.calibration.calibration_formats import detect_format
 from omnisim.cameras.calibration.documents import read_text
 from omnisim.cameras.calibration.file_frame import camera_from_lens
@@ -22,6 +23,7 @@ from omnisim.cameras.calibration.formats.format import (
 )
 from omnisim.cameras.calibration.fov_lens import FovLens
 from omnisim.cameras.calibration.metadata import CameraMetadata, read_metadata
+from omnisim.cameras.models.field_of_view import field_notes
 from omnisim.core.errors import CalibrationError
 
 GOOD_PX = 0.05  # below the accuracy of any corner detector
@@ -29,23 +31,35 @@ MAX_NEAREST = 0.01  # residual of the nearest model, as a share of the image's s
 MAX_CENTER_OFFSET = 0.5  # share of the image size outside it; beyond, center or size is wrong
 
 
+class CameraFile(NamedTuple):
+    """Content of a calibration file: at least one camera, name of the format, and notes."""
+
+    cameras: tuple[CalibratedCamera, ...]
+    format: str
+    notes: tuple[str, ...]
+
+
 def read_cameras(
-    path: Path, format: str | None, mirrored: bool | None
-) -> tuple[tuple[CalibratedCamera, ...], str]:
-    """Read at least one camera from a file, and the name of the file's format.
+    path: Path, format: str | None, mirrored: bool | None, theta_max_rad: float | None = None
+) -> CameraFile:
+    """Read a calibration file.
 
     Args:
         path: calibration file.
         format: name of the format, or None to detect it.
         mirrored: True if the cameras look into mirrors; None to take it from their metadata.
+        theta_max_rad: angle from the axis where the field of view ends, for models that have it;
+            None to take it from their metadata.
 
     Raises:
         CalibrationError: the file is invalid; names file, key, actual and expected value.
     """
     text, source = read_text(path), str(path)
     form = detect_format(text, source, format)
+    document = form.document(text, source)
     with error_context(source):
-        parsed = form.read(text, source)
+        parsed = form.read(document, source)
+        notes = form.notices(document, source)
     metadata = read_metadata(text, form.metadata_place, source)
     names = [camera.name for camera in parsed]
     duplicate = next((name for name in names if names.count(name) > 1), None)
@@ -56,23 +70,28 @@ def read_cameras(
     cameras = []
     for camera in parsed:
         one = metadata.get(camera.name, CameraMetadata(camera=camera.name))
-        if mirrored is not None:
-            one = one.model_copy(update={"mirrored": mirrored})
+        given = {"mirrored": mirrored, "theta_max_rad": theta_max_rad}
+        given = {key: value for key, value in given.items() if value is not None}
+        one = one.model_copy(update=given)
         cameras.append(_calibrated(camera, one, f"{source}: {camera.name}"))
-    return tuple(cameras), form.name
+    contradiction = pose_contradiction([pose for camera in cameras for pose in camera.poses])
+    if contradiction is not None:
+        notes.append(contradiction)
+    return CameraFile(tuple(cameras), form.name, tuple(notes))
 
 
 def _calibrated(
     parsed: ParsedCamera[CentralCamera], metadata: CameraMetadata, place: str
 ) -> CalibratedCamera:
     lens = parsed.lens
-    notes: tuple[str, ...] = ()
+    notes = parsed.notes
     if isinstance(lens, FovLens):
         lens, note = _nearest_model(lens, place)
-        notes = (note,)
+        notes = (*notes, note)
     with error_context(place):
         camera = camera_from_lens(lens, metadata)
         _check_camera(camera, place)
+    notes = (*notes, *field_notes(camera))
     return CalibratedCamera(
         parsed.name,
         camera,

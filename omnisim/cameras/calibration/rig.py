@@ -8,22 +8,20 @@ mounting.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, summary
-from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
+from omnisim.cameras.calibration.calibrated_camera import (
+    WORLD,
+    find_pose,
+    pose_contradiction,
+)
 from omnisim.cameras.calibration.calibration import Calibration
 from omnisim.core.errors import CalibrationError, did_you_mean
-from omnisim.core.poses import inverse, rotation_angles
 from omnisim.core.short_repr import short_repr
-
-WORLD = "world"
-# Tolerance between two chains of extrinsics; beyond it they contradict each other.
-MAX_GAP_M, MAX_GAP_RAD = 1e-3, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +96,9 @@ class Rig:
             for pose in camera.poses
             if WORLD not in (pose.target, pose.source)
         ]
-        _check_consistent(poses, calibration.source)
+        contradiction = pose_contradiction(poses)
+        if contradiction is not None:
+            raise CalibrationError(f"{calibration.source}: {contradiction}")
         frames = [frame for pose in poses for frame in (pose.target, pose.source)]
         body = next((frame for frame in frames if frame not in names), names[0])
         cameras = []
@@ -116,20 +116,3 @@ class Rig:
         if name is not None:
             calibration.camera(name)  # raises if it does not exist
         return cls(body, tuple(cameras))
-
-
-def _check_consistent(poses: list[NamedPose], source: str) -> None:
-    """Reject a pose that contradicts the chain of the other poses."""
-    for index, pose in enumerate(poses):
-        around = find_pose(poses[:index], pose.target, pose.source)
-        if around is None:
-            continue
-        gap = inverse(around) @ pose.target_from_source
-        gap_m = float(np.linalg.norm(gap[:3, 3]))
-        gap_rad = abs(float(rotation_angles(np.eye(3)[None], gap[None, :3, :3])[0]))
-        if gap_m > MAX_GAP_M or gap_rad > MAX_GAP_RAD:
-            raise CalibrationError(
-                f"{source}: {pose.target} from {pose.source}: expected the pose that the other "
-                f"extrinsics chain to, got one {1000.0 * gap_m:.3g} mm and "
-                f"{math.degrees(gap_rad):.3g}° away"
-            )

@@ -15,6 +15,9 @@ from omnisim.cameras.camera import CentralCamera
 
 SAMPLES = 129  # per line from the image center
 HALVINGS = 60  # from the distance between samples to the last bit of a pixel
+GRID = 65  # samples per side, for the share of the image that a lens leaves black
+MIN_UNSEEN = 0.01  # smallest share worth a note
+THETA_TOLERANCE_RAD = 1e-3
 MAX_PIXELS = 1 << 19  # evaluated at once; gives a share to a few hundredths of a percent
 
 
@@ -57,6 +60,30 @@ def field_of_view(camera: CentralCamera) -> FieldOfView:
         up + down,
         max(corners[0] + corners[3], corners[1] + corners[2]),
     )
+
+
+def field_notes(camera: CentralCamera) -> tuple[str, ...]:
+    """Notes on a lens that ends inside its image, or before its stated θ_max."""
+    stated_rad = camera.domain_limit_rad
+    shares = (np.arange(GRID) + 0.5) / GRID
+    u, v = (side * shares - 0.5 for side in (camera.width_px, camera.height_px))
+    unseen = 1.0 - float(camera.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1)).valid.mean())
+    if stated_rad is None and unseen < MIN_UNSEEN:
+        return ()
+    limit_rad = _model_limit_rad(camera, optical_axis(camera))
+    if limit_rad > math.pi - THETA_TOLERANCE_RAD:  # the whole sphere
+        return ()
+    fold_rad = getattr(getattr(camera, "lens", camera), "fold_rad", math.inf)
+    end = f"{'folds' if abs(limit_rad - fold_rad) < 1e-6 else 'ends'} at {_degrees(limit_rad)}"
+    if stated_rad is not None:
+        if stated_rad < limit_rad + THETA_TOLERANCE_RAD:
+            return ()
+        return (f"θ_max = {_degrees(stated_rad)} is never reached: the lens {end}",)
+    return (f"the lens {end}, inside the image: {100.0 * unseen:.0f} % of the image is black",)
+
+
+def _degrees(angle_rad: float) -> str:
+    return f"{math.degrees(angle_rad):.1f}°"
 
 
 def optical_axis(camera: CentralCamera) -> float:

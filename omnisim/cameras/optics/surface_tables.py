@@ -88,7 +88,8 @@ class AlignmentTable(Table):
         if self.pose is not None:
             return np.array(self.pose)
         at = np.add(self.position_m or position_m, self.decenter_m)
-        return poses.pose(at, *self.tilt_deg)
+        roll_deg, pitch_deg, yaw_deg = self.tilt_deg
+        return poses.pose(at, roll_deg=roll_deg, pitch_deg=pitch_deg, yaw_deg=yaw_deg)
 
 
 class TableShape(Table):

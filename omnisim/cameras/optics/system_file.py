@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from omnisim.cameras import CAMERA_MODELS, CentralCamera
-from omnisim.cameras.camera_table import camera_from_table
+from omnisim.cameras.camera_table import camera_from_calibration, camera_from_table
 from omnisim.cameras.optics.surface import Rod
 from omnisim.cameras.optics.surface_tables import (
     AlignmentTable,
@@ -20,7 +20,7 @@ from omnisim.cameras.optics.surface_tables import (
     SurfaceTable,
 )
 from omnisim.cameras.optics.system import ORIENTATIONS, OpticalSystem
-from omnisim.core.errors import CalibrationError, OmnisimError, SensorFileError
+from omnisim.core.errors import OmnisimError, SensorFileError
 from omnisim.core.files.parameters import Flag, Length, Number, Table, described, parse_table
 from omnisim.core.files.toml_file import read_tables
 from omnisim.core.poses import POSE_TOLERANCE, is_rotation
@@ -58,19 +58,8 @@ class CameraTable(AlignmentTable):
         """
         extra = dict(self.__pydantic_extra__ or {})
         if self.calibration is not None:
-            if self.model is not None or extra:
-                other = "model" if self.model is not None else min(extra)
-                message = "calibration has it: expected one of them"
-                raise SensorFileError(f"{source}: {key}.{other}: {message}")
-            from omnisim.cameras.calibration import (
-                load_calibration,  # loads the formats only when needed
-            )
-
-            try:
-                calibration = load_calibration(Path(source).parent / self.calibration)
-                return calibration.camera(self.camera).camera
-            except CalibrationError as reason:
-                raise SensorFileError(f"{source}: {key}.calibration: {reason}") from None
+            keys = extra if self.model is None else {"model": self.model, **extra}
+            return camera_from_calibration(self.calibration, self.camera, keys, source, key)
         parameters = {"model": self.model, **extra}
         width, height = extra.get("width_px"), extra.get("height_px")
         model = CAMERA_MODELS.get(self.model or "")

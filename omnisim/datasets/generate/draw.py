@@ -294,7 +294,7 @@ def _pose_on_floor(
     shape: PlanObject, point_m: NDArray[np.float64], yaw_deg: float
 ) -> NDArray[np.float64]:
     """Pose (4, 4) that rotates an object about its middle and puts it on the floor."""
-    turned = pose((0.0, 0.0, 0.0), 0.0, 0.0, yaw_deg)
+    turned = pose((0.0, 0.0, 0.0), yaw_deg=yaw_deg)
     centered = np.eye(4)
     centered[:3, 3] = -shape.middle_m[0], -shape.middle_m[1], -shape.low_m[2]
     world_from_object: NDArray[np.float64] = turned @ centered

@@ -97,8 +97,9 @@ class RigFile:
         table = self.table
         model = self._varied(camera.model, table.parameters, stream)
         shift_m = [table.mount_shift_m.draw(stream) for _ in range(3)]
-        turn_deg = [table.mount_turn_deg.draw(stream) for _ in range(3)]
-        mount = camera.base_from_rig @ pose(shift_m, *turn_deg)
+        roll_deg, pitch_deg, yaw_deg = (table.mount_turn_deg.draw(stream) for _ in range(3))
+        turn = pose(shift_m, roll_deg=roll_deg, pitch_deg=pitch_deg, yaw_deg=yaw_deg)
+        mount = camera.base_from_rig @ turn
         return dataclasses.replace(camera, model=model, base_from_rig=mount)
 
     def _varied(

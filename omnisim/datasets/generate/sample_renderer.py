@@ -18,6 +18,7 @@ from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.setups import setup_light, setup_rig
 from omnisim.datasets.generate.visible_shares import StageRays, VisibleShares
 from omnisim.ground_truth.frame import Frame
+from omnisim.rendering.readback import Pending
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 
@@ -103,7 +104,12 @@ class SampleRenderer:
         plan = self._prepared.plan
         assert self._light is not None
         scene, first = self._light.scene, rig.cameras.first
-        base = first.base_pose(drawn.position_m, drawn.yaw_deg, drawn.pitch_deg, drawn.roll_deg)
+        base = first.base_pose(
+            drawn.position_m,
+            yaw_deg=drawn.yaw_deg,
+            pitch_deg=drawn.pitch_deg,
+            roll_deg=drawn.roll_deg,
+        )
         base[:3, 3] += base[:3, :3] @ drawn.shift_m
         for name, color in drawn.colors.items():
             scene = scene.recolored(name, color)
@@ -118,18 +124,18 @@ class SampleRenderer:
             probe = rig.probe.render(state, also=("range",))
             if reason := rejected(probe, plan.reject):
                 return reason
-        frames: dict[str, Frame] = {}
+        pending: dict[str, Pending[Frame]] = {}
         for name, renderer in rig.renderers.items():
-            frame = renderer.render(
+            judges = not pending and "range" in plan.channels
+            pending[name] = renderer.submit(
                 state,
                 also=plan.channels,
                 frame_number=drawn.number,
                 exposure_ev=_exposure_ev(renderer, drawn),
             )
-            judges = not frames and "range" in plan.channels
-            if judges and (reason := rejected(frame, plan.reject)):
+            if judges and (reason := rejected(pending[name].result(), plan.reject)):
                 return reason
-            frames[name] = frame
+        frames = {name: one.result() for name, one in pending.items()}
         shares: dict[str, dict[int, float]] = {}
         if plan.min_visible is not None:
             rays = self._rays.of(stage)

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 import re
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from omnisim.cameras.calibration.documents import parse_yaml, read_text
-from omnisim.core.errors import CalibrationError, MeasurementError
+from omnisim.core.errors import CalibrationError, MeasurementError, NoticeWarning
 
 _UNITS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _LENGTH = re.compile(r"(\d+(?:\.\d+)?)\s*(mm|cm|m)?")
+MAX_USUAL_M = 5.0  # width of a board above which a notice asks about the unit
 _GRID = re.compile(r"(\d+)x(\d+)")
 _FORMS = "8x6:30mm, charuco:9x7:30mm:22mm:5X5_100, aprilgrid:6x6:88mm:0.3 or a Kalibr file (.yaml)"
 DICTIONARIES = ("4X4", "5X5", "6X6", "7X7")
@@ -119,8 +121,12 @@ def read_board(text: str) -> Board:
     if grid is None:
         raise MeasurementError(f"board: expected columns and rows such as 8x6, got {parts[0]!r}")
     columns, rows = int(grid[1]), int(grid[2])
+    size_m = _length_m(parts[1])
+    if (width_m := max(columns, rows) * size_m) > MAX_USUAL_M:
+        hint = f"; {parts[1]}mm would be millimeters" if parts[1][-1:].isdigit() else ""
+        warnings.warn(f"board {text}: {width_m:g} m wide{hint}", NoticeWarning, stacklevel=2)
     if kind == "chessboard":
-        return Chessboard(columns, rows, _length_m(parts[1]))
+        return Chessboard(columns, rows, size_m)
     if kind == "charuco":
         return CharucoBoard(columns, rows, _length_m(parts[1]), _length_m(parts[2]), parts[3])
     return AprilGrid(columns, rows, _length_m(parts[1]), _ratio(parts[2]))

@@ -6,7 +6,14 @@ from collections.abc import Callable
 from typing import Any
 
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.readback import FrameRequest, ImageExposure, Readback, SubFrame, SubFrames
+from omnisim.rendering.readback import (
+    FrameRequest,
+    ImageExposure,
+    Pending,
+    Readback,
+    SubFrame,
+    SubFrames,
+)
 from omnisim.rendering.truth.moving_boxes import MovingBoxes
 from omnisim.rendering.twist import moved_px
 
@@ -17,7 +24,7 @@ class DegradedCamera:
     Args:
         sensor: camera sensor.
         seed: seed of its noise.
-        render: function that renders an image from sub-frames.
+        begin: function that begins to render an image from sub-frames.
         boxes: bounding boxes of the moving parts.
     """
 
@@ -25,37 +32,51 @@ class DegradedCamera:
         self,
         sensor: OmniCamera,
         seed: int | str,
-        render: Callable[[SubFrames], Readback],
+        begin: Callable[[SubFrames], Pending[Readback]],
         boxes: MovingBoxes,
     ):
-        self._sensor, self._seed, self._render, self._boxes = sensor, seed, render, boxes
+        self._sensor, self._seed, self._begin, self._boxes = sensor, seed, begin, boxes
 
-    def take(self, request: FrameRequest) -> tuple[Readback, dict[str, Any]]:
-        """Take an image; also return its metadata."""
-        exposure_ev = request.exposure_ev
+    def begin(self, request: FrameRequest) -> Pending[tuple[Readback, dict[str, Any]]]:
+        """Begin to take an image, to be returned with its metadata."""
+        exposure_ev, degradation = request.exposure_ev, self._sensor.degradation
+        exposure = degradation.exposure
         sub_frames = self._sub_frames(request)
-        degradation = self._sensor.degradation
-        metadata: dict[str, Any] = {
-            "parameters": degradation.tables(),
-            "sub_frames": len(sub_frames),
-        }
+
+        def metered_ev(luminance: float | None) -> float:
+            return 0.0 if exposure is None else exposure.metered_ev(luminance or 0.0)
 
         def expose(luminance: float | None) -> ImageExposure:
-            ev = 0.0 if exposure_ev is None else exposure_ev
-            if degradation.exposure is not None:
-                metered_ev = degradation.exposure.metered_ev(luminance or 0.0)
-                ev = metered_ev if exposure_ev is None else exposure_ev
-                metadata["exposure"] = {"ev": ev, "metered_ev": metered_ev}
+            ev = metered_ev(luminance) if exposure_ev is None else exposure_ev
             return ImageExposure(degradation.exposure_factors(ev), request.frame_number % 2**32)
 
-        image = self._render(
-            SubFrames(sub_frames, expose, degradation.meter, request.linear, request.frame_number)
+        begun = self._begin(
+            SubFrames(
+                sub_frames,
+                expose,
+                degradation.meter,
+                request.linear,
+                request.frame_number,
+                is_exposed=exposure_ev is not None,
+            )
         )
-        if degradation.noise is not None:
-            metadata["noise"] = {"seed": self._seed, "frame_number": request.frame_number}
-        if degradation.jpeg is not None:
-            image = image._replace(rgba=degradation.jpeg.compressed(image.rgba))
-        return image, metadata
+
+        def finished(image: Readback) -> tuple[Readback, dict[str, Any]]:
+            metadata: dict[str, Any] = {
+                "parameters": degradation.tables(),
+                "sub_frames": len(sub_frames),
+            }
+            if exposure is not None:
+                metered = metered_ev(image.luminance)
+                ev = metered if exposure_ev is None else exposure_ev
+                metadata["exposure"] = {"ev": ev, "metered_ev": metered}
+            if degradation.noise is not None:
+                metadata["noise"] = {"seed": self._seed, "frame_number": request.frame_number}
+            if degradation.jpeg is not None:
+                image = image._replace(rgba=degradation.jpeg.compressed(image.rgba))
+            return image, metadata
+
+        return begun.then(finished)
 
     def _sub_frames(self, request: FrameRequest) -> list[SubFrame]:
         """Plan the poses at which the shutter is open."""

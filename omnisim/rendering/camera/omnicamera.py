@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import warnings
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -16,7 +15,7 @@ from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, s
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.mirrors.tessellation import sectors_and_rings
 from omnisim.core import poses
-from omnisim.core.errors import NoticeWarning, OpticsError
+from omnisim.core.errors import OpticsError
 from omnisim.core.short_repr import short_repr
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons, max_polygons, mesh_error_px
 from omnisim.rendering.camera.degradations import Degradation
@@ -181,8 +180,6 @@ class OmniCamera:
 
         source = load_calibration(camera) if isinstance(camera, str | Path) else camera
         if isinstance(source, Calibration):
-            for note in source.notes if source is not camera else ():
-                warnings.warn(f"{camera}: {note}", NoticeWarning, stacklevel=3)
             source = source.only_camera()
         if isinstance(source, CalibratedCamera):
             return cls(source.camera, polygons=None)
@@ -219,7 +216,10 @@ class OmniCamera:
             model=settings.model,
             polygons=settings.polygons,
             base_from_rig=poses.pose(
-                mounting.position_m, mounting.roll_deg, mounting.pitch_deg, mounting.yaw_deg
+                mounting.position_m,
+                roll_deg=mounting.roll_deg,
+                pitch_deg=mounting.pitch_deg,
+                yaw_deg=mounting.yaw_deg,
             ),
             face_size_px=None if virtual.size_px == "auto" else virtual.size_px,
             near_m=virtual.near_m,
@@ -351,6 +351,7 @@ class OmniCamera:
     def base_pose(
         self,
         viewpoint_m: ArrayLike,
+        *,
         yaw_deg: float = 0.0,
         pitch_deg: float = 0.0,
         roll_deg: float = 0.0,
@@ -364,6 +365,8 @@ class OmniCamera:
         Raises:
             OmnisimError: a position or angle is not finite.
         """
-        world_from_base = poses.pose(viewpoint_m, roll_deg, pitch_deg, yaw_deg)
+        world_from_base = poses.pose(
+            viewpoint_m, roll_deg=roll_deg, pitch_deg=pitch_deg, yaw_deg=yaw_deg
+        )
         world_from_base[:3, 3] -= world_from_base[:3, :3] @ self.base_from_rig[:3, 3]
         return world_from_base

@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,7 +16,7 @@ import pydantic
 from pydantic import ConfigDict, Field, model_validator
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera
-from omnisim.cameras.camera_table import camera_from_table
+from omnisim.cameras.camera_table import camera_from_calibration, camera_from_table
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.mirrors.hyperbolic_mirror import (
     DEFAULT_RIM_RAD,
@@ -24,7 +25,8 @@ from omnisim.cameras.mirrors.hyperbolic_mirror import (
     PAPER_METERS_PER_UNIT,
 )
 from omnisim.cameras.mirrors.tessellation import sectors_and_rings
-from omnisim.core.errors import CalibrationError, OpticsError, SensorFileError
+from omnisim.cameras.models.field_of_view import field_notes
+from omnisim.core.errors import NoticeWarning, OpticsError, SensorFileError
 from omnisim.core.files.parameters import (
     AboveZero,
     Coordinate,
@@ -54,6 +56,7 @@ from omnisim.rendering.camera.quality import (
 )
 
 Polygons = int | Literal["auto"] | None  # None: exact
+NARROW_DEG = 5.0  # half of a field of view below which a notice asks about the unit
 DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
 
 
@@ -120,6 +123,7 @@ class MirrorTable(Table):
         shape = (self.k, self.c, self.meters_per_unit)
         given = f"theta_max_deg = {math.degrees(DEFAULT_RIM_RAD):g} (default)"
         rim_rad = DEFAULT_RIM_RAD
+        _warn_of_narrow_field(self.theta_max_deg, f"{source}: mirror")
         if self.theta_max_deg is not None:
             given, rim_rad = (
                 f"theta_max_deg = {self.theta_max_deg}",
@@ -215,8 +219,9 @@ class LensTable(Table):
     model: str | None = None
     """Name of the camera model; its parameters are further keys of this table."""
     calibration: str | None = None
-    """Calibration file, relative to this file, instead of model; with `mirrored = true` beside it
-    the camera looks into a mirror, by default as omnisim's metadata in the file states."""
+    """Calibration file, relative to this file, instead of model. Beside it, `theta_max_deg` ends
+    the field of view at an angle from the axis; with `mirrored = true` the camera looks into a
+    mirror, by default as omnisim's metadata in the file states."""
     camera: str | None = None
     """Name of a camera in the calibration file; left out: the first."""
     mounting: MountingTable = Field(default_factory=MountingTable)
@@ -234,32 +239,20 @@ class LensTable(Table):
             SensorFileError: names the key and the expected value.
         """
         extra = dict(self.__pydantic_extra__ or {})
+        keys = extra if self.model is None else {"model": self.model, **extra}
+        _warn_of_narrow_field(extra.get("theta_max_deg"), f"{source}: lens")
         if self.calibration is not None:
-            return self._calibrated(self.calibration, extra, source)
+            allowed = ("theta_max_deg", "mirrored")
+            return camera_from_calibration(
+                self.calibration, self.camera, keys, source, "lens", allowed
+            )
         if self.camera is not None:
             reason = "is a name in a calibration file: expected calibration"
             raise SensorFileError(f"{source}: lens.camera: {reason}")
-        return camera_from_table({"model": self.model, **extra}, source, "lens")
-
-    def _calibrated(self, file: str, extra: dict[str, Any], source: str) -> CentralCamera:
-        mirrored = extra.pop("mirrored", None)
-        if self.model is not None or extra:
-            other = "model" if self.model is not None else min(extra)
-            raise SensorFileError(
-                f"{source}: lens.{other}: calibration has it: expected one of them"
-            )
-        if mirrored is not None and type(mirrored) is not bool:
-            raise SensorFileError(
-                f"{source}: lens.mirrored: expected true or false, got {mirrored!r}"
-            )
-        # imported late: only users of calibration files need formats and fits
-        from omnisim.cameras.calibration import load_calibration
-
-        try:
-            found = load_calibration(Path(source).parent / file, mirrored=mirrored)
-            return found.camera(self.camera).camera
-        except CalibrationError as reason:
-            raise SensorFileError(f"{source}: lens.calibration: {reason}") from None
+        camera = camera_from_table(keys, source, "lens")
+        for note in field_notes(camera):
+            warnings.warn(f"{source}: lens: {note}", NoticeWarning, stacklevel=2)
+        return camera
 
 
 class OpticsTable(Table):
@@ -381,6 +374,18 @@ def parse_sensor(table: Mapping[str, Any], source: str) -> SensorSettings:
         SensorFileError: names source, key, value and the expected value.
     """
     return _settings(parse_table(table, SensorFile, SensorFileError, source), source)
+
+
+def _warn_of_narrow_field(theta_max_deg: object, place: str) -> None:
+    """Notice about an angle that is likely in radians; `place` names file and table."""
+    if isinstance(theta_max_deg, int | float) and 0.0 < theta_max_deg < NARROW_DEG:
+        hint = f"; {theta_max_deg:g} rad would be {math.degrees(theta_max_deg):.1f}°"
+        warnings.warn(
+            f"{place}.theta_max_deg = {theta_max_deg:g}: a field of view of "
+            f"{2.0 * theta_max_deg:g}°{hint if theta_max_deg <= math.pi else ''}",
+            NoticeWarning,
+            stacklevel=2,
+        )
 
 
 def _fault(where: str, reason: OpticsError, prefix: str) -> SensorFileError:

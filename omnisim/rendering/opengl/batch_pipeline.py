@@ -14,8 +14,8 @@ from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_array
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
-from omnisim.rendering.opengl.gl.pixel_readback import ReadbackRing
-from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Reading
+from omnisim.rendering.readback import Pending, ScenePoses
 
 MAX_SLICE_BYTES = 256 * 2**20  # of atlases and images, for any number of poses
 _PIXEL_BYTES = 4
@@ -25,7 +25,7 @@ class BatchPipeline:
     """Renders an ideal camera into one layer of the atlas per pose, images stacked in one target.
 
     Args:
-        context: OpenGL context.
+        readback: ring of the camera's readbacks.
         cube: virtual cameras.
         image_pass: samples an atlas into an image.
         size_px: width and height of an image.
@@ -36,14 +36,13 @@ class BatchPipeline:
 
     def __init__(
         self,
-        context: moderngl.Context,
+        readback: PixelReadback,
         cube: CubePass,
         image_pass: RemapPass,
         size_px: tuple[int, int],
     ):
-        self.context = context
+        self._readback, self.context = readback, readback.context
         self._cube, self._image_pass, self.size_px = cube, image_pass, size_px
-        self._ring = ReadbackRing(context)
         self._atlases: moderngl.TextureArray | None = None
         self.refresh()
 
@@ -61,21 +60,29 @@ class BatchPipeline:
             ),
         )
 
-    def begin(self, poses: Sequence[ScenePoses], out: NDArray[np.uint8]) -> None:
+    def begin(self, poses: Sequence[ScenePoses], out: NDArray[np.uint8]) -> Pending[None]:
         """Render the poses and start the readback.
 
         Args:
             poses: poses of the camera and the objects, one entry per image.
             out: (n, height, width, components) sRGB, with alpha if there are four components;
-                filled when `end` returns.
+                filled by the result.
         """
-        self.end()
+        readings: list[Reading] = []
         try:
             for some, target in self._draw_slices(poses):
-                self._ring.start(target, out[some])
+                region = (0, 0, target.width, (some.stop - some.start) * self.size_px[1])
+                readings.append(self._readback.start((Pixels(target, region=region), out[some])))
         except BaseException:
-            self._ring.discard()
+            for reading in readings:
+                reading.discard()
             raise
+
+        def finish() -> None:
+            for reading in readings:
+                reading.finish()
+
+        return Pending(finish)
 
     def _draw_slices(
         self, poses: Sequence[ScenePoses]
@@ -91,10 +98,6 @@ class BatchPipeline:
             self._cube.render_layers(poses[some], atlases, self._levels)
             self._image_pass.draw_batch(atlases, target, some.stop - some.start)
             yield some, target
-
-    def end(self) -> None:
-        """Wait for the images that `begin` started."""
-        self._ring.finish()
 
     def _reserve(self, count: int) -> tuple[moderngl.TextureArray, moderngl.Framebuffer]:
         """Atlases and a target for `count` to 2 `count` images."""

@@ -19,10 +19,9 @@ from omnisim.rendering.opengl.ground_truth.ray_hit_pass import (
     RayHitPass,
     bind_details,
     hits_target,
-    read_hits,
 )
 from omnisim.rendering.opengl.ground_truth.visibility_layers import VisibilityLayers
-from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.readback import Pending, ScenePoses
 
 # Bytes per texel (triangle IDs, base colors, depth) and per pixel (points, primitives, normals,
 # base colors), and what materials add.
@@ -97,10 +96,18 @@ class HitBatches:
             yield from (self._passes.render(*one, details) for one in poses)
             return
         length = -(-len(poses) // -(-len(poses) // length))
+        drawn: Pending[list[Hits]] | None = None
         for first in range(0, len(poses), length):
-            yield from self._draw(poses[first : first + length], length, details)
+            following = self._draw(poses[first : first + length], length, details)
+            if drawn is not None:  # the GPU draws the next slice meanwhile
+                yield from drawn.result()
+            drawn = following
+        if drawn is not None:
+            yield from drawn.result()
 
-    def _draw(self, poses: Sequence[ScenePoses], count: int, details: HitDetails) -> list[Hits]:
+    def _draw(
+        self, poses: Sequence[ScenePoses], count: int, details: HitDetails
+    ) -> Pending[list[Hits]]:
         passes, variant = self._passes, self._reserve(count, details)
         layers, buffers = variant.layers, passes.visibility.buffers
         layers.draw(poses)
@@ -116,7 +123,7 @@ class HitBatches:
         passes.bind_geometry()
         uniform(variant.program, "u_draw_item_count").value = 1 + len(buffers.draw_items)
         variant.array.render(moderngl.TRIANGLES, instances=len(poses))
-        return read_hits(variant.target, passes.pixels.size_px, len(poses), details)
+        return passes.begin_reading(variant.target, len(poses), details)
 
     def _reserve(self, count: int, details: HitDetails) -> _Variant:
         """Program and layers for `count` to 2 `count` images."""

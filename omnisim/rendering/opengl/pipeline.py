@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Literal
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.capture.image_pass import image_pass
@@ -15,8 +14,8 @@ from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
-from omnisim.rendering.opengl.gl.state import GlState
-from omnisim.rendering.readback import Readback, ScenePoses, SubFrames
+from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Read
+from omnisim.rendering.readback import Pending, Readback, ScenePoses, SubFrames
 
 if TYPE_CHECKING:
     from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
@@ -37,6 +36,7 @@ class Pipeline:
         image_pass: samples the atlas into the image.
         linear: texture of the linear image: RGB and validity; None until one is requested.
         encoded_target: framebuffer with the encoded image alone.
+        readback: ring of the camera's readbacks.
 
     Raises:
         GraphicsError: an image larger than the GPU allows.
@@ -51,7 +51,8 @@ class Pipeline:
     ):
         context, (width, height) = samples.context, samples.size_px
         check_image_size(context, width, height)
-        self.context, self._cube, self._state = context, cube, GlState()
+        self.context, self._cube = context, cube
+        self.readback = PixelReadback(context)
         self.size_px = (width // supersampling, height // supersampling)
         self._make_pass(samples, supersampling)
         with gpu_allocation(
@@ -61,7 +62,6 @@ class Pipeline:
             self.linear = texture_2d(context, self.size_px, 4, dtype=linear_type)
             encoded = renderbuffer(context, self.size_px, 4)
             self.encoded_target = framebuffer(context, [encoded])
-            self._linear_target = framebuffer(context, [self.linear])
             self._both_targets = framebuffer(context, [encoded, self.linear])
         # once: pixels without a ray are never drawn
         clear_target(self._both_targets)
@@ -74,23 +74,22 @@ class Pipeline:
         atlas = self._cube.render(poses.world_from_rig, poses.world_from_objects)
         self.image_pass.draw(atlas, self._both_targets if linear else self.encoded_target)
 
-    def render(self, poses: ScenePoses, linear: bool = False) -> Readback:
-        """Render an image, with linear colors on request."""
+    def begin(self, poses: ScenePoses, linear: bool = False) -> Pending[Readback]:
+        """Begin to render an image, with linear colors on request."""
         self.draw(poses, linear)
-        rgba = self.read_encoded()
-        if not linear:
-            return Readback(rgba, None)
-        width, height = self.size_px
-        floats = np.empty((height, width, 3), dtype=np.float32)
-        self._linear_target.read_into(floats, components=3, dtype="f4")
-        return Readback(rgba, floats)
+        return self.begin_reading(self.linear if linear else None)
 
-    def read_encoded(self) -> NDArray[np.uint8]:
-        """Read the encoded image (height, width, 4)."""
+    def begin_reading(self, linear: moderngl.Texture | None, *others: Read) -> Pending[Readback]:
+        """Begin to read the encoded image, a linear one, and what else was drawn for it."""
         width, height = self.size_px
         rgba = np.empty((height, width, 4), dtype=np.uint8)
-        self._state.read_rgba(self.encoded_target, rgba)
-        return rgba
+        reads: list[Read] = [(Pixels(self.encoded_target), rgba), *others]
+        floats = None
+        if linear is not None:
+            floats = np.empty((height, width, 3), dtype=np.float32)
+            reads.append((linear, floats))
+        reading = self.readback.start(*reads)
+        return Pending(reading.finish).then(lambda _: Readback(rgba, floats))
 
 
 class DegradedPipeline:
@@ -104,19 +103,28 @@ class DegradedPipeline:
     def __init__(self, ideal: Pipeline, degradation: DegradationPass):
         self._ideal, self._degradation = ideal, degradation
 
-    def render(self, frames: SubFrames) -> Readback:
-        """Render an image from sub-frames."""
+    def begin(self, frames: SubFrames) -> Pending[Readback]:
+        """Begin to render an image from sub-frames.
+
+        A luminance that is only reported is read with the image. One that sets the exposure is
+        read before: its logarithm has other digits on GPUs, and noise shows them.
+        """
         ideal, degradation = self._ideal, self._degradation
         for sub_frame in frames.parts:
             ideal.draw(sub_frame.poses, linear=True)
             degradation.add(ideal.linear, sub_frame.row_weights)
-        meter = frames.meter
-        exposed = frames.expose(None if meter is None else degradation.luminance(meter))
+        metered = None if frames.meter is None else degradation.draw_meter(frames.meter)
+        luminance, reads = None, [] if metered is None else [metered[0]]
+        if metered is not None and not frames.is_exposed:
+            ideal.readback.read(*reads)
+            luminance, reads, metered = metered[1](), [], None
+        exposed = frames.expose(luminance)
         degradation.finish({"u_exposure_factors": exposed.factors, "u_frame": exposed.frame_number})
         degradation.encode(ideal.encoded_target)
-        rgba = ideal.read_encoded()
-        floats = np.ascontiguousarray(degradation.read()[..., :3]) if frames.linear else None
-        return Readback(rgba, floats)
+        image = ideal.begin_reading(degradation.finished if frames.linear else None, *reads)
+        return image.then(
+            lambda done: done._replace(luminance=metered[1]() if metered else luminance)
+        )
 
 
 def check_image_size(context: moderngl.Context, width_px: int, height_px: int) -> None:

@@ -78,7 +78,7 @@ class OpticalFlow:
         transforms = other_from_current(current, other)
         self._deformed = deformed_hits(self._source, hits, current, other)
         moves = transforms[self._object_of_draw[1:], :3]
-        self._source.begin_occlusion(other, moves, self._deformed)
+        self._occluded = self._source.begin_occlusion(other, moves, self._deformed)
         self._optical_from_current = _optical_from_world(current, self._camera)
         return _optical_from_world(other, self._camera) @ transforms[:, :3]
 
@@ -110,7 +110,7 @@ class OpticalFlow:
         # both components of a pixel at once
         flow.view(np.uint64)[self._valid] = motion_px.astype(np.float32).view(np.uint64)
         status = np.full(len(flow), INVALID, dtype=np.uint8)
-        occluded = self._source.occluded().ravel()[self._valid]
+        occluded = self._occluded.result().ravel()[self._valid]
         status[self._valid] = np.where(
             self._is_inside(projected), occluded * np.uint8(OCCLUDED), np.uint8(OUTSIDE)
         )

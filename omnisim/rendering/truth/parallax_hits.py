@@ -31,7 +31,7 @@ from omnisim.rendering.rays.cast_hits import SeenPoints, cast_hits, cast_occlusi
 from omnisim.rendering.rays.depth_limits import DepthLimits
 from omnisim.rendering.rays.pixel_rays import Band, PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState
-from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.readback import Pending, ScenePoses
 
 if TYPE_CHECKING:
     from omnisim.rendering.rays.ray_scene import RayScene
@@ -160,8 +160,8 @@ class ParallaxHits(DrawnHits):
 
     def begin_occlusion(
         self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
-    ) -> None:
-        """Start to render the occlusion of the latest hits' points."""
+    ) -> Pending[NDArray[np.bool_]]:
+        """Begin to render the occlusion of the latest hits' points."""
         hits, pose = deformed or self._hits, self._viewpoint_pose(other)
         if deformed is not None:
             points = deformed.points_and_ranges_m.copy()
@@ -179,11 +179,11 @@ class ParallaxHits(DrawnHits):
         # from the points in the pass, relative to both viewpoints
         transforms = other_from_current.copy()
         transforms[..., 3] += other_from_current[..., :3] @ self._from_rig_m - offset_m
-        self._occlusion_pass.render(pose, other.world_from_objects, transforms)
+        bits = self._occlusion_pass.begin(pose, other.world_from_objects, transforms)
+        return bits.then(self._occluded)
 
-    def occluded(self) -> NDArray[np.bool_]:
-        """Mask (height, width) of points that are occluded from the other pose."""
-        bits = self._occlusion_pass.read()
+    def _occluded(self, bits: NDArray[np.uint8]) -> NDArray[np.bool_]:
+        """Mask (height, width) of occluded points; undecided ones are cast."""
         occluded = bits & ~UNKNOWN_OCCLUSION > 0
         undecided = self.has_ray & (bits & UNKNOWN_OCCLUSION > 0)
         if self._ray_scene is not None and undecided.any():

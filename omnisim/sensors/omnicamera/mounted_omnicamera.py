@@ -1,8 +1,8 @@
 """Omnidirectional cameras on vehicles: images with channels of ground truth.
 
 A camera moves during the exposure, has its own noise, and its auto-exposure depends on the previous
-image. That image's file stores the two required numbers in its metadata, so an interrupted drive
-resumes with the same bytes.
+image. That image's metadata, also in its file, has the two required numbers, so an interrupted
+drive resumes with the same bytes.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from omnisim.ground_truth.frame import Frame
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_toml import sensor_toml
+from omnisim.rendering.readback import Pending
 from omnisim.rendering.renderer import Renderer
 from omnisim.sensors.calibration_file import CALIBRATION, calibration_json
 from omnisim.sensors.sensor import (
@@ -155,16 +156,20 @@ class MountedCamera(RenderedSensor):
                 f"{exposure_s:g}"
             )
 
-    def measure(
+    def measure(self, renderer: Renderer, settings: DriveSettings, moment: Moment) -> Measurement:
+        """Render the image at a moment; auto-exposure follows the previous image's."""
+        return self.begin(renderer, settings, moment).result()
+
+    def begin(
         self, renderer: Renderer, settings: DriveSettings, moment: Moment
-    ) -> CameraMeasurement:
-        """Render the image at a moment; auto-exposure reads the previous image's file."""
+    ) -> Pending[Measurement]:
+        """Begin to render the image at a moment."""
         is_ideal = self.sensor.degradation.is_ideal
 
         def motion(time_s: float) -> WorldState | NDArray[np.float64]:
             return moment.motion(time_s + self.time_shift_s)
 
-        frame = renderer.render(
+        pending = renderer.submit(
             motion(moment.time_s),
             also=moment.channels,
             boxes_3d=settings.boxes_3d,
@@ -174,7 +179,9 @@ class MountedCamera(RenderedSensor):
             frame_number=moment.number,
             exposure_ev=self._exposure_ev(moment),
         )
-        return CameraMeasurement(frame, moment.number, settings.channel_format)
+        return Pending(
+            lambda: CameraMeasurement(pending.result(), moment.number, settings.channel_format)
+        )
 
     def _exposure_ev(self, moment: Moment) -> float | None:
         """Exposure reached by auto-exposure, EV; None: the image itself determines it."""
@@ -183,7 +190,9 @@ class MountedCamera(RenderedSensor):
             return None
         if moment.previous_stem is None or moment.previous_s is None:
             return None
-        ev, metered_ev = _read_exposure(moment.previous_stem.with_suffix(IMAGE_SUFFIX))
+        path = moment.previous_stem.with_suffix(IMAGE_SUFFIX)
+        previous = None if moment.previous is None else moment.previous.result().frame.metadata
+        ev, metered_ev = _exposure(path, previous)
         return degradation.exposure.next_ev(ev, metered_ev, moment.time_s - moment.previous_s)
 
 
@@ -245,10 +254,11 @@ class CameraMeasurement(Measurement):
             dataclasses.replace(frame, channels={}, boxes_3d=None).save(image)
 
 
-def _read_exposure(path: Path) -> tuple[float, float]:
-    """Read the exposure and the metered exposure, EV, from the metadata of an image."""
+def _exposure(path: Path, metadata: dict[str, Any] | None) -> tuple[float, float]:
+    """Exposure and metered exposure, EV, from the metadata of an image; None: read its file."""
     try:
-        _, metadata = read_image(path)
+        if metadata is None:
+            _, metadata = read_image(path)
         exposure = (metadata or {})["degradation"]["exposure"]
         return float(exposure["ev"]), float(exposure["metered_ev"])
     except (OmnisimError, KeyError, TypeError, ValueError):

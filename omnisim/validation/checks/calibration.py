@@ -110,7 +110,7 @@ def marker_image(fixture: Fixture) -> MarkerImage:
     """Render and measure markers in all directions."""
     sensor = OmniCamera().with_polygons(None).resized(SIZE_PX)
     camera = mirror_camera(sensor)
-    world_from_base = poses.pose((3.0, -2.0, 1.1), 4.0, -7.0, 33.0)
+    world_from_base = poses.pose((3.0, -2.0, 1.1), roll_deg=4.0, pitch_deg=-7.0, yaw_deg=33.0)
     world_from_rig = world_from_base @ sensor.base_from_rig
     world_from_optical = world_from_rig[:3, :3] @ frames.RIG_FROM_OPTICAL_LOOKING_UP
     viewpoint_m = world_from_rig[:3, 3]

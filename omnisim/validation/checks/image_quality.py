@@ -48,7 +48,7 @@ def measure_quality(
     steps = QUICK_PAN_STEPS if fixture.is_quick else PAN_STEPS
     shifts = QUICK_SHIFTS if fixture.is_quick else SHIFTS
     headings_deg = 25.0 + PAN_STEP_DEG * np.arange(steps)
-    poses = [sensor.base_pose(viewpoint_m, heading) for heading in headings_deg]
+    poses = [sensor.base_pose(viewpoint_m, yaw_deg=heading) for heading in headings_deg]
     with Stage(scene, device=fixture.device) as stage:
         truth = _truth(stage, sensor, poses, shifts)
         ours = _linear_images(stage, sensor, poses)

@@ -42,7 +42,7 @@ def measure_triangles(fixture: Fixture, scene: Scene) -> dict[str, SameTriangles
         rays = RayScene(scene)
         for name in SYSTEMS:
             sensor = OmniCamera(validation_systems()[name])
-            start = sensor.base_pose(scene.start.position_m, scene.start.yaw_deg)
+            start = sensor.base_pose(scene.start.position_m, yaw_deg=scene.start.yaw_deg)
             pose = pose_beside_nearest(sensor, rays, start)
             shares[name] = same_triangles(stage, rays, sensor, pose)
     return shares

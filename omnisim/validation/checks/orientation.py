@@ -52,7 +52,7 @@ def check(fixture: Fixture, title: str) -> Section:
     sensor = OmniCamera.from_table(table).resized(480)
     worst, frames = 0.0, {}
     for heading_deg in HEADINGS_DEG:
-        pose = sensor.base_pose(scene.start.position_m, heading_deg)
+        pose = sensor.base_pose(scene.start.position_m, yaw_deg=heading_deg)
         frames[heading_deg] = frame = fixture.render(scene, sensor, pose)
         worst = max(worst, _worst_color(scene, sensor, frame, heading_deg))
     normal, mirrored, panorama = _reading(fixture, scene)

@@ -101,7 +101,7 @@ def _sensors() -> dict[str, OmniCamera]:
 
 
 def _frame(scene: Scene, sensor: OmniCamera, backend: BackendName, device: int | None) -> Frame:
-    base = sensor.base_pose(scene.start.position_m, scene.start.yaw_deg)
+    base = sensor.base_pose(scene.start.position_m, yaw_deg=scene.start.yaw_deg)
     with open_sensor(scene, sensor, backend=backend, device=device) as renderer:
         return renderer.render(base, also=("range", "instance"))
 

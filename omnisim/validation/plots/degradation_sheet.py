@@ -139,7 +139,7 @@ def degradation_tiles(scene_name: str = "soccer") -> list[tuple[str, NDArray[np.
     with Stage(scene) as stage:
 
         def render(camera: OmniCamera, degradation: Degradation, twist: Twist) -> NDArray[np.uint8]:
-            pose = camera.base_pose(start, yaw_deg)
+            pose = camera.base_pose(start, yaw_deg=yaw_deg)
             with stage.open(camera.with_degradation(degradation)) as renderer:
                 return renderer.render(pose, motion=twist.through(pose)).rgb
 

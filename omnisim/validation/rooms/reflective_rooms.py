@@ -58,7 +58,7 @@ def camera(width_px: int, supersampling: int) -> OmniCamera:
 
 def camera_pose() -> NDArray[np.float64]:
     """Pose (4, 4) of the camera's base in the world, near the back wall and looking along x."""
-    return pose((-1.5, 0.3, 0.1), 0.0, 8.0, 0.0)
+    return pose((-1.5, 0.3, 0.1), pitch_deg=8.0)
 
 
 def _room(material: Material, mesh: Mesh) -> Scene:
@@ -135,7 +135,7 @@ def _panel(
 ) -> Mesh:
     """Upright panel perpendicular to x, rotated about z."""
     corners = np.array([(0, -1, -1), (0, 1, -1), (0, 1, 1), (0, -1, 1)]) * (1, half_y_m, half_z_m)
-    return _moved(_plain("panel", corners), pose(center_m, 0.0, 0.0, yaw_deg))
+    return _moved(_plain("panel", corners), pose(center_m, yaw_deg=yaw_deg))
 
 
 def _level(half_x_m: float, half_y_m: float, z_m: float) -> Mesh:

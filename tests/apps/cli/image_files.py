@@ -9,7 +9,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 def metadata():
     """Camera and poses of an image by the paper's camera."""
     camera = OmniCamera()
-    base = camera.base_pose((1.0, 2.0, 0.8), 30.0)
+    base = camera.base_pose((1.0, 2.0, 0.8), yaw_deg=30.0)
     optical = base.copy()
     optical[:3, :3] = base[:3, :3] @ [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
     return {

@@ -124,7 +124,7 @@ def test_a_robots_image_is_that_of_the_command_that_is_shown(tmp_path, monkeypat
     assert (tmp_path / "image.png").read_bytes() == frame["data"]["camera"]
     bare = OmniCamera().resized(SIZE_PX)  # the body is in it
     with open_sensor(load_scene("rings"), bare) as renderer:
-        base = renderer.camera.base_pose(frame["viewpoint"]["position_m"], 33.3)
+        base = renderer.camera.base_pose(frame["viewpoint"]["position_m"], yaw_deg=33.3)
         without_body = renderer.render(base).rgb
     assert (read_image(tmp_path / "image.png")[0] != without_body).any()
 
@@ -141,8 +141,8 @@ def test_a_saved_camera_renders_the_same_image(page, tmp_path):
         camera = OmniCamera.from_file(path).resized(SIZE_PX)
         place = frame["place"]
         with open_sensor(load_scene("rings"), camera) as renderer:
-            angles = (place["yaw_deg"], place["pitch_deg"], place["roll_deg"])
-            base = camera.base_pose(place["position_m"], *angles)
+            angles_deg = {key: place[key] for key in ("yaw_deg", "pitch_deg", "roll_deg")}
+            base = camera.base_pose(place["position_m"], **angles_deg)
             renderer.render(base).save(tmp_path / "a.png")
         assert (tmp_path / "a.png").read_bytes() == frame["data"]["camera"]
         assert "cat > camera.toml" in frame["command"]

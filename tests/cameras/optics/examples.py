@@ -64,7 +64,7 @@ SYSTEMS = {
     "tilted camera": OpticalSystem(
         pinhole(450.0),
         (Surface(Conic(0.1), at(0.3), 0.095),),
-        system_from_camera=poses.pose((0.01, 0.0, 0.0), 3.0, -2.0, 1.0),
+        system_from_camera=poses.pose((0.01, 0.0, 0.0), roll_deg=3.0, pitch_deg=-2.0, yaw_deg=1.0),
     ),
     "cone": OpticalSystem(pinhole(450.0), (Surface(Cone(50.0), at(0.12), 0.06),)),
     "asphere": OpticalSystem(

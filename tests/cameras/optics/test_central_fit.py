@@ -33,7 +33,7 @@ def _turned_hyperbola(turn):
 
 def test_central_mirror_is_found_with_its_pose():
     """Its directions are the unified model's (Geyer and Daniilidis 2001), about its own axis."""
-    turn = poses.pose((0.01, 0.02, 0.03), 12.0, -20.0, 33.0)
+    turn = poses.pose((0.01, 0.02, 0.03), roll_deg=12.0, pitch_deg=-20.0, yaw_deg=33.0)
     calibration = fit_central(_turned_hyperbola(turn), "opencv_omnidir")
     (fitted,) = calibration.cameras
     assert fitted.residuals.max_px < 1e-10

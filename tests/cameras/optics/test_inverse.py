@@ -153,7 +153,7 @@ def test_decentered_rim():
 
 def test_misalignment_of_the_camera_is_the_mirrors_inverse():
     """A camera moved against its mirror sees as one whose mirror is moved the other way."""
-    pose = poses.pose((0.002, -0.001, 0.003), 2.0, -1.0, 0.5)
+    pose = poses.pose((0.002, -0.001, 0.003), roll_deg=2.0, pitch_deg=-1.0, yaw_deg=0.5)
     surface = SYSTEMS["sphere"].surfaces[0]
     moved = OpticalSystem(pinhole(800.0), (surface,), system_from_camera=pose)
     placed = poses.inverse(pose) @ surface.system_from_surface

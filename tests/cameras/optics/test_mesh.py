@@ -33,7 +33,7 @@ every_mirror = pytest.mark.parametrize(
         for path in SEEN
     ],
 )
-NOW = pose((0.4, -0.3, 0.1), 2.0, -4.0, 30.0)
+NOW = pose((0.4, -0.3, 0.1), roll_deg=2.0, pitch_deg=-4.0, yaw_deg=30.0)
 
 
 def _aligned():
@@ -201,7 +201,7 @@ def test_images_settle_with_more_polygons(backend):
 def test_flow_through_a_mesh_is_that_of_the_exact_system():
     pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
     sensor = OmniCamera(SYSTEMS["sphere"].scaled(0.3))
-    after = NOW @ pose((0.05, 0.02, 0.0), 0.0, 0.0, 2.0)
+    after = NOW @ pose((0.05, 0.02, 0.0), yaw_deg=2.0)
     flows = []
     for polygons in (None, 256):
         with open_sensor(scene_of([room()]), sensor.with_polygons(polygons)) as renderer:

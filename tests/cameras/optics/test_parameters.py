@@ -17,7 +17,7 @@ from omnisim.core.files.fingerprint import fingerprint
 from omnisim.rendering.camera.camera_parameters import camera_of_parameters
 from tests.cameras.optics.examples import EXAMPLES, SYSTEMS, pinhole
 
-TILTED = poses.pose((0.01, -0.02, 0.003), 0.3, 0.2, 0.1)
+TILTED = poses.pose((0.01, -0.02, 0.003), roll_deg=0.3, pitch_deg=0.2, yaw_deg=0.1)
 ALL = {
     **SYSTEMS,
     **{path.stem: read_optics_file(path) for path in EXAMPLES},

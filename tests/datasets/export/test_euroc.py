@@ -7,6 +7,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+from omnisim.cameras.calibration import load_calibration
 from omnisim.core.files.image_files import read_image
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.export_format import ExportSettings
@@ -50,6 +51,20 @@ def test_stamps_are_whole_nanoseconds_of_all_streams(euroc):
     assert readings == [START_NS + 50_000_000 * number for number in range(31)]
     states = _rows(euroc / "state_groundtruth_estimate0" / "data.csv")
     assert {*readings, *map(int, stamps)} <= {int(row[0]) for row in states}
+
+
+@pytest.mark.parametrize("index", range(3))
+def test_cameras_are_read_back(euroc, index):
+    path = euroc / f"cam{index}" / "sensor.yaml"
+    calibration = load_calibration(path)
+    assert calibration.names == [f"cam{index}"]
+    document = yaml.safe_load(path.read_text())
+    (cam_from_imu,) = calibration.cameras[0].poses
+    imu_from_cam = np.linalg.inv(cam_from_imu.target_from_source)
+    np.testing.assert_allclose(imu_from_cam, _pose(document), atol=1e-12)
+    parameters = calibration.cameras[0].camera.parameters()
+    *_, pu, pv = document["intrinsics"]
+    assert parameters["principal_point_px"] == pytest.approx([pu, pv])
 
 
 @pytest.mark.parametrize(("index", "name"), [(0, "front"), (1, "fisheye"), (2, "mirror")])

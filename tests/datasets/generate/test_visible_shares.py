@@ -48,7 +48,7 @@ def test_shares_are_those_of_each_object_alone(scene):
         Stage(scene, dynamic_objects={"moving": _ball("moving", 0.2)}) as stage,
         stage.open(CAMERA) as renderer,
     ):
-        base = renderer.camera.base_pose((0.0, 0.0, HEIGHT_M), 0.0)
+        base = renderer.camera.base_pose((0.0, 0.0, HEIGHT_M))
         near = WorldState({renderer.vehicle: base, "moving": pose((3.0, -1.0, 0.3))})
         gone = WorldState({renderer.vehicle: base, "moving": pose((0.0, 0.0, -1e4))})
         whole = renderer.render(near, also=("instance",))

@@ -90,7 +90,7 @@ def poses_at(scene: Scene, camera: OmniCamera, count: int) -> np.ndarray:
     x, y, z = scene.start.position_m
     return np.stack(
         [
-            camera.base_pose((x + 0.02 * k, y, z), scene.start.yaw_deg + 20.0 * k)
+            camera.base_pose((x + 0.02 * k, y, z), yaw_deg=scene.start.yaw_deg + 20.0 * k)
             for k in range(count)
         ]
     )

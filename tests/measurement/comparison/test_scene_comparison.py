@@ -115,7 +115,9 @@ def courtyard():
     """Images of the courtyard by the hidden camera, by its true twin, and by a wrong one."""
     pytest.importorskip("cv2")
     poses = [
-        SENSOR.base_pose((0.1 * number, 0.2, 0.9), 100.0 * number, 5.0 * number, 3.0)
+        SENSOR.base_pose(
+            (0.1 * number, 0.2, 0.9), yaw_deg=100.0 * number, pitch_deg=5.0 * number, roll_deg=3.0
+        )
         for number in range(2)
     ]
     cameras = ((SENSOR, "another"), (SENSOR, 0), (dataclasses.replace(SENSOR, model=WRONG), 0))

@@ -1,8 +1,10 @@
 """Descriptions of boards: text, Kalibr's files, and one line for what is wrong."""
 
+import warnings
+
 import pytest
 
-from omnisim.core.errors import MeasurementError
+from omnisim.core.errors import MeasurementError, NoticeWarning
 from omnisim.measurement.geometry import AprilGrid, CharucoBoard, Chessboard, read_board
 
 KALIBR = {
@@ -64,3 +66,13 @@ def test_faults_of_files_are_named(tmp_path):
     path.write_text("target_type: circlegrid\n")
     with pytest.raises(MeasurementError, match="target_type: expected checkerboard or aprilgrid"):
         read_board(str(path))
+
+
+@pytest.mark.parametrize("text", ["8x6:80", "charuco:9x7:30:22:5X5_100", "aprilgrid:6x6:88:0.3"])
+def test_a_board_in_millimeters_is_named(text):
+    """Lengths without a unit are in meters."""
+    with pytest.warns(NoticeWarning, match=r"^board .*: \d+ m wide; \d+mm would be millimeters$"):
+        read_board(text)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", NoticeWarning)
+        read_board(text.replace("80", "80mm").replace(":30:22", ":30mm:22mm").replace("88", "88mm"))

@@ -117,7 +117,7 @@ def test_calls_of_a_scan_do_not_depend_on_the_number_of_objects(monkeypatch):
     made = []
     for count in (2, 40):
         meshes = [sheet(f"sheet {number}", number % 2, seed=number) for number in range(count)]
-        poses = [pose((0.2 * number, 1.0, 0.0), 90.0) for number in range(count)]
+        poses = [pose((0.2 * number, 1.0, 0.0), roll_deg=90.0) for number in range(count)]
         scene = scene_of(meshes, [Material(), fence], poses)
         with open_sensor(scene, LaserScanner().without_errors()) as renderer:
             assert np.isfinite(renderer.scan(pose()).ranges_m).any()
@@ -138,12 +138,8 @@ def test_calls_do_not_depend_on_the_number_of_objects(monkeypatch):
     assert made[0] == made[1]
 
 
-# Reads by a map that does not last, until readbacks stay mapped.
-READS = {"glMapBufferRange"}
-
-
-@pytest.mark.parametrize(("kind", "maps"), [("image", set()), ("batch", READS), ("scan", READS)])
-def test_a_second_frame_moves_no_buffer(kind, maps, monkeypatch):
+@pytest.mark.parametrize("kind", ["image", "batch", "scan"])
+def test_a_second_frame_moves_no_buffer(kind, monkeypatch):
     """Drivers may move buffers that are allocated anew or mapped."""
     calls = GlCalls(monkeypatch)
     vehicle = Vehicle.load("p2at")
@@ -158,7 +154,8 @@ def test_a_second_frame_moves_no_buffer(kind, maps, monkeypatch):
             take(pose_of_base)
         made = calls.of(lambda: take(_poses(3)[2]))
     moving = ("BufferData", "BufferStorage", "MapBuffer", "MapBufferRange", "MapNamedBufferRange")
-    assert {name for name in made if name.endswith(moving)} == maps
+    assert made
+    assert not [name for name in made if name.endswith(moving)]
 
 
 def test_depth_is_sampled_while_another_target_is_bound(monkeypatch):

@@ -45,7 +45,7 @@ def test_image_is_the_golden_one(context, name, tmp_path):
     sensor, unlit, yaw_deg = CASES[name]
     scene = load_scene("courtyard", sky="none")  # of drawing, in even light
     with open_sensor(scene, sensor, unlit=unlit) as renderer:
-        pixels = renderer.render(sensor.base_pose((0.5, -1.0, 0.9), yaw_deg)).rgb
+        pixels = renderer.render(sensor.base_pose((0.5, -1.0, 0.9), yaw_deg=yaw_deg)).rgb
     path = GOLDEN / f"{name}.png"
     if os.environ.get("OMNISIM_RENEW_GOLDEN"):
         write_image(path, np.ascontiguousarray(pixels))

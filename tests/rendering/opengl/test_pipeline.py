@@ -30,7 +30,7 @@ def _render(context, camera):
         plan,
         VirtualCameras(near_m=0.05, far_m=np.inf, unlit=True),
     )
-    return Pipeline(cube, PixelMap(context, camera)).render(ScenePoses(POSE)).rgba
+    return Pipeline(cube, PixelMap(context, camera)).begin(ScenePoses(POSE)).result().rgba
 
 
 @camera_examples

@@ -33,7 +33,10 @@ class AxialCamera(EquidistantCamera):
 
 def test_each_ray_starts_at_its_own_origin():
     camera = AxialCamera(40, 30, 12.0, (19.5, 14.5), math.radians(100.0))
-    scene, world_from_rig = RayScene(scene_of([room()])), pose((0.3, -0.2, 0.1), 3.0, -8.0, 40.0)
+    scene, world_from_rig = (
+        RayScene(scene_of([room()])),
+        pose((0.3, -0.2, 0.1), roll_deg=3.0, pitch_deg=-8.0, yaw_deg=40.0),
+    )
     limits, still = DepthLimits(0.01, math.inf), ObjectState()
     rays = camera.ray_from_pixel(pixel_grid(camera.width_px, camera.height_px))
     world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical

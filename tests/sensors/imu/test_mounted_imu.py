@@ -295,7 +295,7 @@ def test_more_readings_than_memory_holds_are_refused():
 
 
 def test_the_unit_may_be_turned_on_its_robot():
-    trajectory, mount = wavy(), pose((0.1, 0.2, 0.3), 10.0, 20.0, 30.0)
+    trajectory, mount = wavy(), pose((0.1, 0.2, 0.3), roll_deg=10.0, pitch_deg=20.0, yaw_deg=30.0)
     motion, times = SplineMotion(trajectory), np.linspace(0.5, 3.5, 50)
     h = 1e-4
     turned = true_readings(motion, mount, G, times, 2 * h)

@@ -57,7 +57,9 @@ def test_ranges_in_a_box_are_analytic(field_of_view_deg, offset_m):
     world_from_room = pose(offset_m)
     with open_sensor(scene_of([room()], poses=[world_from_room]), scanner) as renderer:
         for yaw_deg in (0.0, 33.0, 200.0):
-            room_from_scanner = pose((0.4, -1.1, 0.3), 12.0, -25.0, yaw_deg)
+            room_from_scanner = pose(
+                (0.4, -1.1, 0.3), roll_deg=12.0, pitch_deg=-25.0, yaw_deg=yaw_deg
+            )
             scan = renderer.scan(world_from_room @ room_from_scanner)
             origin = room_from_scanner[:3, 3]
             expected = np.linalg.norm(room_hit(origin, world_directions(scan)) - origin, axis=-1)
@@ -145,15 +147,17 @@ def test_beams_hit_shared_edges():
     generator = np.random.default_rng(4)
     with open_sensor(scene_of([mesh]), scanner) as renderer:
         # level ones run along the ball's own symmetry: through corners and along edges
-        for angles_deg in ((0, 0, 0), (90, 0, 0), *generator.uniform(-180, 180, (6, 3))):
-            scan = renderer.scan(pose((0.0, 0.0, 0.0), *angles_deg))
+        angles_deg = ((0, 0, 0), (90, 0, 0), *generator.uniform(-180, 180, (6, 3)))
+        for roll_deg, pitch_deg, yaw_deg in angles_deg:
+            at = pose(roll_deg=roll_deg, pitch_deg=pitch_deg, yaw_deg=yaw_deg)
+            scan = renderer.scan(at)
             assert scan.ranges_m.max() <= 2.0 + ROUNDING_M
             assert scan.ranges_m.min() > 1.99
 
 
 def test_many_triangles_take_several_rows_of_work_groups(monkeypatch):
     scene = load_scene("rings")
-    at = pose(scene.start.position_m, 20.0, 30.0, 40.0)
+    at = pose(scene.start.position_m, roll_deg=20.0, pitch_deg=30.0, yaw_deg=40.0)
     expected = scan_of(scene, EXACT, at)
     monkeypatch.setattr("omnisim.rendering.opengl.drawing.range_pass._MAX_GROUPS", 7)
     np.testing.assert_array_equal(scan_of(scene, EXACT, at).ranges_m, expected.ranges_m)
@@ -263,8 +267,9 @@ def free_poses(caster, low, high, generator):
     while len(poses) < POSES:
         at = generator.uniform(low, high)
         if caster.ranges(at, around).min() > NEAREST_M:
-            tilt_deg = generator.uniform(-20.0, 20.0, 2) * (len(poses) % 2)
-            poses.append(pose(at, *tilt_deg, generator.uniform(-180.0, 180.0)))
+            roll_deg, pitch_deg = generator.uniform(-20.0, 20.0, 2) * (len(poses) % 2)
+            yaw_deg = generator.uniform(-180.0, 180.0)
+            poses.append(pose(at, roll_deg=roll_deg, pitch_deg=pitch_deg, yaw_deg=yaw_deg))
     return poses
 
 

@@ -174,7 +174,7 @@ def show(request: ShowRequest) -> None:
 def read_calibration(
     path: Path, camera_name: str | None, format: str | None, mirrored: bool | None
 ) -> Calibration:
-    """Read a calibration from a calibration file, a sensor file or an image; print its notes.
+    """Read a calibration from a calibration file, a sensor file or an image.
 
     Raises:
         OmnisimError: names the file and the key.
@@ -189,10 +189,7 @@ def read_calibration(
             hint = "`omnisim calibration convert` fits one to it"
             raise CalibrationError(f"{path}: expected a central camera, got optics: {hint}")
         return Calibration(calibration_of(camera, "camera").cameras, "omnisim", str(path))
-    read = load_calibration(path, format, camera_name, mirrored)
-    for note in read.notes:
-        print_note(note)
-    return read
+    return load_calibration(path, format, camera_name, mirrored)
 
 
 def select_camera(calibration: Calibration, name: str | None) -> Calibration:
@@ -256,8 +253,9 @@ def _camera_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
         rows.append(("in the file", f"{calibrated.file_model}"))
     width, height = parameters.pop("width_px"), parameters.pop("height_px")
     rows.append(("image", f"{width} × {height} px"))
-    rows += [_parameter_row(key, value) for key, value in parameters.items()]
     seen = field_of_view(camera)
+    parameters.pop("theta_max_deg", None)  # below: where the model ends
+    rows += [_parameter_row(key, value) for key, value in parameters.items()]
     axis = ", from −z, as it looks into a mirror" if seen.axis[2] < 0.0 else ""
     across, upright = math.degrees(seen.horizontal_rad), math.degrees(seen.vertical_rad)
     rows.append(("field of view", f"{across:.1f}° × {upright:.1f}°"))

@@ -52,7 +52,9 @@ def run(request: RenderRequest, path: Path) -> None:
         vehicle = vehicle.identified(source_digest(sources.digest(path.parent), own))
     at, yaw_deg = request.viewpoint.at, request.viewpoint.yaw_deg
     roll_deg, pitch_deg = request.viewpoint.roll_deg, request.viewpoint.pitch_deg
-    world_from_file = pose(at or (0.0, 0.0, 0.0), roll_deg, pitch_deg, yaw_deg or 0.0)
+    world_from_file = pose(
+        at or (0.0, 0.0, 0.0), roll_deg=roll_deg, pitch_deg=pitch_deg, yaw_deg=yaw_deg or 0.0
+    )
     axes: Axes | None = None if request.poses.axes is None else request.poses.axes.value
     route = RigRoute(
         path, request.poses.trajectory_frame, axes, request.poses.rate_hz, world_from_file

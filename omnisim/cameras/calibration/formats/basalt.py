@@ -32,10 +32,10 @@ from omnisim.cameras import (
     UnifiedCamera,
 )
 from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
-from omnisim.cameras.calibration.documents import parse_json
 from omnisim.cameras.calibration.fields import (
     ForeignTable,
     Size,
+    Unread,
     check_choice,
     counted,
     parse,
@@ -63,6 +63,9 @@ INTRINSICS = {
     "ds": f"{FOCAL} xi alpha",
     "kb4": f"{FOCAL} k1 k2 k3 k4",
 }
+OTHERS = {
+    "pinhole-radtan8": "k1, k2, p1, p2, k3 … k6 are OpenCV's: pass them as an opencv_pinhole file"
+}
 POSES_UNKNOWN = "omnisim_poses_not_known"
 BasaltLens = DoubleSphereCamera | KannalaBrandtCamera | EucmCamera | UnifiedCamera
 
@@ -82,10 +85,27 @@ class _Pose(ForeignTable):
     qw: Number
 
 
-class _Value(ForeignTable):
+class _Value(
+    ForeignTable,
+    inner={"T_imu_cam": _Pose, "intrinsics": _Intrinsics},
+    unread={
+        "vignette": Unread("fall-off of brightness: [degradation.vignetting] of a sensor file"),
+        "cam_time_offset_ns": Unread("time shift between the cameras and the IMU"),
+        "view_offset": Unread("offset between the cameras' images"),
+    },
+    harmless=(
+        "calib_accel_bias calib_gyro_bias imu_update_rate accel_noise_std gyro_noise_std "
+        "accel_bias_std gyro_bias_std mocap_time_offset_ns mocap_to_imu_offset_ns T_mocap_world "
+        "T_imu_marker"
+    ),
+):
     T_imu_cam: tuple[dict[str, Any], ...] = ()
     intrinsics: list[dict[str, Any]]
     resolution: list[list[Size]]
+
+
+class _File(ForeignTable, inner={"value0": _Value}, also_read=POSES_UNKNOWN):
+    """Content of a file."""
 
 
 class Basalt(Format[BasaltLens]):
@@ -99,10 +119,11 @@ class Basalt(Format[BasaltLens]):
     signature = re.compile(r'"value0"\s*:')
     metadata_place = MetadataPlace.KEY
     several = True
+    tables = (_File,)
 
-    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+    def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the cameras in `value0`."""
-        data = parse_json(text, source)
+        data = document
         place = f"{source}: value0"
         value = parse(data.get("value0"), _Value, place)
         if not value.intrinsics or len(value.resolution) != len(value.intrinsics):
@@ -159,7 +180,7 @@ class Basalt(Format[BasaltLens]):
 def _lens(part: dict[str, Any], size: Sequence[int], place: str) -> CentralCamera:
     fields = parse(part, _Intrinsics, place)
     model = fields.camera_type
-    check_choice(model, INTRINSICS, f"{place}: camera_type")
+    check_choice(model, INTRINSICS, f"{place}: camera_type", OTHERS)
     names = INTRINSICS[model].split()
     if set(names) != fields.intrinsics.keys():
         raise unexpected(f"{place}: intrinsics", ", ".join(names), ", ".join(fields.intrinsics))

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from omnisim.cameras import (
     CentralCamera,
@@ -24,17 +24,52 @@ from omnisim.cameras import (
     RationalPolynomialCamera,
     UnifiedCamera,
 )
-from omnisim.cameras.calibration.fields import check_choice
-from omnisim.cameras.calibration.formats.format import ANY, PINHOLE, Format, error_context
+from omnisim.cameras.calibration.fields import (
+    ForeignTable,
+    Numbers,
+    Size,
+    Unread,
+    check_choice,
+    parse,
+)
+from omnisim.cameras.calibration.formats.format import (
+    ANY,
+    PINHOLE,
+    Format,
+    ParsedCamera,
+    error_context,
+)
 from omnisim.cameras.calibration.formats.pinhole import (
     brown_pinhole,
     check_no_skew,
     fisheye,
     matrix_intrinsics,
 )
+from omnisim.core.errors import CalibrationError
+from omnisim.core.files.parameters import Number
 
+OTHERS = {"fisheye62": "no model of omnisim: calibrate with four coefficients, kannala_brandt"}
 IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 CameraInfoLens = UnifiedCamera | RationalPolynomialCamera | KannalaBrandtCamera
+
+
+class CameraInfoMessage(
+    ForeignTable,
+    unread={
+        "binning_x binning_y": Unread("the camera is that of the full size", (1,)),
+        "roi": Unread("the camera is that of the full size"),
+    },
+    harmless="timestamp header R",
+):
+    """sensor_msgs/CameraInfo, or Foxglove's CameraCalibration."""
+
+    frame_id: str = ""
+    width: Size
+    height: Size
+    distortion_model: str
+    D: Numbers
+    K: Numbers
+    P: tuple[Number, ...] = ()
 
 
 class CameraInfo(Format[CameraInfoLens]):
@@ -51,6 +86,13 @@ class CameraInfo(Format[CameraInfoLens]):
     distortion_models: tuple[str, ...]
     fisheye_models: tuple[str, ...]
 
+    def _camera(self, message: Any, source: str) -> ParsedCamera[CentralCamera]:
+        """Camera of a message."""
+        fields = parse(message, CameraInfoMessage, source)
+        size_px = fields.width, fields.height
+        lens = self._lens(size_px, fields.distortion_model, fields.K, fields.D, source, ("K", "D"))
+        return ParsedCamera(fields.frame_id or "camera", lens, notes=baseline_notes("P", fields.P))
+
     def _lens(
         self,
         size_px: tuple[int, int],
@@ -66,13 +108,27 @@ class CameraInfo(Format[CameraInfoLens]):
             CalibrationError: the model is unknown, or the numbers do not fit it.
         """
         intrinsics, skew_px = matrix_intrinsics(size_px, matrix, f"{source}: {keys[0]}")
+        if skew_px and model in self.fisheye_models:
+            (_, fy), (_, cy) = intrinsics.focal_lengths_px, intrinsics.principal_point_px
+            most_px = abs(skew_px) * max(cy, size_px[1] - 1.0 - cy) / fy
+            raise CalibrationError(
+                f"{source}: {keys[0]}: expected no skew in a fisheye, got {skew_px:g}: calibrate "
+                f"with --fisheye-fix-skew; a 0 in its place moves pixels by up to {most_px:.2g} px"
+            )
         check_no_skew(skew_px, f"{source}: {keys[0]}")
         expected = (*self.distortion_models, *self.fisheye_models)
-        check_choice(model, expected, f"{source}: distortion_model")
+        check_choice(model, expected, f"{source}: distortion_model", OTHERS)
         with error_context(source):
             if model in self.fisheye_models:
                 return fisheye(intrinsics, coefficients, f"{source}: {keys[1]}")
             return brown_pinhole(intrinsics, coefficients, f"{source}: {keys[1]}")
+
+
+def baseline_notes(key: str, projection: Sequence[float]) -> tuple[str, ...]:
+    """Note on the baseline in the projection matrix (3 × 4) of a stereo pair's second camera."""
+    if len(projection) != 12 or not (projection[3] or projection[7]):
+        return ()
+    return (f"{key} has the baseline of a stereo pair, which is not read as a pose",)
 
 
 class CameraInfoFields(NamedTuple):

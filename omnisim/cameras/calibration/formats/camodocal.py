@@ -13,14 +13,23 @@ Source: camodocal's camera_models; KITTI-360's documentation, "2D fisheye images
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from omnisim.cameras import CentralCamera, KannalaBrandtCamera, UnifiedCamera
-from omnisim.cameras.calibration.documents import parse_yaml
-from omnisim.cameras.calibration.fields import ForeignTable, Size, check_choice, parse
+from omnisim.cameras.calibration.fields import (
+    ROLLING_SHUTTER,
+    ForeignTable,
+    Size,
+    Unread,
+    check_choice,
+    parse,
+)
 from omnisim.cameras.calibration.formats.format import (
     ANY,
     NO_SKEW,
@@ -75,7 +84,18 @@ class _KannalaBrandt(Table):
     v0: Number
 
 
-class _Head(ForeignTable):
+class _Head(
+    ForeignTable,
+    unread={
+        "extrinsicRotation extrinsicTranslation body_T_cam0": Unread("pose: a Kalibr chain has it"),
+        "td": Unread("time shift: a Kalibr chain has it"),
+        "rolling_shutter rolling_shutter_tr": ROLLING_SHUTTER,
+        "mirror_parameters": Unread("ξ of a MEI camera, and the model is another", is_fault=True),
+        "distortion_parameters": Unread("distortion of another model", is_fault=True),
+    },
+):
+    """Keys of all models, and of VINS's settings."""
+
     model_type: str
     camera_name: str = "camera"
     image_width: Size
@@ -97,6 +117,11 @@ class _Fisheye(_Head):
     projection_parameters: _KannalaBrandt
 
 
+TABLES: dict[Any, type[ForeignTable]] = {
+    "MEI": _Mei, "PINHOLE": _Pinhole, "KANNALA_BRANDT": _Fisheye,
+}  # fmt: skip
+
+
 class Camodocal(Format[CamodocalLens]):
     """Format of KITTI-360 and camodocal."""
 
@@ -107,15 +132,33 @@ class Camodocal(Format[CamodocalLens]):
     fits = ((UnifiedCamera, NO_SKEW), (KannalaBrandtCamera, ANY))
     signature = re.compile(r"""^[ \t]*["']?model_type["']?[ \t]*:""", re.M)
     unified_terms = frozenset({"ξ"})
+    tables = (_Mei, _Pinhole, _Fisheye)
 
-    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+    def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the camera."""
-        data = parse_yaml(text, source)
+        data = dict(document)
         if not isinstance(data.get("camera_name", ""), str):  # KITTI-360's is a string, 00 is not
             data["camera_name"] = str(data["camera_name"])
         head = parse(data, _Head, source)
         with error_context(source):
             return [ParsedCamera(head.camera_name or "camera", _lens(head, data, source))]
+
+    def table_of(self, document: Any) -> type[ForeignTable]:
+        """Schema of a document by its model."""
+        return TABLES.get(document.get("model_type"), _Head)
+
+    def lens_caveats(self, lens: CentralCamera) -> tuple[str, ...]:
+        """Note on the tangential distortion, which KITTI-360's own code leaves out."""
+        if not (isinstance(lens, UnifiedCamera) and lens.xi and any(lens.distortion[2:4])):
+            return ()
+        radial = dataclasses.replace(lens, distortion=(*lens.distortion[:2], 0.0, 0.0))
+        u, v = (np.linspace(0.0, side - 1.0, 65) for side in (lens.width_px, lens.height_px))
+        pixels = np.stack(np.meshgrid(u, v), axis=-1)
+        rays = lens.ray_from_pixel(pixels)
+        theirs = radial.pixel_from_ray(rays.directions)
+        offsets_px = np.linalg.norm(theirs.positions_px - pixels, axis=-1)
+        most_px = offsets_px[rays.valid & theirs.valid].max(initial=0.0)
+        return (f"KITTI-360's own code leaves out p1 and p2: it is up to {most_px:.2g} px off",)
 
     def encode(self, cameras: Sequence[ParsedCamera[CamodocalLens]]) -> str:
         """Text of a file with the camera."""
@@ -145,7 +188,8 @@ class Camodocal(Format[CamodocalLens]):
 
 def _lens(head: _Head, data: dict[str, Any], source: str) -> CentralCamera:
     size = head.image_width, head.image_height
-    check_choice(head.model_type, ("MEI", "PINHOLE", "KANNALA_BRANDT"), f"{source}: model_type")
+    others = {"SCARAMUZZA": "its polynomial is that of OCamCalib: pass calib_results.txt"}
+    check_choice(head.model_type, TABLES, f"{source}: model_type", others)
     if head.model_type == "MEI":
         mei = parse(data, _Mei, source)
         plane = mei.projection_parameters

@@ -65,6 +65,7 @@ MODELS = {
     "EUCM": "fx fy cx cy alpha beta",
     "EQUIRECTANGULAR": "w h",
 }
+OTHERS = ("SIMPLE_DIVISION", "DIVISION", "RAD_TAN_THIN_PRISM_FISHEYE")  # not omnisim's models
 LINE = "CAMERA_ID MODEL WIDTH HEIGHT PARAMS…"
 CENTER_PX = 0.5  # center of the first pixel
 ColmapLens = (
@@ -95,10 +96,10 @@ class Colmap(Format[ColmapLens]):
     caveat = "COLMAP's own projection ends at 90°"
     several = True
 
-    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+    def read(self, document: str, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse one camera per line."""
         cameras = []
-        for number, line in enumerate(text.splitlines(), start=1):
+        for number, line in enumerate(document.splitlines(), start=1):
             cells = line.split()
             if not cells or cells[0].startswith("#"):
                 continue
@@ -106,7 +107,8 @@ class Colmap(Format[ColmapLens]):
             if len(cells) < 5:
                 raise unexpected(place, LINE, line)
             name, model, *numbers = cells
-            check_choice(model, MODELS, f"{place}: MODEL")
+            others = dict.fromkeys(OTHERS, "let COLMAP estimate OPENCV_FISHEYE or FULL_OPENCV")
+            check_choice(model, MODELS, f"{place}: MODEL", others)
             width, height = (parse_size(word, place) for word in numbers[:2])
             values = [parse_number(word, place) for word in numbers[2:]]
             values = counted(values, MODELS[model], f"{place}: {model}")

@@ -15,6 +15,8 @@ import numpy as np
 
 from omnisim.cameras import CentralCamera, RationalPolynomialCamera, UnifiedCamera
 from omnisim.cameras.calibration.calibrated_camera import NamedPose
+from omnisim.cameras.calibration.documents import parse_json, parse_yaml
+from omnisim.cameras.calibration.fields import ForeignTable, short, unread_keys
 from omnisim.core.errors import CalibrationError, OpticsError
 
 LensT = TypeVar("LensT", bound=CentralCamera)
@@ -22,6 +24,7 @@ LensT_co = TypeVar("LensT_co", bound=CentralCamera, covariant=True)
 Fixed = Mapping[str, Any]
 ANY: Fixed = {}
 PINHOLE: Fixed = {"xi": 0.0}  # makes the unified model a pinhole camera with distortion
+SHOWN_KEYS = 8  # unknown keys that a notice names
 NO_SKEW: Fixed = {"skew_px": 0.0}  # drops skew and k3, which most formats lack
 
 
@@ -42,12 +45,14 @@ class ParsedCamera(Generic[LensT_co]):
         lens: camera model that looks along +z of the file frame.
         poses: camera poses in the file.
         time_shift_s: offset from camera timestamps to IMU timestamps.
+        notes: contradictions in the file, one sentence each.
     """
 
     name: str
     lens: LensT_co
     poses: tuple[NamedPose, ...] = ()
     time_shift_s: float = 0.0
+    notes: tuple[str, ...] = ()
 
 
 class Format(ABC, Generic[LensT]):
@@ -65,6 +70,7 @@ class Format(ABC, Generic[LensT]):
         caveat: note for the user about a lens that sees farther than caveat_theta_rad.
         centered: True if the axis is always at the image center.
         several: True if a file can hold several cameras.
+        tables: schemas of its kinds of files; empty: files without keys.
         has_names: True if cameras have names in the file.
         unified_terms: terms among "ξ", "skew", "k3" and "thin prism or tilt" that the format's
             unified or pinhole camera has.
@@ -82,6 +88,7 @@ class Format(ABC, Generic[LensT]):
     caveat_theta_rad: ClassVar[float] = 0.5 * math.pi
     centered: ClassVar[bool] = False
     several: ClassVar[bool] = False
+    tables: ClassVar[tuple[type[ForeignTable], ...]] = ()
     has_names: ClassVar[bool] = True
     unified_terms: ClassVar[frozenset[str]] = frozenset({"k3"})
 
@@ -93,13 +100,58 @@ class Format(ABC, Generic[LensT]):
         """Reason why the user has to name the format, or None."""
         return None
 
+    def document(self, text: str, source: str) -> Any:
+        """Content of a file: keys with values, or the text itself if the format has no keys.
+
+        Raises:
+            CalibrationError: a fault of the syntax; names the file and the line.
+        """
+        if not self.tables:
+            return text
+        return {".yaml": parse_yaml, ".json": parse_json}[self.suffix](text, source)
+
     @abstractmethod
-    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
-        """Parse the cameras of a text; `source` names the file in messages.
+    def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
+        """Parse the cameras of a document; `source` names the file in messages.
 
         Raises:
             CalibrationError: the file is invalid; names file, key, actual and expected value.
         """
+
+    def table_of(self, document: Any) -> type[ForeignTable] | None:
+        """Schema of a document."""
+        return self.tables[0] if self.tables else None
+
+    def notices(self, document: Any, source: str) -> list[str]:
+        """Notes on keys in a document that are not read, one sentence each.
+
+        Raises:
+            CalibrationError: the camera would be wrong without one of the keys.
+        """
+        table = self.table_of(document)
+        known: dict[str, str] = {}
+        unknown: list[str] = []
+        for path, value, meaning in () if table is None else unread_keys(document, table):
+            if path == "omnisim":  # metadata, read for all formats
+                continue
+            same = re.sub(r"\.\d+(?=\.)", ".*", path)  # the key in one of many equal tables
+            if meaning is None:
+                unknown.append(same)
+            elif meaning.is_fault:
+                raise CalibrationError(f"{source}: {path} = {short(value)}: {meaning.effect}")
+            else:
+                known.setdefault(same, f"{path} = {short(value)} is not read: {meaning.effect}")
+        unknown = list(dict.fromkeys(unknown))
+        notes = list(known.values())
+        if unknown:
+            more = f" and {len(unknown) - SHOWN_KEYS} more" if len(unknown) > SHOWN_KEYS else ""
+            keys = ", ".join(unknown[:SHOWN_KEYS]) + more
+            notes.append(f"unknown keys of a {self.name} file are not read: {keys}")
+        return notes
+
+    def lens_caveats(self, lens: CentralCamera) -> tuple[str, ...]:
+        """Notes on what the format's own tools make of a lens."""
+        return ()
 
     @abstractmethod
     def encode(self, cameras: Sequence[ParsedCamera[LensT]]) -> str:
@@ -139,5 +191,5 @@ def error_context(source: str) -> Iterator[None]:
     except OpticsError as reason:
         message = str(reason).removeprefix("camera: ")
         raise CalibrationError(f"{source}: {message}") from None
-    except (ArithmeticError, ValueError, np.linalg.LinAlgError) as reason:
+    except (ArithmeticError, ValueError, RecursionError, np.linalg.LinAlgError) as reason:
         raise CalibrationError(f"{source}: expected numbers of a camera: {reason}") from None

@@ -10,26 +10,17 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
+from typing import Any
 
 from omnisim.cameras import CentralCamera
-from omnisim.cameras.calibration.documents import parse_json
-from omnisim.cameras.calibration.fields import ForeignTable, Numbers, Size, parse
 from omnisim.cameras.calibration.formats.camera_info import (
     IDENTITY,
     CameraInfo,
     CameraInfoLens,
+    CameraInfoMessage,
     camera_info,
 )
 from omnisim.cameras.calibration.formats.format import MetadataPlace, ParsedCamera
-
-
-class _Camera(ForeignTable):
-    frame_id: str = "camera"
-    width: Size
-    height: Size
-    distortion_model: str
-    D: Numbers
-    K: Numbers
 
 
 class Foxglove(CameraInfo):
@@ -42,13 +33,11 @@ class Foxglove(CameraInfo):
     metadata_place = MetadataPlace.KEY
     distortion_models = ("plumb_bob", "rational_polynomial")
     fisheye_models = ("kannala_brandt",)
+    tables = (CameraInfoMessage,)
 
-    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+    def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the camera."""
-        fields = parse(parse_json(text, source), _Camera, source)
-        size_px = fields.width, fields.height
-        lens = self._lens(size_px, fields.distortion_model, fields.K, fields.D, source, ("K", "D"))
-        return [ParsedCamera(fields.frame_id or "camera", lens)]
+        return [self._camera(document, source)]
 
     def encode(self, cameras: Sequence[ParsedCamera[CameraInfoLens]]) -> str:
         """Text of a file with the camera."""

@@ -21,8 +21,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 from xml.etree.ElementTree import Element, tostring
+
+import numpy as np
 
 from omnisim.cameras import (
     CentralCamera,
@@ -32,10 +35,18 @@ from omnisim.cameras import (
     OrthographicCamera,
     PerspectiveCamera,
     StereographicCamera,
+    UnifiedCamera,
 )
 from omnisim.cameras.calibration.documents import parse_xml
 from omnisim.cameras.calibration.equivalents import IDEAL_FISHEYES
-from omnisim.cameras.calibration.fields import check_choice, parse_number, parse_size, unexpected
+from omnisim.cameras.calibration.fields import (
+    ForeignTable,
+    Unread,
+    check_choice,
+    parse_number,
+    parse_size,
+    unexpected,
+)
 from omnisim.cameras.calibration.formats.format import (
     ANY,
     Format,
@@ -44,6 +55,7 @@ from omnisim.cameras.calibration.formats.format import (
     error_context,
 )
 from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
+from omnisim.cameras.models.field_of_view import largest_theta_rad
 from omnisim.core.errors import CalibrationError
 
 GazeboFisheye = EquidistantCamera | EquisolidCamera | OrthographicCamera | StereographicCamera
@@ -54,9 +66,42 @@ TYPES: Mapping[str, type[GazeboFisheye]] = {
     "orthographic": OrthographicCamera,
 }
 FUNCTIONS = {"sin": math.sin, "tan": math.tan, "id": float}
+MAX_DEPTH = 4  # of elements in a camera
+FOV_TOLERANCE_RAD = 1e-3  # between horizontal_fov and intrinsics
 DEFAULT_CUTOFF_RAD = 1.5707
 CORNER_PX = 0.5  # from the first pixel's corner to its center
 GazeboLens = PerspectiveCamera | GazeboCamera
+
+
+class _Camera(
+    ForeignTable,
+    also_read=(
+        "horizontal_fov image/width image/height distortion/k1 distortion/k2 distortion/k3 "
+        "distortion/p1 distortion/p2 lens/type lens/scale_to_hfov lens/cutoff_angle "
+        "lens/custom_function/c1 lens/custom_function/c2 lens/custom_function/c3 "
+        "lens/custom_function/f lens/custom_function/fun lens/intrinsics/fx lens/intrinsics/fy "
+        "lens/intrinsics/cx lens/intrinsics/cy lens/intrinsics/s"
+    ),
+    unread={
+        "image/format": Unread("images are RGB", ("R8G8B8", "RGB_INT8", "B8G8R8", "BGR_INT8")),
+        "clip/near clip/far": Unread("near_m and far_m of a sensor file"),
+        "noise/stddev": Unread("[degradation.noise] of a sensor file"),
+        "pose": Unread("mounting of a sensor file"),
+    },
+    harmless=(
+        "image/anti_aliasing distortion/center noise/type noise/mean save/path visibility_mask "
+        "optical_frame_id camera_info_topic trigger_topic triggered segmentation_type box_type "
+        "lens/env_texture_size lens/projection/p_fx lens/projection/p_fy lens/projection/p_cx "
+        "lens/projection/p_cy lens/projection/tx lens/projection/ty"
+    ),
+):
+    """Paths of elements in a `<camera>`."""
+
+
+class _Cameras(ForeignTable, inner={"*": _Camera}):
+    @classmethod
+    def reads(cls, key: str, value: Any) -> bool:
+        return True
 
 
 class Gazebo(Format[GazeboLens]):
@@ -70,19 +115,28 @@ class Gazebo(Format[GazeboLens]):
     signature = re.compile(r"\A\s*(?=<).*<(lens|horizontal_fov)\b", re.S)
     metadata_place = MetadataPlace.XML
     centered = True
+    tables = (_Cameras,)
 
-    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+    def document(self, text: str, source: str) -> Element:
+        """Root element of a file."""
+        return parse_xml(text, source)
+
+    def notices(self, document: Element, source: str) -> list[str]:
+        """Notes on elements of the cameras that are not read, one sentence each."""
+        texts = {name: dict(_texts(element)) for name, element in _elements(document).items()}
+        return super().notices(texts, source)
+
+    def read(self, document: Element, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse all cameras that have a field of view."""
-        root = parse_xml(text, source)
-        parents = {child: parent for parent in root.iter() for child in parent}
-        elements = [one for one in root.iter("camera") if one.find("horizontal_fov") is not None]
+        elements = _elements(document)
         if not elements:
             raise unexpected(source, "a <camera> with a <horizontal_fov>", "none")
         cameras = []
-        for name, element in zip(_names(elements, parents), elements, strict=True):
+        for name, element in elements.items():
             place = f"{source}: {name}"
             with error_context(place):
-                cameras.append(ParsedCamera(name, read_lens(element, place)))
+                lens = read_lens(element, place)
+                cameras.append(ParsedCamera(name, lens, notes=_contradictions(element, lens)))
         return cameras
 
     def encode(self, cameras: Sequence[ParsedCamera[GazeboLens]]) -> str:
@@ -125,6 +179,41 @@ class Gazebo(Format[GazeboLens]):
         if off > 1e-9:
             return f"its axis is in the image's middle, this one's {off:.3g} px beside it"
         return None
+
+
+def _elements(root: Element) -> dict[str, Element]:
+    """Elements of the cameras with a field of view, by distinct names."""
+    parents = {child: parent for parent in root.iter() for child in parent}
+    cameras = [one for one in root.iter("camera") if one.find("horizontal_fov") is not None]
+    return dict(zip(_names(cameras, parents), cameras, strict=True))
+
+
+def _texts(element: Element, path: str = "") -> Iterator[tuple[str, str]]:
+    """Paths below an element, and their texts."""
+    for child in element:
+        if len(child) and path.count("/") < MAX_DEPTH:
+            yield from _texts(child, f"{path}{child.tag}/")
+        else:
+            yield f"{path}{child.tag}", (child.text or "").strip()
+
+
+def _contradictions(camera: Element, lens: CentralCamera) -> tuple[str, ...]:
+    """Notes on elements that contradict others, or have no effect beside them."""
+    fov, notes = float(camera.findtext("horizontal_fov") or 0.0), []
+    if isinstance(lens, PerspectiveCamera | UnifiedCamera):
+        # at the center the two models scale alike along u
+        ray = lens.ray_from_pixel(np.add(lens.principal_point_px, (1.0, 0.0))).directions
+        seen = 2.0 * math.atan(0.5 * lens.width_px * ray[0] / ray[2])
+        if abs(seen - fov) > FOV_TOLERANCE_RAD:
+            notes.append(f"horizontal_fov = {fov:g} is not read: the intrinsics see {seen:g} rad")
+        cutoff = camera.findtext("lens/cutoff_angle")
+        if cutoff is not None and float(cutoff) < largest_theta_rad(lens):
+            notes.append(f"lens/cutoff_angle = {cutoff.strip()} is not read in a perspective lens")
+    elif camera.find("lens/intrinsics") is not None:
+        notes.append("lens/intrinsics is not read in a wide lens")
+    if camera.find("lens/custom_function") is not None and not isinstance(lens, GazeboCamera):
+        notes.append("lens/custom_function is not read in a lens of another type")
+    return tuple(notes)
 
 
 def _names(cameras: Sequence[Element], parents: Mapping[Element, Element]) -> list[str]:

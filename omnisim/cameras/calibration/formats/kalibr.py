@@ -10,17 +10,25 @@
 | eucm | alpha beta fu fv pu pv | none | eucm |
 
 Pixel (0, 0) is the center of the first pixel, as in omnisim. `T_cn_cnm1` maps the previous camera's
-frame to this camera's frame, and `T_cam_imu` maps the IMU frame to it. A camera timestamp plus
-`timeshift_cam_imu` is IMU time. Kalibr reads only floats, so all numbers are written with a decimal
-point.
+frame to this camera's frame, and `T_cam_imu` maps the IMU frame to it; OpenVINS writes its inverse,
+`T_imu_cam`. A camera timestamp plus `timeshift_cam_imu` is IMU time. Kalibr reads only floats, so
+all numbers are written with a decimal point.
 
-Source: Kalibr's wiki, "YAML formats" and "Supported models".
+EuRoC's mav0/cam0/sensor.yaml, read only, has the same models: `distortion_model` is
+`radial-tangential` or `equidistant`, and `T_BS` maps the camera's frame to the body's, the IMU's.
+
+Source: Kalibr's wiki, "YAML formats" and "Supported models"; Burri et al., "The EuRoC micro aerial
+vehicle datasets", 2016.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from omnisim.cameras import (
     CentralCamera,
@@ -32,6 +40,7 @@ from omnisim.cameras import (
 from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
 from omnisim.cameras.calibration.documents import parse_yaml
 from omnisim.cameras.calibration.fields import (
+    ROLLING_SHUTTER,
     ForeignTable,
     Matrix,
     Numbers,
@@ -53,6 +62,7 @@ from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
 from omnisim.cameras.calibration.formats.yaml_text import yaml_floats
 from omnisim.cameras.calibration.fov_lens import FovLens
 from omnisim.core.files.parameters import Number
+from omnisim.core.poses import inverse
 
 INTRINSICS = {
     "pinhole": "fu fv pu pv",
@@ -60,6 +70,8 @@ INTRINSICS = {
     "ds": "xi alpha fu fv pu pv",
     "eucm": "alpha beta fu fv pu pv",
 }
+RENAMED = {"distortion_coefficients": "distortion_coeffs"}  # keys of a sensor.yaml
+MATRIX = " ".join(f"r{row}{column}" for row in "1234" for column in "1234")
 DISTORTIONS = {"radtan": "k1 k2 p1 p2", "equidistant": "k1 k2 k3 k4", "fov": "w", "none": ""}
 PAIRS = {
     "pinhole": ("radtan", "equidistant", "fov", "none"),
@@ -70,7 +82,13 @@ PAIRS = {
 KalibrLens = UnifiedCamera | KannalaBrandtCamera | EucmCamera | DoubleSphereCamera
 
 
-class _Camera(ForeignTable):
+class _Camera(
+    ForeignTable,
+    unread={"line_delay": ROLLING_SHUTTER},
+    harmless="rostopic cam_overlaps sensor_type comment rate_hz",
+):
+    """Camera of a chain."""
+
     camera_model: str
     intrinsics: Numbers
     distortion_model: str
@@ -78,7 +96,18 @@ class _Camera(ForeignTable):
     resolution: list[Size]
     T_cn_cnm1: Matrix | None = None
     T_cam_imu: Matrix | None = None
+    T_imu_cam: Matrix | None = None
     timeshift_cam_imu: Number = 0.0
+
+
+class _Matrix(ForeignTable):
+    data: Numbers
+
+
+class _Chain(ForeignTable, inner={"*": _Camera}):
+    @classmethod
+    def reads(cls, key: str, value: Any) -> bool:
+        return isinstance(value, dict) and bool({"camera_model", "intrinsics"} & value.keys())
 
 
 class Kalibr(Format[KalibrLens]):
@@ -96,6 +125,7 @@ class Kalibr(Format[KalibrLens]):
     )
     signature = re.compile(r"""(?:^|[{,])[ \t]*["']?camera_model["']?[ \t]*:""", re.M)
     several = True
+    tables = (_Chain,)
     unified_terms = frozenset({"ξ"})
 
     def looks_like(self, text: str) -> bool:
@@ -103,13 +133,14 @@ class Kalibr(Format[KalibrLens]):
         is_json = text.lstrip().startswith("{")
         return not is_json and super().looks_like(text) and "intrinsics" in text
 
-    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+    def document(self, text: str, source: str) -> Any:
+        """Content of a file; a sensor.yaml of EuRoC as a chain."""
+        data = parse_yaml(text, source)
+        return _chain_of_sensor(data, source) if "sensor_type" in data or "T_BS" in data else data
+
+    def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the cameras of the chain."""
-        chain = {
-            name: part
-            for name, part in parse_yaml(text, source).items()
-            if isinstance(part, dict) and {"camera_model", "intrinsics"} & part.keys()
-        }
+        chain = {name: part for name, part in document.items() if _Chain.reads(name, part)}
         if not chain:
             raise unexpected(source, "cam0: with camera_model, intrinsics, …", "no camera")
         cameras, before = [], None
@@ -118,7 +149,9 @@ class Kalibr(Format[KalibrLens]):
             fields = parse(part, _Camera, place)
             poses = tuple(_poses(fields, name, before, place))
             lens, shift_s = _lens(fields, place), fields.timeshift_cam_imu
-            cameras.append(ParsedCamera(name, lens, poses, shift_s))
+            first = before is None and fields.T_cn_cnm1 is not None
+            notes = ("T_cn_cnm1 is not read: no camera is before it",) if first else ()
+            cameras.append(ParsedCamera(name, lens, poses, shift_s, notes))
             before = name
         return cameras
 
@@ -146,6 +179,24 @@ class Kalibr(Format[KalibrLens]):
     def camera_name(self, index: int, name: str) -> str:
         """Name as Kalibr writes it: cam0, cam1, …"""
         return name if re.fullmatch(r"cam\d+", name, re.ASCII) else f"cam{index}"
+
+
+def _chain_of_sensor(sensor: dict[str, Any], source: str) -> dict[str, Any]:
+    """Chain with the camera of a sensor.yaml, whose folder has the camera's name."""
+    folder = Path(source).parent.name
+    name = folder if re.fullmatch(r"cam\d+", folder, re.ASCII) else "cam0"
+    camera = {RENAMED.get(key, key): value for key, value in sensor.items()}
+    model = camera.get("distortion_model")
+    none = camera.get("distortion_coeffs") in (None, [], [0.0] * 4)
+    if none and camera.get("camera_model") in ("ds", "eucm"):
+        camera.update(distortion_model="none", distortion_coeffs=[])
+    elif model in ("radial-tangential", "plumb_bob"):
+        camera["distortion_model"] = "radtan"
+    if "T_BS" in camera:
+        place = f"{source}: T_BS"
+        data = counted(parse(camera.pop("T_BS"), _Matrix, place).data, MATRIX, f"{place}.data")
+        camera["T_imu_cam"] = np.reshape(data, (4, 4)).tolist()
+    return {name: camera}
 
 
 def _lens(fields: _Camera, place: str) -> CentralCamera:
@@ -179,6 +230,9 @@ def _poses(fields: _Camera, name: str, before: str | None, place: str) -> list[N
         poses.append(NamedPose(name, before, pose(fields.T_cn_cnm1, f"{place}: T_cn_cnm1")))
     if fields.T_cam_imu is not None:
         poses.append(NamedPose(name, "imu", pose(fields.T_cam_imu, f"{place}: T_cam_imu")))
+    if fields.T_imu_cam is not None:
+        imu_from_camera = pose(fields.T_imu_cam, f"{place}: T_imu_cam")
+        poses.append(NamedPose(name, "imu", inverse(imu_from_camera)))
     return poses
 
 

@@ -11,7 +11,12 @@ Rays pass through (u + 0.5, v + 0.5): the center of the first pixel is (0.5, 0.5
 up, z back), rotated by half a turn about x from omnisim's. A frame's pose is named
 world_from_<its file_path>.
 
-Source: nerfstudio's documentation, "Data conventions"; its module cameras.
+Instant-ngp's `is_fisheye` stands for OPENCV_FISHEYE. In place of a focal length a file may have the
+field of view of a pinhole camera: `camera_angle_x`, `camera_angle_y` in radians, `x_fov`, `y_fov`
+in degrees. Without `w` and `h`, as in NeRF's synthetic scenes, the size is that of the images.
+
+Source: nerfstudio's documentation, "Data conventions"; its module cameras; instant-ngp's
+nerf_loader.
 """
 
 from __future__ import annotations
@@ -20,17 +25,19 @@ import json
 import math
 import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from omnisim.cameras import CentralCamera, EquirectangularCamera, KannalaBrandtCamera, UnifiedCamera
 from omnisim.cameras.calibration.calibrated_camera import NamedPose
-from omnisim.cameras.calibration.documents import parse_json
 from omnisim.cameras.calibration.fields import (
+    ROLLING_SHUTTER,
     ForeignTable,
     Matrix,
     Size,
+    Unread,
     check_choice,
     parse,
     pose,
@@ -47,23 +54,39 @@ from omnisim.cameras.calibration.formats.format import (
 )
 from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
 from omnisim.core.errors import CalibrationError
-from omnisim.core.files.parameters import Number
+from omnisim.core.files.parameters import Flag, Number
 
 CENTER_PX = 0.5  # center of the first pixel
 OPENGL_FROM_OPENCV = np.array([1.0, -1.0, -1.0, 1.0])
 PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "PERSPECTIVE")
 FISHEYES = ("OPENCV_FISHEYE", "FISHEYE")
 NerfstudioLens = UnifiedCamera | KannalaBrandtCamera | EquirectangularCamera
+FOCAL_TOLERANCE = 1e-3  # relative difference of two statements of a focal length
 
 
-class _Intrinsics(ForeignTable):
-    camera_model: str = "OPENCV"
+OTHER_LENS = Unread("a lens of instant-ngp that is not read: state a camera_model", is_fault=True)
+
+
+class _Intrinsics(
+    ForeignTable,
+    unread={
+        "fisheye_crop_radius": Unread("black beyond it: theta_max_deg of a sensor file"),
+        "distortion_params": Unread("state k1, k2, k3, k4, p1, p2 in its place", is_fault=True),
+        "rolling_shutter transform_matrix_start transform_matrix_end": ROLLING_SHUTTER,
+        "latlong equirectangular k5 k6": OTHER_LENS,
+        "ftheta_p0 ftheta_p1 ftheta_p2 ftheta_p3 ftheta_p4": OTHER_LENS,
+    },
+):
+    """Intrinsics of all frames or of one."""
+
+    camera_model: str | None = None
+    is_fisheye: Flag | None = None
     fl_x: Number | None = None
     fl_y: Number | None = None
     cx: Number | None = None
     cy: Number | None = None
-    w: Size
-    h: Size
+    w: Size | None = None
+    h: Size | None = None
     k1: Number = 0.0
     k2: Number = 0.0
     k3: Number = 0.0
@@ -71,14 +94,36 @@ class _Intrinsics(ForeignTable):
     p1: Number = 0.0
     p2: Number = 0.0
     camera_angle_x: Number | None = None
+    camera_angle_y: Number | None = None
+    x_fov: Number | None = None
+    y_fov: Number | None = None
 
 
-class _Frame(ForeignTable):
+class _Frame(
+    _Intrinsics,
+    harmless=(
+        "depth_file_path mask_path semantics_path normal_file_path rotation sharpness time "
+        "timestamp colmap_im_id light driver_parameters"
+    ),
+):
     file_path: str = ""
     transform_matrix: Matrix | None = None
 
 
-class _File(ForeignTable):
+class _File(
+    _Intrinsics,
+    inner={"frames": _Frame},
+    unread={
+        "applied_scale": Unread("positions are not in meters", (1,)),
+        "from_na": Unread("poses have other axes"),
+    },
+    harmless=(
+        "applied_transform aabb_scale scale offset up render_aabb orientation_override "
+        "auto_scale_poses_override ply_file_path train_filenames val_filenames test_filenames "
+        "n_extra_learnable_dims fix_premult enable_ray_loading enable_depth_loading "
+        "integer_depth_scale white_transparent black_transparent mask_color"
+    ),
+):
     frames: tuple[dict[str, Any], ...] = ()
 
 
@@ -93,33 +138,38 @@ class Nerfstudio(Format[NerfstudioLens]):
     signature = re.compile(r'\A\s*\{.*"(fl_x|camera_angle_x|transform_matrix)"\s*:', re.S)
     metadata_place = MetadataPlace.KEY
     has_names = False
+    tables = (_File,)
 
-    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+    def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse one camera per set of intrinsics, with the poses of its frames."""
-        data = parse_json(text, source)
-        frames = parse(data, _File, source).frames
         keys = _Intrinsics.model_fields
-        shared = {key: data[key] for key in keys if key in data}
-        groups: dict[str, tuple[str, dict[str, Any], list[NamedPose]]] = {}
+        shared = {key: document[key] for key in keys if key in document}
+        files = {key: value for key, value in document.items() if key not in keys}
+        frames = parse(files, _File, source).frames
+        groups: dict[str, tuple[str, dict[str, Any], list[NamedPose], str]] = {}
         for index, frame in enumerate(frames or ({},)):
             place = f"{source}: frames.{index}" if frames else source
             own = {key: frame[key] for key in keys if key in frame}
             values = {**shared, **own}
-            fields = parse(frame, _Frame, place)
-            group = groups.setdefault(repr(values), (place if own else source, values, []))
+            fields = parse({key: frame[key] for key in frame if key not in keys}, _Frame, place)
+            new = (place if own else source, values, list[NamedPose](), fields.file_path)
+            group = groups.setdefault(repr(values), new)
             if fields.transform_matrix is not None:
                 matrix = pose(fields.transform_matrix, f"{place}: transform_matrix")
                 name = fields.file_path or f"frame{index}"
                 group[2].append(NamedPose("world", name, matrix * OPENGL_FROM_OPENCV))
         cameras = []
-        for index, (place, values, poses) in enumerate(groups.values()):
+        for index, (place, values, poses, image) in enumerate(groups.values()):
             name = f"camera{index}" if len(groups) > 1 else "camera"
-            lens = _lens(parse(values, _Intrinsics, place), place)
+            part = parse(values, _Intrinsics, place)
+            notes: list[str] = []
+            size = _size(part, Path(source).parent, image, place, notes)
+            lens = _lens(part, size, place, notes)
             if (
                 len(groups) > 1 and len(poses) == 1
             ):  # one camera per image: it takes the image's name
                 name = poses[0].source
-            cameras.append(ParsedCamera(name, lens, tuple(poses)))
+            cameras.append(ParsedCamera(name, lens, tuple(poses), notes=tuple(notes)))
         return cameras
 
     def encode(self, cameras: Sequence[ParsedCamera[NerfstudioLens]]) -> str:
@@ -136,24 +186,70 @@ class Nerfstudio(Format[NerfstudioLens]):
         return json.dumps({**intrinsics(camera.lens), "frames": frames}, indent=2) + "\n"
 
 
-def _lens(part: _Intrinsics, place: str) -> CentralCamera:
-    model = part.camera_model
+def _size(
+    part: _Intrinsics, folder: Path, image: str, place: str, notes: list[str]
+) -> tuple[int, int]:
+    """Image size, from the file or from an image; adds a note if the two differ."""
+    names = (image, f"{image}.png", f"{image}.jpg") if image else ()
+    path = next((folder / name for name in names if (folder / name).is_file()), None)
+    width, height = part.w, part.h
+    if path is not None:
+        from omnisim.core.files.image_files import read_image  # loads OpenImageIO
+
+        rows, columns = map(int, read_image(path)[0].shape[:2])
+        if width is None or height is None:
+            return columns, rows
+        if (width, height) != (columns, rows):
+            notes.append(f"w, h = {width}, {height}, and {image} has {columns} × {rows} px")
+    if width is None or height is None:
+        key, hint = ("w" if width is None else "h"), f", or the image {image} beside the file"
+        hint = f": expected it{hint}" if image else ""
+        raise CalibrationError(f"{place}: {key}: missing{hint}")
+    return width, height
+
+
+def _focal_px(
+    part: _Intrinsics, axis: str, side_px: int, place: str, notes: list[str]
+) -> float | None:
+    """Focal length along an axis, px, or None; adds a note if two statements differ."""
+    first = taken = None
+    for key, per_unit, straight in (
+        (f"fl_{axis}", None, ""),
+        (f"camera_angle_{axis}", 1.0, "π"),
+        (f"{axis}_fov", math.radians(1.0), "180"),
+    ):
+        value = focal_px = getattr(part, key)
+        if value is not None and per_unit is not None:
+            if not 0.0 < value * per_unit < math.pi:
+                raise unexpected(f"{place}: {key}", f"more than 0 and less than {straight}", value)
+            focal_px = 0.5 * side_px / math.tan(0.5 * value * per_unit)
+        if taken is None:
+            first, taken = key, focal_px
+        elif focal_px is not None and abs(focal_px - taken) > FOCAL_TOLERANCE * abs(taken):
+            notes.append(
+                f"{key} = {value:g} is not read: it is a focal length of {focal_px:.6g} px, and "
+                f"{first} states {taken:.6g} px"
+            )
+    return taken
+
+
+def _lens(part: _Intrinsics, size: tuple[int, int], place: str, notes: list[str]) -> CentralCamera:
+    model = part.camera_model or ("OPENCV_FISHEYE" if part.is_fisheye else "OPENCV")
     check_choice(model, (*PINHOLES, *FISHEYES, "EQUIRECTANGULAR"), f"{place}: camera_model")
+    if part.is_fisheye is not None and part.is_fisheye != (model in FISHEYES):
+        kind = "a fisheye" if part.is_fisheye else "no fisheye"
+        raise unexpected(f"{place}: camera_model", f"{kind}, as is_fisheye states", model)
+    width, height = size
     if model == "EQUIRECTANGULAR":
-        return EquirectangularCamera(part.w, part.h)
-    focal = part.fl_x
-    if focal is None and part.camera_angle_x is not None:
-        if not 0.0 < part.camera_angle_x < math.pi:
-            expected = "more than 0 and less than π"
-            raise unexpected(f"{place}: camera_angle_x", expected, part.camera_angle_x)
-        focal = 0.5 * part.w / math.tan(0.5 * part.camera_angle_x)
-    if focal is None:
+        return EquirectangularCamera(width, height)
+    focal = _focal_px(part, "x", width, place, notes)
+    other = _focal_px(part, "y", height, place, notes)
+    if focal is None and (other is None or part.fl_y is not None):
         raise CalibrationError(f"{place}: fl_x: missing")
-    other = focal if part.fl_y is None else part.fl_y
-    u = 0.5 * part.w if part.cx is None else part.cx
-    v = 0.5 * part.h if part.cy is None else part.cy
-    center = u - CENTER_PX, v - CENTER_PX
-    intrinsics = Intrinsics(part.w, part.h, (focal, other), center)
+    u = 0.5 * width if part.cx is None else part.cx
+    v = 0.5 * height if part.cy is None else part.cy
+    focal, other = (one for one in (focal or other, other or focal) if one is not None)
+    intrinsics = Intrinsics(width, height, (focal, other), (u - CENTER_PX, v - CENTER_PX))
     with error_context(place):
         if model in FISHEYES:
             if part.p1 or part.p2:

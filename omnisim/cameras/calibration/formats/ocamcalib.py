@@ -8,7 +8,8 @@
 
 In the toolbox, x points down, y points right, and the camera looks along −z.
 `cameras/models/ocamcalib.py` has the rotation to omnisim's axes. Lenses and mirrors share it; only
-omnisim's metadata tells them apart. The inverse is fitted here, as in the toolbox.
+omnisim's metadata tells them apart. The inverse is fitted here, as in the toolbox; that of a file
+is compared with the direct polynomial.
 
 Source: Scaramuzza's toolbox, its C functions and calib_results.txt.
 """
@@ -22,6 +23,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
+from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, OcamcalibCamera
 from omnisim.cameras.calibration.fields import parse_number, parse_size, unexpected
@@ -30,6 +32,7 @@ from omnisim.core.errors import CalibrationError
 
 BLOCKS = ("polynomial", "inverse polynomial", "center", "affine parameters", "image size")
 COUNTS = (0, 0, 2, 3, 2)  # numbers per block; 0: the first number counts the others
+INVERSE_TOLERANCE_PX = 1.0  # of a file's inverse polynomial
 INVERSE_WITHIN_PX = 0.01  # as in the toolbox's findinvpoly
 MAX_INVERSE_COEFFICIENTS = 25
 _FROM_ONE = re.compile(r"^[ \t]*#.*(starting from 1|matlab convention)", re.M | re.I)
@@ -54,9 +57,9 @@ class Ocamcalib(Format[OcamcalibCamera]):
         counts = [len(words) for _, words in lines]
         return len(lines) == 5 and counts[2:] == [2, 3, 2] and all(map(_is_number, lines[2][1]))
 
-    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+    def read(self, document: str, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the camera."""
-        lines = _lines(text)
+        lines = _lines(document)
         if len(lines) != len(BLOCKS):
             blocks_named = f"{len(BLOCKS)} lines of numbers: {', '.join(BLOCKS)}"
             raise unexpected(source, blocks_named, len(lines))
@@ -68,13 +71,13 @@ class Ocamcalib(Format[OcamcalibCamera]):
             if len(values) != expected:
                 raise CalibrationError(f"{place}: expected {expected:g} numbers, got {len(values)}")
             blocks.append(values)
-        polynomial, _, (row, column), affine, _ = blocks
+        polynomial, inverse, (row, column), affine, _ = blocks
         height, width = (parse_size(word, place) for word in lines[-1][1])
-        first = 1.0 if _FROM_ONE.search(text) else 0.0
+        first = 1.0 if _FROM_ONE.search(document) else 0.0
         center = column - first, row - first
         with error_context(source):
             lens = OcamcalibCamera(width, height, center, tuple(polynomial), tuple(affine))
-        return [ParsedCamera("camera", lens)]
+        return [ParsedCamera("camera", lens, notes=_contradictions(lens, inverse))]
 
     def encode(self, cameras: Sequence[ParsedCamera[OcamcalibCamera]]) -> str:
         """Text of a file with the camera and the inverse polynomial."""
@@ -128,15 +131,7 @@ def inverse_polynomial(lens: OcamcalibCamera) -> list[float]:
 
     It covers the angles in the image; the toolbox's world2cam needs it.
     """
-    u, v = (np.linspace(0.0, side - 1.0, 65) for side in (lens.width_px, lens.height_px))
-    rays = lens.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1))
-    directions = rays.directions[rays.valid]
-    theta = np.arctan2(np.hypot(directions[:, 0], directions[:, 1]), directions[:, 2])
-    highest = min(float(theta.max(initial=0.1)) * 1.05, lens.theta_edge_rad)
-    theta = np.linspace(0.0, highest, 400)
-    unskewed = dataclasses.replace(lens, affine=(1.0, 0.0, 0.0))
-    along_u = np.stack((np.sin(theta), 0.0 * theta, np.cos(theta)), axis=-1)
-    radius = unskewed.pixel_from_ray(along_u).positions_px[:, 0] - lens.principal_point_px[0]
+    theta, radius = _profile(lens, 1.05)
     elevation = theta - 0.5 * math.pi
     for degree in range(1, MAX_INVERSE_COEFFICIENTS):
         fitted = Chebyshev.fit(elevation, radius, degree)
@@ -144,3 +139,36 @@ def inverse_polynomial(lens: OcamcalibCamera) -> list[float]:
             break
     coefficients: list[float] = fitted.convert(kind=Polynomial).coef.tolist()
     return coefficients
+
+
+def _profile(
+    lens: OcamcalibCamera, reach: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Angles (n,) from the axis up to `reach` times the image's largest, and their radii, px."""
+    u, v = (np.linspace(0.0, side - 1.0, 65) for side in (lens.width_px, lens.height_px))
+    rays = lens.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1))
+    directions = rays.directions[rays.valid]
+    theta = np.arctan2(np.hypot(directions[:, 0], directions[:, 1]), directions[:, 2])
+    highest = min(float(theta.max(initial=0.1)) * reach, lens.theta_edge_rad)
+    theta = np.linspace(0.0, highest, 400)
+    unskewed = dataclasses.replace(lens, affine=(1.0, 0.0, 0.0))
+    along_u = np.stack((np.sin(theta), 0.0 * theta, np.cos(theta)), axis=-1)
+    return theta, unskewed.pixel_from_ray(along_u).positions_px[:, 0] - lens.principal_point_px[0]
+
+
+def _contradictions(lens: OcamcalibCamera, inverse: Sequence[float]) -> tuple[str, ...]:
+    """Note on an inverse polynomial that contradicts the direct one."""
+    theta, radius = _profile(lens, 1.0)
+
+    def errors_px(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.abs(Polynomial(inverse or [0.0])(angle) - radius))
+
+    most_px = errors_px(theta - 0.5 * math.pi).max()
+    if most_px <= INVERSE_TOLERANCE_PX:
+        return ()
+    reason = f"is up to {most_px:.3g} px off the direct one"
+    if not any(inverse):
+        reason = "is all zeros"
+    elif np.median(errors_px(theta)) <= INVERSE_TOLERANCE_PX:  # it may end before the corners
+        reason += ", as it takes angles from the axis, not from the image plane"
+    return (f"the inverse polynomial {reason}: it is not read",)

@@ -15,8 +15,15 @@ from typing import Any
 
 from omnisim.cameras import CAMERA_MODELS, CentralCamera, camera_from_parameters
 from omnisim.cameras.calibration.calibrated_camera import NamedPose
-from omnisim.cameras.calibration.documents import parse_json
-from omnisim.cameras.calibration.fields import ForeignTable, Matrix, parse, pose, rows, unexpected
+from omnisim.cameras.calibration.fields import (
+    ForeignTable,
+    Matrix,
+    Unread,
+    parse,
+    pose,
+    rows,
+    unexpected,
+)
 from omnisim.cameras.calibration.fit import FITTED_MODELS
 from omnisim.cameras.calibration.formats.format import (
     ANY,
@@ -36,18 +43,21 @@ class _Pose(ForeignTable):
     target_from_source: Matrix
 
 
-class _Camera(ForeignTable):
+class _Camera(ForeignTable, inner={"poses": _Pose}):
     name: str = "camera"
     camera: dict[str, Any]
     poses: tuple[dict[str, Any], ...] = ()
 
 
-class _File(ForeignTable):
+class _File(ForeignTable, inner={"cameras": _Camera}):
     omnisim_calibration: int = VERSION
     cameras: list[dict[str, Any]]
 
 
-class _RunFile(ForeignTable):
+class _RunFile(
+    ForeignTable,
+    unread={"polygons": Unread("mesh of the mirror: pass the run's sensor file", ("exact",))},
+):
     camera: dict[str, Any]
     base_from_optical: Matrix
 
@@ -65,23 +75,29 @@ class OmnisimJson(Format[CentralCamera]):
     )
     metadata_place = MetadataPlace.KEY
     several = True
+    tables = (_File, _RunFile)
 
-    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+    def table_of(self, document: Any) -> type[ForeignTable] | None:
+        """Schema of a calibration or a run; None for a camera's bare parameters."""
+        if "cameras" in document or "omnisim_calibration" in document:
+            return _File
+        return _RunFile if isinstance(document.get("camera"), dict) else None
+
+    def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the cameras of a calibration, a run, or a camera's bare parameters."""
-        data = parse_json(text, source)
-        if "cameras" in data or "omnisim_calibration" in data:
-            file = parse(data, _File, source)
+        if self.table_of(document) is _File:
+            file = parse(document, _File, source)
             if file.omnisim_calibration != VERSION:
                 raise unexpected(
                     f"{source}: omnisim_calibration", str(VERSION), file.omnisim_calibration
                 )
             return [_parsed(part, f"{source}: cameras.{n}") for n, part in enumerate(file.cameras)]
-        if isinstance(data.get("camera"), dict):
-            run = parse(data, _RunFile, source)
+        if self.table_of(document) is _RunFile:
+            run = parse(document, _RunFile, source)
             matrix = pose(run.base_from_optical, f"{source}: base_from_optical")
             camera = _camera(run.camera, f"{source}: camera")
             return [ParsedCamera("camera", camera, (NamedPose("base", "camera", matrix),))]
-        return [ParsedCamera("camera", _camera(data, source))]
+        return [ParsedCamera("camera", _camera(document, source))]
 
     def encode(self, cameras: Sequence[ParsedCamera[CentralCamera]]) -> str:
         """Text of a file with all parameters and poses."""

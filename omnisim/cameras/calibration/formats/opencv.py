@@ -37,6 +37,7 @@ from omnisim.cameras.calibration.fields import (
     ForeignTable,
     Numbers,
     Size,
+    Unread,
     counted,
     parse,
     unexpected,
@@ -87,6 +88,37 @@ class _Xi(ForeignTable):
     xi: Number
 
 
+OTHER_KIND = "the file calls itself another kind of OpenCV's"
+
+
+class _Table(
+    ForeignTable,
+    also_read=" ".join(
+        (*MATRIX_KEYS, *DISTORTION_KEYS, "image_size", "image_width", "image_height")
+    ),
+    unread={
+        "xi": Unread("ξ of cv2.omnidir: pass --format opencv_omnidir", is_fault=True),
+        "fisheye_model": Unread(OTHER_KIND),
+    },
+    harmless=(
+        "calibration_time nframes nr_of_frames board_width board_height board_size "
+        "square_size Board_Width Board_Height Square_Size flags flagValue aspectRatio "
+        "avg_reprojection_error Avg_Reprojection_Error per_view_reprojection_errors "
+        "Per_View_Reprojection_Errors extrinsic_parameters Extrinsic_Parameters "
+        "image_points Image_points grid_points rms fixed_aspectRatio"
+    ),
+):
+    """Keys of all kinds of cameras; the matrices have several names."""
+
+
+class _OmnidirTable(_Table, also_read="xi"):
+    """Keys of `cv2.omnidir`."""
+
+
+class _FisheyeTable(_Table, unread={"fisheye_model": Unread(OTHER_KIND, (1,))}):
+    """Keys of `cv2.fisheye`."""
+
+
 class _File(NamedTuple):
     """Contents of a file: all its data, and the parts shared by all kinds of cameras."""
 
@@ -109,15 +141,18 @@ class _Opencv(Format[LensT]):
         is_opencv = bool(IS_YAML.search(text)) and "!!opencv-matrix" in text
         return is_opencv and _kind(text) is type(self)
 
-    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+    def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the camera."""
-        data = parse_yaml(text, source)
-        if "image_size" in data and "image_width" not in data:
+        data = document
+        stated: dict[str, Any] = {}
+        if "image_size" in data:
             size = data["image_size"]
             size = size.get("data") if isinstance(size, dict) else size
             if isinstance(size, list) and len(size) == 2:
-                data["image_width"], data["image_height"] = size
-        image = parse(data, _Image, source)
+                stated = dict(zip(("image_width", "image_height"), size, strict=True))
+        image = parse({**stated, **data}, _Image, source)
+        if not stated.items() <= {**stated, **data}.items():
+            raise unexpected(f"{source}: image_width, image_height", "image_size", dict(image))
         key, matrix = _matrix(data, MATRIX_KEYS, source)
         size_px = image.image_width, image.image_height
         intrinsics, skew_px = matrix_intrinsics(size_px, matrix, f"{source}: {key}")
@@ -139,6 +174,7 @@ class OpencvOmnidir(_Opencv[UnifiedCamera]):
     name = "opencv_omnidir"
     title = "OpenCV: omnidir yaml"
     unified_terms = frozenset({"ξ", "skew"})
+    tables = (_OmnidirTable,)
     models = (UnifiedCamera,)
     fits = ((UnifiedCamera, NO_SKEW),)
 
@@ -163,6 +199,7 @@ class OpencvFisheye(_Opencv[KannalaBrandtCamera]):
 
     name = "opencv_fisheye"
     title = "OpenCV: fisheye yaml"
+    tables = (_FisheyeTable,)
     models = (KannalaBrandtCamera,)
     fits = ((KannalaBrandtCamera, ANY),)
     caveat = "cv2.fisheye's own projection is wrong past 90°"
@@ -185,6 +222,7 @@ class OpencvPinhole(_Opencv[OpencvPinholeLens]):
     models = (UnifiedCamera, RationalPolynomialCamera)
     fits = ((UnifiedCamera, PINHOLE), (RationalPolynomialCamera, ANY))
     max_theta_rad = 0.5 * math.pi
+    tables = (_Table,)
 
     def ambiguity(self, text: str, source: str) -> str | None:
         """Reason for naming the format: four coefficients fit a fisheye and a pinhole camera."""
@@ -213,9 +251,12 @@ def _kind(text: str) -> type[_Opencv[Any]]:
 
 
 def _matrix(data: dict[str, Any], keys: Sequence[str], source: str) -> tuple[str, list[float]]:
-    key = next((key for key in keys if key in data), None)
-    if key is None:
+    stated = [key for key in keys if key in data]
+    if not stated:
         raise CalibrationError(f"{source}: {keys[0]}: missing")
+    key = stated[0]
+    if any(data[other] != data[key] for other in stated):
+        raise CalibrationError(f"{source}: {', '.join(stated)}: expected the same numbers in all")
     matrix = parse(data[key], _Matrix, f"{source}: {key}")
     if len(matrix.data) != matrix.rows * matrix.cols:
         size = f"{matrix.rows} × {matrix.cols} numbers"

@@ -19,7 +19,6 @@ from typing import Any
 
 from omnisim.cameras import CentralCamera, FThetaCamera
 from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
-from omnisim.cameras.calibration.documents import parse_json
 from omnisim.cameras.calibration.fields import (
     ForeignTable,
     Numbers,
@@ -62,7 +61,7 @@ class _Extrinsic(ForeignTable):
     translation: Numbers
 
 
-class _File(ForeignTable):
+class _File(ForeignTable, inner={"intrinsic": _Intrinsic, "extrinsic": _Extrinsic}):
     name: str = "camera"
     intrinsic: dict[str, Any]
     extrinsic: dict[str, Any] | None = None
@@ -78,10 +77,11 @@ class Woodscape(Format[FThetaCamera]):
     fits = ((FThetaCamera, ANY),)
     signature = re.compile(r'"cx_offset"\s*:|"radial_poly"')
     metadata_place = MetadataPlace.KEY
+    tables = (_File,)
 
-    def read(self, text: str, source: str) -> list[ParsedCamera[CentralCamera]]:
+    def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the camera."""
-        file = parse(parse_json(text, source), _File, source)
+        file = parse(document, _File, source)
         place = f"{source}: intrinsic"
         intrinsic = parse(file.intrinsic, _Intrinsic, place)
         name = file.name or "camera"

@@ -17,6 +17,7 @@ from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, 
 from omnisim.rendering.opengl.gl.functions import StorageBindings
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.pixel_readback import Pixels, read_once
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.gl.uniforms import uniform
@@ -182,7 +183,8 @@ def _by_pixel(
     """Values (height, width, supersampling², parts) of an attachment, grouped by pixel."""
     parts = (2, 1)[attachment]
     width, height = (length // supersampling for length in target.size)
-    samples = np.empty((height, supersampling, width, supersampling, parts), dtype=np.float32)
-    target.read_into(samples, components=parts, attachment=attachment, dtype="f4")
-    by_pixel = samples.transpose(0, 2, 1, 3, 4)
+    samples = np.empty((*target.size[::-1], parts), dtype=np.float32)
+    read_once(target.ctx, (Pixels(target, attachment), samples))
+    by_pixel = samples.reshape(height, supersampling, width, supersampling, parts)
+    by_pixel = by_pixel.transpose(0, 2, 1, 3, 4)
     return np.ascontiguousarray(by_pixel).reshape(height, width, supersampling**2, parts)

@@ -17,6 +17,7 @@ from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.uniforms import find_uniform, uniform, write_fog
 from omnisim.scene.model import Fog
@@ -73,7 +74,7 @@ class ParallaxPass:
         fog: Fog | None = None,
     ):
         self._context, self._sample_rays, self._plan = context, rays, plan
-        self._pyramid, self._fog = pyramid, fog
+        self._pyramid, self._fog, self._readback = pyramid, fog, PixelReadback(context)
         self._size = width, height = rays.smooth.shape[1], rays.smooth.shape[0]
         self._what = f"a capture of {width} × {height} px"
         self.undecided_samples = 0
@@ -177,7 +178,8 @@ class ParallaxPass:
         if cast is not None and len(undecided):
             rows, columns = np.divmod(pixels[at[undecided]], self._size[0])
             light[undecided, :3] = cast(self._sample_rays.of(rows, columns, parts[undecided]))
-        colors = np.frombuffer(self._colors.read(), np.float32).reshape(-1, 4).copy()
+        colors = np.empty((len(self._valid_bits), 4), dtype=np.float32)
+        self._readback.read((self._colors, colors))
         share = 1.0 / self._sample_rays.supersampling**2
         for channel in range(3):
             sums = np.bincount(at, light[:, channel], len(pixels))
@@ -193,7 +195,7 @@ class ParallaxPass:
         """
         width, height = self._size
         bits = np.empty((height, width, 2), dtype="<u4")
-        self._target.read_into(bits, components=2, attachment=_LEFT, dtype="u4")
+        self._readback.read((Pixels(self._target, _LEFT), bits))
         left = bits.view("<u8").ravel() & self._valid_bits
         pixels = np.flatnonzero(left)
         at, parts = np.nonzero(
@@ -220,7 +222,7 @@ class ParallaxPass:
         self._samples_target.viewport = viewport
         self._samples_array.render()
         light = np.empty((rows * _SAMPLE_ROW, 4), dtype=np.float32)
-        self._samples_target.read_into(light, viewport, components=4, dtype="f4")
+        self._readback.read((Pixels(self._samples_target, region=viewport), light))
         return light[: len(samples)]
 
     def _allocate_samples(self, rows: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:

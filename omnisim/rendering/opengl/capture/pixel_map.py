@@ -17,6 +17,7 @@ from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.memory import AllocationError
+from omnisim.rendering.opengl.gl.pixel_readback import read_once
 from omnisim.rendering.opengl.gl.shader_files import build_program, included_files
 from omnisim.rendering.opengl.gl.uniforms import uniform
 
@@ -86,7 +87,7 @@ class PixelMap:
         """Unit rays (height, width, 3) in the optical frame, and their validity (height, width)."""
         width, height = self.size_px
         rays = np.empty((height, width, 4), dtype=np.float32)
-        self.rays.read_into(rays)
+        read_once(self.context, (self.rays, rays))
         return rays[..., :3], rays[..., 3] > 0.5
 
     @cached_property

@@ -6,7 +6,7 @@ are in a `Step`. All images are float32, because noise depends on one photon in 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
 import moderngl
@@ -18,7 +18,12 @@ from omnisim.rendering.opengl.degradation.step import Step, UniformValue
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
 from omnisim.rendering.opengl.gl.functions import flush
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
+from omnisim.rendering.opengl.gl.pixel_readback import Read
 from omnisim.rendering.opengl.gl.shader_files import build_program
+
+# Readback of a light meter, and the function that reduces what was read to the metered luminance
+# (Rec. 709); 0: no valid pixel.
+Metered = tuple[Read, Callable[[], float]]
 
 METER_BLOCK_PX = 16  # side of the block that one fragment of the light meter sums, pixels
 
@@ -26,8 +31,7 @@ METER_BLOCK_PX = 16  # side of the block that one fragment of the light meter su
 class DegradationPass:
     """Degrades linear sub-frames to the linear image of a real camera.
 
-    Call order: `add` per sub-frame, `luminance` for auto-exposure, `finish`, then `read` and
-    `encode`.
+    Call order: `add` per sub-frame, `draw_meter` for auto-exposure, `finish`, then `encode`.
 
     Args:
         context: OpenGL context.
@@ -71,11 +75,11 @@ class DegradationPass:
             self._current = self._shutter.add(self._current, row_weights, self._is_first)
             self._is_first = False
 
-    def luminance(self, metering: Metering) -> float:
-        """Metered luminance (Rec. 709) of all sub-frames; 0: no valid pixel."""
+    def draw_meter(self, metering: Metering) -> Metered:
+        """Meter the luminance (Rec. 709) of all sub-frames."""
         if metering.percentile is None:
-            return self._mean_meter.luminance(self._current)
-        return metering.of_luminances(self._pixel_meter.luminances(self._current))
+            return self._mean_meter.draw(self._current)
+        return self._pixel_meter.draw(self._current, metering)
 
     def finish(self, uniforms: Mapping[str, UniformValue]) -> None:
         """Run the steps after the shutter; `uniforms` are this frame's values by name."""
@@ -83,12 +87,10 @@ class DegradationPass:
             self._run(step, uniforms)
         self._is_first = True
 
-    def read(self) -> NDArray[np.float32]:
-        """Read the finished linear image (height, width, 4)."""
-        width, height = self._size
-        data = self._current.read()
-        dtype = {"f2": np.float16, "f4": np.float32}[self._current.dtype]
-        return np.frombuffer(data, dtype=dtype).reshape(height, width, 4).astype(np.float32)
+    @property
+    def finished(self) -> moderngl.Texture:
+        """The finished linear image, RGB and validity."""
+        return self._current
 
     def encode(self, target: moderngl.Framebuffer) -> None:
         """Draw the finished image, encoded as in the file."""
@@ -199,12 +201,17 @@ class _MeanMeter:
         self._sum_blocks = _FullScreenPass(context, Step("meter", {"u_block_px": METER_BLOCK_PX}))
         self._blocks = _Target(context, (-(-width // METER_BLOCK_PX), -(-height // METER_BLOCK_PX)))
 
-    def luminance(self, image: moderngl.Texture) -> float:
-        """Mean luminance (Rec. 709) of the valid pixels; 0 without valid pixels."""
+    def draw(self, image: moderngl.Texture) -> Metered:
+        """Sum the valid pixels' luminances."""
         self._sum_blocks.draw(self._blocks.framebuffer, image)
-        data = self._blocks.framebuffer.read(components=4, dtype="f4")
-        total, count = np.frombuffer(data, dtype="<f4").reshape(-1, 4).sum(axis=0, dtype=float)[:2]
-        return float(total / count) if count > 0.0 else 0.0
+        width, height = self._blocks.texture.size
+        sums = np.empty((height, width, 4), dtype=np.float32)
+
+        def mean() -> float:
+            total, count = sums.reshape(-1, 4).sum(axis=0, dtype=float)[:2]
+            return float(total / count) if count > 0.0 else 0.0
+
+        return (self._blocks.texture, sums), mean
 
 
 class _PixelMeter:
@@ -212,11 +219,11 @@ class _PixelMeter:
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int]):
         self._pass = _FullScreenPass(context, Step("luminance"))
-        self._target = framebuffer(context, [texture_2d(context, size, 1)])
+        self._luminances = texture_2d(context, size, 1)
+        self._target = framebuffer(context, [self._luminances])
 
-    def luminances(self, image: moderngl.Texture) -> NDArray[np.float32]:
-        """Luminances (n,) (Rec. 709) of the valid pixels."""
+    def draw(self, image: moderngl.Texture, metering: Metering) -> Metered:
+        """Draw the luminances, negative where pixels are invalid."""
         self._pass.draw(self._target, image)
-        data = self._target.read(components=1, dtype="f4")
-        values = np.frombuffer(data, dtype="<f4")
-        return values[values >= 0.0]
+        values = np.empty(self._luminances.size[::-1], dtype=np.float32)
+        return (self._luminances, values), lambda: metering.of_luminances(values[values >= 0.0])

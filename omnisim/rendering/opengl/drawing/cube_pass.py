@@ -31,6 +31,7 @@ from omnisim.rendering.opengl.gl.gpu_textures import (
     texture_2d,
 )
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.pixel_readback import Pixels, read_once
 
 if TYPE_CHECKING:
     from omnisim.rendering.opengl.drawing.mirror_pass import MirrorPass
@@ -279,5 +280,5 @@ class CubePass:
         size = tile.face_size_px
         pixels = np.empty((size, size, 3), dtype=np.float32)
         region = (*tile.face_corner_px, size, size)
-        self._resolved.read_into(pixels, region, components=3, dtype="f4")
+        read_once(self._buffers.context, (Pixels(self._resolved, region=region), pixels))
         return pixels

@@ -15,6 +15,7 @@ from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.triangle_windows import bind_triangles, window_defines
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
+from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 from omnisim.rendering.opengl.gl.uniforms import columns_first
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
@@ -79,9 +80,7 @@ class RangePass:
         no_hits = np.full(len(angles_rad), _NO_HIT, dtype="<f4")
         self._no_hits = gpu_buffer(context, no_hits)
         self._ranges = gpu_buffer(context, no_hits.nbytes)
-        # Drivers move buffers that are read into host memory. Only a copy is read, so that the
-        # buffer of the shaders stays on the GPU.
-        self._read_copy = context.buffer(reserve=no_hits.nbytes, dynamic=True)
+        self._readback = PixelReadback(context)
 
     def refresh(self) -> None:
         """Update after the buffers changed."""
@@ -142,8 +141,9 @@ class RangePass:
             if end > first:
                 self._cast_kind(kind, items, first, end - first)
         self._context.memory_barrier(self._context.BUFFER_UPDATE_BARRIER_BIT)
-        self._context.copy_buffer(self._read_copy, self._ranges)
-        return np.frombuffer(self._read_copy.read(), dtype="<f4").astype(np.float64)
+        ranges_m = np.empty(self._ranges.size // 4, dtype=np.float32)
+        self._readback.read((self._ranges, ranges_m))
+        return ranges_m.astype(np.float64)
 
     def _may_hit(
         self, centers_m: NDArray[np.float64], radii_m: NDArray[np.float64]

@@ -1,6 +1,6 @@
 """Buffers with immutable storage: no driver moves them, or guesses how they are used.
 
-Nothing maps these buffers, and only those of `written_buffer` are written by the processor.
+Only those of `written_buffer` are written by the processor, and only `pixel_readback` maps buffers.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ def gpu_buffer(context: moderngl.Context, content: Content) -> moderngl.Buffer:
     Raises:
         AllocationError: no room.
     """
-    return _buffer(context, content, 0)
+    return immutable_buffer(context, content, 0)
 
 
 def written_buffer(context: moderngl.Context, content: Content) -> moderngl.Buffer:
     """Buffer that the processor also writes, by `Buffer.write`; otherwise a `gpu_buffer`."""
-    return _buffer(context, content, _DYNAMIC_STORAGE)
+    return immutable_buffer(context, content, _DYNAMIC_STORAGE)
 
 
 def read_buffer(buffer: moderngl.Buffer) -> bytes:
@@ -48,7 +48,8 @@ def read_buffer(buffer: moderngl.Buffer) -> bytes:
     return content.tobytes()
 
 
-def _buffer(context: moderngl.Context, content: Content, access: int) -> moderngl.Buffer:
+def immutable_buffer(context: moderngl.Context, content: Content, access: int) -> moderngl.Buffer:
+    """Buffer with OpenGL's bits of the access that the processor has; see `gpu_buffer`."""
     values: NDArray[np.generic] | None = None
     if isinstance(content, bytes):
         values = np.frombuffer(content, dtype=np.uint8)

@@ -48,14 +48,14 @@ class _ContextResources(NamedTuple):
         handle: EGL's handle of the context.
         dropped_textures: names of textures to delete that moderngl does not own.
         lasting_target: target that is never deleted: moderngl rebinds the last one it used.
-        fences: fences of the last passes; None: the driver is not llvmpipe.
+        fences: fences of readbacks and, by llvmpipe, of the last passes.
     """
 
     device: int | None
     handle: int | None
     dropped_textures: list[int]
     lasting_target: moderngl.Framebuffer
-    fences: Fences | None
+    fences: Fences
 
 
 class GraphicsInfo(NamedTuple):
@@ -121,6 +121,7 @@ def current(context: moderngl.Context) -> Iterator[None]:
         yield
         debug.raise_messages()
     finally:
+        debug.take_messages()  # of the error that is raised
         if not is_inner and _current_handle() == handle:
             context.__exit__(None, None, None)  # type: ignore[no-untyped-call]
 
@@ -228,7 +229,7 @@ def _open(device: int | None) -> moderngl.Context:
     set_constants()
     lasting_target = framebuffer(context, [renderbuffer(context, (1, 1), 4)])
     lasting_target.use()
-    fences = Fences() if "llvmpipe" in context.info["GL_RENDERER"] else None
+    fences = Fences(keeps_passes="llvmpipe" in context.info["GL_RENDERER"])
     context.extra = _ContextResources(device, _current_handle(), [], lasting_target, fences)
     context.gc_mode = "context_gc"  # `collect_garbage` frees unreferenced objects
     return context

@@ -1,75 +1,223 @@
-"""Ring of pixel-pack buffers: images are read while the next ones are drawn."""
+"""Readback through persistently mapped buffers: what was drawn is read while the next is drawn.
+
+The GPU copies pixels as they are stored into a buffer that stays mapped, and a fence says when.
+Conversions, and dropping components, are left to the copy out of the buffer: drivers would do them
+on the processor, too, and wait for the GPU first.
+"""
 
 from __future__ import annotations
 
+import ctypes
 from collections import deque
-from typing import NamedTuple
+from itertools import accumulate
+from typing import Any, NamedTuple
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.gl.fences import end_pass
-from omnisim.rendering.opengl.gl.functions import flush
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.gl.buffers import immutable_buffer
+from omnisim.rendering.opengl.gl.fences import Fences, end_pass
+from omnisim.rendering.opengl.gl.functions import flush, gl_function
+from omnisim.rendering.opengl.gl.memory import check_allocation, gpu_allocation
 
 LENGTH = 3  # one buffer is drawn, one read, one copied
 
+_READ_FRAMEBUFFER, _COLOR_ATTACHMENT, _PIXEL_PACK_BUFFER = 0x8CA8, 0x8CE0, 0x88EB
+_MAPPED, _CLIENT_STORAGE = 0x1 | 0x40 | 0x80, 0x200  # for reading, persistent, coherent
+_FORMATS = {1: 0x1903, 2: 0x8227, 4: 0x1908}  # by number of components
+_INTEGER_FORMATS = {1: 0x8D94, 2: 0x8228, 4: 0x8D99}
+_TYPES = {  # OpenGL's and NumPy's by moderngl's
+    "f1": (0x1401, "u1"), "u1": (0x1401, "u1"), "u4": (0x1405, "<u4"),
+    "f2": (0x140B, "<f2"), "f4": (0x1406, "<f4"),
+}  # fmt: skip
+_ALIGNMENT = 16  # bytes
+_ENUM, _INT, _SIZE, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_ssize_t, ctypes.c_void_p
 
-class _Read(NamedTuple):
-    buffer: moderngl.Buffer
-    out: NDArray[np.uint8]
+
+class Pixels(NamedTuple):
+    """Pixels of a framebuffer.
+
+    Attributes:
+        target: already drawn; not multisampled.
+        attachment: number of a color attachment.
+        region: left, top, width and height; None: all.
+    """
+
+    target: moderngl.Framebuffer
+    attachment: int = 0
+    region: tuple[int, int, int, int] | None = None
 
 
-class ReadbackRing:
-    """Reads 8-bit images in the order in which they were drawn.
+Source = Pixels | moderngl.Texture | moderngl.Buffer
+Read = tuple[Source, NDArray[Any]]  # source, and the array to fill
+
+
+class MappedBuffer:
+    """Buffer that the GPU fills and the processor reads, mapped for as long as it exists.
+
+    Attributes:
+        buffer, content: OpenGL's buffer, and its bytes, to be read after a fence.
+
+    Raises:
+        GraphicsError: no memory for it.
+    """
+
+    def __init__(self, context: moderngl.Context, size: int):
+        what = f"a readback of {-(-size // 2**20)} MiB"
+        with gpu_allocation(what, "render fewer or smaller images at once"):
+            self.buffer = immutable_buffer(context, size, _MAPPED | _CLIENT_STORAGE)
+            map_range = gl_function(
+                "glMapNamedBufferRange", _ENUM, _SIZE, _SIZE, _ENUM, returns=_POINTER
+            )
+            address = map_range(self.buffer.glo, 0, size, _MAPPED)
+            check_allocation(context, what)
+        content = (ctypes.c_uint8 * size).from_address(address)
+        self.content: NDArray[np.uint8] = np.ctypeslib.as_array(content)
+
+
+class Reading:
+    """Readback in progress."""
+
+    def __init__(
+        self, owner: PixelReadback, buffer: MappedBuffer, copies: list[tuple[Any, NDArray[Any]]]
+    ):
+        self._owner, self._buffer, self._copies = owner, buffer, copies
+        self._fence: int | None = owner.fences.create()
+
+    def finish(self) -> None:
+        """Wait for the GPU, and fill the arrays; a second call does nothing.
+
+        Raises:
+            GraphicsError: the GPU does not finish.
+        """
+        if self._fence is None:
+            return
+        self._owner.fences.wait(self._fence)
+        for out, pixels in self._copies:
+            if pixels.size == out.size:
+                np.copyto(out, pixels.reshape(out.shape))
+                continue
+            pixels = pixels.reshape(*out.shape[:-1], -1)
+            for component in range(out.shape[-1]):  # far quicker than pixel by pixel
+                np.copyto(out[..., component], pixels[..., component])
+        self.discard()
+
+    def discard(self) -> None:
+        """Leave the arrays as they are, unless they are filled."""
+        if self._fence is not None:
+            self._owner.fences.release(self._fence)
+            self._owner._readings.remove(self)
+            self._owner._free.append(self._buffer)
+            self._fence = None
+
+
+class PixelReadback:
+    """Ring of mapped buffers, which are created when they are needed.
 
     Args:
-        context: OpenGL context.
+        context: OpenGL context, current here and in all methods.
+
+    Attributes:
+        context, fences: OpenGL context, and its fences.
     """
 
     def __init__(self, context: moderngl.Context):
-        self._context = context
-        self._free: list[moderngl.Buffer] = []
-        self._reads: deque[_Read] = deque()
+        self.context = context
+        self.fences: Fences = context.extra.fences
+        self._readings: deque[Reading] = deque()  # oldest first
+        self._free: list[MappedBuffer] = []
+        self._bind = gl_function("glBindBuffer", _ENUM, _ENUM)
+        self._bind_target = gl_function("glBindFramebuffer", _ENUM, _ENUM)
+        self._select = gl_function("glNamedFramebufferReadBuffer", _ENUM, _ENUM)
+        self._read_pixels = gl_function(
+            "glReadPixels", _INT, _INT, _INT, _INT, _ENUM, _ENUM, _POINTER
+        )
+        self._read_texture = gl_function(
+            "glGetTextureImage", _ENUM, _INT, _ENUM, _ENUM, _INT, _POINTER
+        )
 
-    def start(self, target: moderngl.Framebuffer, out: NDArray[np.uint8]) -> None:
-        """Start to read the first rows of a target; with a full ring, finish the oldest read first.
+    def start(self, *reads: Read) -> Reading:
+        """Start to read what has been drawn; in a full ring, finish the oldest reading first.
 
         Args:
-            target: already drawn.
-            out: (..., width, components), contiguous; filled when `finish` returns.
+            reads: pixels, whole textures or whole buffers, each with the array that
+                `Reading.finish` fills: (..., width, n) with the first n components, or (..., width)
+                with the only one; of any type that holds the values.
+
+        Raises:
+            GraphicsError: an error of OpenGL, in this frame or in its readback.
         """
-        if len(self._reads) == LENGTH:
-            self._finish_one()
-        buffer = self._buffer(out.nbytes)
-        components = out.shape[-1]
-        rows = out.size // (target.width * components)
-        end_pass(self._context)
-        target.read_into(buffer, (0, 0, target.width, rows), components=components)
+        if len(self._readings) == LENGTH:
+            self._readings[0].finish()
+        stored = [_stored(*one) for one in reads]
+        ends = [*accumulate(-(-one.size // _ALIGNMENT) * _ALIGNMENT for one in stored)]
+        buffer = self._buffer(ends[-1])
+        end_pass(self.context)
+        self._bind(_PIXEL_PACK_BUFFER, buffer.buffer.glo)
+        copies: list[tuple[Any, NDArray[Any]]] = []
+        for (source, out), one, first in zip(reads, stored, [0, *ends], strict=False):
+            self._copy(source, one, buffer, first)
+            copies.append((out, buffer.content[first : first + one.size].view(one.dtype)))
+        self._bind(_PIXEL_PACK_BUFFER, 0)
+        self._check()
+        self._readings.append(Reading(self, buffer, copies))
         flush()
-        self._reads.append(_Read(buffer, out))
+        return self._readings[-1]
 
-    def finish(self) -> None:
-        """Finish all reads."""
-        while self._reads:
-            self._finish_one()
+    def read(self, *reads: Read) -> None:
+        """Read what has been drawn, and wait for it; see `start`."""
+        self.start(*reads).finish()
 
-    def discard(self) -> None:
-        """Discard interrupted reads: their arrays are no longer written."""
-        while self._reads:
-            self._free.append(self._reads.popleft().buffer)
+    def _copy(self, source: Source, stored: _Stored, buffer: MappedBuffer, first: int) -> None:
+        """Let the GPU copy a source to a byte of a bound buffer."""
+        if isinstance(source, moderngl.Buffer):
+            self.context.copy_buffer(buffer.buffer, source, stored.size, write_offset=first)
+        elif isinstance(source, moderngl.Texture):
+            self._read_texture(source.glo, 0, stored.form, stored.kind, stored.size, first)
+        else:
+            target, attachment, region = source
+            self._select(target.glo, _COLOR_ATTACHMENT + attachment)
+            self._bind_target(_READ_FRAMEBUFFER, target.glo)
+            self._read_pixels(*(region or (0, 0, *target.size)), stored.form, stored.kind, first)
 
-    def _finish_one(self) -> None:
-        read = self._reads.popleft()
-        read.buffer.read_into(read.out, size=read.out.nbytes)
-        self._free.append(read.buffer)
+    def _buffer(self, size: int) -> MappedBuffer:
+        """Free buffer of at least `size` bytes; one that is too small is dropped."""
+        if self._free and (buffer := self._free.pop()).buffer.size >= size:
+            return buffer
+        self._check()
+        return MappedBuffer(self.context, size)
 
-    def _buffer(self, size: int) -> moderngl.Buffer:
-        """Free buffer of at least `size` bytes."""
-        if self._free and self._free[-1].size >= size:
-            return self._free.pop()
-        if self._free:
-            self._free.pop()  # too small
-        with gpu_allocation(f"a readback of {size >> 20} MiB", "render fewer images at once"):
-            return self._context.buffer(reserve=size, dynamic=True)
+    def _check(self) -> None:
+        if (error := self.context.error) != "GL_NO_ERROR":
+            raise GraphicsError(f"OpenGL failed to draw or to read an image: {error}")
+
+
+def read_once(context: moderngl.Context, *reads: Read) -> None:
+    """Read what no frame reads, through a buffer that is freed; see `PixelReadback.start`."""
+    PixelReadback(context).read(*reads)
+
+
+class _Stored(NamedTuple):
+    """Pixels as they are stored: size in bytes, NumPy's type, OpenGL's format and type."""
+
+    size: int
+    dtype: str
+    form: int = 0
+    kind: int = 0
+
+
+def _stored(source: Source, out: NDArray[Any]) -> _Stored:
+    if isinstance(source, moderngl.Buffer):
+        return _Stored(source.size, out.dtype.str)
+    if isinstance(source, moderngl.Texture):
+        attachment: moderngl.Texture | moderngl.Renderbuffer = source
+        width, height = source.size
+    else:
+        width, height = source.target.size if source.region is None else source.region[2:]
+        attachment = source.target.color_attachments[source.attachment]
+    kind, dtype = _TYPES[attachment.dtype]
+    formats = _INTEGER_FORMATS if attachment.dtype.startswith("u") else _FORMATS
+    size = width * height * attachment.components * np.dtype(dtype).itemsize
+    return _Stored(size, dtype, formats[attachment.components], kind)

@@ -12,14 +12,12 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import moderngl
-import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.gl.fences import end_pass
 from omnisim.rendering.opengl.gl.functions import constant_call, gl_function
 
 _FRAMEBUFFER, _COLOR, _DEPTH = 0x8D40, 0x1800, 0x1801
-_RGBA, _UNSIGNED_BYTE = 0x1908, 0x1401
+_PACK_ALIGNMENT = 0x0D05
 _CULL_FACE, _DEPTH_TEST, _BLEND, _SCISSOR_TEST = 0x0B44, 0x0B71, 0x0BE2, 0x0C11
 _CLIP_DISTANCES = range(0x3000, 0x3004)  # at tile edges, see shaders/scene/vertex.glsl
 _MIRROR_CLIP_DISTANCE = 0x3004  # at a mirror, see shaders/scene/mirror_clip.glsl
@@ -34,14 +32,16 @@ _ENUM, _INT, _POINTER, _BOOLEAN = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, 
 def set_constants() -> None:
     """Set the state that all passes of a context share.
 
-    Reversed depth, clipped to [0, w]; winding, blend function, filters across edges of cube maps.
-    Clip-space y points down the image, which reverses the winding.
+    Reversed depth, clipped to [0, w]; winding, blend function, filters across the edges of cube
+    maps, and readback without gaps between rows. Clip-space y points down the image, which reverses
+    the winding.
     """
     gl_function("glClipControl", _ENUM, _ENUM)(_LOWER_LEFT, _ZERO_TO_ONE)
     gl_function("glDepthFunc", _ENUM)(_GREATER)
     gl_function("glFrontFace", _ENUM)(_CLOCKWISE)
     gl_function("glCullFace", _ENUM)(_BACK)
     gl_function("glEnable", _ENUM)(_SEAMLESS_CUBES)
+    gl_function("glPixelStorei", _ENUM, _INT)(_PACK_ALIGNMENT, 1)
     blend = gl_function("glBlendFuncSeparate", _ENUM, _ENUM, _ENUM, _ENUM)
     blend(_SRC_ALPHA, _ONE_MINUS_SRC_ALPHA, _ZERO, _ONE)
 
@@ -60,9 +60,6 @@ class GlState:
         self._scissor = gl_function("glScissor", _INT, _INT, _INT, _INT)
         self._clear_floats = gl_function("glClearBufferfv", _ENUM, _INT, _POINTER)
         self._clear_integers = gl_function("glClearBufferuiv", _ENUM, _INT, _POINTER)
-        self._read = gl_function(
-            "glReadPixels", _INT, _INT, _INT, _INT, _ENUM, _ENUM, _POINTER
-        )  # fmt: skip
         self.bind_texture = gl_function("glBindTextureUnit", _ENUM, _ENUM)
         self._texture_barrier = gl_function("glTextureBarrier")
         depth_mask = gl_function("glDepthMask", _BOOLEAN)
@@ -226,11 +223,6 @@ class GlState:
     def _set_clip_distances(self, is_enabled: bool) -> None:
         for toggle in self._set_each_clip_distance:
             toggle(is_enabled)
-
-    def read_rgba(self, target: moderngl.Framebuffer, out: NDArray[np.uint8]) -> None:
-        """Read 8-bit RGBA (height, width, 4), contiguous, from a target with one attachment."""
-        self._bind(_FRAMEBUFFER, target.glo)
-        self._read(0, 0, *target.size, _RGBA, _UNSIGNED_BYTE, out.ctypes.data)
 
 
 def _capability(number: int) -> Callable[[bool], object]:

@@ -22,6 +22,7 @@ from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer, use_target
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
 from omnisim.rendering.opengl.ground_truth.hit_tables import HitTables
@@ -71,8 +72,9 @@ class LidarPass:
         buffers.check_readable("to look up what its beams hit")
         with gpu_allocation(f"a lidar of {size[0]} × {size[1]} beams", "take fewer"):
             self._rays = texture_2d(context, size, 4)
-            hits = texture_2d(context, size, 2, dtype="u4")
-            self._target = framebuffer(context, [hits])
+            self._hits = texture_2d(context, size, 2, dtype="u4")
+            self._target = framebuffer(context, [self._hits])
+        self._readback = PixelReadback(context)
         self._directions = beams.directions
         self._sector = lru_cache(maxsize=4)(self._make_sector)
 
@@ -99,7 +101,7 @@ class LidarPass:
                 part = replace(one, first=first, last=min(first + sector.firings, one.last))
                 sector.render(part, self._target, self._rays, self._heading_rad(part))
         hits = np.empty((*size, 2), dtype=np.uint32)
-        self._target.read_into(hits, components=2, dtype="u4")
+        self._readback.read((self._hits, hits))
         return BeamHits(hits[..., 1].view(np.float32), hits[..., 0])
 
     def _heading_rad(self, one: Slice) -> float:

@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
-from omnisim.rendering.opengl.gl.functions import flush
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer
+from omnisim.rendering.opengl.gl.pixel_readback import Pixels
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
 from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
+from omnisim.rendering.readback import Pending
 
 _POINTS_UNIT, _PRIMITIVES_UNIT = 4, 5
 
@@ -41,13 +42,13 @@ class OcclusionPass:
         # once: pixels without a ray are never drawn
         clear_target(self._target, None)
 
-    def render(
+    def begin(
         self,
         world_from_rig: NDArray[np.float64],
         world_from_objects: Sequence[NDArray[np.float64]],
         next_from_current: NDArray[np.float64],
-    ) -> None:
-        """Start drawing; `read` waits for it.
+    ) -> Pending[NDArray[np.uint8]]:
+        """Draw, and start to read; the result is the occlusion, encoded as in occlusion.frag.
 
         Args:
             world_from_rig: (4, 4) next pose.
@@ -67,11 +68,7 @@ class OcclusionPass:
         self._hits.points.use(_POINTS_UNIT)
         self._hits.primitives.use(_PRIMITIVES_UNIT)
         self._vertex_array.render()
-        flush()
-
-    def read(self) -> NDArray[np.uint8]:
-        """Read the occlusion (height, width) of the points, encoded as in occlusion.frag."""
         width, height = self._hits.pixels.size_px
         occluded = np.empty((height, width), dtype=np.uint8)
-        self._target.read_into(occluded, components=1, dtype="u1")
-        return occluded
+        reading = self._hits.readback.start((Pixels(self._target), occluded))
+        return Pending(reading.finish).then(lambda _: occluded)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import moderngl
 import numpy as np
@@ -17,14 +16,16 @@ from omnisim.rendering.opengl.geometry.triangle_windows import bind_triangles, w
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Read
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
 from omnisim.rendering.opengl.ground_truth.hit_tables import HitTables
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.ground_truth.visibility_program import atlas_formats
+from omnisim.rendering.readback import Pending
 
 _UNITS = {"u_albedos": 4, "u_gloss": 5, "u_emission": 7}
-_POINTS, _PRIMITIVES = range(2)  # attachments; details follow
+_PRIMITIVES = 1  # attachment, after the points; details follow
 # Define and attachment components of each detail.
 _DEFINES = {"normals": "NORMALS", "albedos": "ALBEDO", "materials": "MATERIALS"}
 _PARTS = {"normals": (3,), "albedos": (3,), "materials": (2, 3)}
@@ -50,6 +51,7 @@ class RayHitPass:
         points: texture of points and ranges, see `Hits`.
         primitives: texture of 1 + draw item, and triangle in the item.
         tables: tables of the draw items.
+        readback: ring of its readbacks.
         shader: fragment shader of hits.
         occlusion_shader: fragment shader of their occlusion from another viewpoint.
 
@@ -71,6 +73,7 @@ class RayHitPass:
             self.primitives = texture_2d(pixels.context, pixels.size_px, 2, dtype="u4")
         self._variants: dict[HitDetails, _Variant] = {}
         self.tables = HitTables(visibility)
+        self.readback = PixelReadback(pixels.context)
         self._compiled_windows = self._windows()
 
     def _windows(self) -> tuple[str, ...]:
@@ -110,7 +113,39 @@ class RayHitPass:
         bind_details(visibility.detail_atlases, details)
         self.bind_geometry()
         variant.vertex_array.render()
-        return read_hits(variant.target, self.pixels.size_px, 1, details)[0]
+        return self.begin_reading(variant.target, 1, details).result()[0]
+
+    def begin_reading(
+        self, target: moderngl.Framebuffer, count: int, details: HitDetails
+    ) -> Pending[list[Hits]]:
+        """Begin to read the hits of `count` images, which are stacked vertically."""
+        width, height = self.pixels.size_px
+        points = np.empty((count, height, width, 4), dtype=np.float32)
+        primitives = np.empty((count, height, width, 2), dtype=np.uint32)
+        none = np.empty((count, 0, width, 3), dtype=np.float32)
+        arrays = dict.fromkeys(details._fields, none)
+        outs: list[NDArray[Any]] = [points, primitives]  # by attachment
+        for name in details.components:
+            parts = _PARTS[name]
+            arrays[name] = np.empty((count, height, width, sum(parts)), dtype=np.float32)
+            outs += np.split(arrays[name], np.cumsum(parts)[:-1], axis=-1)
+        region = (0, 0, width, count * height)
+        reads: list[Read] = [
+            (Pixels(target, number, region), out) for number, out in enumerate(outs)
+        ]
+        reading = self.readback.start(*reads)
+
+        def finish() -> list[Hits]:
+            reading.finish()
+            return [
+                Hits(
+                    points[one], primitives[one, ..., 0], primitives[one, ..., 1],
+                    **{name: values[one] for name, values in arrays.items()},
+                )
+                for one in range(count)
+            ]  # fmt: skip
+
+        return Pending(finish)
 
     def put_points(self, hits: Hits) -> None:
         """Replace the points of the last hits, for occlusion."""
@@ -179,32 +214,3 @@ def hits_target(
     nothing = 0.0, 0.0, 0.0, np.inf
     clear_target(target, nothing, None, *(nothing for _ in attachments))
     return target
-
-
-def read_hits(
-    target: moderngl.Framebuffer, size_px: tuple[int, int], count: int, details: HitDetails
-) -> list[Hits]:
-    """Read the hits of `count` images, which are stacked vertically."""
-    width, height = size_px
-    region = (0, 0, width, count * height)
-    points = np.empty((count, height, width, 4), dtype=np.float32)
-    primitives = np.empty((count, height, width, 2), dtype=np.uint32)
-    target.read_into(points, region, components=4, attachment=_POINTS, dtype="f4")
-    target.read_into(primitives, region, components=2, attachment=_PRIMITIVES, dtype="u4")
-    none = np.empty((count, 0, width, 3), dtype=np.float32)
-    arrays = dict.fromkeys(details._fields, none)
-    attachments = itertools.count(_PRIMITIVES + 1)
-    for name in details.components:
-        parts = []
-        for components in _PARTS[name]:
-            part = np.empty((count, height, width, components), dtype=np.float32)
-            target.read_into(part, region, components, attachment=next(attachments), dtype="f4")
-            parts.append(part)
-        arrays[name] = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=-1)
-    return [
-        Hits(
-            points[one], primitives[one, ..., 0], primitives[one, ..., 1],
-            **{name: values[one] for name, values in arrays.items()},
-        )
-        for one in range(count)
-    ]  # fmt: skip

@@ -75,7 +75,8 @@ class Part:
     @property
     def forward(self) -> NDArray[np.float64]:
         """Viewing direction (3,), unit vector."""
-        return poses.pose((0, 0, 0), *self.angles_deg)[:3, 0]
+        roll_deg, pitch_deg, yaw_deg = self.angles_deg
+        return poses.pose(roll_deg=roll_deg, pitch_deg=pitch_deg, yaw_deg=yaw_deg)[:3, 0]
 
     def sensor(self, kind: str, values: Mapping[str, float]) -> ImportedSensor:
         """Sensor of the given type at the part's pose."""

@@ -1,5 +1,6 @@
 """`omnisim calibration` and `omnisim render --camera`: output, files and errors."""
 
+import math
 import os
 from pathlib import Path
 
@@ -78,7 +79,8 @@ def test_a_sensor_file_and_a_image_are_calibrations(omnisim, tmp_path):
 )  # fmt: skip
 def test_show_lists_the_view_of_a_camera(omnisim, name, message):
     status, out, err = omnisim("calibration", "show", name)
-    assert (status, err) == (0, "")
+    black = "the lens ends at 116.9°, inside the image: 13 % of the image is black"
+    assert (status, err) == (0, f"note: {name}: {black}\n" if name == KITTI else "")
     assert [line for line in message if line not in out] == []
 
 
@@ -215,6 +217,43 @@ def test_a_sensor_file_may_refer_to_a_calibration(tmp_path):
     assert OmniCamera.from_file(tmp_path / "copy.toml").model == sensor.model
 
 
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_sensor_file_ends_the_field_of_a_calibration(tmp_path, mirrored):
+    (tmp_path / "c.yaml").write_text(TUM_VI.read_text())
+    text = f'[lens]\ncalibration = "c.yaml"\nmirrored = {str(mirrored).lower()}\n'
+    (tmp_path / "s.toml").write_text(text + "theta_max_deg = 80\n")
+    model = OmniCamera.from_file(tmp_path / "s.toml").model
+    lens = load_calibration(TUM_VI).cameras[0].camera.ending_at(math.radians(80.0))
+    assert model == (MirroredCamera(lens) if mirrored else lens)
+
+
+@pytest.mark.parametrize(
+    ("theta_max_deg", "note"),
+    [
+        (100, "s.toml: lens: θ_max = 100.0° is never reached: the lens folds at 74.0°"),
+        (180, "s.toml: lens: the lens folds at 74.0°, inside the image: "),
+        (1.658, "lens.theta_max_deg = 1.658: a field of view of 3.316°; 1.658 rad would be 95.0°"),
+    ],
+)
+def test_notes_on_the_field_of_a_sensor_file(omnisim, tmp_path, theta_max_deg, note):
+    (tmp_path / "s.toml").write_text(
+        '[lens]\nmodel = "kannala_brandt"\nwidth_px = 320\nheight_px = 240\n'
+        "focal_lengths_px = [90.0, 90.0]\nprincipal_point_px = [159.5, 119.5]\n"
+        f"coefficients = [-0.2, 0.0, 0.0, 0.0]\ntheta_max_deg = {theta_max_deg}\n"
+    )
+    status, _, err = omnisim("sensor", "--check", "s.toml")
+    assert status == 0
+    assert err.startswith("note: ")
+    assert note in err
+    assert err.count("\n") == 1
+
+
+def test_show_has_one_end_of_the_field(omnisim):
+    _, out, _ = omnisim("calibration", "show", FOLDER / "ocamcalib.txt")
+    assert "theta max" not in out
+    assert "the model ends" in out
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -222,12 +261,27 @@ def test_a_sensor_file_may_refer_to_a_calibration(tmp_path):
         ('calibration = "c.yaml"\ncamera = "left"', "expected one of cam0, cam1, got 'left'"),
         ('calibration = "c.yaml"\nxi = 1.0', r"lens\.xi: calibration has it: expected one of"),
         ('calibration = "c.yaml"\nmodel = "eucm"', r"lens\.model: calibration has it"),
+        (
+            'calibration = "c.yaml"\ntheta_max_de = 95',
+            "theta_max_de: unknown key beside calib",
+        ),
+        (
+            'calibration = "c.yaml"\ntheta_max_deg = "a"',
+            "theta_max_deg: expected a number, 0",
+        ),
+        ('calibration = "ds.json"\ntheta_max_deg = 95', "double_sphere ends by its own parameters"),
+        ('model = "kanala_brandt"', "lens.model: expected .*: did you mean 'kannala_brandt'"),
+        (
+            'model = "perspective"\nwidth_px = 320\nheigth_px = 240',
+            "lens.heigth_px: unknown key; did you mean 'height_px'",
+        ),
         ('model = "eucm"\ncamera = "cam0"', r"lens\.camera: is a name in a calibration file"),
         ("", r"lens: model: missing; expected it, or calibration"),
     ],
 )
 def test_sensor_files_that_name_no_calibration(tmp_path, text, message):
     (tmp_path / "c.yaml").write_text(TUM_VI.read_text())
+    (tmp_path / "ds.json").write_text((FOLDER / "basalt_tum_vi_ds.json").read_text())
     (tmp_path / "s.toml").write_text(f"[lens]\n{text}\n")
     with pytest.raises(SensorFileError, match=message) as info:
         OmniCamera.from_file(tmp_path / "s.toml")

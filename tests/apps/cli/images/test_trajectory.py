@@ -30,7 +30,12 @@ TUM_VI = SAMPLES / "kalibr_tum_vi.yaml"
 SKY_M = 1e6  # where nothing is hit
 FAST = ("--size", 96, "--quality", "fast")
 # of an IMU whose z is up when its x looks south, as TUM VI's cameras look along its −y
-POSES = np.array([pose((0.0, 0.5, 1.4), yaw_deg=20.0), pose((0.2, 0.4, 1.5), 2.0, -3.0, 35.0)])
+POSES = np.array(
+    [
+        pose((0.0, 0.5, 1.4), yaw_deg=20.0),
+        pose((0.2, 0.4, 1.5), roll_deg=2.0, pitch_deg=-3.0, yaw_deg=35.0),
+    ]
+)
 
 
 @pytest.fixture
@@ -292,7 +297,9 @@ def test_a_single_viewpoint_tilts(omnisim):
     )
     assert np.degrees(np.arcsin(-forward[2])) == pytest.approx(20.0)  # the front is down
     assert np.degrees(np.arctan2(forward[1], forward[0])) == pytest.approx(30.0)
-    np.testing.assert_allclose(metadata["world_from_base"], pose((0, 0, 1.2), -10.0, 20.0, 30.0))
+    np.testing.assert_allclose(
+        metadata["world_from_base"], pose((0, 0, 1.2), roll_deg=-10.0, pitch_deg=20.0, yaw_deg=30.0)
+    )
     assert down[2] < -0.9
 
 

@@ -32,7 +32,9 @@ def scene_images(tmp_path):
     sensor, lines = OmniCamera.from_file(tmp_path / "camera.toml"), []
     with open_sensor("courtyard", sensor, seed=5) as renderer:
         for number in range(2):
-            base = sensor.base_pose((0.1 * number, 0.2, 0.9), 100.0 * number, 5.0, 3.0)
+            base = sensor.base_pose(
+                (0.1 * number, 0.2, 0.9), yaw_deg=100.0 * number, pitch_deg=5.0, roll_deg=3.0
+            )
             renderer.render(base, frame_number=number).save(tmp_path / f"photos/{number}.png")
             optical = base @ sensor.base_from_optical
             quaternion = quaternion_from_rotation(optical[None, :3, :3])[0]

@@ -68,7 +68,9 @@ def boards_of(system, count=6, seed=5):
         side /= np.linalg.norm(side)
         pose = np.eye(4)
         pose[:3, :3] = np.stack((side, np.cross(forward, side), forward), axis=1)
-        pose[:3, :3] @= poses.pose((0, 0, 0), *generator.uniform(-25, 25, 3))[:3, :3]
+        roll_deg, pitch_deg, yaw_deg = generator.uniform(-25, 25, 3)
+        turn = poses.pose(roll_deg=roll_deg, pitch_deg=pitch_deg, yaw_deg=yaw_deg)
+        pose[:3, :3] @= turn[:3, :3]
         pose[:3, 3] = rays.origins_m[0] + generator.uniform(0.3, 0.6) * forward
         points_m = np.column_stack((GRID_M, np.zeros(len(GRID_M)))) @ pose[:3, :3].T + pose[:3, 3]
         seen = system.pixel_from_point(points_m)

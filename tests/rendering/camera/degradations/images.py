@@ -4,6 +4,7 @@ import numpy as np
 
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
+from omnisim.rendering.opengl.gl.pixel_readback import read_once
 
 GEOMETRY = ImageGeometry(97, 83, (47.3, 41.8))  # odd sizes, and an axis off the middle
 
@@ -35,4 +36,11 @@ def on_gpu(context, images, optics=(), sensor=(), weights=None, uniforms=None):
         texture = context.texture((width, height), 4, image.astype("<f4"), dtype="f4")
         chain.add(texture, None if weights is None else weights[index])
     chain.finish(uniforms or {"u_frame": 0})
-    return chain.read()
+    return read(chain.finished)
+
+
+def read(texture):
+    """Texels (height, width, 4) of a linear image."""
+    texels = np.empty((texture.height, texture.width, 4), dtype=np.float32)
+    read_once(texture.ctx, (texture, texels))
+    return texels

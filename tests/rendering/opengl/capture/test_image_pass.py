@@ -11,7 +11,7 @@ from omnisim.cameras import EquidistantCamera, EquirectangularCamera, KannalaBra
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.capture import image_pass
 from omnisim.rendering.opengl.capture.image_pass import MAX_TABLE_BYTES, RemapPass, fits_table
-from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene
 from tests.rendering.opengl.sheets import mixed_scene
@@ -32,7 +32,7 @@ CAMERAS = {
 
 def _at_start(stage, camera):
     start = stage.scene.start
-    return camera.base_pose(start.position_m, start.yaw_deg)
+    return camera.base_pose(start.position_m, yaw_deg=start.yaw_deg)
 
 
 def _take(stage, camera):
@@ -71,7 +71,7 @@ class Calls:
     def __init__(self, patch):
         self.drawn, self.written, self.read = [], [], []
         render, write = moderngl.VertexArray.render, moderngl.Buffer.write
-        read_rgba = GlState.read_rgba
+        start = PixelReadback.start
 
         def render_recorded(array, mode=None, vertices=-1, **options):
             self.drawn.append(array.vertices if vertices < 0 else vertices)
@@ -81,13 +81,13 @@ class Calls:
             self.written.append(memoryview(data).nbytes)
             return write(buffer, data, **options)
 
-        def read_recorded(state, target, out):
-            self.read.append(out.nbytes)
-            return read_rgba(state, target, out)
+        def read_recorded(readback, *reads):
+            self.read += [out.nbytes for _, out in reads]
+            return start(readback, *reads)
 
         patch.setattr(moderngl.VertexArray, "render", render_recorded)
         patch.setattr(moderngl.Buffer, "write", write_recorded)
-        patch.setattr(GlState, "read_rgba", read_recorded)
+        patch.setattr(PixelReadback, "start", read_recorded)
 
 
 @pytest.mark.usefixtures("needs_opengl")

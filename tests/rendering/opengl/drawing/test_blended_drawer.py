@@ -46,7 +46,8 @@ def _scene(*lights):
         meshes.append(sheet(f"sheet {number}", kind, seed=number, up=(None, 0.3)[number % 2]))
         at = generator.uniform((-2.5, -1.6, -1.2), (2.5, 1.6, 0.6))
         at *= max(1.0, 1.0 / np.linalg.norm(at))
-        pose = make_pose(at, *generator.uniform(0.0, 360.0, 3))
+        roll_deg, pitch_deg, yaw_deg = generator.uniform(0.0, 360.0, 3)
+        pose = make_pose(at, roll_deg=roll_deg, pitch_deg=pitch_deg, yaw_deg=yaw_deg)
         if number % 3 == 0:
             pose[:3, :3] = pose[:3, :3] @ np.diag((1.0, -0.8, 1.2))
         poses.append(pose)
@@ -55,7 +56,10 @@ def _scene(*lights):
 
 def _body():
     """Panes beside the camera, which move with it."""
-    poses = [make_pose((0.3, 0.6, 0.1), roll_deg=80.0), make_pose((-0.5, 0.4, 0.2), 70.0, 20.0)]
+    poses = [
+        make_pose((0.3, 0.6, 0.1), roll_deg=80.0),
+        make_pose((-0.5, 0.4, 0.2), roll_deg=70.0, pitch_deg=20.0),
+    ]
     return scene_of([sheet("pane", 3), sheet("window", 1, seed=2)], MATERIALS, poses)
 
 

@@ -48,7 +48,7 @@ class Images:
     def take(self, world_from_base=None, min_triangles=None, shows_occluded=False):
         camera, start = self._camera, self._stage.scene.start
         if world_from_base is None:
-            world_from_base = camera.base_pose(start.position_m, start.yaw_deg)
+            world_from_base = camera.base_pose(start.position_m, yaw_deg=start.yaw_deg)
         with self._monkeypatch.context() as patch:
             if min_triangles is not None:
                 patch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", (min_triangles,) * 3)

@@ -60,7 +60,8 @@ def _scene(make_material):
         meshes.append(sheet(f"sheet {number}", 1 + number, side=4, seed=number, up=0.8))
         at = generator.uniform((-2.5, -1.6, -1.2), (2.5, 1.6, 0.6))
         at *= max(1.0, 1.0 / np.linalg.norm(at))
-        poses.append(make_pose(at, *generator.uniform(0.0, 360.0, 3)))
+        roll_deg, pitch_deg, yaw_deg = generator.uniform(0.0, 360.0, 3)
+        poses.append(make_pose(at, roll_deg=roll_deg, pitch_deg=pitch_deg, yaw_deg=yaw_deg))
     materials = [Material("room", double_sided=True), *map(make_material, range(COUNT))]
     lighting = Lighting((0.2, 0.2, 0.3), (SUN,))
     return scene_of(meshes, materials, poses, lighting=lighting)

@@ -12,7 +12,10 @@ VIEWPOINT_M = np.array([0.3, -2.0, 1.0])
 
 def test_dynamic_objects_are_placed_as_if_they_stood_there(context):
     scene, objects = surroundings(), (body(), body())
-    poses = (pose((1.0, 2.0, 0.5), 10.0, 20.0, 30.0), pose((-1.0, 0.0, 0.0), yaw_deg=200.0))
+    poses = (
+        pose((1.0, 2.0, 0.5), roll_deg=10.0, pitch_deg=20.0, yaw_deg=30.0),
+        pose((-1.0, 0.0, 0.0), yaw_deg=200.0),
+    )
     still = merged(merged(scene, objects[0], poses[0]), objects[1], poses[1])
     buffers, expected = SceneBuffers(context, scene, objects), SceneBuffers(context, still)
     assert [draw.name for draw in buffers.draw_items] == [draw.name for draw in expected.draw_items]

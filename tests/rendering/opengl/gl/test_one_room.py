@@ -26,8 +26,6 @@ MAKERS = {
     "empty_framebuffer": "framebuffers.py",
     "simple_framebuffer": "framebuffers.py",
 }
-# Buffers that are mapped to be read, until they stay mapped.
-READ_BACK = {f"{ROOM}/pixel_readback.py", "rendering/opengl/drawing/range_pass.py"}
 # Of a moderngl.Buffer: these map it.
 MAPPING = {"read_chunks", "read_chunks_into", "write_chunks", "orphan"}
 SUSPECT = re.compile(rf"\.({'|'.join([*MAKERS, *MAPPING])})\(|ctypes|gl_function|fences")
@@ -42,8 +40,7 @@ def _faults(name, tree):
             called, owner = node.func.attr, ast.unparse(node.func.value)
             is_context = owner.rsplit(".", 1)[-1].lstrip("_") in ("context", "ctx")
             place = f"{ROOM}/{MAKERS.get(called)}"
-            is_read_back = called == "buffer" and name in READ_BACK
-            if is_context and called in MAKERS and name != place and not is_read_back:
+            if is_context and called in MAKERS and name != place:
                 yield f"{name}:{node.lineno}: {owner}.{called}: see {place}"
             if called in MAPPING and "rendering/opengl" in name:
                 yield f"{name}:{node.lineno}: {owner}.{called} maps a buffer"

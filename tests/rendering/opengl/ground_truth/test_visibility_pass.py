@@ -29,7 +29,10 @@ def _scene():
     """Sheets of some hundred triangles, one of them mirrored, holes, glass, and a room."""
     meshes = [room(), sheet("a", 0, seed=1), sheet("b", 1, seed=2), sheet("a", 0, seed=1)]
     meshes.append(box("glass", 2, half_m=0.3))
-    poses = [make_pose((0.1 * n, 0.9 * n - 1.3, -0.6), 8.0 * n, 5.0, 40.0 * n) for n in range(5)]
+    poses = [
+        make_pose((0.1 * n, 0.9 * n - 1.3, -0.6), roll_deg=8.0 * n, pitch_deg=5.0, yaw_deg=40.0 * n)
+        for n in range(5)
+    ]
     poses[0] = np.eye(4)
     poses[3][:3, :3] = poses[3][:3, :3] @ np.diag((1.0, -1.0, 1.0))
     return scene_of(meshes, MATERIALS, poses)
@@ -62,7 +65,10 @@ def test_ids_are_those_of_instances_drawn_one_by_one(context, monkeypatch, min_t
     assert clustered.clustered_geometry.contains.sum() == 4
     assert reference.clustered_geometry is None
     passes = [(_pass(one, details), one) for one in (clustered, reference)]
-    for pose in (make_pose((0.0, 0.0, 0.4)), make_pose((0.3, -0.2, 0.2), 9.0, -5.0, 70.0)):
+    for pose in (
+        make_pose((0.0, 0.0, 0.4)),
+        make_pose((0.3, -0.2, 0.2), roll_deg=9.0, pitch_deg=-5.0, yaw_deg=70.0),
+    ):
         ours, theirs = (_surfaces(one, buffers, pose, details) for one, buffers in passes)
         assert len(np.unique(theirs.reshape(-1, 2), axis=0)) > 200
         # matrices are multiplied in another order: an edge takes the texel beside it
