@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.gl import debug
 from omnisim.rendering.opengl.gl.context import open_context, release_context
 from omnisim.rendering.opengl.shadows import shadow_plan
 from tests.read_once import (
@@ -38,6 +39,13 @@ def _scenes_are_made_once():
         yield
 
 
+@pytest.fixture(autouse=True)
+def _opengl_reports_nothing():
+    """With OMNISIM_GL_DEBUG=1, what OpenGL reports is a failure."""
+    yield
+    assert debug.take_messages() == []
+
+
 @pytest.fixture
 def context():
     """An OpenGL context that must be free of errors when the test is done with it."""
@@ -45,6 +53,7 @@ def context():
     assert context.error == "GL_NO_ERROR"
     yield context
     assert context.error == "GL_NO_ERROR"
+    context.__exit__(None, None, None)  # other libraries' calls would otherwise reach it
     context.release()
 
 

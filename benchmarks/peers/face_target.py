@@ -16,7 +16,13 @@ from omnisim.rendering.opengl.drawing.surface_program import (
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_format import vertex_array
-from omnisim.rendering.opengl.gl.depth import CLEAR_DEPTH, DEPTH_FUNCTION, float_depth
+from omnisim.rendering.opengl.gl.framebuffers import framebuffer
+from omnisim.rendering.opengl.gl.gpu_textures import (
+    CLEAR_DEPTH,
+    DEPTH,
+    DEPTH_FUNCTION,
+    renderbuffer,
+)
 from omnisim.rendering.opengl.gl.uniforms import columns_first, find_uniform, uniform
 from omnisim.scene.model import Material, Scene
 
@@ -46,7 +52,7 @@ def srgb_texture(context: moderngl.Context, size: tuple[int, int]) -> moderngl.T
 
 def face_target(context: moderngl.Context, texture: moderngl.Texture) -> moderngl.Framebuffer:
     """Framebuffer for one face, with a depth buffer."""
-    return context.framebuffer([texture], float_depth(context, texture.size, 0))
+    return framebuffer(context, [texture], renderbuffer(context, texture.size, 1, DEPTH))
 
 
 class ObjectDrawer:

@@ -36,6 +36,7 @@ from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.context import (
     check_process,
     collect_garbage,
+    current,
     graphics_info,
     open_context,
     release_context,
@@ -88,7 +89,7 @@ class CubeBackend(SceneBackend):
         )
         self._finalizer.atexit = False  # the end of the process frees it
         try:
-            with self.context:
+            with self.context:  # current since it was opened, and not afterwards
                 self.buffers = SceneBuffers(self.context, scene, tuple(objects.values()))
                 self._shadows = None
                 if has_computed_shadows((scene, *objects.values())):
@@ -119,7 +120,7 @@ class CubeBackend(SceneBackend):
         if not self.is_open:
             raise GraphicsError("this stage is closed: open a new one")
         release_unclosed_contexts()
-        with self.context:
+        with current(self.context):
             collect_garbage(self.context)  # renderers that were dropped without `close`
             yield
 

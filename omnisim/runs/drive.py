@@ -245,6 +245,7 @@ class PlannedDrive:
                     backend=drive.backend,
                 )
             )
+            stack.enter_context(stage.current())  # throughout, not image by image
             settings = self._settings
             instruments = {
                 sensor.name: stack.enter_context(instrument)

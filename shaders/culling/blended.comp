@@ -33,9 +33,11 @@ vec4[3] rows_of(uint object, uint camera) {
     return instances[(object * u_cameras + camera) * u_tiles].viewpoint_from_object;
 }
 
+// Precise: ranks compare distances of one point that two expressions compute.
 float squared_distance(vec4 rows[3], vec3 point) {
-    vec3 at = transformed(rows, point);
-    return dot(at, at);
+    precise vec3 at = transformed(rows, point);
+    precise float squared = dot(at, at);
+    return squared;
 }
 
 // False if the sphere is completely outside the view.

@@ -54,5 +54,7 @@ uint tile_words() {
 
 vec3 transformed(vec4 rows[3], vec3 point) {
     vec4 extended = vec4(point, 1.0);
-    return vec3(dot(rows[0], extended), dot(rows[1], extended), dot(rows[2], extended));
+    precise vec3 at =
+        vec3(dot(rows[0], extended), dot(rows[1], extended), dot(rows[2], extended));
+    return at;
 }

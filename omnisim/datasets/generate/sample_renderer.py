@@ -96,8 +96,12 @@ class SampleRenderer:
 
     def _attempt(self, drawn: Draw) -> RenderedSample | str:
         """Render an attempt; return the reason if it is rejected."""
-        plan = self._prepared.plan
         stage, rig = self._open(drawn.indices)
+        with stage.current():  # throughout, not image by image
+            return self._render(drawn, stage, rig)
+
+    def _render(self, drawn: Draw, stage: Stage, rig: _OpenRig) -> RenderedSample | str:
+        plan = self._prepared.plan
         assert self._light is not None
         scene, first = self._light.scene, rig.cameras.first
         base = first.base_pose(

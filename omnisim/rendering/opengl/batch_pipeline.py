@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from omnisim.rendering.opengl.capture.image_pass import RemapPass
 from omnisim.rendering.opengl.drawing.atlas_levels import AtlasLevels
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
-from omnisim.rendering.opengl.gl.fences import clear_target
+from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer
+from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_array
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Reading
 from omnisim.rendering.readback import Pending, ScenePoses
@@ -104,10 +105,10 @@ class BatchPipeline:
             plan, (width, height) = self._cube.plan, self.size_px
             with gpu_allocation(f"a batch of {count} images", "render fewer at once"):
                 size = (plan.width_px, plan.height_px, count)
-                self._atlases = self.context.texture_array(size, 4, dtype="f2")
+                self._atlases = texture_array(self.context, size, 4, levels=1 + plan.max_level)
                 self._levels = AtlasLevels(self._atlases, plan.max_level)
-                images = self.context.renderbuffer((width, count * height), 4)
-                self._target = self.context.framebuffer([images])
+                images = renderbuffer(self.context, (width, count * height), 4)
+                self._target = framebuffer(self.context, [images])
             self._atlases.repeat_x = self._atlases.repeat_y = False
             self._atlases.filter = self._cube.atlas.filter
             # once: pixels without a ray are never drawn

@@ -11,7 +11,8 @@ from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.rendering.opengl.batch_pipeline import MAX_SLICE_BYTES
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
 from omnisim.rendering.opengl.drawing.cube_layers import EXTENSIONS
-from omnisim.rendering.opengl.gl.fences import use_target
+from omnisim.rendering.opengl.gl.framebuffers import use_target
+from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.uniforms import uniform
 from omnisim.rendering.opengl.ground_truth.ray_hit_pass import (
@@ -41,7 +42,8 @@ class _Variant:
         with gpu_allocation(f"ground truth of {count} images", "render fewer at once"):
             size = (width, count * height)
             held = [
-                context.renderbuffer(size, 4, dtype="f4"), context.renderbuffer(size, 2, dtype="u4")
+                renderbuffer(context, size, 4, dtype="f4"),
+                renderbuffer(context, size, 2, dtype="u4"),
             ]  # fmt: skip
             self.target = hits_target(context, size, held, details)
 

@@ -11,7 +11,8 @@ from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.capture.image_pass import image_pass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
-from omnisim.rendering.opengl.gl.fences import clear_target
+from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer
+from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Read
 from omnisim.rendering.readback import Pending, Readback, ScenePoses, SubFrames
@@ -58,10 +59,10 @@ class Pipeline:
             f"a capture of {width} × {height} px",
             "make the image or camera.supersampling smaller",
         ):
-            self.linear = context.texture(self.size_px, 4, dtype=linear_type)
-            encoded = context.renderbuffer(self.size_px, 4)
-            self.encoded_target = context.framebuffer([encoded])
-            self._both_targets = context.framebuffer([encoded, self.linear])
+            self.linear = texture_2d(context, self.size_px, 4, dtype=linear_type)
+            encoded = renderbuffer(context, self.size_px, 4)
+            self.encoded_target = framebuffer(context, [encoded])
+            self._both_targets = framebuffer(context, [encoded, self.linear])
         # once: pixels without a ray are never drawn
         clear_target(self._both_targets)
 

@@ -27,8 +27,8 @@ def count_triangles(culler):
     """Count the triangles that a culler submits, pass by pass, into a list that is returned."""
     submitted, run = [], culler.run
 
-    def counted(pass_index):
-        run(pass_index)
+    def counted(pass_index, target=None):
+        run(pass_index, target)
         submitted.append(int(submitted_commands(culler, pass_index)[:, 0].sum()) // 3)
 
     culler.run = counted

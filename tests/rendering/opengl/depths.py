@@ -1,6 +1,6 @@
 """Depth textures with given values."""
 
-from omnisim.rendering.opengl.gl.depth import depth_texture
+from omnisim.rendering.opengl.gl.gpu_textures import depth_texture
 
 PLANE = """
 #version 430 core

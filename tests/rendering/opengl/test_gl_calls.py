@@ -1,12 +1,19 @@
 """Calls of OpenGL in a frame: as many for one view as for many, for few objects as for many."""
 
+import ctypes
+from contextlib import contextmanager
+
 import numpy as np
 import pytest
 
 import omnisim
 from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.stage import open_sensor
+from omnisim.rendering.opengl.drawing import tile_renderer
+from omnisim.rendering.opengl.gl.functions import gl_function
+from omnisim.rendering.opengl.gl.state import GlState
+from omnisim.rendering.stage import Stage, open_sensor
+from omnisim.robots.vehicle import Vehicle
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import AlphaMode, Lighting, Material
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
@@ -129,3 +136,51 @@ def test_calls_do_not_depend_on_the_number_of_objects(monkeypatch):
         with open_sensor(scene_of(meshes, [Material()], poses), CAMERA) as renderer:
             made.append(_frame(calls, renderer))
     assert made[0] == made[1]
+
+
+@pytest.mark.parametrize("kind", ["image", "batch", "scan"])
+def test_a_second_frame_moves_no_buffer(kind, monkeypatch):
+    """Drivers may move buffers that are allocated anew or mapped."""
+    calls = GlCalls(monkeypatch)
+    vehicle = Vehicle.load("p2at")
+    sensor = LaserScanner() if kind == "scan" else CAMERA
+    with Stage(omnisim.load_scene("soccer"), vehicle.body) as stage, stage.open(sensor) as opened:
+        take = {
+            "image": lambda pose: opened.render(pose),
+            "batch": lambda pose: opened.render_batch(np.stack([pose] * 3)),
+            "scan": lambda pose: opened.scan(pose),
+        }[kind]
+        for pose_of_base in _poses(2):
+            take(pose_of_base)
+        made = calls.of(lambda: take(_poses(3)[2]))
+    moving = ("BufferData", "BufferStorage", "MapBuffer", "MapBufferRange", "MapNamedBufferRange")
+    assert made
+    assert not [name for name in made if name.endswith(moving)]
+
+
+def test_depth_is_sampled_while_another_target_is_bound(monkeypatch):
+    """Otherwise OpenGL leaves undefined what is sampled."""
+    bound, sampled = [], []
+    plain = GlState.sampling
+
+    @contextmanager
+    def watched(self, unit, attached, target):
+        with plain(self, unit, attached, target):
+            sampled.append((_integer(0x8CA6), target.glo, target.ctx.extra.lasting_target.glo))
+            yield
+        bound.append((_integer(0x8CA6), target.glo))
+
+    monkeypatch.setattr(GlState, "sampling", watched)
+    monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", (0,))  # two passes
+    with open_sensor(omnisim.load_scene("soccer"), CAMERA) as renderer:
+        renderer.render(_poses(1)[0])
+        renderer.render_batch(_poses(2))
+    assert sampled
+    assert all(now == lasting != target for now, target, lasting in sampled)
+    assert all(now == target for now, target in bound)
+
+
+def _integer(name):
+    value = ctypes.c_int()
+    gl_function("glGetIntegerv", ctypes.c_uint, ctypes.c_void_p)(name, ctypes.addressof(value))
+    return value.value

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
-from omnisim.rendering.opengl.gl.depth import depth_texture
-from omnisim.rendering.opengl.gl.fences import end_pass
-from omnisim.rendering.opengl.gl.functions import StorageBindings, copy_region
+from omnisim.rendering.opengl.gl.functions import StorageBindings
+from omnisim.rendering.opengl.gl.gpu_textures import copy_textures, depth_texture, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 from omnisim.rendering.opengl.gl.uniforms import columns_first, find_uniform, uniform
@@ -43,21 +42,18 @@ class DepthPyramid:
         far_m: float,
         longest_m: float,
     ):
-        self._context, self._size = context, (plan.width_px, plan.height_px)
-        columns, rows = (-(-side // _BLOCK) for side in self._size)
+        self._context, size = context, (plan.width_px, plan.height_px)
+        columns, rows = (-(-side // _BLOCK) for side in size)
         groups = -(-columns // _BLOCKS_PER_GROUP) * -(-rows // _BLOCKS_PER_GROUP)
-        width, height = self._size
-        with gpu_allocation(f"depth of {width} × {height} px", "make the image smaller"):
-            self._depth = depth_texture(context, self._size)
-            self._bounds = context.texture((columns, rows + 1), 2, dtype="f4")
+        with gpu_allocation(f"depth of {size[0]} × {size[1]} px", "make the image smaller"):
+            self._depth = depth_texture(context, size)
+            self._bounds = texture_2d(context, (columns, rows + 1), 2)
             cells = _cell_tiles(plan)
-            self._cells = context.texture(cells.shape[1::-1], 4, cells.tobytes(), dtype="f4")
+            self._cells = texture_2d(context, cells.shape[1::-1], 4, cells)
             no_surface = np.zeros(1 + groups, dtype="<u4")
             self._empty = gpu_buffer(context, no_surface)
             self._groups = gpu_buffer(context, no_surface)
             self._buffers = StorageBindings([gpu_buffer(context, 4 * columns * rows), self._groups])
-        for texture in (self._bounds, self._cells):
-            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         share = near_m / (far_m - near_m)  # depth is −share + near (1 + share) / z
         scale = 1.0 / (near_m * (1.0 + share))
         self._inverse_z_from_depth = (scale, share * scale)
@@ -90,8 +86,7 @@ class DepthPyramid:
         The copy is never attached to a target: it may stay bound while the next image is drawn.
         """
         context = self._context
-        end_pass(context)
-        copy_region(depth.glo, self._depth.glo, 0, (0, 0), (0, 0), self._size)
+        copy_textures({depth: self._depth})
         context.copy_buffer(self._groups, self._empty)
         self._buffers.bind()
         for texture, unit in (

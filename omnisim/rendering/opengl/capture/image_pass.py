@@ -13,8 +13,9 @@ from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.pixel_map import RAYS_UNIT, CaptureOutput, PixelMap
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
-from omnisim.rendering.opengl.gl.fences import use_target
+from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
 from omnisim.rendering.opengl.gl.functions import StorageBindings
+from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import Pixels, read_once
 from omnisim.rendering.opengl.gl.shader_files import build_program
@@ -69,17 +70,17 @@ class RemapPass:
         samples, plan, supersampling: see `image_pass`.
 
     Raises:
-        moderngl.Error: out of GPU memory.
+        AllocationError: out of GPU memory.
     """
 
     def __init__(self, samples: PixelMap, plan: TilePlan, supersampling: int):
         context = samples.context
-        target = context.framebuffer(
-            [context.renderbuffer(samples.size_px, parts, dtype="f4") for parts in (2, 1)]
+        target = framebuffer(
+            context,
+            [renderbuffer(context, samples.size_px, parts, dtype="f4") for parts in (2, 1)],
         )
         context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
-        use_target(target)
-        target.clear(-1.0, -1.0)
+        clear_target(target, *[(-1.0, -1.0, 0.0, 0.0)] * 2)
         samples.vertex_array(CaptureOutput.UV, plan).render()
         uvs = _by_pixel(target, 0, supersampling)
         tables = [gpu_buffer(context, uvs)]
@@ -138,15 +139,15 @@ class SamplePass:
         samples, plan, supersampling: see `image_pass`.
 
     Raises:
-        moderngl.Error: out of GPU memory.
+        AllocationError: out of GPU memory.
     """
 
     def __init__(self, samples: PixelMap, plan: TilePlan, supersampling: int):
         context = samples.context
         self._lookup_rays = samples.lookup_rays
         self._samples_array = samples.vertex_array(CaptureOutput.COLOR, plan)
-        self._colors = context.texture(samples.size_px, 4, dtype="f2")
-        self._target = context.framebuffer([self._colors])
+        self._colors = texture_2d(context, samples.size_px, 4, dtype="f2")
+        self._target = framebuffer(context, [self._colors])
         width, height = (length // supersampling for length in samples.size_px)
         everything = np.ones((height, width), dtype=np.bool_)
         self._array = image_array(context, everything, supersampling)
@@ -156,8 +157,7 @@ class SamplePass:
         atlas.use(0)
         if self._lookup_rays is not None:
             self._lookup_rays.use(RAYS_UNIT)
-        use_target(self._target)
-        self._target.clear()
+        clear_target(self._target)
         self._samples_array.render()
         self._colors.use(0)
         use_target(target)

@@ -14,8 +14,8 @@ from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
 from omnisim.rendering.opengl.capture.image_pass import image_array
 from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays, SampleRays
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
-from omnisim.rendering.opengl.gl.fences import clear_target, use_target
-from omnisim.rendering.opengl.gl.functions import clear_integers
+from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
+from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels
 from omnisim.rendering.opengl.gl.shader_files import build_program
@@ -80,18 +80,14 @@ class ParallaxPass:
         self.undecided_samples = 0
         with gpu_allocation(self._what, "make the image or camera.supersampling smaller"):
             self._rays = ray_textures(context, rays)
-            self._surfaces = context.texture(self._size, 4, dtype="f4")
-            self._colors = context.texture(self._size, 4, dtype="f4")
-            left = context.renderbuffer(self._size, 2, dtype="u4")
-        for texture in (self._surfaces, self._colors):
-            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._surfaces_target = context.framebuffer([self._surfaces])
-        self._target = context.framebuffer([self._colors, left])
+            self._surfaces = texture_2d(context, self._size, 4)
+            self._colors = texture_2d(context, self._size, 4)
+            left = renderbuffer(context, self._size, 2, dtype="u4")
+        self._surfaces_target = framebuffer(context, [self._surfaces])
+        self._target = framebuffer(context, [self._colors, left])
         # once: pixels without a ray are never drawn
         clear_target(self._surfaces_target, (0.0, 0.0, 0.0, -1.0))
-        use_target(self._target)
-        self._target.clear()
-        clear_integers(_LEFT)
+        clear_target(self._target, (0.0, 0.0, 0.0, 0.0), None)
         self._valid_bits = rays.valid_bits()
         self._samples, self._samples_target = self._allocate_samples(1)
         self._surfaces_array = self._covering("surfaces")
@@ -232,17 +228,16 @@ class ParallaxPass:
     def _allocate_samples(self, rows: int) -> tuple[moderngl.Texture, moderngl.Framebuffer]:
         size = _SAMPLE_ROW, rows
         with gpu_allocation(self._what, "make the image or camera.supersampling smaller"):
-            samples = self._context.texture(size, 1, dtype="u4")
-            samples.filter = (moderngl.NEAREST, moderngl.NEAREST)
-            renderbuffer = self._context.renderbuffer(size, 4, dtype="f4")
-            return samples, self._context.framebuffer([renderbuffer])
+            samples = texture_2d(self._context, size, 1, dtype="u4")
+            light = renderbuffer(self._context, size, 4, dtype="f4")
+            return samples, framebuffer(self._context, [light])
 
 
 def ray_textures(context: moderngl.Context, rays: ParallaxRays) -> RayTextures:
     """Upload rays.
 
     Raises:
-        moderngl.Error: no memory for them.
+        AllocationError: no memory for them.
     """
     height, width = rays.directions.shape[:2]
     inner = slice(MARGIN_PX, -MARGIN_PX)
@@ -256,14 +251,10 @@ def ray_textures(context: moderngl.Context, rays: ParallaxRays) -> RayTextures:
         texels = np.zeros((height, width, 4), dtype=np.float32)
         texels[..., :3] = values
         texels[inner, inner, 3] = own
-        textures.append(context.texture((width, height), 4, texels.tobytes(), dtype="f4"))
+        textures.append(texture_2d(context, (width, height), 4, texels))
     count = 2 * samples * len(rays.rim_valid)
     texels = np.zeros((max(1, -(-count // _RIM_ROW)) * _RIM_ROW, 4), dtype=np.float32)
     texels[:count:2, :3] = rays.rim_directions.reshape(-1, 3)
     texels[1:count:2, :3] = rays.rim_origins_m.reshape(-1, 3)
     size = _RIM_ROW, len(texels) // _RIM_ROW
-    rim_rays = context.texture(size, 4, texels.tobytes(), dtype="f4")
-    textures_of_rays = RayTextures(textures[0], textures[1], rim_rays)
-    for texture in textures_of_rays:
-        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-    return textures_of_rays
+    return RayTextures(textures[0], textures[1], texture_2d(context, size, 4, texels))

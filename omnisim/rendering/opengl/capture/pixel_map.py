@@ -14,7 +14,9 @@ from omnisim.cameras.mirrors import tessellate
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
-from omnisim.rendering.opengl.gl.fences import use_target
+from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer
+from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
+from omnisim.rendering.opengl.gl.memory import AllocationError
 from omnisim.rendering.opengl.gl.pixel_readback import read_once
 from omnisim.rendering.opengl.gl.shader_files import build_program, included_files
 from omnisim.rendering.opengl.gl.uniforms import uniform
@@ -57,14 +59,12 @@ class PixelMap:
         """Texture of unit rays in the optical frame; w: 1 where the pixel has a ray.
 
         Raises:
-            moderngl.Error: too large for the GPU.
+            AllocationError: too large for the GPU.
         """
-        rays = self.context.texture(self.size_px, 4, dtype="f4")
-        rays.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        target = self.context.framebuffer([rays])
+        rays = texture_2d(self.context, self.size_px, 4)
+        target = framebuffer(self.context, [rays])
         self.context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
-        use_target(target)
-        target.clear()
+        clear_target(target)
         self._model_array(CaptureOutput.RAY).render()
         return rays
 
@@ -80,7 +80,7 @@ class PixelMap:
             return None
         try:
             return self.rays
-        except moderngl.Error:
+        except AllocationError:
             return None
 
     def read_rays(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:

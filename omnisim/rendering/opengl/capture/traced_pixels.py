@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 
 
 class TracedPixels(PixelMap):
@@ -35,6 +36,4 @@ class TracedPixels(PixelMap):
     @cached_property
     def rays(self) -> moderngl.Texture:
         """Texture of unit rays in the optical frame; w: 1 where the pixel has a ray."""
-        rays = self.context.texture(self.size_px, 4, self._texels.tobytes(), dtype="f4")
-        rays.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        return rays
+        return texture_2d(self.context, self.size_px, 4, self._texels)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.culling.clusters import ClusterHierarchy
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
+from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 
 # Texture of bounds: entries of four words, see shaders/culling/bounds.glsl.
@@ -179,6 +180,4 @@ def _table(context: moderngl.Context, entries: NDArray[np.void]) -> moderngl.Tex
     rows = max(1, -(-len(entries) // _ROW))
     padded = np.zeros(rows * _ROW, dtype=_ENTRY)
     padded[: len(entries)] = entries
-    texture = context.texture((_ROW, rows), 4, padded, dtype="u4")
-    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-    return texture
+    return texture_2d(context, (_ROW, rows), 4, padded, dtype="u4")

@@ -175,13 +175,13 @@ class ClusterCuller:
         if pass_index == 0 and slice_index == 0:  # drawing does not rebind these
             self._bound.bind()
             self._state.bind_texture(BOUNDS_UNIT, self._buffers.bounds.glo)
-            if self._depth is not None:
-                self._state.bind_texture(DEPTH_UNIT, self._depth.glo)
 
-    def run(self, pass_index: int) -> None:
+    def run(self, pass_index: int, target: moderngl.Framebuffer | None = None) -> None:
         """Write the commands of a pass's first slice, for the current poses.
 
-        Needs the depth of the previous pass.
+        Args:
+            pass_index: number of the pass.
+            target: bound target, whose depth is that of all previous passes; None: first pass.
         """
         context, shaders, views = self._context, self._shaders, self.views
         barrier = context.SHADER_STORAGE_BARRIER_BIT
@@ -192,10 +192,11 @@ class ClusterCuller:
             shaders.instances.run(math.ceil(entries / _GROUP_SIZE))
             context.memory_barrier(barrier)
             shaders.groups.run(self._blocks, views.count)
-        elif self._depth is not None:
+        elif self._depth is not None and target is not None:
             columns, rows = self._cells
             fine, coarse = shaders.layered_hi_z if self._is_layered else shaders.hi_z
-            fine.run(columns, rows, views.cameras)  # 8 × 8 cells of level 1 per last-level cell
+            with self._state.sampling(DEPTH_UNIT, self._depth, target):
+                fine.run(columns, rows, views.cameras)  # 8 × 8 cells of level 1 per last-level cell
             context.memory_barrier(barrier)
             coarse.run(math.ceil(columns / 8), math.ceil(rows / 8), views.cameras)
         context.memory_barrier(barrier | context.COMMAND_BARRIER_BIT)

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.camera.metering import Metering
 from omnisim.rendering.opengl.degradation.step import Step, UniformValue
-from omnisim.rendering.opengl.gl.fences import use_target
+from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
 from omnisim.rendering.opengl.gl.functions import flush
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.pixel_readback import Read
 from omnisim.rendering.opengl.gl.shader_files import build_program
 
@@ -121,11 +121,8 @@ class _Target:
     """Float32 render target that can be sampled."""
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int]):
-        with gpu_allocation(
-            f"a degraded image of {size[0]} × {size[1]} px", "make the image smaller"
-        ):
-            self.texture = context.texture(size, 4, dtype="f4")
-            self.framebuffer = context.framebuffer([self.texture])
+        self.texture = texture_2d(context, size, 4)
+        self.framebuffer = framebuffer(context, [self.texture])
 
 
 class _FullScreenPass:
@@ -141,7 +138,7 @@ class _FullScreenPass:
         for unit, (name, values) in enumerate(step.textures.items(), start=1):
             height, width, channels = values.shape
             data = np.ascontiguousarray(values, dtype="<f4")
-            self._textures.append(context.texture((width, height), channels, data, dtype="f4"))
+            self._textures.append(texture_2d(context, (width, height), channels, data))
             self._program[name] = unit
         self._vertex_array = context.vertex_array(self._program, [])
 
@@ -178,7 +175,7 @@ class _Shutter:
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int]):
         self._sums = [_Target(context, size) for _ in range(2)]
-        self._row_weights = context.texture((1, size[1]), 1, dtype="f4")
+        self._row_weights = texture_2d(context, (1, size[1]), 1)
         self._accumulate = _FullScreenPass(context, Step("accumulate"))
 
     def add(
@@ -189,8 +186,7 @@ class _Shutter:
         self._row_weights.write(np.ascontiguousarray(row_weights, dtype="<f4"))
         before, after = self._sums
         if is_first:
-            use_target(before.framebuffer)
-            before.framebuffer.clear()
+            clear_target(before.framebuffer)
         textures = {"u_sum": before.texture, "u_row_weights": self._row_weights}
         self._accumulate.draw(after.framebuffer, image, textures=textures)
         self._sums.reverse()
@@ -223,11 +219,8 @@ class _PixelMeter:
 
     def __init__(self, context: moderngl.Context, size: tuple[int, int]):
         self._pass = _FullScreenPass(context, Step("luminance"))
-        with gpu_allocation(
-            f"the light meter of {size[0]} × {size[1]} px", "make the image smaller"
-        ):
-            self._luminances = context.texture(size, 1, dtype="f4")
-            self._target = context.framebuffer([self._luminances])
+        self._luminances = texture_2d(context, size, 1)
+        self._target = framebuffer(context, [self._luminances])
 
     def draw(self, image: moderngl.Texture, metering: Metering) -> Metered:
         """Draw the luminances, negative where pixels are invalid."""

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import moderngl
 
-from omnisim.rendering.opengl.gl.fences import use_target
-from omnisim.rendering.opengl.gl.framebuffers import attach_layer, attach_texture
-from omnisim.rendering.opengl.gl.functions import allocate_half_floats, limit_levels
+from omnisim.rendering.opengl.gl.framebuffers import (
+    attach_layer,
+    attach_texture,
+    framebuffer,
+    use_target,
+)
+from omnisim.rendering.opengl.gl.gpu_textures import limit_levels
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.uniforms import uniform
 
@@ -20,7 +24,7 @@ class AtlasLevels:
     one per level and layer, do not keep their fences, see `fences.py`.
 
     Args:
-        texture: half-float texture with one level; its content is lost.
+        texture: half-float texture with these levels.
         max_level: last level; 0: no further levels.
     """
 
@@ -29,9 +33,6 @@ class AtlasLevels:
         if not max_level:
             return
         context = texture.ctx
-        texture.use()
-        allocate_half_floats(texture.size, max_level + 1)
-        limit_levels(texture.glo, 0, max_level)
         self._is_array = isinstance(texture, moderngl.TextureArray)
         self._is_layered = self._is_array and _LAYERED in context.extensions
         defines = ["ARRAY"] * self._is_array + ["LAYERED"] * self._is_layered
@@ -49,7 +50,7 @@ class AtlasLevels:
 
     def _target(self, level: int) -> moderngl.Framebuffer:
         texture = self._texture
-        target = texture.ctx.framebuffer([texture])
+        target = framebuffer(texture.ctx, [texture])
         attach_texture(target.glo, texture.glo, level=level)
         target.viewport = 0, 0, *(max(1, side >> level) for side in texture.size[:2])
         return target

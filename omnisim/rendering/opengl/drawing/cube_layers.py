@@ -102,7 +102,7 @@ class CubeLayers:
         self._surface_programs.bind_tables()
         self._positions.bind_to_storage_buffer(_POSITIONS)
         with self._state.drawing():
-            self._tiles.draw_clusters(rigs, objects)
+            self._tiles.draw_clusters(self._target, rigs, objects)
             if self._sky is not None:
                 self._sky.draw(rigs)
             if self._blended is not None:

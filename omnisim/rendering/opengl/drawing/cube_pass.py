@@ -18,9 +18,18 @@ from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
 from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
 from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer, VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl.depth import depth_texture, float_depth
-from omnisim.rendering.opengl.gl.fences import end_pass
-from omnisim.rendering.opengl.gl.framebuffers import attach_layer, attach_texture
+from omnisim.rendering.opengl.gl.framebuffers import (
+    attach_layer,
+    attach_texture,
+    framebuffer,
+    resolve,
+)
+from omnisim.rendering.opengl.gl.gpu_textures import (
+    DEPTH,
+    depth_texture,
+    renderbuffer,
+    texture_2d,
+)
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import Pixels, read_once
 
@@ -59,27 +68,20 @@ class CubePass:
         self._context, self._buffers, self.plan = context, buffers, plan
         self._background = cameras.background
         size = (plan.width_px, plan.height_px)
-        limit = int(context.info["GL_MAX_TEXTURE_SIZE"])
-        if max(size) > limit:
-            raise GraphicsError(
-                f"virtual cameras of {max(tile.face_size_px for tile in plan.tiles)} px need an "
-                f"atlas of {size[0]} × {size[1]} px: this GPU takes at most {limit}; "
-                "make the image, virtual_cameras.texels_per_pixel or size_px smaller"
-            )
         samples = min(cameras.samples, int(context.max_samples))
         with gpu_allocation(
             f"an atlas of {size[0]} × {size[1]} px with {samples} samples",
-            "make the image, virtual_cameras.size_px or virtual_cameras.samples smaller",
+            "make the image, or virtual_cameras.texels_per_pixel, size_px or samples smaller",
         ):
-            self.atlas = context.texture(size, 4, dtype="f2")
-            self._resolved = context.framebuffer([self.atlas])
+            self.atlas = texture_2d(context, size, 4, dtype="f2", levels=1 + plan.max_level)
+            self._resolved = framebuffer(context, [self.atlas])
             color: moderngl.Texture | moderngl.Renderbuffer = self.atlas
             if samples > 1:
-                color = context.renderbuffer(size, 4, samples=samples, dtype="f2")
+                color = renderbuffer(context, size, 4, dtype="f2", samples=samples)
             # multisampled depth cannot be read, and one sample may show what another occludes
             self._depth = None if samples > 1 else depth_texture(context, size)
-            depth = self._depth or float_depth(context, size, samples)
-            self._target = context.framebuffer([color], depth)
+            depth = self._depth or renderbuffer(context, size, 1, DEPTH, samples)
+            self._target = framebuffer(context, [color], depth)
         self.atlas.repeat_x = self.atlas.repeat_y = False
         self._levels = AtlasLevels(self.atlas, plan.max_level)
         mipmapped = moderngl.LINEAR_MIPMAP_LINEAR if plan.max_level else moderngl.LINEAR
@@ -225,7 +227,7 @@ class CubePass:
     def _draw(
         self, world_from_rig: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
     ) -> None:
-        context, target = self._context, self._target
+        target = self._target
         self._buffers.deform(world_from_objects)
         if self._probes is not None:
             self._probes.render(
@@ -240,8 +242,7 @@ class CubePass:
         self.tiles.begin(target, [(*self._background, 1.0)])
         self._view.draw(target, world_from_rig, world_from_objects)
         if self._is_multisampled:
-            end_pass(context)
-            context.copy_framebuffer(self._resolved, target)
+            resolve(self._resolved, target)
 
     def _seen_in_probes(
         self,

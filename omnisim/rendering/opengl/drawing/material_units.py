@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import moderngl
 
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl.functions import AnyTexture
+from omnisim.rendering.opengl.gl.gpu_textures import AnyTexture
 from omnisim.rendering.opengl.gl.uniforms import set_sampler
 from omnisim.rendering.opengl.materials.texture_array import MAP_UNITS
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
+from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.uniforms import uniform
 
@@ -32,8 +33,7 @@ class MirrorOwnerProgram:
         rows = -(-len(numbers) // _ROW_TRIANGLES)
         padded = np.zeros((rows, _ROW_TRIANGLES), dtype=np.uint8)
         padded.ravel()[: len(numbers)] = numbers
-        self._numbers = context.texture((_ROW_TRIANGLES, rows), 1, padded, dtype="u1")
-        self._numbers.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._numbers = texture_2d(context, (_ROW_TRIANGLES, rows), 1, padded, dtype="u1")
 
     def set_matrices(
         self,

@@ -30,7 +30,8 @@ from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.draw_item import InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
-from omnisim.rendering.opengl.gl.depth import CLEAR_DEPTH, depth_texture
+from omnisim.rendering.opengl.gl.framebuffers import framebuffer
+from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH, depth_texture, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.state import GlState
@@ -84,15 +85,13 @@ class MirrorPass:
             f"views in mirrors of {size[0]} × {size[1]} px",
             "make the image or virtual_cameras.size_px smaller",
         ):
-            self._colors = context.texture(size, 4, dtype="f2")
+            self._colors = texture_2d(context, size, 4, dtype="f2")
             nobody = bytes(size[0] * size[1])  # until a mirror is in view
-            self._owners = context.texture(size, 1, nobody, alignment=1, dtype="u1")
+            self._owners = texture_2d(context, size, 1, nobody, dtype="u1")
             depth = depth_texture(context, size)
-        for texture in (self._colors, self._owners):
-            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._target = context.framebuffer([self._colors], depth)
-        self._owners_target = context.framebuffer([self._owners], depth)
-        self._depth_target = context.framebuffer(depth_attachment=depth)
+        self._target = framebuffer(context, [self._colors], depth)
+        self._owners_target = framebuffer(context, [self._owners], depth)
+        self._depth_target = framebuffer(context, depth=depth)
         # a mirror shows the vehicle's own body, too
         seen = replace(cameras, hidden=frozenset(), samples=1)
         self._view = SceneView(

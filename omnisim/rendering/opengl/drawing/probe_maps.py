@@ -11,11 +11,12 @@ import numpy as np
 
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
-from omnisim.rendering.opengl.gl.framebuffers import attach_layer
-from omnisim.rendering.opengl.gl.functions import (
+from omnisim.rendering.opengl.gl.framebuffers import attach_layer, framebuffer
+from omnisim.rendering.opengl.gl.gpu_textures import (
     bind_texture,
-    create_cube_array,
+    cube_array,
     limit_levels,
+    texture_2d,
 )
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_program
@@ -72,11 +73,11 @@ class ProbeMaps:
             f"{cubes} reflection probes of {self._size_px} px",
             "make virtual_cameras.reflection_probes smaller",
         ):
-            self.name = create_cube_array(self._size_px, LEVELS, cubes)
-            attached = context.texture((1, 1), 4, dtype="f2")  # until a face is
+            self.name = cube_array(context, self._size_px, LEVELS, cubes)
+            attached = texture_2d(context, (1, 1), 4, dtype="f2")  # until a face is
         dropped = weakref.finalize(self, context.extra.dropped_textures.append, self.name)
         dropped.atexit = False  # the end of the process frees it
-        self._target = context.framebuffer([attached])
+        self._target = framebuffer(context, [attached])
         self._faces = build_program(context, "common/full_screen.vert", "scene/probe_face.frag")
         bind_tiles(self._faces, plan, np.eye(3))
         uniform(self._faces, "u_colors").value = _COLORS_UNIT

@@ -27,9 +27,13 @@ from omnisim.rendering.opengl.drawing.surface_program import (
 )
 from omnisim.rendering.opengl.drawing.tile_renderer import SceneParts, VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl.depth import depth_texture
-from omnisim.rendering.opengl.gl.fences import end_pass
-from omnisim.rendering.opengl.gl.functions import bind_texture, copy_region
+from omnisim.rendering.opengl.gl.framebuffers import framebuffer
+from omnisim.rendering.opengl.gl.gpu_textures import (
+    bind_texture,
+    copy_textures,
+    depth_texture,
+    texture_2d,
+)
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.scene.reflection_probes import ProbePlace, lobe_roughnesses
@@ -96,10 +100,9 @@ class ProbePass:
         size = plan.width_px, plan.height_px
         near_m = min(_MAX_NEAR_M, _NEAR_SHARE * min(one.radius_m for one in places))
         with gpu_allocation(f"an atlas of {size[0]} × {size[1]} px", "free GPU memory"):
-            self._colors = context.texture(size, 4, dtype="f2")
+            self._colors = texture_2d(context, size, 4, dtype="f2")
             self._depths = depth_texture(context, size)
-        self._colors.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        self._target = context.framebuffer([self._colors], self._depths)
+        self._target = framebuffer(context, [self._colors], self._depths)
         self._maps = ProbeMaps(context, plan, near_m, len(places))
         self._own = _OwnProbe(buffers, self._maps.name)
         self._is_mirror = self._mask(self._own.items)
@@ -200,25 +203,16 @@ class ProbePass:
                 "make virtual_cameras.reflection_probes smaller",
             ):
                 copies = (
-                    self._buffers.context.texture(size, 4, dtype="f2"),
+                    texture_2d(self._buffers.context, size, 4, dtype="f2"),
                     depth_texture(self._buffers.context, size),
                 )
             self._view.select(self._left_out[number], SceneParts.STATIC)
             self._view.tiles.begin(self._target, [(*self._background, 1.0)])
             self._view.draw_opaque(self._target, world_from_probe, world_from_objects)
-            self._copy(atlas, copies)
+            copy_textures(dict(zip(atlas, copies, strict=True)))
             self._static[number] = copies
         else:
-            self._copy(self._static[number], atlas)
-
-    def _copy(
-        self,
-        sources: tuple[moderngl.Texture, moderngl.Texture],
-        targets: tuple[moderngl.Texture, moderngl.Texture],
-    ) -> None:
-        end_pass(self._buffers.context)
-        for source, target in zip(sources, targets, strict=True):
-            copy_region(source.glo, target.glo, 0, (0, 0), (0, 0), source.size)
+            copy_textures(dict(zip(self._static[number], atlas, strict=True)))
 
     def _center_m(
         self, place: ProbePlace, world_from_objects: Sequence[NDArray[np.float64]]

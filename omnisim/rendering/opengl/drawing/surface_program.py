@@ -25,7 +25,7 @@ from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
 from omnisim.rendering.opengl.geometry.light_baking import Shading
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl.functions import bind_textures
+from omnisim.rendering.opengl.gl.gpu_textures import bind_textures, texture_2d
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.gl.uniforms import columns_first, find_uniform, set_sampler, write_fog
@@ -434,10 +434,7 @@ class SurfacePrograms:
     def _environment_table(self) -> moderngl.Texture:
         table = environment_table()
         size = (table.shape[1], table.shape[0])
-        texture = self._context.texture(size, 3, np.ascontiguousarray(table), dtype="f4")
-        texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        texture.repeat_x = texture.repeat_y = False
-        return texture
+        return texture_2d(self._context, size, 3, np.ascontiguousarray(table), is_linear=True)
 
     def __getitem__(self, variant: SurfaceVariant) -> SurfaceProgram:
         # the shadow maps of an edited scene need new programs

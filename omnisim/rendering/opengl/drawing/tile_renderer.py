@@ -25,7 +25,7 @@ from omnisim.rendering.opengl.drawing.scene_drawer import P, SceneDrawer
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl.depth import CLEAR_DEPTH
+from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.gl.uniforms import columns_first
 
@@ -194,7 +194,7 @@ class TileRenderer:
             world_from_objects: (4, 4) each, poses of the dynamic objects.
             drawer: drawer of the items.
         """
-        self.draw_clusters(world_from_rig, world_from_objects)
+        self.draw_clusters(target, world_from_rig, world_from_objects)
         self.draw_one_by_one(target, world_from_rig, world_from_objects, drawer)
 
     def draw_one_by_one(
@@ -214,6 +214,7 @@ class TileRenderer:
 
     def draw_clusters(
         self,
+        target: moderngl.Framebuffer,
         worlds_from_rigs: NDArray[np.float64],
         worlds_from_objects: NDArray[np.float64] | Sequence[NDArray[np.float64]],
     ) -> None:
@@ -221,7 +222,7 @@ class TileRenderer:
         if self.culler is not None:
             self._cluster_views.write(worlds_from_rigs, worlds_from_objects)
             for pass_index in range(self.culler.passes):
-                self.culler.run(pass_index)
+                self.culler.run(pass_index, target)
                 self._clusters.draw(pass_index)
 
     def draw_items(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from omnisim.rendering.opengl.geometry.adjacency import NO_NEIGHBOR, neighbors
 from omnisim.rendering.opengl.geometry.geometry_store import IndexRange
 from omnisim.rendering.opengl.gl.buffers import written_buffer
+from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 
 ROW_BITS = 12  # log2 of the entries per row, as in shaders/ground_truth/tables.glsl
@@ -90,9 +91,7 @@ def table_texture(context: moderngl.Context, entries: int, content: str) -> mode
     rows = max(1, -(-entries >> ROW_BITS))
     size = (1 << ROW_BITS if rows > 1 else max(entries, 1), rows)
     with gpu_allocation(f"a table of {16 * entries} bytes for {content}", "make the scene smaller"):
-        texture = context.texture(size, 4, dtype="u4")
-    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-    return texture
+        return texture_2d(context, size, 4, dtype="u4")
 
 
 def write_table(

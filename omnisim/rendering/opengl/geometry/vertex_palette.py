@@ -11,6 +11,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 
 PALETTE_UNIT = 19  # as in shaders/scene/vertex_material.glsl, and so is the layout
@@ -91,11 +92,7 @@ class VertexPalette:
         padded = np.zeros((rows << _ROW_BITS, 4), dtype=np.float32)
         padded[: self._used] = self.texels
         with gpu_allocation(f"a palette of {self._used} texels", "make the scene smaller"):
-            texture = context.texture((1 << _ROW_BITS, rows), 4, padded, dtype="f4")
-            if (error := context.error) != "GL_NO_ERROR":  # moderngl does not look
-                raise moderngl.Error(error)
-        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-        return texture
+            return texture_2d(context, (1 << _ROW_BITS, rows), 4, padded)
 
     def _append(self, entries: NDArray[np.float32]) -> NDArray[np.uint32]:
         """Append entries (n, texels, 4), and return their indices (n,)."""

@@ -1,6 +1,6 @@
 """Buffers with immutable storage: no driver moves them, or guesses how they are used.
 
-Nothing maps these buffers, and only those of `written_buffer` are written by the processor.
+Only those of `written_buffer` are written by the processor, and only `pixel_readback` maps buffers.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.rendering.opengl.gl import debug
 from omnisim.rendering.opengl.gl.functions import gl_function
 from omnisim.rendering.opengl.gl.memory import check_allocation
 
@@ -50,17 +51,16 @@ def read_buffer(buffer: moderngl.Buffer) -> bytes:
 def immutable_buffer(context: moderngl.Context, content: Content, access: int) -> moderngl.Buffer:
     """Buffer with OpenGL's bits of the access that the processor has; see `gpu_buffer`."""
     values: NDArray[np.generic] | None = None
-    if isinstance(content, int | np.integer):
-        size = int(content)
-    elif isinstance(content, bytes):
-        values, size = np.frombuffer(content, dtype=np.uint8), len(content)
-    else:
+    if isinstance(content, bytes):
+        values = np.frombuffer(content, dtype=np.uint8)
+    elif isinstance(content, np.ndarray):
         values = np.ascontiguousarray(content)
-        size = values.nbytes
+    size = int(content) if values is None else values.nbytes
     # moderngl's own storage is replaced before anything uses it
     buffer = context.buffer(reserve=size or _EMPTY_BYTES)
-    allocate = gl_function("glNamedBufferStorage", _ENUM, _SIZE, _POINTER, _ENUM)
     address = None if values is None or not size else values.ctypes.data
+    allocate = gl_function("glNamedBufferStorage", _ENUM, _SIZE, _POINTER, _ENUM)
     allocate(buffer.glo, buffer.size, address, access)
     check_allocation(context, f"a buffer of {buffer.size} bytes")
+    debug.label(debug.BUFFER, buffer.glo)
     return buffer

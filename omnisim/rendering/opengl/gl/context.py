@@ -11,14 +11,15 @@ import os
 import threading
 import warnings
 from collections import deque
-from collections.abc import Mapping
-from contextlib import suppress
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from typing import NamedTuple
 
 import moderngl
 from moderngl import Context as Context  # re-exported
 
 from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.gl import debug
 from omnisim.rendering.opengl.gl.devices import cuda_numbers, device_number
 from omnisim.rendering.opengl.gl.diagnosis import (
     LIBRARIES,
@@ -27,7 +28,9 @@ from omnisim.rendering.opengl.gl.diagnosis import (
     version_fault,
 )
 from omnisim.rendering.opengl.gl.fences import Fences
-from omnisim.rendering.opengl.gl.functions import clip_depth_from_zero_to_one, delete_texture
+from omnisim.rendering.opengl.gl.framebuffers import framebuffer
+from omnisim.rendering.opengl.gl.functions import gl_function
+from omnisim.rendering.opengl.gl.gpu_textures import delete_texture, renderbuffer
 from omnisim.rendering.opengl.gl.state import set_constants
 
 REQUIRED_VERSION = 450
@@ -96,6 +99,33 @@ def open_context(device: int | str | None = None) -> moderngl.Context:
         raise reason from None
 
 
+@contextmanager
+def current(context: moderngl.Context) -> Iterator[None]:
+    """Make a context current for a `with` block; within another block of it, it stays current.
+
+    Blocks around loops therefore save a change of contexts per image. Other libraries may make
+    theirs current in between.
+
+    Raises:
+        GraphicsError: another thread uses it, it was ended, or OpenGL reported an error (`debug`).
+    """
+    handle = context.extra.handle
+    is_inner = _current_handle() == handle
+    if not is_inner:
+        context.__enter__()  # type: ignore[no-untyped-call]
+        if _current_handle() != handle:
+            raise GraphicsError(
+                "another thread uses this stage, or another library ended OpenGL: open a new stage"
+            )
+    try:
+        yield
+        debug.raise_messages()
+    finally:
+        debug.take_messages()  # of the error that is raised
+        if not is_inner and _current_handle() == handle:
+            context.__exit__(None, None, None)  # type: ignore[no-untyped-call]
+
+
 def check_process() -> None:
     """Refuse OpenGL after a fork: the child would wait for driver threads that it does not have.
 
@@ -114,9 +144,11 @@ def release_context(context: moderngl.Context) -> None:
     if _users != [os.getpid()]:
         return
     with context:
-        collect_garbage(context)
-        context.finish()  # the driver still holds what pending commands use
-        is_sound = context.error == "GL_NO_ERROR"
+        is_sound = _current_handle() == context.extra.handle  # no other thread uses it
+        if is_sound:
+            collect_garbage(context)
+            context.finish()  # the driver still holds what pending commands use
+            is_sound = context.error == "GL_NO_ERROR"
     if is_sound and len(_idle) < _MAX_IDLE:
         _idle.append((threading.current_thread(), context))
     else:
@@ -128,6 +160,7 @@ def collect_garbage(context: moderngl.Context) -> None:
     if not context.objects and not context.extra.dropped_textures:
         return
     context.extra.lasting_target.use()
+    gl_function("glBindVertexArray", ctypes.c_uint)(0)  # deletions change the array that is bound
     context.gc()
     while context.extra.dropped_textures:
         delete_texture(context.extra.dropped_textures.pop())
@@ -147,10 +180,6 @@ def _take_idle(device: int | None) -> moderngl.Context | None:
         else:
             _idle.append((thread, context))
     return idle
-
-
-def _is_here(thread: threading.Thread) -> bool:
-    return thread is threading.current_thread()
 
 
 def release_unclosed_context(context: moderngl.Context, thread: threading.Thread) -> None:
@@ -175,7 +204,7 @@ def release_unclosed_contexts() -> None:
             thread, context = _unclosed.popleft()
         except IndexError:  # another thread was faster
             return
-        if _is_here(thread):
+        if thread is threading.current_thread():
             release_context(context)
         elif not thread.is_alive():
             context.release()
@@ -185,9 +214,7 @@ def release_unclosed_contexts() -> None:
 
 def _current_handle() -> int | None:
     """EGL's handle of this thread's current context; None: no context is current."""
-    get: Any = ctypes.CDLL(LIBRARIES[0]).eglGetCurrentContext
-    get.restype = ctypes.c_void_p
-    handle: int | None = get()
+    handle: int | None = gl_function("eglGetCurrentContext", returns=ctypes.c_void_p)()
     return handle
 
 
@@ -198,9 +225,9 @@ def _open(device: int | None) -> moderngl.Context:
         context = _create(REQUIRED_VERSION, settings)
     except Exception as reason:  # glcontext raises nothing more specific
         raise _explained(str(reason), settings) from None
-    clip_depth_from_zero_to_one()
+    debug.listen()
     set_constants()
-    lasting_target = context.framebuffer([context.renderbuffer((1, 1))])
+    lasting_target = framebuffer(context, [renderbuffer(context, (1, 1), 4)])
     lasting_target.use()
     fences = Fences(keeps_passes="llvmpipe" in context.info["GL_RENDERER"])
     context.extra = _ContextResources(device, _current_handle(), [], lasting_target, fences)

@@ -71,21 +71,3 @@ def end_pass(context: moderngl.Context) -> None:
     fences: Fences = context.extra.fences
     if fences.keeps_passes:
         fences.release(fences.create())
-
-
-def use_target(target: moderngl.Framebuffer) -> None:
-    """Draw to a target, with moderngl's state of it."""
-    end_pass(target.ctx)
-    target.use()
-
-
-def clear_target(
-    target: moderngl.Framebuffer,
-    color: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
-    depth: float = 1.0,
-    viewport: tuple[int, int, int, int] | None = None,
-) -> None:
-    """Clear a target, or a viewport of it, in its own pass."""
-    end_pass(target.ctx)
-    target.clear(*color, depth=depth, viewport=viewport)
-    end_pass(target.ctx)

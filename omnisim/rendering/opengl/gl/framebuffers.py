@@ -1,17 +1,62 @@
-"""Texture array layers as render targets."""
+"""Render targets: complete when they are made, with each pass ended before the next."""
 
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 
 import moderngl
 
+from omnisim.rendering.opengl.gl import debug
+from omnisim.rendering.opengl.gl.fences import end_pass
 from omnisim.rendering.opengl.gl.functions import gl_function
+from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH, depth_array
+from omnisim.rendering.opengl.gl.memory import AllocationError
+from omnisim.rendering.opengl.gl.state import GlState
 
 COLORS, DEPTH = 0x8CE0, 0x8D00  # attachments; further colors follow the first
-_TEXTURE_2D_ARRAY, _DEPTH_COMPONENT32F = 0x8C1A, 0x8CAC
-_DEPTH_COMPONENT, _FLOAT = 0x1902, 0x1406
-_ENUM, _INT = ctypes.c_uint, ctypes.c_int
+_ENUM, _INT, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p
+
+
+def framebuffer(
+    context: moderngl.Context,
+    colors: Sequence[moderngl.Texture | moderngl.TextureArray | moderngl.Renderbuffer] = (),
+    depth: moderngl.Texture | moderngl.Renderbuffer | None = None,
+) -> moderngl.Framebuffer:
+    """Framebuffer of attachments of one size; an `AllocationError` names them."""
+    try:
+        target = context.framebuffer(list(colors), depth)
+    except moderngl.Error as error:
+        kinds = [f"{one.size}, {one.components} × {one.dtype}" for one in colors]
+        kinds += [] if depth is None else [f"{depth.size}, depth"]
+        raise AllocationError(f"a framebuffer of {'; '.join(kinds)}", str(error)) from None
+    debug.label(debug.FRAMEBUFFER, target.glo)
+    # moderngl enables all attachments only when it binds a target
+    attachments = (_ENUM * len(colors))(*range(COLORS, COLORS + len(colors)))
+    draw = gl_function("glNamedFramebufferDrawBuffers", _ENUM, _INT, _POINTER)
+    draw(target.glo, len(colors), ctypes.addressof(attachments))
+    return target
+
+
+def depth_target(
+    context: moderngl.Context, texture: moderngl.Texture, size: tuple[int, int], level: int
+) -> moderngl.Framebuffer:
+    """Render target of `size` that draws into a mip level of a depth texture with levels."""
+    target = context.empty_framebuffer(size)
+    target.depth_mask = True
+    attach_texture(target.glo, texture.glo, DEPTH, level)
+    return target
+
+
+def layered_target(
+    context: moderngl.Context, *colors: moderngl.TextureArray
+) -> tuple[moderngl.Framebuffer, moderngl.TextureArray]:
+    """Framebuffer with all layers of texture arrays, and its readable 32-bit float depth array."""
+    width, height, layers = colors[0].size
+    depth = depth_array(context, (width, height, layers))
+    target = framebuffer(context, colors)
+    attach_texture(target.glo, depth.glo, DEPTH)
+    return target, depth
 
 
 def attach_texture(
@@ -30,30 +75,25 @@ def attach_layer(
     attach(framebuffer, attachment, array, level, layer)
 
 
-def draw_into_all(target: moderngl.Framebuffer) -> None:
-    """Enable all color attachments of a target: moderngl does so only when it binds one."""
-    count = len(target.color_attachments)
-    attachments = (_ENUM * count)(*range(COLORS, COLORS + count))
-    draw = gl_function("glNamedFramebufferDrawBuffers", _ENUM, _INT, ctypes.c_void_p)
-    draw(target.glo, count, ctypes.addressof(attachments))
+def use_target(target: moderngl.Framebuffer) -> None:
+    """Draw to a target, with moderngl's state of it."""
+    end_pass(target.ctx)
+    target.use()
 
 
-def layered_target(
-    context: moderngl.Context, *colors: moderngl.TextureArray
-) -> tuple[moderngl.Framebuffer, moderngl.TextureArray]:
-    """Framebuffer with all layers of texture arrays, and its readable 32-bit float depth array."""
-    # moderngl has no layered depth: its color texture gets other storage
-    depth = context.texture_array((1, 1, 1), 1)
-    depth.filter = (moderngl.NEAREST, moderngl.NEAREST)
-    depth.repeat_x = depth.repeat_y = False
-    depth.use()
-    allocate = gl_function(
-        "glTexImage3D",
-        _ENUM, _INT, _INT, _INT, _INT, _INT, _INT, _ENUM, _ENUM, ctypes.c_void_p,
-    )  # fmt: skip
-    size = colors[0].width, colors[0].height, colors[0].layers
-    allocate(_TEXTURE_2D_ARRAY, 0, _DEPTH_COMPONENT32F, *size, 0, _DEPTH_COMPONENT, _FLOAT, None)
-    target = context.framebuffer(colors)
-    attach_texture(target.glo, depth.glo, DEPTH)
-    draw_into_all(target)
-    return target, depth
+def clear_target(
+    target: moderngl.Framebuffer, *colors: tuple[float, float, float, float] | None
+) -> None:
+    """Clear each attachment of a target in a pass of its own, by default to 0.
+
+    None marks an integer attachment, cleared to 0.
+    """
+    use_target(target)
+    nothing = [(0.0, 0.0, 0.0, 0.0)] * len(target.color_attachments)
+    GlState().clear(colors or nothing, CLEAR_DEPTH)
+
+
+def resolve(target: moderngl.Framebuffer, multisampled: moderngl.Framebuffer) -> None:
+    """Average the samples of a target into another, in a pass of its own."""
+    end_pass(target.ctx)
+    target.ctx.copy_framebuffer(target, multisampled)

@@ -8,30 +8,23 @@ from contextlib import contextmanager
 import moderngl
 
 from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.gl import debug
 
 
 class AllocationError(GraphicsError):
-    """OpenGL refused an allocation.
+    """Refused allocation of a buffer, texture or framebuffer, with its size; and the reason."""
 
-    Args:
-        what: buffer or texture, with its size.
-        error: OpenGL's error.
-    """
-
-    def __init__(self, what: str, error: str):
+    def __init__(self, what: str, reason: str):
         super().__init__(
-            f"{what} does not fit on this GPU ({error}): make the scene or the images smaller"
+            f"{what} does not fit on this GPU ({reason}): make the scene or the images smaller"
         )
-        self.reason = f"{what}: {error}"
+        self.reason = f"{what}: {reason}"
 
 
 def check_allocation(context: moderngl.Context, what: str) -> None:
-    """Raise OpenGL's error after an allocation: moderngl leaves it for whoever asks next.
-
-    Raises:
-        AllocationError: there is one.
-    """
+    """Raise OpenGL's error after an allocation: moderngl leaves it for whoever asks next."""
     if (error := context.error) != "GL_NO_ERROR":
+        debug.take_messages()  # this one
         raise AllocationError(what, error)
 
 
@@ -44,6 +37,5 @@ def gpu_allocation(what: str, remedy: str) -> Iterator[None]:
     """
     try:
         yield
-    except (moderngl.Error, AllocationError) as error:
-        reason = getattr(error, "reason", error)
-        raise GraphicsError(f"{what} does not fit on this GPU ({reason}): {remedy}") from None
+    except AllocationError as error:
+        raise GraphicsError(f"{what} does not fit on this GPU ({error.reason}): {remedy}") from None

@@ -12,6 +12,7 @@ import moderngl
 
 from omnisim.core.errors import GraphicsError
 from omnisim.core.package_files import SHADERS
+from omnisim.rendering.opengl.gl import debug
 
 _INCLUDE = re.compile(r"^\s*#include\s+(\S+)\s*$")
 # The second number of #line should be the file, but Mesa forgets it inside expressions. The line
@@ -41,7 +42,9 @@ def build_program(
     """
     with _file_names() as files:
         sources = [_expand(name, files, defines, includes or {}) for name in (vertex, fragment)]
-        return context.program(vertex_shader=sources[0], fragment_shader=sources[1])
+        program = context.program(vertex_shader=sources[0], fragment_shader=sources[1])
+    debug.label(debug.PROGRAM, program.glo, f"{vertex}, {fragment}")
+    return program
 
 
 def build_compute_shader(
@@ -53,7 +56,9 @@ def build_compute_shader(
         GraphicsError: the file is missing or does not compile; names file and line.
     """
     with _file_names() as files:
-        return context.compute_shader(_expand(compute, files, defines, {}))
+        shader = context.compute_shader(_expand(compute, files, defines, {}))
+    debug.label(debug.PROGRAM, shader.glo, compute)
+    return shader
 
 
 def included_files(name: str) -> frozenset[str]:

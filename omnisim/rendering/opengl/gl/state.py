@@ -24,6 +24,7 @@ _MIRROR_CLIP_DISTANCE = 0x3004  # at a mirror, see shaders/scene/mirror_clip.gls
 _GREATER, _EQUAL, _ALWAYS, _BACK = 0x0204, 0x0202, 0x0207, 0x0405
 _CLOCKWISE, _COUNTERCLOCKWISE = 0x0900, 0x0901
 _SRC_ALPHA, _ONE_MINUS_SRC_ALPHA, _ZERO, _ONE = 0x0302, 0x0303, 0, 1
+_LOWER_LEFT, _ZERO_TO_ONE = 0x8CA1, 0x935F
 _SRC1_COLOR, _SEAMLESS_CUBES = 0x88F9, 0x884F
 _ENUM, _INT, _POINTER, _BOOLEAN = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_ubyte
 
@@ -31,9 +32,11 @@ _ENUM, _INT, _POINTER, _BOOLEAN = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, 
 def set_constants() -> None:
     """Set the state that all passes of a context share.
 
-    Reversed depth, winding, blend function, filters across the edges of cube maps, and readback
-    without gaps between rows. Clip-space y points down the image, which reverses the winding.
+    Reversed depth, clipped to [0, w]; winding, blend function, filters across the edges of cube
+    maps, and readback without gaps between rows. Clip-space y points down the image, which reverses
+    the winding.
     """
+    gl_function("glClipControl", _ENUM, _ENUM)(_LOWER_LEFT, _ZERO_TO_ONE)
     gl_function("glDepthFunc", _ENUM)(_GREATER)
     gl_function("glFrontFace", _ENUM)(_CLOCKWISE)
     gl_function("glCullFace", _ENUM)(_BACK)
@@ -58,6 +61,7 @@ class GlState:
         self._clear_floats = gl_function("glClearBufferfv", _ENUM, _INT, _POINTER)
         self._clear_integers = gl_function("glClearBufferuiv", _ENUM, _INT, _POINTER)
         self.bind_texture = gl_function("glBindTextureUnit", _ENUM, _ENUM)
+        self._texture_barrier = gl_function("glTextureBarrier")
         depth_mask = gl_function("glDepthMask", _BOOLEAN)
         self._set_depth_mask = _choice(
             constant_call(depth_mask, False), constant_call(depth_mask, True)
@@ -93,6 +97,26 @@ class GlState:
             else:
                 self._clear_floats(_COLOR, number, (ctypes.c_float * 4)(*color))
         self._clear_floats(_DEPTH, 0, (ctypes.c_float * 1)(depth))
+
+    @contextmanager
+    def sampling(
+        self,
+        unit: int,
+        attached: moderngl.Texture | moderngl.TextureArray,
+        bound: moderngl.Framebuffer,
+    ) -> Iterator[None]:
+        """Let compute shaders sample what the bound target has drawn: it is not bound meanwhile.
+
+        Otherwise this is a feedback loop, whose result OpenGL leaves undefined.
+        """
+        try:
+            self._bind(_FRAMEBUFFER, bound.ctx.extra.lasting_target.glo)
+            self._texture_barrier()
+            self.bind_texture(unit, attached.glo)
+            yield
+        finally:
+            self.bind_texture(unit, 0)
+            self._bind(_FRAMEBUFFER, bound.glo)
 
     @contextmanager
     def drawing(self) -> Iterator[None]:

@@ -19,7 +19,8 @@ from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, plan_tiles
 from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.draw_item import InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl.fences import use_target
+from omnisim.rendering.opengl.gl.framebuffers import framebuffer, use_target
+from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback
 from omnisim.rendering.opengl.gl.shader_files import build_program
@@ -70,12 +71,11 @@ class LidarPass:
         context, size = buffers.context, (len(beams.azimuths_rad), len(beams.elevations_rad))
         buffers.check_readable("to look up what its beams hit")
         with gpu_allocation(f"a lidar of {size[0]} × {size[1]} beams", "take fewer"):
-            self._rays = context.texture(size, 4, dtype="f4")
-            self._hits = context.texture(size, 2, dtype="u4")
-            self._target = context.framebuffer([self._hits])
+            self._rays = texture_2d(context, size, 4)
+            self._hits = texture_2d(context, size, 2, dtype="u4")
+            self._target = framebuffer(context, [self._hits])
         self._readback = PixelReadback(context)
         self._directions = beams.directions
-        self._rays.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._sector = lru_cache(maxsize=4)(self._make_sector)
 
     def refresh(self) -> None:

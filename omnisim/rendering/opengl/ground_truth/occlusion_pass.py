@@ -8,9 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
-from omnisim.rendering.opengl.gl.fences import use_target
-from omnisim.rendering.opengl.gl.functions import clear_integers
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
+from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer
 from omnisim.rendering.opengl.gl.pixel_readback import Pixels
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
@@ -38,13 +37,10 @@ class OcclusionPass:
         uniform(program, "u_hit_primitives").value = _PRIMITIVES_UNIT
         self._rig_from_viewpoint = uniform(program, "u_rig_from_viewpoint")
         self._vertex_array = valid_pixels_array(context, program, pixels.valid)
-        width, height = pixels.size_px
-        with gpu_allocation(f"flow of {width} × {height} px", "make the image smaller"):
-            occluded = context.renderbuffer(pixels.size_px, 1, dtype="u1")
-            self._target = context.framebuffer([occluded])
+        occluded = renderbuffer(context, pixels.size_px, 1, dtype="u1")
+        self._target = framebuffer(context, [occluded])
         # once: pixels without a ray are never drawn
-        use_target(self._target)
-        clear_integers(0)
+        clear_target(self._target, None)
 
     def begin(
         self,

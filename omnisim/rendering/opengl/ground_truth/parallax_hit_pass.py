@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from omnisim.ground_truth.hits import Hits
 from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
 from omnisim.rendering.opengl.capture.traced_pixels import TracedPixels
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.uniforms import uniform
 from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
@@ -37,9 +37,7 @@ class ParallaxHitPass(RayHitPass):
     def __init__(self, visibility: VisibilityPass, pixels: TracedPixels, pyramid: DepthPyramid):
         super().__init__(visibility, pixels)
         self._pyramid = pyramid
-        with gpu_allocation(self._what, "make the image smaller"):
-            self.origins = pixels.context.texture(pixels.size_px, 4, dtype="f4")
-        self.origins.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self.origins = texture_2d(pixels.context, pixels.size_px, 4)
 
     def put_origins(self, origins_m: NDArray[np.floating]) -> None:
         """Upload origins (height, width, 3) relative to the viewpoint.

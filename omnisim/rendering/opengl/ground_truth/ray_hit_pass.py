@@ -13,8 +13,8 @@ from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.rendering.opengl.capture.pixel_map import RAYS_UNIT, PixelMap
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
 from omnisim.rendering.opengl.geometry.triangle_windows import bind_triangles, window_defines
-from omnisim.rendering.opengl.gl.fences import use_target
-from omnisim.rendering.opengl.gl.functions import clear_integers
+from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
+from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Read
 from omnisim.rendering.opengl.gl.shader_files import build_program
@@ -69,10 +69,8 @@ class RayHitPass:
         self._what = f"ground truth of {width} × {height} px"
         with gpu_allocation(self._what, "make the image smaller"):
             self._rays = pixels.rays
-            self.points = pixels.context.texture(pixels.size_px, 4, dtype="f4")
-            self.primitives = pixels.context.texture(pixels.size_px, 2, dtype="u4")
-        for texture in (self.points, self.primitives):
-            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+            self.points = texture_2d(pixels.context, pixels.size_px, 4)
+            self.primitives = texture_2d(pixels.context, pixels.size_px, 2, dtype="u4")
         self._variants: dict[HitDetails, _Variant] = {}
         self.tables = HitTables(visibility)
         self.readback = PixelReadback(pixels.context)
@@ -210,10 +208,9 @@ def hits_target(
     details: HitDetails,
 ) -> moderngl.Framebuffer:
     """Target without hits: pixels without a ray are never drawn."""
-    attachments = [context.renderbuffer(size, 4, dtype="f4")] if details.normals else []
-    attachments += [context.renderbuffer(size, 4, dtype="f2") for _ in atlas_formats(details)]
-    target = context.framebuffer([*points_and_primitives, *attachments])
-    use_target(target)
-    target.clear(0.0, 0.0, 0.0, np.inf)
-    clear_integers(_PRIMITIVES)
+    attachments = [renderbuffer(context, size, 4, dtype="f4")] if details.normals else []
+    attachments += [renderbuffer(context, size, 4, dtype="f2") for _ in atlas_formats(details)]
+    target = framebuffer(context, [*points_and_primitives, *attachments])
+    nothing = 0.0, 0.0, 0.0, np.inf
+    clear_target(target, nothing, None, *(nothing for _ in attachments))
     return target

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,6 +17,7 @@ from omnisim.rendering.opengl.geometry.clustered_geometry import ClusteredGeomet
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.triangle_table import ROW_BITS
+from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 
 _ROW = 1 << ROW_BITS
 _ENTRY = np.dtype([("item_plus_one", "<u4"), ("triangle", "<u4")])
@@ -52,8 +52,7 @@ class TriangleIds:
             entries = np.concatenate((entries, cluster_triangle_entries(geometry, draw_items)))
         padded = np.zeros(max(1, -(-len(entries) // _ROW)) * _ROW, dtype=_ENTRY)
         padded[: len(entries)] = entries
-        self.texture = self._context.texture((_ROW, len(padded) // _ROW), 2, padded, dtype="u4")
-        self.texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self.texture = texture_2d(self._context, (_ROW, len(padded) // _ROW), 2, padded, dtype="u4")
 
 
 def cluster_triangle_entries(

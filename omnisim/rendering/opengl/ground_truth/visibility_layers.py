@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import moderngl
 import numpy as np
 
 from omnisim.ground_truth.hits import HitDetails
@@ -12,6 +11,7 @@ from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
 from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.gl.framebuffers import layered_target
+from omnisim.rendering.opengl.gl.gpu_textures import texture_array
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.ground_truth.visibility_pass import CameraPoses, VisibilityPass
@@ -38,14 +38,12 @@ class VisibilityLayers:
         size = (plan.width_px, plan.height_px, count)
         visibility.drawers(self._wanted)  # creates the items' drawers before anything is drawn
         with gpu_allocation(f"ground truth of {count} images", "render fewer at once"):
-            self.ids = context.texture_array(size, 1, dtype="u4")
+            self.ids = texture_array(context, size, 1, dtype="u4")
             self.details = {
-                name: context.texture_array(size, components, dtype=dtype)
+                name: texture_array(context, size, components, dtype=dtype)
                 for name, (components, dtype) in atlas_formats(details).items()
             }
             colors = [self.ids, *self.details.values()]
-            for texture in colors:
-                texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
             self._target, depth = layered_target(context, *colors)
             self._layers = (*colors, depth)
             self._tiles = TileRenderer(
@@ -62,6 +60,7 @@ class VisibilityLayers:
         self._tiles.begin(self._target, clear_colors(self._wanted))
         with self._state.drawing():
             self._tiles.draw_clusters(
+                self._target,
                 np.array([rig for rig, _ in poses]),
                 np.array([objects for _, objects in poses]),
             )

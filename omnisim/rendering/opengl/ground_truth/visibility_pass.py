@@ -19,15 +19,14 @@ from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer, Virtual
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl.depth import depth_texture
 from omnisim.rendering.opengl.gl.framebuffers import (
     COLORS,
     DEPTH,
     attach_layer,
     attach_texture,
-    draw_into_all,
+    framebuffer,
 )
-from omnisim.rendering.opengl.gl.functions import bind_textures
+from omnisim.rendering.opengl.gl.gpu_textures import bind_textures, depth_texture, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.ground_truth.triangle_ids import TriangleIds
@@ -88,14 +87,12 @@ class VisibilityPass:
         with gpu_allocation(
             f"ground truth by an atlas of {size[0]} × {size[1]} px", "make the image smaller"
         ):
-            self.id_atlas = context.texture(size, 1, dtype="u4")
+            self.id_atlas = texture_2d(context, size, 1, dtype="u4")
             self.detail_atlases = {
-                name: context.texture(size, components, dtype=dtype)
+                name: texture_2d(context, size, components, dtype=dtype)
                 for name, (components, dtype) in atlas_formats(details).items()
             }
             self.depth = depth_texture(context, size)
-        for texture in (self.id_atlas, *self.detail_atlases.values()):
-            texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._targets: dict[HitDetails, moderngl.Framebuffer] = {}
         self.cameras = cameras
         self._compiled: dict[VisibilityVariant, VisibilityProgram] = {}
@@ -124,8 +121,7 @@ class VisibilityPass:
         """Target of IDs and details, created on first use."""
         if details not in self._targets:
             atlases = self._atlases(details)
-            self._targets[details] = self.buffers.context.framebuffer(atlases, self.depth)
-            draw_into_all(self._targets[details])
+            self._targets[details] = framebuffer(self.buffers.context, atlases, self.depth)
         return self._targets[details]
 
     def _atlases(self, details: HitDetails) -> list[moderngl.Texture]:

@@ -5,8 +5,7 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.gl.functions import AnyTexture
+from omnisim.rendering.opengl.gl.gpu_textures import AnyTexture, texture_2d, texture_3d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.uniforms import find_uniform, set_sampler
 from omnisim.scene.light.baked_light import BakedLight, Probes
@@ -47,15 +46,11 @@ def connect(program: moderngl.Program, baked: BakedLight) -> None:
 
 def _lightmap(context: moderngl.Context, baked: BakedLight) -> moderngl.Texture:
     height, width = baked.irradiance.shape[:2]
-    _check_size(context, "GL_MAX_TEXTURE_SIZE", (width, height), "texels")
     # four numbers per texel, which are fetched faster than three
     texels = np.ones((height, width, 4), dtype=np.float16)
     texels[..., :3] = baked.irradiance
     with gpu_allocation(f"baked light of {width} × {height} texels", "bake it coarser"):
-        texture = context.texture((width, height), 4, texels, dtype="f2")
-    texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
-    texture.repeat_x = texture.repeat_y = False
-    return texture
+        return texture_2d(context, (width, height), 4, texels, dtype="f2", is_linear=True)
 
 
 def _probes(context: moderngl.Context, probes: Probes) -> moderngl.Texture3D:
@@ -63,20 +58,5 @@ def _probes(context: moderngl.Context, probes: Probes) -> moderngl.Texture3D:
     blocks = probes.texels.reshape(columns, rows, layers, numbers // _BLOCK, _BLOCK)
     ordered = np.ascontiguousarray(blocks.transpose(3, 2, 1, 0, 4))
     size = (columns, rows, layers * len(ordered))
-    _check_size(context, "GL_MAX_3D_TEXTURE_SIZE", size, "numbers of probes")
     with gpu_allocation(f"{probes.valid.size} probes of baked light", "bake it coarser"):
-        texture = context.texture3d(size, _BLOCK, ordered, dtype="f2")
-    texture.filter = (moderngl.LINEAR, moderngl.LINEAR)
-    texture.repeat_x = texture.repeat_y = texture.repeat_z = False
-    return texture
-
-
-def _check_size(
-    context: moderngl.Context, limit_name: str, size: tuple[int, ...], unit: str
-) -> None:
-    limit = int(context.info[limit_name])
-    if max(size) > limit:
-        text = " × ".join(map(str, size))
-        raise GraphicsError(
-            f"baked light of {text} {unit}: this GPU takes at most {limit}: bake it coarser"
-        )
+        return texture_3d(context, size, ordered)

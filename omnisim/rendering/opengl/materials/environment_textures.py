@@ -6,11 +6,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.gl.functions import (
-    allocate_half_floats,
-    limit_levels,
-    upload_half_floats,
-)
+from omnisim.rendering.opengl.gl.gpu_textures import texture_2d, upload
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.scene.light.environment import Environment
 
@@ -30,13 +26,10 @@ def filtered_texture(context: moderngl.Context, environment: Environment) -> mod
 def _map(context: moderngl.Context, levels: tuple[NDArray[np.float32], ...]) -> moderngl.Texture:
     height, width = levels[0].shape[:2]
     with gpu_allocation(f"an environment map of {width} × {height} texels", "make it smaller"):
-        texture = context.texture((width, height), 3, dtype="f2")
-        texture.use()
-        allocate_half_floats((width, height), len(levels), components=3)
+        texture = texture_2d(context, (width, height), 3, dtype="f2", levels=len(levels))
     for level, pixels in enumerate(levels):
         half = np.minimum(pixels, _MAX_HALF).astype(np.float16)
-        upload_half_floats(texture.glo, level, np.ascontiguousarray(half))
-    limit_levels(texture.glo, 0, len(levels) - 1)
+        upload(texture.glo, level, half)
     texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
     texture.repeat_x, texture.repeat_y = True, False
     return texture

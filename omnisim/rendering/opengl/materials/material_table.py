@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.materials.texture_array import TextureArray
 from omnisim.scene.model import Material, Mesh
 from omnisim.scene.surface_reflectance import dielectric_f0, tinted_reflectance
@@ -59,7 +59,7 @@ class MaterialTable:
             values = np.zeros((rows * _IN_ROW, _TEXELS, 4), dtype=np.float32)
             values[: len(self._records)] = self._records
             size = (_IN_ROW * _TEXELS, rows)
-            self._texture = _table(self._context, size, values, "the scene's materials")
+            self._texture = texture_2d(self._context, size, 4, values)
             self._uploaded = len(self._records)
         return self._texture
 
@@ -90,16 +90,7 @@ def placed_details(
         if mesh.second_texture_coordinates is not None:
             part[:, :2] = mesh.second_texture_coordinates
         part[:, 2] = record
-    return _table(context, (_ROW_VERTICES, rows), values, "details of vertices")
-
-
-def _table(
-    context: moderngl.Context, size: tuple[int, int], values: NDArray[np.float32], content: str
-) -> moderngl.Texture:
-    with gpu_allocation(f"{values.nbytes} bytes for {content}", "make the scene smaller"):
-        texture = context.texture(size, 4, values, dtype="f4")
-    texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
-    return texture
+    return texture_2d(context, (_ROW_VERTICES, rows), 4, values)
 
 
 def _record(material: Material, layers: Sequence[int | None]) -> NDArray[np.float32]:

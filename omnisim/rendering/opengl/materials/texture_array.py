@@ -9,11 +9,16 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.gl import functions as gl_functions
+from omnisim.rendering.opengl.gl.gpu_textures import (
+    RGBA8,
+    SRGB8_ALPHA8,
+    bind_texture,
+    byte_textures,
+    upload,
+)
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 
 MAP_UNITS = 1, 2, 3, 4, 9, 14, 15  # in the order of `Material.maps`
-SRGB8_ALPHA8, RGBA8 = 0x8C43, 0x8058
 
 
 class TextureArray:
@@ -43,18 +48,11 @@ class TextureArray:
         with gpu_allocation(
             f"{len(layers)} textures of {width} × {height} texels", "make the scene smaller"
         ):
-            self.array = context.texture_array((1, 1, 1), 4)
-            self.array.use()
-            size = (width, height, len(layers))
-            gl_functions.allocate_texture_array(stored, levels, size)
+            size = width, height, len(layers)
+            self.array, self.layers = byte_textures(context, size, levels, stored)
         for layer, pixels in enumerate(layers):
             for level, texels in enumerate(pixels):
-                texel_size = texels.shape[1], texels.shape[0]
-                gl_functions.upload_layer(level, layer, texel_size, texels.tobytes())
-        self.layers = []
-        for layer in range(len(layers)):
-            name = gl_functions.view_layer(self.array.glo, stored, levels, layer)
-            self.layers.append(context.external_texture(name, (width, height), 4, 0, "f1"))
+                upload(self.array.glo, level, texels, layer)
         textures: list[moderngl.Texture | moderngl.TextureArray] = [self.array, *self.layers]
         for texture in textures:
             texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
@@ -69,4 +67,4 @@ def bind_maps(maps: Sequence[TextureArray | None]) -> None:
     """Bind the arrays of a material's maps, after that of its base color."""
     for unit, one in zip(MAP_UNITS, maps, strict=True):
         if one is not None:
-            gl_functions.bind_texture(unit, one.array.glo)
+            bind_texture(unit, one.array.glo)

@@ -11,13 +11,13 @@ from collections.abc import Sequence
 
 import moderngl
 
-from omnisim.rendering.opengl.gl.depth import (
+from omnisim.rendering.opengl.gl.framebuffers import depth_target, use_target
+from omnisim.rendering.opengl.gl.gpu_textures import (
     DEPTH_FUNCTION,
-    depth_target,
-    large_depth_texture,
+    copy_region,
+    depth_texture,
+    limit_levels,
 )
-from omnisim.rendering.opengl.gl.fences import use_target
-from omnisim.rendering.opengl.gl.functions import copy_region, limit_levels
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.uniforms import uniform
 
@@ -42,7 +42,7 @@ class DepthLevels:
         self, context: moderngl.Context, size_px: tuple[int, int], like: DepthLevels | None = None
     ):
         self._context, self.size_px = context, size_px
-        self.texture = large_depth_texture(context, size_px, LEVELS)
+        self.texture = depth_texture(context, size_px, LEVELS)
         self.texture.compare_func = ">="
         self.texture.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
         self.target, *self._coarser = (

@@ -15,8 +15,8 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.gl.depth import CLEAR_DEPTH
-from omnisim.rendering.opengl.gl.fences import use_target
+from omnisim.rendering.opengl.gl.framebuffers import use_target
+from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH
 from omnisim.rendering.opengl.shadows.cascades import CELLS, Cascades
 from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer, MapPart
 from omnisim.rendering.opengl.shadows.depth_levels import DepthLevels

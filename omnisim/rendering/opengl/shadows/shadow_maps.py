@@ -18,8 +18,8 @@ from omnisim.core.bounds import bounds_of
 from omnisim.core.world import time_of
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.buffers import written_buffer
-from omnisim.rendering.opengl.gl.depth import CLEAR_DEPTH
-from omnisim.rendering.opengl.gl.fences import use_target
+from omnisim.rendering.opengl.gl.framebuffers import use_target
+from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer
 from omnisim.rendering.opengl.shadows.depth_levels import DepthLevels

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from omnisim.rendering.opengl.drawing.atlas_levels import AtlasLevels
+from omnisim.rendering.opengl.gl.gpu_textures import texture_2d, texture_array
 
 LEVELS = 3
 
@@ -14,8 +15,8 @@ def test_levels_are_the_drivers(context, size):
     """As those of glGenerateMipmap, where that has one answer, and alike in arrays."""
     width, height = size
     texels = np.random.default_rng(3).random((2, height, width, 4)).astype(np.float16)
-    one = context.texture(size, 4, dtype="f2")
-    both = context.texture_array((*size, 2), 4, dtype="f2")
+    one = texture_2d(context, size, 4, dtype="f2", levels=1 + LEVELS)
+    both = texture_array(context, (*size, 2), 4, levels=1 + LEVELS)
     drawn = [AtlasLevels(texture, LEVELS) for texture in (one, both)]
     one.write(texels[1].tobytes())
     both.write(texels.tobytes())

@@ -74,7 +74,9 @@ def test_texture_has_the_texels_of_many_colors_in_order(context):
 def test_a_palette_too_large_for_the_gpu_is_refused():
     """OpenGL refuses it silently, and the colors would be undefined."""
     context = SimpleNamespace(
-        texture=lambda *arguments, dtype: SimpleNamespace(), error="GL_OUT_OF_MEMORY"
+        texture=lambda *arguments, dtype: SimpleNamespace(),
+        error="GL_OUT_OF_MEMORY",
+        info={"GL_MAX_TEXTURE_SIZE": 16384},
     )
     palette = VertexPalette()
     palette.add(None, BASE_COLOR, 0, 0.5)

@@ -9,6 +9,7 @@ import pytest
 import omnisim.rendering.opengl.gl.context as context_module
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl.context import (
+    current,
     list_devices,
     open_context,
     release_context,
@@ -80,3 +81,39 @@ def test_a_display_that_another_library_ended_opens_again(needs_opengl):
         [sys.executable, "-c", ENDED_DISPLAY], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_a_context_stays_current_within_a_block_of_its_own(needs_opengl):
+    contexts = [open_context(), open_context()]
+    contexts[1].__exit__(None, None, None)  # opening makes it current
+    first, second = contexts
+    with current(first):
+        with current(first):
+            assert context_module._current_handle() == first.extra.handle
+        assert context_module._current_handle() == first.extra.handle
+        with current(second):
+            assert context_module._current_handle() == second.extra.handle
+        with current(first):  # as after another library's context
+            assert context_module._current_handle() == first.extra.handle
+    assert context_module._current_handle() is None
+    with ThreadPoolExecutor(1) as executor:  # once no thread has it current
+        executor.submit(_use, first).result()
+        with current(first), pytest.raises(GraphicsError, match="another thread uses this stage"):
+            executor.submit(_use, first).result()
+    for one in contexts:
+        one.release()
+
+
+def _use(context):
+    with current(context):
+        assert context.error == "GL_NO_ERROR"
+
+
+def test_a_context_is_released_within_a_block_of_its_own(needs_opengl):
+    context = open_context()
+    with current(context):
+        release_context(context)
+        assert context_module._current_handle() is None
+    again = open_context()
+    assert again is context
+    again.release()

@@ -9,7 +9,7 @@ import pytest
 
 import omnisim
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.gl import fences
+from omnisim.rendering.opengl.gl import debug, fences
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.functions import gl_function
 from omnisim.rendering.opengl.gl.pixel_readback import (
@@ -130,6 +130,7 @@ def test_errors_of_opengl_are_named(context):
     ring = PixelReadback(context)
     texture, values = _texture(context, 4, "f1")
     gl_function("glEnable", ctypes.c_uint)(0xDEAD)
+    debug.take_messages()  # expected
     with pytest.raises(GraphicsError, match=r"^OpenGL failed to draw .*: GL_INVALID_ENUM$"):
         ring.start((texture, values))
     assert not ring._readings

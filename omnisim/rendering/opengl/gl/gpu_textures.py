@@ -1,0 +1,270 @@
+"""Textures and renderbuffers: limits are known before, and OpenGL's error is seen after each.
+
+Depth is reversed and float: a depth buffer stores near/z. With 1 at the near plane and 0 at
+infinity, floats have a relative precision of 6e-8 at every distance; the usual 24 bits from −1 to 1
+confuse surfaces 10 cm apart at 500 m.
+
+Source: Reed, "Depth precision visualized", 2015.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import TypeVar
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.rendering.opengl.gl import debug
+from omnisim.rendering.opengl.gl.fences import end_pass
+from omnisim.rendering.opengl.gl.functions import gl_function
+from omnisim.rendering.opengl.gl.memory import AllocationError, check_allocation
+
+AnyTexture = moderngl.Texture | moderngl.Texture3D | moderngl.TextureArray
+TextureT = TypeVar("TextureT", moderngl.Texture, moderngl.Texture3D, moderngl.TextureArray)
+
+DEPTH_FUNCTION = ">"  # set per context, see omnisim/rendering/opengl/gl/state.py
+CLEAR_DEPTH = 0.0
+DEPTH = "d4"  # type of a renderbuffer of depth
+SRGB8_ALPHA8, RGBA8 = 0x8C43, 0x8058
+_DEPTH_COMPONENT32F, _RGB16F, _RGBA16F = 0x8CAC, 0x881B, 0x881A
+_TEXTURE_2D, _TEXTURE_2D_ARRAY, _CUBE_MAP_ARRAY = 0x0DE1, 0x8C1A, 0x9009
+_MIN_FILTER, _MAG_FILTER, _LINEAR, _LINEAR_MIPMAP_LINEAR = 0x2801, 0x2800, 0x2601, 0x2703
+_BASE_LEVEL, _MAX_LEVEL = 0x813C, 0x813D
+_RGB, _RGBA, _HALF_FLOAT, _UNSIGNED_BYTE = 0x1907, 0x1908, 0x140B, 0x1401
+_UNPACK_ALIGNMENT = 0x0CF5
+_ENUM, _INT, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p
+_LIMITS = "GL_MAX_TEXTURE_SIZE", "GL_MAX_TEXTURE_SIZE", "GL_MAX_ARRAY_TEXTURE_LAYERS"
+
+
+def texture_2d(
+    context: moderngl.Context,
+    size: tuple[int, ...],
+    components: int,
+    content: NDArray[np.generic] | bytes | None = None,
+    dtype: str = "f4",
+    levels: int = 1,
+    is_linear: bool = False,
+) -> moderngl.Texture:
+    """Texture whose texels are fetched.
+
+    Args:
+        context: OpenGL context.
+        size: width and height.
+        components: numbers per texel.
+        content: texels, contiguous and row by row; None: uninitialized.
+        dtype: moderngl's type of the numbers.
+        levels: number of mip levels; more than one need half floats and no content.
+        is_linear: interpolate between texels, and clamp to the edge.
+
+    Raises:
+        AllocationError: no room, or larger than the GPU allows.
+    """
+    with _allocation(context, "a texture", *size):
+        texture = context.texture((size[0], size[1]), components, content, dtype=dtype)
+        if levels > 1:
+            _allocate(texture.glo, levels, {3: _RGB16F, 4: _RGBA16F}[components], *size)
+            limit_levels(texture.glo, 0, levels - 1)
+    return _finished(texture, is_linear)
+
+
+def texture_3d(
+    context: moderngl.Context, size: tuple[int, int, int], content: NDArray[np.float16]
+) -> moderngl.Texture3D:
+    """RGBA half floats, interpolated between, and clamped to the edge."""
+    with _allocation(context, "a texture", *size, limits=("GL_MAX_3D_TEXTURE_SIZE",) * 3):
+        texture = context.texture3d(size, 4, content, dtype="f2")
+    texture.repeat_z = False
+    return _finished(texture, is_linear=True)
+
+
+def texture_array(
+    context: moderngl.Context,
+    size: tuple[int, int, int],
+    components: int,
+    dtype: str = "f2",
+    levels: int = 1,
+) -> moderngl.TextureArray:
+    """Texture array: width, height and layers; see `texture_2d`."""
+    with _allocation(context, "a texture array", *size):
+        array = context.texture_array(size, components, dtype=dtype)
+        if levels > 1:
+            _allocate(array.glo, levels, _RGBA16F, *size)
+            limit_levels(array.glo, 0, levels - 1)
+    return _finished(array)
+
+
+def byte_textures(
+    context: moderngl.Context, size: tuple[int, int, int], levels: int, stored: int
+) -> tuple[moderngl.TextureArray, list[moderngl.Texture]]:
+    """Array of 8-bit RGBA textures with mip levels, and its layers as textures, without a copy.
+
+    Moderngl does not free the layers. They are `stored` as `RGBA8` or `SRGB8_ALPHA8`.
+    """
+    width, height, layers = size
+    names = (_ENUM * layers)()
+    with _allocation(context, "a texture array", *size):
+        array = context.texture_array((1, 1, 1), 4)  # moderngl has no sRGB
+        _allocate(array.glo, levels, stored, *size)
+        gl_function("glGenTextures", _INT, _POINTER)(layers, ctypes.addressof(names))
+        for layer, name in enumerate(names):
+            view = gl_function("glTextureView", *(_ENUM,) * 8)
+            view(name, _TEXTURE_2D, array.glo, stored, 0, levels, layer, 1)
+    views = [context.external_texture(name, (width, height), 4, 0, "f1") for name in names]
+    return _finished(array), [_finished(one) for one in views]
+
+
+def cube_array(context: moderngl.Context, size_px: int, levels: int, cubes: int) -> int:
+    """Name of an array of cube maps of RGBA half floats with mip levels, filtered linearly."""
+    name = ctypes.c_uint()
+    with _allocation(context, "an array of cube maps", size_px, size_px, 6 * cubes):
+        create = gl_function("glCreateTextures", _ENUM, _INT, _POINTER)
+        create(_CUBE_MAP_ARRAY, 1, ctypes.addressof(name))
+        _allocate(name.value, levels, _RGBA16F, size_px, size_px, 6 * cubes)
+    debug.label(debug.TEXTURE, name.value)
+    set_parameter = gl_function("glTextureParameteri", _ENUM, _ENUM, _INT)
+    set_parameter(name.value, _MIN_FILTER, _LINEAR_MIPMAP_LINEAR)
+    set_parameter(name.value, _MAG_FILTER, _LINEAR)
+    return name.value
+
+
+def depth_texture(
+    context: moderngl.Context, size: tuple[int, int], levels: int = 1
+) -> moderngl.Texture:
+    """32-bit float depth; with levels, moderngl takes it for one texel: see `depth_target`."""
+    with _allocation(context, "a depth texture", *size):
+        # large ones without moderngl's own allocation
+        texture = context.depth_texture(size if levels == 1 else (1, 1))
+        _allocate(texture.glo, levels, _DEPTH_COMPONENT32F, *size)
+    texture.compare_func = ""
+    texture.repeat_x = texture.repeat_y = False
+    return _finished(texture)
+
+
+def depth_array(context: moderngl.Context, size: tuple[int, int, int]) -> moderngl.TextureArray:
+    """32-bit float depth texture array: width, height and layers."""
+    with _allocation(context, "a depth texture array", *size):
+        # moderngl has no layered depth: its color texture gets other storage
+        depth = context.texture_array((1, 1, 1), 1)
+        _allocate(depth.glo, 1, _DEPTH_COMPONENT32F, *size)
+    depth.repeat_x = depth.repeat_y = False
+    return _finished(depth)
+
+
+def renderbuffer(
+    context: moderngl.Context,
+    size: tuple[int, int],
+    components: int,
+    dtype: str = "f1",
+    samples: int = 0,
+) -> moderngl.Renderbuffer:
+    """Renderbuffer; `samples` 0: no multisampling; `dtype` `DEPTH`: 32-bit float depth."""
+    with _allocation(context, "a renderbuffer", *size):
+        if dtype == DEPTH:
+            buffer = context.depth_renderbuffer(size, samples=samples)
+            storage = "glNamedRenderbufferStorageMultisample"
+            allocate = gl_function(storage, _ENUM, _INT, _ENUM, _INT, _INT)
+            allocate(buffer.glo, samples, _DEPTH_COMPONENT32F, *size)
+        else:
+            buffer = context.renderbuffer(size, components, samples=samples, dtype=dtype)
+    debug.label(debug.RENDERBUFFER, buffer.glo)
+    return buffer
+
+
+def limit_levels(texture: int, first: int, last: int) -> None:
+    """Restrict sampling to a range of mip levels, so that another level can be a render target."""
+    limit = gl_function("glTextureParameteri", _ENUM, _ENUM, _INT)
+    limit(texture, _BASE_LEVEL, first)
+    limit(texture, _MAX_LEVEL, last)
+
+
+def upload(
+    texture: int, level: int, pixels: NDArray[np.float16 | np.uint8], layer: int | None = None
+) -> None:
+    """Upload RGB or RGBA (height, width, n) to a whole mip level, of a layer of an array."""
+    height, width, components = pixels.shape
+    size = (0, 0, width, height) if layer is None else (0, 0, layer, width, height, 1)
+    gl_function("glPixelStorei", _ENUM, _INT)(_UNPACK_ALIGNMENT, 1)
+    kinds = _ENUM, _INT, *(_INT for _ in size), _ENUM, _ENUM, _POINTER
+    write = gl_function(f"glTextureSubImage{len(size) // 2}D", *kinds)
+    texels = np.ascontiguousarray(pixels)
+    kind = _HALF_FLOAT if texels.dtype == np.float16 else _UNSIGNED_BYTE
+    write(texture, level, *size, (_RGB, _RGBA)[components - 3], kind, texels.ctypes.data)
+
+
+def delete_texture(name: int) -> None:
+    """Delete a texture that moderngl does not own."""
+    names = ctypes.c_uint(name)
+    gl_function("glDeleteTextures", _INT, _POINTER)(1, ctypes.addressof(names))
+
+
+def copy_region(
+    source: int,
+    target: int,
+    level: int,
+    first_px: tuple[int, int],
+    to_px: tuple[int, int],
+    size_px: tuple[int, int],
+) -> None:
+    """Copy a rectangle of a mip level, by left and top in both, between 2D textures by name."""
+    place = _ENUM, _ENUM, _INT, _INT, _INT, _INT
+    copy = gl_function("glCopyImageSubData", *place, *place, _INT, _INT, _INT)
+    from_place, to_place = (source, _TEXTURE_2D, level), (target, _TEXTURE_2D, level)
+    copy(*from_place, *first_px, 0, *to_place, *to_px, 0, *size_px, 1)
+
+
+def copy_textures(copies: Mapping[moderngl.Texture, moderngl.Texture]) -> None:
+    """Copy textures of one level, by source, in a pass of their own."""
+    for number, (source, target) in enumerate(copies.items()):
+        if number == 0:
+            end_pass(source.ctx)
+        copy_region(source.glo, target.glo, 0, (0, 0), (0, 0), source.size)
+
+
+def bind_texture(unit: int, texture: int) -> None:
+    """Bind a texture to a unit."""
+    gl_function("glBindTextureUnit", _ENUM, _ENUM)(unit, texture)
+
+
+def bind_textures(textures: Mapping[int, AnyTexture]) -> None:
+    """Bind textures to units by a single call; units between them are unbound."""
+    if not textures:
+        return
+    first = min(textures)
+    names = (ctypes.c_uint * (1 + max(textures) - first))()
+    for unit, texture in textures.items():
+        names[unit - first] = texture.glo
+    bind = gl_function("glBindTextures", _ENUM, _INT, _POINTER)
+    bind(first, len(names), ctypes.addressof(names))
+
+
+@contextmanager
+def _allocation(
+    context: moderngl.Context, kind: str, *size: int, limits: Sequence[str] = _LIMITS
+) -> Iterator[None]:
+    """Check a size before its allocation in a `with` block, and OpenGL's error after it."""
+    what = f"{kind} of {' × '.join(map(str, size))} texels"
+    for side, limit in zip(size, limits, strict=False):
+        if side > int(context.info[limit]):
+            raise AllocationError(what, f"this GPU takes at most {context.info[limit]}")
+    yield
+    check_allocation(context, what)
+
+
+def _allocate(texture: int, levels: int, internal_format: int, *size: int) -> None:
+    """Allocate a texture anew, with immutable storage."""
+    storage = f"glTextureStorage{len(size)}D"
+    allocate = gl_function(storage, _ENUM, _INT, _ENUM, *(_INT for _ in size))
+    allocate(texture, levels, internal_format, *size)
+
+
+def _finished(texture: TextureT, is_linear: bool = False) -> TextureT:
+    """Label a new texture, and set its filter."""
+    debug.label(debug.TEXTURE, texture.glo)
+    texture.filter = (moderngl.LINEAR if is_linear else moderngl.NEAREST,) * 2
+    if is_linear:
+        texture.repeat_x = texture.repeat_y = False
+    return texture

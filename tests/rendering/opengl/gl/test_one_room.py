@@ -1,0 +1,80 @@
+"""OpenGL's objects are made in one package, which alone calls OpenGL by itself, and ends passes."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+import omnisim
+
+PACKAGE = Path(omnisim.__file__).parent
+ROOM = "rendering/opengl/gl"
+MAKERS = {
+    "buffer": "buffers.py",
+    "external_buffer": "buffers.py",
+    "texture": "gpu_textures.py",
+    "texture3d": "gpu_textures.py",
+    "texture_array": "gpu_textures.py",
+    "texture_cube": "gpu_textures.py",
+    "external_texture": "gpu_textures.py",
+    "depth_texture": "gpu_textures.py",
+    "depth_texture_cube": "gpu_textures.py",
+    "renderbuffer": "gpu_textures.py",
+    "depth_renderbuffer": "gpu_textures.py",
+    "framebuffer": "framebuffers.py",
+    "empty_framebuffer": "framebuffers.py",
+    "simple_framebuffer": "framebuffers.py",
+}
+# Of a moderngl.Buffer: these map it.
+MAPPING = {"read_chunks", "read_chunks_into", "write_chunks", "orphan"}
+SUSPECT = re.compile(rf"\.({'|'.join([*MAKERS, *MAPPING])})\(|ctypes|gl_function|fences")
+FILES = {str(path.relative_to(PACKAGE)): path for path in sorted(PACKAGE.rglob("*.py"))}
+
+
+def _faults(name, tree):
+    """Calls of a file that belong into another, by line."""
+    is_in_room = name.startswith(ROOM)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            called, owner = node.func.attr, ast.unparse(node.func.value)
+            is_context = owner.rsplit(".", 1)[-1].lstrip("_") in ("context", "ctx")
+            place = f"{ROOM}/{MAKERS.get(called)}"
+            if is_context and called in MAKERS and name != place:
+                yield f"{name}:{node.lineno}: {owner}.{called}: see {place}"
+            if called in MAPPING and "rendering/opengl" in name:
+                yield f"{name}:{node.lineno}: {owner}.{called} maps a buffer"
+        if is_in_room or not name.startswith("rendering"):
+            continue
+        if isinstance(node, ast.Import) and any(one.name == "ctypes" for one in node.names):
+            yield f"{name}:{node.lineno}: ctypes"
+        if isinstance(node, ast.ImportFrom):
+            names = {one.name for one in node.names}
+            if "gl_function" in names or (node.module or "").endswith("gl.fences"):
+                yield f"{name}:{node.lineno}: only {ROOM} calls OpenGL, and ends passes"
+
+
+def test_objects_are_made_in_one_package():
+    faults = []
+    for name, path in FILES.items():
+        text = path.read_text(encoding="utf-8")
+        if SUSPECT.search(text):  # quicker than to parse all
+            faults += _faults(name, ast.parse(text))
+    assert not faults, "\n".join(faults)
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        ("rendering/opengl/drawing/sky_pass.py", "buffers.context.buffer(reserve=4)"),
+        (f"{ROOM}/framebuffers.py", "context.texture((1, 1), 4)"),
+        ("rendering/opengl/pipeline.py", "self._context.framebuffer([one])"),
+        ("rendering/opengl/pipeline.py", "import ctypes"),
+        ("rendering/opengl/pipeline.py", "from omnisim.rendering.opengl.gl.fences import end_pass"),
+        ("rendering/opengl/pipeline.py", "from ..gl.functions import gl_function"),
+        (f"{ROOM}/buffers.py", "buffer.write_chunks(data, 0, 8, 2)"),
+    ],
+)
+def test_other_ways_are_found(name, line):
+    assert SUSPECT.search(line)
+    assert len(list(_faults(name, ast.parse(line)))) == 1
