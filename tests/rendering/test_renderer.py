@@ -345,7 +345,7 @@ def test_faces_and_their_unfolding():
 def test_limits_of_the_gpu_are_named():
     with pytest.raises(GraphicsError, match="a capture of 90000 × 90000 px: this GPU takes at"):
         open_sensor(scene_of([room()]), OmniCamera().resized(30000))
-    with pytest.raises(GraphicsError, match="size_px smaller"):
+    with pytest.raises(GraphicsError, match="size_px or samples smaller"):
         open_sensor(scene_of([room()]), OmniCamera(face_size_px=20000))
     context = open_context()
     too_large_px = graphics_info(context).max_texture_size_px // 3 + 1

@@ -28,7 +28,7 @@ def _room(is_inward=True):
 
 
 def _notes(scene, position, yaw_deg=0.0, sensor=LENS):
-    return viewpoint_notes(scene, sensor, sensor.base_pose(position, yaw_deg))
+    return viewpoint_notes(scene, sensor, sensor.base_pose(position, yaw_deg=yaw_deg))
 
 
 @pytest.mark.parametrize("is_inward", [True, False])

@@ -42,7 +42,7 @@ from omnisim.scene.motion.dynamic_objects import load_objects
 from omnisim.scene.space.start_pose import default_start, find_start
 
 MAX_NOTICE = 300
-MAX_HEIGHT_M, MAX_SIDE_M = 75.0, 1000.0  # of scenes without a note on their size
+MAX_HEIGHT_M = 75.0  # of scenes without a note on their size
 ROOM_HEIGHT_M = 2.7
 UNITS = {"millimeters": 0.001, "centimeters": 0.01}
 _LIGHT_KEYS = {"background", "light", "lamps", "sun", "sky"}
@@ -389,10 +389,9 @@ def _scene(
 def _size_notices(bounds: NDArray[np.float64], meters_per_unit: float) -> list[str]:
     """Notice for a scene of an unusual size, with the unit that makes it as high as a room."""
     size = bounds[1] - bounds[0]
-    if not (size[2] > MAX_HEIGHT_M or size.max() > MAX_SIDE_M):
+    if size[2] <= MAX_HEIGHT_M:  # wide floors are usual
         return []
-    height = max(float(size[2]), 1e-3 * float(size.max()))
-    unit = min(UNITS, key=lambda unit: abs(math.log(height * UNITS[unit] / ROOM_HEIGHT_M)))
+    unit = min(UNITS, key=lambda unit: abs(math.log(size[2] * UNITS[unit] / ROOM_HEIGHT_M)))
     likely, stated = UNITS[unit] * meters_per_unit, meters_per_unit
     sides = " × ".join(f"{side:.4g}" for side in size)
     return [f"is {sides} m: if those are {unit}, set meters_per_unit = {likely:g}, else {stated:g}"]

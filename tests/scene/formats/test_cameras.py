@@ -202,7 +202,9 @@ def test_cameras_of_gazebo(tmp_path):
     (eye,) = load_scene(path).cameras
     assert isinstance(eye.lens, PerspectiveCamera)
     assert (eye.name, eye.position_m) == ("m/eye", (1.0, 2.0, 4.0))
-    expected = pose(eye.position_m, eye.roll_deg, eye.pitch_deg, eye.yaw_deg)
+    expected = pose(
+        eye.position_m, roll_deg=eye.roll_deg, pitch_deg=eye.pitch_deg, yaw_deg=eye.yaw_deg
+    )
     stated = pose((1, 2, 3), yaw_deg=math.degrees(1.0)) @ pose(
         (0, 0, 1), pitch_deg=math.degrees(0.2)
     )

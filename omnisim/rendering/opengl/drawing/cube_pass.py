@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import GraphicsError
+from omnisim.core.short_repr import counted
 from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
 from omnisim.rendering.opengl.drawing.atlas_levels import AtlasLevels
 from omnisim.rendering.opengl.drawing.cube_layers import EXTENSIONS, CubeLayers
@@ -70,7 +71,7 @@ class CubePass:
         size = (plan.width_px, plan.height_px)
         samples = min(cameras.samples, int(context.max_samples))
         with gpu_allocation(
-            f"an atlas of {size[0]} × {size[1]} px with {samples} samples",
+            f"an atlas of {size[0]} × {size[1]} px with {counted(samples, 'sample')}",
             "make the image, or virtual_cameras.texels_per_pixel, size_px or samples smaller",
         ):
             self.atlas = texture_2d(context, size, 4, dtype="f2", levels=1 + plan.max_level)
