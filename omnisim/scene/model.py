@@ -42,6 +42,7 @@ from omnisim.scene.parts import (
     Wrap,
     bounds_m,
 )
+from omnisim.scene.slabs import with_slabs
 from omnisim.scene.space.instance_boxes import instance_boxes
 from omnisim.scene.space.start_pose import find_start
 
@@ -127,6 +128,11 @@ class Scene:
     objects: tuple[DynamicObject, ...] = ()
     cameras: tuple[CameraPose, ...] = ()
     given: SourceDigests | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        meshes, materials = with_slabs(self.meshes, self.materials, self.instances)
+        object.__setattr__(self, "meshes", meshes)
+        object.__setattr__(self, "materials", materials)
 
     def __repr__(self) -> str:
         return short_repr(

@@ -172,6 +172,16 @@ class Material:
         return 0.0 if self.thickness_m == 0.0 or self._is_frosted else self._transmission
 
     @property
+    def refracted_transmission(self) -> float:
+        """Transmitted share of the light that a body of clear glass, or a slab, refracts."""
+        return self.glass_transmission
+
+    @property
+    def is_slab(self) -> bool:
+        """True for a pane with two faces, see `SlabMaterial`."""
+        return False
+
+    @property
     def clear_share(self) -> float:
         """Share of perpendicular light, mean of RGB, that passes a surface of clear glass."""
         once = ((self.ior - 1.0) / (self.ior + 1.0)) ** 2
@@ -197,6 +207,11 @@ class Material:
         return red, green, blue
 
     @property
+    def optical_depths(self) -> tuple[float, float, float]:
+        """Optical depths, linear RGB, of a slab that is met perpendicularly; 0: no slab."""
+        return 0.0, 0.0, 0.0
+
+    @property
     def _transmission(self) -> float:
         return 0.0 if self.unlit else self.transmission * (1.0 - self.metallic)
 
@@ -220,6 +235,45 @@ class Material:
     def shadow_cutoff(self) -> float:
         """Smallest alpha at which the surface casts a shadow; `math.inf`: nowhere."""
         return self.hit_cutoff if self.casts_shadow else math.inf
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SlabMaterial(Material):
+    """Material of a slab of glass: a pane of a thickness, which only traced images refract.
+
+    Each of its two faces tints the light by the base color, and the glass between them absorbs.
+
+    Attributes:
+        slab_m: distance between its faces.
+    """
+
+    slab_m: float = 0.0
+
+    @property
+    def is_slab(self) -> bool:
+        """True unless its material has changed to a thin or a frosted one."""
+        return self.thickness_m > 0.0 and not self._is_frosted
+
+    @property
+    def pane_transmission(self) -> float:
+        """Transmitted share of both faces."""
+        return self._transmission**2 if self.is_slab else super().pane_transmission
+
+    @property
+    def glass_transmission(self) -> float:
+        """0: a slab is drawn as a pane."""
+        return 0.0
+
+    @property
+    def refracted_transmission(self) -> float:
+        """Transmitted share of each face."""
+        return self._transmission if self.is_slab else 0.0
+
+    @property
+    def optical_depths(self) -> tuple[float, float, float]:
+        """Optical depths between its faces, linear RGB."""
+        red, green, blue = self.absorption_per_m
+        return red * self.slab_m, green * self.slab_m, blue * self.slab_m
 
 
 @dataclass(frozen=True, eq=False)

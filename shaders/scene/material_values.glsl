@@ -19,7 +19,7 @@ uniform int u_record;
 in vec2 v_second_coordinate;
 #endif
 
-const int MATERIAL_TEXELS = 19, MATERIALS_IN_ROW = 256;
+const int MATERIAL_TEXELS = 20, MATERIALS_IN_ROW = 256;
 const int FIRST_MAP = 5;  // two texels per map
 
 struct SurfaceValues {

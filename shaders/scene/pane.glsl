@@ -1,4 +1,4 @@
-// Thin panes of glass, of which one surface represents both interfaces.
+// Panes of glass, of which one surface represents both interfaces.
 // void make_pane(inout Reflectance surface, float cosine): makes it a mirror of a pane's
 //     reflectance; cosine: that of the angle of incidence.
 // vec3 transmittance(vec3 base_color, vec3 triangle_normal): factors of the light behind the pane,
@@ -24,6 +24,11 @@ void make_pane(inout Reflectance surface, float cosine) {
 vec3 transmittance(vec3 base_color, vec3 triangle_normal) {
     vec3 view = normalize(-surface_position());
     float cosine = abs(dot(seen_normal(triangle_normal), view));
-    float passing = 1.0 - pane_reflectance(cosine, material_texel(3).w);
-    return passing * material_texel(2).w * base_color;
+    float ior = material_texel(3).w, passing = 1.0 - pane_reflectance(cosine, ior);
+    vec3 color = base_color;
+    if (material_texel(4).w > 0.0) {  // a slab: two faces, and the way between them
+        float inside = sqrt(1.0 - (1.0 - cosine * cosine) / (ior * ior));
+        color *= base_color * exp(-material_texel(19).rgb / max(inside, 1e-4));
+    }
+    return passing * material_texel(2).w * color;
 }

@@ -111,7 +111,8 @@ class SpecularSurfaces:
             (surface.roughness <= _SMOOTH)[:, None], (1.0 - lost)[:, None] * surface.body, colors
         )
         passing = 1.0 - _mean_reflectance(shading.panes.ior)[surfaces, None]
-        clear = (shading.panes.transmission + shading.glass.transmission)[surfaces, None]
+        transmission = np.maximum(shading.panes.transmission, shading.glass.transmission)
+        clear = transmission[surfaces, None]
         frosted = self.frosted[surfaces, None]
         glass = passing * (1.0 - clear - frosted) * colors + (frosted > 0.0) * (1.0 - passing)
         body = np.where(clear + frosted > 0.0, glass, body)

@@ -70,6 +70,8 @@ def changes_light(before: Scene, after: Scene) -> bool:
     The roughness and strength of gloss do not, unless it is a mirror: bakes spread what it reflects
     like a matte surface. For mirrors and glass all properties count.
     """
+    if len(before.materials) != len(after.materials):  # a slab of glass begins or ends
+        return True
     pairs = zip(before.materials, after.materials, strict=True)
     return any(_lit_properties(one) != _lit_properties(other) for one, other in pairs)
 

@@ -15,7 +15,7 @@ from omnisim.scene.model import Material, Mesh
 from omnisim.scene.surface_reflectance import dielectric_f0, tinted_reflectance
 
 # As in shaders/scene/reflective_material.glsl.
-_TEXELS, _FIRST_MAP, _IN_ROW = 19, 5, 256
+_TEXELS, _FIRST_MAP, _IN_ROW = 20, 5, 256
 _ROW_VERTICES = 4096
 
 
@@ -105,7 +105,8 @@ def _record(material: Material, layers: Sequence[int | None]) -> NDArray[np.floa
         material.clearcoat, material.clearcoat_roughness, material.clearcoat_normal_scale,
         material.ior,
     )  # fmt: skip
-    record[4, :3] = tinted_reflectance(material.ior, material.specular_color)
+    record[4] = *tinted_reflectance(material.ior, material.specular_color), material.is_slab
+    record[19, :3] = material.optical_depths
     for number, (texture, layer) in enumerate(zip(material.maps, layers, strict=True)):
         if texture is not None and layer is not None:
             across, down = texture.uv_transform

@@ -60,7 +60,7 @@ class Glass(NamedTuple):
     @classmethod
     def of(cls, materials: list[Material], is_matte: bool) -> Glass:
         """Glass parameters of materials, one per surface; none if all are shown as matte."""
-        shares = np.array([0.0 if is_matte else one.glass_transmission for one in materials])
+        shares = np.array([0.0 if is_matte else one.refracted_transmission for one in materials])
         ior = np.array([one.ior for one in materials])
         spreads = np.array([_SPREAD * one.dispersion for one in materials]) * (ior - 1.0)
         absorption = np.array([one.absorption_per_m for one in materials]).reshape(-1, 3)

@@ -28,16 +28,19 @@ class Panes(NamedTuple):
     Attributes:
         transmission: (surfaces,) transmitted share of the light that is not reflected; 0: no pane.
         ior: (surfaces,) refractive index.
+        depths: (surfaces, 3) optical depths of slabs, see `SlabMaterial`.
     """
 
     transmission: NDArray[np.float64]
     ior: NDArray[np.float64]
+    depths: NDArray[np.float64]
 
     @classmethod
     def of(cls, materials: list[Material]) -> Panes:
         """Pane parameters of materials, one per surface; metal transmits nothing."""
         shares = [material.pane_transmission for material in materials]
-        return cls(np.array(shares), np.array([material.ior for material in materials]))
+        depths = np.array([material.optical_depths for material in materials]).reshape(-1, 3)
+        return cls(np.array(shares), np.array([material.ior for material in materials]), depths)
 
     def transmitted(
         self, surfaces: NDArray[np.int32], colors: Floats, cosines: Floats
@@ -53,6 +56,15 @@ class Panes(NamedTuple):
         passing = passing * self.transmission[surfaces]
         shares: NDArray[np.float32] = (passing[:, None] * colors).astype(np.float32)
         return shares
+
+    def slab_colors(
+        self, surfaces: NDArray[np.int32], colors: Floats, cosines: Floats
+    ) -> NDArray[np.float64]:
+        """Tint (n, 3) of both faces of slabs and of the glass between, see `transmitted`."""
+        inside = np.sqrt(1.0 - (1.0 - cosines**2) / self.ior[surfaces] ** 2)
+        left = np.exp(-self.depths[surfaces] / np.maximum(inside, 1e-4)[:, None])
+        tints: NDArray[np.float64] = colors.astype(np.float64) ** 2 * left
+        return tints
 
 
 def pane_reflectance(cosines: Floats, ior: Floats) -> Floats:

@@ -87,6 +87,7 @@ class Shading:
 
     Attributes:
         is_blended, is_unlit, is_pane, is_glass, is_specular, is_double_sided: (surfaces,) masks.
+        is_slab: (surfaces,) mask of glass that beams and depths pass like panes.
         panes: parameters of the surfaces that are panes.
         glass: parameters of the surfaces that are thick glass.
         frosted: (surfaces,) transmitted share of the light that frosted panes do not reflect.
@@ -107,9 +108,10 @@ class Shading:
         modes = [material.alpha_mode for material in materials]
         self.is_blended = np.array([mode is AlphaMode.BLEND for mode in modes], dtype=np.bool_)
         self.panes = Panes.of(materials)
-        self.is_pane = (self.panes.transmission > 0.0) & (not lighting.is_matte)
         self.glass = Glass.of(materials, lighting.is_matte)
         self.is_glass = self.glass.transmission > 0.0
+        self.is_slab = self.is_glass & (self.panes.transmission > 0.0)
+        self.is_pane = (self.panes.transmission > 0.0) & (not lighting.is_matte) & ~self.is_glass
         frosted = [one.frosted_transmission * (one.thickness_m == 0.0) for one in materials]
         self.frosted = np.array(frosted) * (not lighting.is_matte)
         self.is_specular = specular_mask(materials, lighting.is_matte)
@@ -421,7 +423,7 @@ class Shading:
         body, f0, f90 = surface.body.copy(), surface.f0.copy(), surface.f90.copy()
         roughness = surface.roughness.copy()
         f0[indices], f90[indices], roughness[indices] = reflected[:, None], reflected, MIN_ROUGHNESS
-        transmission = self.panes.transmission + self.glass.transmission
+        transmission = np.maximum(self.panes.transmission, self.glass.transmission)
         body[indices] *= 1.0 - transmission[surfaces[indices], None]
         return surface._replace(body=body, f0=f0, f90=f90, roughness=roughness)
 

@@ -35,7 +35,7 @@ def straight_shares(
     cosines = np.abs(np.einsum("nc,nc->n", shading.normals(hits, poses), rays.directions))
     reflected = pane_reflectance(cosines, shading.panes.ior[surfaces])
     reflected[is_back & is_glass] = 0.0
-    transmission = shading.panes.transmission[surfaces] + shading.glass.transmission[surfaces]
+    transmission = np.maximum(shading.panes.transmission, shading.glass.transmission)[surfaces]
     passed = ((1.0 - reflected) * transmission)[:, None] * colors
     leaving = np.flatnonzero(is_back & is_glass)
     inside_m = (hits.ranges_m - rays.near_m)[leaving]

@@ -77,17 +77,23 @@ def surface_light(shading: Shading, view: View) -> SurfaceLight:
         is_specular = shading.is_specular[surfaces[glossy]]
         reflected[glossy] = np.where(is_specular[:, None], mirrored, 0.0)
         returned[glossy] = sent_back
-    panes = np.flatnonzero(shading.is_pane[surfaces] & shading.is_specular[surfaces])
+    is_clear = shading.is_pane | shading.is_slab
+    panes = np.flatnonzero(is_clear[surfaces] & shading.is_specular[surfaces])
     if len(panes):
         transmission = shading.panes.transmission[surfaces[panes], None]
         ior = shading.panes.ior[surfaces[panes]]
         once = pane_reflectance(cosines[panes], ior)[:, None]
-        passed[panes] = (1.0 - once) * transmission * colors[panes]
+        slabs = panes[shading.is_slab[surfaces[panes]]]
+        tints = colors.copy()
+        tints[slabs] = shading.panes.slab_colors(surfaces[slabs], colors[slabs], cosines[slabs])
+        passed[panes] = (1.0 - once) * transmission * tints[panes]
         reflected[panes] = once
         facets = _facets(np.full(len(panes), MIN_ROUGHNESS), cosines[panes])
         perpendicular = pane_reflectance(np.ones(len(panes)), ior)
         body = (1.0 - once) ** 2 * (1.0 - transmission) * colors[panes] * cosines[panes, None]
         returned[panes] = body + (facets * perpendicular)[:, None]
+        backs = slabs[~shading.is_front(hits.take(slabs), poses)]  # the front counts for both
+        passed[backs], reflected[backs], returned[backs] = 1.0, 0.0, 0.0
     return SurfaceLight(passed, reflected, returned, normals, is_flat, cosines)
 
 
