@@ -170,6 +170,17 @@ vec3 reflected_environment(
     return surface.occlusion * total;
 }
 
+// A lamp behind a surface does not light it, whatever its normal map says.
+#if defined(NORMAL_MAP) || defined(CLEARCOAT_NORMAL_MAP)
+Lamp faced_lamp(Lamp lamp, vec3 shape_normal) {
+    if (dot(shape_normal, lamp.direction) <= 0.0) lamp.level = 0.0;
+    return lamp;
+}
+#define FACED(lamp) faced_lamp(lamp, shape_normal)
+#else
+#define FACED(lamp) lamp
+#endif
+
 vec3 reflected_light(
     Reflectance surface, vec3 position, vec3 normal, vec3 coat_normal, vec3 shape_normal,
     vec3 view) {
@@ -179,7 +190,7 @@ vec3 reflected_light(
     vec3 total = (1.0 - coat) * surface.emissive
         + reflected_environment(surface, position, normal, coat_normal, view, coat, light);
     vec3 area = surface_area(position);
-#define REFLECT(lamp) total += reflected_lamp(surface, lamp, normal, coat_normal, view, coat);
+#define REFLECT(lamp) total += reflected_lamp(surface, FACED(lamp), normal, coat_normal, view, coat);
 #if DIRECTIONAL_LIGHTS > 0
 #define REFLECT_DIRECTIONAL(i) REFLECT(directional_lamp(i, position))
     EACH_DIRECTIONAL(REFLECT_DIRECTIONAL)

@@ -222,6 +222,29 @@ def test_the_back_of_a_sheet_has_the_front_s_bumps_as_dents():
         assert abs(int(lit_behind) - int(away)) <= 2
 
 
+@pytest.mark.parametrize("backend", ["cube", "rays"])
+@pytest.mark.parametrize("slot", ["normal_map", "clearcoat_normal_map"])
+@pytest.mark.parametrize("casts_shadow", [True, False])
+def test_light_from_behind_a_surface_does_not_light_it(backend, slot, casts_shadow):
+    """A normal map tilts the floor by 60° toward a sun that is 3° below it."""
+    uv = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], "f4")
+    pixels = np.full((4, 4, 4), (238, 128, 191, 255), np.uint8)
+    leaning = {slot: Texture(pixels, is_linear=True)}
+    material = Material(clearcoat=1.0, clearcoat_roughness=0.6, roughness=0.5, **leaning)
+    images = []
+    for from_below in (-0.05, 0.05, None):
+        direction = _unit(-1.0, 0.0, -(from_below or 0.0))
+        sun = Light(LightKind.DIRECTIONAL, (1.0,) * 3, 0.6, direction=direction,
+                    casts_shadow=casts_shadow)  # fmt: skip
+        lighting = Lighting((0.1,) * 3, () if from_below is None else (sun,))
+        floor = square(2.0, -1.0, texture_coordinates=uv)
+        scene = scene_of([floor], [material], lighting=lighting)
+        images.append(_image(scene, CAMERA.resized(40), backend).astype(int))
+    behind, before, dark = images
+    np.testing.assert_array_equal(behind, dark)
+    assert (before - dark).max() > 10
+
+
 def test_an_edited_instance_looks_as_in_a_new_scene():
     """Edited instances are drawn one by one, others as clusters."""
     scene = _spheres(LIGHTINGS["sky"], **MATERIALS["second coordinates"])

@@ -41,7 +41,10 @@ def lamps_at(
     normals: NDArray[np.float32],
     shadows: Shadows,
 ) -> list[LampLight]:
-    """Light of each lamp at points (n, 3) of surfaces with unit normals (n, 3)."""
+    """Light of each lamp at points (n, 3) of surfaces with unit normals (n, 3).
+
+    Lamps behind a surface do not light it, whatever its normal map says.
+    """
     lamps = []
     for light in lighting.lights:
         level = light.intensity * lighting.exposure
@@ -51,8 +54,10 @@ def lamps_at(
             directions = -light.direction.astype(np.float32)[None]
         else:
             levels, directions = _punctual(light, points_m)
-        if light.casts_shadow:
-            facing = np.einsum("nc,nc->n", normals, directions) > 0.0
+        facing = np.einsum("nc,nc->n", normals, directions) > 0.0
+        if not light.casts_shadow:
+            levels = levels * facing
+        else:
             share = shadows.share(light, points_m, facing & (levels > 0.0))
             if share.shape[1] == 1:
                 levels = levels * share[:, 0]
