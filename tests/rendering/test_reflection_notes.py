@@ -42,7 +42,7 @@ def test_smooth_metal_gloss_and_coats_reflect_the_scene(material, expected):
     scene = scene_of([sphere(1.0, 8)], [material])
     notes = reflection_notes(scene)
     assert len(notes) == expected
-    start = "curved and rough reflections are approximate (1 material; a chrome ball in a room: "
+    start = "curved and rough reflections are approximate (1 material; 26 dB within a chrome ball "
     assert all(note.startswith(start) for note in notes)
     without = reflection_notes(scene, probes=0)
     assert len(without) == expected
@@ -54,16 +54,18 @@ def test_smooth_metal_gloss_and_coats_reflect_the_scene(material, expected):
 def test_planar_mirrors_and_panes_are_drawn():
     chrome = Material(metallic=1.0, roughness=0.0)
     pane = Material(transmission=0.5, roughness=0.1, specular=1.0)
-    for material in (chrome, pane):
+    for material, shown in (
+        (chrome, "planar mirrors: the 4 largest in view show"),
+        (pane, "faces of panes: the 4 largest in view reflect"),
+    ):
         block = scene_of([box("box", 0)], [material])
         assert not reflection_notes(block, 6)
         assert reflection_notes(block) == [
-            "6 planar mirrors: the 4 largest in view show the scene (virtual_cameras.mirrors of a "
-            "sensor file)"
+            f"6 {shown} the scene (virtual_cameras.mirrors of a sensor file)"
         ]
         (note,) = reflection_notes(block, 0)
         assert note.startswith("reflections show the sky and lamps")
-        (note,) = reflection_notes(scene_of([square(), sphere(1.0, 8)], [material]))
+        note, *_ = reflection_notes(scene_of([square(), sphere(1.0, 8)], [material]))
         assert note.startswith("curved and rough reflections are approximate")
 
 
@@ -71,14 +73,56 @@ def test_more_bodies_than_probes_are_noted():
     balls = [sphere(1.0, 8)] * 3
     places = [pose((3.0 * number, 0.0, 0.0)) for number in range(3)]
     scene = scene_of(balls, [Material(metallic=1.0, roughness=0.0)], places)
-    approximate, unreflected, few = reflection_notes(scene, probes=2)
+    approximate, unreflected, few, within = reflection_notes(scene, probes=2)
+    assert within == WITHIN
     assert approximate.startswith("curved and rough reflections are approximate")
     assert few == (
         "3 curved or rough reflective bodies: the 2 most prominent show the scene "
         "(virtual_cameras.reflection_probes of a sensor file)"
     )
     assert unreflected.startswith("reflections show the sky and lamps")
-    assert len(reflection_notes(scene)) == 1
+    assert len(reflection_notes(scene)) == 2
+
+
+CHROME = Material(metallic=1.0, roughness=0.0)
+WITHIN = (
+    "reflectors within reflections reflect only sky and lamps (19 to 29 dB within them): "
+    "--backend rays traces them"
+)
+
+
+def _beside(name, x_m, material, size_m=(1.0, 1.0, 1.0)):
+    mesh = box(name, material)
+    positions = (mesh.positions * np.array(size_m) + (x_m, 0.0, 0.0)).astype(np.float32)
+    return dataclasses.replace(mesh, positions=positions)
+
+
+@pytest.mark.parametrize(
+    ("meshes", "expected"),
+    [
+        ([_beside("box", 0.0, 0)], False),  # its faces do not see each other
+        ([_beside("box", 0.0, 0), _beside("other", 3.0, 0)], True),
+        ([_beside("box", 0.0, 0), dataclasses.replace(sphere(0.5, 8), material=0)], True),
+        ([_beside("box", 0.0, 0), _beside("pane", 3.0, 1)], False),
+        ([_beside("box", 0.0, 0), _beside("matte", 3.0, 2)], False),
+        ([square(0.5), square(0.2)], False),  # one plane
+    ],
+)
+def test_reflectors_within_reflections_are_noted(meshes, expected):
+    pane = Material(transmission=0.5, roughness=0.1, specular=1.0)
+    scene = scene_of(meshes, [CHROME, pane, Material()])
+    assert (WITHIN in reflection_notes(scene)) is expected
+    assert (WITHIN in reflection_notes(scene, 0, 0)) is False
+
+
+@pytest.mark.parametrize("thickness_m", [0.0, 0.01])
+def test_a_flat_window_is_neither_curved_nor_a_mirror(thickness_m):
+    glass = Material(transmission=1.0, roughness=0.0, specular=1.0, thickness_m=thickness_m)
+    window = _beside("window", 0.0, 0, (0.01, 2.0, 1.5))
+    assert reflection_notes(scene_of([window], [glass])) == []
+    three = [_beside("window", 3.0 * number, 0, (0.01, 2.0, 1.5)) for number in range(9)]
+    (note,) = reflection_notes(scene_of(three, [glass]))
+    assert "faces of panes" in note
 
 
 def test_frosted_glass_is_opaque():
@@ -99,7 +143,7 @@ def test_thick_glass_is_approximate_or_opaque():
     ball = scene_of([sphere(1.0, 8)], [glass])
     reflections, note = reflection_notes(ball)
     assert reflections.startswith("curved and rough reflections are approximate")
-    assert note.startswith("thick glass is approximate (1 material; a ball in a room: ")
+    assert note.startswith("thick glass is approximate (1 material; 35 dB within a ball ")
     reflections, note = reflection_notes(ball, probes=0)
     assert reflections.startswith("reflections show the sky and lamps")
     assert note == "thick glass is opaque (1 material): --backend rays refracts"

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
 from omnisim.core.short_repr import counted
 from omnisim.rendering.camera.quality import DEFAULT_MIRRORS, DEFAULT_PROBES
-from omnisim.rendering.reflections.kinds import find_reflectors
+from omnisim.rendering.reflections.kinds import Reflectors, find_reflectors
 from omnisim.scene import Scene
+from omnisim.scene.planar_mirrors import MirrorPlane
 from omnisim.scene.reflection_probes import reflects_scene
-from omnisim.scene.scene_surfaces import is_surface_planar, scene_surfaces
+from omnisim.scene.scene_surfaces import SceneSurface, scene_surfaces
 
-# Measured by `omnisim validate --only reflections`, as PSNR of the whole image.
-_ACCURACY, _GLASS_ACCURACY = "a chrome ball in a room: 36 dB", "a ball in a room: 41 dB"
+# PSNR of pixels within the objects of `omnisim validate --only reflections`, by 120 px per image
+# against the ray back end. Within other reflections: rooms of several reflectors.
+_ACCURACY = "26 dB within a chrome ball in a room"
+_GLASS_ACCURACY = "35 dB within a ball in a room"
+_REPEATED_ACCURACY = "19 to 29 dB within them"
+_FLAT_SHARE = 0.8  # of the area, from which a body with a rim is flat
 
 
 def reflection_notes(
@@ -27,17 +37,22 @@ def reflection_notes(
         return []
     found = find_reflectors(scene)
     surfaces, of_mirrors, of_panes, places = found
-    planes = (*of_mirrors, *of_panes) if mirrors else ()
+    if not mirrors:
+        of_mirrors = of_panes = ()
+    planes = (*of_mirrors, *of_panes)
     probed = found.probed(probes)
+    flat = {
+        number
+        for number in frozenset().union(*(plane.parts for plane in planes))
+        if _flat_share(surfaces[number], number, planes) >= _FLAT_SHARE
+    }
     unreflected = {
         id(one.material)
         for number, one in surfaces.items()
-        if reflects_scene(one.material)
-        and number not in probed
-        and not is_surface_planar(number, planes)
+        if reflects_scene(one.material) and number not in probed and number not in flat
     }
     notes = []
-    curved = {number for number in probed if not is_surface_planar(number, planes)}
+    curved = probed - flat
     if curved:
         approximate = {id(surfaces[number].material) for number in curved}
         notes.append(
@@ -49,16 +64,24 @@ def reflection_notes(
             "reflections show the sky and lamps, not the scene "
             f"({counted(len(unreflected), 'material')}): --backend rays shows it"
         )
-    if len(places) > probes > 0:
+    bodies = [not one.surfaces <= flat for one in places]
+    if probes > 0 and any(bodies[probes:]):
         notes.append(
-            f"{len(places)} curved or rough reflective bodies: the {probes} most prominent show "
+            f"{sum(bodies)} curved or rough reflective bodies: the {probes} most prominent show "
             "the scene (virtual_cameras.reflection_probes of a sensor file)"
         )
-    most = max(len(of_mirrors), len(of_panes))
-    if most > mirrors > 0:
+    for count, planar, shows in (
+        (len(of_mirrors), "planar mirrors", "show"), (len(of_panes), "faces of panes", "reflect")
+    ):  # fmt: skip
+        if count > mirrors:
+            notes.append(
+                f"{count} {planar}: the {mirrors} largest in view {shows} the scene "
+                "(virtual_cameras.mirrors of a sensor file)"
+            )
+    if _repeats(found, of_mirrors, probes):
         notes.append(
-            f"{most} planar mirrors: the {mirrors} largest in view show the scene "
-            "(virtual_cameras.mirrors of a sensor file)"
+            "reflectors within reflections reflect only sky and lamps "
+            f"({_REPEATED_ACCURACY}): --backend rays traces them"
         )
     glass = {number for number, one in surfaces.items() if one.material.glass_transmission}
     clear = {id(surfaces[number].material) for number in glass & probed}
@@ -73,6 +96,24 @@ def reflection_notes(
             f"thick glass is opaque ({counted(len(opaque), 'material')}): --backend rays refracts"
         )
     return notes
+
+
+def _flat_share(surface: SceneSurface, number: int, planes: Sequence[MirrorPlane]) -> float:
+    """Share of a surface's area that mirrors and panes hold."""
+    corners = surface.mesh.positions[surface.mesh.triangles] @ surface.object_from_mesh[:3, :3].T
+    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    areas = np.linalg.norm(crosses, axis=1)
+    held = np.any([one.parts[number] for one in planes if number in one.parts], axis=0)
+    return float(areas[held].sum() / max(areas.sum(), 1e-30))
+
+
+def _repeats(found: Reflectors, mirrors: Sequence[MirrorPlane], probes: int) -> bool:
+    """True if two reflectors, other than panes, are of different surfaces."""
+    panes = {number for plane in found.panes for number in plane.parts}
+    reflectors = [set(plane.parts) for plane in mirrors]
+    reflectors += [set(place.surfaces) - panes for place in found.places[:probes]]
+    pairs = itertools.combinations(filter(None, reflectors), 2)
+    return any(one.isdisjoint(other) for one, other in pairs)
 
 
 def frosted_notes(scene: Scene, is_traced: bool) -> list[str]:

@@ -45,7 +45,9 @@ class LightTable(Table):
     """False: no lamp casts shadows; true: all lamps do. Default: as stated in the files, usually
     true. The even light of a scene without lamps casts none."""
     ambient: LinearRgb | None = None
-    """Ambient light on a white surface, linear RGB. Default: a little, in addition to lamps."""
+    """Ambient light on a white surface, linear RGB. Default: a little, in addition to lamps.
+    [0, 0, 0] also disables the even light of a scene without lamps, so that only emission is
+    left."""
     exposure: Positive | None = None
     """Brightness of a white surface per lux of the lamps. Default: chosen so that most lit surfaces
     are not overexposed."""

@@ -101,7 +101,9 @@ def light_summary(lighting: Lighting) -> str:
         return "none: baked light of emissive surfaces"
     if lighting.environment is not None:
         return "none: lit by its sky"
-    return "none: even light, without shadows" if kinds else "none: light from everywhere"
+    if kinds:
+        return "none: even light, without shadows"
+    return "none: light from everywhere" if any(lighting.ambient) else "none: only emission"
 
 
 def background_light(color: tuple[float, float, float]) -> tuple[float, float, float]:

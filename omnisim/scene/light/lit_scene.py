@@ -37,6 +37,8 @@ def lit_scene(scene: Scene, settings: SceneFile) -> Scene:
     if table.shadows is not None and not is_even(lighting):
         lighting = lighting.with_shadows(table.shadows)
     if table.ambient is not None:
+        if not any(table.ambient) and is_even(lighting):
+            lighting = replace(lighting, lights=())
         lighting = replace(lighting, ambient=table.ambient)
     if table.exposure is not None:
         if settings.extends is not None and lighting.environment is not None:

@@ -7,7 +7,7 @@ import pytest
 
 from omnisim.core.errors import SceneError
 from omnisim.scene import load_scene
-from omnisim.scene.light.lighting import DEFAULT_LIGHTING, FILL_AMBIENT
+from omnisim.scene.light.lighting import DEFAULT_LIGHTING, FILL_AMBIENT, light_summary
 from omnisim.scene.model import LightKind
 
 
@@ -48,6 +48,14 @@ def test_lamps_take_the_place_of_even_light(tmp_path):
     assert (point.casts_shadow, spot.casts_shadow) == (True, False)
     np.testing.assert_allclose(spot.direction, (0.0, 0.0, -1.0))
     np.testing.assert_allclose(spot.cone_cosines, (1.0, 0.5))
+
+
+def test_black_ambient_light_disables_even_light(tmp_path):
+    dark = _scene(tmp_path, "[light]\nambient = [0, 0, 0]\n")
+    assert (dark.lighting.ambient, dark.lighting.lights) == ((0.0, 0.0, 0.0), ())
+    assert light_summary(dark.lighting) == "none: only emission"
+    dim = _scene(tmp_path, "[light]\nambient = [0, 0, 0.1]\n")
+    assert len(dim.lighting.lights) == 2
 
 
 def test_shadows_ambient_and_exposure_are_chosen(tmp_path):

@@ -135,14 +135,19 @@ def _print_tables(document: dict[str, Any], shows_all: bool) -> None:
     ranked = sorted(document["instances"], key=lambda one: -one["triangles"])
     shown = ranked if shows_all else ranked[:SHOWN]
     rows = [_row(one) for one in shown]
-    table = Table(box=None, pad_edge=False)
-    table.add_column("instance", no_wrap=True)  # the only column that a narrow console truncates
     titles = ["class", "triangles", "size (m)", "center (m)", "textures"]
     if any(row[-1] for row in rows):
         titles.append("reflects by")
     rows = [row[: 1 + len(titles)] for row in rows]
-    for index, title in enumerate(titles, 1):
-        width = max([len(title), *(len(row[index]) for row in rows)])
+    widths = [
+        max([len(title), *(len(row[index]) for row in rows)])
+        for index, title in enumerate(titles, 1)
+    ]
+    # only names are truncated, on a narrow terminal
+    left = max(8, out.console.width - sum(widths) - len(widths)) if out.is_terminal else None
+    table = Table(box=None, pad_edge=False, collapse_padding=True)
+    table.add_column("instance", no_wrap=True, max_width=left)
+    for title, width in zip(titles, widths, strict=True):
         table.add_column(title, no_wrap=True, min_width=width, justify="right")
     for row in rows:
         table.add_row(*map(escape, row))

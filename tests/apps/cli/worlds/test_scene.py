@@ -7,6 +7,7 @@ import pytest
 import trimesh
 from PIL import Image
 
+from omnisim.apps.cli.console import Output, out
 from omnisim.scene import builtin_scenes, load_scene
 from tests.slow import slow_but
 
@@ -48,6 +49,15 @@ def test_instances_state_by_what_they_reflect(omnisim):
     assert set(found) == {"mirror", "pane", "probe", "sky"}
     assert "reflects by" in omnisim("scene", "arcade")[1]
     assert "reflects by" not in omnisim("scene", "rings")[1]
+
+
+def test_the_table_fits_a_terminal(omnisim, monkeypatch):
+    monkeypatch.setattr(Output, "is_terminal", True)
+    monkeypatch.setattr(out.console, "_width", 100)
+    lines = omnisim("scene", "arcade", "--all")[1].splitlines()
+    header = next(number for number, one in enumerate(lines) if "reflects by" in one)
+    assert max(len(one) for one in lines[header:]) <= 100
+    assert any(one.startswith("chrome_ball_05") and one.endswith("probe") for one in lines)
 
 
 def test_a_scene_without_lamps_has_none(omnisim):
