@@ -2,7 +2,7 @@
 // vec3 sampled_gloss(…), with the arguments of mirrored_gloss in scene/planar_mirror.glsl.
 // A planar mirror is a window to a mirrored scene. Each facet's ray into that scene ends as far
 // from the surface as a perfect mirror's ray, and takes the light of the mirrored view there. Rays
-// that leave the view are omitted.
+// that leave the view take the mean of the others' light, or a perfect mirror's.
 // Twin of omnisim/rendering/rays/shading/reflections.py, which has the sources.
 
 #include "capture/tiles.glsl"
@@ -64,26 +64,23 @@ vec3 sampled_gloss(
     vec2 start = vec2(uniform_number(hashes.x), uniform_number(hashes.y));
     vec4 straight = texelFetch(u_mirrored, at, 0);
     float path_m = max((straight.a < 0.0 ? -straight.a : FARTHEST_M) - length(position), 0.0);
-    vec3 total = vec3(0.0);
-    float count = 0.0;
+    vec3 total = vec3(0.0), seen = vec3(0.0), all = vec3(0.0);
     for (int number = 0; number < FACETS; ++number) {
         vec3 facet = visible_facet(normal, view, alpha, fract(start + float(number) * R2_STEPS));
         float along = dot(view, facet);
         vec3 direction = 2.0 * along * facet - view;
         float light = dot(direction, normal);
-        if (light <= 0.0) {
-            count += 1.0;
-            continue;
-        }
+        if (light <= 0.0) continue;
+        float grazing = pow(1.0 - clamp(along, 0.0, 1.0), 5.0);
+        float share = unshadowed(light, max(dot(normal, view), MIN_COSINE), alpha * alpha);
+        vec3 weight = share * mix(f0, vec3(f90), grazing);
+        all += weight;
         direction -= 2.0 * dot(direction, plane) * plane;
         vec4 texel;
         if (!find_mirrored(mirror, position + path_m * direction, texel)) continue;
-        float grazing = pow(1.0 - clamp(along, 0.0, 1.0), 5.0);
-        float share = unshadowed(light, max(dot(normal, view), MIN_COSINE), alpha * alpha);
-        total += share * mix(f0, vec3(f90), grazing) * texel.rgb;
-        count += 1.0;
+        total += weight * texel.rgb;
+        seen += weight;
     }
-    if (count > 0.0) return total / count;
-    float grazing = pow(1.0 - clamp(dot(normal, view), MIN_COSINE, 1.0), 5.0);
-    return mix(f0, vec3(f90), grazing) * straight.rgb;
+    vec3 radiance = seen.g > 0.0 ? total / max(seen, 1e-9) : straight.rgb;
+    return radiance * all / float(FACETS);
 }

@@ -15,7 +15,7 @@
 
 const float PI = 3.14159265358979;
 // omnisim/scene/surface_reflectance.py
-const float MIN_ROUGHNESS = 0.04, MAX_MIRRORED_ROUGHNESS = 0.3, MAX_PROBED_ROUGHNESS = 0.5;
+const float MIN_ROUGHNESS = 0.04, MAX_TRACED_ROUGHNESS = 0.5;
 const float COAT_F0 = 0.04;
 const float MIN_COSINE = 1e-3;
 
@@ -100,7 +100,7 @@ vec3 surroundings(vec3 direction, float roughness, vec3 normal, vec3 light) {
 
 vec3 reflected_surroundings(
     vec3 position, vec3 direction, float roughness, float spread, vec3 normal, vec3 light) {
-    if (roughness > MAX_PROBED_ROUGHNESS) return surroundings(direction, roughness, normal, light);
+    if (roughness > MAX_TRACED_ROUGHNESS) return surroundings(direction, roughness, normal, light);
     return reflected_probe(position, direction, roughness, spread);
 }
 #else
@@ -144,14 +144,14 @@ vec3 reflected_environment(
 #ifdef PLANAR_MIRRORS
     ivec2 at;
     uint mirror = mirror_at(position, at);
-    if (mirror != 0u && surface.roughness <= MAX_MIRRORED_ROUGHNESS)
+    if (mirror != 0u && surface.roughness <= MAX_TRACED_ROUGHNESS)
         total = surface.body * (1.0 - lost) * light
             + mirrored_gloss(
                 mirror, at, position, normal, view, surface.roughness, surface.f0, surface.f90);
 #endif
     total *= 1.0 - coat;
 #ifdef PLANAR_MIRRORS
-    if (mirror != 0u && surface.coat_roughness <= MAX_MIRRORED_ROUGHNESS) {
+    if (mirror != 0u && surface.coat_roughness <= MAX_TRACED_ROUGHNESS) {
         vec3 coated = vec3(0.0);
         if (coat > 0.0)
             coated = coat * mirrored_gloss(

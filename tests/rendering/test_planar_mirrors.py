@@ -4,13 +4,15 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.ndimage import binary_erosion
 
 from omnisim import OmniCamera
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.rendering.rays.shading import reflections
 from omnisim.rendering.stage import Stage, open_sensor
-from omnisim.scene.model import Fog, Material
+from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING
+from omnisim.scene.model import Fog, Material, Texture
 from omnisim.validation.psnr import psnr_db, psnr_of_levels_db
 from omnisim.validation.traced_light import fisheye
 from tests.rendering.opengl.sheets import CHROME, LAMP, PANE, SUN, mixed_scene, with_mirrors
@@ -110,3 +112,38 @@ def test_a_mirror_shows_the_housing_that_the_camera_does_not_see():
         seen = renderer.render(pose(), linear=True).linear
     np.testing.assert_allclose(seen[45, 45], 1.0, atol=1e-3)
     np.testing.assert_allclose(seen[45, 12], 0.0, atol=1e-3)
+
+
+def _glossy_box(**values):
+    """A box in daylight, for a viewpoint that grazes its top."""
+    material = Material(base_color=(0.5, 0.4, 0.3, 1.0), specular=1.0, **values)
+    return scene_of([box("box", 0)], [material], None, DEFAULT_LIGHTING, DEFAULT_BACKGROUND)
+
+
+def _banded(low, high):
+    """Roughness between two values along v."""
+    pixels = np.full((64, 4, 4), 255, dtype=np.uint8)
+    pixels[..., 1] = np.linspace(255.0 * low, 255.0 * high, 64).round()[:, None]
+    return Texture(pixels, is_linear=True)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"roughness": 0.25},
+        {"metallic_roughness_map": _banded(0.2, 0.45), "metallic": 0.2},
+    ],
+    ids=["grazed", "mapped"],
+)
+def test_glossy_boxes_are_those_of_rays(values):
+    at = pose((-0.8, -0.3, 0.6), pitch_deg=10.0, yaw_deg=20.0)
+    sensor = dataclasses.replace(fisheye(120), supersampling=2)
+    images = []
+    for backend in ("cube", "rays"):
+        with open_sensor(_glossy_box(**values), sensor, backend=backend) as renderer:
+            image = renderer.render(at, also=("instance",))
+        images.append(image.rgba[..., :3].astype(int))
+    inside = binary_erosion(image.channels["instance"] == 1, iterations=2)
+    assert inside.sum() > 300
+    apart = np.abs(images[0] - images[1]).max(axis=-1)[inside]
+    assert np.mean(apart > 6) < 0.02
