@@ -164,17 +164,19 @@ class Material:
     @property
     def pane_transmission(self) -> float:
         """Transmitted share of the light that a clear pane does not reflect; 0: no such pane."""
+        if self.is_slab:
+            return self._transmission**2
         return 0.0 if self.thickness_m > 0.0 or self._is_frosted else self._transmission
 
     @property
     def glass_transmission(self) -> float:
         """Transmitted share of the light that clear, thick glass does not reflect; 0: none."""
-        return 0.0 if self.thickness_m == 0.0 or self._is_frosted else self._transmission
+        return 0.0 if self.is_slab else self.refracted_transmission
 
     @property
     def refracted_transmission(self) -> float:
-        """Transmitted share of the light that a body of clear glass, or a slab, refracts."""
-        return self.glass_transmission
+        """Transmitted share of the light at a face of clear, thick glass, or of a slab."""
+        return 0.0 if self.thickness_m == 0.0 or self._is_frosted else self._transmission
 
     @property
     def is_slab(self) -> bool:
@@ -239,9 +241,7 @@ class Material:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SlabMaterial(Material):
-    """Material of a slab of glass: a pane of a thickness, which only traced images refract.
-
-    Each of its two faces tints the light by the base color, and the glass between them absorbs.
+    """Material of a slab of glass: a pane with two faces, which only traced images refract.
 
     Attributes:
         slab_m: distance between its faces.
@@ -252,22 +252,7 @@ class SlabMaterial(Material):
     @property
     def is_slab(self) -> bool:
         """True unless its material has changed to a thin or a frosted one."""
-        return self.thickness_m > 0.0 and not self._is_frosted
-
-    @property
-    def pane_transmission(self) -> float:
-        """Transmitted share of both faces."""
-        return self._transmission**2 if self.is_slab else super().pane_transmission
-
-    @property
-    def glass_transmission(self) -> float:
-        """0: a slab is drawn as a pane."""
-        return 0.0
-
-    @property
-    def refracted_transmission(self) -> float:
-        """Transmitted share of each face."""
-        return self._transmission if self.is_slab else 0.0
+        return self.refracted_transmission > 0.0
 
     @property
     def optical_depths(self) -> tuple[float, float, float]:

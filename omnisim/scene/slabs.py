@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy  # loads its submodules on first use
@@ -21,35 +22,37 @@ _SAME_NORMAL = float(np.cos(np.radians(0.5)))
 _SAME_HEIGHT = 0.01  # distance of the corners of a face from its plane, as a share of the thickness
 _SAME_THICKNESS = 0.01  # relative difference of the slabs of one mesh
 
+_Faces = tuple[NDArray[np.float64], float]
+# faces of the parts of meshes; an edited scene shares its other meshes
+_FACES: WeakKeyDictionary[Mesh, list[_Faces | None]] = WeakKeyDictionary()
+
 
 def with_slabs(
     meshes: Sequence[Mesh], materials: Sequence[Material], instances: Sequence[Instance]
 ) -> tuple[tuple[Mesh, ...], tuple[Material, ...]]:
     """Meshes and materials of a scene, in which meshes that are slabs have a `SlabMaterial`."""
-    possible = {number for number, one in enumerate(materials) if _may_be_slab(one)}
-    if not any(mesh.material in possible for mesh in meshes):
-        return tuple(meshes), tuple(materials)
-    meshes, all_materials = list(meshes), list(materials)
-    for number, mesh in enumerate(meshes):
-        places = [one.world_from_mesh for one in instances if one.mesh == number]
-        if mesh.material not in possible or mesh.deformation is not None or not places:
-            continue
-        slab_m = _thickness_m(mesh, places)
-        if slab_m is None:
-            continue
-        material = materials[mesh.material]
-        own = {one.name: getattr(material, one.name) for one in fields(Material)}
-        own["double_sided"] = False
-        slab = SlabMaterial(**own, slab_m=slab_m)
-        is_shared = any(
-            one.material == mesh.material for other, one in enumerate(meshes) if other != number
-        )
-        if is_shared:
-            meshes[number] = replace(mesh, material=len(all_materials))
-            all_materials.append(slab)
-        else:
-            all_materials[mesh.material] = slab
-    return tuple(meshes), tuple(all_materials)
+    places: dict[int, list[NDArray[np.float64]]] = {}
+    for one in instances:
+        if _may_be_slab(materials[meshes[one.mesh].material]):
+            places.setdefault(one.mesh, []).append(one.world_from_mesh)
+    found = {number: _thickness_m(meshes[number], own) for number, own in places.items()}
+    slabs = {number: slab_m for number, slab_m in found.items() if slab_m is not None}
+    meshes, materials = list(meshes), list(materials)
+    taken = {mesh.material for number, mesh in enumerate(meshes) if number not in slabs}
+    known: dict[tuple[int, str], int] = {}
+    for number, slab_m in slabs.items():
+        old, key = meshes[number].material, (meshes[number].material, f"{slab_m:.3g}")
+        if key not in known:
+            values = {one.name: getattr(materials[old], one.name) for one in fields(Material)}
+            slab = SlabMaterial(**values | {"double_sided": False}, slab_m=slab_m)
+            if old in taken:
+                known[key] = len(materials)
+                materials.append(slab)
+            else:
+                known[key], materials[old] = old, slab
+                taken.add(old)
+        meshes[number] = replace(meshes[number], material=known[key])
+    return tuple(meshes), tuple(materials)
 
 
 def _may_be_slab(material: Material) -> bool:
@@ -60,9 +63,12 @@ def _may_be_slab(material: Material) -> bool:
 
 def _thickness_m(mesh: Mesh, places: Sequence[NDArray[np.float64]]) -> float | None:
     """Thickness of a mesh's slabs in its places (4, 4) each; None: it is no slab."""
+    if mesh.deformation is not None:
+        return None
+    if mesh not in _FACES:
+        _FACES[mesh] = [_faces(corners) for corners in _parts(mesh)]
     thicknesses_m: list[float] = []
-    for corners in _parts(mesh):
-        faces = _faces(corners)
+    for faces in _FACES[mesh]:
         if faces is None:
             return None
         normal, thickness = faces
@@ -77,23 +83,21 @@ def _parts(mesh: Mesh) -> list[NDArray[np.float64]]:
     """Corners (n, 3, 3) of the triangles of each connected part; equal positions are connected."""
     positions, vertex = np.unique(mesh.positions, axis=0, return_inverse=True)
     triangles, count = vertex.reshape(-1)[mesh.triangles], len(positions)
-    edges = triangles[:, [0, 1]], triangles[:, [1, 2]]
-    first, second = np.concatenate(edges).T
+    first, second = np.concatenate((triangles[:, :2], triangles[:, 1:])).T
     graph = scipy.sparse.coo_array((np.ones(len(first)), (first, second)), (count, count))
     parts = scipy.sparse.csgraph.connected_components(graph, directed=False)[1][triangles[:, 0]]
     order = np.argsort(parts, kind="stable")
     starts = np.flatnonzero(np.diff(parts[order])) + 1
-    corners = positions.astype(np.float64)[triangles[order]]
-    return [one for one in np.split(corners, starts) if len(one)]
+    return np.split(positions.astype(np.float64)[triangles[order]], starts)
 
 
-def _faces(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], float] | None:
+def _faces(corners: NDArray[np.float64]) -> _Faces | None:
     """Normal (3,) and distance of the two faces of a slab with triangles (n, 3, 3)."""
     crosses = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = np.linalg.norm(crosses, axis=1)
-    largest = int(np.argmax(areas))
-    if areas[largest] == 0.0:
+    if not areas.any():
         return None
+    largest = int(np.argmax(areas))
     normal = crosses[largest] / areas[largest]
     heights = corners @ normal
     cosines = crosses @ normal / np.maximum(areas, 1e-30)

@@ -46,7 +46,7 @@ def joined(*meshes):
 
 
 WINDOW = slab((1.0, 0.006, 2.0))
-TURNED = pose((1.0, 2.0, 3.0), 30.0, 20.0, 10.0)
+TURNED = pose((1.0, 2.0, 3.0), roll_deg=30.0, pitch_deg=20.0, yaw_deg=10.0)
 
 
 @pytest.mark.parametrize(

@@ -15,8 +15,8 @@ from omnisim.scene.planar_mirrors import MirrorPlane
 from omnisim.scene.reflection_probes import reflects_scene
 from omnisim.scene.scene_surfaces import SceneSurface, scene_surfaces
 
-# PSNR of pixels within the objects of `omnisim validate --only reflections`, by 120 px per image
-# against the ray back end. Within other reflections: rooms of several reflectors.
+# PSNR against rays within the objects of the rooms of `omnisim validate --only reflections`, and of
+# rooms with several reflectors.
 _ACCURACY = "26 dB within a chrome ball in a room"
 _GLASS_ACCURACY = "35 dB within a ball in a room"
 _REPEATED_ACCURACY = "19 to 29 dB within them"
