@@ -34,6 +34,11 @@ class LampLight(NamedTuple):
             directions if len(directions) == 1 else directions[indices],
         )
 
+    def facing(self, normals: NDArray[np.float32]) -> LampLight:
+        """Light on surfaces with unit normals (n, 3) before normal maps: none from behind them."""
+        is_facing = np.einsum("nc,nc->n", normals, self.directions) > 0.0
+        return self._replace(levels=self.levels * is_facing)
+
 
 def lamps_at(
     lighting: Lighting,
@@ -41,10 +46,7 @@ def lamps_at(
     normals: NDArray[np.float32],
     shadows: Shadows,
 ) -> list[LampLight]:
-    """Light of each lamp at points (n, 3) of surfaces with unit normals (n, 3).
-
-    Lamps behind a surface do not light it, whatever its normal map says.
-    """
+    """Light of each lamp at points (n, 3) of surfaces with unit normals (n, 3)."""
     lamps = []
     for light in lighting.lights:
         level = light.intensity * lighting.exposure
@@ -54,10 +56,8 @@ def lamps_at(
             directions = -light.direction.astype(np.float32)[None]
         else:
             levels, directions = _punctual(light, points_m)
-        facing = np.einsum("nc,nc->n", normals, directions) > 0.0
-        if not light.casts_shadow:
-            levels = levels * facing
-        else:
+        if light.casts_shadow:
+            facing = np.einsum("nc,nc->n", normals, directions) > 0.0
             share = shadows.share(light, points_m, facing & (levels > 0.0))
             if share.shape[1] == 1:
                 levels = levels * share[:, 0]

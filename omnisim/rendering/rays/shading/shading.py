@@ -296,6 +296,7 @@ class Shading:
             light = self._baked_light(baked, hits, points_m, normals)
             shadows = Shadows(hits.take(glossy), cast_shadow)
             lamps = lamps_at(self._lighting, points_m[glossy], normals[glossy], shadows)
+        lamps = [lamp.facing(normals[glossy]) for lamp in lamps]
         surroundings = self._surroundings(light[glossy], normals[glossy], lamps)
         light[self.is_unlit[surfaces]] = 1.0
         light *= colors[:, :3]
