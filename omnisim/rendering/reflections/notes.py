@@ -15,11 +15,9 @@ from omnisim.scene.planar_mirrors import MirrorPlane
 from omnisim.scene.reflection_probes import reflects_scene
 from omnisim.scene.scene_surfaces import SceneSurface, scene_surfaces
 
-# PSNR against rays within the objects of the rooms of `omnisim validate --only reflections`, and of
-# rooms with several reflectors.
+# PSNR against rays within the objects of the rooms of `omnisim validate --only reflections`.
 _ACCURACY = "26 dB within a chrome ball in a room"
 _GLASS_ACCURACY = "35 dB within a ball in a room"
-_REPEATED_ACCURACY = "19 to 29 dB within them"
 _FLAT_SHARE = 0.8  # of the area, from which a body with a rim is flat
 
 
@@ -70,18 +68,20 @@ def reflection_notes(
             f"{sum(bodies)} curved or rough reflective bodies: the {probes} most prominent show "
             "the scene (virtual_cameras.reflection_probes of a sensor file)"
         )
-    for count, planar, shows in (
-        (len(of_mirrors), "planar mirrors", "show"), (len(of_panes), "faces of panes", "reflect")
-    ):  # fmt: skip
-        if count > mirrors:
-            notes.append(
-                f"{count} {planar}: the {mirrors} largest in view {shows} the scene "
-                "(virtual_cameras.mirrors of a sensor file)"
-            )
+    if len(of_mirrors) > mirrors:
+        notes.append(
+            f"{len(of_mirrors)} planar mirrors: the {mirrors} largest in view show the scene "
+            "(virtual_cameras.mirrors of a sensor file)"
+        )
+    if len(of_panes) > mirrors:
+        notes.append(
+            f"{len(of_panes)} faces of panes: the {mirrors} largest in view reflect the scene "
+            "(virtual_cameras.mirrors of a sensor file)"
+        )
     if _repeats(found, of_mirrors, probes):
         notes.append(
-            "reflectors within reflections reflect only sky and lamps "
-            f"({_REPEATED_ACCURACY}): --backend rays traces them"
+            "reflectors within reflections reflect only sky and lamps (19 to 29 dB within them): "
+            "--backend rays traces them"
         )
     glass = {number for number, one in surfaces.items() if one.material.glass_transmission}
     clear = {id(surfaces[number].material) for number in glass & probed}
