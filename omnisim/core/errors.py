@@ -19,7 +19,12 @@ class OmnisimError(Exception):
     """Base of all errors with a message for the user.
 
     Its lines are printable and of limited length, whatever the file contains.
+
+    Attributes:
+        exit_status: exit status of the command line.
     """
+
+    exit_status = 1
 
     def __init__(self, message: str = ""):
         super().__init__("\n".join(map(printable, message.split("\n"))))

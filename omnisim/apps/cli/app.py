@@ -57,7 +57,7 @@ def _options(
 
 
 def main() -> None:
-    """Run the command line; an OmnisimError prints its message and exits with status 1."""
+    """Run the command line; an OmnisimError prints its message and exits with its status."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("always", NoticeWarning)
@@ -68,7 +68,7 @@ def main() -> None:
             err.print("interrupted")
         raise
     except OmnisimError as error:
-        _fail(str(error))
+        _fail(str(error), error.exit_status)
     except OSError as error:
         if error.filename is not None:
             raise
@@ -93,9 +93,9 @@ def _print_notices() -> None:
     warnings.showwarning = show_warning
 
 
-def _fail(message: str) -> NoReturn:
+def _fail(message: str, status: int = 1) -> NoReturn:
     from rich.markup import escape
 
     for line in message.splitlines():
         err.print(f"[bold red]error:[/] {escape(line)}")
-    sys.exit(1)
+    sys.exit(status)

@@ -59,7 +59,29 @@ class Command(TyperCommand):
         self._path, self._entry = path, entry
         name = path.rpartition(" ")[2]
         super().__init__(name, callback=self._call, help=entry.summary, rich_help_panel=panel)
-        self.context_settings = {"help_option_names": ["-h", "--help"]}
+        self.context_settings = {
+            "help_option_names": ["-h", "--help"],
+            "allow_extra_args": True,  # rejected below, in the same words as others
+        }
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the words after the command's name.
+
+        Raises:
+            CommandLineError: one line that names an option, and what is expected.
+        """
+        if ctx.resilient_parsing:  # for completion
+            return super().parse_args(ctx, args)
+        from omnisim.apps.cli.usage_errors import CommandLine, UsageError
+
+        line = CommandLine(f"omnisim {self._path}", self._request, args)
+        line.check_words()
+        try:
+            rest = super().parse_args(ctx, args)
+        except UsageError as error:
+            raise line.error(error) from None
+        line.check_values(ctx.params, rest)
+        return rest
 
     @property
     def params(self) -> list[Any]:
@@ -79,11 +101,16 @@ class Command(TyperCommand):
         return self._built.callback(**values)
 
     @cached_property
+    def _request(self) -> Any:
+        """Class that defines the options; None: no options."""
+        return _resolve(self._entry.request) if self._entry.request else None
+
+    @cached_property
     def _built(self) -> Any:
         """Typer command with the request's parameters."""
         from omnisim.apps.cli.options import make_request, parameters
 
-        request = _resolve(self._entry.request) if self._entry.request else None
+        request = self._request
 
         def call(**values: object) -> None:
             if self._entry.extra is not None:
@@ -110,6 +137,36 @@ class Group(TyperGroup):
 
     def get_params(self, *context: Any) -> list[Any]:  # noqa: D102 - click's, or typer's copy of it
         return _without_flag_types(super().get_params(*context))
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the options before a command's name.
+
+        Raises:
+            CommandLineError: an unknown option.
+        """
+        if ctx.resilient_parsing or not args:  # without words: the help page
+            return super().parse_args(ctx, args)
+        from omnisim.apps.cli.usage_errors import UsageError, unknown
+
+        first = args[0]
+        try:
+            return super().parse_args(ctx, args)
+        except UsageError as error:
+            flags = [flag for one in self.get_params(ctx) for flag in one.opts]
+            option = getattr(error, "option_name", first)
+            raise unknown(option, "option", ctx.command_path, flags) from None
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
+        """Find a command by its name.
+
+        Raises:
+            CommandLineError: an unknown command.
+        """
+        if args[0] not in self.commands and not ctx.resilient_parsing:
+            from omnisim.apps.cli.usage_errors import unknown
+
+            raise unknown(args[0], "command", ctx.command_path, self.commands)
+        return super().resolve_command(ctx, args)
 
 
 class DefaultGroup(Group):

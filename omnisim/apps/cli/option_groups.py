@@ -36,7 +36,9 @@ Resources = Annotated[
     ),
 ]
 Position = tuple[float, float, float] | None
-RobotName = Annotated[str | None, Option(metavar="NAME|FILE", complete=completion.complete_robot)]
+RobotName = Annotated[
+    str | None, Option(metavar="NAME|FILE", complete=completion.complete_robot, example="p2at")
+]
 RunFolder = Annotated[Path, Argument(metavar="RUN")]
 Mirrored = Annotated[
     bool | None,

@@ -11,19 +11,36 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 import typer
 
 from omnisim.core.files.attribute_docs import attribute_docs
 
 T = TypeVar("T")
-_UNITS = {  # by the suffix of a field's name
-    "px": "PX", "m": "M", "deg": "DEG", "degps": "DEG/S", "mps": "M/S", "s": "S", "hz": "HZ",
-}  # fmt: skip
+
+
+class Unit(NamedTuple):
+    """Unit of a number: placeholder on the help page, noun and example in messages."""
+
+    metavar: str
+    noun: str
+    example: str
+
+
+UNITS = {  # by the suffix of a field's name
+    "px": Unit("PX", "pixels", "360"),
+    "m": Unit("M", "meters", "1.5"),
+    "deg": Unit("DEG", "degrees", "90"),
+    "degps": Unit("DEG/S", "degrees per second", "30"),
+    "mps": Unit("M/S", "meters per second", "0.5"),
+    "s": Unit("S", "seconds", "2.5"),
+    "hz": Unit("HZ", "hertz", "10"),
+}
 _TYPES = {Path: "FILE", int: "N"}
 
 
@@ -39,6 +56,7 @@ class Option:
         complete: completion of values that depend on other arguments, in typer's signature.
         min, max: limits of a number.
         parse: reader of the text of a value; None: by the field's type.
+        example: value for messages; empty: by default, unit and placeholder.
     """
 
     flags: tuple[str, ...] = ()
@@ -49,6 +67,7 @@ class Option:
     min: float | None = None
     max: float | None = None
     parse: Callable[[str], object] | None = None
+    example: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,27 +75,95 @@ class Argument(Option):
     """Details of a positional argument."""
 
 
-def parameters(request: type) -> dict[str, inspect.Parameter]:
-    """Typer parameters of a request and its groups, by field name."""
-    made: dict[str, inspect.Parameter] = {}
+class RequestField(NamedTuple):
+    """Option or argument of a request.
+
+    Attributes:
+        name: name of the field.
+        kind: type of its value, without `Annotated`.
+        details: its details.
+        text: help.
+        default: default value; `dataclasses.MISSING`: required.
+        panel: heading on the help page.
+    """
+
+    name: str
+    kind: Any
+    details: Option
+    text: str
+    default: Any
+    panel: str | None
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """Flags on the command line."""
+        return _flags(self.name, self.details)
+
+    @property
+    def label(self) -> str:
+        """Last flag of an option, placeholder of an argument, for messages."""
+        if isinstance(self.details, Argument):
+            return (self.metavar or self.name).strip("[]")
+        return self.flags[-1].partition("/")[0]
+
+    @property
+    def metavar(self) -> str | None:
+        """Placeholder of the value; None: typer's own, which lists an enumeration's members."""
+        return self.details.metavar or _metavar(self.name, self.kind)
+
+    @property
+    def unit(self) -> Unit | None:
+        """Unit of a number."""
+        return next((unit for unit in UNITS.values() if unit.metavar == self.metavar), None)
+
+    @property
+    def kinds(self) -> list[Any]:
+        """Types of the words of a value: three for X Y Z; that of the items of a list."""
+        kind = next((one for one in get_args(self.kind) if one is not type(None)), self.kind)
+        if get_origin(self.kind) in (list, tuple):
+            kind = self.kind
+        return list(get_args(kind)) or [kind]
+
+    @property
+    def choices(self) -> list[str]:
+        """All valid values, if it is one of a few names; else empty."""
+        kind = self.kinds[0]
+        if isinstance(kind, type) and issubclass(kind, Enum):
+            return [member.value for member in kind]
+        names = list(self.details.names()) if self.details.names and self.details.metavar else []
+        return names if "|".join(names) == self.details.metavar else []
+
+
+def request_fields(request: type) -> Iterator[RequestField]:
+    """Fields of a request and of its groups."""
     hints, docs = get_type_hints(request, include_extras=True), attribute_docs(request)
     for field in dataclasses.fields(request):
         hint = hints[field.name]
         if dataclasses.is_dataclass(hint):
             assert isinstance(hint, type)
-            made |= parameters(hint)
+            yield from request_fields(hint)
             continue
         is_detailed = get_origin(hint) is Annotated
         kind, details = get_args(hint)[:2] if is_detailed else (hint, Option())
-        info = _info(field.name, kind, details, docs[field.name], getattr(request, "panel", None))
-        required = field.default is dataclasses.MISSING
-        made[field.name] = inspect.Parameter(
+        text, panel = docs[field.name], getattr(request, "panel", None)
+        if details.names and "{names}" in text:
+            text = text.replace("{names}", " ".join(details.names()))
+        yield RequestField(field.name, kind, details, text, field.default, panel)
+
+
+def parameters(request: type) -> dict[str, inspect.Parameter]:
+    """Typer parameters of a request and its groups, by field name."""
+    return {
+        field.name: inspect.Parameter(
             field.name,
             inspect.Parameter.KEYWORD_ONLY,
-            default=inspect.Parameter.empty if required else field.default,
-            annotation=Annotated[kind, info],
+            default=inspect.Parameter.empty
+            if field.default is dataclasses.MISSING
+            else field.default,
+            annotation=Annotated[field.kind, _info(field)],
         )
-    return made
+        for field in request_fields(request)
+    }
 
 
 def make_request(request: type[T], values: Mapping[str, object]) -> T:
@@ -99,39 +186,36 @@ def flag_of(request: type, name: str) -> str:
     return _flags(name, details)[-1].partition("/")[0]
 
 
-def _info(name: str, kind: Any, details: Option, text: str, panel: str | None) -> Any:
+def _info(field: RequestField) -> Any:
     """Typer's description of an option or an argument."""
-    names, complete = details.names, details.complete
-    if names is not None:
-        complete = complete or completion_of(names)
-        text = text.replace("{names}", " ".join(names()) if "{names}" in text else "")
+    details = field.details
+    complete = details.complete or (completion_of(details.names) if details.names else None)
     common: dict[str, Any] = {
-        "help": text,
-        "metavar": details.metavar or _metavar(name, kind),
+        "help": field.text,
+        "metavar": field.metavar,
         "autocompletion": complete,
         "show_default": details.default or True,
-        "rich_help_panel": panel,
+        "rich_help_panel": field.panel,
         "min": details.min,
         "max": details.max,
         "parser": details.parse,
         "readable": False,  # the reader of a file reports its own errors
     }
     if not isinstance(details, Argument):
-        return typer.Option(*_flags(name, details), **common)
+        return typer.Option(*field.flags, **common)
     return typer.Argument(**common | {"show_default": details.default or False})
 
 
 def _flags(name: str, details: Option) -> tuple[str, ...]:
     stem, _, unit = name.rpartition("_")
-    flag = "--" + (stem if unit in _UNITS else name).replace("_", "-")
+    flag = "--" + (stem if unit in UNITS else name).replace("_", "-")
     return details.flags or (("-o", flag) if name == "output" else (flag,))
 
 
 def _metavar(name: str, kind: Any) -> str | None:
-    """Placeholder of a value; None: typer's own, which lists an enumeration's members."""
-    unit = _UNITS.get(name.rpartition("_")[2])
+    unit = UNITS.get(name.rpartition("_")[2])
     kinds = [one for one in get_args(kind) or (kind,) if one is not type(None)]
-    return "" if kinds == [bool] else unit or _TYPES.get(kinds[0])
+    return "" if kinds == [bool] else unit.metavar if unit else _TYPES.get(kinds[0])
 
 
 def completion_of(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:

@@ -58,23 +58,6 @@ def test_render_with_all_options(omnisim, tmp_path):
     }
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ["render"],
-        ["render", "courtyard"],
-        ["render", "courtyard", "-o", "a.png", "--at", "1", "2"],
-        ["render", "courtyard", "-o", "a.png", "--size", "big"],
-        ["paint"],
-    ],
-)
-def test_wrong_usage_is_status_2(omnisim, arguments):
-    status, _, error = omnisim(*arguments)
-    assert status == 2
-    assert "Error" in error
-    assert "Traceback" not in error
-
-
 def test_notices_go_to_standard_error(omnisim, tmp_path, needs_opengl):
     (tmp_path / "a.obj").write_text("mtllib gone.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     status, out, error = omnisim("render", "a.obj", "-o", "a.png", "--size", 32)

@@ -64,13 +64,23 @@ class DriveRequest:
     world: SceneOptions
     robots: Annotated[
         list[str],
-        Option(flags=("--robot",), metavar="NAME|FILE", complete=completion.complete_robot),
+        Option(
+            flags=("--robot",),
+            metavar="NAME|FILE",
+            complete=completion.complete_robot,
+            example="p2at",
+        ),
     ]
     """Robot file, built-in name, or model (.sdf .urdf .xml). Several robots, each with its --path,
     drive together; NAME=FILE gives each its own folder."""
     paths: Annotated[
         list[str],
-        Option(flags=("--path",), metavar="NAME|FILE", complete=completion.complete_path),
+        Option(
+            flags=("--path",),
+            metavar="NAME|FILE",
+            complete=completion.complete_path,
+            example="lap",
+        ),
     ]
     """Path of the scene, or a file: .tum .kitti .csv, or EuRoC's. A .csv with only x_m and y_m
     holds waypoints."""
@@ -188,7 +198,9 @@ class DetectRequest(RunSceneOptions, RunCameraOptions):
 class CheckRequest:
     """Parameters of `omnisim robot check`."""
 
-    robot: Annotated[str, Argument(metavar="FILE", complete=completion.complete_robot)]
+    robot: Annotated[
+        str, Argument(metavar="FILE", complete=completion.complete_robot, example="p2at")
+    ]
     """Robot file, folder with a robot.toml, or built-in name."""
 
 
