@@ -10,6 +10,7 @@ from typing import Annotated, Any
 from pydantic import Field, model_validator
 
 from omnisim.core.errors import OmnisimError, PlanError, did_you_mean
+from omnisim.core.files.extended_tables import extended, with_absolute_files
 from omnisim.core.files.parameters import AboveZero, Name, Seed, Table, parse_table
 from omnisim.core.files.toml_file import read_tables, read_toml
 from omnisim.core.package_files import SWEEPS, sweep_names
@@ -20,7 +21,6 @@ from omnisim.evaluation.varied_tables import (
     matching_sensors,
     missing_files,
     varied_robot,
-    with_absolute_files,
     with_seed,
     with_value,
 )
@@ -174,7 +174,8 @@ def _given_point(path: Path, plan: SweepPlan) -> SweepPoint:
             raise PlanError(
                 f"{path}: robot = {plan.robot!r}: no such file, and no built-in robot"
             ) from None
-    robot = with_absolute_files(read_tables(source, PlanError), source.parent)
+    tables = extended(read_tables(source, PlanError), str(source), PlanError, find_robot)
+    robot = with_absolute_files(tables, source.parent)
     scene, route = _found(folder, plan.scene), _found(folder, plan.path)
     return SweepPoint(None, BASE, 0, SweptDrive(scene, route, robot, plan.drive))
 

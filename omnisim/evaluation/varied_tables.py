@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from omnisim.core.errors import PlanError
+from omnisim.core.files.extended_tables import extended, with_absolute_files
 from omnisim.core.files.toml_file import read_tables
 from omnisim.sensors.sensor_registry import MOUNT_TYPES
 
@@ -74,8 +75,9 @@ def _sensor_file(sensor: Tables, where: str) -> dict[str, Any]:
     if not str(sensor.get("file", "")).endswith(".toml"):
         raise PlanError(f"{where}: sensor {sensor['name']!r} has no sensor file (.toml)")
     source = Path(sensor["file"])
-    tables: dict[str, Any] = with_absolute_files(read_tables(source, PlanError), source.parent)
-    return tables
+    tables = extended(read_tables(source, PlanError), str(source), PlanError)
+    absolute: dict[str, Any] = with_absolute_files(tables, source.parent)
+    return absolute
 
 
 def with_seed(robot: Tables, seed: int) -> dict[str, Any]:
@@ -104,17 +106,6 @@ def with_value(tables: Tables, keys: list[str], value: Any, where: str) -> dict[
     if not isinstance(inner, Mapping):
         raise PlanError(f"{where}: {keys[0]!r} is not a table: it has no key {keys[1]!r}")
     return {**tables, keys[0]: with_value(inner, keys[1:], value, where)}
-
-
-def with_absolute_files(value: Any, folder: Path) -> Any:
-    """Tables in which the names of existing files in a folder are absolute paths."""
-    if isinstance(value, Mapping):
-        return {key: with_absolute_files(one, folder) for key, one in value.items()}
-    if isinstance(value, list):
-        return [with_absolute_files(one, folder) for one in value]
-    if isinstance(value, str) and "." in value and (folder / value).is_file():
-        return str((folder / value).absolute())
-    return value
 
 
 def missing_files(value: Any, key: str, folder: Path) -> Iterator[str]:

@@ -14,8 +14,9 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field
 
 from omnisim.core.errors import RobotFileError, TrajectoryError
+from omnisim.core.files.extended_tables import extended
 from omnisim.core.files.parameters import Coordinate, Length, Name, Number, Table, parse_table
-from omnisim.core.files.toml_file import read_toml
+from omnisim.core.files.toml_file import read_tables
 from omnisim.core.short_repr import short_repr
 from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.robots.kinematics import DriveType, Kinematics
@@ -105,6 +106,9 @@ class _PhysicsTable(Table):
 class RobotFile(Table):
     """Keys of a robot file."""
 
+    extends: Name | None = None
+    """Robot that this one extends: a built-in name, or a file relative to this one. Keys here
+    replace its keys, and sensors here are added to its sensors, or change that of their name."""
     name: Name
     """Short name for file names."""
     title: Name | None = None
@@ -231,7 +235,16 @@ def read_robot(path: Path) -> Robot:
     Raises:
         RobotFileError: the file is invalid; names file, key, actual and expected value.
     """
-    return _robot(read_toml(path, RobotFile, RobotFileError), str(path), path.parent)
+    return parse_robot(read_tables(path, RobotFileError), str(path), path.parent)
+
+
+def robot_tables(path: Path) -> dict[str, Any]:
+    """Tables of a robot file and of those that it extends, without validation.
+
+    Raises:
+        RobotFileError: a file is missing, or cannot be read.
+    """
+    return extended(read_tables(path, RobotFileError), str(path), RobotFileError, find_robot)
 
 
 def parse_robot(table: dict[str, Any], source: str, folder: Path = Path()) -> Robot:
@@ -240,7 +253,8 @@ def parse_robot(table: dict[str, Any], source: str, folder: Path = Path()) -> Ro
     Raises:
         RobotFileError: the table is invalid; names source, key, actual and expected value.
     """
-    return _robot(parse_table(table, RobotFile, RobotFileError, source), source, folder)
+    whole = extended(table, source, RobotFileError, find_robot)
+    return _robot(parse_table(whole, RobotFile, RobotFileError, source), source, folder)
 
 
 def _robot(table: RobotFile, source: str, folder: Path) -> Robot:

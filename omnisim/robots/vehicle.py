@@ -7,7 +7,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
@@ -91,7 +91,11 @@ class Vehicle:
         """
         with recorded_sources() as sources:
             vehicle = cls._of(robot, cameras)
-        tables = {key: value for key, value in vars(robot).items() if key not in _PLACES}
+        tables = {
+            key: _without_folders(value)  # the contents of the files are in the sources
+            for key, value in vars(robot).items()
+            if key not in _PLACES
+        }
         return vehicle.identified(source_digest(fingerprint(tables), sources.digest(robot.folder)))
 
     @classmethod
@@ -215,6 +219,15 @@ def _named(sensors: tuple[Mounted, ...], name: str | None, what: str) -> Mounted
         return sensors[names.index(name)]
     hint = did_you_mean(name or "", names, "it has")
     raise RobotFileError(f"{what}{'' if name is None else f' {name!r}'}: not there; {hint}")
+
+
+def _without_folders(value: Any) -> Any:
+    """Values in which absolute paths, which differ between machines, are names of files."""
+    if isinstance(value, Mapping):
+        return {key: _without_folders(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_folders(one) for one in value]
+    return Path(value).name if isinstance(value, str) and Path(value).is_absolute() else value
 
 
 def _load_body(robot: Robot) -> Scene | None:

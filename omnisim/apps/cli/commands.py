@@ -62,9 +62,14 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
             },
         ),
         "robot": GroupEntry(
-            "Robots: list, check, or import from USARSim, Gazebo, URDF or MuJoCo.",
+            "Robots: list, show, check, or import from USARSim, Gazebo, URDF or MuJoCo.",
             {
                 "list": Entry("List the built-in robots.", "runs.robot.list_robots"),
+                "show": Entry(
+                    "Print a robot file, to save and edit: what it extends is merged into it, and "
+                    "names of files are absolute.",
+                    "runs.robot.show_robot", "runs.requests.CheckRequest",
+                ),
                 "check": Entry(
                     "Check a robot file with its body and sensors, and summarize it.",
                     "runs.robot.check_robot", "runs.requests.CheckRequest",

@@ -117,7 +117,7 @@ def detect_format(text: str, source: str, name: str | None = None) -> Format[Any
 
 def _is_sensor_file(text: str) -> bool:
     try:
-        return bool({"lens", "mirror", "virtual_cameras"} & tomllib.loads(text).keys())
+        return bool({"lens", "mirror", "virtual_cameras", "extends"} & tomllib.loads(text).keys())
     except (tomllib.TOMLDecodeError, RecursionError):
         return False
 

@@ -21,6 +21,7 @@ from omnisim.cameras.optics.surface_tables import (
 )
 from omnisim.cameras.optics.system import ORIENTATIONS, OpticalSystem
 from omnisim.core.errors import OmnisimError, SensorFileError
+from omnisim.core.files.extended_tables import extended
 from omnisim.core.files.parameters import Flag, Length, Number, Table, described, parse_table
 from omnisim.core.files.toml_file import read_tables
 from omnisim.core.poses import POSE_TOLERANCE, is_rotation
@@ -147,7 +148,7 @@ def read_optics_tables(path: str | Path) -> OpticsTables:
             f"{path}: a mirror's profile: expected an optics file, .toml, with a surface of "
             'shape = "table" that names it, as `omnisim optics design -o mirror.toml` writes'
         )
-    table = read_tables(Path(path), SensorFileError)
+    table = extended(read_tables(Path(path), SensorFileError), str(path), SensorFileError)
     in_sensor = table.get("optics")
     if "surfaces" in table or not isinstance(in_sensor, dict):
         return OpticsTables(table, str(path), "")

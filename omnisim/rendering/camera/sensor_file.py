@@ -27,6 +27,7 @@ from omnisim.cameras.mirrors.hyperbolic_mirror import (
 from omnisim.cameras.mirrors.tessellation import sectors_and_rings
 from omnisim.cameras.models.field_of_view import field_notes
 from omnisim.core.errors import NoticeWarning, OpticsError, SensorFileError
+from omnisim.core.files.extended_tables import extended
 from omnisim.core.files.parameters import (
     AboveZero,
     Coordinate,
@@ -57,6 +58,12 @@ from omnisim.rendering.camera.quality import (
 
 Polygons = int | Literal["auto"] | None  # None: exact
 NARROW_DEG = 5.0  # half of a field of view below which a notice asks about the unit
+# Tables of the base that a table of the extending file excludes.
+_RIVALS = {
+    "lens": ("mirror", "camera", "optics"),
+    "optics": ("mirror", "camera", "lens"),
+    "mirror": ("lens", "optics"),
+}
 DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
 
 
@@ -309,6 +316,9 @@ class OpticsTable(Table):
 class SensorFile(Table):
     """Sensor file: a mirror and the camera that looks at it, a lens, or optics."""
 
+    extends: str | None = None
+    """Sensor file that this one extends, relative to this one. Keys here replace its keys; a
+    `[lens]` or `[optics]` here also replaces its mirror and camera."""
     mirror: MirrorTable = Field(default_factory=MirrorTable)
     virtual_cameras: VirtualCamerasTable = Field(default_factory=VirtualCamerasTable)
     camera: CameraTable = Field(default_factory=CameraTable)
@@ -367,13 +377,23 @@ def read_sensor_file(path: Path) -> SensorSettings:
     return replace(_settings(SensorFile(), str(path)), model=system, polygons=None)
 
 
+def extended_sensor(table: Mapping[str, Any], source: str) -> dict[str, Any]:
+    """Tables of a sensor file and of those that it extends, without validation.
+
+    Raises:
+        SensorFileError: a file is missing, or cannot be read.
+    """
+    return extended(table, source, SensorFileError, rivals=_RIVALS)
+
+
 def parse_sensor(table: Mapping[str, Any], source: str) -> SensorSettings:
     """Check a table with the keys of a sensor file; `source` names it in messages.
 
     Raises:
         SensorFileError: names source, key, value and the expected value.
     """
-    return _settings(parse_table(table, SensorFile, SensorFileError, source), source)
+    whole = extended_sensor(table, source)
+    return _settings(parse_table(whole, SensorFile, SensorFileError, source), source)
 
 
 def _warn_of_narrow_field(theta_max_deg: object, place: str) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from omnisim.core.errors import SceneError, did_you_mean
+from omnisim.core.files.extended_tables import base_source
 from omnisim.core.files.toml_file import find_beside, read_toml
 from omnisim.core.package_files import SCENES, built_in
 from omnisim.scene.files.scene_file import SceneFile
@@ -38,11 +39,7 @@ class SceneSource(NamedTuple):
         """Source of the base scene; None: the scene has a mesh file."""
         if self.toml is None or self.settings.extends is None:
             return None
-        beside = self.toml.parent / self.settings.extends
-        try:
-            return beside if beside.exists() else self.settings.extends
-        except OSError:  # a name too long, which is no file's
-            return self.settings.extends
+        return base_source(self.toml.parent, self.settings.extends)
 
     def with_sky(self, sky: SkyTable | None, sun: SunTable | None) -> SceneSource:
         """Source with its sky and sun replaced or removed."""

@@ -6,7 +6,8 @@ import pytest
 
 from omnisim.core.errors import OpticsError, SensorFileError
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
+from omnisim.rendering.camera.quality import quality_named
+from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE, read_sensor_file
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 
 
@@ -193,3 +194,17 @@ def test_polygon_count_is_checked_in_the_library_too():
     with pytest.raises(OpticsError, match="nearest"):
         OmniCamera(polygons=1009)
     assert math.isinf(OmniCamera().far_m)
+
+
+def test_a_sensor_file_extends_another(tmp_path):
+    (tmp_path / "base.toml").write_text("[camera]\nwidth_px = 120\n[mirror]\ntheta_max_deg = 110\n")
+    own = tmp_path / "own.toml"
+    own.write_text('extends = "base.toml"\n[camera]\nquality = "fine"\n')
+    settings = read_sensor_file(own)
+    assert settings.model == read_sensor_file(tmp_path / "base.toml").model
+    assert settings.quality == quality_named("fine")
+    own.write_text(
+        'extends = "base.toml"\n[lens]\nmodel = "equidistant"\nwidth_px = 90\nheight_px = 90\n'
+        "focal_length_px = 30\nprincipal_point_px = [45, 45]\ntheta_max_deg = 90\n"
+    )
+    assert read_sensor_file(own).model.width_px == 90

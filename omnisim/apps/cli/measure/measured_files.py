@@ -21,6 +21,7 @@ from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_t
 from omnisim.core.files.toml_file import Comment, read_tables, toml_text
 from omnisim.measurement.quantity import Quantity, Unobservable
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.camera.sensor_file import extended_sensor
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 
 _CAMERA = ("lens", "mirror", "optics", "camera")  # tables that state a camera
@@ -76,7 +77,7 @@ def stated_camera(sensor: Path | None) -> CentralCamera | None:
     if sensor is None:
         return None
     camera = OmniCamera.from_file(sensor)
-    stated = read_tables(sensor, SensorFileError)
+    stated = extended_sensor(read_tables(sensor, SensorFileError), str(sensor))
     return camera.model if stated.keys() & set(_CAMERA) else None
 
 

@@ -196,7 +196,7 @@ class DetectRequest(RunSceneOptions, RunCameraOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class CheckRequest:
-    """Parameters of `omnisim robot check`."""
+    """Parameters of `omnisim robot check` and `omnisim robot show`."""
 
     robot: Annotated[
         str, Argument(metavar="FILE", complete=completion.complete_robot, example="p2at")

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+import re
+import tomllib
 
 from omnisim.apps.cli.console import out, print_note
 from omnisim.apps.cli.runs.requests import CheckRequest, ImportRequest
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import check_target
+from omnisim.core.files.extended_tables import with_absolute_files
+from omnisim.core.files.toml_file import toml_text
 from omnisim.robots import (
     Kinematics,
     OdometryErrors,
@@ -19,6 +23,7 @@ from omnisim.robots import (
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.importers import usarsim
 from omnisim.robots.importers.importers import SUFFIXES, import_model
+from omnisim.robots.robot_file import robot_tables
 from omnisim.robots.vehicle import Vehicle
 from omnisim.sensors.omnicamera.mounted_omnicamera import MountedCamera
 from omnisim.sensors.sensor import MountedSensor
@@ -36,6 +41,18 @@ def list_robots() -> None:
         sensors = ", ".join(robot.sensor_names) or "no sensors"
         drive = _format_drive(robot.kinematics)
         out.print(f"{robot.name:<{width}}  {robot.title}: {drive}; {sensors}", markup=False)
+
+
+def show_robot(request: CheckRequest) -> None:
+    """Print the robot file with absolute paths; with its comments, unless it extends another."""
+    path = find_robot(request.robot)
+    read_robot(path)  # reports faults
+    tables = with_absolute_files(robot_tables(path), path.parent.absolute())
+    text = path.read_text(encoding="utf-8-sig")
+    for name in set(re.findall(r'"([^"\n]+)"', text)):
+        if (file := with_absolute_files(name, path.parent)) != name:
+            text = text.replace(f'"{name}"', toml_text({"": file})[5:-1])
+    out.print(text if tomllib.loads(text) == tables else toml_text(tables), markup=False, end="")
 
 
 def check_robot(request: CheckRequest) -> None:

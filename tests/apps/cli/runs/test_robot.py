@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from omnisim.robots import load_robot
+from omnisim.robots.vehicle import Vehicle
 from omnisim.sensors.sensor_registry import parse_mounts
 
 SAMPLE = Path(__file__).resolve().parents[3] / "robots" / "importers" / "usarsim" / "sample.ini"
@@ -119,3 +120,28 @@ def test_a_model_with_an_impossible_sensor_leaves_no_sensor_files(omnisim, tmp_p
     assert status != 0
     assert "position_m" in error
     assert [path.name for path in tmp_path.glob("*.toml")] == []
+
+
+def test_a_sensor_is_added_to_a_built_in_robot(omnisim, tmp_path):
+    imu = '[[sensors]]\nname = "imu"\ntype = "imu"\nposition_m = [0.0, 0.0, 0.1]\nrate_hz = 200.0\n'
+    (tmp_path / "scout.toml").write_text(f'extends = "p2at"\n{imu}')
+    status, out, error = omnisim("robot", "show", "scout.toml")
+    assert (status, error) == (0, "")
+    (tmp_path / "saved.toml").write_text(out)
+    assert "extends" not in out
+    extending, saved = Vehicle.load(tmp_path / "scout.toml"), Vehicle.load(tmp_path / "saved.toml")
+    assert [one.name for one in extending.sensors] == ["omnicam", "lms200", "imu"]
+    assert extending.given == saved.given
+    assert extending.body.triangle_count == Vehicle.load("p2at").body.triangle_count
+
+
+def test_a_robot_is_shown_with_its_comments_and_can_be_saved(omnisim, tmp_path):
+    status, out, _ = omnisim("robot", "show", "p2at")
+    assert status == 0
+    assert out.startswith("# Pioneer 2 AT. Base frame: x forward")
+    (tmp_path / "saved.toml").write_text(out)
+    assert [one.name for one in Vehicle.load(tmp_path / "saved.toml").sensors] == [
+        one.name for one in Vehicle.load("p2at").sensors
+    ]
+    status, _, error = omnisim("robot", "show", "p2a")
+    assert (status, error.count("\n")) == (1, 1)
