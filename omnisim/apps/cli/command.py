@@ -7,6 +7,7 @@ import inspect
 from collections.abc import Mapping
 from functools import cached_property
 from importlib import import_module
+from itertools import takewhile
 from typing import Any, NamedTuple
 
 import typer
@@ -139,34 +140,20 @@ class Group(TyperGroup):
         return _without_flag_types(super().get_params(*context))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the options before a command's name.
+        """Parse the options before a command's name, and find the command.
 
         Raises:
-            CommandLineError: an unknown option.
+            CommandLineError: an unknown option or command.
         """
-        if ctx.resilient_parsing or not args:  # without words: the help page
-            return super().parse_args(ctx, args)
-        from omnisim.apps.cli.usage_errors import UsageError, unknown
+        words = list(takewhile(lambda word: word.startswith("-"), args)) or args[:1]
+        flags = [flag for one in self.get_params(ctx) for flag in one.opts]
+        for word in () if ctx.resilient_parsing else words:
+            noun, known = ("option", flags) if word.startswith("-") else ("command", self.commands)
+            if word.partition("=")[0] not in known:
+                from omnisim.apps.cli.usage_errors import unknown
 
-        first = args[0]
-        try:
-            return super().parse_args(ctx, args)
-        except UsageError as error:
-            flags = [flag for one in self.get_params(ctx) for flag in one.opts]
-            option = getattr(error, "option_name", first)
-            raise unknown(option, "option", ctx.command_path, flags) from None
-
-    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
-        """Find a command by its name.
-
-        Raises:
-            CommandLineError: an unknown command.
-        """
-        if args[0] not in self.commands and not ctx.resilient_parsing:
-            from omnisim.apps.cli.usage_errors import unknown
-
-            raise unknown(args[0], "command", ctx.command_path, self.commands)
-        return super().resolve_command(ctx, args)
+                raise unknown(word, noun, ctx.command_path, known)
+        return super().parse_args(ctx, args)
 
 
 class DefaultGroup(Group):

@@ -22,25 +22,11 @@ import typer
 from omnisim.core.files.attribute_docs import attribute_docs
 
 T = TypeVar("T")
-
-
-class Unit(NamedTuple):
-    """Unit of a number: placeholder on the help page, noun and example in messages."""
-
-    metavar: str
-    noun: str
-    example: str
-
-
-UNITS = {  # by the suffix of a field's name
-    "px": Unit("PX", "pixels", "360"),
-    "m": Unit("M", "meters", "1.5"),
-    "deg": Unit("DEG", "degrees", "90"),
-    "degps": Unit("DEG/S", "degrees per second", "30"),
-    "mps": Unit("M/S", "meters per second", "0.5"),
-    "s": Unit("S", "seconds", "2.5"),
-    "hz": Unit("HZ", "hertz", "10"),
-}
+UNITS = {  # placeholder, noun and example of a number, by the suffix of its field's name
+    "px": ("PX", "pixels", "360"), "m": ("M", "meters", "1.5"), "deg": ("DEG", "degrees", "90"),
+    "degps": ("DEG/S", "degrees per second", "30"), "mps": ("M/S", "meters per second", "0.5"),
+    "s": ("S", "seconds", "2.5"), "hz": ("HZ", "hertz", "10"),
+}  # fmt: skip
 _TYPES = {Path: "FILE", int: "N"}
 
 
@@ -100,21 +86,18 @@ class RequestField(NamedTuple):
         return _flags(self.name, self.details)
 
     @property
+    def metavar(self) -> str | None:
+        """Placeholder of the value; None: typer's own, which lists an enumeration's members."""
+        unit = UNITS.get(self.name.rpartition("_")[2], ("",))[0]
+        kind = "" if self.kinds == [bool] else unit or _TYPES.get(self.kinds[0])
+        return self.details.metavar or kind
+
+    @property
     def label(self) -> str:
         """Last flag of an option, placeholder of an argument, for messages."""
         if isinstance(self.details, Argument):
             return (self.metavar or self.name).strip("[]")
         return self.flags[-1].partition("/")[0]
-
-    @property
-    def metavar(self) -> str | None:
-        """Placeholder of the value; None: typer's own, which lists an enumeration's members."""
-        return self.details.metavar or _metavar(self.name, self.kind)
-
-    @property
-    def unit(self) -> Unit | None:
-        """Unit of a number."""
-        return next((unit for unit in UNITS.values() if unit.metavar == self.metavar), None)
 
     @property
     def kinds(self) -> list[Any]:
@@ -210,12 +193,6 @@ def _flags(name: str, details: Option) -> tuple[str, ...]:
     stem, _, unit = name.rpartition("_")
     flag = "--" + (stem if unit in UNITS else name).replace("_", "-")
     return details.flags or (("-o", flag) if name == "output" else (flag,))
-
-
-def _metavar(name: str, kind: Any) -> str | None:
-    unit = UNITS.get(name.rpartition("_")[2])
-    kinds = [one for one in get_args(kind) or (kind,) if one is not type(None)]
-    return "" if kinds == [bool] else unit.metavar if unit else _TYPES.get(kinds[0])
 
 
 def completion_of(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from omnisim.apps.cli.options import Argument, RequestField, request_fields
+from omnisim.apps.cli.options import UNITS, Argument, RequestField, request_fields
 from omnisim.core.errors import OmnisimError, did_you_mean
 
 UsageError: Any = typer.BadParameter.__mro__[1]  # click's, or typer's copy of it
@@ -169,7 +169,7 @@ def example_of(field: RequestField) -> str:
         return _EXAMPLES[metavar]
     if kind in (int, float):
         default = field.default if isinstance(field.default, int | float) else None
-        example = field.unit.example if field.unit and not default else f"{default or 1:g}"
+        example = f"{default:g}" if default else _unit(field)[2]
         within = max(details.min or -1e9, min(float(example), details.max or 1e9))
         return f"{within:g}"
     if isinstance(field.default, str) and field.default:
@@ -196,7 +196,13 @@ def _expected(field: RequestField) -> str:
     low, high = details.min, details.max
     limits = "" if low is None else f" from {low:g}"
     limits += "" if high is None else f" to {high:g}"
-    return noun + (f" of {field.unit.noun}" if field.unit else "") + limits
+    unit = _unit(field)[1]
+    return noun + (f" of {unit}" if unit else "") + limits
+
+
+def _unit(field: RequestField) -> tuple[str, str, str]:
+    """Placeholder, noun and example of a number's unit."""
+    return next((unit for unit in UNITS.values() if unit[0] == field.metavar), ("", "", "1"))
 
 
 def _is_argument(field: RequestField) -> bool:
