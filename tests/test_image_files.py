@@ -76,8 +76,9 @@ def test_unknown_format_missing_folder_folder_as_file(tmp_path):
         write_image(tmp_path / "a.gif", IMAGE)
     with pytest.raises(OutputError, match=r"unknown image format: .*got ''"):
         write_image(tmp_path / "a", IMAGE)
-    with pytest.raises(OutputError, match="does not exist: create it first"):
-        write_image(tmp_path / "none" / "a.png", IMAGE)
+    (tmp_path / "a.txt").touch()
+    with pytest.raises(OutputError, match=r"a\.txt: is a file: expected a folder"):
+        write_image(tmp_path / "a.txt" / "a.png", IMAGE)
     (tmp_path / "b.png").mkdir()
     with pytest.raises(OutputError, match=r"b\.png: is a folder"):
         write_image(tmp_path / "b.png", IMAGE)

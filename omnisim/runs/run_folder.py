@@ -324,11 +324,9 @@ def _locked(path: Path) -> Iterator[None]:
     """
     if path.exists() and not path.is_dir():
         raise RunError(f"{path}: expected a folder, got a file")
-    if not path.parent.is_dir():
-        raise RunError(f"{path}: the folder {path.parent} does not exist: create it first")
     if path.is_symlink() and not path.exists():
         raise RunError(f"{path}: expected a folder, got a link that leads nowhere")
-    path.mkdir(exist_ok=True)
+    path.mkdir(parents=True, exist_ok=True)
     handle = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
     try:
         with suppress(OSError):  # the file system has no locks

@@ -216,8 +216,8 @@ def test_places_that_are_none(scene, vehicle, tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(RunError, match="expected a folder, got a file"):
         next(Drive(scene, vehicle, ROUTE).plan().record(tmp_path / "file"))
-    with pytest.raises(RunError, match="create it first"):
-        next(Drive(scene, vehicle, ROUTE).plan().record(tmp_path / "no" / "run"))
+    with pytest.raises(RunError, match="file"):
+        next(Drive(scene, vehicle, ROUTE).plan().record(tmp_path / "file" / "run"))
     with pytest.raises(RunError, match="expected the folder of a run"):
         RunFolder.read(tmp_path)
     with pytest.raises(RunError, match="seed: expected a whole number"):

@@ -6,7 +6,7 @@ import os
 import secrets
 import shutil
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from omnisim.core.errors import OutputError
@@ -18,20 +18,26 @@ partials: set[Path] = set()  # files being written, for code that kills the proc
 def atomic_write(path: Path) -> Iterator[Path]:
     """Yield a temporary name beside `path` to write to; it becomes `path` at the end of the block.
 
-    If the block fails, the temporary file is removed and `path` stays unchanged.
+    Missing folders are created. If the block fails, the temporary file and the new folders are
+    removed, and `path` stays unchanged.
 
     Raises:
         OutputError: the file cannot be written.
     """
     target = path.resolve()  # a link stays a link
     partial = _partial_beside(target)
+    new_folders = [folder for folder in target.parents if not folder.exists()]
     try:
+        target.parent.mkdir(parents=True, exist_ok=True)
         yield partial
         os.replace(partial, target)
     except OSError as reason:
         raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
     finally:
         _remove(partial)
+        for folder in new_folders:
+            with suppress(OSError):  # it is not empty, as is right
+                folder.rmdir()
 
 
 @contextmanager
@@ -61,14 +67,14 @@ def check_new_folder(path: Path) -> None:
     """Check that a folder can be created, before the work is done.
 
     Raises:
-        OutputError: the folder exists, or its parent is missing or not writable.
+        OutputError: the folder exists, or cannot be created.
     """
     try:
         if path.exists() or path.is_symlink():
             raise OutputError(f"{path}: is there already: expected the name of a new folder")
         if not path.name:
             raise OutputError(f"{path}: expected the name of a new folder")
-        _check_target(path, may_make_folder=False)
+        _check_target(path)
     except OSError as reason:  # the name is too long, or permission is missing
         raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
 
@@ -89,19 +95,14 @@ def write_text(path: Path, text: str) -> None:
         partial.write_text(text, encoding="utf-8", newline="\n")
 
 
-def check_target(path: Path, may_make_folder: bool = False) -> None:
-    """Check that a file can be written, before the work is done.
-
-    Args:
-        path: file to be written.
-        may_make_folder: True if the file's folder will be created if it is missing.
+def check_target(path: Path) -> None:
+    """Check that a file can be written, in a folder that may be missing, before the work is done.
 
     Raises:
-        OutputError: the folder is missing or not writable, or `path` is a folder, a device or a
-            pipe.
+        OutputError: the folder is not writable, or `path` is a folder, a device or a pipe.
     """
     try:
-        _check_target(path, may_make_folder)
+        _check_target(path)
     except OSError as reason:  # the name is too long, or permission is missing
         raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
 
@@ -150,17 +151,13 @@ def _remove(partial: Path) -> None:
     partials.discard(partial)
 
 
-def _check_target(path: Path, may_make_folder: bool) -> None:
+def _check_target(path: Path) -> None:
     if path.is_dir():
         raise OutputError(f"{path}: is a folder: expected the name of a file")
     if path.exists() and not path.is_file():  # a device or a pipe would be replaced by a file
         raise OutputError(f"{path}: is not a regular file: expected the name of a file")
-    folder = path.parent
-    if folder.exists() and not folder.is_dir():
-        raise OutputError(f"{folder}: is a file: expected a folder")
-    if may_make_folder and not folder.exists():
-        path, folder = folder, folder.parent
+    folder = next((folder for folder in path.parents if folder.exists()), path.parent)
     if not folder.is_dir():
-        raise OutputError(f"{path}: the folder {folder} does not exist: create it first")
+        raise OutputError(f"{folder}: is a file: expected a folder")
     if not os.access(folder, os.W_OK):
         raise OutputError(f"{path}: the folder {folder} cannot be written to")

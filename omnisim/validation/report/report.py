@@ -208,7 +208,7 @@ def check_report_target(folder: Path) -> None:
     Raises:
         OutputError: it cannot be created or written to.
     """
-    check_target(folder / JSON, may_make_folder=True)
+    check_target(folder / JSON)
 
 
 def make_folder(folder: Path) -> None:
@@ -218,7 +218,7 @@ def make_folder(folder: Path) -> None:
         OutputError: it cannot be created.
     """
     try:
-        folder.mkdir(exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
     except OSError as reason:
         raise OutputError(f"{folder}: cannot be made: {reason.strerror}") from None
 

@@ -117,10 +117,11 @@ def _ply_coordinates(path):
     ("name", "words"),
     [
         ("m.stl", r"unknown mesh format: .*, got '\.stl'"),
-        ("none/m.glb", "does not exist: create it first"),
+        ("file/m.glb", "file: is a file: expected a folder"),
     ],
 )
 def test_bad_targets(tmp_path, name, words):
+    (tmp_path / "file").touch()
     mirror = HyperbolicMirror()
     with pytest.raises(OutputError, match=words):
         write_mirror(tmp_path / name, unfold(mirror, tessellate(mirror, 16)), "m")

@@ -75,5 +75,6 @@ def test_formats(name, first, tmp_path):
 def test_unwritable_files_are_refused_early(tmp_path):
     with pytest.raises(OutputError, match=r"a\.gif: expected \.png, \.pdf, \.svg, got \.gif"):
         check_plot_target(tmp_path / "a.gif")
-    with pytest.raises(OutputError, match="does not exist: create it first"):
-        check_plot_target(tmp_path / "none" / "a.png")
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match="file: is a file: expected a folder"):
+        check_plot_target(tmp_path / "file" / "a.png")

@@ -82,7 +82,7 @@ def check_outputs(request: RenderRequest) -> tuple[str, ...]:
         raise OutputError(f"--rays: expected an .exr file, got {files.rays}")
     if files.faces is not None:
         faces = [files.faces / f"{name}.png" for name in (*FACE_NAMES, "unfolded")]
-        check_target(faces[0], may_make_folder=True)
+        check_target(faces[0])
         check_distinct(
             {f"the face {face.stem}": face for face in faces}, {"the image": request.output}
         )
@@ -142,7 +142,7 @@ def _calibration(sensor: OmniCamera, world_from_base: NDArray[np.float64]) -> Ca
 
 def _write_faces(folder: Path, faces: dict[str, NDArray[np.uint8]]) -> None:
     try:
-        folder.mkdir(exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
     except OSError as reason:
         raise OutputError(f"{folder}: this folder cannot be made: {reason.strerror}") from None
     for name, pixels in faces.items():

@@ -127,10 +127,6 @@ def _report(plan: PlannedDrive, whose: str, no_contact: bool) -> None:
 
 def _make_folder(folder: Path) -> None:
     try:
-        folder.mkdir(exist_ok=True)
-    except FileNotFoundError:
-        raise RunError(
-            f"{folder}: the folder {folder.parent} does not exist: create it first"
-        ) from None
+        folder.mkdir(parents=True, exist_ok=True)
     except OSError as reason:
         raise RunError(f"{folder}: cannot be created: {reason.strerror}") from None

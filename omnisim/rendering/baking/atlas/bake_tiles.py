@@ -58,7 +58,7 @@ class TileFolder:
         try:
             if not plan_path.is_file() or plan_path.read_text(encoding="utf-8") != text:
                 self.remove()
-                self.path.mkdir()
+                self.path.mkdir(parents=True)
                 write_text(plan_path, text)
         except OSError as reason:
             raise OutputError(f"{self.path}: cannot be written: {reason.strerror}") from None

@@ -89,7 +89,6 @@ def test_without_opengl_no_check_starts(omnisim, tmp_path):
             ["-o", "report", "--only", "ring"],
             "--only: expected a check, got 'ring'; did you mean 'rings'?",
         ),
-        (["-o", "none/report"], "the folder none does not exist: create it first"),
         (["-o", "file"], "file: is a file: expected a folder"),
     ],
 )
