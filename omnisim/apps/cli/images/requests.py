@@ -198,6 +198,14 @@ class ViewKind(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
+class ImageCameraOptions(CameraFileOptions):
+    """Camera of an image, whose metadata may name it."""
+
+    sensor: Annotated[Path | None, Option(default="the image's metadata")] = None
+    """Sensor file: .toml."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class UnwarpRequest:
     """Parameters of `omnisim unwarp`."""
 
@@ -216,8 +224,7 @@ class UnwarpRequest:
         Option(metavar="auto|npy|both", default="auto", names=lambda: ("auto", "npy", "both")),
     ] = None
     """Files of the channels: auto (EXR layers, or PNG and others), npy (one .npy each), or both."""
-    sensor: Annotated[Path | None, Option(default="the image's metadata")] = None
-    """Sensor file: .toml."""
+    camera: ImageCameraOptions
     size_px: Annotated[
         tuple[int, int] | None, Option(metavar="W H", default="matching the image's resolution")
     ] = None

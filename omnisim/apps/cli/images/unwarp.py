@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.apps.cli.console import out, print_note
-from omnisim.apps.cli.images.requests import UnwarpRequest, ViewKind
-from omnisim.apps.cli.inputs import parse_channel_format
+from omnisim.apps.cli.images.requests import ImageCameraOptions, UnwarpRequest, ViewKind
+from omnisim.apps.cli.inputs import parse_channel_format, read_camera
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.atomic_file import check_distinct, check_target
 from omnisim.core.files.image_files import is_float_format, write_image
@@ -31,7 +31,6 @@ from omnisim.perception.unwarping.views import (
     perspective_view,
 )
 from omnisim.rendering.camera.captured_image import CapturedImage, read_captured_image
-from omnisim.rendering.camera.omnicamera import OmniCamera
 
 DEFAULT_FIELD_OF_VIEW_DEG = 90.0
 _INHERITED = (
@@ -56,8 +55,8 @@ def run(request: UnwarpRequest) -> None:
     if request.also is not None:
         files = (sidecar_path(path, "channels.json") for path in (request.output, request.source))
         check_distinct({"the view's channels": next(files)}, {"the image's channels": next(files)})
-    sensor = None if request.sensor is None else OmniCamera.from_file(request.sensor)
-    taken = read_captured_image(request.source, sensor)
+    camera = None if request.camera == ImageCameraOptions() else read_camera(request.camera)
+    taken = read_captured_image(request.source, camera)
     taken, caveat = taken.assuming_viewpoint(
         math.inf if request.right_at is None else request.right_at
     )

@@ -201,3 +201,22 @@ def test_optics_assume_a_viewpoint_and_say_so(omnisim, tmp_path, right_at, exact
     assert 5e-4 < np.median(off_rad) < 2e-2 or exact
     height_m = written["world_from_optical"][2][3]
     assert height_m == pytest.approx((up @ viewpoint_m)[2])
+
+
+def test_a_calibration_replaces_metadata(omnisim, tmp_path):
+    """The camera's own calibration gives the view that its metadata gives."""
+    lens = (
+        '[lens]\nmodel = "equidistant"\nwidth_px = 64\nheight_px = 64\nfocal_length_px = 20\n'
+        "principal_point_px = [32, 32]\ntheta_max_deg = 80\n"
+    )
+    (tmp_path / "s.toml").write_text(lens)
+    pixels = np.random.default_rng(0).integers(0, 255, (64, 64, 3), dtype=np.uint8)
+    write_image(tmp_path / "a.png", pixels)
+    omnisim("calibration", "convert", "s.toml", "--to", "omnisim", "-o", "c.json")
+    view = ("unwarp", "a.png", "--to", "perspective", "--pitch", "-60", "--size", 32, 32)
+    for option, file in (("--sensor", "s.toml"), ("--camera", "c.json")):
+        status, _, error = omnisim(*view, option, file, "-o", f"{option[2:]}.png")
+        assert (status, error) == (0, "")
+    assert np.array_equal(*(read_image(tmp_path / f"{n}.png")[0] for n in ("sensor", "camera")))
+    status, _, error = omnisim(*view, "--sensor", "s.toml", "--camera", "c.json", "-o", "b.png")
+    assert (status, error) == (1, "error: --sensor, --camera: expected one of them, got both\n")
