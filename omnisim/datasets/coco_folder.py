@@ -1,4 +1,7 @@
-"""COCO layout of a data set: `images/`, and `annotations.json` or one such file per split.
+"""COCO and YOLO layouts of a data set: images with the boxes of their objects.
+
+COCO has `annotations.json`, or one such file per split; YOLO a text file per image in `labels/`,
+`classes.txt`, `data.yaml`, and a list of images per split.
 
 Classes of the same name have the same ID in all scenes and all splits.
 """
@@ -18,20 +21,22 @@ from omnisim.datasets.generate.samples import Shards
 from omnisim.ground_truth.coco import VISIBLE_SHARE, BoxLimits
 from omnisim.ground_truth.mask_polygons import mask_from_runs, polygons_of_mask
 
-IMAGES, ANNOTATIONS = "images", "annotations.json"
+IMAGES, LABELS, ANNOTATIONS = "images", "labels", "annotations.json"
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
 @dataclass(frozen=True)
 class CocoSettings:
-    """Settings of a COCO folder.
+    """Settings of a folder of images with boxes.
 
     Attributes:
+        is_yolo: True: YOLO's layout instead of COCO's.
         limits: limits for annotated objects.
         with_polygons: True: masks as polygons; False: as run lengths.
         splits: share of the samples by split name; empty: one file for all samples.
     """
 
+    is_yolo: bool = False
     limits: BoxLimits = field(default_factory=BoxLimits)
     with_polygons: bool = False
     splits: Mapping[str, float] = field(default_factory=dict)
@@ -67,8 +72,9 @@ def write_coco(shards: Shards, folder: Path, settings: CocoSettings | None = Non
         OutputError: the folder cannot be written.
     """
     settings = settings or CocoSettings()
+    layout = "yolo" if settings.is_yolo else "coco"
     if "instance" not in shards.manifest.channels:
-        raise PlanError("coco: expected a data set with the channel instance, whose boxes it has")
+        raise PlanError(f"{layout}: expected a data set with the channel instance, whose boxes it has")
     check_new_folder(folder)
     splits = {name: _Split() for name in settings.splits or ("",)}
     classes: dict[str, int] = {}
@@ -85,6 +91,9 @@ def write_coco(shards: Shards, folder: Path, settings: CocoSettings | None = Non
                     _add(split, boxes, count, classes, settings)
                     count += 1
             yield row
+        if settings.is_yolo:
+            _write_yolo(target, splits, list(classes))
+            return
         for name, split in splits.items():
             text = json.dumps(_content(shards, split, classes)) + "\n"
             write_text(target / (f"annotations_{name}.json" if name else ANNOTATIONS), text)
@@ -124,6 +133,31 @@ def _add(
             (height, width), counts = one["segmentation"]["size"], one["segmentation"]["counts"]
             own["segmentation"] = polygons_of_mask(mask_from_runs(height, width, counts))
         split.annotations.append(one | own)
+
+
+def _write_yolo(folder: Path, splits: Mapping[str, _Split], classes: list[str]) -> None:
+    """Write the boxes as class, center and size per line, in shares of the image, from class 0."""
+    (folder / LABELS).mkdir()
+    for name, split in splits.items():
+        lines: dict[int, str] = {image["id"]: "" for image in split.images}
+        sizes = {image["id"]: (image["width"], image["height"]) for image in split.images}
+        for one in split.annotations:
+            (x, y, w, h), (width, height) = one["bbox"], sizes[one["image_id"]]
+            box = (x + 0.5 * w) / width, (y + 0.5 * h) / height, w / width, h / height
+            numbers = " ".join(f"{share:.6f}" for share in box)
+            lines[one["image_id"]] += f"{one['category_id'] - 1} {numbers}\n"
+        for image in split.images:
+            label = Path(image["file_name"]).with_suffix(".txt").name
+            write_text(folder / LABELS / label, lines[image["id"]])
+        if name:
+            paths = [f"./{IMAGES}/{Path(image['file_name']).name}\n" for image in split.images]
+            write_text(folder / f"{name}.txt", "".join(paths))
+    named = {name: f"{name}.txt" for name in splits if name}
+    places = named or {"train": IMAGES, "val": IMAGES}
+    names = [f"  {number}: {json.dumps(name)}" for number, name in enumerate(classes)]
+    data = [*(f"{name}: {place}" for name, place in places.items()), "names:", *names]
+    write_text(folder / "data.yaml", "\n".join(data) + "\n")
+    write_text(folder / "classes.txt", "".join(f"{name}\n" for name in classes))
 
 
 def _content(shards: Shards, split: _Split, classes: dict[str, int]) -> dict[str, Any]:

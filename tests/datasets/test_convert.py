@@ -182,3 +182,29 @@ def test_damaged_samples_are_one_line(rig, tmp_path, where, damage):
     assert isinstance(done.exception, OmnisimError)
     assert "\n" not in str(done.exception)
     assert not (tmp_path / "n").exists()
+
+
+def test_yolo_has_the_boxes_of_coco(tmp_path):
+    out = tmp_path / "out"
+    plan = write_plan(tmp_path, images_per_shard=6, shards=1, channels=["instance"])
+    assert _omnisim("generate", plan, "-o", out).exit_code == 0
+    coco = json.loads((_converted(out, tmp_path / "c", "coco") / "annotations.json").read_text())
+    done = _omnisim("dataset", "convert", out, "--to", "yolo", "--split", "train=0.7,val=0.3",
+                    "-o", tmp_path / "y")  # fmt: skip
+    assert done.exit_code == 0, done.exception
+    classes = (tmp_path / "y" / "classes.txt").read_text().split()
+    assert classes == [one["name"] for one in coco["categories"]]
+    for image in coco["images"]:
+        label = (tmp_path / "y" / "labels" / image["file_name"]).with_suffix(".txt")
+        found = np.loadtxt(label, ndmin=2).reshape(-1, 5)
+        own = [one for one in coco["annotations"] if one["image_id"] == image["id"]]
+        sizes = np.array([image["width"], image["height"]] * 2)
+        boxes = np.array([one["bbox"] for one in own]).reshape(-1, 4)
+        center, size = found[:, 1:3] * sizes[:2], found[:, 3:] * sizes[2:]
+        np.testing.assert_allclose(np.hstack((center - size / 2, size)), boxes, atol=1e-4)
+        assert found[:, 0].tolist() == [one["category_id"] - 1 for one in own]
+    lists = [(tmp_path / "y" / f"{name}.txt").read_text().split() for name in ("train", "val")]
+    images = sorted(path.name for path in (tmp_path / "y" / "images").iterdir())
+    assert sorted(path.removeprefix("./images/") for one in lists for path in one) == images
+    data = (tmp_path / "y" / "data.yaml").read_text()
+    assert data.startswith("train: train.txt\nval: val.txt\nnames:\n  0: ")

@@ -98,8 +98,8 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
                     "datasets.dataset.check", "datasets.requests.DatasetCheckRequest",
                 ),
                 "convert": Entry(
-                    "Write a data set in another layout: COCO's, KITTI-360's, nerfstudio's or "
-                    "COLMAP's.",
+                    "Write a data set in another layout: COCO's, YOLO's, KITTI-360's, "
+                    "nerfstudio's or COLMAP's.",
                     "datasets.dataset.convert", "datasets.requests.DatasetConvertRequest",
                 ),
                 "view": Entry(

@@ -73,6 +73,7 @@ FORMATS = {
 }
 LAYOUTS = (
     "coco",
+    "yolo",
     *(name for name, entry in FORMATS.items() if entry.takes_samples),
 )  # of data sets
 

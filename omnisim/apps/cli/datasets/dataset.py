@@ -63,7 +63,7 @@ def convert(request: DatasetConvertRequest) -> None:
         raise OutputError(f"--to {request.to!r}: {did_you_mean(request.to, LAYOUTS)}")
     settings = _coco_settings(request)
     shards = Shards(request.folder)
-    if request.to == "coco":
+    if request.to in ("coco", "yolo"):
         steps = write_coco(shards, request.output, settings)
     else:
         steps = write_recordings(shards, request.to, request.output, print_note)
@@ -77,8 +77,8 @@ def _coco_settings(request: DatasetConvertRequest) -> CocoSettings:
     """Settings of a COCO folder.
 
     Raises:
-        OutputError: a COCO option with another layout, a share outside 0 to 1, or split shares that
-            do not add up to 1.
+        OutputError: an option of boxes with another layout, a share outside 0 to 1, or split
+            shares that do not add up to 1.
     """
     for option, value in (
         ("--min-area-px", request.coco.min_area_px),
@@ -86,8 +86,11 @@ def _coco_settings(request: DatasetConvertRequest) -> CocoSettings:
         ("--polygons", request.coco.polygons or None),
         ("--split", request.coco.split),
     ):
-        if value is not None and request.to != "coco":
-            raise OutputError(f"{option}: expected with --to coco, got --to {request.to}")
+        layouts = ("coco",) if option == "--polygons" else ("coco", "yolo")
+        if value is not None and request.to not in layouts:
+            raise OutputError(
+                f"{option}: expected with --to {' or '.join(layouts)}, got --to {request.to}"
+            )
     if (
         request.coco.min_visible is not None and not 0.0 <= request.coco.min_visible <= 1.0
     ):  # NaN, too
@@ -95,7 +98,9 @@ def _coco_settings(request: DatasetConvertRequest) -> CocoSettings:
             f"--min-visible: expected a share from 0 to 1, got {request.coco.min_visible:g}"
         )
     limits = BoxLimits(request.coco.min_area_px or 1, request.coco.min_visible)
-    return CocoSettings(limits, request.coco.polygons, _splits(request.coco.split))
+    return CocoSettings(
+        request.to == "yolo", limits, request.coco.polygons, _splits(request.coco.split)
+    )
 
 
 def _splits(text: str | None) -> dict[str, float]:

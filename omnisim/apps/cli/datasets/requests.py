@@ -70,9 +70,9 @@ class DatasetCheckRequest:
 
 @dataclass(frozen=True, kw_only=True)
 class CocoOptions:
-    """COCO annotations."""
+    """Boxes of objects."""
 
-    panel: ClassVar[str] = "With --to coco"
+    panel: ClassVar[str] = "With --to coco or yolo"
 
     min_area_px: Annotated[int | None, Option(flags=("--min-area-px",), min=1, default="1")] = None
     """Minimum number of visible pixels of an annotated object."""
@@ -80,9 +80,9 @@ class CocoOptions:
     """Minimum visible share, 0 to 1, of the pixels that an annotated object would cover alone;
     requires a data set whose plan has min_visible."""
     polygons: bool = False
-    """Write masks as polygons instead of run lengths."""
+    """Write masks as polygons instead of run lengths; with --to coco."""
     split: Annotated[str | None, Option(metavar="NAME=SHARE,…", default="all in one")] = None
-    """Splits, with one annotation file each, such as train=0.8,val=0.2."""
+    """Splits, with one annotation file or list of images each, such as train=0.8,val=0.2."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,8 +94,8 @@ class DatasetConvertRequest:
     output: Annotated[Path, Option(metavar="DIR")]
     """New folder for the converted data set."""
     to: Annotated[str, Option(metavar="FORMAT", names=completion.data_set_layouts)] = "coco"
-    """Layout: coco, with boxes and masks; or kitti360, nerfstudio, colmap or colmap-binary, with
-    poses and calibrations."""
+    """Layout: coco, with boxes and masks; yolo, with boxes; or kitti360, nerfstudio, colmap or
+    colmap-binary, with poses and calibrations."""
     coco: CocoOptions
 
 
