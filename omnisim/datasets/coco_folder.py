@@ -74,7 +74,9 @@ def write_coco(shards: Shards, folder: Path, settings: CocoSettings | None = Non
     settings = settings or CocoSettings()
     layout = "yolo" if settings.is_yolo else "coco"
     if "instance" not in shards.manifest.channels:
-        raise PlanError(f"{layout}: expected a data set with the channel instance, whose boxes it has")
+        raise PlanError(
+            f"{layout}: expected a data set with the channel instance, whose boxes it has"
+        )
     check_new_folder(folder)
     splits = {name: _Split() for name in settings.splits or ("",)}
     classes: dict[str, int] = {}

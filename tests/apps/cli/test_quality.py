@@ -35,8 +35,10 @@ def test_render_with_a_quality(omnisim, tmp_path):
 @pytest.mark.parametrize("command", [(*RENDER, "-o", "a.png"), DRIVE])
 def test_unknown_quality_is_one_line(omnisim, tmp_path, command):
     status, out, error = omnisim(*command, "--quality", "fats")
-    assert (status, out) == (1, "")
-    assert error == "error: quality 'fats': did you mean 'fast'?\n"
+    assert (status, out) == (2, "")
+    assert error == (
+        "error: --quality: expected one of fast, default, fine, got fats; did you mean 'fast'?\n"
+    )
     assert not list(tmp_path.iterdir())
 
 

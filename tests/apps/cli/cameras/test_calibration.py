@@ -113,7 +113,6 @@ def test_the_formats_are_listed(omnisim):
             "image_02: gazebo cannot represent",
         ),
         (["convert", "empty.yaml", "--to", "ros", "-o", "empty.yaml"], "is the file to convert"),
-        (["convert", TUM_VI, "--to", "colmap", "-o", "no/x"], "the folder no does not exist"),
         (["convert", "none.yaml", "--to", "ros", "-o", "x"], "none.yaml: cannot be read"),
         (
             ["convert", "empty.yaml", "--to", "ros", "-o", "x"],

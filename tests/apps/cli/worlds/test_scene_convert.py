@@ -198,7 +198,7 @@ def test_left_out_contents_are_notes(omnisim, tmp_path):
     ("output", "message"),
     [
         ("a.obj", "expected a name that ends in .glb"),
-        ("gone/a.glb", "does not exist"),
+        ("box.glb/a.glb", "box.glb: is a file: expected a folder"),
         ("box.glb", "is the scene's mesh file: expected another name for the GLB file"),
     ],
 )
