@@ -25,19 +25,9 @@ def atomic_write(path: Path) -> Iterator[Path]:
         OutputError: the file cannot be written.
     """
     target = path.resolve()  # a link stays a link
-    partial = _partial_beside(target)
-    new_folders = [folder for folder in target.parents if not folder.exists()]
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
+    with _partial_beside(target, path) as partial:
         yield partial
         os.replace(partial, target)
-    except OSError as reason:
-        raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
-    finally:
-        _remove(partial)
-        for folder in new_folders:
-            with suppress(OSError):  # it is not empty, as is right
-                folder.rmdir()
 
 
 @contextmanager
@@ -51,16 +41,11 @@ def atomic_folder(path: Path) -> Iterator[Path]:
         OutputError: a file cannot be written, or `path` exists at the end.
     """
     target = path.resolve()
-    partial = _partial_beside(target)
-    try:
+    with _partial_beside(target, path) as partial:
         folder = partial / target.name
         folder.mkdir(parents=True)
         yield folder
         os.rename(folder, target)
-    except OSError as reason:
-        raise OutputError(f"{path}: cannot be written: {reason.strerror or reason}") from None
-    finally:
-        _remove(partial)
 
 
 def check_new_folder(path: Path) -> None:
@@ -137,10 +122,27 @@ def check_suffix(path: Path, *suffixes: str) -> None:
         raise OutputError(f"{path}: expected a name that ends in {' or '.join(suffixes)}")
 
 
-def _partial_beside(target: Path) -> Path:
+@contextmanager
+def _partial_beside(target: Path, path: Path) -> Iterator[Path]:
+    """Yield a temporary name in a file's folder; remove it and new, empty folders at the end.
+
+    Raises:
+        OutputError: the operating system refuses something; names `path`.
+    """
     partial = target.with_name(f".omnisim-{secrets.token_hex(6)}.partial")
+    new_folders: list[Path] = []
     partials.add(partial)
-    return partial
+    try:
+        new_folders += [folder for folder in target.parents if not folder.exists()]
+        target.parent.mkdir(parents=True, exist_ok=True)
+        yield partial
+    except OSError as reason:
+        raise OutputError(f"{path}: cannot be written: {reason.strerror or reason}") from None
+    finally:
+        _remove(partial)
+        for folder in new_folders:
+            with suppress(OSError):  # it is not empty, as is right
+                folder.rmdir()
 
 
 def _remove(partial: Path) -> None:

@@ -294,5 +294,6 @@ def test_what_cannot_be_written_leaves_the_old_file(tmp_path, format_name):
 
 
 def test_no_folder_to_write_to(tmp_path):
-    with pytest.raises(OutputError, match="does not exist"):
-        write_trajectory(tmp_path / "no" / "a.tum", _trajectory(2))
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match="cannot be written: Not a directory"):
+        write_trajectory(tmp_path / "file" / "a.tum", _trajectory(2))

@@ -127,9 +127,10 @@ class TestRefusals:
         with pytest.raises(OmnisimError, match="is inside of the run"):
             list(export_run(run, "ros2-mcap", run / "out"))
 
-    def test_of_a_folder_whose_parent_is_missing(self, run, tmp_path):
-        with pytest.raises(OmnisimError, match="does not exist"):
-            list(export_run(run, "ros2-mcap", tmp_path / "none" / "out"))
+    def test_of_a_folder_whose_parent_is_a_file(self, run, tmp_path):
+        (tmp_path / "file").touch()
+        with pytest.raises(OmnisimError, match="file: is a file: expected a folder"):
+            list(export_run(run, "ros2-mcap", tmp_path / "file" / "out"))
 
     def test_of_another_camera(self, run, tmp_path):
         with pytest.raises(OmnisimError, match="camera 'fron': not there; did you mean 'front'"):

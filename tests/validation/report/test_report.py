@@ -65,9 +65,9 @@ def test_columns_of_numbers_are_told_from_text():
 
 
 def test_a_place_that_cannot_be_is_refused_early(tmp_path):
-    with pytest.raises(OutputError, match="does not exist"):
-        check_report_target(tmp_path / "none" / "out")
     (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError, match="file: is a file: expected a folder"):
+        check_report_target(tmp_path / "file" / "out")
     with pytest.raises(OutputError):
         _report(0.1).write(tmp_path / "file")
 
