@@ -49,13 +49,13 @@ def extended(
     own = {key: value for key, value in table.items() if key != "extends"}
     if "extends" not in table:
         return own
-    name, here = table["extends"], (*outer, Path(source).absolute())
+    name, here = table["extends"], (*outer, Path(source).resolve())
     if not isinstance(name, str):
         raise error(f"{source}: extends: expected text, got {name!r}")
     try:
         beside = base_source(Path(source).parent, name)
         path = Path(source).parent / name if find is None else find(beside)
-        if path.absolute() in here:
+        if path.resolve() in here:
             raise error(f"{path} extends itself")
         base = extended(read_tables(path, error), str(path), error, find, rivals, here)
     except OmnisimError as reason:
@@ -78,11 +78,14 @@ def with_absolute_files(value: Any, folder: Path, key: str = "") -> Any:
         return {name: with_absolute_files(one, folder, name) for name, one in value.items()}
     if isinstance(value, list):
         return [with_absolute_files(one, folder, key) for one in value]
-    if isinstance(value, str):
-        is_file = "." in value and (folder / value).is_file()
-        if is_file or (key == "resources" and (folder / value).is_dir()):
-            return str((folder / value).absolute())
-    return value
+    if not isinstance(value, str):
+        return value
+    path = folder / value
+    try:
+        is_there = path.is_dir() if key == "resources" else "." in value and path.is_file()
+    except OSError:  # a text too long for a name
+        return value
+    return str(path.absolute()) if is_there else value
 
 
 def _merged(base: Any, own: Any) -> Any:

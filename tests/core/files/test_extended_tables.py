@@ -64,6 +64,12 @@ def test_a_key_excludes_its_rivals_in_the_base(read):
     assert "lens" in read({"lens": {}}, rivals={"lens": ("lens", "limits")})
 
 
+def test_long_texts_are_no_files(read):
+    assert read({"extends": "base/base.toml", "title": "a." * 5000})["title"] == "a." * 5000
+    read({"title": "a." * 5000}, "middle.toml")
+    assert read({"extends": "middle.toml"}, "last.toml")["title"] == "a." * 5000
+
+
 def test_files_extend_files_that_extend(read):
     read({"name": "middle"}, "middle.toml")
     last = read({"extends": "middle.toml", "limits": {"speed": 9}}, "last.toml")
@@ -74,6 +80,7 @@ def test_files_extend_files_that_extend(read):
     ("name", "message"),
     [
         ("own.toml", "extends = 'own.toml': .*own.toml extends itself"),
+        ("base/../own.toml", ".*own.toml extends itself"),
         ("none.toml", "extends = 'none.toml': .*none.toml: cannot be read: No such file"),
         (3, "extends: expected text, got 3"),
     ],
