@@ -295,5 +295,5 @@ def test_what_cannot_be_written_leaves_the_old_file(tmp_path, format_name):
 
 def test_no_folder_to_write_to(tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(OutputError, match="cannot be written"):
+    with pytest.raises(OutputError, match="file: is a file: expected a folder"):
         write_trajectory(tmp_path / "file" / "a.tum", _trajectory(2))
