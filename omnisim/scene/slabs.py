@@ -12,7 +12,6 @@ from dataclasses import fields, replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
-import scipy  # loads its submodules on first use
 from numpy.typing import NDArray
 
 from omnisim.scene.parts import AlphaMode, Instance, Material, Mesh, SlabMaterial
@@ -73,6 +72,8 @@ def _thickness_m(mesh: Mesh, places: Sequence[NDArray[np.float64]]) -> float | N
             return None
         normal, thickness = faces
         for place in places:
+            if not np.linalg.det(place[:3, :3]):  # flattened to nothing
+                return None
             across = np.linalg.solve(place[:3, :3].T, normal)
             thicknesses_m.append(thickness / float(np.linalg.norm(across)))
     least_m, most_m = min(thicknesses_m), max(thicknesses_m)
@@ -81,6 +82,8 @@ def _thickness_m(mesh: Mesh, places: Sequence[NDArray[np.float64]]) -> float | N
 
 def _parts(mesh: Mesh) -> list[NDArray[np.float64]]:
     """Corners (n, 3, 3) of the triangles of each connected part; equal positions are connected."""
+    import scipy  # few scenes have glass
+
     positions, vertex = np.unique(mesh.positions, axis=0, return_inverse=True)
     triangles, count = vertex.reshape(-1)[mesh.triangles], len(positions)
     first, second = np.concatenate((triangles[:, :2], triangles[:, 1:])).T
