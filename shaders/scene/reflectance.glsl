@@ -190,7 +190,8 @@ vec3 reflected_light(
     vec3 total = (1.0 - coat) * surface.emissive
         + reflected_environment(surface, position, normal, coat_normal, view, coat, light);
     vec3 area = surface_area(position);
-#define REFLECT(lamp) total += reflected_lamp(surface, FACED(lamp), normal, coat_normal, view, coat);
+#define REFLECT(lamp) \
+    total += reflected_lamp(surface, FACED(lamp), normal, coat_normal, view, coat);
 #if DIRECTIONAL_LIGHTS > 0
 #define REFLECT_DIRECTIONAL(i) REFLECT(directional_lamp(i, position))
     EACH_DIRECTIONAL(REFLECT_DIRECTIONAL)

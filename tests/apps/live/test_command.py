@@ -26,7 +26,6 @@ from omnisim.apps.cli.app import main
         ("--run nowhere --sky clear", "--sky: a run has its own"),
         ("--run nowhere --unlit", "--unlit: a run has its own"),
         ("rings --robot p2at --pitch 3", "--pitch: a robot stands on the floor"),
-        ("rings --quality best", "camera.quality: expected 'fast', 'default' or 'fine', got"),
         ("rings --sky none.hdr", "none.hdr"),
         ("rings --record film.gif", "film.gif: expected .mp4 or .mkv, got .gif"),
         ("rings --preset none", "preset 'none': unknown preset"),
@@ -43,6 +42,14 @@ def test_bad_input_is_one_line(words, line, capsys, monkeypatch, tmp_path, needs
     assert stopped.value.code == 1
     assert errors.count("\n") == 1
     assert line in errors
+
+
+def test_an_unknown_quality_is_refused_while_parsing(capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["omnisim", "live", "rings", "--quality", "best"])
+    with pytest.raises(SystemExit) as stopped:
+        main()
+    assert stopped.value.code == 2
+    assert capsys.readouterr().err.startswith("error: --quality: expected ")
 
 
 @pytest.mark.slow

@@ -226,7 +226,7 @@ def test_scan_file_round_trip(tmp_path):
     for kind in (np.isposinf, np.isneginf, np.isfinite):
         assert kind(ranges_m).any()
     with pytest.raises(OutputError, match="cannot be written"):
-        scan.save_csv(tmp_path / "none" / "scan.csv")
+        scan.save_csv(path / "scan.csv")
     assert [file.name for file in tmp_path.iterdir()] == ["scan.csv"]
 
 

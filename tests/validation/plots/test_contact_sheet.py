@@ -49,7 +49,7 @@ def test_a_sheet_by_command(tmp_path, capsys):
     tiles = [("a", np.zeros((9, 9), np.uint8))]
     assert run_sheet("a.sheet", [], lambda: tiles, 3) == 2
     assert capsys.readouterr().err == "usage: python -m a.sheet FILE\n"
-    assert run_sheet("a.sheet", [str(tmp_path / "no" / "a.png")], lambda: tiles, 3) == 1
-    assert capsys.readouterr().err.startswith("error: ")
     assert run_sheet("a.sheet", [str(tmp_path / "a.png")], lambda: tiles, 3) == 0
+    assert run_sheet("a.sheet", [str(tmp_path / "a.png" / "b.png")], lambda: tiles, 3) == 1
+    assert capsys.readouterr().err.startswith("error: ")
     assert (tmp_path / "a.png").is_file()
