@@ -66,9 +66,7 @@ def terrain(element: XmlElement, levels: NDArray[np.float64], tile_m: float) -> 
     Raises:
         SceneError: a width or depth is not above 0.
     """
-    size = element.vector("size", (1.0, 1.0, 1.0))
-    if min(size[:2]) <= 0.0:
-        raise (element.find("size") or element).error("a width and depth > 0")
+    size = terrain_size_m(element)
     rows, columns = levels.shape
     x, y = np.linspace(-0.5, 0.5, columns) * size[0], np.linspace(-0.5, 0.5, rows) * size[1]
     heights = levels[::-1] / max(float(levels.max()), 1e-9) * size[2]
@@ -85,6 +83,18 @@ def terrain(element: XmlElement, levels: NDArray[np.float64], tile_m: float) -> 
         normals.reshape(-1, 3),
     )
     return Shape(surface, uv.reshape(-1, 2), is_closed=False)
+
+
+def terrain_size_m(element: XmlElement) -> tuple[float, ...]:
+    """Width, depth and height of a `<heightmap>`.
+
+    Raises:
+        SceneError: a width or depth is not above 0.
+    """
+    size = element.vector("size", (1.0, 1.0, 1.0))
+    if min(size[:2]) <= 0.0:
+        raise (element.find("size") or element).error("a width and depth > 0")
+    return size
 
 
 def blend(layers: list[Layer], levels: NDArray[np.float64], size: tuple[float, ...]) -> Image.Image:

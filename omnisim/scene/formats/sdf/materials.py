@@ -16,7 +16,7 @@ from PIL import Image
 from omnisim.core.files.sources import read_source
 from omnisim.scene.files.search_path import ResourcePath
 from omnisim.scene.formats.omissions import Omissions
-from omnisim.scene.formats.sdf.heightmaps import Layer, blend
+from omnisim.scene.formats.sdf.heightmaps import Layer, blend, terrain_size_m
 from omnisim.scene.formats.sdf.scripts import GAZEBO_MATERIALS, ScriptMaterial, read_scripts
 from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.scene.parts import AlphaMode, Material, Texture
@@ -122,7 +122,7 @@ class MaterialReader:
                 layers.append(Layer(image, stated.positive("size", 10.0), from_m, fade_m))
         if not layers:
             return self._index(Material("", (*_DEFAULT, 1.0))), 0.0
-        size = element.vector("size", (1.0, 1.0, 1.0))
+        size = terrain_size_m(element)
         if len(layers) == 1:
             pixels, tile_m = layers[0].image, layers[0].size_m
         else:

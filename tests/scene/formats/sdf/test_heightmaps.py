@@ -62,6 +62,13 @@ def test_textures_change_with_the_height(tmp_path):
     assert int(row[int(0.4 * len(row)), 0]) == pytest.approx(127, abs=8)
 
 
+def test_a_terrain_without_width_is_refused(tmp_path):
+    for name in ("red", "blue"):
+        Image.new("RGB", (4, 4)).save(tmp_path / f"{name}.png")
+    with pytest.raises(SceneError, match="expected a width and depth > 0"):
+        terrain(tmp_path, f"<size>0 2 10</size>{layer('red', 1)}{layer('blue', 2)}")
+
+
 def test_one_texture_is_repeated(tmp_path):
     Image.new("RGB", (4, 4)).save(tmp_path / "red.png")
     scene = terrain(tmp_path, f"{SIZE}{layer('red', 0.5)}")
