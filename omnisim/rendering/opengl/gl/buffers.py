@@ -43,9 +43,14 @@ def written_buffer(context: moderngl.Context, content: Content) -> moderngl.Buff
 def read_buffer(buffer: moderngl.Buffer) -> bytes:
     """Content of any buffer, once the GPU has finished it: only for what no frame waits for."""
     content = np.empty(buffer.size, dtype=np.uint8)
+    copy_buffer(buffer, content)
+    return content.tobytes()
+
+
+def copy_buffer(buffer: moderngl.Buffer, content: NDArray[np.uint8]) -> None:
+    """Copy all bytes of any buffer to an array (size,), once the GPU has finished it."""
     read = gl_function("glGetNamedBufferSubData", _ENUM, _SIZE, _SIZE, _POINTER)
     read(buffer.glo, 0, buffer.size, content.ctypes.data)
-    return content.tobytes()
 
 
 def immutable_buffer(context: moderngl.Context, content: Content, access: int) -> moderngl.Buffer:

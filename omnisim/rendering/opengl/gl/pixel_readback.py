@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.gl.buffers import immutable_buffer
+from omnisim.rendering.opengl.gl.buffers import copy_buffer, immutable_buffer
 from omnisim.rendering.opengl.gl.fences import Fences, end_pass
 from omnisim.rendering.opengl.gl.functions import flush, gl_function
 from omnisim.rendering.opengl.gl.memory import check_allocation, gpu_allocation
@@ -57,8 +57,10 @@ Read = tuple[Source, NDArray[Any]]  # source, and the array to fill
 class MappedBuffer:
     """Buffer that the GPU fills and the processor reads, mapped for as long as it exists.
 
+    Where the driver cannot map it while the GPU writes, as virgl cannot, it is copied.
+
     Attributes:
-        buffer, content: OpenGL's buffer, and its bytes, to be read after a fence.
+        buffer, content: OpenGL's buffer, and its bytes, to be read after a fence and `update`.
 
     Raises:
         GraphicsError: no memory for it.
@@ -66,15 +68,25 @@ class MappedBuffer:
 
     def __init__(self, context: moderngl.Context, size: int):
         what = f"a readback of {-(-size // 2**20)} MiB"
+        self._is_mapped = "GL_ARB_buffer_storage" in context.extensions
         with gpu_allocation(what, "render fewer or smaller images at once"):
-            self.buffer = immutable_buffer(context, size, _MAPPED | _CLIENT_STORAGE)
+            access = _MAPPED | _CLIENT_STORAGE if self._is_mapped else 0
+            self.buffer = immutable_buffer(context, size, access)
+            if not self._is_mapped:
+                self.content: NDArray[np.uint8] = np.empty(size, dtype=np.uint8)
+                return
             map_range = gl_function(
                 "glMapNamedBufferRange", _ENUM, _SIZE, _SIZE, _ENUM, returns=_POINTER
             )
             address = map_range(self.buffer.glo, 0, size, _MAPPED)
             check_allocation(context, what)
         content = (ctypes.c_uint8 * size).from_address(address)
-        self.content: NDArray[np.uint8] = np.ctypeslib.as_array(content)
+        self.content = np.ctypeslib.as_array(content)
+
+    def update(self) -> None:
+        """Bring `content` up to date, once the GPU has filled the buffer."""
+        if not self._is_mapped:
+            copy_buffer(self.buffer, self.content)
 
 
 class Reading:
@@ -95,6 +107,7 @@ class Reading:
         if self._fence is None:
             return
         self._owner.fences.wait(self._fence)
+        self._buffer.update()
         for out, pixels in self._copies:
             if pixels.size == out.size:
                 np.copyto(out, pixels.reshape(out.shape))
