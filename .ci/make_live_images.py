@@ -26,7 +26,7 @@ FINE = "body[data-fine='true']"
 def main() -> None:
     """Serve the page, and drive it."""
     sys.path.insert(0, str(ROOT))
-    from omnisim.validation.plots.video_file import write_video
+    from omnisim.plots.video_file import write_video
 
     command = [sys.executable, "-m", "omnisim", "live", "soccer", "--port", "0"]
     with (

@@ -23,7 +23,7 @@ from benchmarks.bounds import entry_cells
 from benchmarks.report import read_report
 from benchmarks.suites.fps import fps_table
 from omnisim.core.errors import OmnisimError
-from omnisim.validation.report.machine import machine_line
+from omnisim.report.machine import machine_line
 
 RESULTS = ROOT / "benchmarks" / "results"
 USAGE = "usage: python .ci/renew_benchmarks.py DIR [--results-only]"

@@ -20,7 +20,7 @@ from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_target
 from omnisim.rendering.opengl.gl.devices import device_number
-from omnisim.validation.report.machine import machine_line
+from omnisim.report.machine import machine_line
 
 # In the order of `all`; each is a module, imported when it runs.
 SUITES = ("fps", "scaling", "limit", "peers", "drive", "lenses", "live")

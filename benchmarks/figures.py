@@ -10,8 +10,8 @@ from matplotlib.axis import Axis, XAxis
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, NullLocator, StrMethodFormatter
 
-from omnisim.validation.plots import style
-from omnisim.validation.report.machine import machine_line
+from omnisim.plots import style
+from omnisim.report.machine import machine_line
 
 PANEL_IN, HEIGHT_IN, NARROWEST_IN = 4.9, 5.6, 7.0
 SECOND_LINE_IN = 0.42  # from the figure's top

@@ -30,8 +30,8 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.gl.context import open_context
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
+from omnisim.report.machine import ROOT
 from omnisim.scene import Scene, load_scene
-from omnisim.validation.report.machine import ROOT
 
 SETTING, FRAME_PX = "fast", 360
 BATCH, BATCH_PX = 64, 84  # images, and their side

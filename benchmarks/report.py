@@ -8,7 +8,7 @@
 | `bounds` | judged numbers, see `benchmarks.bounds`; null: no interval, bound or goal |
 | `passed` | true if all bounds hold; goals do not count |
 | `rounds` | timed rounds; a row's own number takes precedence |
-| `machine` | machine and versions, see `omnisim.validation.report.machine` |
+| `machine` | machine and versions, see `omnisim.report.machine` |
 
 A suite may add further keys.
 """
@@ -28,10 +28,10 @@ from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from benchmarks.timer import MedianInterval
 from omnisim.core.errors import OutputError
+from omnisim.plots.plot_file import Figure, write_plot
 from omnisim.rendering.opengl.gl.context import graphics_info
-from omnisim.validation.plots.plot_file import Figure, write_plot
-from omnisim.validation.report.machine import describe_machine
-from omnisim.validation.report.report import write_json
+from omnisim.report.machine import describe_machine
+from omnisim.report.report import write_json
 
 SCHEMA = 2
 Judged = tuple[str, float | MedianInterval, Limits]  # name, value, and what it should be

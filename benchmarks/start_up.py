@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from benchmarks.start_up_phases import AFTER, PHASES
-from omnisim.validation.report.machine import ROOT
+from omnisim.report.machine import ROOT
 
 # With the driver's shader cache, and without.
 CACHED, ANEW = "to an image and the end", "shaders compiled anew"

@@ -16,6 +16,8 @@ ROOMS = (
     {"__main__"},
     {"apps"},
     {"validation"},
+    {"report"},
+    {"plots"},
     {"evaluation"},
     {"datasets", "measurement"},
     {"runs"},
@@ -26,7 +28,7 @@ ROOMS = (
     {"cameras", "ground_truth"},
     {"core"},
 )
-MAX_ROOMS, MAX_ROW = 14, 20  # rooms of the package, modules of a folder
+MAX_ROOMS, MAX_ROW = 16, 20  # rooms of the package, modules of a folder
 # Formats that share parts of a file's anatomy, checks and commands that share what they are of.
 SHARED_STEMS = {"formats", "checks", "cli"}
 OPENGL_LAYERS = (
@@ -43,13 +45,13 @@ HOMES = {
     "moderngl": {"rendering.opengl"},
     "mapbox_earcut": {"scene"},
     "trimesh": {"scene"},
-    "PIL": {"scene", "validation.plots"},  # textures; captions without matplotlib
+    "PIL": {"scene", "plots"},  # textures; captions without matplotlib
     "OpenImageIO": {"core.files"},
     "typer": {"apps.cli"},
     "rich": {"apps.cli"},
-    "matplotlib": {"validation.plots"},
-    "jinja2": {"validation.report"},
-    "av": {"measurement", "validation.plots"},
+    "matplotlib": {"plots"},
+    "jinja2": {"report"},
+    "av": {"measurement", "plots"},
     "cv2": {"evaluation.estimators", "measurement", "validation"},
     "mitsuba": {"validation"},
     "pyrender": {"validation"},

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from omnisim.validation.plots import style
+from omnisim.plots import style
 
 _MAX_RATIO = 4.0  # upper limit of the axis, as a multiple of the median
 

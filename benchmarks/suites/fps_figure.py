@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from benchmarks.figures import panels, plain_log
-from omnisim.validation.plots import style
+from omnisim.plots import style
 
 EXACT_AT = 2**14  # where the exact mirror stands on the axis of polygons
 COLORS = {"fast": style.BLUE, "default": style.ORANGE}

@@ -20,6 +20,8 @@ from benchmarks.report import bound_lines, make_report
 from benchmarks.timer import time_interleaved
 from omnisim.cameras import CentralCamera, EquidistantCamera
 from omnisim.core import poses
+from omnisim.plots import style
+from omnisim.plots.plot_file import Figure
 from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
@@ -30,8 +32,6 @@ from omnisim.rendering.opengl.gl.context import open_context
 from omnisim.rendering.opengl.pipeline import Pipeline
 from omnisim.rendering.readback import ScenePoses
 from omnisim.scene import Scene, load_scene
-from omnisim.validation.plots import style
-from omnisim.validation.plots.plot_file import Figure
 from tests.camera_examples import CAMERA_EXAMPLES
 
 SCENE = "courtyard"

@@ -7,7 +7,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from omnisim.validation.plots import style
+from omnisim.plots import style
 
 _COLORS = {
     "virtual_cameras": style.BLUE,

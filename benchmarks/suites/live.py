@@ -25,9 +25,9 @@ from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from benchmarks.report import Judged, bound_lines, make_report
 from omnisim.apps.live.server import page_bytes
+from omnisim.plots import style
 from omnisim.rendering.opengl.gl.context import open_context
-from omnisim.validation.plots import style
-from omnisim.validation.report.machine import ROOT
+from omnisim.report.machine import ROOT
 
 SCENE, SIZE_PX = "soccer", 400
 DRIVE_S = 3.0  # of each setting

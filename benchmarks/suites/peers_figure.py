@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from benchmarks.figures import panels, plain_log
 from benchmarks.peers import field
 from benchmarks.peers.quality import TRUTH
-from omnisim.validation.plots import style
+from omnisim.plots import style
 
 OURS, THEIRS = style.BLUE, style.ORANGE
 APART = 0.048  # labels, as a share of the panel's height

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
 from benchmarks.figures import panels, plain_log
-from omnisim.validation.plots import style
+from omnisim.plots import style
 
 
 def scaling_figure(report: dict[str, Any]) -> Figure:

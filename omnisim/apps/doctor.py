@@ -26,12 +26,12 @@ from omnisim.core.trajectories.trajectory import Trajectory
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage, open_sensor
+from omnisim.report.machine import is_software
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route
 from omnisim.scene import builtin_scenes, load_scene
 from omnisim.sensors.laser_scanner.laser_scanner import LaserScanner
-from omnisim.validation.report.machine import is_software
 
 OK, WARNING, FAILED = "ok", "warning", "failed"
 REFERENCES = Path(__file__).with_name("doctor.png")  # of llvmpipe, scene beside scene

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import GraphicsError
+from omnisim.core.random_numbers import key_of
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
 from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams
@@ -22,7 +23,6 @@ from omnisim.rendering.camera.degradations.development import (
 )
 from omnisim.rendering.camera.degradations.encoding import Encoding
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
-from omnisim.rendering.camera.degradations.random_numbers import key_of
 from omnisim.rendering.hit_source import DeformingDraw, HitSource
 from omnisim.rendering.rays.beams import Beams
 from omnisim.rendering.rays.depth_limits import DepthLimits

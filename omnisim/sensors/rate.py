@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import RunError
-from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d
+from omnisim.core.random_numbers import key_of, normal, pcg4d
 
 MAX_MEASUREMENTS = 10_000_000  # half a gigabyte of stamps and readings; 14 hours at 200 Hz
 LATE = 1e-3  # tolerance as a share of the period: printed times are rounded

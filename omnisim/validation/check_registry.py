@@ -8,8 +8,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # slow to import
+    from omnisim.report.report import Section
     from omnisim.validation.fixture import Fixture
-    from omnisim.validation.report.report import Section
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from omnisim.core.errors import OmnisimError
+from omnisim.report.report import Report, Section
 from omnisim.validation.check_registry import CHECKS, Check
 from omnisim.validation.fixture import Fixture
-from omnisim.validation.report.report import Report, Section
 
 
 def run_checks(fixture: Fixture, checks: Sequence[Check]) -> Iterator[Section]:

@@ -14,9 +14,9 @@ from omnisim.core import coordinate_frames as frames
 from omnisim.core.errors import OpticsError
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.report.measure import Measure
 from omnisim.scene import Scene
 from omnisim.validation.fixture import mirror_camera
-from omnisim.validation.report.measure import Measure
 
 # Of the paper's mirror, so that its own shadow, which our camera lacks, is a few pixels wide.
 _MIRROR_SCALE = 0.25

@@ -1,7 +1,7 @@
 // uvec4 pcg4d(uvec4 v): four hashes of four coordinates.
 // float uniform_number(uint hash): uniformly distributed number in (0, 1), ends excluded; exact.
 // float normal_number(uint first, uint second): normally distributed number, mean 0, variance 1.
-// Bit-identical twin of omnisim/rendering/camera/degradations/random_numbers.py.
+// Bit-identical twin of omnisim/core/random_numbers.py.
 // Source: Jarzynski and Olano, "Hash Functions for GPU Rendering", JCGT 9(3), 2020; Box and Muller.
 
 uvec4 pcg4d(uvec4 v) {

@@ -16,7 +16,7 @@ from benchmarks.report import (
     verdict,
 )
 from omnisim.rendering.opengl.gl.context import graphics_info
-from omnisim.validation.report.machine import describe_machine, machine_line
+from omnisim.report.machine import describe_machine, machine_line
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ def test_report_follows_its_schema_and_names_missed_bounds(report):
 
 
 def test_on_a_gpu_bounds_of_software_are_left_out(context, monkeypatch):
-    monkeypatch.setattr("omnisim.validation.report.machine.SOFTWARE", ("another renderer",))
+    monkeypatch.setattr("omnisim.report.machine.SOFTWARE", ("another renderer",))
     limits = {"bound": 1.0, "software_only": True}
     judged = [("a", 9.0, Limits(**limits)), ("b", 9.0, Limits(**limits, goal=0.5))]
     report = make_report("some", Options(), context, [{"a": 1}], judged)

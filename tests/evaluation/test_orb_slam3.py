@@ -20,15 +20,11 @@ from omnisim.core.poses import inverse, pose
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimator_registry import estimator_named
 from omnisim.evaluation.estimators import orb_slam3, orb_slam3_program
+from omnisim.evaluation.estimators.orb_slam3 import VOCABULARY, unpacked_vocabulary
 from omnisim.evaluation.estimators.orb_slam3_settings import ImuSettings, settings_text
-from omnisim.evaluation.estimators.orb_vocabulary import (
-    VOCABULARY,
-    train_vocabulary,
-    unpacked_vocabulary,
-    vocabulary_text,
-)
 from omnisim.evaluation.trajectory_errors import trajectory_errors
 
+ROOT = Path(__file__).parents[2]
 LENS = KannalaBrandtCamera(
     320, 320, (120.0, 121.0), (159.5, 160.0), (0.01, -0.002, 0.0, 1e-4), np.radians(75.0)
 )
@@ -263,7 +259,7 @@ def test_the_package_has_a_vocabulary():
     _check_tree(head, nodes)
 
 
-def test_a_vocabulary_is_trained_from_descriptors():
+def test_a_vocabulary_is_trained_from_descriptors(monkeypatch):
     """Noisy copies of some descriptors: each becomes a word of its own."""
     generator = np.random.default_rng(1)
     centers = generator.random((9, 256)) < 0.5
@@ -271,6 +267,9 @@ def test_a_vocabulary_is_trained_from_descriptors():
     for first in range(4):
         copies = centers[first : first + 6].repeat(8, axis=0)
         images.append(copies ^ (generator.random(copies.shape) < 0.02))
+    monkeypatch.syspath_prepend(ROOT / ".ci")
+    from train_orb_vocabulary import train_vocabulary, vocabulary_text
+
     nodes = train_vocabulary(images, 3, 4)
     _check_tree(*_lines(vocabulary_text(nodes, 3, 4)))
     words = np.stack([node.bits for node in nodes if node.is_word])

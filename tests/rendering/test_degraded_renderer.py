@@ -9,6 +9,7 @@ from omnisim.cameras import PerspectiveCamera
 from omnisim.core import poses
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import read_image
+from omnisim.core.random_numbers import key_of
 from omnisim.rendering.camera.degradations import (
     Defocus,
     Degradation,
@@ -20,7 +21,6 @@ from omnisim.rendering.camera.degradations import (
 )
 from omnisim.rendering.camera.degradations.development import developed, eight_bits, exposed
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
-from omnisim.rendering.camera.degradations.random_numbers import key_of
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.rendering.twist import Twist

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from omnisim.report.measure import Measure
+from omnisim.report.report import Section
 from omnisim.validation.fixture import max_abs, mean_abs
 from omnisim.validation.markers import centroids, marker_positions, rim_centroids_px
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import Section
 from omnisim.validation.ring_radii import ring_radii
 
 

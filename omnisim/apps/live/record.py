@@ -14,7 +14,7 @@ from omnisim.apps.live.session import Draw, PageState
 from omnisim.apps.live.view_maker import ViewMaker
 from omnisim.apps.live.viewpoint_motion import Place
 from omnisim.ground_truth.previews import preview
-from omnisim.validation.plots.video_file import check_video_target, write_video
+from omnisim.plots.video_file import check_video_target, write_video
 
 RATE_HZ, SECONDS, RADIUS_M = 20.0, 6.0, 0.6
 

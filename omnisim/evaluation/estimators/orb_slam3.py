@@ -7,6 +7,7 @@ process, see `orb_slam3_program`.
 
 from __future__ import annotations
 
+import gzip
 import json
 import subprocess
 import sys
@@ -32,10 +33,11 @@ from omnisim.evaluation.estimators import orb_slam3_program as program
 from omnisim.evaluation.estimators.camera_center import camera_center_from_base
 from omnisim.evaluation.estimators.gray_images import gray
 from omnisim.evaluation.estimators.orb_slam3_settings import ImuSettings, settings_text
-from omnisim.evaluation.estimators.orb_vocabulary import unpacked_vocabulary
 from omnisim.evaluation.trajectory_alignment import AlignmentKind
 from omnisim.sensors.imu.mounted_imu import MountedImu
 
+# ORB descriptors of rendered images, for place recognition; `.ci/train_orb_vocabulary.py` makes it.
+VOCABULARY = Path(__file__).with_name("orb_vocabulary.txt.gz")
 MAX_OFFSET_S = 1e-3  # between the two images of a pair
 MAX_MISFIT_PX = 0.5  # error of the second lens with the first one's coefficients
 _TAIL = 300  # characters of the process's output in a message
@@ -190,6 +192,13 @@ def _nearest_shown(mask: NDArray[np.bool_] | None) -> tuple[NDArray[np.intp], ..
     return tuple(
         scipy.ndimage.distance_transform_edt(~mask, return_distances=False, return_indices=True)
     )
+
+
+def unpacked_vocabulary(folder: Path) -> Path:
+    """Unpack the built-in vocabulary into a folder; returns the file's path."""
+    path = folder / VOCABULARY.stem
+    path.write_bytes(gzip.decompress(VOCABULARY.read_bytes()))
+    return path
 
 
 def _run_program(work: Path, frames: Iterator[bytes]) -> None:

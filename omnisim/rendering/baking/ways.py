@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.random_numbers import pcg4d, uniform
 from omnisim.rendering.baking.sampling import Floats
-from omnisim.rendering.camera.degradations.random_numbers import pcg4d, uniform
 
 _ABOVE = 1e-3  # minimum cosine between a mirrored ray and the triangle's plane
 

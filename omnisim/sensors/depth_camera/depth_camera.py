@@ -34,10 +34,10 @@ from pydantic import Field
 from omnisim.cameras.models.perspective import PerspectiveCamera
 from omnisim.core.files.parameters import Flag, NotNegative, Parameters, Positive
 from omnisim.core.poses import pose
+from omnisim.core.random_numbers import key_of, normal, pcg4d
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import ObjectPart, WorldState
 from omnisim.rendering.backend import CameraBackend, CameraSetup
-from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.quality import MAX_IMAGE_PX
 from omnisim.rendering.near_plane import scene_size_m

@@ -27,8 +27,8 @@ import numpy as np
 import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
+from omnisim.core.random_numbers import normal, pcg4d
 from omnisim.core.trajectories.body_motion import BodyMotion
-from omnisim.rendering.camera.degradations.random_numbers import normal, pcg4d
 
 STANDARD_GRAVITY_MPS2 = 9.80665
 _READING, _START = 0, 1  # streams of random numbers

@@ -18,9 +18,9 @@ from omnisim.core.files.number_table import BLOCK, write_table
 from omnisim.core.files.parameters import Level
 from omnisim.core.files.written_files import is_written
 from omnisim.core.poses import rotation_angles
+from omnisim.core.random_numbers import key_of
 from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion
-from omnisim.rendering.camera.degradations.random_numbers import key_of
 from omnisim.sensors.imu.imu import DEVICES, STANDARD_GRAVITY_MPS2, ImuErrors, true_readings
 from omnisim.sensors.rate import SensorRate
 from omnisim.sensors.sensor import DriveSettings, MountedSensor, StepContent

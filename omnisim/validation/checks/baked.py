@@ -8,19 +8,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.plots.style import gallery
 from omnisim.rendering.baking.baked_files import bake_scene
 from omnisim.rendering.baking.settings import FINE_TEXELS, BakeSettings
 from omnisim.rendering.stage import open_sensor
+from omnisim.report.measure import Measure
+from omnisim.report.report import CaptionedFigure, Section
 from omnisim.scene import load_scene
 from omnisim.scene.light.baked import with_baked_light
 from omnisim.scene.model import Scene
 from omnisim.validation.checks.shadows import FOLDER, QUICK_SCENES, SCENES
 from omnisim.validation.fixture import Fixture, linear_image
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
-from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import converged_psnr_db, psnr_db
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import CaptionedFigure, Section
 from omnisim.validation.rooms.window_room import window_room
 from omnisim.validation.ssim import ssim
 from omnisim.validation.traced_light import (

@@ -22,8 +22,11 @@ from omnisim.cameras import (
 )
 from omnisim.cameras.calibration import calibration_of
 from omnisim.cameras.mirrors import HyperbolicMirror
+from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
+from omnisim.report.measure import Measure
+from omnisim.report.report import CaptionedFigure, Section
 from omnisim.validation.chessboards import (
     PATTERN,
     board_corners_m,
@@ -33,9 +36,6 @@ from omnisim.validation.chessboards import (
 )
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles import omnidir, opencv_projection
-from omnisim.validation.plots.style import gallery
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import CaptionedFigure, Section
 
 RMS_BOUND_PX = 0.1
 MAX_FISHEYE_RAD = math.radians(80.0)  # near 90° cv2.fisheye divides by a vanishing depth

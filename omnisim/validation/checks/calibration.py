@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 from omnisim.cameras import HyperbolicCamera
 from omnisim.core import coordinate_frames as frames
 from omnisim.core import poses
+from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
+from omnisim.report.measure import Measure
+from omnisim.report.report import CaptionedFigure, Section
 from omnisim.validation.chessboards import PATTERN, board_corners_m, board_poses, board_scene
 from omnisim.validation.displacement import displacement_figure
 from omnisim.validation.fixture import Fixture, linear_image, max_abs, mean_abs, mirror_camera
@@ -24,9 +27,6 @@ from omnisim.validation.markers import (
     rim_centroids_px,
 )
 from omnisim.validation.oracles import omnidir
-from omnisim.validation.plots.style import gallery
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import CaptionedFigure, Section
 
 MARKERS = 250
 SIZE_PX = 1024

@@ -11,14 +11,14 @@ from omnisim.cameras import pixel_grid
 from omnisim.core import bilinear
 from omnisim.core.cube import FACE_NAMES, face_index, face_tangents
 from omnisim.core.srgb import linear_from_srgb, srgb8_from_linear, srgb_from_linear
+from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage
+from omnisim.report.measure import Measure
+from omnisim.report.report import CaptionedFigure, Section
 from omnisim.scene import Scene
 from omnisim.validation.fixture import Fixture, linear_image, mirror_camera
-from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import psnr_db
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import CaptionedFigure, Section
 
 SIZE_PX = 360
 # Plain bilinear, as other simulators sample a cube: faces of this size, one lookup per pixel.

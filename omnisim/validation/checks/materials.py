@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 from omnisim.cameras import PerspectiveCamera
 from omnisim.core.poses import pose
 from omnisim.core.srgb import srgb8_from_linear
+from omnisim.plots.style import gallery
 from omnisim.rendering.stage import open_sensor
+from omnisim.report.measure import Measure
+from omnisim.report.report import CaptionedFigure, ResultTable, Section
 from omnisim.scene.light.environment import Environment, map_directions
 from omnisim.scene.model import Light, Lighting, LightKind
 from omnisim.validation import material_chart
 from omnisim.validation.color_difference import ciede2000, lab_from_linear
 from omnisim.validation.fixture import Fixture
-from omnisim.validation.plots.style import gallery
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 
 BOUND = 2.0  # mean of CIEDE2000; 1 is just noticeable side by side
 WIDTH_PX = 165

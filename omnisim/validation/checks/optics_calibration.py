@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from omnisim.cameras import MirroredCamera
 from omnisim.cameras.optics import BoardCorners, SystemCalibration, calibrate_system, fit_central
 from omnisim.cameras.optics.system_file import parse_optics
+from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
+from omnisim.report.measure import Measure
+from omnisim.report.report import CaptionedFigure, ResultTable, Section
 from omnisim.validation.chessboards import PATTERN, board_corners_m, board_poses, board_scene
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles import omnidir
-from omnisim.validation.plots.style import gallery
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 
 SIZE_PX = 720
 BOARDS, QUICK_BOARDS = 20, 10

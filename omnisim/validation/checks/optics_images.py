@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 
 from omnisim.cameras.optics import OpticalSystem
 from omnisim.core.srgb import srgb8_from_linear, srgb_from_linear
+from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.report.measure import Measure
+from omnisim.report.report import CaptionedFigure, ResultTable, Section
 from omnisim.scene import Scene, load_scene
 from omnisim.validation.fixture import Fixture, linear_image, max_abs, mean_abs
 from omnisim.validation.markers import centroids
@@ -21,10 +24,7 @@ from omnisim.validation.optical_markers import marker_pixels, markers_on_rays
 from omnisim.validation.optical_systems import validation_systems
 from omnisim.validation.oracles.mitsuba_optics import PhysicalOptics
 from omnisim.validation.oracles.surfaces import opaque_only
-from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import psnr_db
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 
 SCENE = "soccer"
 # Mitsuba's samples per pixel: squares, as its sampler requires. Images in mirrors have more,

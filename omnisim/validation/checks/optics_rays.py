@@ -23,12 +23,12 @@ from omnisim.cameras.optics.shapes import (
     TabulatedProfile,
 )
 from omnisim.core.poses import pose
+from omnisim.report.measure import Measure
+from omnisim.report.report import ResultTable, Section
 from omnisim.validation import closed_forms
 from omnisim.validation.closed_forms import AxialPoints, AxialRays, TracedAxialRays
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.optical_systems import SIZE_PX, validation_systems
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import ResultTable, Section
 
 DISTANCES_M = (0.3, 1.0, 5.0)
 STEP_PX, QUICK_STEP_PX = 3, 9  # between pixels of the round trips

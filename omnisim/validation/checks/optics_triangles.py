@@ -8,11 +8,11 @@ from collections.abc import Iterable, Mapping
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.rendering.stage import Stage
+from omnisim.report.measure import Measure
+from omnisim.report.report import ResultTable, Section
 from omnisim.scene import Scene, load_scene
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.optical_systems import validation_systems
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import ResultTable, Section
 from omnisim.validation.same_triangles import (
     BESIDE_M,
     SameTriangles,

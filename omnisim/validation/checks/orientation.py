@@ -18,13 +18,13 @@ from omnisim.core.srgb import linear_from_srgb
 from omnisim.ground_truth.frame import Frame
 from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import cylinder_view
+from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.report.measure import Measure
+from omnisim.report.report import CaptionedFigure, Section
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.model import Mesh
 from omnisim.validation.fixture import Fixture, linear_image, mirror_camera
-from omnisim.validation.plots.style import gallery
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import CaptionedFigure, Section
 
 # Where each side of the room shows nothing but its paint, between two lines: meters east, north
 # and up from the viewpoint.

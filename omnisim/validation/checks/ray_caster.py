@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import EquidistantCamera
 from omnisim.ground_truth.frame import Frame
+from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import open_sensor
+from omnisim.report.measure import Measure
+from omnisim.report.report import CaptionedFigure, ResultTable, Section
 from omnisim.scene import Scene, load_scene
 from omnisim.validation.fixture import TEXTURED_SCENE, Fixture
-from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import psnr_of_levels_db
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 
 SCENES = (TEXTURED_SCENE, "soccer", "mapping")
 BOUND_DB = 36.0

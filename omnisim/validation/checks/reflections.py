@@ -7,15 +7,15 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera
 from omnisim.core.srgb import srgb8_from_linear, srgb_from_linear
+from omnisim.plots.style import gallery
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import open_sensor
+from omnisim.report.measure import Measure
+from omnisim.report.report import CaptionedFigure, Section
 from omnisim.scene import Scene
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles.mirrored_beams import beam_measures
-from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import psnr_db
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import CaptionedFigure, Section
 from omnisim.validation.rooms import reflective_rooms
 
 WIDTH_PX, QUICK_WIDTH_PX = 240, 120

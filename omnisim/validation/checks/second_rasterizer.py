@@ -8,15 +8,15 @@ from numpy.typing import NDArray
 from omnisim.cameras import PerspectiveCamera
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.core.srgb import linear_from_srgb
+from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
+from omnisim.report.measure import Measure
+from omnisim.report.report import CaptionedFigure, ResultTable, Section
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles.pyrender_rasterizer import rasterize
 from omnisim.validation.oracles.surfaces import opaque_only
-from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import psnr_db
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
 
 SIZE_PX = 1024
 # Averages over blocks, in linear light, reduce edges and leave shapes and colors.

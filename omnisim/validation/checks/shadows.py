@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.plots.plot_file import Figure
+from omnisim.plots.style import gallery
 from omnisim.rendering.stage import open_sensor
+from omnisim.report.measure import Measure
+from omnisim.report.report import CaptionedFigure, Section
 from omnisim.scene import load_scene
 from omnisim.scene.model import Light, LightKind
 from omnisim.validation.fixture import Fixture, linear_image
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
-from omnisim.validation.plots.plot_file import Figure
-from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import psnr_db
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import CaptionedFigure, Section
 from omnisim.validation.shadow_edges import (
     edge_distance_px,
     gray_in_one_light,

@@ -10,12 +10,12 @@ import numpy as np
 
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
+from omnisim.plots.plot_file import Figure
+from omnisim.plots.style import BLUE, GRAY, ORANGE, plot
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.report.measure import Measure
+from omnisim.report.report import CaptionedFigure, Section
 from omnisim.validation.fixture import Fixture, max_abs, mirror_camera
-from omnisim.validation.plots.plot_file import Figure
-from omnisim.validation.plots.style import BLUE, GRAY, ORANGE, plot
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import CaptionedFigure, Section
 
 # The focus property is exact: the error is float64 rounding, which grows with the path.
 BOUND_C = 1e-9

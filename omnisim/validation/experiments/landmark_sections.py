@@ -12,22 +12,22 @@ from numpy.typing import NDArray
 from omnisim.perception.landmarks.color_training import Training
 from omnisim.perception.landmarks.landmark_detector import Detection
 from omnisim.perception.localization.filter_parameters import FilterParameters
-from omnisim.runs.run_labels import RunLabels
-from omnisim.validation.experiments.detection_accuracy import DetectionMatch, accuracy
-from omnisim.validation.experiments.experiment_runs import RealExperiment, SimulationExperiment
-from omnisim.validation.experiments.recordings import Recordings
-from omnisim.validation.experiments.seeds import Progress
-from omnisim.validation.experiments.sweep import CAUSES, Outcome, sweep
-from omnisim.validation.plots.detection_plots import (
+from omnisim.plots.detection_plots import (
     Rates,
     curves_figure,
     detections_figure,
     rates_figure,
     roc_figure,
 )
-from omnisim.validation.plots.style import gallery
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
+from omnisim.plots.style import gallery
+from omnisim.report.measure import Measure
+from omnisim.report.report import CaptionedFigure, ResultTable, Section
+from omnisim.runs.run_labels import RunLabels
+from omnisim.validation.experiments.detection_accuracy import DetectionMatch, accuracy
+from omnisim.validation.experiments.experiment_runs import RealExperiment, SimulationExperiment
+from omnisim.validation.experiments.recordings import Recordings
+from omnisim.validation.experiments.seeds import Progress
+from omnisim.validation.experiments.sweep import CAUSES, Outcome, sweep
 
 EDGES_M = np.arange(0.0, 6.01, 0.5)
 

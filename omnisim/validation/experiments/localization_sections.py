@@ -10,21 +10,21 @@ import numpy as np
 from omnisim.perception.localization.filter import LocalizationFilter
 from omnisim.perception.localization.observations import LandmarkMap
 from omnisim.perception.localization.track import notices
-from omnisim.validation.experiments.experiment_runs import (
-    SEEDS,
-    RealExperiment,
-    SimulationExperiment,
-)
-from omnisim.validation.experiments.seeds import SeedRuns, in_field_of_view, run_seeds
-from omnisim.validation.plots.localization_plots import (
+from omnisim.plots.localization_plots import (
     PathPanel,
     consistency_figure,
     errors_figure,
     paths_figure,
     seeds_figure,
 )
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
+from omnisim.report.measure import Measure
+from omnisim.report.report import CaptionedFigure, ResultTable, Section
+from omnisim.validation.experiments.experiment_runs import (
+    SEEDS,
+    RealExperiment,
+    SimulationExperiment,
+)
+from omnisim.validation.experiments.seeds import SeedRuns, in_field_of_view, run_seeds
 
 LATE_STEP = 5
 PAPER_BOUND_M, SIMULATED_BOUND_M = 0.6, 0.5

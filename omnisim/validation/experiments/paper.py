@@ -7,6 +7,8 @@ from pathlib import Path
 from omnisim.perception.landmarks.color_model import Costs
 from omnisim.perception.landmarks.color_model_file import save_model
 from omnisim.perception.localization.filter_parameters import read_parameters
+from omnisim.report.machine import machine_of_device
+from omnisim.report.report import Report, make_folder
 from omnisim.runs.run_labels import train_on_run
 from omnisim.validation.experiments import landmark_sections, localization_sections
 from omnisim.validation.experiments.experiment_runs import (
@@ -16,8 +18,6 @@ from omnisim.validation.experiments.experiment_runs import (
 )
 from omnisim.validation.experiments.recordings import record_all
 from omnisim.validation.experiments.seeds import Progress
-from omnisim.validation.report.machine import machine_of_device
-from omnisim.validation.report.report import Report, make_folder
 
 
 def run_experiments(folder: Path, device: int | None, progress: Progress) -> Report:

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.rays.embree import NO_TRIANGLE, EmbreeMesh
 from omnisim.rendering.stage import open_sensor
+from omnisim.report.measure import Measure
 from omnisim.scene import Scene
 from omnisim.scene.model import Material
 from omnisim.sensors import SpinningLidar
 from omnisim.sensors.lidar.spinning_lidar import PointCloud
-from omnisim.validation.report.measure import Measure
 
 Floats = NDArray[np.float64]
 MAX_OFF_MM, MAX_INTENSITY_OFF_PERCENT = 1.0, 1.0

@@ -17,7 +17,7 @@ RARE_LIBRARIES = (
 )  # fmt: skip
 # Modules of other commands: large tables that the paper's camera does not need.
 RARE_MODULES = (
-    "omnisim.cameras.calibration", "omnisim.validation.plots", "omnisim.rendering.rays",
+    "omnisim.cameras.calibration", "omnisim.plots", "omnisim.rendering.rays",
     "omnisim.rendering.camera.sensor_file",
 )  # fmt: skip
 # Not needed by an ideal image without textures and ground truth.

@@ -8,8 +8,8 @@ from benchmarks.options import Options
 from benchmarks.peers import field, quality
 from benchmarks.report import check
 from benchmarks.suites import peers
+from omnisim.plots.plot_file import write_plot
 from omnisim.validation.oracles import import_failure
-from omnisim.validation.plots.plot_file import write_plot
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 TIMED = {name for name in peers.RATIOS if name != field.PYRENDER}

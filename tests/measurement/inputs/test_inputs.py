@@ -34,7 +34,7 @@ def test_a_damaged_raw_file_is_named(tmp_path):
 
 def test_frames_of_a_video_are_spread_over_it(tmp_path):
     pytest.importorskip("av")
-    from omnisim.validation.plots.video_file import write_video
+    from omnisim.plots.video_file import write_video
 
     levels = np.linspace(20, 230, MAX_FRAMES + 50).astype(np.uint8)
     frames = (np.full((32, 48, 3), level, dtype=np.uint8) for level in levels)

@@ -26,7 +26,7 @@ from omnisim.apps.doctor import FAILED, LIMIT_S, OK, OTHER_DRIVER, STEPS, WARNIN
 from omnisim.core.files.atomic_file import check_target, write_text
 from omnisim.evaluation.child_process import ChildProcesses
 from omnisim.rendering.opengl.gl.diagnosis import VARIABLES, override_fault, printed_fault
-from omnisim.validation.report.machine import is_software
+from omnisim.report.machine import is_software
 
 NEEDED = ("libraries", "OpenGL")  # by all steps after them
 _COLORS = {OK: "green", WARNING: "yellow", FAILED: "bold red"}

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Iterator
 
 from omnisim.apps.cli.checks.requests import ExperimentsRequest
 from omnisim.apps.cli.console import err, out, track
+from omnisim.report.report import HTML, check_report_target
 from omnisim.validation.experiments.paper import run_experiments
-from omnisim.validation.report.report import HTML, check_report_target
 
 
 def run(request: ExperimentsRequest) -> bool:

@@ -11,10 +11,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from omnisim.apps.cli.checks.requests import ValidateRequest
 from omnisim.apps.cli.console import err, out
 from omnisim.core.errors import OmnisimError, did_you_mean
+from omnisim.report.machine import machine_of_device
+from omnisim.report.report import HTML, Section, check_report_target
 from omnisim.validation.check_registry import CHECKS, Check
 from omnisim.validation.fixture import Fixture
-from omnisim.validation.report.machine import machine_of_device
-from omnisim.validation.report.report import HTML, Section, check_report_target
 from omnisim.validation.suite import make_report, run_checks
 
 _COLORS = {"passed": "green", "failed": "bold red", "skipped": "yellow", "measured": "default"}

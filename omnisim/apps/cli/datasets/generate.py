@@ -25,7 +25,7 @@ from omnisim.datasets.generate.generate import Generation, estimate
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.sample_renderer import SampleRenderer
 from omnisim.datasets.generate.workers import ShardProgress
-from omnisim.validation.plots.sample_sheet import SampleTiles, channel_tile, sample_sheet
+from omnisim.plots.sample_sheet import SampleTiles, channel_tile, sample_sheet
 
 SHARDS = re.compile(r"(\d{1,9})(?::(\d{1,9}))?")
 
@@ -118,8 +118,8 @@ def _preview(request: GenerateRequest, count: int) -> None:
 
 def _map(request: GenerateRequest) -> None:
     require_extra("plots", "--map")
-    from omnisim.validation.plots.plan_map import plan_figure
-    from omnisim.validation.plots.plot_file import check_plot_target, write_plot
+    from omnisim.plots.plan_map import plan_figure
+    from omnisim.plots.plot_file import check_plot_target, write_plot
 
     if request.output is None:
         raise OutputError("-o: expected a .png, .pdf or .svg for the map")

@@ -23,7 +23,7 @@ def run(request: ScanRequest) -> None:
     check_target(request.output)
     if request.plot is not None:
         require_extra("plots", "--plot")
-        from omnisim.validation.plots.plot_file import check_plot_target
+        from omnisim.plots.plot_file import check_plot_target
 
         check_plot_target(request.plot)
     scanner = LaserScanner.lms200(request.resolution_deg, request.mode, request.seed)
@@ -47,8 +47,8 @@ def run(request: ScanRequest) -> None:
         markup=False,
     )
     if request.plot is not None:
-        from omnisim.validation.plots.plot_file import write_plot
-        from omnisim.validation.plots.scan_plot import scan_figure
+        from omnisim.plots.plot_file import write_plot
+        from omnisim.plots.scan_plot import scan_figure
 
         write_plot(request.plot, scan_figure(scan))
         out.print(f"{request.plot}: the scan from above", markup=False)

@@ -12,8 +12,8 @@ from omnisim.apps.cli.console import out, pluralize, print_note, track
 from omnisim.apps.cli.runs.requests import VideoRequest
 from omnisim.core.errors import OutputError, RunError
 from omnisim.core.files.image_files import read_image
+from omnisim.plots.video_file import check_video_target, write_video
 from omnisim.runs.run_folder import RunFolder
-from omnisim.validation.plots.video_file import check_video_target, write_video
 
 
 def run(request: VideoRequest) -> None:

@@ -12,7 +12,7 @@ from omnisim.apps.cli.console import pluralize
 from omnisim.measurement.comparison import Comparison
 
 if TYPE_CHECKING:
-    from omnisim.validation.report.report import ResultTable, Section
+    from omnisim.report.report import ResultTable, Section
 
 _SHOWN = 6  # images in the report
 _BIAS_PX, _LEVELS, _RISE_PERCENT, _NOISE = 0.05, 4.0, 15.0, 0.5
@@ -85,9 +85,9 @@ class ComparisonSummary:
 
     def section(self) -> Section:
         """Section of the report."""
-        from omnisim.validation.plots.twin_plots import edge_figure, noise_figure, sheet_figure
-        from omnisim.validation.report.measure import Measure
-        from omnisim.validation.report.report import CaptionedFigure, Section
+        from omnisim.plots.twin_plots import edge_figure, noise_figure, sheet_figure
+        from omnisim.report.measure import Measure
+        from omnisim.report.report import CaptionedFigure, Section
 
         comparison, patches = self.comparison, self.subject.patches
         step = max(1, len(comparison.images) // _SHOWN)
@@ -123,7 +123,7 @@ class ComparisonSummary:
         )
 
     def _rings(self) -> ResultTable:
-        from omnisim.validation.report.report import ResultTable
+        from omnisim.report.report import ResultTable
 
         columns = (
             "up to px",

@@ -44,7 +44,7 @@ def compare(request: MeasureCompareRequest) -> None:
     require_extra("measure", "omnisim measure compare", MeasurementError)
     require_extra("reports", "omnisim measure compare", MeasurementError)
     from omnisim.apps.cli.measure.measured_sections import measured_sections
-    from omnisim.validation.report.report import Report, check_report_target
+    from omnisim.report.report import Report, check_report_target
 
     check_report_target(request.output)
     _check_subject(request)

@@ -237,8 +237,8 @@ def _details(measured: MeasuredGeometry, rejected: Sequence[RejectedImage]) -> d
 def _write_plot(path: Path, measured: MeasuredGeometry) -> None:
     if not is_installed("matplotlib"):
         return
-    from omnisim.validation.plots.plot_file import write_plot
-    from omnisim.validation.plots.residual_plot import residual_figure
+    from omnisim.plots.plot_file import write_plot
+    from omnisim.plots.residual_plot import residual_figure
 
     pixels = np.concatenate([view.pixels_px for view in measured.views])
     size_px = measured.camera.width_px, measured.camera.height_px

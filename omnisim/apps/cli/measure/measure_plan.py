@@ -68,7 +68,7 @@ def plan(request: MeasurePlanRequest) -> None:
         OutputError: a file that cannot be written.
     """
     require_extra("reports", "omnisim measure plan", MeasurementError)
-    from omnisim.validation.report.report import Report, check_report_target
+    from omnisim.report.report import Report, check_report_target
 
     folder = request.output.with_name(f"{request.output.stem}-report")
     check_outputs(request.output, request.sensor)

@@ -17,17 +17,17 @@ from omnisim.apps.cli.measure.measured_files import (
     unobservable_of,
 )
 from omnisim.core.errors import MeasurementError
-from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.validation.plots.measured_plots import (
+from omnisim.plots.measured_plots import (
     photon_transfer_figure,
     response_figure,
     sharpness_figure,
     timing_figure,
     vignetting_figure,
 )
-from omnisim.validation.plots.plot_file import Figure
-from omnisim.validation.plots.residual_plot import residual_figure
-from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
+from omnisim.plots.plot_file import Figure
+from omnisim.plots.residual_plot import residual_figure
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.report.report import CaptionedFigure, ResultTable, Section
 
 PartReport = Mapping[str, Any]
 _MODELS = ("model", "numbers", "RMS px", "held out px", "not fitted")

@@ -38,7 +38,7 @@ def run(request: EvaluateRequest) -> bool:
         OutputError: the report cannot be written.
     """
     require_extra("reports", "omnisim evaluate", OmnisimError)
-    from omnisim.validation.report.report import check_report_target
+    from omnisim.report.report import check_report_target
 
     check_report_target(request.output)
     if not request.run.is_dir():
@@ -61,8 +61,8 @@ def _names(given: Iterable[str]) -> list[str]:
 
 
 def _evaluate_run(request: EvaluateRequest) -> list[Outcome]:
-    from omnisim.validation.report.estimator_report import run_section
-    from omnisim.validation.report.report import Report
+    from omnisim.report.estimator_report import run_section
+    from omnisim.report.report import Report
 
     names = _names(request.estimators or ESTIMATORS)
     for name in names:
@@ -89,7 +89,7 @@ def _text(recording: Recording) -> str:
 
 
 def _print(folder: Path, outcomes: Sequence[Outcome]) -> None:
-    from omnisim.validation.report.estimator_report import RUN_COLUMNS, run_row
+    from omnisim.report.estimator_report import RUN_COLUMNS, run_row
 
     table = Table(box=None, pad_edge=False)
     for heading in _PRINTED:

@@ -18,7 +18,7 @@ from omnisim.evaluation.drive_sweep import PointResult, run_sweep
 from omnisim.evaluation.sweep_plan import SweepPlan, SweepPoint, read_plan
 
 if TYPE_CHECKING:
-    from omnisim.validation.report.report import Section
+    from omnisim.report.report import Section
 
 POINTS, DRIVES = "points.json", "drives"
 ENGINES = ("local", "ray")
@@ -32,8 +32,8 @@ def sweep(request: EvaluateRequest, path: Path) -> None:
         PlanError: a fault in the plan.
         OutputError: a file cannot be written.
     """
-    from omnisim.validation.report.estimator_report import sweep_sections
-    from omnisim.validation.report.report import Report
+    from omnisim.report.estimator_report import sweep_sections
+    from omnisim.report.report import Report
 
     if request.engine not in ENGINES:
         raise PlanError(f"--engine {request.engine!r}: {did_you_mean(request.engine, ENGINES)}")

@@ -70,7 +70,7 @@ def detect(request: DetectRequest) -> None:
         check_target(request.output)
     if request.show is not None:
         require_extra("plots", "--show")
-        from omnisim.validation.plots.plot_file import check_plot_target
+        from omnisim.plots.plot_file import check_plot_target
 
         check_plot_target(request.show)
     model, landmarks = color_model_file.load_model(request.model)
@@ -101,8 +101,8 @@ def detect(request: DetectRequest) -> None:
     if request.output is not None:
         detection_files.write_detections(request.output, detections)
     if request.show is not None:
-        from omnisim.validation.plots.detection_plots import detections_figure
-        from omnisim.validation.plots.plot_file import write_plot
+        from omnisim.plots.detection_plots import detections_figure
+        from omnisim.plots.plot_file import write_plot
 
         write_plot(request.show, detections_figure(rows))
     out.print(

@@ -15,10 +15,10 @@ from omnisim.perception.landmarks.landmark_detector import LandmarkDetector
 from omnisim.perception.localization.filter_parameters import read_parameters
 from omnisim.perception.localization.localize import localize, observation_from_detection
 from omnisim.perception.localization.observations import LandmarkMap
+from omnisim.report.localization_report import write_localized
+from omnisim.report.report import HTML, check_report_target
 from omnisim.runs.run_data import read_run
 from omnisim.runs.run_labels import train_on_run
-from omnisim.validation.report.localization_report import write_localized
-from omnisim.validation.report.report import HTML, check_report_target
 
 SHOWN = 4  # maximum number of panoramas in the report
 

@@ -10,12 +10,12 @@ from omnisim.apps.cli.runs.requests import PlotRequest
 from omnisim.core.errors import SceneError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.trajectories import Trajectory, read_trajectory
+from omnisim.plots.plot_file import check_plot_target, write_plot
+from omnisim.plots.run_plot import RunDrawing, run_figure, steps_to_show
 from omnisim.robots import read_odometry
 from omnisim.runs.drive import scene_contents
 from omnisim.runs.run_folder import GROUND_TRUTH, OBJECTS, ODOMETRY, PLOT, RunFolder
 from omnisim.scene import Scene
-from omnisim.validation.plots.plot_file import check_plot_target, write_plot
-from omnisim.validation.plots.run_plot import RunDrawing, run_figure, steps_to_show
 
 
 def run(request: PlotRequest) -> None:

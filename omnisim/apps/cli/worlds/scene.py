@@ -36,7 +36,7 @@ def run(request: SceneRequest) -> None:
     """Print the contents of a scene as tables or JSON, and plot it on request."""
     if request.plot is not None:
         require_extra("plots", "--plot")
-        from omnisim.validation.plots.plot_file import check_plot_target
+        from omnisim.plots.plot_file import check_plot_target
 
         check_plot_target(request.plot)
     scene = read_scene(
@@ -53,8 +53,8 @@ def run(request: SceneRequest) -> None:
     else:
         _print_tables(document, request.all)
     if request.plot is not None:
-        from omnisim.validation.plots.plot_file import write_plot
-        from omnisim.validation.plots.scene_plot import scene_figure
+        from omnisim.plots.plot_file import write_plot
+        from omnisim.plots.scene_plot import scene_figure
 
         write_plot(request.plot, scene_figure(scene))
         if not request.json:

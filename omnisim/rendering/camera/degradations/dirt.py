@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.core.files.parameters import Fraction, LongSeed, NotNegative, Number
+from omnisim.core.random_numbers import key_of, normal, pcg4d, uniform
 from omnisim.rendering.camera.degradations.effect import Count, OpticalEffect
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
-from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d, uniform
 from omnisim.rendering.opengl.degradation.step import Step
 
 Pixels = Annotated[Number, Field(gt=0.0, le=10_000.0)]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import OutputError, SensorFileError
-from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d
+from omnisim.core.random_numbers import key_of, normal, pcg4d
 
 GAIN, OFFSET = "prnu", "dsnu_e"  # channels of a pattern's file
 

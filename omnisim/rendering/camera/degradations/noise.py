@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from omnisim.core.files.parameters import Fraction, LongSeed, Name, NotNegative, Positive
+from omnisim.core.random_numbers import normal, pcg4d, uniform
 from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
 from omnisim.rendering.camera.degradations.fixed_pattern import (
     no_pattern,
@@ -32,7 +33,6 @@ from omnisim.rendering.camera.degradations.fixed_pattern import (
     resampled,
 )
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
-from omnisim.rendering.camera.degradations.random_numbers import normal, pcg4d, uniform
 from omnisim.rendering.opengl.degradation.step import Step
 
 NORMAL_FROM_E = 32.0  # mean number of electrons from which the normal approximation suffices

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.camera.degradations.random_numbers import pcg4d, uniform
+from omnisim.core.random_numbers import pcg4d, uniform
 from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.scene.surface_reflectance import (
     MAX_TRACED_ROUGHNESS,

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from omnisim.measurement.noise import measure_noise
+from omnisim.report.measure import Measure
+from omnisim.report.report import ResultTable, Section
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles.emva import BOUNDS, ReferenceCamera
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import ResultTable, Section
 
 CAMERAS, QUICK_CAMERAS = 20, 1
 

@@ -12,11 +12,11 @@ from omnisim.core.srgb import srgb_from_linear
 from omnisim.measurement.response import measure_response, measure_vignetting
 from omnisim.measurement.timing import line_profiles, measure_timing
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
+from omnisim.report.measure import Measure
+from omnisim.report.report import ResultTable, Section
 from omnisim.validation.checks.measured.turning_board import FRAMES as BOARD_FRAMES
 from omnisim.validation.checks.measured.turning_board import turning_readout_error
 from omnisim.validation.fixture import Fixture
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import ResultTable, Section
 
 Floats = NDArray[np.float64]
 CAMERAS, QUICK_CAMERAS = 12, 4

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from omnisim.measurement.sharpness import MeasuredSharpness, measure_sharpness
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
+from omnisim.report.measure import Measure
+from omnisim.report.report import ResultTable, Section
 from omnisim.validation.analytic_edges import gaussian, true_mtf50
 from omnisim.validation.analytic_lens import AnalyticLens
 from omnisim.validation.fixture import Fixture
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import ResultTable, Section
 
 LENSES, QUICK_LENSES = 12, 2
 CHARTS, TWIN_CHARTS, NOISE = 3, 2, 0.005

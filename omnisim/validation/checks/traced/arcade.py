@@ -11,16 +11,16 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import open_sensor
+from omnisim.report.measure import Measure
+from omnisim.report.report import CaptionedFigure, Section
 from omnisim.scene import load_scene
 from omnisim.scene.model import Scene
 from omnisim.validation.fixture import Fixture, linear_image
-from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import converged_psnr_db, noise_floor_db
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import CaptionedFigure, Section
 from omnisim.validation.traced_light import (
     CAMERAS,
     beside,

@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 from omnisim.cameras import pixel_grid
 from omnisim.core import coordinate_frames as frames
 from omnisim.core.srgb import srgb_from_linear
+from omnisim.plots.plot_file import Figure
+from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
+from omnisim.report.measure import Measure
+from omnisim.report.report import CaptionedFigure, Section
 from omnisim.scene import Scene
 from omnisim.validation.displacement import displacement_figure, displacements
 from omnisim.validation.fixture import Fixture, linear_image, max_abs, mean_abs, mirror_camera
 from omnisim.validation.markers import centroids, inside_valid_area, marker_positions, marker_scene
 from omnisim.validation.oracles.mitsuba_tracer import trace_mirror
 from omnisim.validation.oracles.surfaces import opaque_only
-from omnisim.validation.plots.plot_file import Figure
-from omnisim.validation.plots.style import gallery
 from omnisim.validation.psnr import noise_floor_db, psnr_db
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import CaptionedFigure, Section
 
 SIZE_PX, QUICK_SIZE_PX = 512, 256
 SAMPLES, QUICK_SAMPLES = 144, 64  # squares, as its sampler wants

@@ -5,9 +5,9 @@ import math
 
 import pytest
 
+from omnisim.report.measure import Measure
+from omnisim.report.report import Section
 from omnisim.validation import oracles, suite
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import Section
 
 
 @pytest.mark.usefixtures("needs_opengl")

@@ -10,8 +10,8 @@ import pytest
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.package_files import SCENES
+from omnisim.plots.video_file import write_video
 from omnisim.rendering import cube_backend
-from omnisim.validation.plots.video_file import write_video
 
 ROUTE = ["--size", "32", "--step", "2", "--turn-step", "90"]
 DRIVE = ["drive", "soccer", "--robot", "superscout", "--path", "lap_clockwise", *ROUTE]

@@ -5,6 +5,7 @@ import pytest
 
 from omnisim.core.errors import SensorFileError
 from omnisim.core.files.image_files import write_channels
+from omnisim.core.random_numbers import key_of
 from omnisim.rendering.camera.degradations import Noise
 from omnisim.rendering.camera.degradations.effect import Shot
 from omnisim.rendering.camera.degradations.fixed_pattern import (
@@ -13,7 +14,6 @@ from omnisim.rendering.camera.degradations.fixed_pattern import (
     resampled,
     write_pattern,
 )
-from omnisim.rendering.camera.degradations.random_numbers import key_of
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 from tests.rendering.camera.degradations.images import GEOMETRY, on_gpu, random_image

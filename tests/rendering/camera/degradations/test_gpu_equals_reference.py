@@ -5,6 +5,7 @@ import pytest
 
 from omnisim.core.errors import OpticsError
 from omnisim.core.package_files import SHADERS
+from omnisim.core.random_numbers import key_of, normal, pcg4d, uniform
 from omnisim.rendering.camera.degradations import (
     Bayer,
     ChromaticAberration,
@@ -23,7 +24,6 @@ from omnisim.rendering.camera.degradations import (
 from omnisim.rendering.camera.degradations.development import developed, exposed
 from omnisim.rendering.camera.degradations.effect import Shot
 from omnisim.rendering.camera.degradations.encoding import neutral
-from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d, uniform
 from omnisim.rendering.camera.metering import Metering
 from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
 from omnisim.rendering.opengl.gl.pixel_readback import read_once

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from omnisim.core.random_numbers import key_of, normal, pcg4d, uniform
 from omnisim.rendering.camera.degradations import Noise
 from omnisim.rendering.camera.degradations.effect import Shot
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.rendering.camera.degradations.noise import poisson
-from omnisim.rendering.camera.degradations.random_numbers import key_of, normal, pcg4d, uniform
 from tests.rendering.camera.degradations.images import flat_image, on_gpu
 
 KEY = key_of("noise", 0)

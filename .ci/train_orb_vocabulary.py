@@ -1,8 +1,8 @@
 """Vocabulary of ORB descriptors for ORB-SLAM3's place recognition, trained on rendered images.
 
-    python -m omnisim.evaluation.estimators.orb_vocabulary FILE
+    python .ci/train_orb_vocabulary.py omnisim/evaluation/estimators/orb_vocabulary.txt.gz
 
-renders fisheye images of three built-in scenes, and trains the vocabulary FILE (.txt.gz) on them.
+renders fisheye images of three built-in scenes, and trains the vocabulary on them.
 The file has DBoW2's text format. The first line has branching factor, depth, scoring and weighting.
 Each further line has a node: its parent (0: the root), 1 for a word, the 32 bytes of its
 descriptor, and its weight.
@@ -29,7 +29,6 @@ from omnisim.core.poses import pose
 from omnisim.evaluation.estimators.gray_images import gray
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
-VOCABULARY = Path(__file__).with_name("orb_vocabulary.txt.gz")
 BRANCHING, DEPTH = 6, 5
 SCORING, WEIGHTING = 0, 0  # L1 norm; term frequency and inverse document frequency
 MAX_ITERATIONS = 12
@@ -54,13 +53,6 @@ class Node(NamedTuple):
     is_word: bool
     bits: Bits
     weight: float
-
-
-def unpacked_vocabulary(folder: Path) -> Path:
-    """Unpack the built-in vocabulary into a folder; returns the file's path."""
-    path = folder / VOCABULARY.stem
-    path.write_bytes(gzip.decompress(VOCABULARY.read_bytes()))
-    return path
 
 
 def train_vocabulary(

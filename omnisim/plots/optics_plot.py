@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras.optics import OpticalSystem, Rod, Surface, caustic_points, ray_jacobians
 from omnisim.cameras.optics.tracing import Fate
-from omnisim.validation.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, label_axes
+from omnisim.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, label_axes
 
 _RAYS = 25  # number of drawn rays
 _COLUMNS = 400  # of the image, for caustic and resolution

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from omnisim.validation.plots.style import BLUE, DPI, GRAY, ORANGE, label_axes
+from omnisim.plots.style import BLUE, DPI, GRAY, ORANGE, label_axes
 
 _MAX_ARROW = 0.04  # of the image's width: length of the 99th percentile's arrow
 

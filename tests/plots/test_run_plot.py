@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from omnisim.core.trajectories import Trajectory
+from omnisim.plots.run_plot import RunDrawing, run_figure, steps_to_show
 from omnisim.scene import load_scene
 from omnisim.scene.model import DynamicObject
 from omnisim.scene.motion.object_motion import Rest
-from omnisim.validation.plots.run_plot import RunDrawing, run_figure, steps_to_show
 
 
 def _figure(places_m, steps, scene=None, title="a run"):

@@ -15,11 +15,11 @@ from omnisim.perception.localization.consistency import mean_interval
 from omnisim.perception.localization.filter_parameters import FilterParameters
 from omnisim.perception.localization.track import Track, notices
 from omnisim.perception.localization.track_files import write_track
+from omnisim.plots.detection_plots import detections_figure
+from omnisim.plots.localization_plots import PathPanel, errors_figure, paths_figure
+from omnisim.report.measure import Measure
+from omnisim.report.report import CaptionedFigure, Report, Section, make_folder
 from omnisim.runs.run_data import RunData
-from omnisim.validation.plots.detection_plots import detections_figure
-from omnisim.validation.plots.localization_plots import PathPanel, errors_figure, paths_figure
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import CaptionedFigure, Report, Section, make_folder
 
 LATE_STEP = 5  # first step of the reported errors: the paper's start is worse than its odometry
 

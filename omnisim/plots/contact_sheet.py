@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.files.image_files import write_image
-from omnisim.validation.plots.style import DPI
+from omnisim.plots.style import DPI
 
 Tiles = Sequence[tuple[str, NDArray[np.uint8]]]  # titles and images
 TITLE_PX, GAP_PX, POINTS = 26, 8, 9.5

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from omnisim.perception.landmarks.color_model import Roc
 from omnisim.perception.landmarks.landmark_detector import Detection
-from omnisim.validation.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, RED, label_axes
+from omnisim.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, RED, label_axes
 
 _BOX = "#111111"
 

@@ -1,6 +1,6 @@
 """Contact sheet of all channels of ground truth.
 
-`python -m omnisim.validation.plots.ground_truth_sheet FILE`, with FILE a .png or .jpg.
+`python -m omnisim.plots.ground_truth_sheet FILE`, with FILE a .png or .jpg.
 
 The robot on the soccer field, through its mirror, and some of the channels through a fisheye lens
 that looks ahead. The robot moves ahead and to the left: flow leads to the pose after this one, and
@@ -21,12 +21,12 @@ from omnisim.cameras import EquidistantCamera
 from omnisim.core import poses
 from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.previews import preview
+from omnisim.plots.contact_sheet import run_sheet
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.model import Material
-from omnisim.validation.plots.contact_sheet import run_sheet
 
 SIDE_PX, COLUMNS = 300, 4
 BASE = poses.pose((-0.9, 0.6, 0.0), yaw_deg=35.0)

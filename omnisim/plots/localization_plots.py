@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.perception.localization.consistency import Interval
 from omnisim.perception.localization.track import Track
+from omnisim.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, RED, label_axes
 from omnisim.scene.model import Landmark
-from omnisim.validation.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, RED, label_axes
 
 SIGMAS = 3.0
 MIN_M = 1e-3  # lower end of the errors' scale: a known start has no error

@@ -1,6 +1,6 @@
 """Sheet of all degradations and presets.
 
-`python -m omnisim.validation.plots.degradation_sheet FILE` draws it.
+`python -m omnisim.plots.degradation_sheet FILE` draws it.
 
 The first rows show each degradation alone, stronger than in most cameras, as a whole image or as a
 part of a finer image, magnified four times. In all these images the camera turns left at 120°/s,
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera
+from omnisim.plots.contact_sheet import magnified, run_sheet
 from omnisim.rendering.camera.degradations import (
     Bayer,
     ChromaticAberration,
@@ -39,7 +40,6 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage
 from omnisim.rendering.twist import Twist
 from omnisim.scene import load_scene
-from omnisim.validation.plots.contact_sheet import magnified, run_sheet
 
 SIDE_PX, FINE_PX, TIMES, COLUMNS = 240, 360, 4, 4
 PART = np.s_[22:82, 178:238]  # of the fine image: a poster, desks, the blue goal, a line

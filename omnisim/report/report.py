@@ -15,8 +15,8 @@ import jinja2
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import atomic_write, check_target
 from omnisim.core.version import __version__
-from omnisim.validation.plots.plot_file import Figure, figure_png
-from omnisim.validation.report.measure import Measure
+from omnisim.plots.plot_file import Figure, figure_png
+from omnisim.report.measure import Measure
 
 TEMPLATE = Path(__file__).with_name("report.html.jinja")
 FORMAT_VERSION = 2

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from omnisim.validation.plots.sample_sheet import (
+from omnisim.plots.sample_sheet import (
     GAP_PX,
     LINE_PX,
     SampleTiles,

@@ -7,8 +7,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from omnisim.core.errors import OutputError
-from omnisim.validation.report.measure import Measure
-from omnisim.validation.report.report import (
+from omnisim.report.measure import Measure
+from omnisim.report.report import (
     CaptionedFigure,
     Report,
     ResultTable,

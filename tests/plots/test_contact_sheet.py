@@ -3,7 +3,7 @@ import pytest
 
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_image
-from omnisim.validation.plots.contact_sheet import (
+from omnisim.plots.contact_sheet import (
     GAP_PX,
     TITLE_PX,
     contact_sheet,

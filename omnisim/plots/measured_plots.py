@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from omnisim.validation.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, RED, label_axes, plot
+from omnisim.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, RED, label_axes, plot
 
 _COLORS = {"gray": GRAY, "red": RED, "green": GREEN, "blue": BLUE}
 _SIGMAS = 2.0  # length of error bars

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.core.trajectories import Trajectory
+from omnisim.plots.scene_map import draw_scene_map
 from omnisim.scene import Scene
 from omnisim.scene.model import Landmark
-from omnisim.validation.plots.scene_map import draw_scene_map
 
 TRUE, RECKONED, INK = "#1f5fa8", "#d9622b", "#222222"
 RUNS = (TRUE, "#b03060", "#2b8a57", "#7a3fa0")

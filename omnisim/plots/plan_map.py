@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from omnisim.datasets.free_space import FreeSpace
 from omnisim.datasets.generate.draw import Draw, draw, draw_indices
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
-from omnisim.validation.plots.scene_map import draw_scene_map
-from omnisim.validation.plots.style import BLUE, DPI, GREEN, ORANGE, label_axes
+from omnisim.plots.scene_map import draw_scene_map
+from omnisim.plots.style import BLUE, DPI, GREEN, ORANGE, label_axes
 
 MAX_SAMPLES = 400  # number of places shown
 AROUND_M = 1.5

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from omnisim.validation.plots.style import DPI, GRAY, RED, label_axes
+from omnisim.plots.style import DPI, GRAY, RED, label_axes
 
 _COLORS = colormaps["tab10"].colors  # type: ignore[attr-defined]  # a list of colors
 _LINES = ("-", "--", "-.", ":")  # trajectories often overlap

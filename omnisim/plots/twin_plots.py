@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from omnisim.measurement.comparison.comparison import Comparison, ImageComparison
-from omnisim.validation.plots.style import BLUE, DPI, GRAY, ORANGE, label_axes
+from omnisim.plots.style import BLUE, DPI, GRAY, ORANGE, label_axes
 
 _SMALL_PX = 0.05  # least extent of the axis of biases
 _GAIN = 2.0  # of differences, around middle gray

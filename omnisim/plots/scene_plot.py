@@ -6,11 +6,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from omnisim.plots.run_plot import draw_landmark
+from omnisim.plots.scene_map import draw_scene_map
+from omnisim.plots.style import BLUE, GREEN, ORANGE, plot
 from omnisim.scene import Scene
 from omnisim.scene.space.floor import floor_height_m
-from omnisim.validation.plots.run_plot import draw_landmark
-from omnisim.validation.plots.scene_map import draw_scene_map
-from omnisim.validation.plots.style import BLUE, GREEN, ORANGE, plot
 
 # Larger scenes are shown around their starts, paths and landmarks, with this margin.
 MAX_SIDE_M, AROUND_M = 30.0, 12.0

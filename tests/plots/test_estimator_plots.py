@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from omnisim.validation.plots.estimator_plots import SweepLine, SweepPanel, sweep_grid
+from omnisim.plots.estimator_plots import SweepLine, SweepPanel, sweep_grid
 
 
 def test_a_grid_has_a_panel_for_each_measure_and_one_legend():

@@ -1,6 +1,6 @@
 """Sheet of 3-D boxes over images.
 
-`python -m omnisim.validation.plots.boxes_3d_sheet FILE`, with FILE a .png or .jpg.
+`python -m omnisim.plots.boxes_3d_sheet FILE`, with FILE a .png or .jpg.
 
 A robot in the soccer hall through a fisheye lens and a mirror: boxes of whole instances, and of
 their visible points. Edges that are straight in the world are curved in the image.
@@ -19,11 +19,11 @@ from omnisim.cameras import CentralCamera, EquidistantCamera
 from omnisim.core import poses
 from omnisim.ground_truth.boxes_3d import InstanceBox, OrientedBox
 from omnisim.ground_truth.label_names import distinct_color
+from omnisim.plots.contact_sheet import run_sheet
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle
 from omnisim.scene import load_scene
-from omnisim.validation.plots.contact_sheet import run_sheet
 
 SIDE_PX, COLUMNS = 480, 2
 BASE = poses.pose((-0.9, 0.6, 0.0), yaw_deg=35.0)

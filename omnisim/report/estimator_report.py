@@ -23,7 +23,7 @@ from omnisim.evaluation.run_evaluation import estimator_folder, true_trajectory
 from omnisim.evaluation.seed_statistics import SeedMean, over_seeds
 from omnisim.evaluation.sweep_plan import BASE, SweepPlan, shown_points
 from omnisim.evaluation.trajectory_errors import TrajectoryErrors, lost_intervals, match_times
-from omnisim.validation.plots.estimator_plots import (
+from omnisim.plots.estimator_plots import (
     LostRow,
     SweepLine,
     SweepPanel,
@@ -35,7 +35,7 @@ from omnisim.validation.plots.estimator_plots import (
     sweep_grid,
     trajectories_figure,
 )
-from omnisim.validation.report.report import CaptionedFigure, ResultTable, Section
+from omnisim.report.report import CaptionedFigure, ResultTable, Section
 
 METHOD = (
     "ATE: root mean square distance from the truth after alignment (se3: by rotation and "
