@@ -7,7 +7,7 @@ from omnisim.apps.cli.worlds.requests import SceneConvertRequest
 from omnisim.core.files.atomic_file import atomic_write, check_distinct, check_suffix, check_target
 from omnisim.scene import read_scene
 from omnisim.scene.files.source import resolve_source
-from omnisim.scene.formats.gltf.writing.writer import write_glb
+from omnisim.scene.formats.gltf.writer import write_glb
 
 
 def run(request: SceneConvertRequest) -> None:

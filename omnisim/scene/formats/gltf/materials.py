@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -14,16 +15,14 @@ from numpy.typing import NDArray
 from omnisim.scene.files.asset_resolver import AssetResolver
 from omnisim.scene.files.imported_scene import MAX_COORDINATE
 from omnisim.scene.formats.gltf.accessors import Accessors, read_uri
-from omnisim.scene.formats.gltf.json_object import JsonObject
-from omnisim.scene.formats.gltf.materials.factors import Factors, factor_notices
-from omnisim.scene.formats.gltf.materials.packed_maps import PackedMaps
-from omnisim.scene.formats.gltf.materials.reflectance import with_reflectance
+from omnisim.scene.formats.gltf.document import JsonObject
 from omnisim.scene.formats.gltf.primitives import Primitive
 from omnisim.scene.model import AlphaMode, Material, Texture, Wrap
 from omnisim.scene.textures import NO_IMAGE, TextureStore, unreadable_image
 
 if TYPE_CHECKING:
     from PIL import Image
+
 
 _REPEAT, _MIRRORED_REPEAT, _CLAMP_TO_EDGE = 10497, 33648, 33071  # OpenGL's constants
 _ALPHA_MODES = {mode.name: mode for mode in AlphaMode}
@@ -260,3 +259,233 @@ def _relative(own: NDArray[np.float64], base: NDArray[np.float64]) -> NDArray[np
 
 def _wrap(number: int) -> Wrap:
     return Wrap.CLAMP_TO_EDGE if number == _CLAMP_TO_EDGE else Wrap.REPEAT
+
+
+# Factors of materials within the ranges that glTF gives them.
+
+
+_MAX_NAMED = 5
+_ROUNDING = 1e-6  # of exporters, which write float32
+Color = tuple[float, float, float]
+
+
+class Factors:
+    """Limits factors of one material, and records the values outside their ranges.
+
+    Attributes:
+        material: name of the material.
+        changed: one text per value outside its range, with material, key, value and substitute.
+    """
+
+    def __init__(self, material: str):
+        self.changed: list[str] = []
+        self.material = material
+
+    def number(
+        self, entry: JsonObject, key: str, default: float, low: float, high: float = math.inf
+    ) -> float:
+        """Number of a property, limited to [low, high]."""
+        value = entry.number(key, default)
+        return self.replaced(_name(entry, key), value, min(max(value, low), high))
+
+    def share(self, entry: JsonObject, key: str, default: float) -> float:
+        """Number of a property, limited to [0, 1]."""
+        return self.number(entry, key, default, 0.0, 1.0)
+
+    def color(self, entry: JsonObject, key: str, default: float, high: float = math.inf) -> Color:
+        """Linear RGB of a property, each channel limited to [0, high]."""
+        values = entry.numbers(key, 3) or (default, default, default)
+        red, green, blue = (
+            self.replaced(f"{_name(entry, key)}[{index}]", value, min(max(value, 0.0), high))
+            for index, value in enumerate(values)
+        )
+        return red, green, blue
+
+    def replaced(self, name: str, value: float, used: float) -> float:
+        """Record a value that is replaced by another, and return the substitute."""
+        if not math.isclose(used, value, rel_tol=_ROUNDING):
+            self.changed.append(f"{self.material!r} {name} {value:g} (used: {used:g})")
+        return used
+
+
+def factor_notices(changed: Sequence[str]) -> list[str]:
+    """At most one line, which names the first values of a file that are outside their ranges."""
+    if not changed:
+        return []
+    more = len(changed) - _MAX_NAMED
+    rest = f", and {more} more" if more > 0 else ""
+    return [f"factors of materials out of range: {', '.join(changed[:_MAX_NAMED])}{rest}"]
+
+
+def _name(entry: JsonObject, key: str) -> str:
+    """Key, with the texture that it belongs to."""
+    parent = entry.place.rpartition(".")[2]
+    return f"{parent}.{key}" if parent.endswith("Texture") else key
+
+
+# Maps that a file may split over several images, packed into one texture.
+
+
+# Texture and its used channels; None: all channels are 1.
+Part = tuple[Texture | None, tuple[int, ...]]
+
+
+class PackedMaps:
+    """Textures packed from several maps, each packed once for all materials."""
+
+    def __init__(self) -> None:
+        self._found: dict[tuple[object, ...], tuple[Texture, list[Part]]] = {}
+
+    def pack(self, parts: Sequence[Part]) -> Texture | None:
+        """Texture with the channels of all parts; None: no part has a texture.
+
+        Raises:
+            ValueError: maps with different placements.
+        """
+        given = [texture for texture, _ in parts if texture is not None]
+        if not given:
+            return None
+        places = {(one.uv_set, one.uv_transform, one.wrap_u, one.wrap_v) for one in given}
+        if len(places) > 1:
+            raise ValueError
+        if len(given) == len(parts) and len({id(one.pixels) for one in given}) == 1:
+            return given[0]
+        key = (*(None if one is None else id(one.pixels) for one, _ in parts), places.pop())
+        if key not in self._found:  # storing the parts keeps their ids from being reused
+            self._found[key] = replace(given[0], pixels=_packed(parts, given)), list(parts)
+        return self._found[key][0]
+
+
+def _packed(parts: Sequence[Part], given: Sequence[Texture]) -> NDArray[np.uint8]:
+    from PIL import Image  # slow to import
+
+    height, width = np.max([one.pixels.shape[:2] for one in given], axis=0).tolist()
+    pixels = np.full((height, width, 4), 255, dtype=np.uint8)
+    for texture, channels in parts:
+        for channel in channels if texture is not None else ():
+            assert texture is not None
+            plane = Image.fromarray(np.ascontiguousarray(texture.pixels[..., channel]))
+            pixels[..., channel] = plane.resize((width, height), Image.Resampling.BILINEAR)
+    return pixels
+
+
+# Reflectance of materials: metal, roughness, gloss, clear coat and emission.
+
+
+DEFAULT_IOR = 1.5
+_WHOLE = 25.0  # specular color with which a dielectric of that index reflects all, not 4 %
+_BRIGHTEST = 65504.0  # largest half float, the precision of images
+_MAX_SCALE = 1e3
+
+
+def with_reflectance(
+    material: Material, entry: JsonObject, maps: Sequence[Texture | None], factors: Factors
+) -> Material:
+    """Material with the reflectance of its JSON entry, and maps in the order of `Material.maps`.
+
+    Factors outside their ranges are limited, and recorded in `factors`. An index of refraction of 0
+    means that the specular color is the reflectance itself, as of a metal.
+
+    Source: glTF 2.0, section 3.9; KHR_materials_emissive_strength, _ior, _specular, _clearcoat,
+    _transmission, _volume, _dispersion, and the glossiness of KHR_materials_pbrSpecularGlossiness.
+    """
+    metallic_roughness, normal, occlusion, emissive, gloss, clear, coat_normal = maps
+    metallic = entry.object("pbrMetallicRoughness")
+    color, scale = _emissive(entry, factors), _scale(entry.object("normalTexture"), factors)
+    strength = factors.share(entry.object("occlusionTexture"), "strength", 1.0)
+    common = replace(
+        material,
+        emissive=color,
+        normal_scale=scale,
+        occlusion_strength=strength,
+        normal_map=normal if scale else None,
+        occlusion_map=occlusion if strength else None,
+        emissive_map=emissive if any(color) else None,
+    )
+    glossy = entry.extension("KHR_materials_pbrSpecularGlossiness")
+    if glossy is not None:
+        return _specular_glossiness(common, glossy, factors)
+    coat = entry.extension("KHR_materials_clearcoat") or JsonObject({}, "")
+    specular = entry.extension("KHR_materials_specular") or JsonObject({}, "")
+    ior = entry.extension("KHR_materials_ior") or JsonObject({}, "")
+    volume = entry.extension("KHR_materials_volume") or JsonObject({}, "")
+    dispersion = entry.extension("KHR_materials_dispersion") or JsonObject({}, "")
+    strength, coating = (
+        factors.share(specular, "specularFactor", 1.0),
+        factors.share(coat, "clearcoatFactor", 0.0),
+    )
+    coat_scale = _scale(coat.object("clearcoatNormalTexture"), factors)
+    gives_reflectance = ior.number("ior", DEFAULT_IOR) == 0.0
+    is_opaque = gives_reflectance or has_transmission_map(entry)
+    red, green, blue = factors.color(specular, "specularColorFactor", 1.0)
+    return replace(
+        common,
+        metallic=factors.share(metallic, "metallicFactor", 1.0),
+        roughness=factors.share(metallic, "roughnessFactor", 1.0),
+        specular=strength,
+        specular_color=_tint_of(red, green, blue) if gives_reflectance else (red, green, blue),
+        ior=DEFAULT_IOR if gives_reflectance else factors.number(ior, "ior", DEFAULT_IOR, 1.0),
+        transmission=0.0 if is_opaque else _transmission(entry, factors),
+        thickness_m=factors.number(volume, "thicknessFactor", 0.0, 0.0),
+        attenuation_color=factors.color(volume, "attenuationColor", 1.0, 1.0),
+        attenuation_distance_m=_attenuation_distance_m(volume, factors),
+        dispersion=factors.number(dispersion, "dispersion", 0.0, 0.0),
+        clearcoat=coating,
+        clearcoat_roughness=factors.share(coat, "clearcoatRoughnessFactor", 0.0),
+        clearcoat_normal_scale=coat_scale,
+        metallic_roughness_map=metallic_roughness,
+        specular_map=gloss if strength else None,
+        clearcoat_map=clear if coating else None,
+        clearcoat_normal_map=coat_normal if coating and coat_scale else None,
+    )
+
+
+def has_transmission_map(entry: JsonObject) -> bool:
+    """True for a material that transmits light by a map."""
+    transmission = entry.extension("KHR_materials_transmission") or JsonObject({}, "")
+    is_used = transmission.number("transmissionFactor", 0.0) > 0.0
+    return is_used and transmission.has("transmissionTexture")
+
+
+def _attenuation_distance_m(volume: JsonObject, factors: Factors) -> float:
+    if not volume.has("attenuationDistance"):
+        return math.inf
+    distance_m = volume.number("attenuationDistance", 0.0)
+    used_m = distance_m if distance_m > 0.0 else math.inf
+    return factors.replaced("attenuationDistance", distance_m, used_m)
+
+
+def _transmission(entry: JsonObject, factors: Factors) -> float:
+    transmission = entry.extension("KHR_materials_transmission") or JsonObject({}, "")
+    return factors.share(transmission, "transmissionFactor", 0.0)
+
+
+def _specular_glossiness(material: Material, glossy: JsonObject, factors: Factors) -> Material:
+    """Dielectric whose reflectance at normal incidence is the specular factor."""
+    red, green, blue = factors.color(glossy, "specularFactor", 1.0, 1.0)
+    return replace(
+        material,
+        roughness=1.0 - factors.share(glossy, "glossinessFactor", 1.0),
+        specular=1.0,
+        specular_color=_tint_of(red, green, blue),
+    )
+
+
+def _tint_of(red: float, green: float, blue: float) -> Color:
+    """Specular color of a dielectric of the default index, for a reflectance."""
+    return _WHOLE * red, _WHOLE * green, _WHOLE * blue
+
+
+def _emissive(entry: JsonObject, factors: Factors) -> Color:
+    strength = entry.extension("KHR_materials_emissive_strength") or JsonObject({}, "")
+    factor = factors.number(strength, "emissiveStrength", 1.0, 0.0)
+    bright = [factor * one for one in factors.color(entry, "emissiveFactor", 0.0)]
+    peak = max(bright)
+    if peak > _BRIGHTEST:
+        factors.replaced("emissiveFactor · emissiveStrength", peak, _BRIGHTEST)
+    red, green, blue = (min(one, _BRIGHTEST) for one in bright)
+    return red, green, blue
+
+
+def _scale(texture: JsonObject, factors: Factors) -> float:
+    return factors.number(texture, "scale", 1.0, -_MAX_SCALE, _MAX_SCALE)
