@@ -139,7 +139,7 @@ def _format_of(path: Path) -> SceneFormat | None:
     suffix = path.suffix.lower()
     scene_format = next((one for one in _FORMATS if suffix in one.suffixes), None)
     if scene_format is _MJCF:
-        from omnisim.scene.formats.urdf.document import is_urdf  # imports an XML parser
+        from omnisim.scene.formats.urdf.kinematics import is_urdf  # imports an XML parser
 
         return _URDF if is_urdf(path) else _MJCF
     return scene_format
