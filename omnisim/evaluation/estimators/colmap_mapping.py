@@ -21,7 +21,7 @@ from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimator import Estimator
 from omnisim.evaluation.estimators.camera_center import camera_center_from_base
-from omnisim.evaluation.trajectory_alignment import AlignmentKind
+from omnisim.evaluation.trajectory_errors import AlignmentKind
 
 if TYPE_CHECKING:
     import pycolmap

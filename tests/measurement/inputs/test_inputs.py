@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.errors import MeasurementError
-from omnisim.measurement.geometry.board_images import image_files, read_gray
+from omnisim.measurement.geometry.board_detection import image_files, read_gray
 from omnisim.measurement.inputs import is_lossy, read_mosaic, read_photo
 from omnisim.measurement.inputs.recorded_frames import MAX_FRAMES
 from tests.measurement.inputs.raw_file import write_dng

@@ -22,7 +22,7 @@ from omnisim.apps.cli.measure.measured_files import (
 )
 from omnisim.apps.cli.measure.requests import MeasureResponseRequest
 from omnisim.core.errors import MeasurementError
-from omnisim.measurement.geometry.board_images import image_files
+from omnisim.measurement.geometry.board_detection import image_files
 from omnisim.measurement.noise import find_frame_sets
 from omnisim.measurement.quantity import Quantity, Unobservable
 from omnisim.measurement.response import (
@@ -31,7 +31,7 @@ from omnisim.measurement.response import (
     measure_response,
     measure_vignetting,
 )
-from omnisim.measurement.response.mean_images import check_unclipped, mean_image
+from omnisim.measurement.response.light_falloff import check_unclipped, mean_image
 
 _GREEN = 1
 _NAMES = ("red", "green", "blue")

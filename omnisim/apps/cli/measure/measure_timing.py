@@ -24,11 +24,11 @@ from omnisim.apps.cli.measure.requests import MeasureTimingRequest
 from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
 from omnisim.measurement.geometry import BoardView, find_boards, read_board
-from omnisim.measurement.geometry.board_images import image_files
+from omnisim.measurement.geometry.board_detection import image_files
 from omnisim.measurement.geometry.placed_board import BoardSurface
 from omnisim.measurement.inputs import frame_numbers
 from omnisim.measurement.quantity import Unobservable
-from omnisim.measurement.response.mean_images import mean_image
+from omnisim.measurement.response.light_falloff import mean_image
 from omnisim.measurement.timing import (
     MeasuredReadout,
     MeasuredTiming,

@@ -16,8 +16,7 @@ from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import write_text
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimator_registry import COMMAND, ESTIMATORS, estimator_named
-from omnisim.evaluation.outcome import Outcome
-from omnisim.evaluation.run_evaluation import estimator_folder, evaluate_estimator
+from omnisim.evaluation.run_evaluation import Outcome, estimator_folder, evaluate_estimator
 from omnisim.evaluation.sweep_plan import find_plan
 
 OUTCOMES = "outcomes.json"
