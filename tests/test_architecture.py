@@ -76,7 +76,6 @@ DRAWING = {
         "rendering.truth.parallax_hits",
         "validation.checks.optics_triangles",
         "validation.checks.polygons",
-        "validation.same_triangles",
     )
 }
 MODULES = {

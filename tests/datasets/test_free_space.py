@@ -9,9 +9,8 @@ from scipy.spatial import cKDTree
 
 from omnisim.core.errors import PlanError
 from omnisim.datasets import free_space
-from omnisim.datasets.free_space import MARGIN_CELLS, find_free_space
+from omnisim.datasets.free_space import MARGIN_CELLS, find_free_space, surface_points
 from omnisim.datasets.generate.distributions import Stream
-from omnisim.datasets.generate.triangle_parts import surface_points
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.model import StartPose
 from omnisim.scene.space.triangles import triangles_within

@@ -120,8 +120,7 @@ def _convert_optics(
     request: ConvertRequest, system: OpticalSystem, source: Path, more_distances_m: list[float]
 ) -> None:
     """Write the best central fit to an optical system, and print its residuals."""
-    from omnisim.cameras.optics.central_fit import fit_central
-    from omnisim.cameras.optics.central_view import DISTANCES_M
+    from omnisim.cameras.optics.central_view import DISTANCES_M, fit_central
 
     for option, value in (
         ("--camera-name", request.camera_name), ("--format", request.format),

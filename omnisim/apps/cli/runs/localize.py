@@ -9,12 +9,11 @@ import numpy as np
 from omnisim.apps.cli.console import out, pluralize, print_note, track
 from omnisim.apps.cli.runs.requests import LocalizeRequest
 from omnisim.core.errors import LocalizationError
-from omnisim.perception.landmarks.color_model import ColorModel, Costs
-from omnisim.perception.landmarks.color_model_file import load_model
+from omnisim.perception.landmarks.color_model import ColorModel, Costs, load_model
 from omnisim.perception.landmarks.landmark_detector import LandmarkDetector
+from omnisim.perception.localization.filter import LandmarkMap
 from omnisim.perception.localization.filter_parameters import read_parameters
 from omnisim.perception.localization.localize import localize, observation_from_detection
-from omnisim.perception.localization.observations import LandmarkMap
 from omnisim.report.localization_report import write_localized
 from omnisim.report.report import HTML, check_report_target
 from omnisim.runs.run_data import read_run
