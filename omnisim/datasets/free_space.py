@@ -23,8 +23,7 @@ from omnisim.core.errors import PlanError
 from omnisim.core.files.atomic_file import atomic_write
 from omnisim.core.short_repr import short_repr
 from omnisim.scene.model import Scene
-from omnisim.scene.space.floor import HeightField
-from omnisim.scene.space.triangles import triangles_within
+from omnisim.scene.space.floor import HeightField, triangles_within
 
 MAX_CELLS = 1000  # per side of the floor plan, around the scene's start
 CELLS_PER_RADIUS = 4.0

@@ -13,7 +13,7 @@ from omnisim.datasets.free_space import MARGIN_CELLS, find_free_space, surface_p
 from omnisim.datasets.generate.distributions import Stream
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.model import StartPose
-from omnisim.scene.space.triangles import triangles_within
+from omnisim.scene.space.floor import triangles_within
 from tests.slow import slow_but
 
 RADIUS_M, HEIGHT_M, STEP_M = 0.25, 0.8, 0.05

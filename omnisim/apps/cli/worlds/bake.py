@@ -18,8 +18,8 @@ from omnisim.scene.files.source import resolve_source
 def run(request: BakeRequest) -> None:
     """Bake a scene's light, and print its size."""
     require_extra("bake", "omnisim bake")
+    from omnisim.rendering.baking.bake import estimate
     from omnisim.rendering.baking.baked_files import bake_of, bake_scene
-    from omnisim.rendering.baking.estimates import estimate
     from omnisim.rendering.baking.settings import BakeSettings
 
     output = request.output

@@ -16,8 +16,13 @@ from omnisim.scene.formats.gltf.accessors import Accessors
 from omnisim.scene.formats.gltf.document import JsonObject
 from omnisim.scene.formats.gltf.nodes import parent_from_node
 from omnisim.scene.labels import BODY
-from omnisim.scene.motion.keyframes import Interpolation, Keyframes
-from omnisim.scene.motion.node_motion import AnimatedNode, NodeMotion, local_transform
+from omnisim.scene.motion.node_motion import (
+    AnimatedNode,
+    Interpolation,
+    Keyframes,
+    NodeMotion,
+    local_transform,
+)
 
 NO_ANIMATION = "none"
 _WEIGHTS = "weights"

@@ -17,7 +17,7 @@ from omnisim.scene.formats.gltf.animations import Animation, MovingNode
 from omnisim.scene.formats.gltf.document import JsonObject
 from omnisim.scene.formats.gltf.primitives import Primitive
 from omnisim.scene.motion.deformation import Deformation, MorphTargets, Skeleton
-from omnisim.scene.motion.keyframes import Keyframes
+from omnisim.scene.motion.node_motion import Keyframes
 from omnisim.scene.parts import Mesh
 
 Matrix = NDArray[np.float64]
