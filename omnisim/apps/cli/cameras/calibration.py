@@ -67,7 +67,8 @@ def convert(request: ConvertRequest) -> None:
     check_distinct({"what is written": request.output}, {"the file to convert": source})
     system = _system(request, source)
     if system is not None:
-        return _convert_optics(request, system, source, more_distances_m)
+        _convert_optics(request, system, source, more_distances_m)
+        return
     for option, value in (
         ("--at-distance", request.at_distance), ("--right-at", request.right_at),
     ):  # fmt: skip

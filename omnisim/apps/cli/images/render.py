@@ -60,7 +60,8 @@ def run(request: RenderRequest) -> None:
     if request.poses.trajectory is not None:
         from omnisim.apps.cli.images.trajectory import run as run_trajectory
 
-        return run_trajectory(request, request.poses.trajectory)
+        run_trajectory(request, request.poses.trajectory)
+        return
     refuse_given(request.poses, "requires --trajectory", "trajectory_frame", "axes", "rate_hz")
     refuse_given(request, "requires --trajectory", "force")
     backend = checked_backend(request.gpu)
