@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError, printable
 from omnisim.core.extras import install_hint, is_installed
-from omnisim.scene.files.asset_resolver import AssetResolver
 from omnisim.scene.formats.gltf.document import JsonObject
+from omnisim.scene.formats.resources import AssetResolver
 
 _INDEX_TYPES: dict[int | str, str] = {5121: "<u1", 5123: "<u2", 5125: "<u4"}
 _COMPONENT_TYPES = {5120: "<i1", 5122: "<i2", 5126: "<f4"} | _INDEX_TYPES

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError, did_you_mean
 from omnisim.core.poses import nearest_rotation
-from omnisim.scene.files.imported_scene import ImportedObject
 from omnisim.scene.formats.gltf.accessors import Accessors
 from omnisim.scene.formats.gltf.document import JsonObject
 from omnisim.scene.formats.gltf.nodes import parent_from_node
+from omnisim.scene.formats.imported_scene import ImportedObject
 from omnisim.scene.labels import BODY
 from omnisim.scene.motion.node_motion import (
     AnimatedNode,

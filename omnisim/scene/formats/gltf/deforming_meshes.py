@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError
 from omnisim.core.short_repr import counted
-from omnisim.scene.files.imported_scene import MAX_COORDINATE, make_mesh, translate
 from omnisim.scene.formats.gltf.accessors import Accessors
 from omnisim.scene.formats.gltf.animations import Animation, MovingNode
 from omnisim.scene.formats.gltf.document import JsonObject
 from omnisim.scene.formats.gltf.primitives import Primitive
+from omnisim.scene.formats.imported_scene import MAX_COORDINATE, make_mesh, translate
 from omnisim.scene.motion.deformation import Deformation, MorphTargets, Skeleton
 from omnisim.scene.motion.node_motion import Keyframes
 from omnisim.scene.parts import Mesh

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.scene.files.asset_resolver import AssetResolver
-from omnisim.scene.files.imported_scene import MAX_COORDINATE
 from omnisim.scene.formats.gltf.accessors import Accessors, read_uri
 from omnisim.scene.formats.gltf.document import JsonObject
 from omnisim.scene.formats.gltf.primitives import Primitive
+from omnisim.scene.formats.imported_scene import MAX_COORDINATE
+from omnisim.scene.formats.resources import AssetResolver
 from omnisim.scene.model import AlphaMode, Material, Texture, Wrap
 from omnisim.scene.textures import NO_IMAGE, TextureStore, unreadable_image
 

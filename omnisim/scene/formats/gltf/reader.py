@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
 from omnisim.core.errors import SceneError, printable
-from omnisim.scene.files.asset_resolver import AssetResolver
-from omnisim.scene.files.imported_scene import ImportedScene, colors_rgba, make_mesh, translate
 from omnisim.scene.formats.cameras import Cameras, pinhole, read_lens
 from omnisim.scene.formats.gltf.accessors import Accessors
 from omnisim.scene.formats.gltf.animations import (
@@ -38,7 +36,14 @@ from omnisim.scene.formats.gltf.nodes import (
     scene_parents,
 )
 from omnisim.scene.formats.gltf.primitives import POINTS_AND_LINES, TRIANGLES, Primitive
-from omnisim.scene.formats.omissions import Omissions
+from omnisim.scene.formats.imported_scene import (
+    ImportedScene,
+    Omissions,
+    colors_rgba,
+    make_mesh,
+    translate,
+)
+from omnisim.scene.formats.resources import AssetResolver
 from omnisim.scene.model import Instance, Mesh
 from omnisim.scene.textures import TextureStore
 

@@ -18,9 +18,8 @@ from PIL import Image
 
 from omnisim.core.errors import OutputError
 from omnisim.core.version import __version__
-from omnisim.scene.files.file_axes import world_from_axes
-from omnisim.scene.files.imported_scene import make_mesh
 from omnisim.scene.formats.gltf.materials import DEFAULT_IOR
+from omnisim.scene.formats.imported_scene import make_mesh, world_from_axes
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING, FILL_AMBIENT, is_even
 from omnisim.scene.model import Scene
 from omnisim.scene.parts import (

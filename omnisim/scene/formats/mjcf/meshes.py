@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.poses import rotation_from_quaternion
-from omnisim.scene.files.imported_scene import make_mesh
+from omnisim.scene.formats.imported_scene import make_mesh
 from omnisim.scene.formats.mjcf.geometry import (
     Geom,
     MappedSurface,

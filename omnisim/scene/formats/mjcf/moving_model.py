@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError, did_you_mean, printable
 from omnisim.core.poses import inverse, pose_from_rotation
-from omnisim.scene.files.imported_scene import ImportedScene, make_mesh, translate
+from omnisim.scene.formats.imported_scene import ImportedScene, make_mesh, translate
 from omnisim.scene.formats.mjcf.meshes import visible_deformables
 from omnisim.scene.formats.mjcf.reader import ModelReader, body_name
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING

@@ -19,10 +19,10 @@ from omnisim.core.errors import SceneError
 from omnisim.core.files.sources import note_file
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.short_repr import counted
-from omnisim.scene.files.imported_scene import ImportedScene, translate
 from omnisim.scene.formats import features
 from omnisim.scene.formats.cameras import Cameras, read_lens
 from omnisim.scene.formats.features import part_notices, xml_parts
+from omnisim.scene.formats.imported_scene import ImportedScene, translate
 from omnisim.scene.formats.mjcf.cameras import find_viewpoint, lens_of
 from omnisim.scene.formats.mjcf.geometry import Geom
 from omnisim.scene.formats.mjcf.materials import read_background, read_lighting, transformed

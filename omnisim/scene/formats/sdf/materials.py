@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from omnisim.core.files.sources import read_source
-from omnisim.scene.files.search_path import ResourcePath
-from omnisim.scene.formats.omissions import Omissions
+from omnisim.scene.formats.imported_scene import Omissions
+from omnisim.scene.formats.resources import ResourcePath
 from omnisim.scene.formats.sdf.geometry import Layer, blend, terrain_size_m
 from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.scene.parts import AlphaMode, Material, Texture

@@ -18,8 +18,8 @@ from omnisim.core.errors import SceneError, did_you_mean
 from omnisim.core.files.sources import read_source
 from omnisim.core.poses import inverse
 from omnisim.core.short_repr import counted
-from omnisim.scene.files.search_path import ResourcePath
-from omnisim.scene.formats.omissions import Omissions
+from omnisim.scene.formats.imported_scene import Omissions
+from omnisim.scene.formats.resources import ResourcePath
 from omnisim.scene.formats.sdf.geometry import ROUND
 from omnisim.scene.formats.xml.element import XmlElement, parse_xml
 

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdShade
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.files.imported_scene import PLAIN_GRAY, make_mesh
-from omnisim.scene.formats.omissions import Omissions
+from omnisim.scene.formats.imported_scene import PLAIN_GRAY, Omissions, make_mesh
 from omnisim.scene.formats.usd.corners import (
     Corners,
     PrimvarValues,

@@ -14,8 +14,8 @@ from PIL import Image
 from pxr import Ar, Sdf, Usd, UsdShade
 
 from omnisim.core.files.sources import note_file, read_source
-from omnisim.scene.files.asset_resolver import AssetResolver
-from omnisim.scene.formats.omissions import Omissions
+from omnisim.scene.formats.imported_scene import Omissions
+from omnisim.scene.formats.resources import AssetResolver
 from omnisim.scene.parts import AlphaMode, Material, Texture, Wrap
 from omnisim.scene.textures import TextureStore, unreadable_image
 

@@ -15,12 +15,16 @@ from pxr import Ar, Kind, Tf, Usd, UsdGeom, UsdShade
 from omnisim.core.errors import SceneError
 from omnisim.core.files.sources import note_file
 from omnisim.ground_truth.label_names import distinct_color
-from omnisim.scene.files.asset_resolver import AssetResolver
-from omnisim.scene.files.file_axes import FileAxes, world_from_axes
-from omnisim.scene.files.imported_scene import ImportedScene, translate
 from omnisim.scene.formats.cameras import Cameras, read_lens
 from omnisim.scene.formats.features import part_notices
-from omnisim.scene.formats.omissions import Omissions
+from omnisim.scene.formats.imported_scene import (
+    FileAxes,
+    ImportedScene,
+    Omissions,
+    translate,
+    world_from_axes,
+)
+from omnisim.scene.formats.resources import AssetResolver
 from omnisim.scene.formats.usd.cameras import lens_of, start_of_camera
 from omnisim.scene.formats.usd.corners import integers, texts
 from omnisim.scene.formats.usd.gprims import Gprims

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdShade
 
-from omnisim.scene.formats.omissions import Omissions
+from omnisim.scene.formats.imported_scene import Omissions
 from omnisim.scene.formats.usd.shading import (
     CHANNELS,
     OMNI_PBR_NAMES,

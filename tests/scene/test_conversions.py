@@ -9,7 +9,7 @@ import trimesh
 
 from omnisim.core.errors import SceneError
 from omnisim.scene import load_scene
-from omnisim.scene.files.conversions import CONVERSIONS
+from omnisim.scene.formats.conversions import CONVERSIONS
 
 SUFFIXES = [suffix for conversion in CONVERSIONS for suffix in conversion.suffixes]
 

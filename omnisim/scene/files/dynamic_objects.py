@@ -21,8 +21,9 @@ from omnisim.scene.files.scene_file import (
 from omnisim.scene.model import DynamicObject, Scene
 from omnisim.scene.motion.object_motion import Along, FreeBody, Orbit, Rest, Rolling, Shuttle
 
-if TYPE_CHECKING:  # few scenes have one
+if TYPE_CHECKING:
     from omnisim.core.trajectories import Trajectory
+
 
 # Loader of an object's shape from a file, with an up axis and an animation.
 LoadShape = Callable[[Path, str | None, str | None], Scene]
