@@ -42,8 +42,8 @@ JUDGED = "fast"  # the setting whose frames have a bound and a goal
 FRAMES = {"fast": 500, "default": 100}
 SETTLED = 50  # frames until all constant data is allocated
 STARTS = 5
-# p99 to p50: of wall-clock time other programs have their part. Of processor time a virtual machine's
-# host has its part, which the constant loop beside each frame shows.
+# p99 to p50: of wall-clock time other programs have their part. Of processor time the host of a
+# virtual machine has its part, which the constant loop beside each frame shows.
 UNEVENNESS = Limits(goal=1.3)
 PROCESSOR_UNEVENNESS = Limits(
     bound=1.8, software_only=True,
