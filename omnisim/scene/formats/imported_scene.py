@@ -1,4 +1,4 @@
-"""What a reader of a format returns: parts of a scene, axes and unit, and what it left out."""
+"""Result of a format's reader: parts of a scene, axes and unit, and what is left out."""
 
 from __future__ import annotations
 
