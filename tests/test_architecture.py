@@ -47,7 +47,7 @@ HOMES = {
     "trimesh": {"scene"},
     "PIL": {"scene", "plots"},  # textures; captions without matplotlib
     "OpenImageIO": {"core.files"},
-    "typer": {"apps.cli"},
+    "click": {"apps.cli"},
     "rich": {"apps.cli"},
     "matplotlib": {"plots"},
     "jinja2": {"report"},
