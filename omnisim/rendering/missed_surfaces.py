@@ -14,8 +14,8 @@ from omnisim.rendering.near_plane import scene_size_m
 from omnisim.scene import Scene
 from omnisim.scene.parts import instance_bounds_m
 from omnisim.scene.space.enclosure import enclosing_nodes
+from omnisim.scene.space.floor import triangles_within
 from omnisim.scene.space.start_pose import triangle_distances
-from omnisim.scene.space.triangles import triangles_within
 
 _PROBES = 48  # maximum number of rays per image side
 _TRIANGLES_PER_BATCH = 256

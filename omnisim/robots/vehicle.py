@@ -238,7 +238,7 @@ def _load_body(robot: Robot) -> Scene | None:
         folders = [robot.folder / name for name in robot.resources]
         read = read_scene(path, resources=folders, animation="none")
         if is_mjcf(path):
-            from omnisim.scene.formats.mjcf.robot_body import without_world  # needs an extra
+            from omnisim.scene.formats.mjcf.reader import without_world  # needs an extra
 
             read = without_world(read, path)
         body = _moved(read, robot.body_offset_m)

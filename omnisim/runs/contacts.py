@@ -12,7 +12,7 @@ from omnisim.core.errors import TrajectoryError
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.runs.pose_sweep import Sweep
 from omnisim.scene import Scene
-from omnisim.scene.space.triangles import TriangleBvh, bounds_of, triangles_within
+from omnisim.scene.space.floor import TriangleBvh, bounds_of, triangles_within
 
 NO_SIZE = "the robot has neither a [footprint] nor a body: contacts are not looked for"
 POSES_AT_ONCE = 64  # batch size, which bounds the memory

@@ -20,8 +20,12 @@ from omnisim.core.poses import inverse, pose
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimator_registry import estimator_named
 from omnisim.evaluation.estimators import orb_slam3, orb_slam3_program
-from omnisim.evaluation.estimators.orb_slam3 import VOCABULARY, unpacked_vocabulary
-from omnisim.evaluation.estimators.orb_slam3_settings import ImuSettings, settings_text
+from omnisim.evaluation.estimators.orb_slam3 import (
+    VOCABULARY,
+    ImuSettings,
+    settings_text,
+    unpacked_vocabulary,
+)
 from omnisim.evaluation.trajectory_errors import trajectory_errors
 
 ROOT = Path(__file__).parents[2]

@@ -69,14 +69,14 @@ def calibration_formats() -> Iterable[str]:
 
 def export_formats() -> Iterable[str]:
     """Formats of exported runs."""
-    from omnisim.datasets.export.export_formats import FORMATS
+    from omnisim.datasets.export.export import FORMATS
 
     return FORMATS
 
 
 def data_set_layouts() -> Iterable[str]:
     """Layouts for converted data sets."""
-    from omnisim.datasets.export.export_formats import LAYOUTS
+    from omnisim.datasets.export.export import LAYOUTS
 
     return LAYOUTS
 

@@ -34,7 +34,7 @@ from omnisim.core.extras import require_extra
 from omnisim.core.poses import pose
 from omnisim.ground_truth.channels import CLASSES
 from omnisim.ground_truth.npy import ChannelFormat
-from omnisim.rendering.baking.emission_notes import emission_notes
+from omnisim.rendering.baking.settings import emission_notes
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.omnicamera import OmniCamera, Polygons
 from omnisim.rendering.reflections.notes import frosted_notes, reflection_notes

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.runs.contacts import meet_box
 from omnisim.scene import Scene
-from omnisim.scene.space.floor import HeightField
-from omnisim.scene.space.triangles import TriangleBvh, Triangles, triangles_within
+from omnisim.scene.space.floor import HeightField, TriangleBvh, Triangles, triangles_within
 
 MAX_TRIANGLES = 500_000  # larger scenes would delay the first step by seconds
 

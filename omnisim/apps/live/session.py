@@ -244,7 +244,7 @@ class Session:
         self._state = replace(self._state, change=self._state.change + 1, **changes)  # type: ignore[arg-type]
         self._changed_s = time.monotonic()
 
-    def _apply(self, message: messages.Message) -> None:
+    def _apply(self, message: messages.Message) -> None:  # noqa: C901 - a list of cases
         pilot, state = self._pilot, self._state
         match message:
             case messages.Drive():

@@ -7,6 +7,10 @@ from typing import Annotated
 
 from pydantic import Field
 
+from omnisim.core.short_repr import counted
+from omnisim.scene.light.emissive_light import is_bright
+from omnisim.scene.model import Scene
+
 # Texels of an atlas without a given texel width: minutes on two cores at the default samples.
 DEFAULT_TEXELS = 3 << 16
 FINE_TEXELS = 3 << 19  # 9 MB of half floats, half of that in the file
@@ -28,3 +32,18 @@ class BakeSettings:
     """Seed of the rays."""
     texels: int = DEFAULT_TEXELS
     """Maximum number of texels in the atlas, if `texel_m` is None."""
+
+
+# Notices on emissive surfaces that must be baked to light a scene.
+
+
+def emission_notes(scene: Scene) -> list[str]:
+    """Notices on bright emissive materials of a scene without baked light."""
+    shapes = (scene, *(one.shape for one in scene.objects))
+    shining = sum(is_bright(material) for shape in shapes for material in shape.materials)
+    if not shining or scene.lighting.is_matte or scene.lighting.baked is not None:
+        return []
+    return [
+        f"{counted(shining, 'emissive material')} brighter than white: "
+        "lights other surfaces only once baked, see omnisim bake"
+    ]

@@ -114,5 +114,4 @@ def _steps(
     ahead = np.roll(directions, -1, axis) - directions
     has_next, has_last = np.roll(valid, -1, axis), np.roll(valid, 1, axis)
     back = np.roll(ahead, 1, axis)
-    steps = np.where(has_next[..., None], ahead, np.where(has_last[..., None], back, 0.0))
-    return steps
+    return np.where(has_next[..., None], ahead, np.where(has_last[..., None], back, 0.0))

@@ -12,7 +12,7 @@ from omnisim import OmniCamera, Scene, Stage, WorldState
 from omnisim.apps.cli.app import app
 from omnisim.core.errors import PlanError
 from omnisim.core.poses import pose
-from omnisim.datasets.generate.visible_shares import StageRays, VisibleShares
+from omnisim.datasets.generate.sample_renderer import StageRays, VisibleShares
 from tests.datasets.plans import write_plan
 
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")

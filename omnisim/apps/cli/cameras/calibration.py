@@ -67,7 +67,8 @@ def convert(request: ConvertRequest) -> None:
     check_distinct({"what is written": request.output}, {"the file to convert": source})
     system = _system(request, source)
     if system is not None:
-        return _convert_optics(request, system, source, more_distances_m)
+        _convert_optics(request, system, source, more_distances_m)
+        return
     reason = f"expected optics, got {source}"
     refuse_given(request, reason, "at_distance", "right_at", error=CalibrationError)
     read = read_calibration(source, request.camera_name, request.format, request.mirrored)
@@ -117,8 +118,7 @@ def _convert_optics(
     request: ConvertRequest, system: OpticalSystem, source: Path, more_distances_m: list[float]
 ) -> None:
     """Write the best central fit to an optical system, and print its residuals."""
-    from omnisim.cameras.optics.central_fit import fit_central
-    from omnisim.cameras.optics.central_view import DISTANCES_M
+    from omnisim.cameras.optics.central_view import DISTANCES_M, fit_central
 
     reason, names = "expected a calibration file, got optics", ("camera_name", "format", "mirrored")
     refuse_given(request, reason, *names, error=CalibrationError)

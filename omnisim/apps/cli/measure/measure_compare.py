@@ -25,10 +25,10 @@ from omnisim.measurement.comparison import (
     pose_indices,
 )
 from omnisim.measurement.comparison.comparison import MAX_OFFSET_PX, compare_image
+from omnisim.measurement.comparison.scene_comparison import MAX_OFFSET_PX as MAX_TRACKED_PX
 from omnisim.measurement.comparison.scene_comparison import brighter_ev
-from omnisim.measurement.comparison.tracked_points import MAX_OFFSET_PX as MAX_TRACKED_PX
 from omnisim.measurement.geometry import BoardView, find_boards, read_board, read_gray
-from omnisim.measurement.geometry.board_images import image_files
+from omnisim.measurement.geometry.board_detection import image_files
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.runs.rig_trajectory import RigRoute
 from omnisim.scene import read_scene

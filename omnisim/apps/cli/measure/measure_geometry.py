@@ -33,8 +33,8 @@ from omnisim.measurement.geometry import (
     measure_optics,
     read_board,
 )
-from omnisim.measurement.geometry.board_images import image_files
-from omnisim.measurement.geometry.candidate_models import CANDIDATES
+from omnisim.measurement.geometry.board_detection import image_files
+from omnisim.measurement.geometry.model_choice import CANDIDATES
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 

@@ -32,7 +32,7 @@ from omnisim.cameras.optics.boards.board_corners import BoardCorners, read_corne
 from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
 from omnisim.measurement.geometry import BoardView, find_boards, read_board
-from omnisim.measurement.geometry.board_images import image_files
+from omnisim.measurement.geometry.board_detection import image_files
 from omnisim.measurement.geometry.placed_board import BoardSurface
 from omnisim.measurement.inputs import frame_numbers
 from omnisim.measurement.noise import (
@@ -49,7 +49,7 @@ from omnisim.measurement.response import (
     measure_response,
     measure_vignetting,
 )
-from omnisim.measurement.response.mean_images import check_unclipped, mean_image
+from omnisim.measurement.response.light_falloff import check_unclipped, mean_image
 from omnisim.measurement.sharpness import (
     EdgeSharpness,
     MeasuredSharpness,

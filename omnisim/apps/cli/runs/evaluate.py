@@ -16,8 +16,7 @@ from omnisim.core.files.atomic_file import write_text
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.drive_sweep import PointResult, run_sweep
 from omnisim.evaluation.estimator_registry import COMMAND, ESTIMATORS, estimator_named
-from omnisim.evaluation.outcome import Outcome
-from omnisim.evaluation.run_evaluation import estimator_folder, evaluate_estimator
+from omnisim.evaluation.run_evaluation import Outcome, estimator_folder, evaluate_estimator
 from omnisim.evaluation.sweep_plan import SweepPlan, SweepPoint, find_plan, read_plan
 
 if TYPE_CHECKING:
@@ -134,7 +133,7 @@ def _finished_points(
 
     with resumable(state):
         for result in track(steps, "Drives", len(points)):
-            results.append(result)
+            results.append(result)  # noqa: PERF402 - `state` counts them
     return sorted(results, key=lambda one: place[_key(one.point)])
 
 

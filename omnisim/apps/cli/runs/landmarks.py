@@ -11,14 +11,23 @@ from omnisim.apps.cli.runs.requests import DetectRequest, LocalizeRequest, Train
 from omnisim.core.errors import LocalizationError, OpticsError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_suffix, check_target
-from omnisim.perception.landmarks import color_model_file, detection_files
-from omnisim.perception.landmarks.color_model import Costs
-from omnisim.perception.landmarks.color_training import Training
-from omnisim.perception.landmarks.landmark_detector import Detection, LandmarkDetector
+from omnisim.perception.landmarks.color_model import (
+    MODEL_SUFFIX,
+    Costs,
+    Training,
+    load_model,
+    save_model,
+)
+from omnisim.perception.landmarks.landmark_detector import (
+    DETECTIONS_SUFFIX,
+    Detection,
+    LandmarkDetector,
+    write_detections,
+)
+from omnisim.perception.localization.filter import LandmarkMap
 from omnisim.perception.localization.filter_parameters import read_parameters
 from omnisim.perception.localization.localize import localize as localize_run
 from omnisim.perception.localization.localize import observation_from_detection
-from omnisim.perception.localization.observations import LandmarkMap
 from omnisim.runs.run_data import RunData, read_run
 from omnisim.runs.run_labels import train_on_run
 from omnisim.runs.single_image import SingleImage, read_single_image
@@ -29,7 +38,7 @@ LISTED = 8  # maximum number of steps in a note
 
 def train(request: TrainRequest) -> None:
     """Learn colors from a run, write the model and print its rates."""
-    check_suffix(request.output, color_model_file.SUFFIX)
+    check_suffix(request.output, MODEL_SUFFIX)
     check_target(request.output)
     run = read_run(request.run, request.scene, request.camera_name)
     trained = train_on_run(
@@ -39,7 +48,7 @@ def train(request: TrainRequest) -> None:
     )
     for notice in run.notices:
         print_note(notice)
-    color_model_file.save_model(request.output, trained.model, run.landmarks)
+    save_model(request.output, trained.model, run.landmarks)
     colors, images = len(trained.model.colors), pluralize(trained.images, "image")
     out.print(f"{request.output}: {colors} colors from {images}")
     for line in _color_lines(trained):
@@ -65,14 +74,14 @@ def _color_lines(trained: Training) -> list[str]:
 def detect(request: DetectRequest) -> None:
     """Detect landmarks, write and plot them, and print their count."""
     if request.output is not None:
-        check_suffix(request.output, detection_files.SUFFIX)
+        check_suffix(request.output, DETECTIONS_SUFFIX)
         check_target(request.output)
     if request.show is not None:
         require_extra("plots", "--show")
         from omnisim.plots.plot_file import check_plot_target
 
         check_plot_target(request.show)
-    model, landmarks = color_model_file.load_model(request.model)
+    model, landmarks = load_model(request.model)
     is_run = request.source.is_dir()
     source = _open_run(request) if is_run else _open_image(request)
     try:
@@ -98,7 +107,7 @@ def detect(request: DetectRequest) -> None:
                 )
             )
     if request.output is not None:
-        detection_files.write_detections(request.output, detections)
+        write_detections(request.output, detections)
     if request.show is not None:
         from omnisim.plots.detection_plots import detections_figure
         from omnisim.plots.plot_file import write_plot
@@ -153,7 +162,7 @@ def localize(request: LocalizeRequest) -> None:
             f"--model: expected an .npz file of landmarks train, got the folder {request.model}"
         )
     else:
-        colors, _ = color_model_file.load_model(request.model)
+        colors, _ = load_model(request.model)
     try:
         detector = LandmarkDetector(colors, data.landmarks, data.mount)
     except LocalizationError as reason:

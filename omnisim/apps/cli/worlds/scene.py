@@ -24,7 +24,7 @@ from omnisim.rendering.reflections.kinds import reflection_kinds
 from omnisim.scene import Scene
 from omnisim.scene.files.load import NO_BAKED_LIGHT
 from omnisim.scene.files.source import resolve_source
-from omnisim.scene.formats.gltf.writing.writer import write_glb
+from omnisim.scene.formats.gltf.writer import write_glb
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.scene.light.lighting import is_even, light_summary
 from omnisim.scene.model import LightKind
@@ -256,8 +256,8 @@ def convert(request: SceneConvertRequest) -> None:
 def bake(request: BakeRequest) -> None:
     """Bake a scene's light, and print its size."""
     require_extra("bake", "omnisim bake")
+    from omnisim.rendering.baking.bake import estimate
     from omnisim.rendering.baking.baked_files import bake_of, bake_scene
-    from omnisim.rendering.baking.estimates import estimate
     from omnisim.rendering.baking.settings import BakeSettings
 
     output = request.output
