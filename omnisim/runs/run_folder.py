@@ -96,7 +96,7 @@ class RunFolder:
         Raises:
             RunError: the folder holds no run.
         """
-        expected = "expected the folder of a run, as drive and render --trajectory make it"
+        expected = "expected the folder of a run, as drive and record make it"
         if not path.is_dir():
             raise RunError(f"{path}: no such folder: {expected}")
         content = read_manifest(path / MANIFEST)

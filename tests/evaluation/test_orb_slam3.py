@@ -95,7 +95,7 @@ def rig_run(tmp_path_factory):
     (folder / "lens.toml").write_text(LENS_FILE)
     (folder / "rig.toml").write_text(RIG)
     write_sway(folder / "sway.tum")
-    words = ["render", "courtyard", "--robot", "rig.toml", "--trajectory", "sway.tum"]
+    words = ["record", "courtyard", "--robot", "rig.toml", "--trajectory", "sway.tum"]
     subprocess.run(
         [sys.executable, "-m", "omnisim", *words, "--quality", "fast", "-o", "run"],
         cwd=folder, check=True, capture_output=True,

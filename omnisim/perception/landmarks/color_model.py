@@ -16,10 +16,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from omnisim.core.errors import LocalizationError
 from omnisim.core.files.atomic_file import atomic_write, check_suffix
@@ -190,15 +191,12 @@ def roc(
 
 @dataclass(frozen=True)
 class Costs:
-    """Costs of errors, in any unit: only their ratio matters.
+    """Costs of errors, in any unit: only their ratio matters."""
 
-    Attributes:
-        missed: cost of a landmark's pixel that is not recognized.
-        false_alarm: cost of a pixel outside the landmark that is taken for the landmark.
-    """
-
-    missed: float = 1.0
-    false_alarm: float = 4.0
+    missed: Annotated[float, Field(ge=1e-9, le=1e9)] = 1.0
+    """Cost of a false negative: a missed pixel of a landmark."""
+    false_alarm: Annotated[float, Field(ge=1e-9, le=1e9)] = 4.0
+    """Cost of a false positive: a detected pixel of anything else."""
 
 
 def choose_threshold(curve: Roc, positives: float, negatives: float, costs: Costs) -> float:

@@ -1,20 +1,10 @@
 """The command line, run in an empty folder."""
 
 import sys
-from functools import cache
 
 import pytest
-import typer.main
 
 from omnisim.apps.cli.app import main
-
-
-@pytest.fixture(scope="package", autouse=True)  # others see commands that have not run
-def _commands_are_built_once():
-    """The tree of commands, which does not change, is built once and not for each run."""
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(typer.main, "get_command", cache(typer.main.get_command))
-        yield
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -5,7 +5,7 @@ import tarfile
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from omnisim.apps.cli.app import app
 from omnisim.core.errors import OmnisimError

@@ -6,7 +6,7 @@ import tarfile
 import numpy as np
 import pytest
 import trimesh
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from omnisim import OmniCamera, Scene, Stage, WorldState
 from omnisim.apps.cli.app import app

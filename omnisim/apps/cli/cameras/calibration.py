@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.table import Table
 
 from omnisim.apps.cli.cameras.requests import ConvertRequest, ShowRequest
-from omnisim.apps.cli.console import out, pluralize, print_note
-from omnisim.apps.cli.error_table import error_table
+from omnisim.apps.cli.console import out, pluralize, print_note, table
+from omnisim.apps.cli.options import refuse_given
 from omnisim.cameras import CAMERA_MODELS, CentralCamera, NonCentralCamera
 from omnisim.cameras.calibration import (
     FORMATS,
@@ -26,6 +27,7 @@ from omnisim.cameras.calibration import (
 from omnisim.cameras.calibration.calibrated_camera import OPTICS
 from omnisim.cameras.calibration.calibration_formats import format_named
 from omnisim.cameras.calibration.file_frame import is_catadioptric
+from omnisim.cameras.central_error import CentralError
 from omnisim.cameras.models.field_of_view import field_of_view
 from omnisim.core.errors import CalibrationError, OmnisimError
 from omnisim.core.files.atomic_file import check_distinct, check_target
@@ -42,19 +44,17 @@ _SCENES = (".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz", ".mjcf")
 
 def list_formats() -> None:
     """Print a table of the calibration formats."""
-    table = Table(box=None, pad_edge=False)
-    for heading in ("format", "what", "file", "cameras", "models that it says exactly"):
-        table.add_column(heading)
+    shown = table("format", "what", "file", "cameras", "models that it says exactly")
     for form in FORMATS.values():
         models = (
             "all"
             if len(form.models) == len(CAMERA_MODELS)
             else ", ".join(model.model_name for model in form.models)
         )
-        table.add_row(
+        shown.add_row(
             form.name, form.title, f"*{form.suffix}", "several" if form.several else "one", models
         )
-    out.print(table)
+    out.print(shown)
     out.print("All are read and written. Another model is fitted, and the file says how near.")
 
 
@@ -69,18 +69,15 @@ def convert(request: ConvertRequest) -> None:
     if system is not None:
         _convert_optics(request, system, source, more_distances_m)
         return
-    for option, value in (
-        ("--at-distance", request.at_distance), ("--right-at", request.right_at),
-    ):  # fmt: skip
-        if value is not None:
-            raise CalibrationError(f"{option}: expected optics, got {source}")
+    reason = f"expected optics, got {source}"
+    refuse_given(request, reason, "at_distance", "right_at", error=CalibrationError)
     read = read_calibration(source, request.camera_name, request.format, request.mirrored)
     if not form.several:
         read = select_camera(read, request.camera_name)
     written = save_calibration(read, request.output, request.to, request.model)
-    out.print(f"{request.output}: {FORMATS[request.to].title}", markup=False)
+    out.print(f"{request.output}: {FORMATS[request.to].title}")
     for before, after in zip(read.cameras, written.cameras, strict=True):
-        out.print(f"  {_conversion(before, after)}", markup=False)
+        out.print(f"  {_conversion(before, after)}")
         for note in after.notes:
             print_note(f"{after.name}: {note}")
 
@@ -123,12 +120,8 @@ def _convert_optics(
     """Write the best central fit to an optical system, and print its residuals."""
     from omnisim.cameras.optics.central_view import DISTANCES_M, fit_central
 
-    for option, value in (
-        ("--camera-name", request.camera_name), ("--format", request.format),
-        ("--mirrored", request.mirrored),
-    ):  # fmt: skip
-        if value is not None:
-            raise CalibrationError(f"{option}: expected a calibration file, got optics")
+    reason, names = "expected a calibration file, got optics", ("camera_name", "format", "mirrored")
+    refuse_given(request, reason, *names, error=CalibrationError)
     fitted = fit_central(
         system,
         request.to,
@@ -138,38 +131,46 @@ def _convert_optics(
         source=str(source),
     )
     (written,) = save_calibration(fitted, request.output, request.to).cameras
-    out.print(f"{request.output}: {FORMATS[request.to].title}", markup=False)
+    out.print(f"{request.output}: {FORMATS[request.to].title}")
     pose, residuals = find_pose(written.poses, OPTICS, written.name), written.residuals
     assert pose is not None
     assert residuals is not None
     unfitted = dataclasses.replace(written, residuals=None)
-    out.print(f"  {_conversion(unfitted, written)}", markup=False)
+    out.print(f"  {_conversion(unfitted, written)}")
     x, y, z = pose[:3, 3]
     tilt_deg = math.degrees(math.acos(min(abs(float(pose[2, 2])), 1.0)))
     out.print(
         f"  viewpoint ({x:.5f}, {y:.5f}, {z:.5f}) m in the optics' frame, axis tilted by "
-        f"{tilt_deg:.2f}°; it is off, for points",
-        markup=False,
+        f"{tilt_deg:.2f}°; it is off, for points"
     )
     out.print(error_table(residuals.at_distances))
     for note in written.notes:
         print_note(f"{written.name}: {note}")
 
 
+def error_table(errors: Sequence[CentralError]) -> Table:
+    """Table of the errors of a central model, with a row per distance."""
+    shown = table("at", ">mean", ">median", ">99 %", ">at most", ">not shown")
+    for error in errors:
+        values = error.mean_px, error.median_px, error.percentile_99_px, error.max_px
+        pixels = ["–" if math.isnan(value) else f"{value:.3g} px" for value in values]
+        shown.add_row(error.at, *pixels, f"{100.0 * error.left_out:.1f} %")
+    return shown
+
+
 def show(request: ShowRequest) -> None:
     """Print the cameras of a calibration file."""
     read = read_calibration(request.source, request.camera_name, request.format, request.mirrored)
     cameras = pluralize(len(read.cameras), "camera")
-    out.print(f"{request.source}: {read.format}, {cameras}", markup=False)
+    out.print(f"{request.source}: {read.format}, {cameras}")
     for camera in read.cameras:
-        table = Table(box=None, pad_edge=False, show_header=False, title=None)
-        table.add_column(style="bold", no_wrap=True)
-        table.add_column()
+        shown = Table(box=None, pad_edge=False, show_header=False)
+        shown.add_column(style="bold", no_wrap=True)
         for row in (*_camera_rows(camera), *_file_rows(camera)):
-            table.add_row(*row)
+            shown.add_row(*row)
         out.print()
-        out.print(camera.name, style="bold", markup=False)
-        out.print(table)
+        out.print(camera.name, style="bold")
+        out.print(shown)
 
 
 def read_calibration(
