@@ -31,8 +31,11 @@ _BOARD_ONLY = ("mirrored",)
 _SCENE_ONLY = ("trajectory", "trajectory_frame", "axes", "exposure_ev")
 
 
-def compare(request: MeasureCompareRequest) -> None:
+def compare(request: MeasureCompareRequest) -> bool:
     """Render each image's board or scene by the twin, compare both, and write a report.
+
+    Returns:
+        True if all bounds hold on what the sensor file has.
 
     Raises:
         MeasurementError: images without the board, without a pose, or of another camera.
@@ -57,9 +60,11 @@ def compare(request: MeasureCompareRequest) -> None:
     images = summary.comparison.images
     facts = {"sensor": request.sensor.name, "images": [one.name for one in images]}
     text = f"{pluralize(len(images), 'image')}."
-    Report("Camera twin", text, (summary.section(), *parts), facts).write(request.output)
+    report = Report("Camera twin", text, (summary.section(), *parts), facts)
+    report.write(request.output)
     out.print(f"{request.output}: written", markup=False)
     out.print(summary.text(), markup=False)
+    return report.passed
 
 
 def _check_subject(request: MeasureCompareRequest) -> None:
@@ -105,7 +110,7 @@ def _compare_board(
         print_note(note)
     if not compared:
         raise MeasurementError(f"{request.images}: no image could be compared")
-    return ComparisonSummary(compare_images(sensor, compared), BOARD_SUBJECT)
+    return ComparisonSummary(compare_images(sensor, compared), BOARD_SUBJECT, sensor.degradation)
 
 
 def _compare_scene(request: MeasureCompareRequest, sensor: OmniCamera) -> ComparisonSummary:
@@ -133,7 +138,8 @@ def _compare_scene(request: MeasureCompareRequest, sensor: OmniCamera) -> Compar
     twins = compare_scene(sensor, scene, photos)
     compared = [next(twins) for _ in track(range(len(files)), "Images", len(files))]
     comparison = compare_scene_images(sensor, compared)
-    return ComparisonSummary(comparison, SCENE_SUBJECT, brighter_ev(sensor, compared))
+    brighter = brighter_ev(sensor, compared)
+    return ComparisonSummary(comparison, SCENE_SUBJECT, sensor.degradation, brighter)
 
 
 BOARD_SUBJECT = Subject(

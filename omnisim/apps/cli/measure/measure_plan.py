@@ -57,10 +57,13 @@ _OWN = ("output", "sensor")  # which the plan's command sets
 _NAME_OR_FILE = ("board", "scene")
 
 
-def plan(request: MeasurePlanRequest) -> None:
+def plan(request: MeasurePlanRequest) -> bool:
     """Measure the parts of a plan one after the other, and write a report of them.
 
     A part whose arguments and files are unchanged since the last call is not measured again.
+
+    Returns:
+        False if the comparison misses a bound.
 
     Raises:
         MeasurementError: a fault in the plan, or images that cannot be measured.
@@ -92,13 +95,15 @@ def plan(request: MeasurePlanRequest) -> None:
     if _COMPARE in tables:
         out.print(f"[bold]{_COMPARE}[/]")
         with _named(f"{request.plan}: {_COMPARE}"):
-            compare(MeasureCompareRequest(**tables[_COMPARE], output=folder, sensor=request.output))
-        return
+            return compare(
+                MeasureCompareRequest(**tables[_COMPARE], output=folder, sensor=request.output)
+            )
     from omnisim.apps.cli.measure.measured_sections import measured_sections
 
     sections = measured_sections(request.output)
     Report("Measured camera", "", sections, {"sensor": request.output.name}).write(folder)
     out.print(f"{folder}: written", markup=False)
+    return True
 
 
 @contextmanager
