@@ -11,14 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.apps.cli.console import out, print_note
-from omnisim.apps.cli.images.requests import FileOptions, MotionOptions, RenderRequest
+from omnisim.apps.cli.images.requests import (
+    FileOptions,
+    MotionOptions,
+    OverlayKind,
+    RenderRequest,
+)
 from omnisim.cameras import NonCentralCamera
 from omnisim.core.cube import FACE_NAMES, unfolded_cube
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import check_distinct, check_target
 from omnisim.core.files.image_files import write_image
 from omnisim.ground_truth import parse_channels
-from omnisim.ground_truth.channel_files import is_sidecar_name
+from omnisim.ground_truth.channel_files import OVERLAY, is_sidecar_name, sidecar_path
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.twist import MAX_MPS, MAX_RADPS
@@ -69,7 +74,7 @@ def check_outputs(request: RenderRequest) -> tuple[str, ...]:
     channels = () if request.truth.also is None else parse_channels(request.truth.also)
     for option, path in extra.items():
         if (
-            (channels or request.truth.boxes_3d)
+            (channels or request.truth.boxes_3d or request.flow.overlay)
             and path is not None
             and is_sidecar_name(request.output, path)
         ):
@@ -118,6 +123,17 @@ def write_other_files(
             print_note(f"{files.calibration}: {note}")
     if files.faces is not None:
         _write_faces(files.faces, faces)
+
+
+def write_overlay(image: Path, frame: Frame, kind: OverlayKind) -> None:
+    """Write the image with boxes or masks next to it, and print its name."""
+    from omnisim.plots.overlays import boxes_overlay, labels_overlay
+
+    assert frame.labels is not None
+    draw = boxes_overlay if kind is OverlayKind.BOXES else labels_overlay
+    path = sidecar_path(image, OVERLAY)
+    write_image(path, draw(frame.rgb, frame.channels[kind.channel], frame.labels))
+    out.print(f"{path}: the image with {kind}", markup=False)
 
 
 def _calibration(sensor: OmniCamera, world_from_base: NDArray[np.float64]) -> Calibration:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,7 +16,12 @@ from omnisim.apps.cli.images.flow_viewpoints import (
     flow_summary,
     other_viewpoints,
 )
-from omnisim.apps.cli.images.output_files import check_motion, check_outputs, write_other_files
+from omnisim.apps.cli.images.output_files import (
+    check_motion,
+    check_outputs,
+    write_other_files,
+    write_overlay,
+)
 from omnisim.apps.cli.images.requests import MotionOptions, RenderRequest, RigCameraOptions
 from omnisim.apps.cli.inputs import (
     Viewpoint,
@@ -74,7 +80,9 @@ def run(request: RenderRequest) -> None:
     camera = _camera(request, vehicle)
     check_channel_options(request.flow, channels)
     channel_format = parse_channel_format(request.truth.channel_format, channels)
-    scene = load_labeled_scene(request.world, request.light, request.truth, channels)
+    overlay = request.flow.overlay
+    rendered = channels if overlay is None else tuple(dict.fromkeys((*channels, overlay.channel)))
+    scene = load_labeled_scene(request.world, request.light, request.truth, rendered)
     viewpoint = Viewpoint.in_scene(scene, request.viewpoint)
     if vehicle is None and not _has_own_camera(request.camera):
         camera = _of_file(request, scene) or camera
@@ -106,17 +114,21 @@ def run(request: RenderRequest) -> None:
         frame = renderer.render(
             WorldState({renderer.vehicle: base}, time_s),
             linear=is_float,
-            also=channels,
+            also=rendered,
             boxes_3d=request.truth.boxes_3d,
             next_state=states.get("next"),
             previous_state=states.get("previous"),
             motion=lambda now_s: twist(now_s - time_s),
         )
         faces = {} if request.files.faces is None else renderer.faces()
-    frame.save(request.output, request.flow.preview, channel_format)
+    kept = {name: values for name, values in frame.channels.items() if name in channels}
+    saved = frame if overlay is None else dataclasses.replace(frame, channels=kept)
+    saved.save(request.output, request.flow.preview, channel_format)
     size = f"{camera.model.width_px} × {camera.model.height_px} px"
     out.print(f"{request.output}: {size}, {camera.mesh_summary}, from {viewpoint}", markup=False)
     write_other_files(request.files, camera, frame, base, faces)
+    if overlay is not None:
+        write_overlay(request.output, frame, overlay)
     if channels:
         flows = "".join(flow_summary(request.flow, *other) for other in others.items())
         out.print(f"{request.output}: also {', '.join(channels)}{flows}", markup=False)

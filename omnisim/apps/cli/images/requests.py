@@ -87,9 +87,21 @@ class TrajectoryOptions:
     """Poses per second of a trajectory without times."""
 
 
+class OverlayKind(StrEnum):
+    """Ground truth to draw on an image."""
+
+    BOXES = "boxes"
+    LABELS = "labels"
+
+    @property
+    def channel(self) -> str:
+        """Channel that is needed."""
+        return "instance" if self is OverlayKind.BOXES else "semantic"
+
+
 @dataclass(frozen=True, kw_only=True)
 class FlowOptions:
-    """Other viewpoints of flow, and previews."""
+    """Other viewpoints of flow, previews and overlays."""
 
     panel: ClassVar[str] = GROUND_TRUTH
 
@@ -109,6 +121,9 @@ class FlowOptions:
     """Seconds between the frame and its neighbors, for the flow of moving objects."""
     preview: bool = False
     """Also write a preview image of each channel."""
+    overlay: OverlayKind | None = None
+    """Also write FILE.overlay.png: the image with boxes of the visible instances, or with the masks
+    of the classes, and their names."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,7 +193,7 @@ class LiveRequest:
 
     world: LiveSceneOptions
     robot: RobotName = None
-    """Robot to drive, whose camera is shown; without a robot, the camera flies freely."""
+    """Robot to drive, with its camera or another one; without a robot, the camera flies freely."""
     run: Annotated[Path | None, Option(metavar="DIR")] = None
     """Recorded run to replay, with its images."""
     light: LightOptions
