@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from rich.table import Table
 
 from omnisim.cameras.central_error import CentralError
+from omnisim.core.short_repr import number_text
 
 
 def error_table(errors: Sequence[CentralError]) -> Table:
@@ -18,6 +19,6 @@ def error_table(errors: Sequence[CentralError]) -> Table:
         table.add_column(heading, justify="right")
     for error in errors:
         values = error.mean_px, error.median_px, error.percentile_99_px, error.max_px
-        pixels = ["–" if math.isnan(value) else f"{value:.3g} px" for value in values]
+        pixels = ["–" if math.isnan(value) else f"{number_text(value, 3)} px" for value in values]
         table.add_row(error.at, *pixels, f"{100.0 * error.left_out:.1f} %")
     return table

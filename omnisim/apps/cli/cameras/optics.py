@@ -32,7 +32,7 @@ from omnisim.cameras.optics.system_file import input_files, read_optics_file
 from omnisim.cameras.optics.tracing import Fate
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_target, write_text
-from omnisim.core.short_repr import counted
+from omnisim.core.short_repr import counted, number_text
 
 _FATES = {
     Fate.OUTSIDE: "outside the lens's own image",
@@ -51,10 +51,12 @@ def check(request: OpticsCheckRequest) -> None:
     out.print(f"{request.system}: {_summary(system)}", markup=False)
     out.print(_shares(system), markup=False)
     x, y, z = centrality.viewpoint_m
-    misses_mm = 1e3 * centrality.misses_m
+    mean_mm, max_mm = (
+        number_text(1e3 * one, 3) for one in (centrality.misses_m.mean(), centrality.misses_m.max())
+    )
     out.print(
-        f"best viewpoint: ({x:.5f}, {y:.5f}, {z:.5f}) m in the sensor's optical frame; rays miss "
-        f"it by {misses_mm.mean():.3g} mm on average, {misses_mm.max():.3g} mm at most",
+        f"best viewpoint: ({x:z.5f}, {y:z.5f}, {z:z.5f}) m in the sensor's optical frame; rays "
+        f"miss it by {mean_mm} mm on average, {max_mm} mm at most",
         markup=False,
     )
     apart_px = lateral_color_px(system)

@@ -17,6 +17,7 @@ from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.system_file import parse_optics, read_optics_tables
 from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_target, write_text
 from omnisim.core.files.toml_file import Comment, toml_text
+from omnisim.core.short_repr import number_text
 
 
 def calibrate(request: OpticsCalibrateRequest) -> None:
@@ -35,8 +36,9 @@ def calibrate(request: OpticsCalibrateRequest) -> None:
     corners = sum(len(board.points_m) for board in boards)
     summary = (
         f"{pluralize(len(boards), 'image')}, {pluralize(corners, 'corner')}: RMS "
-        f"{_rms(fit.before_px):.3g} px before, {_rms(fit.errors_px):.3g} px after, at most "
-        f"{np.linalg.norm(fit.errors_px, axis=1).max():.3g} px"
+        f"{number_text(_rms(fit.before_px), 3)} px before, "
+        f"{number_text(_rms(fit.errors_px), 3)} px after, at most "
+        f"{number_text(np.linalg.norm(fit.errors_px, axis=1).max(), 3)} px"
     )
     write_text(request.output, _text(request, fit, summary))
     out.print(f"{request.output}: {summary}", markup=False)
@@ -44,7 +46,8 @@ def calibrate(request: OpticsCalibrateRequest) -> None:
     for heading in ("", "before", "fitted", "±"):
         shown.add_column(heading, justify="right" if heading else "left")
     for one in fit.parameters:
-        shown.add_row(one.name, f"{one.before:.6g}", f"{one.value:.6g}", f"{one.sigma:.2g}")
+        values = (number_text(value, 6, 9) for value in (one.before, one.value))
+        shown.add_row(one.name, *values, number_text(one.sigma, 2, 9))
     out.print(shown)
 
 
@@ -56,7 +59,10 @@ def _rms(errors_px: Floats) -> float:
 def _text(request: OpticsCalibrateRequest, fit: SystemCalibration, summary: str) -> str:
     """Text of the fitted optics file."""
     lines = [f"Fitted to {request.corners.name}: {summary}."]
-    lines += [f"{one.name}: {one.value:.6g} ± {one.sigma:.2g}" for one in fit.parameters]
+    lines += [
+        f"{one.name}: {number_text(one.value, 6, 9)} ± {number_text(one.sigma, 2, 9)}"
+        for one in fit.parameters
+    ]
     table = _beside(fit.table, request.system.parent, request.output.parent)
     return toml_text({f"# {line}": Comment(line) for line in lines} | table)
 

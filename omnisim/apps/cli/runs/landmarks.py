@@ -149,6 +149,6 @@ def _open_image(request: DetectRequest) -> SingleImage:
 def _measurement(detection: Detection) -> str:
     return (
         f"{detection.landmark}: {detection.range_m:.3f} ± {detection.range_sigma_m:.3f} m, "
-        f"{np.degrees(detection.bearing_rad):.2f} ± "
+        f"{np.degrees(detection.bearing_rad):z.2f} ± "
         f"{np.degrees(detection.bearing_sigma_rad):.2f}°"
     )

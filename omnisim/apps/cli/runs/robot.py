@@ -12,6 +12,7 @@ from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import check_target
 from omnisim.core.files.extended_tables import with_absolute_files
 from omnisim.core.files.toml_file import toml_text
+from omnisim.core.short_repr import number_text, point_text
 from omnisim.robots import (
     Kinematics,
     OdometryErrors,
@@ -147,9 +148,8 @@ def _lines(vehicle: Vehicle, body: str | None) -> list[str]:
 def _format_size(box: BodyBoxes | None) -> str:
     if box is None:
         return "unknown: contacts with a scene are not looked for"
-    length_m, width_m, height_m = (box.high_m - box.low_m).tolist()
-    clearance = f"{box.clearance_m:g} m clear of the ground"
-    return f"{length_m:g} × {width_m:g} × {height_m:g} m, {clearance}"
+    sides = " × ".join(map(number_text, box.high_m - box.low_m))
+    return f"{sides} m, {number_text(box.clearance_m)} m clear of the ground"
 
 
 def _format_rate(mounted: MountedSensor) -> str:
@@ -160,10 +160,9 @@ def _format_rate(mounted: MountedSensor) -> str:
 
 
 def _sensor_line(mounted: MountedSensor) -> str:
-    x, y, z = mounted.origin_m.tolist()
     hidden = f", does not see {', '.join(mounted.hides)}" if mounted.hides else ""
     mesh = f"{mounted.sensor.mesh_summary}, " if isinstance(mounted, MountedCamera) else ""
     return (
         f"{mounted.noun:<8} {mounted.name}, {mounted.summary()}, {mesh}{_format_rate(mounted)}"
-        f"{mounted.origin_noun} ({x:g}, {y:g}, {z:g}) m{hidden}"
+        f"{mounted.origin_noun} {point_text(mounted.origin_m)} m{hidden}"
     )
