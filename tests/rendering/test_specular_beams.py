@@ -178,10 +178,10 @@ def test_walls_return_their_red_by_the_cosine_at_any_range(backend, specular):
     local = np.stack([points[axis] for axis in "xyz"], axis=1).astype(np.float64)
     rays = local @ at[:3, :3].T
     places = rays + at[:3, 3]
-    off_m = ROOM_HALF_M - np.abs(places)  # distances to the walls along each axis
+    gaps_m = ROOM_HALF_M - np.abs(places)  # distances to the walls along each axis
     ranges_m = np.linalg.norm(rays, axis=1)
-    cosines = np.abs(rays / ranges_m[:, None])[np.arange(len(rays)), off_m.argmin(axis=1)]
-    inside = np.sort(off_m, axis=1)[:, 1] > 0.01  # not at an edge of the room
+    cosines = np.abs(rays / ranges_m[:, None])[np.arange(len(rays)), gaps_m.argmin(axis=1)]
+    inside = np.sort(gaps_m, axis=1)[:, 1] > 0.01  # not at an edge of the room
     assert inside.sum() > 0.9 * LIDAR.rings * LIDAR.firings
     expected = 0.4 * room_color(places)[:, 0] * cosines
     np.testing.assert_allclose(points["intensity"][inside], expected[inside], rtol=1e-4)

@@ -74,7 +74,7 @@ class ToStart(Message):
 
 
 class Walls(Message):
-    """Whether surfaces stop free flight."""
+    """Surfaces stop free flight, or do not."""
 
     on: bool
 

@@ -13,7 +13,7 @@ def _commands(command, *names):
         yield from _commands(child, *names, name)
 
 
-CHOICES = ("backend", "kind", "axes", "mode")  # their values stand in place of a metavar
+CHOICES = ("backend", "kind", "axes", "mode", "overlay")  # their values stand in place of a metavar
 COMMANDS = dict(_commands(typer.main.get_command(app)))
 
 

@@ -42,7 +42,7 @@ class ComparisonSummary:
     Attributes:
         comparison: errors of the twin.
         subject: content of the images.
-        degradation: what the twin's sensor file has of blur and noise.
+        degradation: effects in the twin's sensor file, of which blur and noise are compared.
         brighter_ev: light of the images over that of the twin's, EV; None: fitted.
     """
 
