@@ -8,7 +8,6 @@ from omnisim.plots.contact_sheet import (
     TITLE_PX,
     contact_sheet,
     magnified,
-    run_sheet,
     save_contact_sheet,
 )
 
@@ -43,13 +42,3 @@ def test_long_titles_stay_in_their_cells():
 def test_a_sheet_of_nothing_is_refused():
     with pytest.raises(OutputError, match="expected at least one"):
         contact_sheet([], 3)
-
-
-def test_a_sheet_by_command(tmp_path, capsys):
-    tiles = [("a", np.zeros((9, 9), np.uint8))]
-    assert run_sheet("a.sheet", [], lambda: tiles, 3) == 2
-    assert capsys.readouterr().err == "usage: python -m a.sheet FILE\n"
-    assert run_sheet("a.sheet", [str(tmp_path / "a.png")], lambda: tiles, 3) == 0
-    assert run_sheet("a.sheet", [str(tmp_path / "a.png" / "b.png")], lambda: tiles, 3) == 1
-    assert capsys.readouterr().err.startswith("error: ")
-    assert (tmp_path / "a.png").is_file()

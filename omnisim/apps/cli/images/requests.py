@@ -1,5 +1,6 @@
 """Requests of the commands that create images and scans, or read an image."""
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -50,9 +51,21 @@ class CameraViewpointOptions(TiltedViewpointOptions):
     lens; `omnisim scene` lists them."""
 
 
+class OverlayKind(StrEnum):
+    """Ground truth to draw on an image."""
+
+    BOXES = "boxes"
+    LABELS = "labels"
+
+    @property
+    def channel(self) -> str:
+        """Channel that is needed."""
+        return "instance" if self is OverlayKind.BOXES else "semantic"
+
+
 @options
 class FlowOptions:
-    """Other viewpoints of flow, and previews."""
+    """Other viewpoints of flow, previews and overlays."""
 
     panel: ClassVar[str] = GROUND_TRUTH
 
@@ -68,6 +81,9 @@ class FlowOptions:
     """Seconds between the frame and its neighbors, for the flow of moving objects."""
     preview: bool = False
     """Also write a preview image of each channel."""
+    overlay: OverlayKind | None = None
+    """Also write FILE.overlay.png: the image with boxes of the visible instances, or with the masks
+    of the classes, and their names."""
 
 
 @options
@@ -148,7 +164,7 @@ class LiveRequest:
 
     world: LiveSceneOptions
     robot: RobotName = None
-    """Robot to drive, whose camera is shown; without a robot, the camera flies freely."""
+    """Robot to drive, with its camera or another one; without a robot, the camera flies freely."""
     run: Annotated[Path | None, Option(metavar="DIR")] = None
     """Recorded run to replay, with its images."""
     light: LightOptions
