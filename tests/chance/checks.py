@@ -6,8 +6,9 @@ from collections import Counter
 import numpy as np
 
 from omnisim.cameras import HyperbolicCamera, NonCentralCamera, period_px, pixel_grid
+from omnisim.cameras.mirrors import tessellate
+from omnisim.cameras.mirrors.mirror_mesh_rays import mesh_rays
 from omnisim.core.world import WorldState
-from omnisim.rendering.rays.mirror_mesh_rays import MirrorMeshRays
 from omnisim.rendering.stage import Stage
 from tests.chance.worlds import OwnRays, placed
 
@@ -93,7 +94,7 @@ def _frame(world, sensor, backend):
 def _own_rays(sensor, pixels):
     polygons = sensor.mesh_polygons
     if polygons is not None and isinstance(sensor.model, HyperbolicCamera):
-        return MirrorMeshRays(sensor.model, polygons).ray_from_pixel(pixels)
+        return mesh_rays(sensor.model, tessellate(sensor.model.mirror, polygons), pixels)
     return sensor.model.ray_from_pixel(pixels)
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, MirroredCamera, Rays
 from omnisim.cameras.mirrors import MirrorMesh, tessellate
-from omnisim.cameras.mirrors.mesh_rim import rim_rays
+from omnisim.cameras.mirrors.mirror_mesh_rays import mesh_rays
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
@@ -50,6 +50,7 @@ class PixelMap:
         context: OpenGL context.
         camera: camera; for supersampling, the one of the larger image.
         polygons: polygon count of the mirror's mesh; None: exact, by the camera model's GLSL file.
+        traced: rays of an optical system's pixels (height, width), which has no such file.
 
     Attributes:
         context, camera, polygons: see the arguments.
@@ -57,9 +58,16 @@ class PixelMap:
     """
 
     def __init__(
-        self, context: moderngl.Context, camera: CentralCamera, polygons: int | None = None
+        self,
+        context: moderngl.Context,
+        camera: CentralCamera,
+        polygons: int | None = None,
+        traced: Rays | None = None,
     ):
         self.context, self.camera, self.polygons = context, camera, polygons
+        self._traced, self._mesh = traced, None
+        if polygons is not None and isinstance(camera, HyperbolicCamera):
+            self._mesh = tessellate(camera.mirror, polygons)
         self.size_px = (camera.width_px, camera.height_px)
 
     @cached_property
@@ -69,6 +77,10 @@ class PixelMap:
         Raises:
             AllocationError: too large for the GPU.
         """
+        if self._traced is not None:
+            texels = (self._traced.directions, self._traced.valid[..., None])
+            texels = np.concatenate(texels, axis=-1, dtype=np.float32)
+            return texture_2d(self.context, self.size_px, 4, texels)
         rays = texture_2d(self.context, self.size_px, 4)
         target = framebuffer(self.context, [rays])
         self.valid, corrections = self.draw_rays(target)
@@ -193,14 +205,8 @@ class PixelMap:
     def _reference(self, pixels_px: NDArray[np.float64]) -> Rays:
         """NumPy's rays of pixels (n, 2)."""
         if self._mesh is not None and isinstance(self.camera, HyperbolicCamera):
-            return rim_rays(self.camera, self._mesh, pixels_px)
+            return mesh_rays(self.camera, self._mesh, pixels_px)
         return self.camera.ray_from_pixel(pixels_px)
-
-    @cached_property
-    def _mesh(self) -> MirrorMesh | None:
-        if self.polygons is None or not isinstance(self.camera, HyperbolicCamera):
-            return None
-        return tessellate(self.camera.mirror, self.polygons)
 
     @property
     def _iterates(self) -> bool:
