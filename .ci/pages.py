@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import sys
@@ -14,6 +15,7 @@ ROOT = Path(__file__).resolve().parents[1]
 EXPLANATION = ROOT / "docs" / "explanation"
 PAGES = (
     ROOT / "README.md",
+    ROOT / "benchmarks" / "README.md",
     *(EXPLANATION / f"{name}.md" for name in ("accuracy", "performance", "self-localization")),
 )
 WIDEST_PX = 1100
@@ -27,6 +29,31 @@ def renew_figures(source: Path, target: Path, names: Iterable[str]) -> None:
         image = Image.open(source / f"{name}.png").convert("RGB")
         image.thumbnail((WIDEST_PX, 10 * WIDEST_PX), Image.Resampling.LANCZOS)
         image.save(target / f"{name}.jpg", quality=88, optimize=True)
+
+
+def write_image_file(path: Path, data: bytes) -> None:
+    """Write a PNG or JPEG file, unless there is one with the same pixels.
+
+    Encoders differ from version to version, and so do their files, in bytes but not in pixels.
+    """
+    if path.is_file():
+        with Image.open(path) as old, Image.open(io.BytesIO(data)) as new:
+            if (
+                old.size == new.size
+                and old.convert("RGB").tobytes() == new.convert("RGB").tobytes()
+            ):
+                return
+    path.write_bytes(data)
+
+
+def save_jpeg(image: Image.Image, path: Path, max_bytes: int, max_quality: int = 92) -> None:
+    """Save an image as the best JPEG that fits, unless its pixels are there already."""
+    for quality in range(max_quality, 20, -4):
+        data = io.BytesIO()
+        image.save(data, "JPEG", quality=quality, optimize=True)
+        if data.tell() <= max_bytes:
+            break
+    write_image_file(path, data.getvalue())
 
 
 def block_of(mark: str, pages: Iterable[Path] = PAGES) -> str:

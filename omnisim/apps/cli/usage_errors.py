@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import MISSING
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -102,10 +103,11 @@ class CommandLine:
             return CommandLineError(f"{self._path}: {error.format_message()}")
         if type(error).__name__ == "MissingParameter":
             text = " ".join(re.split(r"\.\s|;|\.$", field.text, maxsplit=1)[0].split())
-            call = self._path if _is_argument(field) else field.label
-            return CommandLineError(
-                f"{field.label}: missing: {text}, such as {call} {example_of(field)}"
-            )
+            example = [field.label, example_of(field)]
+            if _is_argument(field):
+                needed = (one for one in self._fields if one.default is MISSING)
+                example = [self._path, *(example_of(one) for one in needed if _is_argument(one))]
+            return CommandLineError(f"{field.label}: missing: {text}, such as {' '.join(example)}")
         faults: list[Any] = getattr(error.__cause__, "errors", list)()
         value = faults[0]["input"] if faults else error.message
         words = value if isinstance(value, list | tuple) else [value]

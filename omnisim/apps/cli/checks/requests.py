@@ -26,7 +26,7 @@ class ValidateRequest(DeviceOptions):
     quick: bool = False
     """Skip the path tracer, the slowest check."""
     only: Annotated[list[str] | None, Option(metavar="CHECK", names=completion.check_names)] = None
-    """Run only this check; can be repeated."""
+    """Run only this check; can be repeated: {names}."""
 
 
 @dataclass(frozen=True, kw_only=True)
