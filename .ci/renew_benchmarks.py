@@ -84,7 +84,7 @@ def _shown(kept: Path, report: dict[str, Any], table: Sequence[str]) -> list[str
 
 
 def _times_table(kept: Path) -> list[str]:
-    """What users wait for, from the kept reports of all suites."""
+    """Times that users wait, from the kept reports of all suites."""
     rows = {
         suite: read_report(kept / f"{suite}.json")["rows"]
         for suite in ("peers", "scaling", "drive", "live", "lenses")

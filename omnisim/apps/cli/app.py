@@ -96,6 +96,8 @@ def _print_notices() -> None:
 def _fail(message: str, status: int = 1) -> NoReturn:
     from rich.markup import escape
 
+    for word in sys.argv[1:]:  # a name with line breaks: still one line
+        message = message.replace(word, " ".join(word.splitlines())) if word else message
     for line in message.splitlines():
         err.print(f"[bold red]error:[/] {escape(line)}")
     sys.exit(status)

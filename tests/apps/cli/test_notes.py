@@ -1,5 +1,6 @@
 """Notes on what may be wrong or is assumed: one line each, and none where a key confirms it."""
 
+import json
 import re
 import shlex
 from pathlib import Path
@@ -15,7 +16,7 @@ IMAGE = "--size 16 --quality fast"
 # A command, words of its note, and what is added to confirm what the note names.
 PAIRS = {
     "a scene in millimeters": (
-        f"render large.obj -o o.png {IMAGE}", "if those are mm, set meters_per_unit",
+        f"render large.obj -o o.png {IMAGE}", "if those are millimeters, set meters_per_unit",
         "--meters-per-unit 1",
     ),
     "axes of COLLADA": (f"render a.dae -o o.png {IMAGE}", "up_axis", "--up y"),
@@ -69,8 +70,13 @@ def inputs(omnisim, tmp_path):
     (tmp_path / "blind.toml").write_text(BLIND)
     sample = Path(__file__).parents[2] / "robots" / "importers" / "usarsim" / "sample.ini"
     (tmp_path / "robot.ini").write_text(sample.read_text().split("[USARBot.P2DX]")[0])
-    scene = trimesh.Scene(trimesh.creation.box(extents=(4.0, 4.0, 4.0)))
-    scene.export(tmp_path / "camera.gltf")
+    trimesh.Scene(trimesh.creation.box(extents=(4.0, 4.0, 4.0))).export(tmp_path / "camera.gltf")
+    tree = json.loads((tmp_path / "camera.gltf").read_text())
+    perspective = {"yfov": 1.0, "znear": 0.1, "aspectRatio": 1.5}
+    tree["cameras"] = [{"type": "perspective", "perspective": perspective}]
+    tree["nodes"].append({"name": "eye", "camera": 0})
+    tree["scenes"][0]["nodes"].append(len(tree["nodes"]) - 1)
+    (tmp_path / "camera.gltf").write_text(json.dumps(tree))
 
 
 BLIND = """name = "blind"

@@ -88,6 +88,8 @@ def _tried(command, line):
     words = shlex.split(command)
     if command in BY_HAND:
         return shlex.split(BY_HAND[command])
+    if found := re.match(r"(--\S+): expected one of (\w+).*, got nothing", line):
+        return [*_without(words, found[1]), found[1], found[2]]
     if found := re.search(r"did you mean '(.+?)'", line):
         options = [word.partition("=")[0] for word in words]
         (near,) = difflib.get_close_matches(found[1], options, 1, 0.1)
@@ -114,8 +116,9 @@ def _tried(command, line):
 
 
 def _tried_in_files(line):
-    """Change of a file's text that a line suggests: the old key, and the new one."""
+    """File whose text a line changes, the word in it, and the new one."""
     found = re.match(r"(\S+\.toml): (\S+): unknown key; did you mean '(.+)'", line)
+    found = found or re.match(r"(\S+\.toml): .* = '(\w+)': .*; did you mean '(.+)'", line)
     return None if found is None else found.groups()
 
 
@@ -174,7 +177,7 @@ def _fault_of(words, known):
     "command", [one for one, line in TABLE["usage"].items() if REMEDY.search(line)]
 )
 def test_the_command_line_is_understood(command):
-    """Where a line names one of several faults, the others have remedies, too."""
+    """Remedies are tried one after the other, where a command line has several faults."""
     known = {tuple(one._path.split()): one for one in _commands()}
     line, faults, tried = TABLE["usage"][command], [], command
     while line:
