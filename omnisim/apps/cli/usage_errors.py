@@ -77,6 +77,9 @@ class CommandLine:
             value, choices = values.get(field.name), field.choices
             if isinstance(value, str) and choices and value not in choices:
                 raise _value_error(field, field.label, value)
+            is_file = field.metavar == "FILE" and not _is_argument(field)
+            if is_file and isinstance(value, Path) and not value.name:  # nothing, . or /
+                raise _value_error(field, field.label, "" if "" in self._words else str(value))
         for at, flag, field, taken in self._given() if rest else ():
             words = self._words[at + 1 : at + 2 + len(taken)]
             if taken and words[len(taken) :] == [rest[0]]:

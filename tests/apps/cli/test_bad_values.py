@@ -15,8 +15,8 @@ from tests.apps.cli.test_messages import LIBRARIES
 from tests.apps.cli.test_usage_errors import _commands
 
 BAD = (
-    "nan", "inf", "-1", "1e300", "x", "none.file", "/proc/x", "é😀", "..", "", "a\nb", "0",
-    "99999999999999999999",
+    "nan", "inf", "-1", "1e300", "x", "none.file", "/proc/x", "é😀", ".", "..", "/", "", "a\nb",
+    "0", "99999999999999999999",
 )  # fmt: skip
 # They serve a page, or take minutes and no option with a value but files and devices.
 LEFT_OUT = {"live", "validate", "experiments", "doctor"}
