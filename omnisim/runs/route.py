@@ -233,7 +233,7 @@ def _from_file(
         _refuse_axes(route)
         return _along(waypoints_m, None, vehicle, route, str(path))
     recording = parse_trajectory(path, axes=route.axes)
-    if print_note is not None and recording.axes != "world":
+    if print_note is not None and route.axes is None and recording.axes != "world":
         print_note(
             f"{path}: poses in KITTI's axes, x right, y down, z ahead; --axes world takes them "
             "as x forward, y left, z up"
