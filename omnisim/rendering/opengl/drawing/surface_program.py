@@ -269,6 +269,7 @@ class SurfaceProgram:
         self._rig_from_world = find_uniform(program, "u_rig_from_world")
         self._mirror_planes = find_uniform(program, "u_mirror_planes")
         self._mirror = find_uniform(program, "u_mirror")
+        self._mirror_spread = find_uniform(program, "u_mirror_spread")
         self._probe = find_uniform(program, "u_probe")
         self._probes: Mapping[int, NDArray[np.float32]] = {}
         self._glass = find_uniform(program, "u_glass")
@@ -314,9 +315,11 @@ class SurfaceProgram:
             self._mirror_planes.write(padded)
 
     def set_mirror(self, plane: NDArray[np.float64]) -> None:
-        """Set the plane (4,) of a mirrored view: unit normal, and the viewpoint's height."""
+        """Set the plane (5,) of a mirrored view: unit normal, viewpoint's height, facets' slope."""
         if self._mirror is not None:
-            self._mirror.write(plane.astype(np.float32))
+            self._mirror.write(plane[:4].astype(np.float32))
+        if self._mirror_spread is not None:
+            self._mirror_spread.write(plane[4:].astype(np.float32))
 
     def set_probes(self, probes: Mapping[int, NDArray[np.float32]]) -> None:
         """Set the probes (4,) of items, by their identity: center, viewpoint frame; and index."""
