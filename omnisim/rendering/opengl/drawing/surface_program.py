@@ -35,6 +35,7 @@ from omnisim.rendering.opengl.materials.texture_array import TextureArray
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind
 from omnisim.scene.planar_mirrors import MAX_PLANES
+from omnisim.scene.slabs import normal_of_slabs
 from omnisim.scene.surface_reflectance import environment_table
 
 _ALL_DIRECTIONS = (-1.0, -2.0)  # cosines of a cone with all directions: a point light's
@@ -274,6 +275,7 @@ class SurfaceProgram:
         self._probes: Mapping[int, NDArray[np.float32]] = {}
         self._glass = find_uniform(program, "u_glass")
         self._glass_absorption = find_uniform(program, "u_glass_absorption_per_m")
+        self._slab_normal = find_uniform(program, "u_slab_normal")
         if variant.is_planar_mirror:
             for name, unit in MIRROR_UNITS.items():
                 set_sampler(program, name, unit)
@@ -346,6 +348,10 @@ class SurfaceProgram:
         if self._glass is not None and self._glass_absorption is not None:
             self._glass.value = item.material.glass_transmission, item.material.ior
             self._glass_absorption.value = item.material.absorption_per_m
+        if self._slab_normal is not None:
+            is_slab = item.material.is_slab
+            normal = normal_of_slabs(item.mesh) if is_slab else np.zeros(3)
+            self._slab_normal.write(normal.astype(np.float32))
         if self._is_textured:
             item.texture.use(0)
         if self._light_rectangles is not None and item.light_rectangles:
