@@ -349,8 +349,7 @@ class SurfaceProgram:
             self._glass.value = item.material.glass_transmission, item.material.ior
             self._glass_absorption.value = item.material.absorption_per_m
         if self._slab_normal is not None:
-            is_slab = item.material.is_slab
-            normal = normal_of_slabs(item.mesh) if is_slab else np.zeros(3)
+            normal = normal_of_slabs(item.mesh) if item.material.is_slab else np.zeros(3)
             self._slab_normal.write(normal.astype(np.float32))
         if self._is_textured:
             item.texture.use(0)

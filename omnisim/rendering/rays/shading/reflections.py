@@ -4,8 +4,7 @@ The origin of a reflected ray is the mirrored viewpoint, behind the surface. Ran
 at its hit are therefore those of the whole path. A ray that frosted glass transmits is a reflected
 one, mirrored to the other side.
 
-A ray from a rough facet stands for the cone of its lobe. Where it ends, the cone widens highlights
-of lamps, which few rays of a lobe would meet: without it they are white specks.
+A ray from a rough facet stands for its lobe's cone, which widens highlights of lamps where it ends.
 
 Sources: Heitz, "Sampling the GGX Distribution of Visible Normals", JCGT 7(4), 2018, with the
 estimator Fresnel's term times G2 / G1; glTF 2.0, appendix B, for the facets; Roberts, "The
@@ -256,8 +255,7 @@ def _numbers(paths: Paths) -> tuple[Floats, Floats]:
     is_split, turns = paths.is_split, np.uint32(RAYS_PER_SAMPLE)
     hashes = pcg4d(paths.pixels, np.where(is_split, paths.numbers, 0), paths.bounce, paths.key)
     # each mirror before the surface has multiplied the number of the path
-    samples = paths.numbers // turns ** np.uint32(paths.bounce + 1)
-    order = samples * turns + paths.numbers % turns
+    order = paths.numbers // turns ** np.uint32(paths.bounce + 1) * turns + paths.numbers % turns
     one, other = (
         np.where(is_split, uniform(hashed), (hashed + order * np.uint32(step)) * 2.0**-32)
         for hashed, step in zip(hashes, _R2_STEPS, strict=False)
