@@ -36,7 +36,9 @@ from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.gl.uniforms import uniform
-from omnisim.scene.planar_mirrors import MirrorPlane
+from omnisim.scene.model import Material
+from omnisim.scene.planar_mirrors import MirrorPlane, is_rough_mirror
+from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
 _OWNERS_UNIT = 0
 _NOWHERE_M = 1e9  # height above a plane without a view
@@ -79,6 +81,10 @@ class MirrorPass:
         self._count = cameras.mirrors
         self._plan, self._world_from_rig = plan, np.eye(4)
         self._planes = np.zeros((len(mirrors), 4))
+        items = buffers.draw_items
+        self._spreads = [
+            min(_facet_slope(items[index].material) for index in one.parts) for one in mirrors
+        ]
         self._background = cameras.background
         size = (plan.width_px, plan.height_px)
         with gpu_allocation(
@@ -239,5 +245,15 @@ class MirrorPass:
         with self._state.setting_depth():
             self._triangle.render(moderngl.TRIANGLES, vertices=3)
         self._state.use(self._target, has_depth=True)
-        plane = np.array((*normal, -height_m))
+        plane = np.array((*normal, -height_m, self._spreads[number]))
         self._view.draw(self._target, mirrored, world_from_objects, plane)
+
+
+def _facet_slope(material: Material) -> float:
+    """Squared roughness of a mirror's smoothest lobe, the mean over its map; 0: it is smooth."""
+    roughness = material.roughness
+    if material.metallic_roughness_map is not None:
+        roughness *= float(material.metallic_roughness_map.pixels[..., 1].mean()) / 255.0
+    if material.clearcoat:
+        roughness = min(roughness, material.clearcoat_roughness)
+    return roughness**2 if is_rough_mirror(material) and roughness > MIN_ROUGHNESS else 0.0
