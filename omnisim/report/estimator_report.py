@@ -89,7 +89,7 @@ def _camera_row(estimator: str, errors: CameraErrors) -> tuple[str, ...]:
     return (
         estimator,
         errors.model,
-        f"{100.0 * errors.focal_length:+.3f}",
+        f"{100.0 * errors.focal_length:+z.3f}",
         f"{errors.rms_px:.3f}",
         f"{errors.max_px:.3g}",
         f"{100.0 * errors.covered:.4g}",
@@ -110,7 +110,7 @@ def _cells(outcomes: Sequence[Outcome]) -> list[str]:
 def _number(mean: SeedMean, form: str) -> str:
     if not math.isfinite(mean.mean):
         return ""
-    text = format(mean.mean, form)
+    text = format(mean.mean, f"z{form}")
     return f"{text} ± {mean.half_width:.2g}" if math.isfinite(mean.half_width) else text
 
 

@@ -40,7 +40,7 @@ class Contact:
         x, y = self.position_m
         return (
             f"contact with {self.object} first at step {self.step}, {self.time_s:.2f} s, "
-            f"({x:.2f}, {y:.2f}) m; {self.steps} step{'' if self.steps == 1 else 's'} in all"
+            f"({x:z.2f}, {y:z.2f}) m; {self.steps} step{'' if self.steps == 1 else 's'} in all"
         )
 
 

@@ -156,7 +156,7 @@ def plan_route(
     if print_note is not None:
         low, high = trajectory.positions_m[:, 2].min(), trajectory.positions_m[:, 2].max()
         if max(abs(low), abs(high)) >= NOTED_M:
-            heights = f"{low:.2f} m" if high - low < NOTED_M else f"{low:.2f} to {high:.2f} m"
+            heights = f"{low:z.2f} m" if high - low < NOTED_M else f"{low:z.2f} to {high:z.2f} m"
             print_note(f"{route.path}: on the floor, at {heights}; --ground M drives at one height")
     return PlannedRoute(trajectory, sweep, follows_floor=True, motion=motion)
 
@@ -233,7 +233,7 @@ def _from_file(
         _refuse_axes(route)
         return _along(waypoints_m, None, vehicle, route, str(path))
     recording = parse_trajectory(path, axes=route.axes)
-    if print_note is not None and recording.axes != "world":
+    if print_note is not None and route.axes is None and recording.axes != "world":
         print_note(
             f"{path}: poses in KITTI's axes, x right, y down, z ahead; --axes world takes them "
             "as x forward, y left, z up"
@@ -313,15 +313,15 @@ def _check_on_the_map(scene: Scene, trajectory: Trajectory, name: str, with_heig
         step = int(np.argmax(outside))
         x, y, _ = places[step]
         raise TrajectoryError(
-            f"{name}: leaves the map at step {step}, ({x:.2f}, {y:.2f}) m: {scene.name} spans "
-            f"({low[0]:.2f}, {low[1]:.2f}) to ({high[0]:.2f}, {high[1]:.2f}) m"
+            f"{name}: leaves the map at step {step}, ({x:z.2f}, {y:z.2f}) m: {scene.name} spans "
+            f"({low[0]:z.2f}, {low[1]:z.2f}) to ({high[0]:z.2f}, {high[1]:z.2f}) m"
         )
     outside = (places[:, 2] < low[2] - ROOM_M) | (places[:, 2] > high[2] + ROOM_M)
     if with_heights and outside.any():
         step = int(np.argmax(outside))
         raise TrajectoryError(
             f"{name}: leaves the map at step {step}, at a height of {places[step, 2]:.6g} m: "
-            f"{scene.name} spans heights from {low[2]:.2f} to {high[2]:.2f} m"
+            f"{scene.name} spans heights from {low[2]:z.2f} to {high[2]:z.2f} m"
         )
 
 
@@ -380,9 +380,9 @@ def follow_floor(scene: Scene, sweep: Sweep, box: BodyBoxes | None, where: str) 
             if floor_heights is None:
                 x, y = places[at[k]].tolist()
                 raise TrajectoryError(
-                    f"{where}: leaves the floor at step {sweep.steps[at[k]]}, ({x:.2f}, {y:.2f}) m:"
-                    f" expected floor within {clearance_m:g} m of {last[_MIDDLE]:.2f} m: "
-                    "--ground M drives at one height"
+                    f"{where}: leaves the floor at step {sweep.steps[at[k]]}, "
+                    f"({x:z.2f}, {y:z.2f}) m: expected floor within {clearance_m:g} m of "
+                    f"{last[_MIDDLE]:z.2f} m: --ground M drives at one height"
                 )
             heights[k] = last = floor_heights
     grounded = _on_wheels(poses, yaw, track, heights[-len(poses) :])

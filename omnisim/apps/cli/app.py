@@ -170,6 +170,8 @@ def _print_notices() -> None:
 
 
 def _fail(message: str, status: int = 1) -> NoReturn:
+    for word in sys.argv[1:]:  # a name with line breaks: still one line
+        message = message.replace(word, " ".join(word.splitlines())) if word else message
     for line in message.splitlines():
         click.echo(f"{click.style('error:', fg='red', bold=True)} {line}", err=True)
     sys.exit(status)

@@ -32,6 +32,7 @@ from omnisim.core.errors import (
 )
 from omnisim.core.extras import require_extra
 from omnisim.core.poses import pose
+from omnisim.core.short_repr import number_text, point_text
 from omnisim.ground_truth.channels import CLASSES
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.baking.settings import emission_notes
@@ -87,10 +88,9 @@ class Viewpoint:
         return cls(one.position_m, one.yaw_deg, one.pitch_deg, one.roll_deg)
 
     def __str__(self) -> str:
-        x, y, z = self.position_m
         tilts = (("pitch", self.pitch_deg), ("roll", self.roll_deg))
-        tilt = "".join(f", {name} {angle:g}°" for name, angle in tilts if angle)
-        return f"({x:g}, {y:g}, {z:g}) m at yaw {self.yaw_deg:g}°{tilt}"
+        tilt = "".join(f", {name} {number_text(angle)}°" for name, angle in tilts if angle)
+        return f"{point_text(self.position_m)} m at yaw {number_text(self.yaw_deg)}°{tilt}"
 
     @property
     def pose(self) -> NDArray[np.float64]:

@@ -287,6 +287,8 @@ class RequestField:
     def _read(self, kind: Any, word: str) -> object:
         if self.choices and word not in self.choices:
             raise self.error(word)
+        if self.metavar == "FILE" and not self.is_argument and not Path(word).name:
+            raise self.error(word)  # nothing, . or /
         try:
             value = word if self.choices else (self.details.parse or kind)(word)
         except ValueError:

@@ -163,5 +163,9 @@ def _check_target(path: Path) -> None:
     folder = next((folder for folder in path.parents if folder.exists()), path.parent)
     if not folder.is_dir():
         raise OutputError(f"{folder}: is a file: expected a folder")
-    if not os.access(folder, os.W_OK):
-        raise OutputError(f"{path}: the folder {folder} cannot be written to")
+    trial = folder / f".omnisim-{secrets.token_hex(6)}.partial"
+    try:  # os.access allows root what /proc refuses
+        trial.touch()
+        trial.unlink()
+    except OSError:
+        raise OutputError(f"{path}: the folder {folder} cannot be written to") from None

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import OmnisimError, RunError
 from omnisim.core.poses import check_pose
-from omnisim.sensors.lidar.point_files import ECHO_POINT, POINT
+from omnisim.sensors.lidar.point_files import PLAIN_POINT, POINT
 
 
 class FileHeader:
@@ -87,7 +87,7 @@ class StoredCloud:
 
     Attributes:
         header: parameters and poses of the lidar.
-        points: (n,) records of type `POINT` or `ECHO_POINT` of
+        points: (n,) records of type `POINT`, or `PLAIN_POINT` in older runs, of
             `omnisim.sensors.lidar.point_files`.
     """
 
@@ -102,7 +102,7 @@ class StoredCloud:
     @property
     def reflectances(self) -> NDArray[np.float32]:
         """Intensities (n,), at most 1; 0 without intensities."""
-        if self.points.dtype != ECHO_POINT:
+        if self.points.dtype != POINT:
             return np.zeros(len(self.points), dtype=np.float32)
         reflectances: NDArray[np.float32] = np.minimum(self.points["intensity"], np.float32(1.0))
         return reflectances
@@ -123,7 +123,7 @@ def read_cloud(path: Path) -> StoredCloud:
     counts = [line.removeprefix(_COUNTS[path.suffix]) for line in lines if
               line.startswith(_COUNTS[path.suffix])]  # fmt: skip
     count = int(counts[0]) if counts and counts[0].isdecimal() else -1
-    kind = ECHO_POINT if any("intensity" in line.split() for line in lines) else POINT
+    kind = POINT if any("intensity" in line.split() for line in lines) else PLAIN_POINT
     if not end or len(data) != count * kind.itemsize:
         raise RunError(f"{path}: is damaged: expected a point cloud as a drive writes it")
     comment = _COMMENTS[path.suffix]

@@ -36,6 +36,7 @@ from omnisim.measurement.inputs import (
 
 MIN_CORNERS = 12  # of boards with tags, which may be seen in part
 _LARGE_PX = 1000  # shorter side of images whose chessboards are searched for at half the size
+_SMALL_PX = 16  # shorter side that OpenCV needs for its threshold; no board fits into less
 _REACH = 1.0 / 3.0  # of the way to the next corner, whose edges would disturb
 _MAX_WINDOW_PX = 9
 _MIN_WINDOW_PX = 2
@@ -131,6 +132,8 @@ def _by_quadrangles(image: NDArray[np.uint8], size: tuple[int, int]) -> tuple[bo
     """
     import cv2
 
+    if min(image.shape) < _SMALL_PX:
+        return False, None
     if min(image.shape) < _LARGE_PX:
         return cv2.findChessboardCorners(image, size)
     is_found, corners = cv2.findChessboardCorners(cv2.pyrDown(image), size)

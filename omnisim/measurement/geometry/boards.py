@@ -125,9 +125,10 @@ def read_board(text: str) -> Board:
         raise MeasurementError(f"board: expected columns and rows such as 8x6, got {parts[0]!r}")
     columns, rows = int(grid[1]), int(grid[2])
     size_m = _length_m(parts[1])
-    if (width_m := max(columns, rows) * size_m) > MAX_USUAL_M:
-        hint = f"; {parts[1]}mm would be millimeters" if parts[1][-1:].isdigit() else ""
-        warnings.warn(f"board {text}: {width_m:g} m wide{hint}", NoticeWarning, stacklevel=2)
+    width_m, has_unit = max(columns, rows) * size_m, not parts[1][-1:].isdigit()
+    if width_m > MAX_USUAL_M and not has_unit:
+        note = f"board {text}: {width_m:g} m wide; {parts[1]}mm would be millimeters"
+        warnings.warn(note, NoticeWarning, stacklevel=2)
     if kind == "chessboard":
         return Chessboard(columns, rows, size_m)
     if kind == "charuco":

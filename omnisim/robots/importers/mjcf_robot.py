@@ -66,6 +66,10 @@ def _mechanics(
         raise RobotFileError(f"{path}: expected bodies at finite positions")
     wheels = list(_wheels(model, data, root))
     sensors = [*_cameras(model, data, notices), *_imus(model, data)]
+    others = [int(kind) for kind in model.sensor_type if int(kind) not in _INERTIAL]
+    if others:
+        kinds = sorted({mujoco.mjtSensor(one).name[len("mjSENS_") :].lower() for one in others})
+        notices.append(f"left out, as omnisim has no such sensor: {_listed(kinds)}")
     mass_kg, center_m = float(model.body_subtreemass[root]), np.array(data.subtree_com[root])
     return Mechanics(body_name(model, root), wheels, mass_kg, center_m, sensors, {})
 
@@ -144,6 +148,8 @@ def _cameras(
     for number in range(model.ncam):
         name = _name(model, _OBJECTS.mjOBJ_CAMERA, number)
         if not name or model.cam_bodyid[number] == 0:
+            why = "is the world's" if name else "has no name"
+            notices.append(f"left out: camera {name or number} {why}")
             continue
         try:
             camera = OmniCamera(lens_of(model, name), polygons=None)

@@ -148,7 +148,7 @@ class _Robot:
         if self._driver.ignores_limits:
             return
         x, y, _, _, i, j, _ = base.tolist()
-        at = f"{self._driver.where}: at {time_s:.2f} s, ({x:.2f}, {y:.2f}) m"
+        at = f"{self._driver.where}: at {time_s:.2f} s, ({x:z.2f}, {y:z.2f}) m"
         if world.has_diverged or not np.all(np.isfinite(base)):
             raise TrajectoryError(
                 f"{at}: MuJoCo diverges: expected lighter or slower things to collide"

@@ -5,6 +5,7 @@ import sys
 import pytest
 
 from omnisim.apps.cli.app import main
+from tests.printed_numbers import PRINTED_NOISE
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -26,6 +27,9 @@ def omnisim(monkeypatch, capsys, tmp_path):
         except SystemExit as stopped:
             status = stopped.code or 0
         captured = capsys.readouterr()
+        for text in (captured.out, captured.err):
+            is_json = text.startswith("{")  # with all digits
+            assert is_json or not PRINTED_NOISE.findall(text), text
         return status, captured.out, captured.err
 
     return run

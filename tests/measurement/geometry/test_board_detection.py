@@ -39,6 +39,12 @@ def image(pose):
     return board_image(LENS, pose, chessboard_texture())
 
 
+@pytest.mark.parametrize("side_px", [1, 9, 15, 17])
+def test_tiny_images_have_no_board(side_px):
+    with pytest.raises(MeasurementError, match="no chessboard of 8 x 6"):
+        find_board(np.full((side_px, side_px), 128, np.uint8), BOARD)
+
+
 def test_corners_of_a_chessboard_lie_where_the_lens_shows_them(image, pose):
     found = find_board(image, BOARD)
     exact = seen_view(LENS, pose, corner_grid()).pixels_px

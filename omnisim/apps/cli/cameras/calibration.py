@@ -32,6 +32,7 @@ from omnisim.cameras.models.field_of_view import field_of_view
 from omnisim.core.errors import CalibrationError, OmnisimError
 from omnisim.core.files.atomic_file import check_distinct, check_target
 from omnisim.core.files.image_files import EIGHT_BIT_SUFFIXES, FLOAT_SUFFIXES, read_image
+from omnisim.core.short_repr import number_text, point_text
 from omnisim.rendering.camera.camera_parameters import camera_of_parameters
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
@@ -140,7 +141,7 @@ def _convert_optics(
     x, y, z = pose[:3, 3]
     tilt_deg = math.degrees(math.acos(min(abs(float(pose[2, 2])), 1.0)))
     out.print(
-        f"  viewpoint ({x:.5f}, {y:.5f}, {z:.5f}) m in the optics' frame, axis tilted by "
+        f"  viewpoint ({x:z.5f}, {y:z.5f}, {z:z.5f}) m in the optics' frame, axis tilted by "
         f"{tilt_deg:.2f}°; it is off, for points"
     )
     out.print(error_table(residuals.at_distances))
@@ -153,7 +154,7 @@ def error_table(errors: Sequence[CentralError]) -> Table:
     shown = table("at", ">mean", ">median", ">99 %", ">at most", ">not shown")
     for error in errors:
         values = error.mean_px, error.median_px, error.percentile_99_px, error.max_px
-        pixels = ["–" if math.isnan(value) else f"{value:.3g} px" for value in values]
+        pixels = ["–" if math.isnan(value) else f"{number_text(value, 3)} px" for value in values]
         shown.add_row(error.at, *pixels, f"{100.0 * error.left_out:.1f} %")
     return shown
 
@@ -260,7 +261,7 @@ def _conversion(before: CalibratedCamera, after: CalibratedCamera) -> str:
         return f"{name}: {model}, the same rays"
     return (
         f"{name}: {model}, fitted to {fit.source_model}: "
-        f"RMS {fit.rms_px:.3g} px, at most {fit.max_px:.3g} px, "
+        f"RMS {number_text(fit.rms_px, 3)} px, at most {number_text(fit.max_px, 3)} px, "
         f"within {math.degrees(fit.theta_max_rad):.1f}° of the axis"
     )
 
@@ -291,8 +292,8 @@ def _file_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
     """Table rows of a camera's poses and fit in its file."""
     rows = []
     for pose in calibrated.poses[:SHOWN_POSES]:
-        x, y, z = pose.target_from_source[:3, 3]
-        rows.append((f"{pose.target}_from_{pose.source}", f"at ({x:.6g}, {y:.6g}, {z:.6g}) m"))
+        place = point_text(pose.target_from_source[:3, 3])
+        rows.append((f"{pose.target}_from_{pose.source}", f"at {place} m"))
     if len(calibrated.poses) > SHOWN_POSES:
         rows.append(("…", f"{len(calibrated.poses)} poses in all"))
     fit = calibrated.residuals
@@ -300,12 +301,12 @@ def _file_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
         rows.append(
             (
                 "fitted to",
-                f"{fit.source_model}: RMS {fit.rms_px:.3g} px, at most {fit.max_px:.3g} px "
-                f"within {math.degrees(fit.theta_max_rad):.1f}°",
+                f"{fit.source_model}: RMS {number_text(fit.rms_px, 3)} px, at most "
+                f"{number_text(fit.max_px, 3)} px within {math.degrees(fit.theta_max_rad):.1f}°",
             )
         )
         rows += [
-            (f"points at {error.at}", f"99 % within {error.percentile_99_px:.3g} px")
+            (f"points at {error.at}", f"99 % within {number_text(error.percentile_99_px, 3)} px")
             for error in fit.at_distances
         ]
     return rows
@@ -327,6 +328,6 @@ def _parameter_row(key: str, value: object) -> tuple[str, str]:
         return name, str(value).lower()
     if isinstance(value, str):
         return name, value
-    if isinstance(value, list | tuple):
-        return name, ", ".join(f"{one:.10g}" for one in value) + unit
-    return name, f"{value:.10g}{unit}"
+    decimals = 9 if unit else 300  # a coefficient without a unit may be of any size
+    values = value if isinstance(value, list | tuple) else (value,)
+    return name, ", ".join(number_text(one, 10, decimals) for one in values) + unit

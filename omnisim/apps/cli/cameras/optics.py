@@ -43,7 +43,7 @@ from omnisim.cameras.optics.tracing import Fate
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_target, write_text
 from omnisim.core.files.toml_file import Comment, toml_text
-from omnisim.core.short_repr import counted
+from omnisim.core.short_repr import counted, number_text
 
 _FATES = {
     Fate.OUTSIDE: "outside the lens's own image",
@@ -62,10 +62,12 @@ def check(request: OpticsCheckRequest) -> None:
     out.print(f"{request.system}: {_summary(system)}")
     out.print(_shares(system))
     x, y, z = centrality.viewpoint_m
-    misses_mm = 1e3 * centrality.misses_m
+    mean_mm, max_mm = (
+        number_text(1e3 * one, 3) for one in (centrality.misses_m.mean(), centrality.misses_m.max())
+    )
     out.print(
-        f"best viewpoint: ({x:.5f}, {y:.5f}, {z:.5f}) m in the sensor's optical frame; rays miss "
-        f"it by {misses_mm.mean():.3g} mm on average, {misses_mm.max():.3g} mm at most"
+        f"best viewpoint: ({x:z.5f}, {y:z.5f}, {z:z.5f}) m in the sensor's optical frame; rays "
+        f"miss it by {mean_mm} mm on average, {max_mm} mm at most"
     )
     apart_px = lateral_color_px(system)
     if len(apart_px):
@@ -212,14 +214,16 @@ def calibrate(request: OpticsCalibrateRequest) -> None:
     corners = sum(len(board.points_m) for board in boards)
     summary = (
         f"{pluralize(len(boards), 'image')}, {pluralize(corners, 'corner')}: RMS "
-        f"{_rms(fit.before_px):.3g} px before, {_rms(fit.errors_px):.3g} px after, at most "
-        f"{np.linalg.norm(fit.errors_px, axis=1).max():.3g} px"
+        f"{number_text(_rms(fit.before_px), 3)} px before, "
+        f"{number_text(_rms(fit.errors_px), 3)} px after, at most "
+        f"{number_text(np.linalg.norm(fit.errors_px, axis=1).max(), 3)} px"
     )
     write_text(request.output, _fitted_text(request, fit, summary))
     out.print(f"{request.output}: {summary}")
     shown = table("", ">before", ">fitted", ">±")
     for one in fit.parameters:
-        shown.add_row(one.name, f"{one.before:.6g}", f"{one.value:.6g}", f"{one.sigma:.2g}")
+        values = (number_text(value, 6, 9) for value in (one.before, one.value))
+        shown.add_row(one.name, *values, number_text(one.sigma, 2, 9))
     out.print(shown)
 
 
@@ -231,7 +235,10 @@ def _rms(errors_px: Floats) -> float:
 def _fitted_text(request: OpticsCalibrateRequest, fit: SystemCalibration, summary: str) -> str:
     """Text of the fitted optics file."""
     lines = [f"Fitted to {request.corners.name}: {summary}."]
-    lines += [f"{one.name}: {one.value:.6g} ± {one.sigma:.2g}" for one in fit.parameters]
+    lines += [
+        f"{one.name}: {number_text(one.value, 6, 9)} ± {number_text(one.sigma, 2, 9)}"
+        for one in fit.parameters
+    ]
     table = _beside(fit.table, request.system.parent, request.output.parent)
     return toml_text({f"# {line}": Comment(line) for line in lines} | table)
 

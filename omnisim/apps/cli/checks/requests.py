@@ -41,7 +41,7 @@ class ValidateRequest(DeviceOptions):
     quick: bool = False
     """Skip the path tracer, the slowest check."""
     only: Annotated[list[str] | None, Option(metavar="CHECK", names=_check_names)] = None
-    """Run only this check; can be repeated."""
+    """Run only this check; can be repeated: {names}."""
 
 
 @command("experiments", "checks.validate.experiments", extra="reports")

@@ -90,15 +90,17 @@ def _serve(page: LivePage, request: LiveRequest) -> None:
 def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
     vehicle = None
     if request.robot is not None:
-        reason = "a robot has its own: expected none with --robot"
-        refuse_given(request.camera, reason, "sensor", "optics", "calibration_file")
         reason = "a robot stands on the floor: expected none with --robot"
         refuse_given(request.viewpoint, reason, "pitch_deg")
         vehicle = Vehicle.load(request.robot)
-        document = CameraDocument.of_camera(vehicle.camera(request.camera.camera_name).sensor)
-        camera_options: tuple[str, ...] | None = _robot_options(request, vehicle, document)
+    files = request.camera
+    has_own = (files.sensor or files.optics or files.calibration_file) is not None
+    camera_name = None if has_own else files.camera_name
+    if vehicle is None or has_own:
+        document, camera_options = _document(files)
     else:
-        document, camera_options = _document(request.camera)
+        document = CameraDocument.of_camera(vehicle.camera(camera_name).sensor)
+        camera_options = _robot_options(vehicle, camera_name, document)
     image = dataclasses.replace(request.image, size_px=request.image.size_px or SIZE_PX)
     if image.preset is not None:
         document = document.with_degradation(image.preset)
@@ -113,7 +115,7 @@ def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
     same_scene = (*words_of(request.world), *words_of(request.light), *words_of(request, "robot"))
     in_light = SceneInLight(name, partial(_read_in_light, request.world, request.light))
     return LiveSettings(
-        scene, document, vehicle, request.camera.camera_name, (name, *same_scene),
+        scene, document, vehicle, camera_name, (name, *same_scene),
         camera_options, request.gpu.device, request.light.unlit, in_light,
     )  # fmt: skip
 
@@ -134,15 +136,15 @@ def _read_in_light(
 
 
 def _robot_options(
-    request: LiveRequest, vehicle: Vehicle, document: CameraDocument
+    vehicle: Vehicle, camera_name: str | None, document: CameraDocument
 ) -> tuple[str, ...] | None:
     """Options that select the robot's camera; None if rounding has changed its document."""
-    own, camera = vehicle.camera(request.camera.camera_name).sensor, document.camera()
+    own, camera = vehicle.camera(camera_name).sensor, document.camera()
     if camera.model.parameters() != own.model.parameters():
         return None
     if not np.array_equal(camera.base_from_rig, own.base_from_rig):
         return None
-    return words_of(request.camera, "camera_name")
+    return () if camera_name is None else ("--camera-name", camera_name)
 
 
 def _document(files: CameraFileOptions) -> tuple[CameraDocument, tuple[str, ...] | None]:

@@ -34,6 +34,7 @@ from omnisim.ground_truth import CHANNELS, parse_channels
 from omnisim.ground_truth.channel_files import (
     BOXES_3D,
     FINEST_RANGE_STEPS_PER_M,
+    OVERLAY,
     is_sidecar_name,
     range_steps_per_m,
     sidecar_path,
@@ -50,6 +51,7 @@ if TYPE_CHECKING:  # slow to import, and seldom needed
     from omnisim.cameras.calibration import Calibration
 
 SIGNS = {"next": 1.0, "previous": -1.0}  # signs of the time intervals
+OVERLAID = {"boxes": "instance", "labels": "semantic"}  # channels that overlays need
 DEFAULT_ADVANCE_M = 0.1  # forward motion between frames for flow without --next
 
 
@@ -71,7 +73,9 @@ def run(request: RenderRequest) -> None:
     camera = _adjusted(request, own)
     _check_channel_options(request.flow, channels)
     channel_format = parse_channel_format(request.truth.channel_format, channels)
-    scene = load_labeled_scene(request.world, request.light, request.truth, channels)
+    overlay = request.flow.overlay
+    rendered = channels if overlay is None else tuple(dict.fromkeys((*channels, OVERLAID[overlay])))
+    scene = load_labeled_scene(request.world, request.light, request.truth, rendered)
     viewpoint = Viewpoint.in_scene(scene, request.viewpoint)
     if mounted is None and not has_own:
         camera = _of_file(request, scene) or camera
@@ -107,17 +111,21 @@ def run(request: RenderRequest) -> None:
         frame = renderer.render(
             WorldState({renderer.vehicle: base}, time_s),
             linear=is_float,
-            also=channels,
+            also=rendered,
             boxes_3d=request.truth.boxes_3d,
             next_state=states.get("next"),
             previous_state=states.get("previous"),
             motion=lambda now_s: twist(now_s - time_s),
         )
         faces = {} if request.files.faces is None else renderer.faces()
-    frame.save(request.output, request.flow.preview, channel_format)
+    kept = {name: values for name, values in frame.channels.items() if name in channels}
+    saved = frame if overlay is None else dataclasses.replace(frame, channels=kept)
+    saved.save(request.output, request.flow.preview, channel_format)
     size = f"{camera.model.width_px} × {camera.model.height_px} px"
     out.print(f"{request.output}: {size}, {camera.mesh_summary}, from {viewpoint}")
     _write_other_files(request.files, camera, frame, base, faces)
+    if overlay is not None:
+        _write_overlay(request.output, frame, overlay)
     if channels:
         flows = "".join(_flow_summary(request.flow, *other) for other in others.items())
         out.print(f"{request.output}: also {', '.join(channels)}{flows}")
@@ -251,7 +259,7 @@ def _check_outputs(request: RenderRequest) -> tuple[str, ...]:
     )
     channels = () if request.truth.also is None else parse_channels(request.truth.also)
     for option, path in extra.items():
-        has_sidecars = channels or request.truth.boxes_3d
+        has_sidecars = channels or request.truth.boxes_3d or request.flow.overlay
         if has_sidecars and path is not None and is_sidecar_name(request.output, path):
             raise OutputError(f"{option}: expected another name than a channel's file, got {path}")
     if files.calibration is not None:
@@ -297,6 +305,17 @@ def _write_other_files(
         for name, pixels in {**faces, "unfolded": unfolded_cube(faces)}.items():
             write_image(files.faces / f"{name}.png", pixels)
         out.print(f"{files.faces}: {', '.join(faces)}, unfolded")
+
+
+def _write_overlay(image: Path, frame: Frame, kind: str) -> None:
+    """Write the image with boxes or masks next to it, and print its name."""
+    from omnisim.plots.overlays import boxes_overlay, labels_overlay
+
+    assert frame.labels is not None
+    draw = boxes_overlay if kind == "boxes" else labels_overlay
+    path = sidecar_path(image, OVERLAY)
+    write_image(path, draw(frame.rgb, frame.channels[OVERLAID[kind]], frame.labels))
+    out.print(f"{path}: the image with {kind}")
 
 
 def _calibration(sensor: OmniCamera, world_from_base: NDArray[np.float64]) -> Calibration:

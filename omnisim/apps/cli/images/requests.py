@@ -52,7 +52,7 @@ class CameraViewpointOptions(TiltedViewpointOptions):
 
 @options
 class FlowOptions:
-    """Other viewpoints of flow, and previews."""
+    """Other viewpoints of flow, previews and overlays."""
 
     panel: ClassVar[str] = GROUND_TRUTH
 
@@ -68,6 +68,9 @@ class FlowOptions:
     """Seconds between the frame and its neighbors, for the flow of moving objects."""
     preview: bool = False
     """Also write a preview image of each channel."""
+    overlay: Literal["boxes", "labels"] | None = None
+    """Also write FILE.overlay.png: the image with boxes of the visible instances, or with the masks
+    of the classes, and their names."""
 
 
 @options
@@ -148,7 +151,7 @@ class LiveRequest:
 
     world: LiveSceneOptions
     robot: RobotName = None
-    """Robot to drive, whose camera is shown; without a robot, the camera flies freely."""
+    """Robot to drive, with its camera or another one; without a robot, the camera flies freely."""
     run: Annotated[Path | None, Option(metavar="DIR")] = None
     """Recorded run to replay, with its images."""
     light: LightOptions

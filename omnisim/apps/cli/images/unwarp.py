@@ -15,6 +15,7 @@ from omnisim.apps.cli.options import refuse_given
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.atomic_file import check_distinct, check_target
 from omnisim.core.files.image_files import is_float_format, write_image
+from omnisim.core.short_repr import number_text
 from omnisim.core.srgb import linear_from_srgb8, srgb8_from_linear
 from omnisim.core.version import __version__
 from omnisim.ground_truth import Labels, check_channels, parse_channels
@@ -166,8 +167,8 @@ def _height_m(request: UnwarpRequest, taken: CapturedImage) -> float:
         )
     if taken.height_m <= 0.0:
         raise OpticsError(
-            f"{request.source}: expected a camera above the ground, got z = {taken.height_m:g} m: "
-            "pass --height METERS"
+            f"{request.source}: expected a camera above the ground, got z = "
+            f"{number_text(taken.height_m)} m: pass --height METERS"
         )
     return taken.height_m
 
@@ -183,8 +184,9 @@ def _cylinder(request: UnwarpRequest, taken: CapturedImage, yaw: float) -> View:
     view = cylinder_view(width, math.radians(low), math.radians(high), yaw)
     if request.size_px and view.camera.height_px != request.size_px[1]:
         raise OpticsError(
-            f"--size: expected {width} × {view.camera.height_px} for a cylinder from {low:g}° to "
-            f"{high:g}°, got {width} × {request.size_px[1]}: change the size or --elevation"
+            f"--size: expected {width} × {view.camera.height_px} for a cylinder from "
+            f"{number_text(low)}° to {number_text(high)}°, got {width} × {request.size_px[1]}: "
+            "change the size or --elevation"
         )
     return view
 

@@ -29,11 +29,13 @@ from omnisim.measurement.comparison.scene_comparison import MAX_OFFSET_PX as MAX
 from omnisim.measurement.comparison.scene_comparison import brighter_ev
 from omnisim.measurement.geometry import BoardView, find_boards, read_board, read_gray
 from omnisim.measurement.geometry.board_detection import image_files
+from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.runs.rig_trajectory import RigRoute
 from omnisim.scene import read_scene
 
 if TYPE_CHECKING:
+    from omnisim.report.measure import Measure
     from omnisim.report.report import ResultTable, Section
 
 _SHOWN = 6  # images in the report
@@ -42,8 +44,12 @@ _BOARD_ONLY = ("mirrored",)
 _SCENE_ONLY = ("trajectory", "trajectory_frame", "axes", "exposure_ev")
 
 
-def compare(request: MeasureCompareRequest) -> None:
-    """Render each image's board or scene by the twin, compare both, and write a report."""
+def compare(request: MeasureCompareRequest) -> bool:
+    """Render each image's board or scene by the twin, compare both, and write a report.
+
+    Returns:
+        True if all bounds hold on what the sensor file has.
+    """
     require_extra("measure", "omnisim measure compare", MeasurementError)
     require_extra("reports", "omnisim measure compare", MeasurementError)
     from omnisim.apps.cli.measure.measured_sections import measured_sections
@@ -60,9 +66,11 @@ def compare(request: MeasureCompareRequest) -> None:
     images = summary.comparison.images
     facts = {"sensor": request.sensor.name, "images": [one.name for one in images]}
     text = f"{pluralize(len(images), 'image')}."
-    Report("Camera twin", text, (summary.section(), *parts), facts).write(request.output)
+    report = Report("Camera twin", text, (summary.section(), *parts), facts)
+    report.write(request.output)
     out.print(f"{request.output}: written")
     out.print(summary.text())
+    return report.passed
 
 
 def _check_subject(request: MeasureCompareRequest) -> None:
@@ -103,7 +111,7 @@ def _compare_board(
         print_note(note)
     if not compared:
         raise MeasurementError(f"{request.images}: no image could be compared")
-    return ComparisonSummary(compare_images(sensor, compared), BOARD_SUBJECT)
+    return ComparisonSummary(compare_images(sensor, compared), BOARD_SUBJECT, sensor.degradation)
 
 
 def _compare_scene(request: MeasureCompareRequest, sensor: OmniCamera) -> ComparisonSummary:
@@ -128,7 +136,8 @@ def _compare_scene(request: MeasureCompareRequest, sensor: OmniCamera) -> Compar
     photos = zip(files, poses.world_from_body[indices], strict=True)
     compared = list(track(compare_scene(sensor, scene, photos), "Images", len(files)))
     comparison = compare_scene_images(sensor, compared)
-    return ComparisonSummary(comparison, SCENE_SUBJECT, brighter_ev(sensor, compared))
+    brighter = brighter_ev(sensor, compared)
+    return ComparisonSummary(comparison, SCENE_SUBJECT, sensor.degradation, brighter)
 
 
 @dataclass(frozen=True)
@@ -170,11 +179,13 @@ class ComparisonSummary:
     Attributes:
         comparison: errors of the twin.
         subject: content of the images.
+        degradation: effects in the twin's sensor file, of which blur and noise are compared.
         brighter_ev: light of the images over that of the twin's, EV; None: fitted.
     """
 
     comparison: Comparison
     subject: Subject
+    degradation: Degradation
     brighter_ev: float | None = None
 
     @property
@@ -195,8 +206,42 @@ class ComparisonSummary:
         noise = self.comparison.noise
         return max((abs(one.twin_noise - one.noise) for one in noise), default=math.nan)
 
+    @property
+    def measures(self) -> tuple[Measure, ...]:
+        """Errors with their bounds; those of blur and noise need their part of the sensor file."""
+        from omnisim.report.measure import Measure
+
+        made, patches = self.degradation, self.subject.patches
+        level, rise, noise = self.level_error, self.rise_error, self.noise_error
+        no_level = "" if math.isfinite(level) else f"no {patches}"
+        no_rise = "" if math.isfinite(rise) else "no edge is long enough"
+        if made.point_spread is None and made.defocus is None:
+            no_rise = "the sensor file has no blur"
+        no_noise = "the sensor file has no noise" if made.noise is None else ""
+        measures = [
+            Measure(
+                "largest bias of corners, by ring", self.comparison.bias_px, "px", _BIAS_PX
+            ),
+            Measure(
+                f"gray levels of 90 % of the {patches}", level, "of 255", _LEVELS,
+                unmeasured=no_level,
+            ),
+            Measure(
+                "10–90 % rise of edges, by ring", 100.0 * rise, "%", _RISE_PERCENT,
+                unmeasured=no_rise,
+            ),
+        ]  # fmt: skip
+        if math.isfinite(noise):
+            measures.append(
+                Measure("noise, by gray level", noise, "gray levels", _NOISE, unmeasured=no_noise)
+            )
+        if self.brighter_ev is not None:
+            name = "light of the images over the twin's, median"
+            measures.append(Measure(name, self.brighter_ev, "EV"))
+        return tuple(measures)
+
     def text(self) -> str:
-        """Line of the most important numbers."""
+        """Line of the most important numbers, and what they miss or do not check."""
         rise, noise, ev = self.rise_error, self.noise_error, self.brighter_ev
         parts = [
             f"{pluralize(len(self.comparison.images), 'image')}: corners found again with a bias "
@@ -210,23 +255,22 @@ class ComparisonSummary:
         if math.isfinite(noise):
             parts.append(f"noise within {noise:.2f} gray levels")
         if ev is not None and math.isfinite(ev):
-            parts.append(f"images brighter than the twin's by {ev:+.2f} EV")
-        return "; ".join(parts)
+            parts.append(f"images brighter than the twin's by {ev:+z.2f} EV")
+        missed = [one.name for one in self.measures if one.passed is False]
+        unmeasured = [f"{one.name} ({one.unmeasured})" for one in self.measures if one.unmeasured]
+        lists = (("missed", missed), ("not measured", unmeasured))
+        return "; ".join(
+            parts + [f"{title}: {', '.join(names)}" for title, names in lists if names]
+        )
 
     def section(self) -> Section:
         """Section of the report."""
         from omnisim.plots.twin_plots import edge_figure, noise_figure, sheet_figure
-        from omnisim.report.measure import Measure
         from omnisim.report.report import CaptionedFigure, Section
 
-        comparison, patches = self.comparison, self.subject.patches
+        comparison = self.comparison
         step = max(1, len(comparison.images) // _SHOWN)
         shown = comparison.images[::step][:_SHOWN]
-        measures = [
-            Measure("largest bias of corners, by ring", comparison.bias_px, "px", _BIAS_PX),
-            Measure(f"gray levels of 90 % of the {patches}", self.level_error, "of 255", _LEVELS),
-            Measure("10–90 % rise of edges, by ring", 100.0 * self.rise_error, "%", _RISE_PERCENT),
-        ]
         figures = [
             CaptionedFigure(
                 "images", sheet_figure(shown), "Images, the twin's, and twin minus image"
@@ -235,19 +279,12 @@ class ComparisonSummary:
         ]
         tables = [self._rings()]
         if comparison.noise:
-            measures.append(
-                Measure("noise, by gray level", self.noise_error, "gray levels", _NOISE)
-            )
             caption = "Noise by gray level, with fine texture, in even blocks of images and twin"
             figures.append(CaptionedFigure("noise-levels", noise_figure(comparison), caption))
-        if self.brighter_ev is not None:
-            measures.append(
-                Measure("light of the images over the twin's, median", self.brighter_ev, "EV")
-            )
         return Section(
             "The camera beside its twin",
             self.subject.text,
-            measures=tuple(measures),
+            measures=self.measures,
             tables=tuple(tables),
             figures=tuple(figures),
         )
@@ -270,8 +307,8 @@ class ComparisonSummary:
                 f"{ring.radius_px:.0f}",
                 str(ring.corners),
                 str(ring.lost),
-                _number(ring.bias_px[0], "+.3f"),
-                _number(ring.bias_px[1], "+.3f"),
+                _number(ring.bias_px[0], "+z.3f"),
+                _number(ring.bias_px[1], "+z.3f"),
                 _number(ring.rms_px, ".3f"),
                 _number(ring.rise_px, ".2f"),
                 _number(ring.twin_rise_px, ".2f"),
@@ -284,6 +321,4 @@ class ComparisonSummary:
 
 
 def _number(value: float, form: str) -> str:
-    if not math.isfinite(value):
-        return "–"
-    return format(round(value, 3) + 0.0, form)  # no -0
+    return format(value, form) if math.isfinite(value) else "–"

@@ -54,10 +54,13 @@ _OWN = ("output", "sensor")  # which the plan's command sets
 _NAME_OR_FILE = ("board", "scene")
 
 
-def plan(request: MeasurePlanRequest) -> None:
+def plan(request: MeasurePlanRequest) -> bool:
     """Measure the parts of a plan one after the other, and write a report of them.
 
     A part whose arguments and files are unchanged since the last call is not measured again.
+
+    Returns:
+        False if the comparison misses a bound.
     """
     require_extra("reports", "omnisim measure plan", MeasurementError)
     from omnisim.report.report import Report, check_report_target
@@ -84,13 +87,15 @@ def plan(request: MeasurePlanRequest) -> None:
     if _COMPARE in tables:
         out.print(_COMPARE, style="bold")
         with _named(f"{request.plan}: {_COMPARE}"):
-            compare(MeasureCompareRequest(**tables[_COMPARE], output=folder, sensor=request.output))
-        return
+            return compare(
+                MeasureCompareRequest(**tables[_COMPARE], output=folder, sensor=request.output)
+            )
     from omnisim.apps.cli.measure.measured_sections import measured_sections
 
     sections = measured_sections(request.output)
     Report("Measured camera", "", sections, {"sensor": request.output.name}).write(folder)
     out.print(f"{folder}: written")
+    return True
 
 
 @contextmanager

@@ -234,5 +234,5 @@ def round_to_sigma(value: float, sigma: float) -> float:
 def format_quantity(quantity: Quantity) -> tuple[str, str]:
     """Value and standard deviation of a quantity, as text."""
     if not math.isfinite(quantity.sigma):
-        return f"{quantity.value:.3g}", ""
+        return f"{quantity.value:z.3g}", ""
     return f"{round_to_sigma(quantity.value, quantity.sigma):.10g}", f"{quantity.sigma:.2g}"

@@ -27,6 +27,7 @@ from omnisim.core.extras import require_extra
 from omnisim.core.files.image_files import EIGHT_BIT_SUFFIXES, FLOAT_SUFFIXES
 from omnisim.core.files.sources import recorded_sources, source_digest
 from omnisim.core.poses import pose
+from omnisim.core.short_repr import point_text
 from omnisim.core.trajectories import Trajectory
 from omnisim.ground_truth import parse_channels
 from omnisim.robots import Robot, load_robot
@@ -223,7 +224,7 @@ def _note_poses_outside(scene: Scene, truth: Trajectory, path: Path) -> None:
     low, high = scene.bounds_m()
     outside = ((truth.positions_m < low) | (truth.positions_m > high)).any(axis=1)
     if outside.any():
-        corners = (f"({', '.join(f'{value:.4g}' for value in corner)})" for corner in (low, high))
+        corners = (point_text(corner, 4) for corner in (low, high))
         print_note(
             f"{path}: {int(outside.sum())} of {pluralize(len(truth), 'pose')} outside of the "
             f"scene, which spans {' to '.join(corners)} m: --at, --yaw, --pitch and --roll place "

@@ -120,7 +120,7 @@ def detect(request: DetectRequest) -> None:
         for _, detection in detections:
             bearing_deg = np.degrees((detection.bearing_rad, detection.bearing_sigma_rad))
             range_m = f"{detection.range_m:.3f} ± {detection.range_sigma_m:.3f} m"
-            bearing = f"{bearing_deg[0]:.2f} ± {bearing_deg[1]:.2f}°"
+            bearing = f"{bearing_deg[0]:z.2f} ± {bearing_deg[1]:.2f}°"
             out.print(f"  {detection.landmark}: {range_m}, {bearing}")
     for notice in source.notices:
         print_note(notice)

@@ -13,6 +13,7 @@ from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import check_target
 from omnisim.core.files.extended_tables import with_absolute_files
 from omnisim.core.files.toml_file import toml_text
+from omnisim.core.short_repr import number_text, point_text
 from omnisim.robots import (
     Kinematics,
     OdometryErrors,
@@ -130,17 +131,16 @@ def _lines(vehicle: Vehicle, body: str | None) -> list[str]:
     if (box := BodyBoxes.of(vehicle)) is None:
         lines.append("size     unknown: contacts with a scene are not looked for")
     else:
-        length_m, width_m, height_m = (box.high_m - box.low_m).tolist()
-        clearance = f"{box.clearance_m:g} m clear of the ground"
-        lines.append(f"size     {length_m:g} × {width_m:g} × {height_m:g} m, {clearance}")
+        sides = " × ".join(map(number_text, box.high_m - box.low_m))
+        clearance = f"{number_text(box.clearance_m)} m clear of the ground"
+        lines.append(f"size     {sides} m, {clearance}")
     for one in vehicle.sensors:
-        x, y, z = one.origin_m.tolist()
         mesh = f"{one.sensor.mesh_summary}, " if isinstance(one, MountedCamera) else ""
         hz = "" if one.rate is None else f"{one.rate.rate_hz:g} Hz"  # some summaries have it
         rate = f"measures at {hz}, " if hz and hz not in one.summary() else ""
         hidden = f", does not see {', '.join(one.hides)}" if one.hides else ""
         lines.append(
             f"{one.noun:<8} {one.name}, {one.summary()}, {mesh}{rate}"
-            f"{one.origin_noun} ({x:g}, {y:g}, {z:g}) m{hidden}"
+            f"{one.origin_noun} {point_text(one.origin_m)} m{hidden}"
         )
     return lines

@@ -19,6 +19,7 @@ from omnisim.apps.cli.worlds.requests import BakeRequest, SceneConvertRequest, S
 from omnisim.core.errors import OutputError, printable
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import atomic_write, check_distinct, check_suffix, check_target
+from omnisim.core.short_repr import number_text
 from omnisim.rendering.opengl.geometry.memory_estimate import gpu_bytes
 from omnisim.rendering.reflections.kinds import reflection_kinds
 from omnisim.scene import Scene
@@ -177,21 +178,23 @@ def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
             f"on the GPU about {_megabytes(document['gpu_bytes'])}",
         ),
         ("bounds", f"{_point(low, digits)} to {_point(high, digits)} m"),
-        ("floors", ", ".join(f"{one['height_m']:.2f} m" for one in document["floors"]) or "none"),
+        ("floors", ", ".join(f"{one['height_m']:z.2f} m" for one in document["floors"]) or "none"),
     ]
     for one in document["starts"]:
-        floor = "no floor" if one["floor_m"] is None else f"floor at {one['floor_m']:.2f} m"
+        floor = "no floor" if one["floor_m"] is None else f"floor at {one['floor_m']:z.2f} m"
         what = one["name"] or "of the camera"
         lines.append(
             (
                 "start",
-                f"{what}: {_point(one['position_m'], digits)} m, yaw {one['yaw_deg']:g}°, {floor}",
+                f"{what}: {_point(one['position_m'], digits)} m, yaw "
+                f"{number_text(one['yaw_deg'])}°, {floor}",
             )
         )
     for one in document["cameras"]:
-        place = f"{one['name']}: {_point(one['position_m'], digits)} m, yaw {one['yaw_deg']:g}°"
+        yaw, pitch = (number_text(one[key]) for key in ("yaw_deg", "pitch_deg"))
+        place = f"{one['name']}: {_point(one['position_m'], digits)} m, yaw {yaw}°, pitch {pitch}°"
         lens = "no lens" if one["lens"] is None else one["lens"]["model"]
-        lines.append(("camera", f"{place}, pitch {one['pitch_deg']:g}°, {lens}"))
+        lines.append(("camera", f"{place}, {lens}"))
     for one in document["paths"]:
         count = pluralize(one["waypoints"], "waypoint")
         lines.append(("path", f"{one['name']}: {count}, {one['length_m']:.1f} m"))
@@ -214,8 +217,8 @@ def _row(one: dict[str, Any]) -> tuple[str, ...]:
         printable(one["name"]),
         printable(one["class_name"]),
         f"{one['triangles']:,}",
-        "×".join(f"{size:.3g}" for size in high - low),
-        " ".join(f"{value:.3g}" for value in 0.5 * (low + high)),
+        "×".join(number_text(size, 3) for size in high - low),
+        " ".join(number_text(value, 3) for value in 0.5 * (low + high)),
         _textures(one["textures_px"]),
         " ".join(one["reflections"]),
     )
@@ -230,8 +233,7 @@ def _textures(sizes_px: list[tuple[int, int]]) -> str:
 
 
 def _point(values: Any, decimals: int) -> str:
-    # + 0.0 turns −0 into 0
-    return "(" + ", ".join(f"{round(value, decimals) + 0.0:.{decimals}f}" for value in values) + ")"
+    return "(" + ", ".join(f"{value:z.{decimals}f}" for value in values) + ")"
 
 
 def _megabytes(count: int) -> str:

@@ -1,6 +1,6 @@
 """Contact sheet of all channels of ground truth.
 
-`python -m omnisim.plots.ground_truth_sheet FILE`, with FILE a .png or .jpg.
+`python .ci/make_ground_truth_sheet.py FILE`, with FILE a .png or .jpg.
 
 The robot on the soccer field, through its mirror, and some of the channels through a fisheye lens
 that looks ahead. The robot moves ahead and to the left: flow leads to the pose after this one, and
@@ -13,6 +13,7 @@ import dataclasses
 import math
 import sys
 from collections.abc import Callable, Collection
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +22,7 @@ from omnisim.cameras import EquidistantCamera
 from omnisim.core import poses
 from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.previews import preview
-from omnisim.plots.contact_sheet import run_sheet
+from omnisim.plots.contact_sheet import save_contact_sheet
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle
@@ -96,4 +97,4 @@ def _tiles(
 
 
 if __name__ == "__main__":
-    sys.exit(run_sheet(__spec__.name, sys.argv[1:], ground_truth_tiles, COLUMNS))
+    save_contact_sheet(Path(sys.argv[1]), ground_truth_tiles(), COLUMNS)

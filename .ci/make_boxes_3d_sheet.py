@@ -1,6 +1,6 @@
 """Sheet of 3-D boxes over images.
 
-`python -m omnisim.plots.boxes_3d_sheet FILE`, with FILE a .png or .jpg.
+`python .ci/make_boxes_3d_sheet.py FILE`, with FILE a .png or .jpg.
 
 A robot in the soccer hall through a fisheye lens and a mirror: boxes of whole instances, and of
 their visible points. Edges that are straight in the world are curved in the image.
@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterable
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from omnisim.cameras import CentralCamera, EquidistantCamera
 from omnisim.core import poses
 from omnisim.ground_truth.boxes_3d import InstanceBox, OrientedBox
 from omnisim.ground_truth.label_names import distinct_color
-from omnisim.plots.contact_sheet import run_sheet
+from omnisim.plots.contact_sheet import save_contact_sheet
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle
@@ -94,4 +95,4 @@ def _is_shown(box: InstanceBox) -> bool:
 
 
 if __name__ == "__main__":
-    sys.exit(run_sheet(__spec__.name, sys.argv[1:], boxes_3d_tiles, COLUMNS))
+    save_contact_sheet(Path(sys.argv[1]), boxes_3d_tiles(), COLUMNS)

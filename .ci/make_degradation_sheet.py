@@ -1,6 +1,6 @@
 """Sheet of all degradations and presets.
 
-`python -m omnisim.plots.degradation_sheet FILE` draws it.
+`python .ci/make_degradation_sheet.py FILE` draws it.
 
 The first rows show each degradation alone, stronger than in most cameras, as a whole image or as a
 part of a finer image, magnified four times. In all these images the camera turns left at 120°/s,
@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import math
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera
-from omnisim.plots.contact_sheet import magnified, run_sheet
+from omnisim.plots.contact_sheet import magnified, save_contact_sheet
 from omnisim.rendering.camera.degradations import (
     Bayer,
     ChromaticAberration,
@@ -156,4 +157,4 @@ def degradation_tiles(scene_name: str = "soccer") -> list[tuple[str, NDArray[np.
 
 
 if __name__ == "__main__":
-    sys.exit(run_sheet(__spec__.name, sys.argv[1:], degradation_tiles, COLUMNS))
+    save_contact_sheet(Path(sys.argv[1]), degradation_tiles(), COLUMNS)
