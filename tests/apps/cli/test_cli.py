@@ -139,8 +139,9 @@ def test_info_sets_names_apart_and_names_the_renderer(omnisim, context):
 def test_version_and_help(omnisim):
     assert omnisim("--version")[:2] == (0, f"omnisim {__version__}\n")
     status, out, _ = omnisim("render", "--help")
-    assert status == 0
-    assert "--faces" in out
+    assert (status, "--faces" in out) == (0, False)
+    status, out, _ = omnisim("render", "--help-all")
+    assert (status, "--faces" in out) == (0, True)
 
 
 def test_missing_opengl_is_one_line(omnisim, monkeypatch):
