@@ -71,7 +71,8 @@ def _statistics(folder: Path, title: str) -> list[FrameStatistics]:
 def _keys(measured: MeasuredNoise) -> dict[str, Any]:
     """Keys of the table `[degradation.noise]`, with no more digits than were measured."""
     digits = {one.name: round_to_sigma(one.value, one.sigma) for one in measured.quantities}
-    keys = {key: digits.get(key, value) for key, value in measured.noise.values().items()}
+    values = measured.noise.to_table(full=True)
+    keys = {key: digits.get(key, value) for key, value in values.items()}
     if measured.pattern is not None:  # which has both
         keys = {key: value for key, value in keys.items() if key not in ("prnu", "dsnu_e")}
     return {key: value for key, value in keys.items() if key != "pattern_seed"}

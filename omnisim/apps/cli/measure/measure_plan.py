@@ -117,20 +117,19 @@ def _read_plan(path: Path, output: Path) -> dict[str, dict[str, Any]]:
         MeasurementError: the message names file, key and value.
     """
     read = read_tables(path, MeasurementError)
-    kinds = {name: part.request for name, part in _PARTS.items()} | {
-        _COMPARE: MeasureCompareRequest
-    }
-    fields: dict[str, Any] = {name: (_schema(kind) | None, None) for name, kind in kinds.items()}
-    schema = pydantic.create_model("Plan", __base__=Table, **fields)
-    parsed = parse_table(_with_board(read, output), schema, MeasurementError, str(path))
-    tables = {
-        name: _below(path.parent, dict(table))
-        for name in kinds
-        if (table := getattr(parsed, name)) is not None
-    }
+    parsed = parse_table(_with_board(read, output), plan_schema(), MeasurementError, str(path))
+    tables = {name: _below(path.parent, dict(table)) for name, table in parsed if table is not None}
     if not tables.keys() & _PARTS.keys():
         raise MeasurementError(f"{path}: expected a table of {', '.join(_PARTS)}")
     return tables
+
+
+def plan_schema() -> type[Table]:
+    """Schema of a plan: a table for each part."""
+    kinds = {name: part.request for name, part in _PARTS.items()}
+    kinds[_COMPARE] = MeasureCompareRequest
+    fields: dict[str, Any] = {name: (_schema(kind) | None, None) for name, kind in kinds.items()}
+    return pydantic.create_model("Plan", __base__=Table, **fields)
 
 
 def _with_board(read: Mapping[str, Any], output: Path) -> dict[str, Any]:
@@ -162,7 +161,9 @@ def _schema(kind: type) -> type[Table]:
         limits = (details.min, details.max) if isinstance(details, Option) else (None, None)
         default = ... if field.default is dataclasses.MISSING else field.default
         fields[field.name] = (hint, Field(default, ge=limits[0], le=limits[1]))
-    return pydantic.create_model(kind.__name__, __base__=Table, **fields)
+    made = pydantic.create_model(kind.__name__, __base__=Table, **fields)
+    made.fields_of = kind
+    return made
 
 
 def _below(folder: Path, table: dict[str, Any]) -> dict[str, Any]:

@@ -70,7 +70,7 @@ def response(request: MeasureResponseRequest) -> None:
     else:
         channels = _vignetting(request.flat, request, measured)
         green = channels.get("green", next(iter(channels.values())))
-        degradation["vignetting"] = green.vignetting.values()
+        degradation["vignetting"] = green.vignetting.to_table(full=True)
         if set(_NAMES) <= channels.keys():
             tint = [channels[name].middle / channels["green"].middle for name in _NAMES]
             if max(abs(value - 1.0) for value in tint) > _MIN_TINT:

@@ -125,7 +125,7 @@ def _degradation(tables: dict[str, Any], measured: MeasuredSharpness) -> dict[st
     result = dict(tables)
     if measured.point_spread is not None:
         result.pop("defocus", None)
-        result["point_spread"] = measured.point_spread.values()
+        result["point_spread"] = measured.point_spread.to_table(full=True)
     if measured.chromatic_aberration is not None:
         color = measured.chromatic_aberration
         result["chromatic_aberration"] = {
