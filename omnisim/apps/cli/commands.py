@@ -232,6 +232,10 @@ COMMANDS: dict[str, dict[str, Entry | GroupEntry]] = {
             "step fails.",
             "checks.doctor.run", "checks.requests.DoctorRequest",
         ),
+        "schema": Entry(
+            "Print the JSON Schema of a TOML file, for editors.",
+            "checks.schema.run", "checks.requests.SchemaRequest",
+        ),
         "info": Entry(
             "Show versions, built-in scenes, and the GPUs that can render.", "info.run"
         ),

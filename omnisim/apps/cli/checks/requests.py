@@ -1,12 +1,13 @@
-"""Requests of `omnisim doctor`, `omnisim validate` and `omnisim experiments`."""
+"""Requests of `omnisim doctor`, `schema`, `validate` and `experiments`."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 from omnisim.apps.cli import completion
 from omnisim.apps.cli.option_groups import DeviceOptions
-from omnisim.apps.cli.options import Option
+from omnisim.apps.cli.options import Argument, Option
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,6 +16,26 @@ class DoctorRequest(DeviceOptions):
 
     report: Path | None = None
     """JSON file for all results, without names of the user, the machine and their folders."""
+
+
+class SchemaFile(StrEnum):
+    """Kind of a TOML file."""
+
+    ROBOT = "robot"
+    SENSOR = "sensor"
+    SCENE = "scene"
+    PLAN = "plan"
+    OPTICS = "optics"
+    SWEEP = "sweep"
+    MEASURE = "measure"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SchemaRequest:
+    """Parameters of `omnisim schema`."""
+
+    file: Annotated[SchemaFile, Argument()]
+    """Kind of file."""
 
 
 @dataclass(frozen=True, kw_only=True)
