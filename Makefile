@@ -87,15 +87,15 @@ gallery: setup
 
 sheets: setup
 	@mkdir -p omnisim/rendering/camera/sheets
-	$(BIN)/python -m omnisim.plots.ground_truth_sheet omnisim/rendering/camera/sheets/ground-truth.jpg
-	$(BIN)/python -m omnisim.plots.boxes_3d_sheet omnisim/rendering/camera/sheets/boxes-3d.jpg
+	$(BIN)/python .ci/make_ground_truth_sheet.py omnisim/rendering/camera/sheets/ground-truth.jpg
+	$(BIN)/python .ci/make_boxes_3d_sheet.py omnisim/rendering/camera/sheets/boxes-3d.jpg
 	$(BIN)/python .ci/make_image_figures.py
 	$(BIN)/python -m omnisim generate examples/plan.toml --preview 2 -o docs/how-to/data-set.jpg
 	$(BIN)/python .ci/make_world_image.py docs/how-to/match.jpg
 	$(MAKE) live-image
 	$(BIN)/python .ci/make_light_images.py docs/how-to/light.jpg
 	$(BIN)/python .ci/make_baked_image.py docs/how-to/baked.jpg
-	$(BIN)/python -m omnisim.plots.degradation_sheet omnisim/rendering/camera/sheets/degradations.jpg
+	$(BIN)/python .ci/make_degradation_sheet.py omnisim/rendering/camera/sheets/degradations.jpg
 
 live-image: setup
 	$(BIN)/python .ci/make_live_images.py

@@ -54,7 +54,7 @@ def test_each_degradation_has_its_export_and_its_example():
 
 
 def test_the_command_has_each_back_end():
-    assert tuple(Backend) == get_args(BackendName)
+    assert get_args(Backend) == get_args(BackendName)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omnisim.scene.files.conversions import CONVERSIONS
+from omnisim.scene.formats.conversions import CONVERSIONS
 from omnisim.scene.formats.features import ROBOT_TABLES, TABLES, feature_table
 
 

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import io
 import math
-import sys
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from omnisim.core.errors import OmnisimError, OutputError
+from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import write_image
 from omnisim.plots.style import DPI
 
@@ -86,22 +85,3 @@ def save_contact_sheet(path: Path, tiles: Tiles, columns: int) -> None:
     """
     sheet = np.ascontiguousarray(contact_sheet(tiles, columns))
     write_image(path, sheet, jpeg_quality=SHEET_JPEG_QUALITY)
-
-
-def run_sheet(
-    module: str, arguments: Sequence[str], make_tiles: Callable[[], Tiles], columns: int
-) -> int:
-    """Run a command that writes a contact sheet to the file in its arguments.
-
-    Returns:
-        The exit status.
-    """
-    if len(arguments) != 1:
-        print(f"usage: python -m {module} FILE", file=sys.stderr)
-        return 2
-    try:
-        save_contact_sheet(Path(arguments[0]), make_tiles(), columns)
-    except OmnisimError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    return 0

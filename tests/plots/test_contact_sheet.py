@@ -8,7 +8,6 @@ from omnisim.plots.contact_sheet import (
     TITLE_PX,
     contact_sheet,
     magnified,
-    run_sheet,
     save_contact_sheet,
 )
 
@@ -57,13 +56,3 @@ def test_titles_of_wide_sheets_can_be_read_on_a_page():
 def test_a_sheet_of_nothing_is_refused():
     with pytest.raises(OutputError, match="expected at least one"):
         contact_sheet([], 3)
-
-
-def test_a_sheet_by_command(tmp_path, capsys):
-    tiles = [("a", np.zeros((9, 9), np.uint8))]
-    assert run_sheet("a.sheet", [], lambda: tiles, 3) == 2
-    assert capsys.readouterr().err == "usage: python -m a.sheet FILE\n"
-    assert run_sheet("a.sheet", [str(tmp_path / "a.png")], lambda: tiles, 3) == 0
-    assert run_sheet("a.sheet", [str(tmp_path / "a.png" / "b.png")], lambda: tiles, 3) == 1
-    assert capsys.readouterr().err.startswith("error: ")
-    assert (tmp_path / "a.png").is_file()

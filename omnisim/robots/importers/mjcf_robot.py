@@ -14,11 +14,14 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor, load_body
 from omnisim.robots.importers.mechanics import Mechanics, imported_robot
 from omnisim.robots.importers.wheels import Wheel, is_across
-from omnisim.scene.formats.mjcf.camera_lens import lens_of
-from omnisim.scene.formats.mjcf.camera_mount import Mount
-from omnisim.scene.formats.mjcf.names import body_name, geom_names
-from omnisim.scene.formats.mjcf.reader import VISIBLE_GROUPS, load_model
-from omnisim.scene.formats.mjcf.robot_body import without_world
+from omnisim.scene.formats.mjcf.cameras import Mount, lens_of
+from omnisim.scene.formats.mjcf.reader import (
+    VISIBLE_GROUPS,
+    body_name,
+    geom_names,
+    load_model,
+    without_world,
+)
 from omnisim.scene.formats.sdf.models import unique_name
 from omnisim.sensors.sensor_names import folder_name
 

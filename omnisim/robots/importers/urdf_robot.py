@@ -16,13 +16,12 @@ from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSenso
 from omnisim.robots.importers.mechanics import Mechanics, imported_robot
 from omnisim.robots.importers.wheels import Wheel, is_across
 from omnisim.scene import Scene
-from omnisim.scene.files.search_path import ResourcePath
 from omnisim.scene.formats.features import part_notices, xml_parts
-from omnisim.scene.formats.omissions import Omissions
+from omnisim.scene.formats.imported_scene import Omissions
+from omnisim.scene.formats.resources import ResourcePath
 from omnisim.scene.formats.sdf.models import unique_name
 from omnisim.scene.formats.urdf.kinematics import link_poses
-from omnisim.scene.formats.xml.document import parse_xml
-from omnisim.scene.formats.xml.element import XmlElement
+from omnisim.scene.formats.xml.element import XmlElement, parse_xml
 from omnisim.sensors.sensor_names import folder_name
 
 Poses = Mapping[str, NDArray[np.float64]]  # poses (4, 4) by link name

@@ -7,9 +7,9 @@ ends where rendering begins.
 from dataclasses import MISSING
 
 import pytest
+from omnisim.apps.cli.usage_errors import example_of
 
 from omnisim.apps.cli.options import Argument, request_fields
-from omnisim.apps.cli.usage_errors import example_of
 from omnisim.core.errors import OmnisimError
 from tests.apps.cli.test_messages import LIBRARIES
 from tests.apps.cli.test_usage_errors import _commands

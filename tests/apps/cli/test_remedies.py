@@ -13,8 +13,8 @@ import tomllib
 from pathlib import Path
 
 import pytest
-
 from omnisim.apps.cli.usage_errors import CommandLineError
+
 from omnisim.core.errors import OmnisimError
 from tests.apps.cli.image_files import write_images
 from tests.apps.cli.test_usage_errors import _commands

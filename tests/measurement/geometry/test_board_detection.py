@@ -5,8 +5,7 @@ import pytest
 
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.geometry import AprilGrid, CharucoBoard, Chessboard
-from omnisim.measurement.geometry.board_detection import find_board
-from omnisim.measurement.geometry.grid_checks import grid_fault, squares_fault
+from omnisim.measurement.geometry.board_detection import find_board, grid_fault, squares_fault
 from tests.measurement.geometry.board_pictures import (
     LENS,
     april_grid_texture,

@@ -82,6 +82,9 @@ class RemapPass:
         context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         clear_target(target, *[(-1.0, -1.0, 0.0, 0.0)] * 2)
         samples.vertex_array(CaptureOutput.UV, plan).render()
+        corrections = samples.corrections(_values(target, 0)[..., 0] >= 0.0)
+        if len(corrections):
+            samples.correcting_array(CaptureOutput.UV, corrections, plan).render()
         uvs = _by_pixel(target, 0, supersampling)
         tables = [gpu_buffer(context, uvs)]
         defines = ["REMAP"]
@@ -145,9 +148,15 @@ class SamplePass:
     def __init__(self, samples: PixelMap, plan: TilePlan, supersampling: int):
         context = samples.context
         self._lookup_rays = samples.lookup_rays
-        self._samples_array = samples.vertex_array(CaptureOutput.COLOR, plan)
         self._colors = texture_2d(context, samples.size_px, 4, dtype="f2")
         self._target = framebuffer(context, [self._colors])
+        self._arrays = [samples.vertex_array(CaptureOutput.COLOR, plan)]
+        if self._lookup_rays is None:
+            _, corrections = samples.draw_rays(self._target)
+            if len(corrections):
+                self._arrays.append(
+                    samples.correcting_array(CaptureOutput.COLOR, corrections, plan)
+                )
         width, height = (length // supersampling for length in samples.size_px)
         everything = np.ones((height, width), dtype=np.bool_)
         self._array = image_array(context, everything, supersampling)
@@ -158,7 +167,8 @@ class SamplePass:
         if self._lookup_rays is not None:
             self._lookup_rays.use(RAYS_UNIT)
         clear_target(self._target)
-        self._samples_array.render()
+        for array in self._arrays:
+            array.render()
         self._colors.use(0)
         use_target(target)
         self._array.render()
@@ -181,10 +191,15 @@ def _by_pixel(
     target: moderngl.Framebuffer, attachment: int, supersampling: int
 ) -> NDArray[np.float32]:
     """Values (height, width, supersampling², parts) of an attachment, grouped by pixel."""
-    parts = (2, 1)[attachment]
-    width, height = (length // supersampling for length in target.size)
-    samples = np.empty((*target.size[::-1], parts), dtype=np.float32)
-    read_once(target.ctx, (Pixels(target, attachment), samples))
-    by_pixel = samples.reshape(height, supersampling, width, supersampling, parts)
+    samples = _values(target, attachment)
+    height, width = (length // supersampling for length in samples.shape[:2])
+    by_pixel = samples.reshape(height, supersampling, width, supersampling, -1)
     by_pixel = by_pixel.transpose(0, 2, 1, 3, 4)
-    return np.ascontiguousarray(by_pixel).reshape(height, width, supersampling**2, parts)
+    return np.ascontiguousarray(by_pixel).reshape(height, width, supersampling**2, -1)
+
+
+def _values(target: moderngl.Framebuffer, attachment: int) -> NDArray[np.float32]:
+    """Values (height, width, parts) of an attachment: two parts of the first, one of the other."""
+    values = np.empty((*target.size[::-1], (2, 1)[attachment]), dtype=np.float32)
+    read_once(target.ctx, (Pixels(target, attachment), values))
+    return values

@@ -16,7 +16,7 @@ from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.rendering.camera.omnicamera import DEFAULT_NEAR_M, OmniCamera
 from omnisim.robots.importers.imported_robot import ImportedSensor
 from omnisim.scene.formats.features import part_notices, xml_parts
-from omnisim.scene.formats.omissions import Omissions
+from omnisim.scene.formats.imported_scene import Omissions
 from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.sensors.depth_camera.depth_camera import MAX_RANGE_M
 
