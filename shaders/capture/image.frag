@@ -1,7 +1,8 @@
 // Image pixels: mean of their valid samples, linear and encoded in sRGB. A pixel is valid if at
 // least half of its samples are.
 // With REMAP, a table has the atlas's texture coordinates of each sample, and with MIP_LEVELS
-// another one its mip level. Without REMAP, samples are the pixels of a finer image.
+// another one its mip level. Without REMAP, samples are the pixels of a finer image, from the
+// pixel u_first_px on.
 // With BATCH, images are stacked vertically; each reads its own layer of the atlas.
 // SUPERSAMPLING: samples per pixel side; a constant, so that the loops unroll.
 #version 450 core
@@ -15,6 +16,7 @@ flat in int v_image;
 uniform sampler2D u_samples;  // atlas, or finer image
 #define at_layer(uv) uv
 #endif
+uniform ivec2 u_first_px;
 #ifdef REMAP
 // Texture coordinates of the samples, pixel by pixel; negative: invalid.
 layout(std430, binding = 5) readonly buffer Uvs { vec2 uvs[]; };
@@ -38,7 +40,8 @@ vec4 sample_at(ivec2 pixel, ivec2 part) {
 #endif
     return uvs[at].x < 0.0 ? vec4(0.0) : vec4(color, 1.0);
 #else
-    return texelFetch(u_samples, pixel * SUPERSAMPLING + part, 0);  // 0 if invalid
+    // 0 if invalid
+    return texelFetch(u_samples, (pixel - u_first_px) * SUPERSAMPLING + part, 0);
 #endif
 }
 

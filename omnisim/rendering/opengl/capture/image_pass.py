@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property, partial
 from typing import Protocol
 
@@ -9,11 +10,12 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.rendering.opengl.atlas.image_parts import ImagePart
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.pixel_map import RAYS_UNIT, CaptureOutput, PixelMap
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
-from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
+from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, within
 from omnisim.rendering.opengl.gl.functions import StorageBindings
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
@@ -31,17 +33,17 @@ _FIRST_TABLE = 5  # bindings of the UV and level tables, as in `capture/image.fr
 class ImagePass(Protocol):
     """Pass from the atlas to the image."""
 
-    def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer) -> None:
-        """Draw the valid pixels: encoded, and linear if the target has a second attachment."""
+    def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer, part: ImagePart) -> None:
+        """Draw a part's valid pixels: encoded, and linear if there is a second attachment."""
         ...
 
 
-def image_pass(samples: PixelMap, plan: TilePlan, supersampling: int) -> ImagePass:
+def image_pass(samples: PixelMap, parts: Sequence[ImagePart], supersampling: int) -> ImagePass:
     """Image pass of a camera.
 
     Args:
         samples: pixel map of the supersampled camera.
-        plan: tiles of the atlas.
+        parts: parts of the image, each with the tiles of its atlas.
         supersampling: samples per pixel side.
 
     Raises:
@@ -51,9 +53,9 @@ def image_pass(samples: PixelMap, plan: TilePlan, supersampling: int) -> ImagePa
     with gpu_allocation(
         f"a capture of {width} × {height} px", "make the image or camera.supersampling smaller"
     ):
-        if fits_table(width * height):
-            return RemapPass(samples, plan, supersampling)
-        return SamplePass(samples, plan, supersampling)
+        if len(parts) == 1 and fits_table(width * height):
+            return RemapPass(samples, parts[0].plan, supersampling)
+        return SamplePass(samples, parts, supersampling)
 
 
 def fits_table(sample_count: int) -> bool:
@@ -62,12 +64,13 @@ def fits_table(sample_count: int) -> bool:
 
 
 class RemapPass:
-    """Image pass through a UV table, which does not depend on the pose.
+    """Image pass of a whole image through a UV table, which does not depend on the pose.
 
     A frame takes the same time with all cameras, also with a mirror's mesh or an iterative model.
 
     Args:
-        samples, plan, supersampling: see `image_pass`.
+        samples, supersampling: see `image_pass`.
+        plan: tiles of the atlas.
 
     Raises:
         AllocationError: out of GPU memory.
@@ -101,8 +104,8 @@ class RemapPass:
         """Size of the UV table in bytes."""
         return self._tables.buffers[0].size
 
-    def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer) -> None:
-        """See `ImagePass`."""
+    def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer, part: ImagePart) -> None:
+        """See `ImagePass`; the part is the whole image."""
         self._state.bind_texture(0, atlas.glo)
         self._tables.bind()
         self._state.use(target)
@@ -136,32 +139,39 @@ class SamplePass:
     """Image pass that draws the samples into a larger image and averages them.
 
     Args:
-        samples, plan, supersampling: see `image_pass`.
+        samples, parts, supersampling: see `image_pass`.
 
     Raises:
         AllocationError: out of GPU memory.
     """
 
-    def __init__(self, samples: PixelMap, plan: TilePlan, supersampling: int):
+    def __init__(self, samples: PixelMap, parts: Sequence[ImagePart], supersampling: int):
         context = samples.context
+        self._samples, self._supersampling = samples, supersampling
         self._lookup_rays = samples.lookup_rays
-        self._samples_array = samples.vertex_array(CaptureOutput.COLOR, plan)
-        self._colors = texture_2d(context, samples.size_px, 4, dtype="f2")
+        self._samples_array = samples.vertex_array(CaptureOutput.COLOR, parts[0].plan)
+        largest_px = np.max([part.rectangle_px[2:] for part in parts], axis=0)
+        self._colors = texture_2d(context, supersampling * largest_px, 4, dtype="f2")
         self._target = framebuffer(context, [self._colors])
         width, height = (length // supersampling for length in samples.size_px)
         everything = np.ones((height, width), dtype=np.bool_)
         self._array = image_array(context, everything, supersampling)
+        self._first_px = uniform(self._array.program, "u_first_px")
 
-    def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer) -> None:
+    def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer, part: ImagePart) -> None:
         """See `ImagePass`."""
+        left, top, width, height = (self._supersampling * side for side in part.rectangle_px)
+        self._samples.use_part(self._samples_array, part.plan, (left, top), (width, height))
+        self._target.viewport = (0, 0, width, height)
         atlas.use(0)
         if self._lookup_rays is not None:
             self._lookup_rays.use(RAYS_UNIT)
         clear_target(self._target)
         self._samples_array.render()
         self._colors.use(0)
-        use_target(target)
-        self._array.render()
+        self._first_px.value = part.rectangle_px[:2]
+        with within(target, part.rectangle_px):
+            self._array.render()
 
 
 def image_array(

@@ -19,7 +19,7 @@ from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.memory import AllocationError
 from omnisim.rendering.opengl.gl.pixel_readback import read_once
 from omnisim.rendering.opengl.gl.shader_files import build_program, included_files
-from omnisim.rendering.opengl.gl.uniforms import uniform
+from omnisim.rendering.opengl.gl.uniforms import find_uniform, uniform
 
 RAYS_UNIT = 1  # texture unit of the rays, for programs that read them
 _ITERATIVE_INCLUDE = "camera/parts/theta_from_radius.glsl"
@@ -96,7 +96,7 @@ class PixelMap:
         return self.read_rays()[1]
 
     def vertex_array(self, emit: CaptureOutput, plan: TilePlan) -> moderngl.VertexArray:
-        """Vertex array that draws each pixel's output from an atlas.
+        """Vertex array that draws each pixel's output from an atlas, see `use_part`.
 
         To emit colors, `lookup_rays` must be bound to `RAYS_UNIT`.
         """
@@ -107,6 +107,19 @@ class PixelMap:
             array = self._model_array(emit)
         bind_tiles(array.program, plan, self.camera.rig_from_optical)
         return array
+
+    def use_part(
+        self,
+        array: moderngl.VertexArray,
+        plan: TilePlan,
+        first_px: tuple[int, int],
+        size_px: tuple[int, int],
+    ) -> None:
+        """Draw a rectangle of pixels to all of the viewport, from an atlas of its own."""
+        bind_tiles(array.program, plan, self.camera.rig_from_optical)
+        for name, value in (("u_first_px", first_px), ("u_image_size_px", size_px)):
+            if (member := find_uniform(array.program, name)) is not None:
+                member.value = value
 
     @property
     def _iterates(self) -> bool:

@@ -66,7 +66,8 @@ class CubePass:
         cameras: VirtualCameras,
     ):
         context = buffers.context
-        self._context, self._buffers, self.plan = context, buffers, plan
+        self._context, self._buffers = context, buffers
+        self.plan = self._first_plan = plan
         self._background = cameras.background
         size = (plan.width_px, plan.height_px)
         samples = min(cameras.samples, int(context.max_samples))
@@ -95,6 +96,7 @@ class CubePass:
 
     def refresh(self) -> None:
         """Update after the buffers changed."""
+        self.use_plan(self._first_plan)
         self._probes = self._make_probes()
         shown, with_probe = self._buffers.shown(self._cameras.hidden), frozenset[int]()
         if self._probes is not None:
@@ -113,6 +115,14 @@ class CubePass:
             probes=self._probes,
         )
         self._layers: CubeLayers | None = None
+
+    def use_plan(self, plan: TilePlan) -> None:
+        """Draw other tiles, at most as many as at first, in an atlas of the same size."""
+        if plan is not self.plan:
+            self.plan = plan
+            for one in (self.tiles, self._sky, *self._mirrors):
+                if one is not None:
+                    one.use_plan(plan)
 
     @property
     def tiles(self) -> TileRenderer:

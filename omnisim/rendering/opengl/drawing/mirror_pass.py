@@ -161,6 +161,11 @@ class MirrorPass:
         for number in visible:
             self._draw_view(number, world_from_rig, world_from_objects)
 
+    def use_plan(self, plan: TilePlan) -> None:
+        """Draw other tiles, at most as many as at first, in an atlas of the same size."""
+        self._plan = plan
+        self._view.tiles.use_plan(plan)
+
     def connect(self, programs: Collection[SurfaceProgram]) -> None:
         """Set the planes of the last rendered views in the programs that show them."""
         for program in programs:
