@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.atlas.image_parts import ImagePart
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.capture.pixel_map import RAYS_UNIT, CaptureOutput, PixelMap
+from omnisim.rendering.opengl.capture.pixel_map import CaptureOutput, PixelMap
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, within
@@ -24,8 +24,10 @@ from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.gl.uniforms import uniform
 
-# A larger table would dominate GPU memory. Samples of larger images are drawn anew in every frame.
+# Limit of a table, which the least storage buffers hold; larger images have textures instead.
 MAX_TABLE_BYTES = 128 * 2**20
+# Limit of these textures: those of 12 megapixels at default quality are kept.
+MAX_KEPT_BYTES = 5 << 28
 _UV_BYTES = 8
 _FIRST_TABLE = 5  # bindings of the UV and level tables, as in `capture/image.frag`
 
@@ -55,7 +57,7 @@ def image_pass(samples: PixelMap, parts: Sequence[ImagePart], supersampling: int
     ):
         if len(parts) == 1 and fits_table(width * height):
             return RemapPass(samples, parts[0].plan, supersampling)
-        return SamplePass(samples, parts, supersampling)
+        return UvPass(samples, parts, supersampling)
 
 
 def fits_table(sample_count: int) -> bool:
@@ -135,8 +137,10 @@ class RemapPass:
         return self._make_batch_array()
 
 
-class SamplePass:
-    """Image pass that draws the samples into a larger image and averages them.
+class UvPass:
+    """Image pass of an image's parts through textures of their samples' UVs.
+
+    Textures are kept up to `MAX_KEPT_BYTES`. Other parts share one, drawn anew in each frame.
 
     Args:
         samples, parts, supersampling: see `image_pass`.
@@ -146,38 +150,61 @@ class SamplePass:
     """
 
     def __init__(self, samples: PixelMap, parts: Sequence[ImagePart], supersampling: int):
-        context = samples.context
         self._samples, self._supersampling = samples, supersampling
-        self._lookup_rays = samples.lookup_rays
-        self._samples_array = samples.vertex_array(CaptureOutput.COLOR, parts[0].plan)
-        largest_px = np.max([part.rectangle_px[2:] for part in parts], axis=0)
-        self._colors = texture_2d(context, supersampling * largest_px, 4, dtype="f2")
-        self._target = framebuffer(context, [self._colors])
+        self._components = (2, 1) if parts[0].plan.max_level else (2,)
+        largest_px = np.max([part.rectangle_px[2:] for part in parts], axis=0).tolist()
+        self._largest_px = supersampling * largest_px[0], supersampling * largest_px[1]
+        self._kept: dict[tuple[int, int, int, int], moderngl.Framebuffer] = {}
+        self._kept_bytes = 0
+        self._uvs_array = samples.vertex_array(CaptureOutput.UV, parts[0].plan)
         width, height = (length // supersampling for length in samples.size_px)
         everything = np.ones((height, width), dtype=np.bool_)
-        self._array = image_array(context, everything, supersampling)
+        defines = ["UVS", "MIP_LEVELS"][: len(self._components)]
+        self._array = image_array(samples.context, everything, supersampling, *defines)
+        for unit, name in enumerate(("u_uvs", "u_levels")[: len(self._components)], start=1):
+            uniform(self._array.program, name).value = unit
         self._first_px = uniform(self._array.program, "u_first_px")
 
     def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer, part: ImagePart) -> None:
         """See `ImagePass`."""
-        left, top, width, height = (self._supersampling * side for side in part.rectangle_px)
-        self._samples.use_part(self._samples_array, part.plan, (left, top), (width, height))
-        self._target.viewport = (0, 0, width, height)
+        uvs = self._kept.get(part.rectangle_px) or self._draw_uvs(part)
         atlas.use(0)
-        if self._lookup_rays is not None:
-            self._lookup_rays.use(RAYS_UNIT)
-        clear_target(self._target)
-        self._samples_array.render()
-        self._colors.use(0)
+        for unit, texture in enumerate(uvs.color_attachments, start=1):
+            assert isinstance(texture, moderngl.Texture)
+            texture.use(unit)
         self._first_px.value = part.rectangle_px[:2]
         with within(target, part.rectangle_px):
             self._array.render()
+
+    def _draw_uvs(self, part: ImagePart) -> moderngl.Framebuffer:
+        """Target with the UVs of a part, and with their mip levels if there are several."""
+        left, top, width, height = (self._supersampling * side for side in part.rectangle_px)
+        size_bytes = 4 * sum(self._components) * width * height
+        if self._kept_bytes + size_bytes <= MAX_KEPT_BYTES:
+            self._kept_bytes += size_bytes
+            target = self._kept[part.rectangle_px] = self._target(width, height)
+        else:
+            target = self._shared_target
+            target.viewport = (0, 0, width, height)
+        self._samples.use_part(self._uvs_array, part.plan, (left, top), (width, height))
+        clear_target(target, *[(-1.0, -1.0, 0.0, 0.0)] * len(self._components))
+        self._uvs_array.render()
+        return target
+
+    @cached_property
+    def _shared_target(self) -> moderngl.Framebuffer:
+        return self._target(*self._largest_px)
+
+    def _target(self, width: int, height: int) -> moderngl.Framebuffer:
+        context = self._samples.context
+        sides = [texture_2d(context, (width, height), one) for one in self._components]
+        return framebuffer(context, sides)
 
 
 def image_array(
     context: moderngl.Context, valid: NDArray[np.bool_], supersampling: int, *defines: str
 ) -> moderngl.VertexArray:
-    """Vertex array over the valid pixels (height, width), for drawn samples or tables."""
+    """Vertex array over the valid pixels (height, width), for UVs or for colors of pixels."""
     program = build_program(
         context,
         "capture/image.vert",

@@ -16,13 +16,11 @@ from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
-from omnisim.rendering.opengl.gl.memory import AllocationError
 from omnisim.rendering.opengl.gl.pixel_readback import read_once
-from omnisim.rendering.opengl.gl.shader_files import build_program, included_files
-from omnisim.rendering.opengl.gl.uniforms import find_uniform, uniform
+from omnisim.rendering.opengl.gl.shader_files import build_program
+from omnisim.rendering.opengl.gl.uniforms import find_uniform
 
 RAYS_UNIT = 1  # texture unit of the rays, for programs that read them
-_ITERATIVE_INCLUDE = "camera/parts/theta_from_radius.glsl"
 
 
 class CaptureOutput(StrEnum):
@@ -30,7 +28,6 @@ class CaptureOutput(StrEnum):
 
     RAY = "capture/emit_ray.glsl"
     UV = "capture/emit_uv.glsl"
-    COLOR = "capture/emit_color.glsl"
 
 
 class PixelMap:
@@ -68,21 +65,6 @@ class PixelMap:
         self._model_array(CaptureOutput.RAY).render()
         return rays
 
-    @cached_property
-    def lookup_rays(self) -> moderngl.Texture | None:
-        """`rays`, if the camera model finds them by iteration and they fit; else None.
-
-        Per pixel, a fetch costs less than an iteration and more than a formula.
-        """
-        # at most as large as GPUs let buffers be
-        limit = int(self.context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
-        if not self._iterates or 16 * self.size_px[0] * self.size_px[1] > limit:
-            return None
-        try:
-            return self.rays
-        except AllocationError:
-            return None
-
     def read_rays(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Unit rays (height, width, 3) in the optical frame, and their validity (height, width)."""
         width, height = self.size_px
@@ -96,15 +78,8 @@ class PixelMap:
         return self.read_rays()[1]
 
     def vertex_array(self, emit: CaptureOutput, plan: TilePlan) -> moderngl.VertexArray:
-        """Vertex array that draws each pixel's output from an atlas, see `use_part`.
-
-        To emit colors, `lookup_rays` must be bound to `RAYS_UNIT`.
-        """
-        if emit is CaptureOutput.COLOR and self.lookup_rays is not None:
-            array = self._full_screen_array("capture/lookup_rays.frag", emit)
-            uniform(array.program, "u_rays").value = RAYS_UNIT
-        else:
-            array = self._model_array(emit)
+        """Vertex array that draws each pixel's output for an atlas, see `use_part`."""
+        array = self._model_array(emit)
         bind_tiles(array.program, plan, self.camera.rig_from_optical)
         return array
 
@@ -117,13 +92,9 @@ class PixelMap:
     ) -> None:
         """Draw a rectangle of pixels to all of the viewport, from an atlas of its own."""
         bind_tiles(array.program, plan, self.camera.rig_from_optical)
-        for name, value in (("u_first_px", first_px), ("u_image_size_px", size_px)):
+        for name, value in (("u_first_px", first_px), ("u_target_size_px", size_px)):
             if (member := find_uniform(array.program, name)) is not None:
                 member.value = value
-
-    @property
-    def _iterates(self) -> bool:
-        return self.polygons is None and _ITERATIVE_INCLUDE in included_files(self._model_file)
 
     @property
     def _model_file(self) -> str:
@@ -161,7 +132,7 @@ class PixelMap:
             "capture/mirror_mesh.frag",
             includes={"EMIT": emit},
         )
-        program["u_image_size_px"] = self.size_px
+        program["u_target_size_px"] = self.size_px
         program["u_focal_length_px"] = camera.focal_length_px
         program["u_principal_point_px"] = camera.principal_point_px
         mesh = tessellate(camera.mirror, polygons)

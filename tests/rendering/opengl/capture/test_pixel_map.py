@@ -34,14 +34,6 @@ def _at_the_edge_of_the_domain(camera, within_px=0.01):
     return around.any(axis=-1) & ~around.all(axis=-1)
 
 
-def test_rays_are_kept_where_they_take_an_iteration(context):
-    maps = {name: PixelMap(context, camera) for name, camera in CAMERA_EXAMPLES.items()}
-    kept = {name for name, pixels in maps.items() if pixels.lookup_rays is not None}
-    assert {"kannala-brandt-tum-vi", "unified-kitti-360", "radial-table"} <= kept
-    assert not {"hyperbolic-paper", "perspective", "eucm", "equisolid-full-sphere"} & kept
-    assert PixelMap(context, CAMERA_EXAMPLES["hyperbolic-paper"], 64).lookup_rays is None
-
-
 def _mesh_error_px(context, polygons):
     camera = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), 360, 360)
     rays, seen = PixelMap(context, camera, polygons).read_rays()
