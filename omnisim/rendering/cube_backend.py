@@ -221,14 +221,17 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
         super().__init__(world, drawn, setup)
         sensor, context = setup.sensor, drawn.buffers.context
         camera = sensor.supersampled_model
-        check_image_size(context, sensor.model.width_px, sensor.model.height_px)
+        is_ideal = sensor.degradation.is_ideal
+        size_px = sensor.model.width_px, sensor.model.height_px
+        what = "an image" if is_ideal else "a degraded image"
+        check_image_size(context, *size_px, what, has_half_floats=is_ideal)
         density = sensor.texels_per_pixel / sensor.supersampling
         plan = sensor_tiles(sensor, camera, density, sensor.face_size_px, subdivide=True)
         side_px = graphics_info(context).max_texture_size_px
         parts = image_parts(sensor.model, plan, side_px, sensor.supersampling, sensor.mesh_error_px)
-        self.cube = self._cube_pass(parts[0].plan)
+        self.cube = self._cube_pass(parts[0].plan, plan)
         samples = PixelMap(context, camera, sensor.mesh_polygons)
-        linear_type: Literal["f2", "f4"] = "f2" if sensor.degradation.is_ideal else "f4"
+        linear_type: Literal["f2", "f4"] = "f2" if is_ideal else "f4"
         self._use(Pipeline(self.cube, samples, sensor.supersampling, linear_type, parts))
 
     def refresh(self) -> None:
@@ -287,6 +290,8 @@ class CubeHits(DrawnHits):
         from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
 
         super().__init__(buffers, sensor, cameras, details)
+        size_px = sensor.model.width_px, sensor.model.height_px
+        check_image_size(buffers.context, *size_px, "ground truth")
         self._pixels = PixelMap(buffers.context, sensor.model, sensor.mesh_polygons)
         plan = sensor_tiles(sensor, sensor.model, TEXELS_PER_PIXEL)
         side_px = graphics_info(buffers.context).max_texture_size_px

@@ -14,7 +14,7 @@ from omnisim.rendering.opengl.capture.image_pass import image_pass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer
-from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
+from omnisim.rendering.opengl.gl.gpu_textures import fits_texture, renderbuffer, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Read
 from omnisim.rendering.readback import Pending, Readback, ScenePoses, SubFrames
@@ -131,15 +131,29 @@ class DegradedPipeline:
         )
 
 
-def check_image_size(context: moderngl.Context, width_px: int, height_px: int) -> None:
-    """Refuse an image larger than the GPU allows.
+def check_image_size(
+    context: moderngl.Context,
+    width_px: int,
+    height_px: int,
+    what: str = "an image",
+    has_half_floats: bool = False,
+) -> None:
+    """Refuse an image larger than the GPU allows, before anything is allocated.
+
+    Args:
+        context: OpenGL context.
+        width_px, height_px: size of the image.
+        what: for the message.
+        has_half_floats: its largest texture has half floats, else floats.
 
     Raises:
         GraphicsError: the message names the size and the limit.
     """
-    limit = int(context.info["GL_MAX_TEXTURE_SIZE"])
-    if max(width_px, height_px) > limit:
-        raise GraphicsError(
-            f"an image of {width_px} × {height_px} px: this GPU takes at most {limit}; "
-            "make it smaller"
-        )
+    limit, size = int(context.info["GL_MAX_TEXTURE_SIZE"]), (width_px, height_px)
+    if max(size) > limit:
+        reason = f"this GPU takes at most {limit}"
+    elif not fits_texture(size, has_half_floats):
+        reason = f"this GPU takes no texture of {width_px * height_px >> 16 + has_half_floats} MiB"
+    else:
+        return
+    raise GraphicsError(f"{what} of {width_px} × {height_px} px: {reason}; make it smaller")

@@ -49,6 +49,7 @@ class CubePass:
         programs: surface programs for the scene's lights.
         plan: tiles of the atlas.
         cameras: virtual cameras.
+        whole: tiles of the whole image, if `plan` are those of a part of it.
 
     Attributes:
         plan: see the arguments.
@@ -64,10 +65,12 @@ class CubePass:
         programs: SurfacePrograms,
         plan: TilePlan,
         cameras: VirtualCameras,
+        whole: TilePlan | None = None,
     ):
         context = buffers.context
         self._context, self._buffers = context, buffers
         self.plan = self._first_plan = plan
+        self._whole = whole or plan
         self._background = cameras.background
         size = (plan.width_px, plan.height_px)
         samples = min(cameras.samples, int(context.max_samples))
@@ -155,6 +158,7 @@ class CubePass:
                 of_panes,
                 self._programs,
                 self.plan,
+                self._whole,
                 self._cameras,
                 self._sky,
                 self._probes,
