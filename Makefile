@@ -7,7 +7,7 @@
 #   make bench         measures performance, also that of other renderers
 #   make report-card   evaluates third-party odometry and SLAM on simulated drives
 
-.PHONY: help demo test test-all validate experiments bench report-card docs readme gallery sheets lint core setup \
+.PHONY: help demo test test-all validate experiments bench report-card docs readme gallery sheets live-image lint core setup \
 	system clean
 
 # The first Python that is new enough; override with PYTHON=...
@@ -34,6 +34,7 @@ help:
 	@echo "make readme       validate, and update measures and figures in the documentation"
 	@echo "make gallery      render a scene through all cameras and optics: their galleries"
 	@echo "make sheets       render every channel and degradation: omnisim/rendering/camera/sheets"
+	@echo "make live-image   drive the live page in Chromium: docs/how-to/live.jpg, live.mp4"
 	@echo "make clean        remove the environment and all outputs"
 
 demo: core
@@ -86,15 +87,18 @@ gallery: setup
 
 sheets: setup
 	@mkdir -p omnisim/rendering/camera/sheets
-	$(BIN)/python -m omnisim.plots.ground_truth_sheet omnisim/rendering/camera/sheets/ground-truth.jpg
-	$(BIN)/python -m omnisim.plots.boxes_3d_sheet omnisim/rendering/camera/sheets/boxes-3d.jpg
+	$(BIN)/python .ci/make_ground_truth_sheet.py omnisim/rendering/camera/sheets/ground-truth.jpg
+	$(BIN)/python .ci/make_boxes_3d_sheet.py omnisim/rendering/camera/sheets/boxes-3d.jpg
 	$(BIN)/python .ci/make_image_figures.py
 	$(BIN)/python -m omnisim generate examples/plan.toml --preview 2 -o docs/how-to/data-set.jpg
 	$(BIN)/python .ci/make_world_image.py docs/how-to/match.jpg
-	$(BIN)/python .ci/make_live_images.py
+	$(MAKE) live-image
 	$(BIN)/python .ci/make_light_images.py docs/how-to/light.jpg
 	$(BIN)/python .ci/make_baked_image.py docs/how-to/baked.jpg
-	$(BIN)/python -m omnisim.plots.degradation_sheet omnisim/rendering/camera/sheets/degradations.jpg
+	$(BIN)/python .ci/make_degradation_sheet.py omnisim/rendering/camera/sheets/degradations.jpg
+
+live-image: setup
+	$(BIN)/python .ci/make_live_images.py
 
 lint: setup
 	$(BIN)/ruff check .

@@ -7,7 +7,6 @@ first example of its model in `tests/camera_examples.py`.
 from __future__ import annotations
 
 import inspect
-import io
 import json
 import math
 import re
@@ -20,7 +19,9 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(ROOT / ".ci")]
+
+from pages import save_jpeg  # noqa: E402
 
 from omnisim import OmniCamera, open_sensor  # noqa: E402
 from omnisim.apps.live.presets import PRESETS_FILE  # noqa: E402
@@ -35,9 +36,9 @@ VIEWPOINT_M = (0.6, -0.5, 1.2)  # off the middle: an image that is turned or mir
 YAW_DEG = 40.0
 LONGER_SIDE_PX = 400
 SUPERSAMPLING = 4
-MAX_BYTES = 40_000
+MAX_BYTES, MAX_QUALITY = 40_000, 90
 SHEET = "all.jpg"
-COLUMNS, CELL_PX, LABEL_PX = 5, 190, 20
+COLUMNS, CELL_PX, LABEL_PX, FONT_PX = 5, 190, 28, 19
 OUTSIDE = (24, 24, 28)  # where a camera sees nothing
 OPTICS = ROOT / "examples" / "optics"
 # Of the live page: a strip of small images, one below the other.
@@ -149,20 +150,10 @@ def image_of(camera: CentralCamera) -> Image.Image:
     return Image.fromarray(pixels)
 
 
-def _save(image: Image.Image, path: Path, largest_bytes: int) -> None:
-    """Save the best JPEG that fits."""
-    for quality in range(90, 20, -4):
-        data = io.BytesIO()
-        image.save(data, "JPEG", quality=quality, optimize=True)
-        if data.tell() <= largest_bytes:
-            break
-    path.write_bytes(data.getvalue())
-
-
 def _sheet(images: dict[str, Image.Image]) -> Image.Image:
     rows = math.ceil(len(images) / COLUMNS)
     sheet = Image.new("RGB", (COLUMNS * CELL_PX, rows * (CELL_PX + LABEL_PX)), "white")
-    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(FONT_PX)
     for at, (model, image) in enumerate(images.items()):
         left, top = at % COLUMNS * CELL_PX, at // COLUMNS * (CELL_PX + LABEL_PX)
         small = image.copy()
@@ -198,10 +189,10 @@ def main() -> None:
     images = {}
     for model, camera in cameras.items():
         images[model] = image_of(camera)
-        _save(images[model], FOLDER / f"{model}.jpg", MAX_BYTES)
+        save_jpeg(images[model], FOLDER / f"{model}.jpg", MAX_BYTES, MAX_QUALITY)
         print(f"{model}: {camera.width_px} × {camera.height_px} px")
-    _save(_sheet(images), FOLDER / SHEET, 4 * MAX_BYTES)
-    _save(_strip(images), STRIP, STRIP_BYTES)
+    save_jpeg(_sheet(images), FOLDER / SHEET, 4 * MAX_BYTES, MAX_QUALITY)
+    save_jpeg(_strip(images), STRIP, STRIP_BYTES, MAX_QUALITY)
     print(f"{FOLDER.relative_to(ROOT)}: {len(images)} models")
 
 

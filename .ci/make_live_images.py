@@ -1,4 +1,4 @@
-"""Screenshot and film of the live page, from a browser: `python .ci/make_live_images.py`.
+"""Screenshot and film of the live page, from a browser: `make live-image`.
 
 They go to docs/how-to: live.jpg and live.mp4.
 """

@@ -14,7 +14,9 @@ from matplotlib.figure import Figure
 from PIL import Image, ImageDraw, ImageFont
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(ROOT / ".ci")]
+
+from pages import save_jpeg, write_image_file  # noqa: E402
 
 from omnisim import OmniCamera, open_sensor  # noqa: E402
 from omnisim.cameras.mirrors.mirror_mesh_error import MeshError  # noqa: E402
@@ -24,7 +26,7 @@ from omnisim.cameras.optics.mesh_error import SystemMeshErrors  # noqa: E402
 from omnisim.cameras.optics.mesh_rays import has_mesh  # noqa: E402
 from omnisim.cameras.optics.tracing import Fate  # noqa: E402
 from omnisim.core.bilinear import corner_and_weights, interpolate  # noqa: E402
-from omnisim.plots.contact_sheet import save_contact_sheet  # noqa: E402
+from omnisim.plots.contact_sheet import contact_sheet  # noqa: E402
 from omnisim.plots.optics_plot import optics_figure  # noqa: E402
 from omnisim.rendering.auto_mesh import auto_polygons  # noqa: E402
 from omnisim.scene import load_scene  # noqa: E402
@@ -154,21 +156,16 @@ def strip_of(image: Image.Image, radius_px: float) -> Image.Image:
     return Image.fromarray(np.stack(channels, axis=-1).round().astype(np.uint8))
 
 
-def _save_image(image: Image.Image, name: str) -> None:
-    """Save the best JPEG that fits."""
-    for quality in range(92, 20, -4):
-        data = io.BytesIO()
-        image.save(data, "JPEG", quality=quality, optimize=True)
-        if data.tell() <= MAX_BYTES:
-            break
-    (IMAGES / f"{name}.jpg").write_bytes(data.getvalue())
+def _save(image: Image.Image, name: str) -> None:
+    save_jpeg(image, IMAGES / f"{name}.jpg", MAX_BYTES)
 
 
 def _save_plot(figure: Figure, name: str) -> None:
     data = io.BytesIO()
     figure.savefig(data, format="png")
     few = Image.open(data).convert("RGB").quantize(PLOT_COLORS, dither=Image.Dither.NONE)
-    few.save(IMAGES / f"{name}-plot.png", optimize=True)
+    few.save(data := io.BytesIO(), "PNG", optimize=True)
+    write_image_file(IMAGES / f"{name}-plot.png", data.getvalue())
 
 
 def _meshes() -> Image.Image:
@@ -195,7 +192,8 @@ def _save_sheet() -> None:
         cell = Image.new("RGB", (SHEET_PX, SHEET_PX), OUTSIDE)
         cell.paste(image, ((SHEET_PX - image.width) // 2, (SHEET_PX - image.height) // 2))
         tiles.append((name, np.asarray(cell)))
-    save_contact_sheet(IMAGES / SHEET, tiles, SHEET_COLUMNS)
+    sheet = Image.fromarray(contact_sheet(tiles, SHEET_COLUMNS))
+    save_jpeg(sheet, IMAGES / SHEET, 4 * MAX_BYTES)
 
 
 def main() -> None:
@@ -207,13 +205,13 @@ def main() -> None:
         return
     for name in ORDER:
         image, system = image_of(name), read_optics_file(FOLDER / f"{name}.toml")
-        _save_image(image, name)
+        _save(image, name)
         _save_plot(optics_figure(f"{name}.toml", system), name)
         if name == STRIP:
             exact = system_of(name).all_rays().valid[image.height // 2]
-            _save_image(strip_of(image, 0.5 * float(exact.sum())), f"{name}-strip")
+            _save(strip_of(image, 0.5 * float(exact.sum())), f"{name}-strip")
         print(f"{name}: {image.width} × {image.height} px")
-    _save_image(_meshes(), "mesh")
+    _save(_meshes(), "mesh")
     _save_sheet()
 
 

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from PIL import Image
+from PIL import Image, ImageChops
 
 ROOT = Path(__file__).resolve().parents[1]
 EXPLANATION = ROOT / "docs" / "explanation"
 PAGES = (
     ROOT / "README.md",
+    ROOT / "benchmarks" / "README.md",
     *(EXPLANATION / f"{name}.md" for name in ("accuracy", "performance", "self-localization")),
 )
 WIDEST_PX = 1100
 PLOT_COLORS = 48
+SAME_LEVELS = 12  # largest difference between images that are the same, of 255
 
 
 def renew_figures(source: Path, target: Path, names: Iterable[str]) -> None:
@@ -27,6 +30,30 @@ def renew_figures(source: Path, target: Path, names: Iterable[str]) -> None:
         image = Image.open(source / f"{name}.png").convert("RGB")
         image.thumbnail((WIDEST_PX, 10 * WIDEST_PX), Image.Resampling.LANCZOS)
         image.save(target / f"{name}.jpg", quality=88, optimize=True)
+
+
+def write_image_file(path: Path, data: bytes) -> None:
+    """Write a PNG or JPEG file, unless there is one whose pixels nobody can tell from these.
+
+    Encoders differ from version to version, and drivers in roundings: by up to 7 levels.
+    """
+    if path.is_file():
+        with Image.open(path) as old, Image.open(io.BytesIO(data)) as new:
+            difference = ImageChops.difference(old.convert("RGB"), new.convert("RGB"))
+            levels = max(most for _, most in difference.getextrema())
+            if old.size == new.size and levels <= SAME_LEVELS:
+                return
+    path.write_bytes(data)
+
+
+def save_jpeg(image: Image.Image, path: Path, max_bytes: int, max_quality: int = 92) -> None:
+    """Save an image as the best JPEG that fits, unless its pixels are there already."""
+    for quality in range(max_quality, 20, -4):
+        data = io.BytesIO()
+        image.save(data, "JPEG", quality=quality, optimize=True)
+        if data.tell() <= max_bytes:
+            break
+    write_image_file(path, data.getvalue())
 
 
 def block_of(mark: str, pages: Iterable[Path] = PAGES) -> str:

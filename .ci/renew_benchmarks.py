@@ -1,4 +1,4 @@
-"""Keep the benchmarks' reports and figures, and put Fig. 10 and the race on their pages.
+"""Keep the benchmarks' reports and figures, and put their tables on their pages.
 
 python .ci/renew_benchmarks.py out/benchmarks [--results-only]
 
@@ -58,16 +58,97 @@ def main() -> None:
     renew_figures(folder, kept, reports)
     if is_results_only:
         return
-    for suite, table in (("fps", _fps_table), ("peers", _peers_table)):
-        if suite in reports:
-            report = reports[suite]
-            figure = (kept / f"{suite}.jpg").relative_to(ROOT)
-            lines = [
-                f"On {machine_line(report['machine'])}:", "", f"![{suite}]({figure})", "",
-                *table(report), "", *_bounds(report), "",
-                *(f"- {remark}" for remark in report.get("remarks", ())),
-            ]  # fmt: skip
-            renew_block(suite, "\n".join(lines) + "\n")
+    if "fps" in reports:
+        report = reports["fps"]
+        remarks = [f"- {remark}" for remark in report["remarks"]]
+        _renew(
+            "fps", [*_shown(kept, report, _fps_table(report)), "", *_bounds(report), "", *remarks]
+        )
+    if "peers" in reports:
+        report = reports["peers"]
+        _renew("peers", _shown(kept, report, _peers_table(report)))
+        _renew("peers-goals", _bounds(report))
+    machine = machine_line(read_report(kept / "peers.json")["machine"])
+    _renew("times", [f"On {machine}:", "", *_times_table(kept)])
+
+
+def _renew(mark: str, lines: Sequence[str]) -> None:
+    renew_block(mark, "\n".join(lines) + "\n")
+
+
+def _shown(kept: Path, report: dict[str, Any], table: Sequence[str]) -> list[str]:
+    """Machine, figure and table of a suite."""
+    figure = (kept / f"{report['suite']}.jpg").relative_to(ROOT)
+    machine = machine_line(report["machine"])
+    return [f"On {machine}:", "", f"![{report['suite']}]({figure})", "", *table]
+
+
+def _times_table(kept: Path) -> list[str]:
+    """Times that users wait, from the kept reports of all suites."""
+    rows = {
+        suite: read_report(kept / f"{suite}.json")["rows"]
+        for suite in ("peers", "scaling", "drive", "live", "lenses")
+    }
+
+    def found(suite: str, key: str, **of: object) -> list[float]:
+        return [row[key] for row in rows[suite] if of.items() <= row.items()]
+
+    fast, default, sizes, towns, cameras = (
+        found(suite, "p50_ms", **of)
+        for suite, of in (
+            ("peers", {"racer": "omnisim, fast"}),
+            ("peers", {"racer": "omnisim, default"}),
+            ("scaling", {"against": "image"}),
+            ("scaling", {"against": "triangles"}),
+            ("scaling", {"against": "cameras", "cameras": 8}),
+        )
+    )
+    px = ", ".join(f"{size}²" for size in found("scaling", "image_px", against="image"))
+    counts = found("scaling", "triangles", against="triangles")
+    batch = {"against": "batch", "cameras": 64}
+    (batched,), (single,) = (
+        found("scaling", f"{key}images_per_second", **batch) for key in ("", "single_")
+    )
+    start, anew = found("drive", "seconds", kind="start-up")
+    (rate,), (wait,) = (found("live", "value", what=what) for what in ("one view", "key to image"))
+    return _table(
+        ("", "median"),
+        [
+            ("a frame of 360 × 360 px, `fast`, in three scenes", _range(fast)),
+            ("the same, `default`", _range(default)),
+            (f"{px}, `fast`, a town of 31 000 triangles", _each(sizes)),
+            (f"360², `fast`, towns of {', '.join(map(_count, counts))} triangles", _each(towns)),
+            ("eight cameras of 360² on one stage, `fast`", _each(cameras)),
+            (
+                "images of 84² in batches of 64, `fast`",
+                f"{batched:.0f} per second; one after the other {single:.0f}",
+            ),
+            ("`omnisim render`, to the image and the end", f"{start:.1f} s"),
+            ("the same, shaders compiled anew", f"{anew:.1f} s"),
+            (
+                "`omnisim live`, 360²",
+                f"{rate:.0f} images per second; {wait:.0f} ms from key to image",
+            ),
+            (
+                "the slowest camera model to the fastest, with equal virtual cameras",
+                f"{max(found('lenses', 'ratio')):.2f} ×",
+            ),
+        ],
+    )
+
+
+def _range(times_ms: Sequence[float]) -> str:
+    return f"{min(times_ms):.0f} to {max(times_ms):.0f} ms"
+
+
+def _each(times_ms: Sequence[float]) -> str:
+    return f"{', '.join(f'{one:.0f}' for one in times_ms)} ms"
+
+
+def _count(triangles: float) -> str:
+    return (
+        f"{triangles / 1e6:.0f} million" if triangles > 9e5 else f"{triangles:_}".replace("_", " ")
+    )
 
 
 def _fps_table(report: dict[str, Any]) -> list[str]:

@@ -132,12 +132,19 @@ def _make_folder(folder: Path, names: list[str]) -> None:
 
 
 def _report(name: str, options: Options, folder: Path) -> dict[str, Any] | None:
-    """Run a suite, and print and write its report; None: the suite cannot run."""
-    from benchmarks.report import write_report  # needs the extra
+    """Run a suite, and print and write its report; None: the suite cannot run.
+
+    A suite with a bound that fails runs once more, and the second run counts: other programs may
+    have slowed one of the two sides that a bound compares, but rarely the same one twice.
+    """
+    from benchmarks.report import failures, write_report  # needs the extra
 
     try:
         suite = import_module(f"benchmarks.suites.{name}")
         report: dict[str, Any] = suite.run(options)
+        if not report["passed"]:
+            print(f"{name}: measured again, since {'; '.join(failures(report))}", flush=True)
+            report = suite.run(options)
         print(f"{name}, on {machine_line(report['machine'])}")
         print("\n".join(suite.lines(report)))
         write_report(folder, report, suite.figure(report))

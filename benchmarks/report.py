@@ -125,6 +125,12 @@ def bound_lines(report: Mapping[str, Any]) -> list[str]:
     return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
 
+def failures(report: Mapping[str, Any]) -> list[str]:
+    """Name, value and bound of each bound that does not hold."""
+    cells = [entry_cells(entry) for entry in report["bounds"] if entry["passed"] is False]
+    return [f"{name} is {value}, bound {bound}" for name, value, bound, _ in cells]
+
+
 def verdict(reports: Sequence[Mapping[str, Any]]) -> str:
     """Numbers of bounds that hold and goals that are reached, in one line."""
     entries = [entry for report in reports for entry in report["bounds"]]

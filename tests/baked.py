@@ -5,7 +5,7 @@ import json
 import numpy as np
 
 from omnisim.core.files.image_files import read_radiance, write_image
-from omnisim.scene.light.baked_fingerprint import baked_fingerprint
+from omnisim.scene.light.baked import baked_fingerprint
 
 CELL_PX = 8  # of a triangle's chart, which its cell holds with a texel to spare
 

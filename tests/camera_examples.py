@@ -178,6 +178,11 @@ camera_examples = pytest.mark.parametrize(
     ],
 )
 
+# Of the pixels near the pole of its denominator the GPU's iteration finds a part only.
+POLE = RationalPolynomialCamera(
+    90, 70, (30.0, 31.0), (44.5, 34.5), (-0.06, 0.043, -0.005, 0.017, -0.012, -0.813, -0.075, -0.01)
+)
+
 
 def points_around_axis(largest_theta_rad, count=2000, seed=5):
     """Points (n, 3) up to an angle from +z, at different distances."""

@@ -42,11 +42,13 @@ JUDGED = "fast"  # the setting whose frames have a bound and a goal
 FRAMES = {"fast": 500, "default": 100}
 SETTLED = 50  # frames until all constant data is allocated
 STARTS = 5
-# p99 to p50: of wall-clock time other programs have their part; processor time hardly notices them.
+# p99 to p50: of wall-clock time other programs have their part. Of processor time the host of a
+# virtual machine has its part, which the constant loop beside each frame shows.
 UNEVENNESS = Limits(goal=1.3)
 PROCESSOR_UNEVENNESS = Limits(
     bound=1.8, software_only=True,
-    reason="1.2 along this path, by the view alone; twice it is work that only some frames do",
+    reason="1.2 along this path, by the view alone; twice it is work that only some frames do; "
+    "a machine whose constant loop varies more than its frames shows none",
 )  # fmt: skip
 GROWTH_MIB = Limits(
     bound=8.0, goal=1.0,
@@ -210,6 +212,7 @@ def _frames_row(driven: _DriveResult) -> dict[str, Any]:
     timings = driven.timings
     seconds = timings.seconds[FRAME]
     busy = timings.processor_seconds[FRAME]
+    constant = timings.processor_seconds[ONE_THREAD]
     view = running_median(busy)
     machine = timings.seconds[ALL_THREADS]
     slow = seconds > SLOW * np.median(seconds)
@@ -224,6 +227,7 @@ def _frames_row(driven: _DriveResult) -> dict[str, Any]:
         "processor_p99_to_p50": unevenness(busy),
         "all_threads_p99_to_p50": unevenness(machine),
         "one_thread_p99_to_p50": unevenness(timings.seconds[ONE_THREAD]),
+        "processor_to_machine": unevenness(busy) / max(1.0, unevenness(constant)),
         "slow": int(slow.sum()), "slow_by_view": int(by_view.sum()),
         "slow_with_collector": int(with_collector.sum()),
         "slow_with_machine": int(with_machine.sum()),
@@ -263,7 +267,11 @@ def _judged(rows: list[dict[str, Any]]) -> list[Judged]:
             name = f"p99 to p50 of {row['rounds']} frames, {JUDGED}"
             judged.append((name, row["p99_to_p50"], UNEVENNESS))
             judged.append(
-                (f"{name}, processor time", row["processor_p99_to_p50"], PROCESSOR_UNEVENNESS)
+                (
+                    f"{name}, processor, to a loop's",
+                    row["processor_to_machine"],
+                    PROCESSOR_UNEVENNESS,
+                )
             )
     for row in _of_kind(rows, "memory"):
         name = f"growth after frame {row['settled_frames']}, {row['setting']}, MiB"

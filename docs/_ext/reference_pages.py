@@ -13,6 +13,7 @@ from command_line import command_line_page
 from error_table import errors_page
 from export_formats import export_formats
 from file_keys import key_pages
+from python_names import python_names
 from scene_formats import scene_format_pages
 
 REFERENCE = Path(__file__).resolve().parents[1] / "reference"
@@ -30,7 +31,12 @@ def reference_pages() -> Iterator[tuple[Path, str]]:
     whole = {"command-line": command_line_page(), "errors": errors_page()}
     for name, text in whole.items():
         yield REFERENCE / f"{name}.md", text
-    blocks = {"export-formats": export_formats(), **key_pages(), **scene_format_pages()}
+    blocks = {
+        "export-formats": export_formats(),
+        "python-names": python_names(),
+        **key_pages(),
+        **scene_format_pages(),
+    }
     placed = set()
     for path in sorted(REFERENCE.glob("*.md")):
         text = path.read_text(encoding="utf-8")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omnisim.scene.files.conversions import CONVERSIONS
-from omnisim.scene.formats.features import TABLES, feature_table
+from omnisim.scene.formats.conversions import CONVERSIONS
+from omnisim.scene.formats.features import ROBOT_TABLES, TABLES, feature_table
 
 
 def features(table: str) -> str:
@@ -31,5 +31,5 @@ def conversions() -> str:
 
 def scene_format_pages() -> dict[str, str]:
     """Markdown of the tables, by the names of their files."""
-    tables = {f"{table}-features": features(table) + "\n" for table in TABLES}
+    tables = {f"{table}-features": features(table) + "\n" for table in (*TABLES, *ROBOT_TABLES)}
     return {**tables, "scene-conversions": conversions() + "\n"}

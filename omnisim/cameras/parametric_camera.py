@@ -161,7 +161,7 @@ def _short(value: Any) -> str:
     """Text of a parameter in 6 digits; a long list becomes its count."""
     if isinstance(value, tuple):
         return f"{len(value)} values" if len(value) > 4 else f"({', '.join(map(_short, value))})"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return f"{value:z.6g}" if isinstance(value, float) else str(value)
 
 
 def _is_angle(name: str) -> bool:

@@ -12,6 +12,7 @@ DISTRIBUTION = "omnisim-camera"  # the index has another package called omnisim
 
 # Module of each package, by the package's name on the index, as in pyproject.toml.
 REQUIRED = {
+    "click": "click",
     "mapbox-earcut": "mapbox_earcut",
     "numpy": "numpy",
     "OpenImageIO": "OpenImageIO",
@@ -22,7 +23,6 @@ REQUIRED = {
     "rich": "rich",
     "scipy": "scipy",
     "trimesh": "trimesh",
-    "typer": "typer",
     "websockets": "websockets",
 }
 EXTRAS = {

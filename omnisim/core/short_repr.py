@@ -1,6 +1,8 @@
-"""Short one-line representations of objects."""
+"""Short texts: one-line representations of objects, counts and numbers."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 MAX_LENGTH = 190
 
@@ -18,3 +20,19 @@ def counted(count: int, singular: str, plural: str = "") -> str:
     if count == 0:
         return ""
     return f"{count:,} {singular if count == 1 else plural or singular + 's'}"
+
+
+def number_text(value: float, digits: int = 6, decimals: int = 6) -> str:
+    """Number with some significant digits: rounding errors are 0, and so is −0.
+
+    Args:
+        value: number, in units of which a millionth does not matter.
+        digits: significant digits.
+        decimals: decimals to round to first.
+    """
+    return f"{round(float(value), decimals):z.{digits}g}"
+
+
+def point_text(values: Iterable[float], digits: int = 6, decimals: int = 6) -> str:
+    """Coordinates in parentheses, each as by `number_text`."""
+    return f"({', '.join(number_text(value, digits, decimals) for value in values)})"

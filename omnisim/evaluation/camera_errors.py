@@ -43,7 +43,7 @@ class CameraErrors:
     def summary(self) -> str:
         """Model and errors in one line of text."""
         return (
-            f"{self.model}: focal length {100.0 * self.focal_length:+.3f} %, {self.rms_px:.3f} px "
+            f"{self.model}: focal length {100.0 * self.focal_length:+z.3f} %, {self.rms_px:.3f} px "
             f"RMS, at most {self.max_px:.3g} px, over {100.0 * self.covered:.4g} % of the image"
         )
 

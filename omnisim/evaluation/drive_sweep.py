@@ -13,8 +13,7 @@ from omnisim.datasets.export.recording import Recording
 from omnisim.datasets.generate.workers import threads_shared
 from omnisim.evaluation.calibration_error import write_given_run
 from omnisim.evaluation.child_process import ChildProcesses
-from omnisim.evaluation.outcome import Outcome
-from omnisim.evaluation.run_evaluation import estimator_folder, evaluate_estimator
+from omnisim.evaluation.run_evaluation import Outcome, estimator_folder, evaluate_estimator
 from omnisim.evaluation.sweep_plan import SweepPlan, SweepPoint
 
 RUN, ESTIMATES, GIVEN, OUTPUT = "run", "estimates", "given", "drive.txt"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from omnisim.cameras import CentralCamera
 from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.recording import Recording
-from omnisim.evaluation.trajectory_alignment import AlignmentKind
+from omnisim.evaluation.trajectory_errors import AlignmentKind
 
 
 class Estimator(ABC):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 import shutil
 import signal
+from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +24,17 @@ from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.core.version import __version__
 from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
-from omnisim.evaluation.camera_errors import camera_errors
+from omnisim.evaluation.camera_errors import CameraErrors, camera_errors
 from omnisim.evaluation.child_process import ChildProcesses
 from omnisim.evaluation.estimator import Estimator
 from omnisim.evaluation.estimator_registry import estimator_named
 from omnisim.evaluation.estimator_worker import CAMERA, DONE, ESTIMATE
-from omnisim.evaluation.outcome import Outcome, outcome_from
-from omnisim.evaluation.trajectory_errors import match_times, trajectory_errors
+from omnisim.evaluation.trajectory_errors import (
+    Alignment,
+    TrajectoryErrors,
+    match_times,
+    trajectory_errors,
+)
 from omnisim.runs.run_folder import MANIFEST
 
 OUTCOME, OUTPUT = "outcome.json", "output.txt"
@@ -197,3 +204,59 @@ def _last_words(path: Path, status: int) -> str:
     last = text.splitlines()[-1][-_TAIL:] if text else "without a message"
     ended = signal.Signals(-status).name if status < 0 else f"exit status {status}"
     return f"{ended}: {last}"
+
+
+# Outcome of an estimator on a run.
+
+
+Status = Literal["ok", "not installed", "failed", "crashed", "timed out"]
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """Outcome of an estimator on a run.
+
+    Attributes:
+        estimator: name of the estimator, or the user's command.
+        status: "ok", or the kind of failure.
+        reason: message of the failure, or the camera's errors in one line; empty: neither.
+        seconds: time taken by the estimator, without starting its process; None: unknown.
+        errors: errors of the trajectory; None: no trajectory.
+        camera: errors of the calibrated camera; None: no calibration.
+    """
+
+    estimator: str
+    status: Status
+    reason: str = ""
+    seconds: float | None = None
+    errors: TrajectoryErrors | None = None
+    camera: CameraErrors | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON object that `outcome_from` reads."""
+        content = dataclasses.asdict(self)
+        if content["errors"] is not None:
+            alignment = content["errors"]["alignment"]
+            for key in ("rotation", "translation_m"):
+                alignment[key] = alignment[key].tolist()
+        return content
+
+
+def outcome_from(content: dict[str, Any]) -> Outcome:
+    """Outcome from its JSON object.
+
+    Raises:
+        KeyError, TypeError, ValueError: not the JSON object of an outcome.
+    """
+    errors = content["errors"]
+    if errors is not None:
+        given = errors["alignment"]
+        alignment = Alignment(
+            np.array(given["rotation"], dtype=np.float64),
+            np.array(given["translation_m"], dtype=np.float64),
+            float(given["scale"]),
+        )
+        errors = TrajectoryErrors(**{**errors, "alignment": alignment})
+    camera = content.get("camera")
+    camera = None if camera is None else CameraErrors(**camera)
+    return Outcome(**{**content, "errors": errors, "camera": camera})

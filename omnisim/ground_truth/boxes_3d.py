@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.poses import inverse, quaternion_from_rotation
-from omnisim.core.short_repr import short_repr
+from omnisim.core.short_repr import point_text, short_repr
 from omnisim.core.version import __version__
 from omnisim.ground_truth.label_names import InstanceLabel, Labels
 
@@ -50,8 +50,7 @@ class OrientedBox:
 
     def __repr__(self) -> str:
         size = " × ".join(f"{one:.4g}" for one in self.size_m)
-        center = ", ".join(f"{one:.4g}" for one in self.center_m)
-        return short_repr(self, f"{size} m", f"at ({center}) m")
+        return short_repr(self, f"{size} m", f"at {point_text(self.center_m, 4)} m")
 
     def transformed(self, pose: NDArray[np.float64]) -> OrientedBox:
         """Box in another frame, given the pose (4, 4) other_from_frame."""

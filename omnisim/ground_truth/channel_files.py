@@ -20,6 +20,7 @@
     frame.channels.json         units, scales, labels, camera and pose
     frame.coco.json             boxes and masks of the instances, with the channel instance
     frame.boxes_3d.json         oriented 3-D boxes of the instances
+    frame.overlay.png           the image with boxes or masks, to look at
 """  # fmt: skip
 
 from __future__ import annotations
@@ -43,8 +44,13 @@ from omnisim.ground_truth.label_names import Labels
 from omnisim.ground_truth.npy import ChannelFormat, write_npy
 from omnisim.ground_truth.previews import preview
 
-BOXES_3D = "boxes_3d.json"
-_SIDECARS = ("channels.json", "coco.json", BOXES_3D)  # in addition to the channels' own files
+BOXES_3D, OVERLAY = "boxes_3d.json", "overlay.png"
+_SIDECARS = (
+    "channels.json",
+    "coco.json",
+    BOXES_3D,
+    OVERLAY,
+)  # in addition to the channels' own files
 _MAX_ID = 2**16 - 1
 FINEST_RANGE_STEPS_PER_M = 1000
 _NOTHING_HIT = _MAX_ID

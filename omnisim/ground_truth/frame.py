@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,10 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.core.errors import OutputError
+from omnisim.core.errors import OutputError, did_you_mean
 from omnisim.core.files.image_files import is_float_format, png_bytes, write_image
 from omnisim.core.short_repr import short_repr
-from omnisim.ground_truth import Labels
 from omnisim.ground_truth.boxes_3d import InstanceBox
 from omnisim.ground_truth.channel_files import (
     BOXES_3D,
@@ -22,7 +22,8 @@ from omnisim.ground_truth.channel_files import (
     write_previews,
     write_sidecars,
 )
-from omnisim.ground_truth.frame_channels import FrameChannels
+from omnisim.ground_truth.channels import CHANNELS
+from omnisim.ground_truth.label_names import Labels
 from omnisim.ground_truth.npy import ChannelFormat
 
 
@@ -122,3 +123,44 @@ class Frame:
             write_json(target, boxes_json(self.boxes_3d, self.labels, path.name, self.metadata))
         if previews:
             write_previews(path, self.channels, self.labels)
+
+
+# Channels of a frame by name, with false-color previews in notebooks.
+
+
+class FrameChannels(dict[str, NDArray[Any]]):
+    """Ground truth of a frame: arrays (height, width) or (height, width, n) by name.
+
+    Args:
+        channels: arrays by channel name.
+        labels: labels of classes and instances, for the preview colors; None: no labels.
+    """
+
+    def __init__(self, channels: Mapping[str, NDArray[Any]], labels: Labels | None = None):
+        super().__init__(channels)
+        self._labels = labels
+
+    def __missing__(self, name: object) -> NDArray[Any]:
+        if name in CHANNELS:
+            raise KeyError(f"{name}: not rendered: pass also=({name!r},) to render")
+        if not isinstance(name, str):
+            raise KeyError(name)
+        raise KeyError(f"{name}: there is no such channel; {did_you_mean(name, CHANNELS)}")
+
+    def __repr__(self) -> str:
+        return short_repr(self, *self)
+
+    def _repr_html_(self) -> str:
+        """Contact sheet of the previews, for display in notebooks."""
+        figures = []
+        for name, values in self.items():
+            from omnisim.ground_truth.previews import preview
+
+            data = b64encode(png_bytes(preview(name, values, self._labels))).decode("ascii")
+            unit = f", {CHANNELS[name].unit}" if CHANNELS[name].unit else ""
+            figures.append(
+                '<figure style="display: inline-block; margin: 4px; text-align: center">'
+                f'<img src="data:image/png;base64,{data}" alt="{name}">'
+                f"<figcaption>{name}{unit}</figcaption></figure>"
+            )
+        return "".join(figures)

@@ -127,6 +127,7 @@ class BeamHits(NamedTuple):
 
     ranges_m: NDArray[np.floating]  # (rings, firings); +inf: no hit
     draw_ids: NDArray[np.uint32]  # (rings, firings), 1 + draw item; 0: no hit
-    # (rings, firings), see `EchoLimits`; None: beams end at glass and mirrors
+    # (rings, firings), relative to a white surface met perpendicularly at the same range
     intensities: NDArray[np.floating] | None = None
     second: BeamHits | None = None  # second returns; None: one return per beam
+    triangles: NDArray[np.int32] | None = None  # (rings, firings), of the geometry for rays

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import io
 import math
-import sys
-from collections.abc import Callable, Sequence
+import textwrap
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from omnisim.core.errors import OmnisimError, OutputError
+from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import write_image
 from omnisim.plots.style import DPI
 
 Tiles = Sequence[tuple[str, NDArray[np.uint8]]]  # titles and images
-TITLE_PX, GAP_PX, POINTS = 26, 8, 9.5
+TITLE_PX, LINE_PX, GAP_PX, POINTS = 26, 16, 8, 9.5
+PAGE_PX = 800  # a page shows wider sheets smaller: their titles are larger
 SHEET_JPEG_QUALITY = 82  # good enough to look at, and small enough for a page
 
 
@@ -25,7 +26,7 @@ def contact_sheet(tiles: Tiles, columns: int) -> NDArray[np.uint8]:
     """Sheet (height, width, 3) of images, row by row, each below its title.
 
     Images are neither scaled nor smoothed; `magnified` enlarges them. Smaller ones are centered in
-    their cell.
+    their cell. Titles can be read on a page of 800 px; long ones take two lines.
 
     Args:
         tiles: titles with images (height, width, 3) uint8 sRGB or (height, width) gray.
@@ -37,18 +38,25 @@ def contact_sheet(tiles: Tiles, columns: int) -> NDArray[np.uint8]:
     if not tiles:
         raise OutputError("contact sheet: expected at least one image, got none")
     cell_width = max(image.shape[1] for _, image in tiles) + GAP_PX
-    cell_height = max(image.shape[0] for _, image in tiles) + GAP_PX + TITLE_PX
-    rows = math.ceil(len(tiles) / columns)
-    width, height = columns * cell_width + GAP_PX, rows * cell_height + GAP_PX
-    figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor="white")
-    for index, (title, _) in enumerate(tiles):
+    width, rows = columns * cell_width + GAP_PX, math.ceil(len(tiles) / columns)
+    scale, lines = max(1.0, width / PAGE_PX), 1
+    figure = Figure(dpi=DPI, facecolor="white")
+    for title, _ in tiles:
+        text = figure.text(0, 0, title, ha="center", va="center", fontsize=POINTS * scale)
+        share = (cell_width - GAP_PX) / max(text.get_window_extent().width, 1.0)
+        if share < 1.0 and " " in title:
+            text.set_text("\n".join(textwrap.wrap(title, math.ceil(0.55 * len(title)))[:2]))
+            share = (cell_width - GAP_PX) / text.get_window_extent().width
+            lines = 2
+        text.set_fontsize(POINTS * scale * min(1.0, share))
+    title_px = round(scale * (TITLE_PX + (lines - 1) * LINE_PX))
+    cell_height = max(image.shape[0] for _, image in tiles) + GAP_PX + title_px
+    height = rows * cell_height + GAP_PX
+    figure.set_size_inches(width / DPI, height / DPI)
+    for index, text in enumerate(figure.texts):
         row, column = divmod(index, columns)
-        x = (GAP_PX + (column + 0.5) * cell_width - 0.5 * GAP_PX) / width
-        y = 1.0 - (GAP_PX + row * cell_height + 0.5 * TITLE_PX) / height
-        figure.text(x, y, title, ha="center", va="center", fontsize=POINTS)
-    for text in figure.texts:  # smaller if it would overlap the next
-        width_px = text.get_window_extent().width
-        text.set_fontsize(POINTS * min(1.0, (cell_width - GAP_PX) / max(width_px, 1.0)))
+        text.set_x((GAP_PX + (column + 0.5) * cell_width - 0.5 * GAP_PX) / width)
+        text.set_y(1.0 - (GAP_PX + row * cell_height + 0.5 * title_px) / height)
     data = io.BytesIO()
     figure.savefig(data, format="rgba")
     drawn_width, drawn_height = figure.canvas.get_width_height()
@@ -57,7 +65,7 @@ def contact_sheet(tiles: Tiles, columns: int) -> NDArray[np.uint8]:
     for index, (_, image) in enumerate(tiles):
         row, column = divmod(index, columns)
         colored = image if image.ndim == 3 else np.repeat(image[..., None], 3, axis=-1)
-        top = GAP_PX + row * cell_height + TITLE_PX
+        top = GAP_PX + row * cell_height + title_px
         left = GAP_PX + column * cell_width
         left += (cell_width - GAP_PX - colored.shape[1]) // 2
         sheet[top : top + colored.shape[0], left : left + colored.shape[1]] = colored[..., :3]
@@ -77,22 +85,3 @@ def save_contact_sheet(path: Path, tiles: Tiles, columns: int) -> None:
     """
     sheet = np.ascontiguousarray(contact_sheet(tiles, columns))
     write_image(path, sheet, jpeg_quality=SHEET_JPEG_QUALITY)
-
-
-def run_sheet(
-    module: str, arguments: Sequence[str], make_tiles: Callable[[], Tiles], columns: int
-) -> int:
-    """Run a command that writes a contact sheet to the file in its arguments.
-
-    Returns:
-        The exit status.
-    """
-    if len(arguments) != 1:
-        print(f"usage: python -m {module} FILE", file=sys.stderr)
-        return 2
-    try:
-        save_contact_sheet(Path(arguments[0]), make_tiles(), columns)
-    except OmnisimError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1
-    return 0

@@ -15,8 +15,7 @@ from matplotlib.patches import Ellipse, Rectangle
 from numpy.typing import NDArray
 
 from omnisim.core.srgb import srgb_from_linear
-from omnisim.perception.localization.consistency import Interval
-from omnisim.perception.localization.track import Track
+from omnisim.perception.localization.track import Interval, Track
 from omnisim.plots.style import BLUE, DPI, GRAY, GREEN, ORANGE, RED, label_axes
 from omnisim.scene.model import Landmark
 

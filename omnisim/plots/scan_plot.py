@@ -7,6 +7,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
+from omnisim.core.short_repr import number_text, point_text
 from omnisim.sensors.laser_scanner.laser_scanner import Scan
 
 _POINT, _BEAM, _SCANNER, _GRID = "#c23b3b", "#9db8d6", "#333333", "#e4e4e4"
@@ -52,12 +53,12 @@ def scan_figure(scan: Scan) -> Figure:
 def _title(scan: Scan) -> str:
     beams, hits = len(scan.ranges_m), int(scan.hit.sum())
     near = int(np.isneginf(scan.ranges_m).sum())
-    x, y, z = scan.world_from_scanner[:3, 3]
     ahead = scan.world_from_scanner[:3, 0]
     yaw_deg = np.degrees(np.arctan2(ahead[1], ahead[0]))
     name = str(scan.metadata.get("scene", "")).rpartition("/")[2]
     summary = f"{hits} of {beams} beams at {scan.scanner.resolution_deg:g}° hit something"
+    place = point_text(scan.world_from_scanner[:3, 3], 3)
     return (
-        f"{name + ': ' if name else ''}scan from ({x:.3g}, {y:.3g}, {z:.3g}) m at yaw "
-        f"{yaw_deg:.4g}°\n{summary}{f', {near} too near' if near else ''}"
+        f"{name + ': ' if name else ''}scan from {place} m at yaw {number_text(yaw_deg, 4)}°\n"
+        f"{summary}{f', {near} too near' if near else ''}"
     )

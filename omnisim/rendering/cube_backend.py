@@ -83,6 +83,7 @@ class CubeBackend(SceneBackend):
     def __init__(self, scene: Scene, objects: Mapping[str, Scene], device: int | str | None = None):
         super().__init__(scene, objects)
         self._rays: RayScene | None = None
+        self._surfaces: RayScene | None = None
         self.context = open_context(device)
         self._finalizer = weakref.finalize(
             self, release_unclosed_context, self.context, threading.current_thread()
@@ -129,7 +130,7 @@ class CubeBackend(SceneBackend):
         self.buffers.update(scene)
         if self._shadows is not None:
             self._shadows.refresh()
-        self.scene, self._rays = scene, None
+        self.scene, self._rays, self._surfaces = scene, None, None
 
     def camera(self, setup: CameraSetup) -> CameraBackend:
         """Camera in the scene; needs the current context, as do all its methods."""
@@ -171,14 +172,25 @@ class CubeBackend(SceneBackend):
 
         near_m = near_plane_m(scene_size_m(self.scene), LIDAR_NEAR_M)
 
-        def drawn() -> LidarPass:
-            return LidarPass(self.buffers, beams, near_m, hidden)
+        def drawn() -> LidarCaster:
+            geometry = lambda: self.surfaces().caster.geometry  # noqa: E731 - as it is at the time
+            cameras = LidarPass(self.buffers, beams, near_m, hidden, geometry)
+            return LidarCaster(self.surfaces, beams, hidden, cameras)
 
         if beams.echo_limits is None:
             return drawn()
         return FollowedBeams(
             self.follows_specular, drawn, lambda: LidarCaster(self.ray_scene, beams, hidden)
         )
+
+    def surfaces(self) -> RayScene:
+        """Scene whose surfaces can be looked up; only a built `ray_scene` can cast, too."""
+        if self._surfaces is None:
+            from omnisim.rendering.rays.ray_scene import RayScene  # seldom needed
+
+            objects = tuple(self.objects.values())
+            self._surfaces = self._rays or RayScene(self.scene, objects, casts=False)
+        return self._surfaces
 
     def ray_scene(self) -> RayScene:
         """Scene to cast rays at, built on first use after an edit.
@@ -195,7 +207,7 @@ class CubeBackend(SceneBackend):
     def close(self) -> None:
         """Release the OpenGL context and everything in it."""
         if self._finalizer.detach() is not None:
-            for name in ("buffers", "surface_programs", "_shadows", "_rays"):
+            for name in ("buffers", "surface_programs", "_shadows", "_rays", "_surfaces"):
                 self.__dict__.pop(name, None)
             release_context(self.context)
 

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.bounds import bounds_of, triangle_bounds
+from omnisim.core.short_repr import number_text, point_text
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.near_plane import scene_size_m
 from omnisim.scene import Scene
 from omnisim.scene.parts import instance_bounds_m
 from omnisim.scene.space.enclosure import enclosing_nodes
+from omnisim.scene.space.floor import triangles_within
 from omnisim.scene.space.start_pose import triangle_distances
-from omnisim.scene.space.triangles import triangles_within
 
 _PROBES = 48  # maximum number of rays per image side
 _TRIANGLES_PER_BATCH = 256
@@ -58,7 +59,7 @@ def viewpoint_notes(
         world_from_base: (4, 4) pose of its vehicle.
     """
     point_m, notes = (world_from_base @ sensor.base_from_rig)[:3, 3], list[str]()
-    place = f"the viewpoint ({', '.join(f'{value:.6g}' for value in point_m)}) m"
+    place = f"the viewpoint {point_text(point_m)} m"
     seeing, still = sensor.seeing(scene_size_m(scene)), scene.at_start()
     if not still.instances:
         return notes
@@ -70,7 +71,7 @@ def viewpoint_notes(
     if around := _bodies_around(still, point_m):
         notes.append(f"{place} is inside of {', '.join(around[:_NAMES])}")
     elif beside.any() and not is_own:
-        low, high = (" ".join(f"{value:.4g}" for value in end) for end in (low_m, high_m))
+        low, high = (" ".join(number_text(value, 4) for value in end) for end in (low_m, high_m))
         notes.append(f"{place} is outside of the scene, which is from {low} to {high} m")
     elif near is None:
         triangles = triangles_within(still, point_m - seeing.near_m, point_m + seeing.near_m)

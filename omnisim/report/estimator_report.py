@@ -18,8 +18,7 @@ from omnisim.evaluation.camera_errors import CameraErrors
 from omnisim.evaluation.drive_sweep import PointResult
 from omnisim.evaluation.estimator_registry import estimator_named
 from omnisim.evaluation.estimator_worker import ESTIMATE
-from omnisim.evaluation.outcome import Outcome
-from omnisim.evaluation.run_evaluation import estimator_folder, true_trajectory
+from omnisim.evaluation.run_evaluation import Outcome, estimator_folder, true_trajectory
 from omnisim.evaluation.seed_statistics import SeedMean, over_seeds
 from omnisim.evaluation.sweep_plan import BASE, SweepPlan, shown_points
 from omnisim.evaluation.trajectory_errors import TrajectoryErrors, lost_intervals, match_times
@@ -90,7 +89,7 @@ def _camera_row(estimator: str, errors: CameraErrors) -> tuple[str, ...]:
     return (
         estimator,
         errors.model,
-        f"{100.0 * errors.focal_length:+.3f}",
+        f"{100.0 * errors.focal_length:+z.3f}",
         f"{errors.rms_px:.3f}",
         f"{errors.max_px:.3g}",
         f"{100.0 * errors.covered:.4g}",
@@ -111,7 +110,7 @@ def _cells(outcomes: Sequence[Outcome]) -> list[str]:
 def _number(mean: SeedMean, form: str) -> str:
     if not math.isfinite(mean.mean):
         return ""
-    text = format(mean.mean, form)
+    text = format(mean.mean, f"z{form}")
     return f"{text} ± {mean.half_width:.2g}" if math.isfinite(mean.half_width) else text
 
 

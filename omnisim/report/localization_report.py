@@ -9,12 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.perception.landmarks.detection_files import write_detections
-from omnisim.perception.landmarks.landmark_detector import Detection
-from omnisim.perception.localization.consistency import mean_interval
+from omnisim.perception.landmarks.landmark_detector import Detection, write_detections
 from omnisim.perception.localization.filter_parameters import FilterParameters
-from omnisim.perception.localization.track import Track, notices
-from omnisim.perception.localization.track_files import write_track
+from omnisim.perception.localization.track import Track, mean_interval, notices, write_track
 from omnisim.plots.detection_plots import detections_figure
 from omnisim.plots.localization_plots import PathPanel, errors_figure, paths_figure
 from omnisim.report.measure import Measure

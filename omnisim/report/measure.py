@@ -20,6 +20,7 @@ class Measure:
         bound: maximum accepted value; None: no bound.
         at_least: the bound is the minimum accepted value.
         paper: the paper's value, as text; empty: none.
+        unmeasured: reason why the bound is neither held nor missed; empty: it is one of both.
     """
 
     name: str
@@ -28,18 +29,21 @@ class Measure:
     bound: float | None = None
     at_least: bool = False
     paper: str = ""
+    unmeasured: str = ""
 
     @property
     def passed(self) -> bool | None:
-        """True if the bound holds, False for NaN; None without a bound."""
-        if self.bound is None:
+        """True if the bound holds, False for NaN; None without a bound, and if unmeasured."""
+        if self.bound is None or self.unmeasured:
             return None
         return self.value >= self.bound if self.at_least else self.value <= self.bound
 
     @property
     def value_text(self) -> str:
         """Value with its unit: a count, or a number to four digits."""
-        return self._text(self.value) if math.isfinite(self.value) else "not a number"
+        if math.isfinite(self.value):
+            return self._text(self.value)
+        return "–" if self.unmeasured else "not a number"
 
     @property
     def bound_text(self) -> str:
@@ -59,8 +63,9 @@ class Measure:
             "sense": sense,
             "passed": self.passed,
             "paper": self.paper,
+            **({"unmeasured": self.unmeasured} if self.unmeasured else {}),
         }
 
     def _text(self, number: float) -> str:
         form = ".0f" if number == round(number) and abs(number) < 1e6 else ".4g"
-        return f"{number:{form}} {self.unit}".rstrip()
+        return f"{number:z{form}} {self.unit}".rstrip()

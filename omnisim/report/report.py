@@ -89,13 +89,13 @@ class Section:
 
     @property
     def status(self) -> Status:
-        """Failed after an error or a missed bound; measured if there is no bound."""
+        """Failed after an error or a missed bound; measured if no bound was checked."""
         if self.skipped:
             return "skipped"
         if self.failure or self.missed:
             return "failed"
-        has_bound = any(measure.bound is not None for measure in self.measures)
-        return "passed" if has_bound else "measured"
+        is_checked = any(measure.passed is not None for measure in self.measures)
+        return "passed" if is_checked else "measured"
 
     def as_dict(self) -> dict[str, Any]:
         """JSON object without the figures' contents."""
@@ -163,9 +163,11 @@ class Report:
             return f"Not every bound holds: {names}." if names else "Not every bound holds."
         if self.status == "skipped":
             return "Nothing was checked."
-        if all(measure.bound is None for part in self.sections for measure in part.measures):
+        bounded = [one for part in self.sections for one in part.measures if one.bound is not None]
+        if all(one.passed is None for one in bounded):
             return ""
-        return "Every bound that was checked holds." if self.notices else "Every bound holds."
+        is_partial = self.notices or any(one.unmeasured for one in bounded)
+        return "Every bound that was checked holds." if is_partial else "Every bound holds."
 
     def as_dict(self) -> dict[str, Any]:
         """JSON object without the figures' contents."""

@@ -11,7 +11,7 @@ from omnisim.core.short_repr import counted, short_repr
 from omnisim.robots.robot_file import default_clearance_m
 from omnisim.robots.vehicle import Vehicle
 from omnisim.scene import Scene
-from omnisim.scene.space.triangles import triangles_within
+from omnisim.scene.space.floor import triangles_within
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from omnisim.core.files.fingerprint import fingerprint
 from omnisim.core.files.sources import recorded_sources, source_digest
 from omnisim.core.files.toml_file import find_beside
 from omnisim.core.poses import pose_from_rotation
-from omnisim.core.short_repr import short_repr
+from omnisim.core.short_repr import point_text, short_repr
 from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.omnicamera import ExposureOption, OmniCamera, Polygons
@@ -238,7 +238,7 @@ def _load_body(robot: Robot) -> Scene | None:
         folders = [robot.folder / name for name in robot.resources]
         read = read_scene(path, resources=folders, animation="none")
         if is_mjcf(path):
-            from omnisim.scene.formats.mjcf.robot_body import without_world  # needs an extra
+            from omnisim.scene.formats.mjcf.reader import without_world  # needs an extra
 
             read = without_world(read, path)
         body = _moved(read, robot.body_offset_m)
@@ -281,8 +281,8 @@ def _check_outside(body: Scene | None, mounted: MountedSensor, where: str) -> No
         return
     around = enclosing_nodes(body, mounted.origin_m, mounted.near_m, mounted.hides)
     if around:
-        x, y, z = mounted.origin_m.tolist()
+        place = point_text(mounted.origin_m)
         raise RobotFileError(
-            f"{where}: its {mounted.origin_noun} ({x:g}, {y:g}, {z:g}) m is inside of the body's "
+            f"{where}: its {mounted.origin_noun} {place} m is inside of the body's "
             f"{', '.join(around)}: move it, or name in hides what it does not see"
         )

@@ -12,7 +12,7 @@ from omnisim.core.errors import TrajectoryError
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.runs.pose_sweep import Sweep
 from omnisim.scene import Scene
-from omnisim.scene.space.triangles import TriangleBvh, bounds_of, triangles_within
+from omnisim.scene.space.floor import TriangleBvh, bounds_of, triangles_within
 
 NO_SIZE = "the robot has neither a [footprint] nor a body: contacts are not looked for"
 POSES_AT_ONCE = 64  # batch size, which bounds the memory
@@ -40,7 +40,7 @@ class Contact:
         x, y = self.position_m
         return (
             f"contact with {self.object} first at step {self.step}, {self.time_s:.2f} s, "
-            f"({x:.2f}, {y:.2f}) m; {self.steps} step{'' if self.steps == 1 else 's'} in all"
+            f"({x:z.2f}, {y:z.2f}) m; {self.steps} step{'' if self.steps == 1 else 's'} in all"
         )
 
 

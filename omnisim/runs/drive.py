@@ -43,7 +43,6 @@ from omnisim.runs.drive_world import DriveWorld, MovingVehicle
 from omnisim.runs.physics.rover import Rover
 from omnisim.runs.physics.simulated_motion import SimulatedMotion
 from omnisim.runs.route import PlannedRoute, Route, plan_route, route_digest
-from omnisim.runs.run_channels import write_boxes, write_labels
 from omnisim.runs.run_folder import (
     GROUND_TRUTH,
     OBJECTS,
@@ -53,6 +52,8 @@ from omnisim.runs.run_folder import (
     TIMES,
     RunFolder,
     open_run,
+    write_boxes,
+    write_labels,
 )
 from omnisim.runs.run_manifest import MANIFEST_FORMAT
 from omnisim.runs.true_states import write_states
@@ -481,7 +482,7 @@ def _plan_in_physics(
     drives: Mapping[str, Drive], print_note: Callable[[str], None] | None
 ) -> dict[str, PlannedDrive]:
     """Drive in MuJoCo along the planned trajectories."""
-    from omnisim.runs.physics.driver import Driver
+    from omnisim.runs.physics.rover import Driver
     from omnisim.runs.physics.simulation import simulate  # needs an extra
 
     rovers = {name: Rover.of(one.vehicle, one.physics or Chassis()) for name, one in drives.items()}

@@ -55,8 +55,11 @@ from omnisim.core.files.written_files import is_written
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import read_trajectory
 from omnisim.core.trajectories.trajectory import MAX_S
-from omnisim.ground_truth import CHANNELS
+from omnisim.ground_truth import CHANNELS, Labels
+from omnisim.ground_truth.channels import CLASSES
+from omnisim.ground_truth.coco import merged, write_json
 from omnisim.runs.run_manifest import Manifest, first_difference, parse_manifest, read_manifest
+from omnisim.sensors.omnicamera.mounted_omnicamera import BOXES_SUFFIX
 from omnisim.sensors.sensor import MountedSensor, StepContent
 
 MANIFEST = "manifest.json"
@@ -93,7 +96,7 @@ class RunFolder:
         Raises:
             RunError: the folder holds no run.
         """
-        expected = "expected the folder of a run, as drive and render --trajectory make it"
+        expected = "expected the folder of a run, as drive and record make it"
         if not path.is_dir():
             raise RunError(f"{path}: no such folder: {expected}")
         content = read_manifest(path / MANIFEST)
@@ -398,3 +401,44 @@ def _is_own(name: str, sensor: type[MountedSensor]) -> bool:
     step, dot, suffix = name.partition(".")
     is_of_sensor = any(fnmatch(dot + suffix, pattern) for pattern in sensor.suffixes)
     return len(step) >= 6 and step.isdecimal() and is_of_sensor
+
+
+# Ground truth in the folder of a run: files of the whole run.
+
+
+def write_labels(run: RunFolder, labels: Labels) -> None:
+    """Write the table of class and instance IDs, if the run records them.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    manifest = run.manifest
+    is_needed = bool({*CLASSES, "instance"} & set(manifest.channels)) or any(
+        manifest.sensor_class(name).has_instances for name in manifest.sensors
+    )
+    if is_needed and not run.has(LABELS):
+        write_json(run.path / LABELS, labels.to_json())
+
+
+def write_boxes(run: RunFolder, labels: Labels) -> None:
+    """Merge the boxes of all steps of each camera into one file, if the run records them.
+
+    Raises:
+        RunError: boxes of a step are damaged.
+        OutputError: a file cannot be written.
+    """
+    if "instance" not in run.manifest.channels:
+        return
+    for camera in run.manifest.cameras:
+        if not run.has(f"{camera}/{BOXES}"):
+            indices = range(run.measurements(camera))
+            parts = [_read(run.file(camera, index, BOXES_SUFFIX)) for index in indices]
+            write_json(run.path / camera / BOXES, merged(parts, labels))
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        return content
+    except (OSError, ValueError, RecursionError):
+        raise RunError(f"{path}: cannot be read: remove it, and record the run again") from None

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from omnisim.core.errors import RunError
 from omnisim.ground_truth.label_names import Labels
 from omnisim.ground_truth.stored_channels import StoredChannels
-from omnisim.perception.landmarks.color_model import Costs
-from omnisim.perception.landmarks.color_training import (
+from omnisim.perception.landmarks.color_model import (
     VALIDATE_EVERY,
+    Costs,
     LabeledPixels,
     Training,
     train_colors,

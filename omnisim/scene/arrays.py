@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from omnisim.core.errors import OmnisimError, SceneError
 from omnisim.core.poses import check_pose
 from omnisim.core.srgb import linear_from_srgb8
-from omnisim.scene.files.imported_scene import PLAIN_GRAY, ImportedScene, make_mesh
+from omnisim.scene.formats.imported_scene import PLAIN_GRAY, ImportedScene, make_mesh
 from omnisim.scene.parts import AlphaMode, Instance, Material, Texture
 
 _BYTE = np.dtype(np.uint8)

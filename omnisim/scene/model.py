@@ -14,9 +14,8 @@ from omnisim.core.short_repr import counted, short_repr
 from omnisim.ground_truth.boxes_3d import OrientedBox
 from omnisim.scene import editing
 from omnisim.scene.arrays import import_arrays
-from omnisim.scene.files.file_axes import world_from_axes
-from omnisim.scene.files.imported_scene import ImportedScene, place
 from omnisim.scene.files.source_digests import SourceDigests
+from omnisim.scene.formats.imported_scene import ImportedScene, place, world_from_axes
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, expose, is_even
 from omnisim.scene.motion.object_motion import ObjectMotion
 from omnisim.scene.parts import (

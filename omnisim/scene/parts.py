@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
 from omnisim.core.bounds import bounds_of
-from omnisim.core.short_repr import counted, short_repr
+from omnisim.core.short_repr import counted, point_text, short_repr
 from omnisim.scene.light.baked_light import BakedLight
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.motion.deformation import Deformation
@@ -512,7 +512,7 @@ class Landmark:
 
     def __repr__(self) -> str:
         colors = "/".join(band.color for band in self.bands)
-        return short_repr(self, repr(self.name), colors, f"at {_point(self.position_m)} m")
+        return short_repr(self, repr(self.name), colors, f"at {point_text(self.position_m)} m")
 
     @property
     def height_m(self) -> float:
@@ -561,10 +561,6 @@ class LabelRule:
 
     def __repr__(self) -> str:
         return short_repr(self, str(self.id), repr(self.name), " ".join(self.nodes))
-
-
-def _point(position_m: tuple[float, ...]) -> str:
-    return "(" + ", ".join(f"{value:g}" for value in position_m) + ")"
 
 
 def bounds_m(meshes: tuple[Mesh, ...], instances: tuple[Instance, ...]) -> NDArray[np.float64]:

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.scene.labels import find_labels
 from omnisim.scene.model import Material, Mesh, Scene, Texture, bounds_m
-from omnisim.scene.space.floor import floor_height_m
-from omnisim.scene.space.triangles import triangles_within
+from omnisim.scene.space.floor import floor_height_m, triangles_within
 
 # Surfaces with at most this slope and with heights within a step form one floor.
 MAX_FLOOR_SLOPE_DEG = 10.0

@@ -1,4 +1,5 @@
-// Hit of each laser's beam: 1 + draw item, and range as bits of a float; 0: no hit.
+// Hit of each laser's beam: 1 + draw item, range as bits of a float, and triangle in the draw item;
+// 0: no hit.
 // Lidar and objects move during the revolution. A draw item has two matrices, relative to the
 // lidar's origin at the start and at the end of a slice. A firing interpolates between them by its
 // time, so triangles are intersected at their poses at the firing. The atlas, drawn in the middle
@@ -9,7 +10,7 @@ uniform sampler2D u_rays;  // unit direction, world axes; and the firing's time 
 uniform mat3 u_rig_from_viewpoint;
 uniform vec3 u_path_m;  // motion of the lidar's origin from the slice's start to its end
 
-layout(location = 0) out uvec2 out_hit;
+layout(location = 0) out uvec4 out_hit;
 
 #define SLICE
 float slice_share;
@@ -32,5 +33,5 @@ void main() {
             if (again.primitive.x != 0u) hit = again;
         }
     }
-    out_hit = uvec2(hit.primitive.x, floatBitsToUint(hit.range));
+    out_hit = uvec4(hit.primitive.x, floatBitsToUint(hit.range), hit.primitive.y, 0u);
 }

@@ -63,6 +63,16 @@ def test_all_is_in_full(suites, tmp_path):
     assert seen == [False, True, True]
 
 
+def test_a_suite_that_misses_a_bound_runs_again(suites, tmp_path, capsys):
+    slow, quiet = suites["fps"].run, _suite("fps", 0.5).run
+    runs = [slow, quiet]
+    suites["fps"].run = lambda options: runs.pop(0)(options)
+    assert command.main(["fps", "-o", str(tmp_path)]) == 0
+    assert "fps: measured again, since cost is 2, bound ≤ 1: FAILS" in capsys.readouterr().out
+    assert not runs
+    assert read_report(tmp_path / "fps.json")["passed"] is True
+
+
 def test_all_suites_run_before_one_that_failed_counts(suites, tmp_path, capsys):
     suites["fps"] = _suite("fps", None)
     assert command.main(["all", "-o", str(tmp_path)]) == 1

@@ -1,6 +1,7 @@
 """Gallery page, against the models' docstrings."""
 
 import importlib.util
+import sys
 from pathlib import Path
 
 import pytest
@@ -37,3 +38,18 @@ def test_every_model_has_a_small_image(maker):
         assert path.stat().st_size <= maker.MAX_BYTES
         with Image.open(path) as image:
             assert image.size == (camera.width_px, camera.height_px)
+
+
+def test_files_with_the_same_pixels_stay(maker, tmp_path):
+    """Whatever the encoder and the driver's roundings; others are written."""
+    pages = sys.modules["pages"]
+    path = tmp_path / "a.png"
+    image = Image.new("RGB", (40, 30), (90, 80, 70))
+    pages.save_jpeg(image, path, 10**6)
+    first = path.read_bytes()
+    image.putpixel((3, 4), (96, 80, 70))
+    pages.save_jpeg(image, path, 10**6, max_quality=88)
+    assert path.read_bytes() == first
+    image.paste((150, 80, 70), (0, 0, 9, 9))
+    pages.save_jpeg(image, path, 10**6)
+    assert path.read_bytes() != first

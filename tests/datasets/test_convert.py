@@ -5,7 +5,7 @@ import shutil
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from omnisim.apps.cli.app import app
 from omnisim.cameras.calibration import load_calibration

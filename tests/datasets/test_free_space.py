@@ -9,12 +9,11 @@ from scipy.spatial import cKDTree
 
 from omnisim.core.errors import PlanError
 from omnisim.datasets import free_space
-from omnisim.datasets.free_space import MARGIN_CELLS, find_free_space
+from omnisim.datasets.free_space import MARGIN_CELLS, find_free_space, surface_points
 from omnisim.datasets.generate.distributions import Stream
-from omnisim.datasets.generate.triangle_parts import surface_points
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.model import StartPose
-from omnisim.scene.space.triangles import triangles_within
+from omnisim.scene.space.floor import triangles_within
 from tests.slow import slow_but
 
 RADIUS_M, HEIGHT_M, STEP_M = 0.25, 0.8, 0.05

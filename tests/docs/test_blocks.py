@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.printed_numbers import PRINTED_NOISE
 from tests.slow import slow_but
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -71,6 +72,7 @@ def _run(arguments, folder):
         arguments, cwd=folder, env=environment, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, f"{arguments[-1]}\n{done.stdout}{done.stderr}"
+    return done.stdout + done.stderr
 
 
 NAMES = [str(page.relative_to(ROOT)) for page in PAGES if _blocks(page)]
@@ -85,7 +87,7 @@ def test_blocks_run(page, folder):
             if name:
                 (folder / name[1]).write_text(code, encoding="utf-8")
         elif language == "sh":
-            _run(["bash", "-euc", code], folder)
+            assert not PRINTED_NOISE.findall(_run(["bash", "-euc", code], folder)), code
         else:
             _run([sys.executable, "-W", "error", "-c", code], folder)
 

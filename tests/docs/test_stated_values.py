@@ -12,8 +12,9 @@ from omnisim.cameras.calibration.calibrated_camera import MAX_GAP_M, MAX_GAP_RAD
 from omnisim.cameras.mirrors.hyperbolic_mirror import DEFAULT_RIM_RAD, PAPER_METERS_PER_UNIT
 from omnisim.cameras.mirrors.tessellation import MAX_POLYGONS
 from omnisim.core.package_files import preset_names
-from omnisim.datasets.export.export_formats import FORMATS as EXPORTS
-from omnisim.datasets.export.export_formats import LAYOUTS
+from omnisim.datasets.export.export import FORMATS as EXPORTS
+from omnisim.datasets.export.export import LAYOUTS
+from omnisim.datasets.export.ros2 import bag_format
 from omnisim.datasets.generate.plan_vary import VaryTable
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX
 from omnisim.rendering.baking.settings import DEFAULT_SAMPLES, DEFAULT_TEXELS
@@ -30,6 +31,7 @@ from omnisim.sensors import DepthCamera, LaserScanner
 from omnisim.sensors.lidar.revolution import MAX_PATH_M, MAX_SKEW_M, MAX_TURN_RAD, SLICES
 from omnisim.sensors.range_sensor.mounted_range_sensor import InfraredMount
 from omnisim.sensors.range_sensor.range_sensor import RangeSensor
+from omnisim.validation.check_registry import CHECKS
 from tests.docs.pages import HOW_TO, ROOT, WHY, half_unit, numbers_of, text_of, words_of
 
 KINECT, D435, SCANNER, SONAR = (
@@ -122,7 +124,7 @@ GOALS = ("pyrender", "the paper's way", "Gazebo's way", "Embree, geometry")
 
 def test_missed_goals_are_counted():
     """The words on the four goals of speed, against the benchmark's table below them."""
-    page, reached = words_of(WHY + "performance.md"), []
+    page, reached = words_of("benchmarks/README.md"), []
     for name in GOALS:
         line = (
             rf"\| \w+: {name} to omnisim, [^|]*\|[^|]*\|[^|]*\| ≥ [\d.]+: (reached|[\d.]+ × off) \|"
@@ -149,6 +151,16 @@ def test_lists_in_pages_are_those_of_the_code():
     assert back_ends == list(get_args(BackendName))
     motions = re.findall(r"^\| `(\w+)` \|", text_of(HOW_TO + "moving-objects.md"), re.MULTILINE)
     assert set(motions) < set(ObjectTable.model_fields)
+
+
+def test_checks_of_the_validation_are_listed():
+    rows = re.findall(r"^\| `([\w-]+)` \| (.+) \|$", text_of(HOW_TO + "validate.md"), re.MULTILINE)
+    assert rows == [(check.key, check.title) for check in CHECKS]
+
+
+def test_topics_of_bags_are_listed():
+    known = set(re.findall(r"`(/[^`]+)`", bag_format.__doc__))
+    assert known <= set(re.findall(r"`(/[^`]+)`", text_of(HOW_TO + "use-with.md")))
 
 
 def test_extras_in_the_table_are_those_of_the_package():

@@ -20,8 +20,12 @@ from omnisim.core.poses import inverse, pose
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimator_registry import estimator_named
 from omnisim.evaluation.estimators import orb_slam3, orb_slam3_program
-from omnisim.evaluation.estimators.orb_slam3 import VOCABULARY, unpacked_vocabulary
-from omnisim.evaluation.estimators.orb_slam3_settings import ImuSettings, settings_text
+from omnisim.evaluation.estimators.orb_slam3 import (
+    VOCABULARY,
+    ImuSettings,
+    settings_text,
+    unpacked_vocabulary,
+)
 from omnisim.evaluation.trajectory_errors import trajectory_errors
 
 ROOT = Path(__file__).parents[2]
@@ -91,7 +95,7 @@ def rig_run(tmp_path_factory):
     (folder / "lens.toml").write_text(LENS_FILE)
     (folder / "rig.toml").write_text(RIG)
     write_sway(folder / "sway.tum")
-    words = ["render", "courtyard", "--robot", "rig.toml", "--trajectory", "sway.tum"]
+    words = ["record", "courtyard", "--robot", "rig.toml", "--trajectory", "sway.tum"]
     subprocess.run(
         [sys.executable, "-m", "omnisim", *words, "--quality", "fast", "-o", "run"],
         cwd=folder, check=True, capture_output=True,

@@ -7,8 +7,12 @@ from omnisim.core.errors import TrajectoryError
 from omnisim.core.poses import pose, pose_from_rotation
 from omnisim.core.trajectories import Trajectory
 from omnisim.evaluation.seed_statistics import over_seeds
-from omnisim.evaluation.trajectory_alignment import ALIGNMENTS, align
-from omnisim.evaluation.trajectory_errors import lost_intervals, trajectory_errors
+from omnisim.evaluation.trajectory_errors import (
+    ALIGNMENTS,
+    align,
+    lost_intervals,
+    trajectory_errors,
+)
 from tests.evaluation.evo_oracle import check_errors
 
 

@@ -28,15 +28,13 @@ from omnisim.core.trajectories import write_trajectory
 from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.core.trajectories.trajectory_files import FORMATS
 from omnisim.datasets.export.export import export_run
-from omnisim.datasets.export.stored_clouds import read_cloud
-from omnisim.datasets.export.stored_scans import read_table
+from omnisim.datasets.export.stored_clouds import read_cloud, read_table
 from omnisim.ground_truth import ClassLabel, InstanceLabel, Labels
 from omnisim.ground_truth.channels import CHANNELS
 from omnisim.ground_truth.exr import write_exr
 from omnisim.ground_truth.frame import Frame
 from omnisim.ground_truth.stored_channels import StoredChannels
-from omnisim.perception.landmarks.color_model import BINS, ColorModel
-from omnisim.perception.landmarks.color_model_file import load_model, save_model
+from omnisim.perception.landmarks.color_model import BINS, ColorModel, load_model, save_model
 from omnisim.perception.localization.filter_parameters import DEFAULT as FILTER_FILE
 from omnisim.perception.localization.filter_parameters import read_parameters
 from omnisim.perception.unwarping.unwarping import Unwarping

@@ -8,7 +8,7 @@ import pytest
 
 import omnisim.ground_truth
 from omnisim.apps.cli.option_groups import TruthOptions
-from omnisim.apps.cli.options import parameters
+from omnisim.apps.cli.options import request_fields
 from omnisim.core.errors import OutputError
 from omnisim.ground_truth import CHANNELS, check_channels, parse_channels
 from omnisim.ground_truth.channels import ChannelName
@@ -63,8 +63,8 @@ def test_reference_and_help_name_all_channels():
     first_layers = {name: one.layers[0].partition(".")[0] for name, one in CHANNELS.items()}
     assert rows == first_layers
     assert list(rows) == list(CHANNELS)
-    (option,) = parameters(TruthOptions)["also"].annotation.__metadata__
-    assert option.help.endswith(f"or all: {' '.join(CHANNELS)}.")
+    (option,) = (field for field in request_fields(TruthOptions) if field.name == "also")
+    assert option.text.endswith(f"or all: {' '.join(CHANNELS)}.")
 
 
 def test_the_type_of_names_has_all_channels():

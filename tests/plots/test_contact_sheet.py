@@ -8,7 +8,6 @@ from omnisim.plots.contact_sheet import (
     TITLE_PX,
     contact_sheet,
     magnified,
-    run_sheet,
     save_contact_sheet,
 )
 
@@ -40,16 +39,20 @@ def test_long_titles_stay_in_their_cells():
     assert dark.max() < GAP_PX + 80 + 1
 
 
+def test_titles_of_wide_sheets_can_be_read_on_a_page():
+    """At 800 px a capital is 9 px high, also in a title that takes two lines."""
+    tiles = [("H", np.zeros((9, 400), np.uint8))] * 3 + [
+        ("H" * 9 + " " + "H" * 30, tile) for tile in [np.zeros((9, 400), np.uint8)]
+    ]
+    sheet = contact_sheet(tiles, 4)
+    dark = (sheet[:, :408] < 128).any(axis=(1, 2))
+    first, end = np.flatnonzero(dark)[0], np.flatnonzero(~dark[np.flatnonzero(dark)[0] :])[0]
+    assert end * 800 / sheet.shape[1] >= 9
+    two = (sheet[:, 3 * 408 :] < 128).any(axis=(1, 2))
+    assert np.count_nonzero(np.diff(two[: sheet.shape[0] - 17].astype(int)) == 1) == 2
+    assert first > 0
+
+
 def test_a_sheet_of_nothing_is_refused():
     with pytest.raises(OutputError, match="expected at least one"):
         contact_sheet([], 3)
-
-
-def test_a_sheet_by_command(tmp_path, capsys):
-    tiles = [("a", np.zeros((9, 9), np.uint8))]
-    assert run_sheet("a.sheet", [], lambda: tiles, 3) == 2
-    assert capsys.readouterr().err == "usage: python -m a.sheet FILE\n"
-    assert run_sheet("a.sheet", [str(tmp_path / "a.png")], lambda: tiles, 3) == 0
-    assert run_sheet("a.sheet", [str(tmp_path / "a.png" / "b.png")], lambda: tiles, 3) == 1
-    assert capsys.readouterr().err.startswith("error: ")
-    assert (tmp_path / "a.png").is_file()

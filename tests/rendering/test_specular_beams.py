@@ -10,12 +10,13 @@ from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.datasets.export.stored_clouds import read_cloud
 from omnisim.rendering.stage import Stage, open_sensor
+from omnisim.scene import load_scene
 from omnisim.scene.model import Material
 from omnisim.sensors import LaserScanner, SpinningLidar
-from omnisim.sensors.lidar.point_files import ECHO_POINT, POINT
+from omnisim.sensors.lidar.point_files import PLAIN_POINT, POINT, write_points
 from omnisim.sensors.lidar.revolution import MAX_PATH_M
 from omnisim.validation.rooms.reflective_rooms import rooms
-from tests.scenes import room, scene_of, square
+from tests.scenes import ROOM_HALF_M, room, room_color, scene_of, square
 
 pytest.importorskip("embreex", reason="embreex, which casts the beams, is missing")
 pytestmark = pytest.mark.usefixtures("needs_opengl")
@@ -105,7 +106,7 @@ def test_two_returns_of_a_pane(backend, tmp_path):
         cloud.save(path)
         stored = read_cloud(path)
         np.testing.assert_array_equal(stored.points, cloud.points)
-        assert stored.points.dtype == ECHO_POINT
+        assert stored.points.dtype == POINT
         np.testing.assert_array_equal(
             stored.reflectances, np.minimum(cloud.points["intensity"], 1.0)
         )
@@ -163,9 +164,72 @@ def test_a_mirror_that_is_added_later_is_followed():
         stage.scene = without_panel(MIRROR)
         again = renderer.scan(AT)
     assert mirror.name == "panel"
-    assert ghosts.points.dtype == ECHO_POINT
-    assert plain.points.dtype == again.points.dtype == POINT
+    assert not np.array_equal(ghosts.points["range"], plain.points["range"])
     np.testing.assert_array_equal(plain.points, again.points)
+
+
+@pytest.mark.parametrize("specular", [True, False])
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_walls_return_their_red_by_the_cosine_at_any_range(backend, specular):
+    walls = Material(base_color=(0.4, 0.9, 0.9, 1.0), double_sided=True)
+    at = pose((0.7, -0.4, 0.3), yaw_deg=20.0, roll_deg=5.0)
+    lidar = dataclasses.replace(LIDAR, specular=specular)
+    points = cloud_of(scene_of([room()], [walls]), lidar, backend, at).points
+    local = np.stack([points[axis] for axis in "xyz"], axis=1).astype(np.float64)
+    rays = local @ at[:3, :3].T
+    places = rays + at[:3, 3]
+    gaps_m = ROOM_HALF_M - np.abs(places)  # distances to the walls along each axis
+    ranges_m = np.linalg.norm(rays, axis=1)
+    cosines = np.abs(rays / ranges_m[:, None])[np.arange(len(rays)), gaps_m.argmin(axis=1)]
+    inside = np.sort(gaps_m, axis=1)[:, 1] > 0.01  # not at an edge of the room
+    assert inside.sum() > 0.9 * LIDAR.rings * LIDAR.firings
+    expected = 0.4 * room_color(places)[:, 0] * cosines
+    np.testing.assert_allclose(points["intensity"][inside], expected[inside], rtol=1e-4)
+    assert set(points["return"]) == {1}
+
+
+@pytest.mark.parametrize("scene", ["mapping", "arcade"])
+def test_both_back_ends_return_the_same_intensities(scene):
+    """Textures, vertex colors, gloss and instances of several meshes; a robot's body moves by."""
+    lidar = dataclasses.replace(LIDAR, specular=False)
+    body = scene_of([square(half_m=0.5)], [Material(base_color=(0.7, 0, 0, 1), double_sided=True)])
+    clouds = []
+    start = load_scene(scene).start
+
+    def world(time_s):
+        base = pose(start.position_m, yaw_deg=start.yaw_deg)
+        moved = base @ pose((1.5, 4.0 * time_s, 0.0), pitch_deg=60.0, yaw_deg=900.0 * time_s)
+        return WorldState({"body": base, "plate": moved})
+
+    for backend in BACKENDS:
+        with (
+            Stage(load_scene(scene), dynamic_objects={"plate": body}, backend=backend) as stage,
+            stage.open(lidar) as renderer,
+        ):
+            clouds.append(renderer.scan(world, time_s=0.1))
+    ranges, instances, intensities = (
+        [grid(cloud, name, empty=0.0) for cloud in clouds]
+        for name in ("range", "instance", "intensity")
+    )
+    same = (instances[0] == instances[1]) & np.isclose(*ranges, rtol=0.0, atol=1e-3)
+    assert same.mean() > 0.97
+    assert len(np.unique(np.round(intensities[0][same], 3))) > 50
+    off = np.abs(intensities[0] - intensities[1])[same]
+    assert np.quantile(off, 0.99) < 1e-4
+    plate = same & (instances[0] == instances[0].max())
+    assert plate.sum() > 10
+    assert intensities[0][plate].max() <= 0.7
+    assert np.ptp(intensities[0][plate]) > 0.1
+
+
+def test_clouds_of_older_runs_are_read_without_intensities(tmp_path):
+    points = np.zeros(3, dtype=PLAIN_POINT)
+    points["range"] = 1.0, 2.0, 3.0
+    for suffix in (".ply", ".pcd"):
+        write_points(tmp_path / f"old{suffix}", points, np.eye(4), {"omnisim": "0.1"})
+        stored = read_cloud(tmp_path / f"old{suffix}")
+        np.testing.assert_array_equal(stored.points, points)
+        np.testing.assert_array_equal(stored.reflectances, 0.0)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -175,7 +239,7 @@ def test_files_of_matte_scenes_are_as_without_the_keys(backend, tmp_path):
         cloud_of(scene, lidar, backend, AT).save(tmp_path / f"{index}.ply")
     files = [(tmp_path / f"{index}.ply").read_bytes() for index in (0, 1)]
     assert files[0] == files[1].replace(b"comment specular: false\n", b"")
-    assert b"intensity" not in files[0]
+    assert b"property float intensity\nproperty ushort return\n" in files[0]
     with open_sensor(scene, SCANNER, backend=backend) as renderer:
         renderer.scan(AT).save_csv(tmp_path / "scan.csv")
     comments = [

@@ -77,3 +77,23 @@ def test_a_section_without_bounds_did_not_pass_them():
     assert without.status == Report("", "", [without]).status == "measured"
     with_bound = Section("Bounds", "", (Measure("drift", 1.0, "%", 2.0),))
     assert Report("", "", [without, with_bound]).status == "passed"
+
+
+@pytest.mark.parametrize("value", [3.0, 0.1, math.nan])
+def test_what_was_not_measured_neither_passes_nor_fails(tmp_path, value):
+    noise = Measure("noise", value, "levels", 0.5, unmeasured="no noise in the file")
+    held = Measure("corners", 0.01, "px", 0.05)
+    missed = Measure("edges", 20.0, "%", 15.0)
+    assert noise.passed is None
+    alone = Report("", "", (Section("a", "", (noise,)),))
+    assert (alone.status, alone.verdict, alone.passed) == ("measured", "", True)
+    both = Report("", "", (Section("a", "", (held, noise)),))
+    assert (both.status, both.verdict) == ("passed", "Every bound that was checked holds.")
+    all_three = Report("", "", (Section("a", "", (held, noise, missed)),))
+    assert (all_three.status, all_three.verdict) == ("failed", "Not every bound holds: edges.")
+    both.write(tmp_path)
+    page = (tmp_path / "report.html").read_text()
+    assert "not measured: no noise in the file" in page
+    assert "missed" not in page
+    (_, written) = json.loads((tmp_path / "report.json").read_text())["sections"][0]["measures"]
+    assert (written["passed"], written["unmeasured"]) == (None, "no noise in the file")

@@ -376,7 +376,7 @@ def test_what_cannot_be_drawn_leaves_no_folder(scene, vehicle, tmp_path):
 def test_interrupted_by_a_person_it_says_how_to_go_on(tmp_path):
     # a job in the background of a shell inherits that interrupts are ignored
     code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
-    code += "from omnisim.apps.cli.app import main; main()"
+    code += "from omnisim.apps.cli.start import main; main()"
     command = [sys.executable, "-c", code, *ARGUMENTS]
     command[command.index("--step") + 1] = "0.1"
     process = subprocess.Popen(

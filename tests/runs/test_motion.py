@@ -11,8 +11,7 @@ from omnisim.core.trajectories import Trajectory, write_trajectory
 from omnisim.robots import load_robot
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
-from omnisim.runs.floor_following import follow_floor
-from omnisim.runs.route import Route
+from omnisim.runs.route import Route, follow_floor
 from omnisim.scene import load_scene
 from omnisim.sensors.imu.imu import true_readings
 

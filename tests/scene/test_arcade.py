@@ -5,7 +5,7 @@ import pytest
 
 from omnisim.scene import load_scene
 from omnisim.scene.planar_mirrors import is_clear_pane, is_planar_mirror
-from omnisim.scene.space.triangles import triangles_within
+from omnisim.scene.space.floor import triangles_within
 
 HALF_WIDTH_M, CLEARANCE_M, HEIGHTS_M = 0.25, 0.3, (0.02, 1.2)
 

@@ -11,9 +11,9 @@ from omnisim.core.errors import SceneError
 from omnisim.core.files.fingerprint import fingerprint
 from omnisim.core.package_files import SCENES
 from omnisim.scene import load_scene
-from omnisim.scene.formats.gltf import meshopt
+from omnisim.scene.formats.gltf import accessors
 from omnisim.scene.formats.gltf.features import FEATURES, SUPPORTED_EXTENSIONS, Support
-from omnisim.scene.formats.gltf.writing.writer import write_glb
+from omnisim.scene.formats.gltf.writer import write_glb
 from tests.scene.gltf_builder import GltfBuilder
 
 OTHER_IMAGES = ("EXT_texture_astc", "EXT_texture_avif", "MSFT_texture_dds")
@@ -354,9 +354,11 @@ def draco(monkeypatch):
 @pytest.fixture
 def decoded(monkeypatch):
     """A stand-in for the decoder of meshopt that gives one corner elsewhere."""
-    monkeypatch.setattr(meshopt, "is_readable", lambda: True)
+    monkeypatch.setattr(accessors, "can_decode_meshopt", lambda: True)
     monkeypatch.setattr(
-        meshopt, "decode", lambda entry, data: memoryview((CORNERS * 2).astype("<f4").tobytes())
+        accessors,
+        "decode_meshopt",
+        lambda entry, data: memoryview((CORNERS * 2).astype("<f4").tobytes()),
     )
 
 

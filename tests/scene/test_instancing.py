@@ -5,7 +5,7 @@ import pytest
 
 from omnisim.core.errors import SceneError
 from omnisim.scene import load_scene
-from omnisim.scene.formats.gltf import instancing
+from omnisim.scene.formats.gltf import nodes
 from tests.scene.gltf_builder import GltfBuilder
 
 PLACES = np.array([[0, 0, 0], [2, 0, 0], [0, 3, 0]], "<f4")
@@ -68,6 +68,6 @@ def test_damaged_copies_are_one_line(attributes, message, tmp_path):
 
 
 def test_more_copies_than_are_drawn_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(instancing, "MAX_COPIES", 2)
+    monkeypatch.setattr(nodes, "MAX_COPIES", 2)
     with pytest.raises(SceneError, match="TRANSLATION: expected an accessor of at most 2 copies"):
         _copies(tmp_path, TRANSLATION=PLACES)

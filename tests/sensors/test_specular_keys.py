@@ -91,5 +91,5 @@ def test_without_embreex_beams_end_at_glass(monkeypatch):
     above[2, 3] = 1.0
     with open_sensor(scene, lidar) as renderer:
         points = renderer.scan(above).points
-    assert "intensity" not in points.dtype.names
+    assert points["intensity"].max() < 1e-6  # a polished surface that is met at a slant
     np.testing.assert_allclose(points["range"], 2.0, atol=1e-4)

@@ -28,7 +28,7 @@ shuttle = { from_m = [-1.0, -1.0, 0.2], to_m = [1.0, 1.0, 0.2], period_s = 9.0 }
 BOX = "v 0 0 0\nv 0.3 0 0\nv 0 0.3 0\nv 0 0 0.3\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
 MAIN = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
-    "from omnisim.apps.cli.app import main; main()"
+    "from omnisim.apps.cli.start import main; main()"
 )
 SIGNALS = (signal.SIGKILL, signal.SIGKILL, signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 MAX_S = 600.0

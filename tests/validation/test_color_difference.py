@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim.validation.color_difference import ciede2000, lab_from_linear
+from omnisim.validation.checks.materials import ciede2000, lab_from_linear
 
 # Sharma, Wu and Dalal, 2005, table 1: pairs 1, 4, 7, 9, 13, 17, 21, 25, 31 and 34
 PAIRS = [

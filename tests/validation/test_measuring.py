@@ -5,9 +5,9 @@ import pytest
 
 from omnisim.report.measure import Measure
 from omnisim.report.report import Section
+from omnisim.validation.checks.rings import ring_radii
 from omnisim.validation.fixture import max_abs, mean_abs
 from omnisim.validation.markers import centroids, marker_positions, rim_centroids_px
-from omnisim.validation.ring_radii import ring_radii
 
 
 def _smooth_ring(radius, center, width=1.5):

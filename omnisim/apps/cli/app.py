@@ -3,57 +3,124 @@
 Commands raise OmnisimError for every fault that a user can fix.
 """
 
+from __future__ import annotations
+
 import errno
 import os
 import sys
 import warnings
-from typing import Annotated, Any, NoReturn
+from collections.abc import Iterable, Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any, NoReturn
 
-import typer
+import click
+from click.shell_completion import get_completion_class, shell_complete
 
-from omnisim.apps.cli import INTERRUPTED
-from omnisim.apps.cli.command import Group, make_commands
-from omnisim.apps.cli.commands import COMMANDS
-from omnisim.apps.cli.console import err, out, print_note
+from omnisim.apps.cli.command import Command, Group
+from omnisim.apps.cli.commands import COMMANDS, GROUPS
+from omnisim.apps.cli.console import print_note
+from omnisim.apps.cli.options import ENTRIES, CommandLineError
 from omnisim.core.errors import NoticeWarning, OmnisimError
 from omnisim.core.version import __version__
 
-
-class _Commands(Group):
-    """Top-level group with all commands of the table."""
-
-    def __init__(self, **settings: Any):
-        super().__init__(**settings | {"commands": make_commands(COMMANDS)})
-
-
-app = typer.Typer(
-    name="omnisim",
-    cls=_Commands,
-    help="Simulator of omnidirectional cameras, accurate to a tenth of a pixel.",
-    no_args_is_help=True,
-    rich_markup_mode="rich",
-    add_completion=True,
-    pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+COMPLETE = "_OMNISIM_COMPLETE"  # variable by which a shell asks for completions
+# By shell: the file with its script, the file that runs it, and how.
+_SHELLS = {
+    "bash": (".bash_completions/omnisim.sh", ".bashrc", "source ~/.bash_completions/omnisim.sh"),
+    "zsh": (".zfunc/omnisim.zsh", ".zshrc", "source ~/.zfunc/omnisim.zsh"),
+    "fish": (".config/fish/completions/omnisim.fish", "", ""),
+}
 
 
-def _print_version(is_wanted: bool) -> None:
-    if is_wanted:
-        out.print(f"omnisim {__version__}")
-        raise typer.Exit
+class _Omnisim(Group):
+    """Top-level group, whose commands are made when they are named."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "omnisim", "Simulator of omnidirectional cameras, accurate to a tenth of a pixel.", {}
+        )
+        self.params += [
+            click.Option(
+                [flag], callback=callback, help=text, is_eager=True, expose_value=False, **kind
+            )
+            for flag, callback, text, kind in (
+                ("--version", _print_version, "Print the version.", {"is_flag": True}),
+                ("--install-completion", _install, "Install completion for the shell.",
+                 {"is_flag": True}),
+                ("--show-completion", _show_script, "Print the script of completion for a shell.",
+                 {"metavar": "bash|zsh|fish"}),
+            )
+        ]  # fmt: skip
+
+    def headings(self) -> Mapping[str, Iterable[tuple[str, str]]]:
+        """Names and summaries of all commands, by heading."""
+        return {
+            heading: [(name, command_named(name).help or "") for name in modules]
+            for heading, modules in COMMANDS.items()
+        }
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of all commands."""
+        return [name for modules in COMMANDS.values() for name in modules]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> Command | Group | None:
+        """Command of a name."""
+        return command_named(cmd_name) if cmd_name in self.list_commands(ctx) else None
 
 
-@app.callback()
-def _options(
-    version: Annotated[
-        bool,
-        typer.Option(
-            "--version", callback=_print_version, is_eager=True, help="Print the version."
-        ),
-    ] = False,
-) -> None:
-    """Parse the options of `omnisim` itself."""
+def command_named(name: str) -> Command | Group:
+    """Command or group of the table `COMMANDS`."""
+    module = next(modules[name] for modules in COMMANDS.values() if name in modules)
+    import_module(f"omnisim.apps.cli.{module}.requests")
+    if name not in GROUPS:
+        return Command(ENTRIES[name])
+    start = f"{name} "
+    commands = {
+        path.removeprefix(start): Command(entry)
+        for path, entry in ENTRIES.items()
+        if path.startswith(start)
+    }
+    return Group(name, GROUPS[name], commands, default="show" if name == "scene" else "")
+
+
+def _print_version(ctx: click.Context, option: click.Parameter, is_given: bool) -> None:
+    if is_given:
+        click.echo(f"omnisim {__version__}")
+        ctx.exit()
+
+
+def _script(ctx: click.Context, shell: str) -> str:
+    kind = get_completion_class(shell) if shell in _SHELLS else None
+    if kind is None:
+        raise CommandLineError(f"completion: expected one of {', '.join(_SHELLS)}, got {shell!r}")
+    return kind(ctx.command, {}, "omnisim", COMPLETE).source()
+
+
+def _show_script(ctx: click.Context, option: click.Parameter, shell: str | None) -> None:
+    if shell is not None:
+        click.echo(_script(ctx, shell))
+        ctx.exit()
+
+
+def _install(ctx: click.Context, option: click.Parameter, is_given: bool) -> None:
+    """Write the script of completion, and its call into the shell's start-up file."""
+    if not is_given:
+        return
+    shell, home = Path(os.environ.get("SHELL", "")).name, Path.home()
+    script = _script(ctx, shell)
+    file, start_up, call = _SHELLS[shell]
+    (home / file).parent.mkdir(parents=True, exist_ok=True)
+    (home / file).write_text(script, encoding="utf-8")
+    before = home / start_up
+    text = before.read_text(encoding="utf-8") if call and before.exists() else ""
+    if call and call not in text:
+        before.write_text(f"{text.rstrip()}\\n\\n{call}\\n".lstrip(), encoding="utf-8")
+    click.echo(f"{home / file}: completes in new terminals")
+    ctx.exit()
+
+
+app = _Omnisim()
 
 
 def main() -> None:
@@ -62,20 +129,29 @@ def main() -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("always", NoticeWarning)
             _print_notices()
-            app(prog_name="omnisim")
-    except SystemExit as stopped:
-        if stopped.code == INTERRUPTED:  # typer prints no message
-            err.print("interrupted")
-        raise
+            _run(sys.argv[1:])
+    except click.exceptions.Exit as stopped:
+        sys.exit(stopped.exit_code)
+    except click.UsageError as error:
+        _fail(error.format_message(), CommandLineError.exit_status)
     except OmnisimError as error:
         _fail(str(error), error.exit_status)
     except OSError as error:
         if error.filename is not None:
             raise
         if error.errno == errno.ENOENT:  # from getcwd
-            _fail("the working directory is not there any more")
+            _fail("the working directory no longer exists")
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # else flushing at exit fails again
         _fail(f"standard output: cannot be written: {error.strerror}")
+    sys.exit()
+
+
+def _run(words: list[str]) -> None:
+    """Complete a command line, or run it."""
+    if asked := os.environ.get(COMPLETE):
+        sys.exit(shell_complete(app, {}, "omnisim", COMPLETE, asked))
+    with app.make_context("omnisim", words) as ctx:
+        app.invoke(ctx)
 
 
 def _print_notices() -> None:
@@ -94,8 +170,8 @@ def _print_notices() -> None:
 
 
 def _fail(message: str, status: int = 1) -> NoReturn:
-    from rich.markup import escape
-
+    for word in sys.argv[1:]:  # a name with line breaks: still one line
+        message = message.replace(word, " ".join(word.splitlines())) if word else message
     for line in message.splitlines():
-        err.print(f"[bold red]error:[/] {escape(line)}")
+        click.echo(f"{click.style('error:', fg='red', bold=True)} {line}", err=True)
     sys.exit(status)

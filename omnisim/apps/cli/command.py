@@ -1,71 +1,62 @@
-"""Commands and groups, built from the entries of a table on demand."""
+"""Commands of click, made of requests when they are needed: parsing, messages and help pages."""
 
 from __future__ import annotations
 
-import gc
-import inspect
-from collections.abc import Mapping
-from functools import cached_property
+import re
+import shutil
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 from itertools import takewhile
-from typing import Any, NamedTuple
+from typing import Any
 
-import typer
-import typer.main
-from typer.core import TyperCommand, TyperGroup, TyperOption
+import click
+from click.core import ParameterSource
+from click.shell_completion import CompletionItem
 
-from omnisim.core.extras import require_extra
+from omnisim.apps.cli.options import CommandLineError, Entry, RequestField
+from omnisim.core.errors import did_you_mean
 
-
-class Entry(NamedTuple):
-    """Command of the table.
-
-    Attributes:
-        summary: help text.
-        run: function in `omnisim.apps.cli`, imported when the command runs; if it returns False,
-            the exit status is 1.
-        request: class in `omnisim.apps.cli` that defines the options, imported when a command line
-            is parsed; empty: no options.
-        extra: required extra of the package; None: no extra.
-    """
-
-    summary: str
-    run: str
-    request: str = ""
-    extra: str | None = None
+HELP_FLAGS = ("-h", "--help", "--help-all")
+MAX_COLUMNS = 100
 
 
-class GroupEntry(NamedTuple):
-    """Group of commands of the table.
+def _help_options(hidden: int) -> list[click.Option]:
+    """Options that show the help page: the important options, or the hidden ones, too."""
 
-    Attributes:
-        summary: help text.
-        commands: commands by name.
-    """
+    def show(ctx: click.Context, option: click.Parameter, is_given: bool) -> None:
+        if is_given and not ctx.resilient_parsing:
+            ctx.meta[HELP_FLAGS[-1]] = option.name == "help_all"
+            click.echo(ctx.get_help())
+            ctx.exit()
 
-    summary: str
-    commands: Mapping[str, Entry]
+    shared: dict[str, Any] = {"is_flag": True, "is_eager": True, "expose_value": False}
+    page = click.Option(HELP_FLAGS[:2], callback=show, help="Show this page.", **shared)
+    text = f"Show all options, {hidden} more."
+    of_all = click.Option(HELP_FLAGS[2:], callback=show, help=text, hidden=not hidden, **shared)
+    return [of_all, page]
 
 
-class Command(TyperCommand):
-    """Command built from an entry of the table.
+class Command(click.Command):
+    """Command of a request.
 
     Args:
-        path: name of the command, preceded by its group's.
-        entry: entry of the table.
-        panel: heading on the help page of its group.
+        entry: the command.
     """
 
-    def __init__(self, path: str, entry: Entry, panel: str | None = None):
-        self._path, self._entry = path, entry
-        name = path.rpartition(" ")[2]
-        super().__init__(name, callback=self._call, help=entry.summary, rich_help_panel=panel)
-        self.context_settings = {
-            "help_option_names": ["-h", "--help"],
-            "allow_extra_args": True,  # rejected below, in the same words as others
-        }
+    def __init__(self, entry: Entry):
+        name = entry.path.rpartition(" ")[2]
+        super().__init__(name, help=entry.summary, add_help_option=False)
+        self.allow_extra_args = True  # rejected below, in the same words as others
+        self.entry = entry
 
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        """Options and arguments, derived from the request."""
+        if not self.params:
+            fields = self.entry.fields
+            self.params = [*map(_parameter, fields), *_help_options(0)]
+        return self.params
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Parse the words after the command's name.
 
         Raises:
@@ -73,140 +64,289 @@ class Command(TyperCommand):
         """
         if ctx.resilient_parsing:  # for completion
             return super().parse_args(ctx, args)
-        from omnisim.apps.cli.usage_errors import CommandLine, UsageError
-
-        line = CommandLine(f"omnisim {self._path}", self._request, args)
+        line = _CommandLine(self.entry, args)
         line.check_words()
         try:
             rest = super().parse_args(ctx, args)
-        except UsageError as error:
-            raise line.error(error) from None
-        line.check_values(ctx.params, rest)
-        return rest
+        except click.NoSuchOption as error:
+            raise line.unknown(error.option_name) from None
+        except click.BadOptionUsage as error:
+            raise line.attached(error.option_name) from None
+        given = {
+            name: words
+            for name, words in ctx.params.items()
+            if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE and words != ()
+        }
+        ctx.params = line.values(given, rest)
+        return []
 
-    @property
-    def params(self) -> list[Any]:
-        """Options and arguments, read from the request on demand."""
-        params: list[Any] = self._built.params
-        return params
+    def invoke(self, ctx: click.Context) -> None:
+        """Run the command."""
+        if self.entry.extra is not None:
+            from omnisim.core.extras import require_extra
 
-    @params.setter
-    def params(self, none: list[Any]) -> None:
-        """Ignore the empty list that the constructor assigns."""
+            require_extra(self.entry.extra, f"omnisim {self.entry.path}")
+        module, _, function = self.entry.run.rpartition(".")
+        run = getattr(import_module(f"omnisim.apps.cli.{module}"), function)
+        request = self.entry.make(ctx.params)
+        if (run(request) if self.entry.fields else run()) is False:
+            ctx.exit(1)
 
-    def get_params(self, *context: Any) -> list[Any]:  # noqa: D102 - click's, or typer's copy of it
-        return _without_flag_types(super().get_params(*context))
-
-    def _call(self, **values: object) -> object:
-        assert self._built.callback is not None
-        return self._built.callback(**values)
-
-    @cached_property
-    def _request(self) -> Any:
-        """Class that defines the options; None: no options."""
-        return _resolve(self._entry.request) if self._entry.request else None
-
-    @cached_property
-    def _built(self) -> Any:
-        """Typer command with the request's parameters."""
-        from omnisim.apps.cli.options import make_request, parameters
-
-        request = self._request
-
-        def call(**values: object) -> None:
-            if self._entry.extra is not None:
-                require_extra(self._entry.extra, f"omnisim {self._path}")
-            run = _resolve(self._entry.run)
-            gc.freeze()  # what is imported stays: collections need not look at it
-            gc.enable()  # start.py disables it
-            try:
-                result = run() if request is None else run(make_request(request, values))
-            finally:
-                gc.unfreeze()  # OpenImageIO reports types that are never collected
-            if result is False:
-                raise typer.Exit(1)
-
-        options = {} if request is None else parameters(request)
-        call.__signature__ = inspect.Signature(list(options.values()))  # type: ignore[attr-defined]
-        app = typer.Typer(add_completion=False)
-        app.command()(call)
-        return typer.main.get_command(app)
+    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the summary, two examples, and the options: the important ones, or all of them."""
+        formatter.width = min(shutil.get_terminal_size().columns, MAX_COLUMNS)
+        _write_start(formatter, self.entry.summary, self.entry.examples)
+        formatter.write_usage(f"omnisim {self.entry.path}", usage(self.entry))
+        panels: dict[str, list[tuple[str, str]]] = {"Arguments": [], "Options": []}
+        is_all = ctx.meta.get(HELP_FLAGS[-1], False)
+        for field in self.entry.fields if is_all else _shown(self.entry):
+            panel = "Arguments" if field.is_argument else field.panel if is_all else "Options"
+            panels.setdefault(panel, []).append(help_row(field))
+        for option in _help_options(len(self.entry.fields) - len(_shown(self.entry))):
+            if not option.hidden and not (is_all and option.name == "help_all"):
+                panels["Options"].append((", ".join(option.opts), option.help or ""))
+        for panel, rows in panels.items():
+            if rows:
+                with formatter.section(panel):
+                    formatter.write_dl(rows, col_max=32)
 
 
-class Group(TyperGroup):
-    """Group whose help page shows flags without a value type."""
-
-    def get_params(self, *context: Any) -> list[Any]:  # noqa: D102 - click's, or typer's copy of it
-        return _without_flag_types(super().get_params(*context))
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the options before a command's name, and find the command.
-
-        Raises:
-            CommandLineError: an unknown option or command.
-        """
-        words = list(takewhile(lambda word: word.startswith("-"), args)) or args[:1]
-        flags = [flag for one in self.get_params(ctx) for flag in one.opts]
-        for word in () if ctx.resilient_parsing else words:
-            noun, known = ("option", flags) if word.startswith("-") else ("command", self.commands)
-            if word.partition("=")[0] not in known:
-                from omnisim.apps.cli.usage_errors import unknown
-
-                raise unknown(word, noun, ctx.command_path, known)
-        return super().parse_args(ctx, args)
-
-
-class DefaultGroup(Group):
-    """Group that runs its command `show` if the first argument names no command."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: D102 - click's
-        if args and args[0] not in self.commands and args[0] not in ctx.help_option_names:
-            args = ["show", *args]
-        return super().parse_args(ctx, args)
-
-    def shell_complete(self, ctx: Any, incomplete: str) -> list[Any]:  # noqa: D102 - click's
-        show = self.commands["show"]
-        argument = next(one for one in show.params if one.param_type_name == "argument")
-        commands: list[Any] = super().shell_complete(ctx, incomplete)
-        return commands + list(argument.shell_complete(ctx, incomplete))
-
-
-def make_commands(
-    table: Mapping[str, Mapping[str, Entry | GroupEntry]],
-) -> dict[str, Command | Group]:
-    """Build the commands and groups of a table, by name.
+class Group(click.Group):
+    """Group of commands.
 
     Args:
-        table: entries by name, grouped by heading of the help page.
+        name: its name.
+        summary: help text.
+        commands: commands by name.
+        default: command that runs if the first word names no command; empty: none.
     """
-    return {
-        name: _make_group(name, entry, panel)
-        if isinstance(entry, GroupEntry)
-        else Command(name, entry, panel)
-        for panel, entries in table.items()
-        for name, entry in entries.items()
-    }
+
+    def __init__(
+        self, name: str, summary: str, commands: Mapping[str, click.Command], default: str = ""
+    ):
+        super().__init__(name, dict(commands), help=summary, add_help_option=False)
+        self._default = default
+        self.params = list(_help_options(0))
+
+    def headings(self) -> Mapping[str, Iterable[tuple[str, str]]]:
+        """Names and summaries of the commands, by the headings of the help page."""
+        rows = [(name, one.help or "") for name, one in self.commands.items()]
+        return {"Commands": rows}
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of the commands in their order."""
+        return list(self.commands)
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the options before a command's name.
+
+        Raises:
+            CommandLineError: an unknown option.
+        """
+        if self._default and args and args[0] not in (*self.commands, *HELP_FLAGS):
+            args = [self._default, *args]
+        if not args and not ctx.resilient_parsing:
+            args = ["--help"]
+        words = tuple(args)  # click takes words away
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            word = next(word for word in words if word.startswith(error.option_name))
+            flags = [flag for one in self.params for flag in one.opts]
+            raise unknown(word, "option", ctx.command_path, flags) from None
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find a command by its name.
+
+        Raises:
+            CommandLineError: an unknown command.
+        """
+        names = self.list_commands(ctx)
+        if not ctx.resilient_parsing and args[0] not in names:
+            raise unknown(args[0], "command", ctx.command_path, names)
+        return super().resolve_command(ctx, args)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
+        """Complete the name of a command, or the argument of the default one."""
+        names = super().shell_complete(ctx, incomplete)
+        if not self._default:
+            return names
+        show = self.commands[self._default]
+        arguments = (one for one in show.get_params(ctx) if isinstance(one, click.Argument))
+        return names + next(arguments).shell_complete(ctx, incomplete)
+
+    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the summary, and the commands below their headings."""
+        formatter.width = min(shutil.get_terminal_size().columns, MAX_COLUMNS)
+        _write_start(formatter, self.help or "", ())
+        formatter.write_usage(ctx.command_path, "COMMAND …")
+        for heading, rows in self.headings().items():
+            with formatter.section(heading):
+                formatter.write_dl(list(rows), col_max=32)
+        options = (one for one in self.params if isinstance(one, click.Option) and not one.hidden)
+        with formatter.section("Options"):
+            formatter.write_dl([(", ".join(one.opts), one.help or "") for one in options])
 
 
-def _make_group(name: str, entry: GroupEntry, panel: str) -> Group:
-    kind = DefaultGroup if "show" in entry.commands and name == "scene" else Group
-    commands: dict[str, Any] = {
-        child: Command(f"{name} {child}", one) for child, one in entry.commands.items()
-    }
-    return kind(
-        name=name, commands=commands, help=entry.summary, rich_help_panel=panel,
-        no_args_is_help=True, context_settings={"help_option_names": ["-h", "--help"]},
-    )  # fmt: skip
+def _write_start(formatter: click.HelpFormatter, summary: str, examples: Iterable[str]) -> None:
+    formatter.write_text(summary)
+    formatter.write_paragraph()
+    for example in examples:
+        formatter.write(f"  {example}\n")
+    if examples:
+        formatter.write_paragraph()
 
 
-def _without_flag_types(parameters: list[Any]) -> list[Any]:
-    for parameter in parameters:
-        if isinstance(parameter, TyperOption) and parameter.is_flag and parameter.metavar is None:
-            parameter.metavar = ""
-    return parameters
+def _shown(entry: Entry) -> list[RequestField]:
+    """Arguments and important options of a command, in the order of their importance."""
+    fields = {field.name: field for field in entry.fields}
+    if not entry.first:
+        return list(fields.values())
+    arguments = [field for field in fields.values() if field.is_argument]
+    return arguments + [fields[name] for name in entry.first]
 
 
-def _resolve(name: str) -> Any:
-    """Import a function or class from a module of `omnisim.apps.cli`."""
-    module, _, attribute = name.rpartition(".")
-    return getattr(import_module(f"omnisim.apps.cli.{module}"), attribute)
+def usage(entry: Entry) -> str:
+    """Arguments of a command, in its usage."""
+    arguments = (field for field in entry.fields if field.is_argument)
+    names = (field.metavar if field.is_required else f"[{field.label}]" for field in arguments)
+    return " ".join((*names, "[OPTIONS]"))
+
+
+def help_row(field: RequestField) -> tuple[str, str]:
+    """Flags with the placeholder of an option, and its help with its default."""
+    is_required = field.is_required and not field.is_argument
+    text = f"{field.text} Required." if is_required else field.text
+    name = field.metavar if field.is_argument else ", ".join(field.flags)
+    return name if field.is_argument or field.is_flag else f"{name} {field.metavar}", text
+
+
+def _parameter(field: RequestField) -> click.Parameter:
+    """Option or argument of click, which leaves the reading of values to the field."""
+
+    def complete(
+        ctx: click.Context, parameter: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        details = field.details
+        names = details.names() if details.names else field.choices
+        words = (
+            [name for name in names if name.startswith(incomplete)]
+            if details.complete is None
+            else details.complete(ctx, incomplete)
+        )
+        files = {"DIR": "dir", "RUN": "dir", "FILE": "file", "SCENE": "file"}
+        items = [CompletionItem(word) for word in words]
+        shown = {files[part] for part in re.findall(r"\w+", field.metavar) if part in files}
+        return items + [CompletionItem(incomplete, type=kind) for kind in sorted(shown)]
+
+    if field.is_flag:
+        return click.Option([*field.flags, field.name], is_flag=True, default=None)
+    shared: dict[str, Any] = {"type": click.UNPROCESSED, "shell_complete": complete}
+    if field.is_argument:
+        return click.Argument(
+            [field.name], required=False, nargs=-1 if field.is_list else 1, **shared
+        )
+    return click.Option(
+        [*field.flags, field.name], multiple=field.is_list, nargs=field.word_count, **shared
+    )
+
+
+class _CommandLine:
+    """Words after a command's name: what is wrong with them, in one line."""
+
+    def __init__(self, entry: Entry, words: Sequence[str]):
+        self._entry, self._path = entry, f"omnisim {entry.path}"
+        self._fields = entry.fields
+        self._words = list(words[: words.index("--")] if "--" in words else words)
+        options = (field for field in self._fields if not field.is_argument)
+        self._by_flag = {
+            flag: field for field in options for flags in field.flags for flag in flags.split("/")
+        }
+
+    def check_words(self) -> None:
+        """Reject an option without its value, which would take the next option for one."""
+        for _, flag, field, words in self._given():
+            if len(words) < field.word_count:
+                raise field.error(" ".join(words) or "nothing", flag)
+
+    def values(self, given: Mapping[str, Any], rest: Sequence[str]) -> dict[str, Any]:
+        """Values by name of the field.
+
+        Args:
+            given: words by name of the field.
+            rest: words that no option takes.
+
+        Raises:
+            CommandLineError: names the option, or the word.
+        """
+        values = {}
+        for field in self._fields:
+            if field.name in given:
+                words = given[field.name]
+                read = [field.read(each) for each in words] if field.is_list else words
+                values[field.name] = read if field.is_list or field.is_flag else field.read(words)
+        missing = [one for one in self._fields if one.is_required and one.name not in values]
+        for field in sorted(missing, key=lambda one: not one.is_argument):
+            text = " ".join(re.split(r"\.\s|;|\.$", field.text, maxsplit=1)[0].split())
+            call = self._path if field.is_argument else field.label
+            example = f"{call} {field.example}"
+            raise CommandLineError(f"{field.label}: missing: {text}, such as {example}")
+        if rest:
+            raise self._excess(rest[0])
+        return values
+
+    def unknown(self, option: str) -> CommandLineError:
+        """Error for an option that the command does not have."""
+        word = next((word for word in self._words if word.startswith(option)), option)
+        if other := self._entry.elsewhere.get(option):
+            return CommandLineError(f"{option}: {self._path} has no such option; {other} has it")
+        return unknown(word, "option", self._path, (*self._by_flag, *HELP_FLAGS))
+
+    def attached(self, option: str) -> CommandLineError:
+        """Error for a flag with a value."""
+        value = next(word for word in self._words if word.startswith(f"{option}="))
+        return CommandLineError(f"{option}: expected no value, got {value.partition('=')[2]!r}")
+
+    def _excess(self, word: str) -> CommandLineError:
+        """Error for a word that neither an option nor an argument takes."""
+        for at, flag, field, taken in self._given():
+            words = [*taken, *self._words[at + 1 + len(taken) :][:1]]
+            if not taken or words[len(taken) :] != [word]:
+                continue
+            example = " ".join(f"{flag} {value}" for value in words)
+            if "comma-separated" in field.text:
+                example = f"{flag} {','.join(words)}"
+            elif not field.is_list:
+                return field.error(" ".join(words), flag)
+            return CommandLineError(f"{flag}: expected {example}, got {flag} {' '.join(words)}")
+        takes = " ".join(field.metavar for field in self._fields if field.is_argument) or "nothing"
+        return CommandLineError(
+            f"{word}: a word too many: {self._path} takes {takes} beside its options"
+        )
+
+    def _given(self) -> Iterator[tuple[int, str, RequestField, list[str]]]:
+        """Places of flags, flags, their fields, and the words of their values."""
+        for at, word in enumerate(self._words):
+            if (field := self._by_flag.get(word)) is not None:
+                values = self._words[at + 1 : at + 1 + field.word_count]
+                yield at, word, field, list(takewhile(lambda one: one not in self._by_flag, values))
+
+
+def unknown(word: str, noun: str, path: str, known: Iterable[str]) -> CommandLineError:
+    """Error for an unknown command or option, with the nearest known one.
+
+    Args:
+        word: unknown word.
+        noun: command or option.
+        path: command that was given it.
+        known: valid words.
+    """
+    name = word.partition("=")[0]
+    by_letters = {one.lstrip("-"): one for one in known}  # -size is --size, too
+    near = did_you_mean(name.lstrip("-"), by_letters, "")
+    hint = f"see {path} --help"
+    if near.startswith("did"):
+        hint = re.sub("'(.+?)'", lambda found: repr(by_letters[found[1]]), near)
+    return CommandLineError(f"{name}: {path} has no such {noun}; {hint}")

@@ -3,29 +3,33 @@
 Every key press starts the command, so registries are imported only when their names are needed.
 """
 
+from __future__ import annotations
+
 import json
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
-
-import typer
+from typing import TYPE_CHECKING
 
 from omnisim.core.package_files import SCENES, built_in
+
+if TYPE_CHECKING:
+    import click
 
 CAMERA = "omnicamera"  # type of an omnidirectional camera in a run's manifest
 
 
-def complete_scene(incomplete: str) -> list[str]:
+def complete_scene(ctx: click.Context, incomplete: str) -> list[str]:
     """Complete the name of a built-in scene."""
     return _beginning(incomplete, built_in("scene.toml"))
 
 
-def complete_robot(incomplete: str) -> list[str]:
+def complete_robot(ctx: click.Context, incomplete: str) -> list[str]:
     """Complete the name of a built-in robot."""
     return _beginning(incomplete, built_in("robot.toml"))
 
 
-def complete_path(ctx: typer.Context, incomplete: str) -> list[str]:
+def complete_path(ctx: click.Context, incomplete: str) -> list[str]:
     """Complete the name of a path of the scene on the command line."""
     scene = _argument(ctx, "scene")
     file = scene if scene.suffix == ".toml" else scene / "scene.toml"
@@ -38,7 +42,7 @@ def complete_path(ctx: typer.Context, incomplete: str) -> list[str]:
         return []
 
 
-def complete_run_camera(ctx: typer.Context, incomplete: str) -> list[str]:
+def complete_run_camera(ctx: click.Context, incomplete: str) -> list[str]:
     """Complete the name of a camera of the run on the command line."""
     manifest_file = _argument(ctx, "run", "source") / "manifest.json"
     try:
@@ -65,33 +69,26 @@ def calibration_formats() -> Iterable[str]:
 
 def export_formats() -> Iterable[str]:
     """Formats of exported runs."""
-    from omnisim.datasets.export.export_formats import FORMATS
+    from omnisim.datasets.export.export import FORMATS
 
     return FORMATS
 
 
 def data_set_layouts() -> Iterable[str]:
     """Layouts for converted data sets."""
-    from omnisim.datasets.export.export_formats import LAYOUTS
+    from omnisim.datasets.export.export import LAYOUTS
 
     return LAYOUTS
 
 
-def check_names() -> Iterable[str]:
-    """Checks of the validation."""
-    from omnisim.validation.check_registry import CHECKS
-
-    return (check.key for check in CHECKS)
-
-
-def complete_channels(incomplete: str) -> list[str]:
+def complete_channels(ctx: click.Context, incomplete: str) -> list[str]:
     """Complete the last of comma-separated channels; channels before it are not repeated."""
     done, comma, last = incomplete.rpartition(",")
     left = [name for name in (*channel_names(), "all") if name not in done.split(",")]
     return [f"{done}{comma}{name}" for name in _beginning(last, left)]
 
 
-def _argument(ctx: typer.Context, *names: str) -> Path:
+def _argument(ctx: click.Context, *names: str) -> Path:
     """Value of the argument with one of the names, or the first word that is not parsed yet."""
     parsed = (ctx.params.get(name) for name in names)
     unparsed = (word for word in ctx.args if not word.startswith("-"))

@@ -30,15 +30,11 @@ PACKAGE = Path(__file__).resolve().parents[2]
 
 
 def run() -> None:
-    """Print the installation, built-in scenes and robots, and the OpenGL devices.
-
-    Raises:
-        GraphicsError: no usable OpenGL; says how to install it.
-    """
+    """Print the installation, built-in scenes and robots, and the OpenGL devices."""
     lines = installation()
     width = max(len(name) for name, _ in lines) + 2
     for name, text in lines:
-        out.print(f"{name:{width}}{text}", markup=False)
+        out.print(f"{name:{width}}{text}")
     _print_devices(width)
 
 
@@ -55,18 +51,13 @@ def installation() -> list[tuple[str, str]]:
         versions = _versions({name: packages[name] for name in packages if name not in missing})
         lacking = f"no {', '.join(missing)}: {install_hint(extra)}" if missing else ""
         lines.append((extra, "; ".join(filter(None, (versions, lacking)))))
+    camera = OmniCamera()
     lines += [
         ("scenes", ", ".join(builtin_scenes()) or "none"),
         ("robots", ", ".join(builtin_robots()) or "none"),
-        ("camera", _default_camera()),
+        ("camera", f"{summary(camera.model)}, {mesh_text(camera)}"),
     ]
     return lines
-
-
-def _default_camera() -> str:
-    """Summary of the default camera, with the error of its mirror's mesh."""
-    camera = OmniCamera()
-    return f"{summary(camera.model)}, {mesh_text(camera)}"
 
 
 def _system() -> str:
@@ -103,11 +94,11 @@ def _print_devices(width: int) -> None:
     context = open_context()  # raises with the reason
     used = graphics_info(context)
     context.release()
-    out.print(f"{'renderer':{width}}{used.renderer}, OpenGL {used.version}", markup=False)
+    out.print(f"{'renderer':{width}}{used.renderer}, OpenGL {used.version}")
     table = Table("device", "renderer", "vendor", "OpenGL", "largest texture", "samples")
     for (number, device), cuda in zip(list_devices(), cuda_numbers(), strict=True):
         if not isinstance(device, GraphicsInfo):
-            out.print(f"device {number} cannot be used: {device}", markup=False)
+            out.print(f"device {number} cannot be used: {device}")
             continue
         name = f"{number}" if cuda is None else f"{number}, cuda:{cuda}"
         largest = f"{device.max_texture_size_px} px"

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
-import math
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,6 @@ from numpy.typing import NDArray
 from omnisim.apps.cli.console import print_note
 from omnisim.apps.cli.images.requests import CameraViewpointOptions
 from omnisim.apps.cli.option_groups import (
-    Backend,
     BackendOptions,
     CameraFileOptions,
     LightOptions,
@@ -23,10 +21,9 @@ from omnisim.apps.cli.option_groups import (
     TiltedViewpointOptions,
     TruthOptions,
 )
-from omnisim.apps.cli.options import flag_of
+from omnisim.apps.cli.options import refuse_given
 from omnisim.core.errors import (
     CalibrationError,
-    OmnisimError,
     OpticsError,
     OutputError,
     SceneError,
@@ -35,11 +32,12 @@ from omnisim.core.errors import (
 )
 from omnisim.core.extras import require_extra
 from omnisim.core.poses import pose
+from omnisim.core.short_repr import number_text, point_text
 from omnisim.ground_truth.channels import CLASSES
 from omnisim.ground_truth.npy import ChannelFormat
-from omnisim.rendering.baking.emission_notes import emission_notes
+from omnisim.rendering.baking.settings import emission_notes
 from omnisim.rendering.camera.degradations import Degradation
-from omnisim.rendering.camera.omnicamera import ExposureOption, OmniCamera, Polygons
+from omnisim.rendering.camera.omnicamera import OmniCamera, Polygons
 from omnisim.rendering.reflections.notes import frosted_notes, reflection_notes
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.scene import Scene, read_scene
@@ -48,7 +46,6 @@ from omnisim.scene.labels import find_labels, read_label_file
 LABELED = frozenset((*CLASSES, "instance"))  # channels whose files name classes
 
 CALIBRATION_SUFFIXES = (".yaml", ".yml", ".json", ".txt")
-MAX_S = 1e9  # maximum world time, some 30 years
 
 
 @dataclass(frozen=True)
@@ -91,10 +88,9 @@ class Viewpoint:
         return cls(one.position_m, one.yaw_deg, one.pitch_deg, one.roll_deg)
 
     def __str__(self) -> str:
-        x, y, z = self.position_m
         tilts = (("pitch", self.pitch_deg), ("roll", self.roll_deg))
-        tilt = "".join(f", {name} {angle:g}°" for name, angle in tilts if angle)
-        return f"({x:g}, {y:g}, {z:g}) m at yaw {self.yaw_deg:g}°{tilt}"
+        tilt = "".join(f", {name} {number_text(angle)}°" for name, angle in tilts if angle)
+        return f"{point_text(self.position_m)} m at yaw {number_text(self.yaw_deg)}°{tilt}"
 
     @property
     def pose(self) -> NDArray[np.float64]:
@@ -170,43 +166,8 @@ def check_calibration_path(calibration: Path, sensor: Path | None) -> None:
         )
 
 
-def check_seconds(option: str, seconds: float) -> float:
-    """Check and return a time or an interval in seconds.
-
-    Raises:
-        OutputError: not finite, or beyond `MAX_S`; names the option.
-    """
-    if not abs(seconds) <= MAX_S:  # also true for NaN
-        raise OutputError(
-            f"{option}: expected a number of seconds up to {MAX_S:g}, got {seconds:g}"
-        )
-    return seconds
-
-
-def refuse_given(
-    options: object, reason: str, *names: str, error: type[OmnisimError] = OutputError
-) -> None:
-    """Raise an error for options that would have no effect.
-
-    Args:
-        options: group of options, or request.
-        reason: reason in the message.
-        names: fields to check; by default all.
-        error: type of the error.
-
-    Raises:
-        OmnisimError: of type `error`; names the first option that is not at its default.
-    """
-    for name in names or [field.name for field in dataclasses.fields(options)]:  # type: ignore[arg-type]
-        if getattr(options, name) != getattr(type(options), name):
-            raise error(f"{flag_of(type(options), name)}: {reason}")
-
-
 def load_labeled_scene(
-    world: SceneOptions,
-    light: ShadowedLightOptions,
-    truth: TruthOptions,
-    channels: Collection[str],
+    world: SceneOptions, light: ShadowedLightOptions, truth: TruthOptions, channels: Collection[str]
 ) -> Scene:
     """Load a scene with its own labels or those of --labels; print its notices.
 
@@ -240,7 +201,7 @@ def checked_backend(options: BackendOptions) -> BackendName:
     Raises:
         OmnisimError: rays with --device, or rays without a required package.
     """
-    if options.backend is Backend.CUBE:
+    if options.backend == "cube":
         return "cube"
     if options.device is not None:
         raise OutputError("--device: expected --backend cube, got --backend rays")
@@ -248,8 +209,12 @@ def checked_backend(options: BackendOptions) -> BackendName:
     return "rays"
 
 
-def load_requested_scene(world: SceneOptions, light: LightOptions | None = None) -> Scene:
-    """Load a scene with the requested axes and unit; print its notices.
+def read_requested_scene(world: SceneOptions, **settings: Any) -> Scene:
+    """Read a scene with the requested axes and unit.
+
+    Args:
+        world: options that select the scene.
+        settings: further arguments of `read_scene`.
 
     Raises:
         SceneError: the scene cannot be read.
@@ -258,14 +223,20 @@ def load_requested_scene(world: SceneOptions, light: LightOptions | None = None)
         raise SceneError(
             f"{world.scene}: expected a scene, got another file: pass a calibration as --camera"
         )
-    scene = read_scene(
-        world.scene,
-        world.up_axis,
-        world.meters_per_unit,
-        world.resources or (),
-        sky=None if light is None else light.sky,
-        baked=None if light is None else light.baked,
-    )
+    units = world.up_axis, world.meters_per_unit, world.resources or ()
+    return read_scene(world.scene, *units, **settings)
+
+
+def load_requested_scene(
+    world: SceneOptions, light: LightOptions | None = None, **settings: Any
+) -> Scene:
+    """Read a scene with the requested axes, unit and light, and print its notices.
+
+    Raises:
+        SceneError: the scene cannot be read.
+    """
+    of_light = {} if light is None else {"sky": light.sky, "baked": light.baked}
+    scene = read_requested_scene(world, **of_light, **settings)
     for notice in scene.notices:
         print_note(notice)
     return scene
@@ -313,29 +284,6 @@ def read_preset(name: str | None) -> Degradation | None:
     from omnisim.rendering.camera.degradations import preset  # imports all effects
 
     return preset(name)
-
-
-def parse_exposure(text: str | None) -> ExposureOption | None:
-    """Parse --exposure-ev: stops, or auto; None: keep the camera's exposure.
-
-    Raises:
-        OpticsError: any other text, or a number of stops out of range.
-    """
-    if text is None:
-        return None
-    from omnisim.rendering.camera.degradations.effect import MAX_EV
-
-    if text.lower() == "auto":
-        return "auto"
-    try:
-        ev = float(text)
-    except ValueError:
-        ev = math.nan
-    if not abs(ev) <= MAX_EV:  # NaN fails, too
-        raise OpticsError(
-            f"--exposure-ev: expected −{MAX_EV:g} to {MAX_EV:g} stops, or auto, got {text!r}"
-        )
-    return ev
 
 
 def parse_polygons(text: str) -> Polygons:

@@ -1,25 +1,52 @@
-"""Options of commands, generated from the fields of their requests.
+"""Commands and their options, each stated once: as a request and its fields.
 
-A request is a frozen dataclass. The string below a field is the option's help. Its flag and the
-placeholder of its value follow from name and type: `size_px: int` becomes `--size PX`, `rays: Path`
-becomes `--rays FILE`, `force: bool` becomes `--force`. `Option` and `Argument`, in `Annotated`,
-override details. A field whose type is a dataclass is a group of options; the class's `panel` is
-its heading on the help page.
+    @command("robot check", "runs.robot.check_robot")
+    class CheckRequest:
+        '''Check a robot file with its body and sensors, and summarize it.
+
+        omnisim robot check p2at
+        omnisim robot check my-robot.toml
+        '''
+
+        robot: Annotated[str, Argument(metavar="FILE", example="p2at")]
+        '''Robot file, folder with a robot.toml, or built-in name.'''
+
+Parser, messages, help pages, completion and the reference are derived from it. The string below a
+field is the option's help. Its flag and the placeholder of its value follow from name and type:
+`size_px: int` becomes `--size PX`, `rays: Path` becomes `--rays FILE`, `force: bool` becomes
+`--force`. `Option` and `Argument`, in `Annotated`, override details, or refer to the field of the
+thing that the option sets: `of("runs.route.Route")` takes its limits and its help. A field whose
+type is a dataclass is a group of options; the class's `panel` is its heading on the help page.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import inspect
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import operator
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from enum import Enum
+from functools import cache, cached_property
+from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    Literal,
+    NamedTuple,
+    TypeVar,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    get_type_hints,
+)  # fmt: skip
 
-import typer
+from omnisim.core.errors import OmnisimError, OutputError, did_you_mean
+from omnisim.core.files.attribute_docs import attribute_docs, class_docs
 
-from omnisim.core.files.attribute_docs import attribute_docs
+if TYPE_CHECKING:
+    import click
 
 T = TypeVar("T")
 UNITS = {  # placeholder, noun and example of a number, by the suffix of its field's name
@@ -28,6 +55,21 @@ UNITS = {  # placeholder, noun and example of a number, by the suffix of its fie
     "s": ("S", "seconds", "2.5"), "hz": ("HZ", "hertz", "10"),
 }  # fmt: skip
 _TYPES = {Path: "FILE", int: "N"}
+_LIMITS = {"ge": " from {:g}", "gt": " above {:g}", "le": " to {:g}", "lt": " below {:g}"}
+_EXAMPLES = {  # by the placeholder of a value
+    "[SCENE]": "soccer", "ADDRESS": "ray://localhost:10001", "BOARD": "8x6:30mm",
+    "CHANNELS": "range,normals", "FILE": "camera.yaml", "FROM:TO": "0:4", "LOW HIGH": "-45 14",
+    "MODEL": "kannala_brandt", "N|auto|exact": "auto", "NAME": "front", "POLYGONS": "3600",
+    "NAME=SHARE,…": "train=0.8,val=0.2", "NAME|all": "all", "R|G|B": "G", "SCENE": "soccer",
+    "W H": "640 480", "WIDTH HEIGHT": "640 480", "X Y Z": "0 0 1", "body|camera": "body",
+    "body|camera|NAME": "body", "srgb|GAMMA": "srgb",
+}  # fmt: skip
+
+
+class CommandLineError(OmnisimError):
+    """A command line has an unknown word, or an option has an impossible value."""
+
+    exit_status = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,24 +78,28 @@ class Option:
 
     Attributes:
         flags: flags on the command line; empty: `--name`, and `-o` for the field `output`.
-        metavar: placeholder of the value on the help page; empty: by unit or type.
-        default: text for the default on the help page if the default is None.
+        metavar: placeholder of the value on the help page; empty: by its names, unit or type.
         names: values to complete; the help text may list them as `{names}`.
-        complete: completion of values that depend on other arguments, in typer's signature.
-        min, max: limits of a number.
+        complete: completion of values that depend on other words of the command line.
+        ge, gt, le, lt: limits of a number.
         parse: reader of the text of a value; None: by the field's type.
         example: value for messages; empty: by default, unit and placeholder.
+        help: help of a type that several fields share, in place of a string below each.
+        owner: class in `omnisim` whose field of the same name has the limits and the help.
     """
 
     flags: tuple[str, ...] = ()
     metavar: str = ""
-    default: str = ""
     names: Callable[[], Iterable[str]] | None = None
-    complete: Callable[..., list[str]] | None = None
-    min: float | None = None
-    max: float | None = None
+    complete: Callable[[click.Context, str], list[str]] | None = None
+    ge: float | None = None
+    gt: float | None = None
+    le: float | None = None
+    lt: float | None = None
     parse: Callable[[str], object] | None = None
     example: str = ""
+    help: str = ""
+    owner: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,100 +107,303 @@ class Argument(Option):
     """Details of a positional argument."""
 
 
-class RequestField(NamedTuple):
+OWN: Any = object()  # default of an option that sets a thing's field: that of the field
+
+
+def of(owner: str, **details: Any) -> Option:
+    """Details of an option that sets a field of the same name of a class in `omnisim`."""
+    return Option(owner=owner, **details)
+
+
+@dataclass(frozen=True)
+class RequestField:
     """Option or argument of a request.
 
     Attributes:
         name: name of the field.
         kind: type of its value, without `Annotated`.
         details: its details.
-        text: help.
-        default: default value; `dataclasses.MISSING`: required.
+        help: the string below it; empty: that of its type, or of the thing's field.
+        stated: default value; `dataclasses.MISSING`: required; `OWN`: that of the thing's field.
         panel: heading on the help page.
     """
 
     name: str
     kind: Any
     details: Option
-    text: str
-    default: Any
-    panel: str | None
+    help: str
+    stated: Any
+    panel: str
+
+    @property
+    def is_argument(self) -> bool:
+        """True for a positional argument."""
+        return isinstance(self.details, Argument)
+
+    @property
+    def is_required(self) -> bool:
+        """True without a default."""
+        return self.stated is dataclasses.MISSING
+
+    @property
+    def is_flag(self) -> bool:
+        """True for an option without a value."""
+        return self.kinds == [bool]
+
+    @property
+    def is_list(self) -> bool:
+        """True if it may be given several times."""
+        return get_origin(self._kind) is list
 
     @property
     def flags(self) -> tuple[str, ...]:
         """Flags on the command line."""
-        return _flags(self.name, self.details)
-
-    @property
-    def metavar(self) -> str | None:
-        """Placeholder of the value; None: typer's own, which lists an enumeration's members."""
-        unit = UNITS.get(self.name.rpartition("_")[2], ("",))[0]
-        kind = "" if self.kinds == [bool] else unit or _TYPES.get(self.kinds[0])
-        return self.details.metavar or kind
+        stem, _, unit = self.name.rpartition("_")
+        flag = "--" + (stem if unit in UNITS else self.name).replace("_", "-")
+        return self.details.flags or (("-o", flag) if self.name == "output" else (flag,))
 
     @property
     def label(self) -> str:
         """Last flag of an option, placeholder of an argument, for messages."""
-        if isinstance(self.details, Argument):
+        if self.is_argument:
             return (self.metavar or self.name).strip("[]")
         return self.flags[-1].partition("/")[0]
 
     @property
+    def metavar(self) -> str:
+        """Placeholder of the value; empty for a flag."""
+        if self.is_flag or self.details.metavar:
+            return self.details.metavar
+        unit = UNITS.get(self.name.rpartition("_")[2], ("",))[0]
+        return "|".join(self.choices) or unit or _TYPES.get(self.kinds[0], "")
+
+    @cached_property
+    def _kind(self) -> Any:
+        """Type of the value without `None`."""
+        parts = get_args(self.kind)
+        none = type(None)
+        return next(one for one in parts if one is not none) if none in parts else self.kind
+
+    @cached_property
     def kinds(self) -> list[Any]:
         """Types of the words of a value: three for X Y Z; that of the items of a list."""
-        kind = next((one for one in get_args(self.kind) if one is not type(None)), self.kind)
-        if get_origin(self.kind) in (list, tuple):
-            kind = self.kind
-        return list(get_args(kind)) or [kind]
+        is_several = get_origin(self._kind) in (list, tuple)
+        return list(get_args(self._kind)) if is_several else [self._kind]
 
     @property
-    def choices(self) -> list[str]:
+    def word_count(self) -> int:
+        """Number of words of a value."""
+        return 0 if self.is_flag else len(self.kinds)
+
+    @property
+    def choices(self) -> tuple[str, ...]:
         """All valid values, if it is one of a few names; else empty."""
         kind = self.kinds[0]
-        if isinstance(kind, type) and issubclass(kind, Enum):
-            return [member.value for member in kind]
-        names = list(self.details.names()) if self.details.names and self.details.metavar else []
-        return names if "|".join(names) == self.details.metavar else []
+        return get_args(kind) if get_origin(kind) is Literal else ()
+
+    @cached_property
+    def default(self) -> Any:
+        """Default value; `dataclasses.MISSING`: required."""
+        if self.stated is not OWN:
+            return self.stated
+        return getattr(_owner(self.details.owner), self.name)
+
+    @cached_property
+    def text(self) -> str:
+        """Help, with the default."""
+        text = self.help or self.details.help or _help_of(self.details.owner, self.name)
+        names, default = self.details.names, self.default
+        if names and "{names}" in text:
+            text = text.replace("{names}", " ".join(names()))
+        if any(default is none for none in (None, False, dataclasses.MISSING)):  # 0 == False
+            return text
+        value = f"{default:g}" if isinstance(default, float) else default
+        return f"{text} Default: {self.label if self.is_flag else value}."
+
+    @cached_property
+    def limits(self) -> dict[str, float]:
+        """Limits of a number: some of ge, gt, le, lt."""
+        own = {key: getattr(self.details, key) for key in _LIMITS}
+        limits = {key: limit for key, limit in own.items() if limit is not None}
+        if not self.details.owner:
+            return limits
+        hints = get_type_hints(_owner(self.details.owner), include_extras=True)
+        return dict(_limits(hints[self.name])) | limits
+
+    @property
+    def example(self) -> str:
+        """Right value, for messages."""
+        details, kind, metavar = self.details, self.kinds[0], self.metavar
+        if details.example or self.choices:
+            return details.example or self.choices[0]
+        if metavar in _EXAMPLES and kind is not Path and details.names is None:
+            return _EXAMPLES[metavar]
+        if kind in (int, float):
+            default = self.default if isinstance(self.default, int | float) else None
+            limits = self.limits
+            low = limits.get("ge", limits.get("gt", -1e9))
+            high = limits.get("le", limits.get("lt", 1e9))
+            return f"{default or max(low, min(float(self._unit[2]), high)):g}"
+        if isinstance(self.default, str) and self.default:
+            return self.default
+        suffix = re.search(r"\.[a-z]\w+", self.text)
+        if kind is Path and metavar == "DIR":
+            return "folder"
+        if kind is Path or suffix:
+            return f"{self.name.removesuffix('_file')}{suffix[0] if suffix else ''}"
+        return next(iter(details.names()), "") if details.names else ""
+
+    @property
+    def expected(self) -> str:
+        """Expected value in words."""
+        kind, metavar = self.kinds[0], self.metavar
+        if kind is Path:
+            return "a folder" if metavar == "DIR" else "a file"
+        if kind not in (int, float) or self.details.parse:
+            return f"one value, {metavar}" if metavar else "one value"
+        if len(self.kinds) > 1:
+            noun = "whole numbers" if kind is int else "numbers"
+            return f"{len(self.kinds)} {noun}" + (f", {metavar}" if metavar else "")
+        noun, unit = "a whole number" if kind is int else "a number", self._unit[1]
+        limits = "".join(
+            text.format(self.limits[key]) for key, text in _LIMITS.items() if key in self.limits
+        )
+        return noun + (f" of {unit}" if unit else "") + limits
+
+    @property
+    def _unit(self) -> tuple[str, str, str]:
+        """Placeholder, noun and example of a number's unit."""
+        return next((unit for unit in UNITS.values() if unit[0] == self.metavar), ("", "", "1"))
+
+    def read(self, words: str | Sequence[str]) -> object:
+        """Value of the words of one occurrence.
+
+        Raises:
+            CommandLineError: one line with the option, what is expected, an example, the value.
+        """
+        if isinstance(words, str):
+            return self._read(self.kinds[0], words)
+        return tuple(map(self._read, self.kinds, words))
+
+    def _read(self, kind: Any, word: str) -> object:
+        if self.choices and word not in self.choices:
+            raise self.error(word)
+        try:
+            value = word if self.choices else (self.details.parse or kind)(word)
+        except ValueError:
+            raise self.error(word) from None
+        compared = (getattr(operator, key)(value, limit) for key, limit in self.limits.items())
+        if not all(compared):  # NaN is within no limits
+            raise self.error(word)
+        return value
+
+    def error(self, value: str, label: str = "") -> CommandLineError:
+        """Error for a value that the option cannot have; `label` is its flag as it was given."""
+        label = label or self.label
+        if self.choices:
+            near = did_you_mean(value, self.choices, "")
+            hint = f"; {near}" if near.startswith("did") else ""
+            expected = f"one of {', '.join(self.choices)}, got {value}{hint}"
+        else:
+            example = self.example if self.is_argument else f"{label} {self.example}"
+            expected = f"{self.expected}, such as {example}, got {value or repr('')}"
+        return CommandLineError(f"{label}: expected {expected}")
 
 
-def request_fields(request: type) -> Iterator[RequestField]:
+class Entry(NamedTuple):
+    """Command of a request.
+
+    Attributes:
+        path: name of the command, preceded by its group's.
+        run: function in `omnisim.apps.cli` that takes the request, imported when the command runs;
+            if it returns False, the exit status is 1.
+        request: the request's class.
+        first: options that its help page shows; empty: all.
+        extra: required extra of the package; None: no extra.
+        elsewhere: command that has options which a user may expect here, by option.
+    """
+
+    path: str
+    run: str
+    request: type
+    first: tuple[str, ...]
+    extra: str | None
+    elsewhere: Mapping[str, str]
+
+    @property
+    def summary(self) -> str:
+        """Sentence about the command."""
+        return " ".join((self.request.__doc__ or "").partition("\n\n")[0].split())
+
+    @property
+    def examples(self) -> list[str]:
+        """Command lines."""
+        lines = (line.strip() for line in (self.request.__doc__ or "").splitlines()[1:])
+        return [line for line in lines if line.startswith("omnisim ")]
+
+    @property
+    def fields(self) -> list[RequestField]:
+        """Options and arguments."""
+        return request_fields(self.request)
+
+    def make(self, values: Mapping[str, object]) -> object:
+        """Request with the values of its fields and those of its groups; others are defaults."""
+        defaults = {one.name: one.default for one in self.fields if one.name not in values}
+        return _make(self.request, {**values, **defaults})
+
+
+ENTRIES: dict[str, Entry] = {}  # by path, of all requests that have been imported
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+def options(kind: type[T]) -> type[T]:
+    """Make a group of options of a class: a frozen dataclass."""
+    return dataclass(frozen=True, kw_only=True)(kind)
+
+
+@dataclass_transform(frozen_default=True, kw_only_default=True)
+def command(
+    path: str,
+    run: str,
+    *,
+    first: str = "",
+    extra: str | None = None,
+    elsewhere: Mapping[str, str] | None = None,
+) -> Callable[[type[T]], type[T]]:
+    """Make a request of a class, and its command; see `Entry`."""
+
+    def register(kind: type[T]) -> type[T]:
+        request = options(kind)
+        ENTRIES[path] = Entry(path, run, request, tuple(first.split()), extra, elsewhere or {})
+        return request
+
+    return register
+
+
+@cache
+def request_fields(request: type) -> list[RequestField]:
     """Fields of a request and of its groups."""
+    fields: list[RequestField] = []
     hints, docs = get_type_hints(request, include_extras=True), attribute_docs(request)
+    panel = getattr(request, "panel", "Options")
     for field in dataclasses.fields(request):
         hint = hints[field.name]
         if dataclasses.is_dataclass(hint):
             assert isinstance(hint, type)
-            yield from request_fields(hint)
+            fields += request_fields(hint)
             continue
         is_detailed = get_origin(hint) is Annotated
-        kind, details = get_args(hint)[:2] if is_detailed else (hint, Option())
-        text, panel = docs[field.name], getattr(request, "panel", None)
-        if details.names and "{names}" in text:
-            text = text.replace("{names}", " ".join(details.names()))
-        yield RequestField(field.name, kind, details, text, field.default, panel)
+        kind, *details = get_args(hint) if is_detailed else (hint, Option())
+        text = docs.get(field.name, "")
+        fields.append(RequestField(field.name, kind, details[-1], text, field.default, panel))
+    return fields
 
 
-def parameters(request: type) -> dict[str, inspect.Parameter]:
-    """Typer parameters of a request and its groups, by field name."""
-    return {
-        field.name: inspect.Parameter(
-            field.name,
-            inspect.Parameter.KEYWORD_ONLY,
-            default=inspect.Parameter.empty
-            if field.default is dataclasses.MISSING
-            else field.default,
-            annotation=Annotated[field.kind, _info(field)],
-        )
-        for field in request_fields(request)
-    }
-
-
-def make_request(request: type[T], values: Mapping[str, object]) -> T:
-    """Build a request and its groups from the values of `parameters`."""
+def _make(request: type[T], values: Mapping[str, object]) -> T:
     hints = get_type_hints(request)
     return request(
         **{
-            field.name: make_request(hints[field.name], values)
+            field.name: _make(hints[field.name], values)
             if dataclasses.is_dataclass(hints[field.name])
             else values[field.name]
             for field in dataclasses.fields(request)  # type: ignore[arg-type]  # a dataclass
@@ -162,43 +411,70 @@ def make_request(request: type[T], values: Mapping[str, object]) -> T:
     )
 
 
+def refuse_given(
+    options: object, reason: str, *names: str, error: type[OmnisimError] = OutputError
+) -> None:
+    """Raise an error for options that would have no effect.
+
+    Args:
+        options: group of options, or request.
+        reason: reason in the message.
+        names: fields to check; by default all.
+        error: type of the error.
+
+    Raises:
+        OmnisimError: of type `error`; names the first option that is not at its default.
+    """
+    for name in names or [field.name for field in dataclasses.fields(options)]:  # type: ignore[arg-type]
+        if getattr(options, name) != getattr(type(options), name):
+            raise error(f"{flag_of(type(options), name)}: {reason}")
+
+
+def words_of(group: Any, *names: str) -> tuple[str, ...]:
+    """Words of a command line that set options as they are, without those at their defaults.
+
+    Args:
+        group: group of options, or request.
+        names: its fields; by default all options, without arguments.
+    """
+    words: list[str] = []
+    kind: type = type(group)
+    for field in request_fields(kind):
+        if field.is_argument or (names and field.name not in names):
+            continue
+        value = getattr(group, field.name)
+        if field.is_flag and value != field.default:
+            words.append(field.flags[-1].split("/")[0 if value else -1])
+        elif value != field.default:
+            each = value if field.is_list else [value]
+            words += [word for one in each for word in (field.label, str(one))]
+    return tuple(words)
+
+
 def flag_of(request: type, name: str) -> str:
     """Flag of an option for messages: its last one."""
-    hint = get_type_hints(request, include_extras=True)[name]
-    details = get_args(hint)[1] if get_origin(hint) is Annotated else Option()
-    return _flags(name, details)[-1].partition("/")[0]
+    return next(field.label for field in request_fields(request) if field.name == name)
 
 
-def _info(field: RequestField) -> Any:
-    """Typer's description of an option or an argument."""
-    details = field.details
-    complete = details.complete or (completion_of(details.names) if details.names else None)
-    common: dict[str, Any] = {
-        "help": field.text,
-        "metavar": field.metavar,
-        "autocompletion": complete,
-        "show_default": details.default or True,
-        "rich_help_panel": field.panel,
-        "min": details.min,
-        "max": details.max,
-        "parser": details.parse,
-        "readable": False,  # the reader of a file reports its own errors
-    }
-    if not isinstance(details, Argument):
-        return typer.Option(*field.flags, **common)
-    return typer.Argument(**common | {"show_default": details.default or False})
+def _help_of(owner: str, name: str) -> str:
+    """Help of a field of a class in `omnisim`, which need not be imported."""
+    module, _, kind = owner.rpartition(".")
+    return class_docs(f"omnisim.{module}", kind)[name]
 
 
-def _flags(name: str, details: Option) -> tuple[str, ...]:
-    stem, _, unit = name.rpartition("_")
-    flag = "--" + (stem if unit in UNITS else name).replace("_", "-")
-    return details.flags or (("-o", flag) if name == "output" else (flag,))
+@cache
+def _owner(path: str) -> Any:
+    """Class in `omnisim`, imported."""
+    module, _, kind = path.rpartition(".")
+    return getattr(import_module(f"omnisim.{module}"), kind)
 
 
-def completion_of(names: Callable[[], Iterable[str]]) -> Callable[[str], list[str]]:
-    """Completion from a list of names, which is evaluated at each key press."""
-
-    def complete(incomplete: str) -> list[str]:
-        return [name for name in names() if name.startswith(incomplete)]
-
-    return complete
+def _limits(hint: Any) -> Iterator[tuple[str, float]]:
+    """Limits in the annotations of a type, of `annotated_types` and of pydantic's fields."""
+    for part in (*getattr(hint, "__metadata__", ()), *get_args(hint)):
+        for rule in (part, *getattr(part, "metadata", ())):
+            for key in _LIMITS:
+                if isinstance(limit := getattr(rule, key, None), int | float):
+                    yield key, limit
+        if part is not hint:
+            yield from _limits(part)

@@ -204,6 +204,7 @@ def _lens_group(document: CameraDocument, path: str, title: str) -> Json:
         f"{path}.model", "model", _ValueType("choice", tuple(CAMERA_MODELS)), model, None
     )
     choice["help"] = "Camera model; another one begins with an example of its own."
+    choice["required"] = True
     controls = [choice]
     taken = {"model", "mounting", *OpticsCamera.model_fields}
     for key, value in table.items():
@@ -287,6 +288,7 @@ def _control(path: str, name: str, kind: _ValueType, value: Any, default: Any) -
         "low_open": False,
         "high_open": False,
         "help": "",
+        "required": False,
         "soft": None,
     }
 

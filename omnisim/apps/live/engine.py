@@ -151,6 +151,7 @@ class Engine:
             "look": dict(state.gaze),
             "seen_m": seen,
             "blocked_by": self._session.blocked_by,
+            "walls": self._session.has_walls,
             "history": self._session.history,
             "times_ms": {name: round(ms, 1) for name, ms in self._times_ms.items()},
         }

@@ -1,20 +1,25 @@
-"""Floor and obstacles of a scene for a robot that is driven by hand."""
+"""Floor and obstacles of a scene for robots and viewpoints that are moved by hand."""
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.runs.contacts import meet_box
 from omnisim.scene import Scene
-from omnisim.scene.space.floor import HeightField
-from omnisim.scene.space.triangles import TriangleBvh, Triangles, triangles_within
+from omnisim.scene.space.floor import HeightField, TriangleBvh, Triangles, triangles_within
+from omnisim.scene.space.start_pose import nearest_points
 
 MAX_TRIANGLES = 500_000  # larger scenes would delay the first step by seconds
+MIN_CLEARANCE_M = 0.01  # a viewpoint nearer to a surface flies freely: it may be in a plane
+_PUSHES = 4  # away from the nearest surfaces, per step
+Point = tuple[float, float, float]
+_NEARER = 0.999  # of the distance to keep: rounding is no contact
 
 
 class _HasPose(Protocol):
@@ -23,7 +28,7 @@ class _HasPose(Protocol):
 
 
 class Ground:
-    """Floor heights below a robot, and contacts of its body with the scene.
+    """Floor heights below a robot, contacts of its body with the scene, and walls of free flight.
 
     Scenes with many triangles are too slow: their floor is taken as level, without contacts.
 
@@ -32,7 +37,7 @@ class Ground:
         boxes: boxes around the parts of the robot's body; None: no contacts.
     """
 
-    def __init__(self, scene: Scene, boxes: BodyBoxes | None):
+    def __init__(self, scene: Scene, boxes: BodyBoxes | None = None):
         self._scene, self._boxes = scene, boxes
         self._is_small = scene.triangle_count <= MAX_TRIANGLES
 
@@ -83,3 +88,42 @@ class Ground:
             touching = meet_box(corners @ world_from_base[:3, :3] - middle, half)
             touched.update(self._triangles.instances[hit[touching]].tolist())
         return touched
+
+    def nearest(self, point_m: ArrayLike, reach_m: float) -> tuple[NDArray[np.float64], int]:
+        """Offset (3,) from a point to the nearest triangle, and its index; −1: none in reach."""
+        point = np.asarray(point_m, dtype=np.float64)
+        if self._is_small:
+            _, near = self._bvh.overlaps((point - reach_m)[None], (point + reach_m)[None])
+            offsets_m, distances_m = nearest_points(self._triangles.corners_m[near] - point)
+            if len(near) and distances_m.min() < reach_m:
+                first = int(distances_m.argmin())
+                return offsets_m[first], int(near[first])
+        return np.full(3, np.inf), -1
+
+    def slide(self, start_m: Point, end_m: Point, clearance_m: float) -> tuple[Point, str]:
+        """End of a straight way that keeps a distance from all surfaces and slides along them.
+
+        Args:
+            start_m, end_m: ends of the way.
+            clearance_m: distance to keep; below `MIN_CLEARANCE_M` the way is free.
+
+        Returns:
+            End that is reached, and the name of the last instance on the way; empty: none.
+        """
+        if clearance_m < MIN_CLEARANCE_M:
+            return end_m, ""
+        point, name = np.array(start_m, dtype=np.float64), ""
+        way = np.array(end_m, dtype=np.float64) - point
+        steps = math.ceil(2.0 * math.dist(start_m, end_m) / clearance_m)  # none passes a surface
+        for _ in range(steps):
+            before, point = point, point + way / steps
+            for _ in range(_PUSHES):
+                offset_m, triangle = self.nearest(point, _NEARER * clearance_m)
+                if triangle < 0:
+                    break
+                name = self._scene.instances[self._triangles.instances[triangle]].name
+                point = point - offset_m * (clearance_m / np.linalg.norm(offset_m) - 1.0)
+            else:  # in a corner
+                point = before
+        x, y, z = point.tolist()
+        return (x, y, z), name

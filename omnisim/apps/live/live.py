@@ -187,7 +187,7 @@ def run_source(
 def _pilot(settings: LiveSettings, place: Place) -> Pilot:
     vehicle = settings.vehicle
     if vehicle is None:
-        return FreeFlight(place)
+        return FreeFlight(place, Ground(settings.scene))
     if vehicle.kinematics is None:
         raise OutputError(f"robot {vehicle.name!r}: expected [kinematics], to be driven by hand")
     return WheelDrive(place, vehicle.kinematics, Ground(settings.scene, BodyBoxes.of(vehicle)))

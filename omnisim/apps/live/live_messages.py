@@ -69,6 +69,16 @@ class SetPlace(Message):
     roll_deg: Angle = 0.0
 
 
+class ToStart(Message):
+    """Return to the initial pose and world time."""
+
+
+class Walls(Message):
+    """Surfaces stop free flight, or do not."""
+
+    on: bool
+
+
 class SetValue(Message):
     """New value for a key of the camera's files; null removes the key."""
 
@@ -150,6 +160,8 @@ MESSAGES: dict[str, type[Message]] = {
     "go": Go,
     "turn": Turn,
     "place": SetPlace,
+    "start": ToStart,
+    "walls": Walls,
     "set": SetValue,
     "preset": Preset,
     "undo": Undo,

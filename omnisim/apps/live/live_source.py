@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from omnisim.apps.live.camera_document import FILE_NAME, CameraDocument
+from omnisim.apps.live.ground import MAX_TRIANGLES
 from omnisim.apps.live.live_frame import LiveFrame
 from omnisim.apps.live.scene_in_light import (
     SCENE_FILE,
@@ -49,7 +50,8 @@ class LiveSettings:
         scene: scene to render.
         document: document of the camera.
         vehicle: robot that carries the camera; None: free flight.
-        camera_name: name of the robot's camera; None: the first.
+        camera_name: name of the robot's camera, or of the one that the document replaces; None:
+            the first.
         scene_arguments: command-line arguments for scene and robot.
         camera_options: command-line options of the initial camera; None: no options describe the
             camera, only a sensor file.
@@ -217,6 +219,7 @@ class LiveSource:
             "outline_m": None if size is None else [size.length_m, size.width_m],
             "steps": None,
             "has_clock": bool(self.scene.objects) or self.scene.deforms,
+            "has_walls": vehicle is None and self.scene.triangle_count <= MAX_TRIANGLES,
             "is_editable": True,
         }
 
@@ -296,8 +299,8 @@ def start_place(settings: LiveSettings, at: Place | None) -> Place:
         settings: initial scene and camera.
         at: pose of the viewpoint; None: the scene's start.
     """
-    scene, vehicle = settings.scene, settings.vehicle
-    if vehicle is None:
+    scene = settings.scene
+    if settings.vehicle is None:
         start = scene.start
         return at or Place(start.position_m, start.yaw_deg)
     if at is None:
@@ -307,8 +310,7 @@ def start_place(settings: LiveSettings, at: Place | None) -> Place:
         start = scene.start
         x, y, _ = start.position_m
         return Place((x, y, 0.0), start.yaw_deg)
-    base_from_rig = vehicle.camera(settings.camera_name).sensor.base_from_rig
-    base = at.pose @ inverse(base_from_rig)
+    base = at.pose @ inverse(settings.document.camera().base_from_rig)
     x, y, z = base[:3, 3].tolist()
     yaw_deg = math.degrees(math.atan2(base[1, 0], base[0, 0]))
     return Place((x, y, z), yaw_deg)

@@ -69,8 +69,8 @@ def live(
 
     Args:
         scene: scene, its path, or a built-in name.
-        camera: sensor, camera model, or path of a sensor or calibration file; None: the paper's
-            camera. Unused with a robot, which has its own.
+        camera: sensor, camera model, or path of a sensor or calibration file; None: the robot's, or
+            the paper's camera.
         robot: robot that carries the camera, its file, or a built-in name; None: free flight.
         size_px: length of the image's shorter side.
         height_px: height of the cell.
@@ -85,7 +85,7 @@ def live(
 
     loaded = scene if isinstance(scene, Scene) else load_scene(scene)
     vehicle = robot if isinstance(robot, Vehicle) or robot is None else Vehicle.load(robot)
-    if vehicle is not None:
+    if vehicle is not None and camera is None:
         document = CameraDocument.of_camera(vehicle.camera().sensor)
     elif isinstance(camera, str | Path) and Path(camera).suffix.lower() == ".toml":
         document = CameraDocument.of_sensor_file(Path(camera))

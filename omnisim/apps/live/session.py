@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 from omnisim.apps.live import live_messages as messages
 from omnisim.apps.live.camera_document import CameraDocument
-from omnisim.apps.live.presets import with_preset
+from omnisim.apps.live.presets import MODEL_PATHS, with_model, with_preset
 from omnisim.apps.live.viewpoint_motion import MotionCommand, Pilot, Place
 from omnisim.core.errors import OutputError, SceneError
 
@@ -83,7 +83,7 @@ class Session:
     ):
         self._condition = threading.Condition()
         self._first = self._good = document
-        self._state = PageState(document, pilot.place.rounded(), time_s=time_s)
+        self._start = self._state = PageState(document, pilot.place.rounded(), time_s=time_s)
         pilot.place = self._state.place
         self._pilot, self._last_step = pilot, last_step
         self._is_running = False
@@ -111,8 +111,13 @@ class Session:
 
     @property
     def blocked_by(self) -> str:
-        """Instance that blocks the robot; empty: none."""
+        """Instance that blocks the motion; empty: none."""
         return self._pilot.blocked_by
+
+    @property
+    def has_walls(self) -> bool:
+        """True if surfaces stop free flight."""
+        return self._pilot.has_walls
 
     def ask(self) -> None:
         """Request the next image for a page that has displayed the last one."""
@@ -244,7 +249,7 @@ class Session:
         self._state = replace(self._state, change=self._state.change + 1, **changes)  # type: ignore[arg-type]
         self._changed_s = time.monotonic()
 
-    def _apply(self, message: messages.Message) -> None:
+    def _apply(self, message: messages.Message) -> None:  # noqa: C901 - a list of cases
         pilot, state = self._pilot, self._state
         match message:
             case messages.Drive():
@@ -265,12 +270,18 @@ class Session:
                     at, message.yaw_deg, message.pitch_deg, message.roll_deg
                 ).rounded()
                 self._change(place=pilot.place)
+            case messages.ToStart():
+                pilot.stop()
+                start = self._start
+                pilot.place = start.place
+                self._change(place=start.place, gaze=start.gaze, time_s=start.time_s)
+            case messages.Walls():
+                pilot.stop()
+                pilot.has_walls, pilot.blocked_by = message.on, ""
+                self._change()
             case messages.SetValue():
-                if message.path.endswith("lens.model") or message.path.endswith("camera.model"):
-                    raise OutputError(f"{message.path}: choose a preset of the model")
-                self._edit_camera(
-                    state.document.with_value(message.path, message.value), message.path
-                )
+                edit = with_model if message.path in MODEL_PATHS else CameraDocument.with_value
+                self._edit_camera(edit(state.document, message.path, message.value), message.path)
             case messages.Preset():
                 self._edit_camera(with_preset(state.document, message.kind, message.name), "")
             case messages.Reset():

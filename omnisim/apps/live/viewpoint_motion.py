@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.apps.live.ground import Ground
+from omnisim.apps.live.ground import Ground, Point
 from omnisim.core.poses import pose, wrap_angle
 from omnisim.robots.kinematics import Kinematics
 
@@ -18,6 +18,7 @@ SPEED_UP_S = 0.15  # time constant of acceleration in free flight
 NEAR_M, NEAR_RAD = 0.02, math.radians(2.0)  # tolerances for reaching a point
 MAX_STEP_S = 0.2  # maximum motion time between two images, so that a pause causes no jump
 MAX_POSITION_M = 1e5
+EYE_M = 0.1  # distance that free flight keeps from surfaces, if it begins farther away
 # Decimals of positions in meters and of angles in degrees, so that commands repeat them exactly.
 DIGITS_M, DIGITS_DEG = 4, 3
 
@@ -50,7 +51,7 @@ class MotionCommand:
 class Place:
     """Position in meters and attitude in degrees, in the world."""
 
-    position_m: tuple[float, float, float]
+    position_m: Point
     yaw_deg: float = 0.0
     pitch_deg: float = 0.0
     roll_deg: float = 0.0
@@ -82,11 +83,13 @@ class Pilot(ABC):
         place: current pose.
         command: motion requested by keys.
         goal_m: clicked point (x, y) on the ground, or None.
-        blocked_by: instance that blocks the robot; empty: none.
+        blocked_by: instance that blocks the motion; empty: none.
+        has_walls: True: surfaces stop free flight; robots always stop at what they touch.
     """
 
     def __init__(self, place: Place):
         self.place = place
+        self.has_walls = True
         self.command = MotionCommand()
         self.goal_m: tuple[float, float] | None = None
         self.blocked_by = ""
@@ -113,10 +116,17 @@ class Pilot(ABC):
 
 
 class FreeFlight(Pilot):
-    """Viewpoint without a body: flies along its heading, through obstacles."""
+    """Viewpoint without a body: flies along its heading, and slides along surfaces.
 
-    def __init__(self, place: Place):
+    Args:
+        place: initial pose.
+        ground: surfaces that stop it; None: it flies through everything.
+    """
+
+    def __init__(self, place: Place, ground: Ground | None = None):
         super().__init__(place)
+        self._ground = ground
+        self._clearance_m = 0.0  # distance to keep from surfaces: the largest so far, up to EYE_M
         self._speeds = np.zeros(5)  # ahead, left, up in m/s; yaw, pitch in °/s
 
     @property
@@ -125,9 +135,9 @@ class FreeFlight(Pilot):
         return not self.command.is_rest or self.goal_m is not None or bool(np.any(self._speeds))
 
     def stop(self) -> None:
-        """Clear the keys, the goal and the speed."""
+        """Clear the keys, the goal, the speed and the distance kept from surfaces."""
         super().stop()
-        self._speeds[:] = 0.0
+        self._speeds[:] = self._clearance_m = 0.0
 
     def advance(self, seconds: float) -> None:
         """Advance by a time in seconds; speeds approach those of the keys within about 0.2 s."""
@@ -156,9 +166,22 @@ class FreeFlight(Pilot):
             if length - step < 1e-6:
                 self.goal_m = None
         pitch = min(max(place.pitch_deg + pitch_rate, -89.0), 89.0)
-        self.place = Place(
-            (x, y, z + up), place.yaw_deg + yaw_rate, pitch, place.roll_deg
-        ).rounded()
+        position_m = self._stopped(place.position_m, (x, y, z + up))
+        self.place = Place(position_m, place.yaw_deg + yaw_rate, pitch, place.roll_deg).rounded()
+
+    def _stopped(self, start_m: Point, end_m: Point) -> Point:
+        """End of a straight way, or the point to which surfaces let it slide."""
+        self.blocked_by = ""
+        length_m = math.dist(start_m, end_m)
+        if self._ground is None or not self.has_walls or not length_m:
+            return end_m
+        offset_m, _ = self._ground.nearest(start_m, EYE_M)
+        nearest_m = min(EYE_M, float(np.linalg.norm(offset_m)))
+        self._clearance_m = max(self._clearance_m, nearest_m)
+        reached_m, name = self._ground.slide(start_m, end_m, self._clearance_m)
+        if math.dist(start_m, reached_m) < 0.1 * length_m:
+            self.blocked_by, self.goal_m = name, None
+        return reached_m
 
 
 class WheelDrive(Pilot):

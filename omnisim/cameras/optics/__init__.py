@@ -3,10 +3,15 @@
 from omnisim.cameras.central_error import CentralError
 from omnisim.cameras.optics.boards.board_corners import BoardCorners, read_corners, write_corners
 from omnisim.cameras.optics.boards.calibrate import SystemCalibration, calibrate_system
-from omnisim.cameras.optics.caustic import caustic_points, pixel_jacobians, ray_jacobians
-from omnisim.cameras.optics.central_fit import fit_central
-from omnisim.cameras.optics.central_view import CentralView
-from omnisim.cameras.optics.centrality import Centrality, common_point, measure_centrality
+from omnisim.cameras.optics.central_view import CentralView, fit_central
+from omnisim.cameras.optics.centrality import (
+    Centrality,
+    caustic_points,
+    common_point,
+    measure_centrality,
+    pixel_jacobians,
+    ray_jacobians,
+)
 from omnisim.cameras.optics.design import Design
 from omnisim.cameras.optics.surface import Rod, Surface
 from omnisim.cameras.optics.system import OpticalSystem

@@ -11,7 +11,8 @@ from pathlib import Path
 
 from omnisim.core.errors import OutputError
 
-partials: set[Path] = set()  # files being written, for code that kills the process to remove
+# Files being written, with their new folders, for code that kills the process to remove.
+partials: dict[Path, list[Path]] = {}
 
 
 @contextmanager
@@ -131,7 +132,7 @@ def _partial_beside(target: Path, path: Path) -> Iterator[Path]:
     """
     partial = target.with_name(f".omnisim-{secrets.token_hex(6)}.partial")
     new_folders: list[Path] = []
-    partials.add(partial)
+    partials[partial] = new_folders
     try:
         new_folders += [folder for folder in target.parents if not folder.exists()]
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -140,18 +141,18 @@ def _partial_beside(target: Path, path: Path) -> Iterator[Path]:
         raise OutputError(f"{path}: cannot be written: {reason.strerror or reason}") from None
     finally:
         _remove(partial)
-        for folder in new_folders:
-            with suppress(OSError):  # it is not empty, as is right
-                folder.rmdir()
 
 
 def _remove(partial: Path) -> None:
+    """Remove a file or folder that is being written, and new, empty folders above it."""
     if partial.is_dir() and not partial.is_symlink():
         shutil.rmtree(partial, ignore_errors=True)
     else:
         with suppress(FileNotFoundError, NotADirectoryError):
             partial.unlink()
-    partials.discard(partial)
+    for folder in partials.pop(partial, ()):
+        with suppress(OSError):  # it is not empty, as is right
+            folder.rmdir()
 
 
 def _check_target(path: Path) -> None:
@@ -162,5 +163,9 @@ def _check_target(path: Path) -> None:
     folder = next((folder for folder in path.parents if folder.exists()), path.parent)
     if not folder.is_dir():
         raise OutputError(f"{folder}: is a file: expected a folder")
-    if not os.access(folder, os.W_OK):
-        raise OutputError(f"{path}: the folder {folder} cannot be written to")
+    trial = folder / f".omnisim-{secrets.token_hex(6)}.partial"
+    try:  # os.access allows root what /proc refuses
+        trial.touch()
+        trial.unlink()
+    except OSError:
+        raise OutputError(f"{path}: the folder {folder} cannot be written to") from None

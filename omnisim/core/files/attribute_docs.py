@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import ast
 import itertools
-import sys
 from functools import cache
+from importlib.util import find_spec
 
 
 def attribute_docs(model: type) -> dict[str, str]:
@@ -13,16 +13,22 @@ def attribute_docs(model: type) -> dict[str, str]:
     docs: dict[str, str] = {}
     for kind in reversed(model.__mro__):
         if kind.__module__.startswith("omnisim"):
-            docs |= _docs_in(kind.__module__).get(kind.__qualname__, {})
+            docs |= class_docs(kind.__module__, kind.__qualname__)
     return docs
+
+
+def class_docs(module: str, name: str) -> dict[str, str]:
+    """Strings below the fields of a class, without its bases; it need not be imported."""
+    return _docs_in(module).get(name, {})
 
 
 @cache
 def _docs_in(module: str) -> dict[str, dict[str, str]]:
     """Strings below the fields of a module's classes, by class name and field name."""
-    path = sys.modules[module].__file__
-    assert path is not None
-    with open(path, encoding="utf-8") as file:
+    spec = find_spec(module)
+    assert spec is not None
+    assert spec.origin is not None
+    with open(spec.origin, encoding="utf-8") as file:
         classes = [one for one in ast.parse(file.read()).body if isinstance(one, ast.ClassDef)]
     return {one.name: _docs_below(one.body) for one in classes}
 

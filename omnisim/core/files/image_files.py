@@ -363,7 +363,10 @@ def _read(path: Path, kind: oiio.BASETYPE | None = None) -> tuple[oiio.ImageSpec
     with _utf8_header(path), quiet_libraries():  # libpng prints its errors
         source = oiio.ImageInput.open(str(path))
         if source is None:
-            raise OutputError(f"{path}: cannot be read: {_one_line(oiio.geterror())}")
+            reason = _one_line(oiio.geterror()) if path.exists() else "No such file or directory"
+            if "OpenImageIO" in reason:  # it advises on its own formats
+                reason = "expected an image"
+            raise OutputError(f"{path}: cannot be read: {reason}")
         try:
             spec = source.spec()
             pixels = source.read_image(spec.format if kind is None else kind)

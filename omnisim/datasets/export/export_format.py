@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import ClassVar
 
@@ -112,3 +113,27 @@ class OneCameraFormat(ExportFormat):
                 f"another of {', '.join(camera.name for camera in cameras)}"
             )
         return cameras[:1]
+
+
+# Stamps in the text files of data sets: exact, from integer nanoseconds.
+
+
+def seconds_text(stamp_ns: int) -> str:
+    """Text of a stamp in seconds since 1970, with nine decimals."""
+    seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
+    return f"{seconds}.{nanoseconds:09d}"
+
+
+def date_text(stamp_ns: int) -> str:
+    """Date and time of day in UTC with nine decimals, as in KITTI's timestamps.txt."""
+    seconds, nanoseconds = divmod(stamp_ns, NANOSECONDS)
+    moment = datetime(1970, 1, 1, tzinfo=UTC) + timedelta(seconds=seconds)
+    return f"{moment:%Y-%m-%d %H:%M:%S}.{nanoseconds:09d}"
+
+
+def restamped(lines: Iterable[str], stamps: Iterable[str], separator: str) -> Iterator[str]:
+    """Lines of a trajectory file, header first, with the first column replaced by exact stamps."""
+    rows = iter(lines)
+    yield next(rows)
+    for line, stamp in zip(rows, stamps, strict=True):
+        yield stamp + separator + line.partition(separator)[2]

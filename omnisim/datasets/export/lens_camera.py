@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -31,9 +32,10 @@ from omnisim.cameras.calibration.formats.format import Format, LensT
 from omnisim.cameras.camera import pixel_grid
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.errors import CalibrationError
-from omnisim.core.files.image_files import write_image
+from omnisim.core.files.image_files import write_image, write_numbers
 from omnisim.datasets.export.export_format import PrintNote
 from omnisim.datasets.export.recorded_camera import RecordedCamera
+from omnisim.datasets.export.recording import Recording
 
 LensCameraT = TypeVar("LensCameraT", bound=CentralCamera)
 # Half turns from the frame of a flipped lens to the optical frame.
@@ -229,3 +231,55 @@ def flipped_lens(lens: LensCameraT, place: str) -> LensCameraT:
     if not np.array_equal(own.valid, mirrored.valid) or same.max(initial=0.0) > 1e-9:
         raise CalibrationError(f"{place}: model {lens.model_name!r} has no flipped images")
     return flipped
+
+
+# Folders of images and masks, one per camera, for structure from motion.
+
+
+IMAGES, MASKS = "images", "masks"
+
+
+def image_name(camera: LensCamera, step: int) -> str:
+    """Path of an image, relative to `IMAGES`."""
+    return f"{camera.name}/{step:06d}.png"
+
+
+def mask_name(camera: LensCamera) -> str:
+    """Path of the mask of a camera's images, relative to `MASKS`."""
+    return f"{camera.name}.png"
+
+
+def write_images(
+    recording: Recording, cameras: list[LensCamera], folder: Path, front_only: bool = False
+) -> Iterator[int]:
+    """Write masks and images; yield the number of finished steps after each.
+
+    A mask is 255 where the image shows the scene, else 0; a camera without invalid pixels has none.
+
+    Args:
+        recording: run to export.
+        cameras: cameras of the images.
+        folder: folder of the export.
+        front_only: True: also mask pixels at and past 90° from the lens's axis, except in
+            panoramas.
+
+    Raises:
+        OmnisimError: a file cannot be read or written.
+    """
+    for camera in cameras:
+        (folder / IMAGES / camera.name).mkdir(parents=True)
+        mask = camera.mask(front_only and not camera.is_panorama)
+        if mask is not None:
+            (folder / MASKS).mkdir(exist_ok=True)
+            values = np.where(mask, 255, 0).astype(np.uint8)
+            write_numbers(folder / MASKS / mask_name(camera), values)
+    for step in range(recording.steps):
+        for camera in cameras:
+            camera.copy_image(step, folder / IMAGES / image_name(camera, step))
+        yield step + 1
+
+
+def note_missing_ranges(cameras: list[LensCamera], contents: str, print_note: PrintNote) -> None:
+    """Print a note that `contents` are missing, if no camera recorded ranges."""
+    if not any(camera.recorded.has("range") for camera in cameras):
+        print_note(f"no {contents}: they come from ranges, which --also range records")

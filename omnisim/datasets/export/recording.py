@@ -19,8 +19,7 @@ from omnisim.core.trajectories.body_motion import MotionStates
 from omnisim.core.trajectories.odometry import Odometry
 from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.datasets.export.recorded_camera import RecordedCamera
-from omnisim.datasets.export.stored_clouds import StoredCloud, read_cloud
-from omnisim.datasets.export.stored_scans import read_table
+from omnisim.datasets.export.stored_clouds import StoredCloud, read_cloud, read_table
 from omnisim.robots import read_odometry
 from omnisim.runs.run_folder import GROUND_TRUTH, OBJECTS, ODOMETRY, STATES, RunFolder
 from omnisim.runs.true_states import read_states

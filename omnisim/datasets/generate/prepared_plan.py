@@ -20,8 +20,13 @@ from omnisim.core.files.fingerprint import fingerprint
 from omnisim.core.files.sources import note_file, note_sources, recorded_sources
 from omnisim.core.trajectories import parse_trajectory
 from omnisim.core.version import __version__
-from omnisim.datasets.free_space import FreeSpace, find_free_space
-from omnisim.datasets.free_space_file import free_space_path, read_free_space, write_free_space
+from omnisim.datasets.free_space import (
+    FreeSpace,
+    find_free_space,
+    free_space_path,
+    read_free_space,
+    write_free_space,
+)
 from omnisim.datasets.generate.distributions import ConstantShares
 from omnisim.datasets.generate.plan import Plan, PlanObjectTable, PlanSceneTable, read_plan
 from omnisim.datasets.generate.plan_cameras import PlanRig, RigFile

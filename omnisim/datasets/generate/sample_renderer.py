@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from omnisim.core.errors import PlanError
+from omnisim.core.errors import OmnisimError, PlanError
 from omnisim.core.world import WorldState
+from omnisim.datasets.generate.distributions import Stream
 from omnisim.datasets.generate.draw import Draw, SampleIndices, draw, draw_indices
 from omnisim.datasets.generate.plan import RejectTable
 from omnisim.datasets.generate.plan_cameras import PlanRig
-from omnisim.datasets.generate.plan_light import DrawnLight
+from omnisim.datasets.generate.plan_light import DrawnLight, draw_light
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
-from omnisim.datasets.generate.setups import setup_light, setup_rig
-from omnisim.datasets.generate.visible_shares import StageRays, VisibleShares
 from omnisim.ground_truth.frame import Frame
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.rays.depth_limits import DepthLimits
+from omnisim.rendering.rays.pixel_rays import PixelRays
+from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
+from omnisim.rendering.rays.whole_instances import whole_areas_px
 from omnisim.rendering.readback import Pending
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
+from omnisim.rendering.truth.ground_truth import instances_of_draws
+from omnisim.scene import Scene
 
 PROBE_PX = 48  # shorter side of the range images that judge samples of plans without ranges
 
@@ -226,3 +233,119 @@ def rejected(frame: Frame, rules: RejectTable) -> str:
             f"{100 * near:.0f} % of its pixels are nearer than {rules.near_m:g} m: max_near_share"
         )
     return ""
+
+
+# Setups: light and cameras shared by successive samples, as functions of seed and number.
+#
+# Opening a scene under another light, or opening another camera, takes as long as rendering
+# several images. A setup therefore lasts for `vary.images_per_setup` images. Invalid setups are
+# drawn again.
+
+
+_LIGHT, _CAMERA = 16, 32  # purposes of streams, above those of samples: one per rig
+ATTEMPTS = 20
+T = TypeVar("T")
+
+
+def setup_light(prepared: PreparedPlan, scene: int, setup: int) -> DrawnLight:
+    """Scene of the plan with the light of a setup.
+
+    Raises:
+        OmnisimError: a faulty scene, or no valid light was drawn.
+    """
+    vary, own = prepared.plan.vary, prepared.scene(scene)
+    if not vary.lights:
+        return DrawnLight(own, {})
+    return _draw(
+        prepared, setup, _LIGHT, lambda stream: draw_light(own, vary, stream, prepared.path)
+    )
+
+
+def setup_rig(prepared: PreparedPlan, rig: int, setup: int) -> PlanRig:
+    """Rig of the plan with the parameters of a setup.
+
+    Raises:
+        OmnisimError: a faulty file of the rig, or no valid parameters were drawn.
+    """
+    file = prepared.rig_files[rig]
+    if not file.table.varies:
+        return prepared.rigs[rig]
+    return _draw(prepared, setup, _CAMERA + rig, file.rig)
+
+
+def _draw(prepared: PreparedPlan, setup: int, purpose: int, make: Callable[[Stream], T]) -> T:
+    """Result of `make` with the first stream that gives a valid one.
+
+    Raises:
+        PlanError: no draw was valid.
+    """
+    fault = ""
+    for attempt in range(ATTEMPTS):
+        try:
+            return make(Stream(prepared.plan.seed, setup, attempt, purpose))
+        except OmnisimError as reason:
+            fault = str(reason).partition("\n")[0]
+    raise PlanError(f"{fault} (setup {setup}, drawn {ATTEMPTS} times)")
+
+
+# Visible shares of the objects in a sample, relative to their pixels without occluders.
+
+
+class VisibleShares:
+    """Calculator of visible shares in a camera's images, by casting rays through all surfaces.
+
+    Args:
+        camera: camera, as in its renderer.
+    """
+
+    def __init__(self, camera: OmniCamera):
+        self._camera = camera
+        self._pixels = PixelRays(camera.model, camera.mesh_polygons)
+        self._limits = DepthLimits(camera.near_m, camera.far_m)
+
+    def find(
+        self, stage: Stage, rays: RayScene, frame: Frame, state: WorldState, vehicle: str
+    ) -> dict[int, float]:
+        """Shares of the visible instances, above 0 and at most 1, by ID.
+
+        Args:
+            stage: stage of the frame.
+            rays: ray scene with the stage's scene and objects.
+            frame: frame with the channel `instance`.
+            state: world state of the frame.
+            vehicle: vehicle of the camera.
+        """
+        assert frame.labels is not None
+        instances = np.asarray(frame.channels["instance"])
+        surfaces = [(one.object_index, one.name) for one in rays.caster.geometry.surfaces]
+        ids = instances_of_draws(frame.labels, surfaces, list(stage.objects))
+        whole_px = whole_areas_px(
+            rays,
+            self._pixels,
+            self._limits,
+            state.world_from_object[vehicle] @ self._camera.base_from_rig,
+            ObjectState(stage.poses_in(state)),
+            ids[1:],
+            instances,
+        )
+        numbers, visible_px = np.unique(instances[instances > 0], return_counts=True)
+        # at the rim a pixel may have a ray in the image only
+        shares = np.minimum(visible_px / whole_px[numbers], 1.0)
+        return dict(zip(numbers.tolist(), shares.tolist(), strict=True))
+
+
+class StageRays:
+    """Ray scene of a stage, rebuilt when its scene changes."""
+
+    def __init__(self) -> None:
+        self._built: tuple[Scene, RayScene] | None = None
+
+    def of(self, stage: Stage) -> RayScene:
+        """Ray scene of a stage's current scene.
+
+        Raises:
+            OmnisimError: embreex is not installed.
+        """
+        if self._built is None or self._built[0] is not stage.scene:
+            self._built = stage.scene, RayScene(stage.scene, tuple(stage.objects.values()))
+        return self._built[1]

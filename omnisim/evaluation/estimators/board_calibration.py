@@ -19,7 +19,7 @@ from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimator import Estimator
 from omnisim.measurement.geometry import BoardView, find_boards, measure_geometry, read_board
-from omnisim.measurement.geometry.candidate_models import CANDIDATES
+from omnisim.measurement.geometry.model_choice import CANDIDATES
 
 MIN_IMAGES = 5
 ITERATIONS, PRECISION = 200, 1e-9  # limits of OpenCV's solvers

@@ -1,10 +1,19 @@
 """Geometry of a camera, from images of a calibration board."""
 
-from omnisim.measurement.geometry.board_images import find_boards, read_gray
-from omnisim.measurement.geometry.board_view import BoardView, RejectedImage
-from omnisim.measurement.geometry.boards import AprilGrid, CharucoBoard, Chessboard, read_board
-from omnisim.measurement.geometry.measured_geometry import MeasuredGeometry, measure_geometry
-from omnisim.measurement.geometry.measured_optics import measure_optics
+from omnisim.measurement.geometry.board_detection import find_boards, read_gray
+from omnisim.measurement.geometry.boards import (
+    AprilGrid,
+    BoardView,
+    CharucoBoard,
+    Chessboard,
+    RejectedImage,
+    read_board,
+)
+from omnisim.measurement.geometry.measured_geometry import (
+    MeasuredGeometry,
+    measure_geometry,
+    measure_optics,
+)
 from omnisim.measurement.geometry.model_choice import ModelResult
 
 __all__ = [

@@ -6,25 +6,37 @@ calibration" (BMVC 2018), as `cv2.findChessboardCornersSB`; OpenCV's module `aru
 
 from __future__ import annotations
 
-from typing import Any
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import map_coordinates
 
 from omnisim.core.errors import MeasurementError
-from omnisim.measurement.geometry.board_markers import charuco_detector, tag_detector
-from omnisim.measurement.geometry.board_view import BoardView
-from omnisim.measurement.geometry.boards import AprilGrid, Board, CharucoBoard, Chessboard
-from omnisim.measurement.geometry.grid_checks import (
-    cell_areas_px2,
-    grid_fault,
-    is_first_square_white,
-    size_fault,
-    squares_fault,
+from omnisim.measurement.geometry.boards import (
+    AprilGrid,
+    Board,
+    BoardView,
+    CharucoBoard,
+    Chessboard,
+    RejectedImage,
+)
+from omnisim.measurement.inputs import (
+    IMAGE_SUFFIXES,
+    RAW_SUFFIXES,
+    is_recording,
+    read_photo,
+    recorded_frames,
 )
 
 MIN_CORNERS = 12  # of boards with tags, which may be seen in part
 _LARGE_PX = 1000  # shorter side of images whose chessboards are searched for at half the size
+_SMALL_PX = 16  # shorter side that OpenCV needs for its threshold; no board fits into less
 _REACH = 1.0 / 3.0  # of the way to the next corner, whose edges would disturb
 _MAX_WINDOW_PX = 9
 _MIN_WINDOW_PX = 2
@@ -120,6 +132,8 @@ def _by_quadrangles(image: NDArray[np.uint8], size: tuple[int, int]) -> tuple[bo
     """
     import cv2
 
+    if min(image.shape) < _SMALL_PX:
+        return False, None
     if min(image.shape) < _LARGE_PX:
         return cv2.findChessboardCorners(image, size)
     is_found, corners = cv2.findChessboardCorners(cv2.pyrDown(image), size)
@@ -286,3 +300,264 @@ def _mirror_hint(image: NDArray[np.uint8], detect: Any, index: int) -> str:
     if tags is None or len(tags) < 3:
         return ""
     return "; the mirrored image shows them: give --mirrored, or do not flip the images"
+
+
+# Markers of ChArUco boards and AprilGrids: OpenCV's dictionaries, detectors and bits.
+
+
+TAG_BORDER_BITS = 2  # width of the black border of Kalibr's tags
+_MARKER_BORDER_BITS = 1
+Bools = NDArray[np.bool_]
+
+
+@lru_cache(maxsize=1)
+def charuco_detector(board: CharucoBoard) -> Any:
+    """Detector of a ChArUco board."""
+    import cv2
+
+    return cv2.aruco.CharucoDetector(_printed_charuco(board))
+
+
+@lru_cache(maxsize=1)
+def tag_detector() -> Any:
+    """Detector of Kalibr's tags."""
+    import cv2
+
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.markerBorderBits = TAG_BORDER_BITS
+    return cv2.aruco.ArucoDetector(_tags(), parameters)
+
+
+def charuco_markers(board: CharucoBoard) -> dict[tuple[int, int], Bools]:
+    """Cells (n, n) of markers with their borders, True for ink, by row and column of the square."""
+    printed = _printed_charuco(board)
+    dictionary = printed.getDictionary()
+    cells = dictionary.markerSize + 2 * _MARKER_BORDER_BITS
+    markers = {}
+    for number, corners in zip(printed.getIds().ravel(), printed.getObjPoints(), strict=True):
+        column, row = (int(value // board.square_m) for value in np.mean(corners, axis=0)[:2])
+        image = dictionary.generateImageMarker(int(number), cells, borderBits=_MARKER_BORDER_BITS)
+        markers[row, column] = image == 0
+    return markers
+
+
+def tag_cells(number: int) -> Bools:
+    """Cells (n, n) of Kalibr's tag with its border, True for ink, as OpenCV draws it."""
+    dictionary = _tags()
+    cells = dictionary.markerSize + 2 * TAG_BORDER_BITS
+    is_black: Bools = dictionary.generateImageMarker(number, cells, borderBits=TAG_BORDER_BITS) == 0
+    return is_black
+
+
+def _printed_charuco(board: CharucoBoard) -> Any:
+    import cv2
+
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, f"DICT_{board.dictionary}"))
+    size = board.columns, board.rows
+    return cv2.aruco.CharucoBoard(size, board.square_m, board.marker_m, dictionary)
+
+
+def _tags() -> Any:
+    import cv2
+
+    return cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+
+
+# Checks of detected corner grids: order, orientation and the colors of their squares.
+
+
+MAX_STRETCH = 3.0  # of neighboring distances along a line of corners; a fisheye's edge has 1.6
+MAX_BEND_COSINE = 0.6  # of neighboring steps along a line: 53°
+MAX_WRONG_SQUARES = 0.05  # share; a hand, a shadow or a reflection hides some
+Grid = NDArray[np.float64]  # (rows, columns, 2) positions in the image
+
+
+def cell_areas_px2(grid: Grid) -> NDArray[np.float64]:
+    """Signed areas (rows - 1, columns - 1) of a grid's cells, px²; positive: front side seen."""
+    first, second = grid[1:, 1:] - grid[:-1, :-1], grid[1:, :-1] - grid[:-1, 1:]
+    areas: NDArray[np.float64] = 0.5 * (
+        first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
+    )
+    return areas
+
+
+def grid_fault(grid: Grid) -> str | None:
+    """Fault in the order of a grid's corners, or None.
+
+    Corners of a flat board lie on smooth lines through any lens: all cells have the same
+    orientation, and neighboring steps along a line differ little in length and direction.
+    """
+    areas = cell_areas_px2(grid)
+    if areas.min() <= 0.0 <= areas.max():
+        return "its corners are in no grid's order"
+    for lines in (grid, grid.swapaxes(0, 1)):
+        steps = np.diff(lines, axis=1)
+        lengths = np.linalg.norm(steps, axis=2)
+        ratios = lengths[:, 1:] / lengths[:, :-1]
+        cosines = (steps[:, 1:] * steps[:, :-1]).sum(axis=2) / (lengths[:, 1:] * lengths[:, :-1])
+        if max(ratios.max(), 1.0 / ratios.min()) > MAX_STRETCH or cosines.min() < MAX_BEND_COSINE:
+            return "its lines of corners jump"
+    return None
+
+
+def squares_fault(image: NDArray[np.uint8], grid: Grid) -> str | None:
+    """Fault in the colors of the squares between a grid's corners, or None.
+
+    Args:
+        image: (height, width) gray image.
+        grid: corners of a chessboard.
+    """
+    levels = _square_levels(image, grid)
+    signs = _signs(levels.shape)
+    contrasts = []
+    for axis in (0, 1):  # differences between neighbors: light may change across the board
+        contrasts.append((np.diff(levels, axis=axis) * np.delete(signs, 0, axis=axis)).ravel())
+    contrast = np.concatenate(contrasts)
+    contrast *= np.sign(np.median(contrast))
+    wrong = float(np.mean(contrast <= 0.0))
+    if wrong > MAX_WRONG_SQUARES:
+        return f"{100.0 * wrong:.0f} % of neighboring squares are not black beside white"
+    return None
+
+
+def size_fault(image: NDArray[np.uint8], grid: Grid) -> str | None:
+    """Fault if squares continue beyond a grid's outermost ones, or None.
+
+    Args:
+        image: (height, width) gray image.
+        grid: corners of a chessboard.
+    """
+    inner = _square_levels(image, grid)
+    contrast = abs(float((inner * _signs(inner.shape)).mean()))
+    wider = grid
+    for axis in (0, 1, 0, 1):
+        first = 2.0 * np.take(wider, [0], axis) - np.take(wider, [1], axis)
+        last = 2.0 * np.take(wider, [-1], axis) - np.take(wider, [-2], axis)
+        wider = np.concatenate((first, wider, last), axis)
+    levels = _square_levels(image, wider)
+    height, width = image.shape
+    is_in: NDArray[np.bool_] = np.all((wider >= 0.0) & (wider < (width, height)), axis=2)
+    inside = is_in[1:, 1:] & is_in[:-1, :-1] & is_in[1:, :-1] & is_in[:-1, 1:]
+    for side in (np.s_[0, 2:-2], np.s_[-1, 2:-2], np.s_[2:-2, 0], np.s_[2:-2, -1]):
+        steps = np.diff(levels[side]) * _signs((levels[side].size - 1,))
+        if inside[side].all() and abs(float(steps.mean())) > contrast:  # half of a step's size
+            return "its squares continue beyond the board: expected more corners"
+    return None
+
+
+def is_first_square_white(image: NDArray[np.uint8], grid: Grid) -> bool:
+    """True if the square between a grid's first corners is white."""
+    levels = _square_levels(image, grid)
+    signs = _signs(levels.shape)
+    return bool((levels * signs).sum() / signs.size > np.mean(levels) * signs.mean())
+
+
+def _square_levels(image: NDArray[np.uint8], grid: Grid) -> NDArray[np.float32]:
+    """Gray levels (rows - 1, columns - 1) in the middle of a grid's squares."""
+    centers = 0.25 * (grid[1:, 1:] + grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:])
+    positions = np.moveaxis(centers[..., ::-1], -1, 0)
+    levels: NDArray[np.float32] = map_coordinates(
+        image.astype(np.float32), positions, order=1, mode="nearest"
+    )
+    return levels
+
+
+def _signs(shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """1 and -1 alternately, as the squares of a chessboard of shape (rows, columns)."""
+    signs: NDArray[np.float64] = 1.0 - 2.0 * (np.indices(shape).sum(axis=0) % 2)
+    return signs
+
+
+# Search for boards in image files, in parallel on all cores.
+
+
+LUMA = np.array([0.299, 0.587, 0.114])  # weights of R, G and B
+_LOW, _HIGH = 0.5, 99.8  # percentiles of 16-bit images that map to black and white
+
+
+class BoardSearch(NamedTuple):
+    """Result of the search for a board in one image.
+
+    Attributes:
+        found: corners of the board, or the rejected image with the reason.
+        size_px: width and height of the image.
+    """
+
+    found: BoardView | RejectedImage
+    size_px: tuple[int, int]
+
+
+def image_files(folder: Path) -> list[Path]:
+    """Image files of a folder, sorted by name; or frames of a video or of a ROS bag.
+
+    Raises:
+        MeasurementError: a missing folder, a folder without images, or a recording that cannot be
+            read.
+    """
+    if is_recording(folder):
+        return recorded_frames(folder)
+    if not folder.is_dir():
+        raise MeasurementError(f"{folder}: expected a folder of images, a video or a ROS bag")
+    suffixes = IMAGE_SUFFIXES + RAW_SUFFIXES
+    files = [path for path in sorted(folder.iterdir()) if path.suffix.lower() in suffixes]
+    if not files:
+        raise MeasurementError(f"{folder}: expected images ({' '.join(IMAGE_SUFFIXES)}), got none")
+    return files
+
+
+def find_boards(
+    files: Sequence[Path], board: Board, mirrored: bool = False
+) -> Iterator[BoardSearch]:
+    """Search for a board in images; yields results in the order of the files.
+
+    Args:
+        files: image files.
+        board: board to search for.
+        mirrored: True if the camera looks into a mirror.
+
+    Raises:
+        MeasurementError: a file that cannot be read, or images of several sizes.
+    """
+    first: tuple[int, int] | None = None
+
+    def search(path: Path) -> BoardSearch:
+        image = read_gray(path)
+        try:
+            found: BoardView | RejectedImage = find_board(image, board, path.name, mirrored)
+        except MeasurementError as reason:
+            found = RejectedImage(path.name, str(reason))
+        return BoardSearch(found, (image.shape[1], image.shape[0]))
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for path, result in zip(files, pool.map(search, files), strict=True):
+            first = result.size_px if first is None else first
+            if result.size_px != first:
+                pool.shutdown(wait=False, cancel_futures=True)
+                seen, wanted = (
+                    f"{width} × {height} px" for width, height in (result.size_px, first)
+                )
+                raise MeasurementError(
+                    f"{path}: {seen}, but {files[0].name} has {wanted}: "
+                    "expected images of one camera"
+                )
+            yield result
+
+
+def read_gray(path: Path) -> NDArray[np.uint8]:
+    """Gray image (height, width), with 16 bits stretched to 8.
+
+    Raises:
+        MeasurementError: the file is missing or damaged, or is not an image of 8 or 16 bits.
+    """
+    return _as_gray(read_photo(path), path)
+
+
+def _as_gray(pixels: NDArray[Any], path: Path) -> NDArray[np.uint8]:
+    if pixels.dtype not in (np.uint8, np.uint16):
+        raise MeasurementError(f"{path}: expected 8 or 16 bits, got {pixels.dtype}")
+    gray = pixels[..., 0] if pixels.shape[2] < 3 else pixels[..., :3] @ LUMA
+    if pixels.dtype == np.uint16:
+        low, high = np.percentile(gray, (_LOW, _HIGH))
+        gray = (gray - low) * (255.0 / max(high - low, 1.0))
+    levels: NDArray[np.uint8] = np.clip(np.rint(gray), 0, 255).astype(np.uint8)
+    return levels

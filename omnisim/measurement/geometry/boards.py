@@ -1,4 +1,4 @@
-"""Calibration boards: chessboards, ChArUco boards and AprilGrids, from text or Kalibr's files."""
+"""Calibration boards, and the corners that images show of them."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.cameras.calibration.documents import parse_yaml, read_text
 from omnisim.core.errors import CalibrationError, MeasurementError, NoticeWarning
@@ -122,9 +125,10 @@ def read_board(text: str) -> Board:
         raise MeasurementError(f"board: expected columns and rows such as 8x6, got {parts[0]!r}")
     columns, rows = int(grid[1]), int(grid[2])
     size_m = _length_m(parts[1])
-    if (width_m := max(columns, rows) * size_m) > MAX_USUAL_M:
-        hint = f"; {parts[1]}mm would be millimeters" if parts[1][-1:].isdigit() else ""
-        warnings.warn(f"board {text}: {width_m:g} m wide{hint}", NoticeWarning, stacklevel=2)
+    width_m, has_unit = max(columns, rows) * size_m, not parts[1][-1:].isdigit()
+    if width_m > MAX_USUAL_M and not has_unit:
+        note = f"board {text}: {width_m:g} m wide; {parts[1]}mm would be millimeters"
+        warnings.warn(note, NoticeWarning, stacklevel=2)
     if kind == "chessboard":
         return Chessboard(columns, rows, size_m)
     if kind == "charuco":
@@ -196,3 +200,39 @@ def _check(columns: int, rows: int, least: int, **sizes: float) -> None:
     for name, size in sizes.items():
         if not 0.0 < size < 100.0:  # also rejects NaN
             raise MeasurementError(f"board: {name}: expected more than 0, got {size:g}")
+
+
+# Corners of a board in one image.
+
+
+@dataclass(frozen=True, eq=False)
+class BoardView:
+    """Corners of a board in one image.
+
+    Attributes:
+        name: image file, or another name of the image.
+        points_m: (n, 2) positions on the flat board: x along the rows, y along the columns.
+        pixels_px: (n, 2) positions in the image.
+    """
+
+    name: str
+    points_m: NDArray[np.float64]
+    pixels_px: NDArray[np.float64]
+
+    @property
+    def points_3d_m(self) -> NDArray[np.float64]:
+        """Corners (n, 3) in the board's frame, z = 0."""
+        return np.column_stack((self.points_m, np.zeros(len(self.points_m))))
+
+
+@dataclass(frozen=True)
+class RejectedImage:
+    """Image without a usable board.
+
+    Attributes:
+        name: image file.
+        reason: reason why the image has no usable board.
+    """
+
+    name: str
+    reason: str

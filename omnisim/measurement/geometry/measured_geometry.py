@@ -2,25 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from omnisim.cameras import MirroredCamera
 from omnisim.cameras.camera import CentralCamera
-from omnisim.measurement.geometry.board_shape import (
-    MIN_SHAPE_IMAGES,
-    check_shape,
-    fit_shape,
-    min_spacing_m,
+from omnisim.cameras.optics.boards.board_corners import BoardCorners
+from omnisim.cameras.optics.boards.calibrate import SystemCalibration, calibrate_system
+from omnisim.core.errors import CalibrationError, MeasurementError, OpticsError
+from omnisim.measurement.geometry.boards import BoardView, RejectedImage
+from omnisim.measurement.geometry.bundle_adjustment import Adjustment, Corners, Floats, rms_px
+from omnisim.measurement.geometry.model_choice import (
+    CANDIDATES,
+    ModelResult,
+    choose_model,
+    fit_candidate,
+    held_out_errors,
+    model_quantities,
+    unobservable_quantities,
 )
-from omnisim.measurement.geometry.board_view import BoardView, RejectedImage
-from omnisim.measurement.geometry.bundle_adjustment import Corners, Floats, rms_px
-from omnisim.measurement.geometry.candidate_models import CANDIDATES
-from omnisim.measurement.geometry.model_choice import ModelResult, choose_model
-from omnisim.measurement.geometry.model_quantities import model_quantities, unobservable_quantities
 from omnisim.measurement.geometry.outliers import (
+    CHECK_BOARD,
+    FittedViews,
     check_focal_length,
     fit_lens,
+    preliminary_lens,
     remove_copies,
     remove_outliers,
 )
@@ -119,3 +129,153 @@ def measure_geometry(
         model_quantities(chosen, corners),
         unobservable_quantities(fit, corners, is_held_out=choice.is_held_out),
     )
+
+
+# Shape of a printed board, fitted together with the lens.
+
+
+MIN_SHAPE_IMAGES = 8  # images required to separate a board's shape from the lens
+SHAPE_SIGMA = 0.02  # assumed sigma of a board's corners, as a share of their spacing
+MAX_SHAPE_ERROR = 0.06  # largest error of a corner, as a share of the spacing
+
+
+def fit_shape(
+    views: list[BoardView], first: Adjustment, spacing_m: float
+) -> tuple[list[BoardView], Adjustment, float | None]:
+    """Fit the board's shape, if that predicts held-out images better than a flat board.
+
+    Returns:
+        Views, fit of the lens, and stiffness of the board in px/m; None: the board is flat.
+    """
+    corners = Corners.of(views)
+    flat = preliminary_lens(first, corners)
+    stiffness = flat.fit.rms_px / (SHAPE_SIGMA * spacing_m)
+    try:
+        bent = fit_candidate(flat.name, corners, first, stiffness)
+        errors = [held_out_errors(flat, corners, None), held_out_errors(bent, corners, stiffness)]
+    except (CalibrationError, OpticsError):
+        return views, first, None
+    if rms_px(errors[1]) < rms_px(errors[0]):
+        shaped = first._replace(poses=bent.fit.poses, shape_m=bent.fit.shape_m)
+        return views, shaped, stiffness
+    return views, first, None
+
+
+def check_shape(shape_m: Floats, spacing_m: float, corners: Corners) -> None:
+    """Reject a board whose fitted shape is far from its nominal shape.
+
+    Raises:
+        MeasurementError: a corner's offset in the plane is too large.
+    """
+    offsets = np.linalg.norm(shape_m[:, :2], axis=1)
+    worst = int(np.argmax(offsets))
+    if offsets[worst] > MAX_SHAPE_ERROR * spacing_m:
+        x, y = 1e3 * corners.nominal_m[worst, :2]
+        raise MeasurementError(
+            f"the board's corner at ({x:.4g}, {y:.4g}) mm is {1e3 * offsets[worst]:.2g} mm off its "
+            f"place in all images ({100.0 * offsets[worst] / spacing_m:.0f} % of a square): "
+            f"{CHECK_BOARD}"
+        )
+
+
+def min_spacing_m(nominal_m: Floats) -> float:
+    """Smallest distance between two corners of a board, m."""
+    distances = np.linalg.norm(nominal_m[:, None] - nominal_m, axis=2)
+    np.fill_diagonal(distances, np.inf)
+    return float(distances.min())
+
+
+# Measurement of a non-central optical system from a board in images: misalignments of mirrors.
+
+
+OPTICS = "optics"  # name of the model of an optical system
+_FOLDS = 5
+_UNITS = {"m": "m", "deg": "°", "px": "px"}
+
+
+def measure_optics(
+    table: Mapping[str, Any], free: Sequence[str], views: Sequence[BoardView], name: str = "optics"
+) -> MeasuredGeometry:
+    """Fit parameters of an optical system to a flat board in several images.
+
+    The errors in held-out images are those of fits without a fifth of the images.
+
+    Args:
+        table: table of the optics file, close to the true values.
+        free: keys of the parameters to fit, see `FreeParameters`.
+        views: view of the board in each image.
+        name: name of the optics file, for messages.
+
+    Raises:
+        MeasurementError: too few images, corners that the system does not show, or images that do
+            not determine the parameters.
+    """
+    used, copies = remove_copies(views)
+    try:
+        used, outlying, fit = remove_outliers(used, lambda kept: _fit(table, free, kept, name))
+    except OpticsError as reason:
+        raise MeasurementError(str(reason)) from None
+    held_out_px = _held_out_rms_px(fit, free, used, name)
+    corners = Corners.of(used)
+    rms = rms_px(fit.errors_px)
+    basis = f"{len(corners.label)} corners in {len(used)} images"
+    hidden = "fits without a fifth of the images do not show all corners"
+    unobservable = (Unobservable("held_out_rms_px", hidden),) if math.isnan(held_out_px) else ()
+    return MeasuredGeometry(
+        fit.system,
+        OPTICS,
+        (ModelResult(OPTICS, len(fit.parameters), rms, held_out_px),),
+        tuple(used),
+        fit.poses,
+        corners.nominal_m,
+        -fit.errors_px,  # measured minus predicted
+        held_out_px,
+        (*copies, *outlying),
+        tuple(
+            Quantity(one.name, one.value, one.sigma, _unit(one.name), basis)
+            for one in fit.parameters
+        ),
+        unobservable,
+    )
+
+
+def _fit(
+    table: Mapping[str, Any], free: Sequence[str], views: Sequence[BoardView], name: str
+) -> FittedViews[SystemCalibration]:
+    """Parameters fitted to views."""
+    fit = calibrate_system(table, free, _boards(views), name)
+    return FittedViews(fit.errors_px, fit)
+
+
+def _held_out_rms_px(
+    fit: SystemCalibration, free: Sequence[str], views: Sequence[BoardView], name: str
+) -> float:
+    """Root mean square error in held-out images; NaN: a fit does not show all their corners."""
+    errors: list[Floats] = []
+    try:
+        for fold in range(_FOLDS):
+            is_left_out = np.arange(len(views)) % _FOLDS == fold
+            trained, left_out = (
+                [view for view, is_used in zip(views, used, strict=True) if is_used]
+                for used in (~is_left_out, is_left_out)
+            )
+            system = calibrate_system(
+                fit.table, free, _boards(trained), name, fit.poses[~is_left_out]
+            )
+            tested = calibrate_system(
+                system.table, (), _boards(left_out), name, fit.poses[is_left_out]
+            )
+            errors.append(tested.errors_px)
+    except OpticsError:
+        return math.nan
+    return rms_px(np.concatenate(errors))
+
+
+def _boards(views: Sequence[BoardView]) -> list[BoardCorners]:
+    return [BoardCorners(view.points_m, view.pixels_px) for view in views]
+
+
+def _unit(key: str) -> str:
+    """Unit of the parameter of a key such as `surfaces.0.tilt_deg.1`."""
+    names = [part for part in key.split(".") if not part.isdecimal()]
+    return _UNITS.get(names[-1].rpartition("_")[2], "")

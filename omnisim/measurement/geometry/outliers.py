@@ -10,10 +10,14 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import CalibrationError, MeasurementError, OpticsError
 from omnisim.measurement.geometry.board_detection import MIN_CORNERS
-from omnisim.measurement.geometry.board_view import BoardView, RejectedImage
-from omnisim.measurement.geometry.bundle_adjustment import Adjustment, Corners, Floats
-from omnisim.measurement.geometry.candidate_models import Candidate, fit_candidate
-from omnisim.measurement.geometry.initial_camera import initial_adjustment
+from omnisim.measurement.geometry.boards import BoardView, RejectedImage
+from omnisim.measurement.geometry.bundle_adjustment import (
+    Adjustment,
+    Corners,
+    Floats,
+    initial_adjustment,
+)
+from omnisim.measurement.geometry.model_choice import Candidate, fit_candidate
 
 MIN_IMAGES = 5
 MAX_REJECTED = 0.34  # largest share of rejected images

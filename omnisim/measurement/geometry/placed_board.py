@@ -14,7 +14,7 @@ from omnisim.cameras.calibration.parameter_vector import ParameterVector
 from omnisim.cameras.camera import CentralCamera, Pixels
 from omnisim.cameras.optics.boards.board_pose import pose_from_directions
 from omnisim.core.errors import MeasurementError, OpticsError
-from omnisim.measurement.geometry.board_view import BoardView
+from omnisim.measurement.geometry.boards import BoardView
 from omnisim.measurement.geometry.bundle_adjustment import Corners, adjust
 
 if TYPE_CHECKING:

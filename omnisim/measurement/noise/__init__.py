@@ -1,7 +1,12 @@
 """Noise of a camera, from dark frames and flat fields by exposure (EMVA 1288)."""
 
-from omnisim.measurement.noise.frame_sets import FrameSet, find_frame_sets, read_statistics
-from omnisim.measurement.noise.frame_statistics import FrameStatistics, frame_statistics
+from omnisim.measurement.noise.frame_statistics import (
+    FrameSet,
+    FrameStatistics,
+    find_frame_sets,
+    frame_statistics,
+    read_statistics,
+)
 from omnisim.measurement.noise.measured_noise import MeasuredNoise, measure_noise
 
 __all__ = [

@@ -15,16 +15,14 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.noise.frame_statistics import FrameStatistics
-from omnisim.measurement.noise.nonuniformity import (
-    MIN_FRAMES,
-    Nonuniformity,
-    dark_nonuniformity,
-    photo_response_nonuniformity,
-)
 from omnisim.measurement.noise.photon_transfer import (
+    MIN_FRAMES,
     DarkSignal,
+    Nonuniformity,
     PhotonTransfer,
+    dark_nonuniformity,
     dark_signal,
+    photo_response_nonuniformity,
     photon_transfer,
 )
 from omnisim.measurement.quantity import Quantity, Unobservable

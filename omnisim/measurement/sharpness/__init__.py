@@ -1,6 +1,6 @@
 """Sharpness and lateral color of a camera, from slanted edges (ISO 12233)."""
 
-from omnisim.measurement.sharpness.edge_images import find_edge_images, read_edge_image
+from omnisim.measurement.sharpness.edge_fit import find_edge_images, read_edge_image
 from omnisim.measurement.sharpness.measured_sharpness import MeasuredSharpness, measure_sharpness
 from omnisim.measurement.sharpness.slanted_edge import EdgeSharpness
 

@@ -1,13 +1,27 @@
-"""Sub-pixel fit of an edge between two even areas."""
+"""Edges in images: found roughly, then fitted between two even areas with sub-pixel accuracy."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 from scipy.special import ndtr
+
+from omnisim.cameras.optics.boards.board_corners import BoardCorners
+from omnisim.core.errors import MeasurementError
+from omnisim.measurement.inputs import (
+    RAW_SUFFIXES,
+    is_lossy,
+    is_recording,
+    read_photo,
+    recorded_frames,
+)
+from omnisim.rendering.camera.degradations.encoding import Encoding
 
 Floats = NDArray[np.float64]
 
@@ -221,3 +235,157 @@ def _check_even(
         limit = MAX_UNEVENNESS * step + _SIGMAS * noise / np.sqrt(counts.min())
         if np.ptp(means) > min(limit, 2.0 * MAX_UNEVENNESS * step):
             raise UnusableEdge(Flaw.UNEVEN)
+
+
+# Images of edges as linear light.
+
+
+SUFFIXES = (".png", ".tif", ".tiff", ".pgm", ".exr")
+LOSSY = (".jpg", ".jpeg")
+MIN_BITS = 8
+
+
+def find_edge_images(path: Path) -> list[Path]:
+    """Image files in a folder, sorted by name; frames of a video or bag; or the file itself.
+
+    Raises:
+        MeasurementError: no images, or files of other formats.
+    """
+    if is_recording(path):
+        return recorded_frames(path)
+    files = [path] if path.is_file() else []
+    if path.is_dir():
+        files = [file for file in sorted(path.iterdir()) if not file.name.startswith(".")]
+    expected = " ".join(SUFFIXES + LOSSY)
+    if not files:
+        raise MeasurementError(f"{path}: expected images ({expected}), got none")
+    for file in files:
+        if file.suffix.lower() not in SUFFIXES + LOSSY + RAW_SUFFIXES:
+            raise MeasurementError(f"{file}: expected images ({expected}) only")
+    return files
+
+
+def read_edge_image(path: Path, encoding: Encoding | None) -> NDArray[Any]:
+    """Stored values (height, width, 1 or 3) of an image.
+
+    Args:
+        path: image file.
+        encoding: encoding of the values; None: linear.
+
+    Raises:
+        MeasurementError: the file is damaged, or is a JPEG or a video of unknown encoding.
+    """
+    if is_lossy(path) and encoding is None:
+        kind = "JPEG" if path.suffix.lower() in LOSSY else "a video's"
+        raise MeasurementError(
+            f"{path}: {kind} values are not linear: save raw frames as PNG or TIFF, or give the "
+            "camera's response, such as srgb"
+        )
+    pixels = read_photo(path)
+    if pixels.shape[2] in (2, 4):  # transparency
+        pixels = pixels[..., :-1]
+    return pixels
+
+
+def linear_light(
+    pixels: NDArray[Any], encoding: Encoding | None, name: str
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Linear light (height, width, 1 or 3) of stored values, and a mask of clipped pixels.
+
+    White is 1 for floats, and the largest value of the converter's bits for integers.
+
+    Args:
+        pixels: (height, width) or (height, width, channels) values.
+        encoding: encoding of the values; None: linear.
+        name: file name in messages.
+
+    Raises:
+        MeasurementError: not one or three channels, or values that are not finite.
+    """
+    values = pixels[..., None] if pixels.ndim == 2 else pixels
+    if values.ndim != 3 or values.shape[2] not in (1, 3):
+        raise MeasurementError(f"{name}: expected one or three channels, got {pixels.shape}")
+    if np.issubdtype(values.dtype, np.integer):
+        largest = _largest(values)
+        clipped = np.any((values >= largest) | (values <= 0), axis=2)
+        values = values / largest
+    elif np.isfinite(values).all():
+        clipped = np.zeros(values.shape[:2], dtype=bool)
+    else:
+        raise MeasurementError(f"{name}: expected finite values")
+    light = values.astype(np.float64)
+    if encoding is not None:
+        light = encoding.linearized(np.maximum(light, 0.0))
+    return light, clipped
+
+
+def _largest(values: NDArray[Any]) -> int:
+    """Largest value of the converter; its bits may be the upper or the lower ones of 16."""
+    used = int(np.bitwise_or.reduce(values, axis=None))
+    shift = (used & -used).bit_length() - 1 if used else 0
+    bits = max((used >> shift).bit_length(), MIN_BITS if shift == 0 else 1)
+    return ((1 << bits) - 1) << shift
+
+
+# Approximate edges in an image: between the corners of a board, or all straight edges.
+
+
+MAX_LENGTH_PX = 60.0  # longer ones are cut, so that each has one position in the field
+MAX_EDGES = 120  # per image
+_MIN_REACH_PX, _MAX_REACH_PX = 6.0, 20.0
+_REACH = 0.4  # of the length of an edge: squares are as wide as long
+_CORNER = 0.12  # share of a square's edge that its corners blur, at each end
+_CORNER_PX = 1.5
+
+
+def board_edges(board: BoardCorners) -> list[EdgeLine]:
+    """Edges between neighboring corners of a board of squares."""
+    tree = cKDTree(board.points_m)
+    square_m = float(np.median(np.asarray(tree.query(board.points_m, k=[2])[0])))
+    pairs = tree.query_pairs(1.2 * square_m)
+    return [
+        line
+        for first, second in sorted(pairs)
+        if (line := _between(board.pixels_px[first], board.pixels_px[second]))
+    ]
+
+
+def find_edges(light: Floats) -> list[EdgeLine]:
+    """Straight edges in an image (height, width), slanted edges first, longer ones before shorter.
+
+    Source: Grompone von Gioi et al., "LSD: a Line Segment Detector", IPOL, 2012.
+    """
+    import cv2
+
+    top = float(np.percentile(light, 99.5))
+    # dark edges are found as well as bright ones
+    gray = np.sqrt(np.clip(light / max(top, 1e-6), 0.0, 1.0))
+    found = cv2.createLineSegmentDetector().detect(np.rint(255.0 * gray).astype(np.uint8))[0]
+    segments = np.zeros((0, 2, 2)) if found is None else found.reshape(-1, 2, 2).astype(np.float64)
+    along = np.abs(segments[:, 1] - segments[:, 0])
+    lengths = np.hypot(along[:, 0], along[:, 1])
+    is_straight = along.min(axis=1) < lengths * np.sin(np.radians(MIN_SLANT_DEG))
+    edges: list[EdgeLine] = []
+    for index in np.lexsort((-lengths, is_straight)).tolist():
+        if lengths[index] >= MIN_LENGTH_PX:
+            edges += _pieces(*segments[index])
+    return edges[:MAX_EDGES]
+
+
+def _pieces(start_px: Floats, end_px: Floats) -> list[EdgeLine]:
+    length = float(np.hypot(*(end_px - start_px)))
+    count = int(np.ceil(length / MAX_LENGTH_PX))
+    ends = start_px + np.linspace(0.0, 1.0, count + 1)[:, None] * (end_px - start_px)
+    pieces = (_between(ends[index], ends[index + 1]) for index in range(count))
+    return [piece for piece in pieces if piece]
+
+
+def _between(start_px: NDArray[np.float64], end_px: NDArray[np.float64]) -> EdgeLine | None:
+    """Edge between two corners, shortened at both ends, where the corners blur; None: too short."""
+    length = float(np.hypot(*(end_px - start_px)))
+    cut = max(_CORNER, _CORNER_PX / max(length, 1e-9))
+    if length * (1.0 - 2.0 * cut) <= 1.0:
+        return None
+    offset = cut * (end_px - start_px)
+    reach = float(np.clip(_REACH * length, _MIN_REACH_PX, _MAX_REACH_PX))
+    return EdgeLine(start_px + offset, end_px - offset, reach)

@@ -14,12 +14,18 @@ from numpy.typing import NDArray
 from omnisim.cameras.optics.boards.board_corners import BoardCorners
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.quantity import Quantity, Unobservable
-from omnisim.measurement.sharpness.edge_fit import Flaw, UnusableEdge
-from omnisim.measurement.sharpness.edge_images import linear_light
-from omnisim.measurement.sharpness.edge_lines import board_edges, find_edges
-from omnisim.measurement.sharpness.field_curves import FieldCurves, field_curves
+from omnisim.measurement.sharpness.edge_fit import (
+    Flaw,
+    Floats,
+    UnusableEdge,
+    board_edges,
+    find_edges,
+    linear_light,
+)
 from omnisim.measurement.sharpness.slanted_edge import GREEN, EdgeSharpness, measure_edge
 from omnisim.rendering.camera.degradations import ChromaticAberration, Encoding, PointSpread
+from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
+from omnisim.rendering.camera.degradations.point_spread import MAX_WIDTH_PX
 
 MAX_ASYMMETRY = 0.02  # mean over the edges; gamma-encoded values have 0.03 and more
 _SIGMAS = 4.0
@@ -173,3 +179,293 @@ def _mean(name: str, measured: list[tuple[float, float]], unit: str, basis: str)
     scatter = float(values.std(ddof=1)) if len(values) > 1 else 0.0
     sigma = max(scatter, float(np.sqrt(np.mean(sigmas**2)))) / np.sqrt(len(values))
     return Quantity(name, float(values.mean()), float(sigma), unit, basis)
+
+
+# Curves of point spread and lateral color over the image radius, as parameters of a camera.
+
+
+KNOTS = 7  # rows of the point spread
+SIGNIFICANT = 2.0  # standard deviations
+SYSTEMATIC, SYSTEMATIC_PX2 = 0.005, 0.0015  # of a variance: error of an edge without noise
+SYSTEMATIC_PX = 0.003  # of a shift, likewise
+MIN_RADIAL = 0.3  # cosine between normal and radius of an edge that shows lateral color
+MIN_COLOR_EDGES = 6
+MIN_FIELD = 0.6  # share of the largest possible radius
+DIGITS = 4  # of the keys: their errors depend on each other, and rounding would add its own
+
+
+@dataclass(frozen=True, eq=False)
+class FieldCurves:
+    """Point spread and lateral color over the field, with the measured quantities.
+
+    Attributes:
+        radii_px: (edges,) image radius of each edge.
+        point_spread, chromatic_aberration: degradations for the sensor file; None: not determined.
+        quantities: measured quantities.
+        unobservable: quantities that the edges do not determine.
+    """
+
+    radii_px: Floats
+    point_spread: PointSpread | None
+    chromatic_aberration: ChromaticAberration | None
+    quantities: list[Quantity]
+    unobservable: list[Unobservable]
+
+
+def field_curves(
+    edges: Sequence[EdgeSharpness], size_px: tuple[int, int], center_px: tuple[float, float]
+) -> FieldCurves:
+    """Fit point spread and lateral color to edges in images of one size.
+
+    Args:
+        edges: measured edges, at least one.
+        size_px: width and height of the images.
+        center_px: (u, v) of the center of the radii.
+    """
+    unit_px = ImageGeometry(*size_px, center_px).radius_unit_px
+    offsets = np.array([edge.center_px for edge in edges]) - center_px
+    radii_px = np.hypot(offsets[:, 0], offsets[:, 1])
+    normals = np.array([edge.normal for edge in edges])
+    outward = offsets / np.maximum(radii_px, 1e-9)[:, None]
+    radial = (outward * normals).sum(axis=1)
+    curves = FieldCurves(radii_px, None, None, [], [])
+    spread = _point_spread(edges, radii_px, radial**2, unit_px, curves)
+    corners = np.array([(u, v) for u in (0, size_px[0] - 1) for v in (0, size_px[1] - 1)])
+    farthest_px = float(np.hypot(*(corners - center_px).T).max())
+    if radii_px.max() < MIN_FIELD * farthest_px:
+        reason = (
+            f"no edge beyond {radii_px.max():.0f} px of {farthest_px:.0f} px, where the last value "
+            "stays: photograph edges up to the corners"
+        )
+        curves.unobservable.append(Unobservable("sharpness of the outer field", reason))
+    color = _lateral_color(edges, radii_px, radial, unit_px, curves)
+    return FieldCurves(radii_px, spread, color, curves.quantities, curves.unobservable)
+
+
+def _point_spread(
+    edges: Sequence[EdgeSharpness],
+    radii_px: Floats,
+    radial_share: Floats,
+    unit_px: float,
+    curves: FieldCurves,
+) -> PointSpread | None:
+    """Fit widths over the radius; None: too sharp. Adds the quantities of both kinds to `curves`.
+
+    Args:
+        edges: measured edges.
+        radii_px: (edges,) image radius of each edge.
+        radial_share: (edges,) squared cosine between the edge's normal and the radius.
+        unit_px: unit of relative radii.
+        curves: result to which quantities are added.
+    """
+    variances = np.array([edge.variance_px2 for edge in edges])
+    sigmas = np.array([edge.variance_sigma_px2 for edge in edges])
+    sigmas = np.hypot(sigmas, SYSTEMATIC_PX2 + SYSTEMATIC * np.abs(variances))
+    isotropic = float(radial_share.std()) < MIN_SPREAD
+    if isotropic:
+        reason = "all edges have like angles to the radius: photograph a board turned by 45°, too"
+        curves.unobservable.append(
+            Unobservable("difference of radial and tangential width", reason)
+        )
+    radii = radii_px / unit_px
+
+    def design(degree: int) -> Floats:
+        return spread_rows(radii, radial_share, degree, isotropic)
+
+    degrees = range(MAX_SPREAD_DEGREE + 1) if np.ptp(radii) > 0.1 else range(1)
+    curve = fit_curve(design, variances, sigmas, degrees)
+    knots = KNOTS if curve.degree > 0 else 1
+    at_px = np.linspace(radii_px.min(), radii_px.max(), knots) if knots > 1 else np.zeros(1)
+    rows = [_widths(curve, at_px / unit_px, share, isotropic) for share in (1.0, 0.0)]
+    if all((widths < SIGNIFICANT * errors).all() for widths, errors in rows):
+        reason = "the edges are as sharp as pixels alone make them: the optics cannot be seen"
+        curves.unobservable.append(Unobservable("point_spread", reason))
+        return None
+    basis = f"{int(curve.used.sum())} edges, degree {curve.degree}"
+    for name, (widths, errors) in zip(("radial", "tangential"), rows, strict=True):
+        for radius, width, error in zip(at_px, widths, errors, strict=True):
+            place = f" {radius:.0f} px" if knots > 1 else ""
+            curves.quantities.append(
+                Quantity(f"{name}{place}", float(width), float(error), "px", basis)
+            )
+    table = np.stack((at_px, rows[0][0], rows[1][0]), axis=-1).round(DIGITS)
+    table[:, 0] = table[:, 0].round(1)
+    table[:, 1:] = np.minimum(table[:, 1:], MAX_WIDTH_PX)
+    return PointSpread(tuple((row[0], row[1], row[2]) for row in table.tolist()))
+
+
+def _widths(
+    curve: Curve, radii: Floats, radial_share: float, isotropic: bool
+) -> tuple[Floats, Floats]:
+    """Widths (n,) at relative radii (n,) in one direction, and their standard deviations, px."""
+    shares = np.full_like(radii, radial_share)
+    variances, sigmas = curve.at(spread_rows(radii, shares, curve.degree, isotropic))
+    widths = np.sqrt(np.maximum(variances, 0.0))
+    # of a root near zero
+    return widths, np.minimum(sigmas / (2.0 * np.maximum(widths, 1e-9)), np.sqrt(sigmas))
+
+
+def _lateral_color(
+    edges: Sequence[EdgeSharpness],
+    radii_px: Floats,
+    radial: Floats,
+    unit_px: float,
+    curves: FieldCurves,
+) -> ChromaticAberration | None:
+    """Fit the offsets of red and blue; None: too few edges. Adds quantities to `curves`.
+
+    Args:
+        edges: measured edges.
+        radii_px: (edges,) image radius of each edge.
+        radial: (edges,) cosine between the edge's normal and the radius.
+        unit_px: unit of relative radii.
+        curves: result to which quantities and unobservable ones are added.
+    """
+    shifts = np.array([edge.shifts_px for edge in edges])
+    sigmas = np.hypot([edge.shift_sigmas_px for edge in edges], SYSTEMATIC_PX)
+    usable = (np.abs(radial) > MIN_RADIAL) & np.isfinite(shifts).all(axis=1)
+    if usable.sum() < MIN_COLOR_EDGES:
+        reason = f"{int(usable.sum())} edges across the radius, expected {MIN_COLOR_EDGES}"
+        if not np.isfinite(shifts).any():
+            reason = "the images have one channel: save demosaicked linear images of three"
+        curves.unobservable.append(Unobservable("lateral color", reason))
+        return None
+    coefficients: list[tuple[float, ...]] = []
+    at_px = np.array((0.5, 1.0)) * radii_px[usable].max()
+    for index, name in enumerate(("red", "blue")):
+        values, errors = shifts[usable, index], sigmas[usable, index]
+        # the polynomial is one of the radius at which the color itself lies
+        radii = (radii_px[usable] + values / radial[usable]) / unit_px
+
+        def design(degree: int, radii: Floats = radii) -> Floats:
+            return offset_rows(radii, radial[usable], degree)
+
+        curve = fit_curve(design, values, errors, range(1, MAX_COLOR_DEGREE + 1))
+        coefficients.append(tuple(curve.coefficients.round(DIGITS).tolist()))
+        offsets = curve.at(offset_rows(at_px / unit_px, np.ones(2), curve.degree))
+        basis = f"{int(curve.used.sum())} edges, degree {curve.degree}"
+        for radius, offset, sigma in zip(at_px, *offsets, strict=True):
+            curves.quantities.append(
+                Quantity(f"{name} {radius:.0f} px", offset, sigma, "px", basis)
+            )
+    return ChromaticAberration(red_offsets_px=coefficients[0], blue_offsets_px=coefficients[1])
+
+
+# Curves over the image radius, fitted to many edges: point spread and lateral color.
+
+
+MAX_SPREAD_DEGREE, MAX_COLOR_DEGREE = 4, 3
+MIN_EDGES_PER_TERM = 3
+MIN_SPREAD = 0.15  # of the squared cosines: less does not tell radial from tangential
+_OUTLIER = 4.0  # robust standard deviations
+_ROUNDS = 5
+
+Design = Callable[[int], Floats]  # (n, terms) by the degree
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Linear combination of basis functions.
+
+    Attributes:
+        degree: degree of the polynomial, chosen by Akaike's information criterion.
+        coefficients: (terms,) coefficients of the least-squares fit.
+        covariance: (terms, terms) covariance of the coefficients, with the scatter of the edges.
+        used: (n,) False: an outlier.
+    """
+
+    degree: int
+    coefficients: Floats
+    covariance: Floats
+    used: NDArray[np.bool_]
+
+    def at(self, design: Floats) -> tuple[Floats, Floats]:
+        """Values (n,) and standard deviations (n,) of the curve.
+
+        Args:
+            design: (n, terms) basis functions at n positions.
+        """
+        variance = np.einsum("ij,jk,ik->i", design, self.covariance, design)
+        return design @ self.coefficients, np.sqrt(np.maximum(variance, 0.0))
+
+
+def fit_curve(design: Design, values: Floats, sigmas: Floats, degrees: Sequence[int]) -> Curve:
+    """Fit a curve to values (n,) with standard deviations `sigmas` (n,), without outliers.
+
+    Args:
+        design: function from a degree to the basis functions (n, terms).
+        values: (n,) values.
+        sigmas: (n,) standard deviations of the values.
+        degrees: degrees to try, ascending; all but the first need three values per term.
+    """
+    count = len(values)
+    usable = [
+        degree
+        for degree in degrees
+        if degree == degrees[0] or MIN_EDGES_PER_TERM * design(degree).shape[1] <= count
+    ]
+    used = _inliers(design(usable[-1]), values, sigmas)
+    curves = [_least_squares(degree, design(degree), values, sigmas, used) for degree in usable]
+    return min(curves, key=lambda scored: scored[0])[1]
+
+
+def _inliers(rows: Floats, values: Floats, sigmas: Floats) -> NDArray[np.bool_]:
+    """Mask (n,) of the values close to the curve with the basis functions `rows` (n, terms)."""
+    used = np.ones(len(values), dtype=np.bool_)
+    for _ in range(_ROUNDS):
+        scaled = (values - rows @ _solve(rows, values, sigmas, used)) / sigmas
+        middle = float(np.median(scaled[used]))
+        spread = 1.4826 * float(np.median(np.abs(scaled[used] - middle)))
+        used = np.abs(scaled - middle) <= _OUTLIER * max(spread, 1.0)
+    return used
+
+
+def _least_squares(
+    degree: int, rows: Floats, values: Floats, sigmas: Floats, used: NDArray[np.bool_]
+) -> tuple[float, Curve]:
+    """Akaike's information criterion and the fitted curve of one degree."""
+    coefficients = _solve(rows, values, sigmas, used)
+    chi2 = float((((values - rows @ coefficients) / sigmas)[used] ** 2).sum())
+    terms, number = rows.shape[1], int(used.sum())
+    score = number * float(np.log(max(chi2, 1e-12) / number)) + 2.0 * terms
+    excess = max(1.0, chi2 / max(number - terms, 1))
+    weighted = rows[used] / sigmas[used, None]
+    covariance = np.asarray(excess * np.linalg.pinv(weighted.T @ weighted), dtype=np.float64)
+    return score, Curve(degree, coefficients, covariance, used)
+
+
+def _solve(rows: Floats, values: Floats, sigmas: Floats, used: NDArray[np.bool_]) -> Floats:
+    weights = used / sigmas
+    solution = np.linalg.lstsq(rows * weights[:, None], values * weights, rcond=None)[0]
+    return np.asarray(solution, dtype=np.float64)
+
+
+def spread_rows(radii: Floats, radial_share: Floats, degree: int, isotropic: bool) -> Floats:
+    """Basis functions (n, terms) of the variance of the point spread along the edges' normals.
+
+    The radial and the tangential variance are polynomials of the radius, equal in the center.
+
+    Args:
+        radii: (n,) relative image radii.
+        radial_share: (n,) squared cosine between normal and radius.
+        degree: degree of the polynomials.
+        isotropic: True if both variances are equal.
+    """
+    columns = [np.ones_like(radii)]
+    for power in range(1, degree + 1):
+        if isotropic:
+            columns.append(radii**power)
+        else:
+            columns += [radial_share * radii**power, (1.0 - radial_share) * radii**power]
+    return np.stack(columns, axis=-1)
+
+
+def offset_rows(radii: Floats, radial: Floats, degree: int) -> Floats:
+    """Basis functions (n, degree) of the shift along edges' normals, for a radial offset.
+
+    Args:
+        radii: (n,) relative image radii.
+        radial: (n,) cosine between normal and radius.
+        degree: degree of the offset's polynomial, which is 0 in the center.
+    """
+    return np.stack([radial * radii**power for power in range(1, degree + 1)], axis=-1)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras.camera import CentralCamera
 from omnisim.core.errors import MeasurementError
-from omnisim.measurement.geometry.board_view import BoardView
+from omnisim.measurement.geometry.boards import BoardView
 from omnisim.measurement.geometry.placed_board import (
     BoardSurface,
     locate_board,

@@ -10,15 +10,24 @@ Source: Schmits & Visser 2008, section 3.2 and Eq. 3. Their bins, Θ and costs a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+import json
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from omnisim.core.errors import LocalizationError
+from omnisim.core.files.atomic_file import atomic_write, check_suffix
+from omnisim.core.files.npz_file import read_arrays
+from omnisim.core.files.parameters import AboveZero, Level, Name, Point, Table, parse_table
+from omnisim.scene.files.scene_file import LinearRgb
+from omnisim.scene.model import ColorBand, Landmark
 
 BINS = 32  # along each of red, green and blue
 _SHIFT = 3  # 256 values in 32 bins
@@ -182,15 +191,12 @@ def roc(
 
 @dataclass(frozen=True)
 class Costs:
-    """Costs of errors, in any unit: only their ratio matters.
+    """Costs of errors, in any unit: only their ratio matters."""
 
-    Attributes:
-        missed: cost of a landmark's pixel that is not recognized.
-        false_alarm: cost of a pixel outside the landmark that is taken for the landmark.
-    """
-
-    missed: float = 1.0
-    false_alarm: float = 4.0
+    missed: Annotated[float, Field(ge=1e-9, le=1e9)] = 1.0
+    """Cost of a false negative: a missed pixel of a landmark."""
+    false_alarm: Annotated[float, Field(ge=1e-9, le=1e9)] = 4.0
+    """Cost of a false positive: a detected pixel of anything else."""
 
 
 def choose_threshold(curve: Roc, positives: float, negatives: float, costs: Costs) -> float:
@@ -243,3 +249,167 @@ def train(
         for curve, counts in zip(curves, validation_counts[1:], strict=True)
     )
     return ColorModel(tuple(colors), train_counts, thresholds), tuple(curves)
+
+
+# File of a color model and its landmarks: `.npz`.
+#
+# It holds `counts` (1 + colors, 32³), `colors`, `thresholds`, `smoothing`, and `landmarks` as JSON,
+# so that detection needs no scene; nothing in it is pickled.
+
+
+FORMAT = 1
+MODEL_SUFFIX = ".npz"
+_EXPECTED = "expected the .npz file of omnisim landmarks train"
+_NO_MODEL = (KeyError, TypeError, ValueError, OverflowError, AttributeError, RecursionError)
+
+
+class _StoredBand(Table):
+    color: Name
+    linear_rgb: LinearRgb
+    bottom_m: Level
+    top_m: AboveZero
+
+
+class _StoredLandmark(Table):
+    name: Name
+    position_m: Point
+    footprint_m: tuple[AboveZero, AboveZero]
+    bands: tuple[_StoredBand, ...]
+
+
+class _StoredLandmarks(Table):
+    landmarks: tuple[_StoredLandmark, ...]
+
+
+def save_model(path: Path, model: ColorModel, landmarks: tuple[Landmark, ...]) -> None:
+    """Write a model and its landmarks; atomically.
+
+    Raises:
+        OutputError: another suffix, or the file cannot be written.
+    """
+    check_suffix(path, MODEL_SUFFIX)
+    encoded = json.dumps([dataclasses.asdict(landmark) for landmark in landmarks])
+    with atomic_write(path) as partial, partial.open("wb") as file:
+        np.savez_compressed(
+            file,
+            format=FORMAT,
+            counts=model.counts.astype(np.uint32),
+            colors=np.array(model.colors),
+            thresholds=np.array(model.thresholds),
+            smoothing=model.smoothing,
+            landmarks=encoded,
+        )
+
+
+def load_model(path: Path) -> tuple[ColorModel, tuple[Landmark, ...]]:
+    """Read a model and its landmarks.
+
+    Raises:
+        LocalizationError: the file does not exist, or is not a color model.
+    """
+    stored = read_arrays(path, LocalizationError, "model", _EXPECTED)
+    try:
+        if int(stored["format"]) != FORMAT:
+            raise LocalizationError(
+                f"{path}: format = {int(stored['format'])}: expected {FORMAT}: train it again"
+            )
+        model = ColorModel(
+            tuple(str(name) for name in stored["colors"]),
+            stored["counts"].astype(np.float64),
+            tuple(float(theta) for theta in stored["thresholds"]),
+            float(stored["smoothing"]),
+        )
+        landmarks = _landmarks(json.loads(str(stored["landmarks"])))
+    except _NO_MODEL:
+        raise LocalizationError(f"{path}: is no model: {_EXPECTED}") from None
+    except LocalizationError as reason:
+        message = str(reason)
+        raise LocalizationError(message if str(path) in message else f"{path}: {message}") from None
+    return model, landmarks
+
+
+def _landmarks(content: object) -> tuple[Landmark, ...]:
+    try:
+        stored = parse_table({"landmarks": content}, _StoredLandmarks, LocalizationError, "it")
+    except LocalizationError as faults:  # one is enough: such files are not edited by hand
+        first = str(faults).partition("\n")[0].removeprefix("it: ")
+        raise LocalizationError(f"{first}: train it again") from None
+    return tuple(
+        Landmark(
+            each.name,
+            each.position_m,
+            each.footprint_m,
+            tuple(ColorBand(b.color, b.linear_rgb, b.bottom_m, b.top_m) for b in each.bands),
+        )
+        for each in stored.landmarks
+    )
+
+
+# Training of a color model on labeled images, and its rates on other images.
+
+
+# Every fourth image is for the thresholds Θ; the others fill the histograms.
+VALIDATE_EVERY = 4
+# Pixels (n, 3) of an image, sRGB, and their classes (n,): `NEG`, or a landmark color from 1.
+LabeledPixels = tuple[NDArray[np.uint8], NDArray[np.uint8]]
+
+
+@dataclass(frozen=True, eq=False)
+class Training:
+    """Trained model.
+
+    Attributes:
+        model: color model.
+        curves: receiver operating characteristic of each color, on images that are not in the
+            histograms.
+        images: number of images.
+    """
+
+    model: ColorModel
+    curves: tuple[Roc, ...]
+    images: int
+
+
+def train_colors(colors: Sequence[str], images: Iterable[LabeledPixels], costs: Costs) -> Training:
+    """Train a color model.
+
+    Raises:
+        LocalizationError: no image shows a color.
+    """
+    train_counts, validation_counts = (np.zeros((1 + len(colors), BINS**3)) for _ in range(2))
+    count = 0
+    for count, (pixels, classes) in enumerate(images, start=1):
+        counts = train_counts if count % VALIDATE_EVERY else validation_counts
+        counts += count_colors(pixels, classes, 1 + len(colors))
+    model, curves = train(colors, train_counts, validation_counts, costs)
+    return Training(model, curves, count)
+
+
+@dataclass(frozen=True, eq=False)
+class PixelRates:
+    """Classification rates of a model per pixel.
+
+    Attributes:
+        recall: by color, share of the color's pixels that are recognized.
+        false_alarms: by color, share of neg's pixels that are taken for the color.
+        curves: receiver operating characteristic, by color.
+    """
+
+    recall: dict[str, float]
+    false_alarms: dict[str, float]
+    curves: dict[str, Roc]
+
+
+def pixel_rates(model: ColorModel, images: Iterable[LabeledPixels]) -> PixelRates:
+    """Classification rates of a model on the images of another run."""
+    counts = np.zeros((1 + len(model.colors), BINS**3))
+    for pixels, classes in images:
+        counts += count_colors(pixels, classes, len(counts))
+    totals = np.maximum(counts.sum(axis=1), 1.0)
+    recall, alarms, curves = {}, {}, {}
+    for index, name in enumerate(model.colors, start=1):
+        passed = model.table == index
+        recall[name] = float(counts[index][passed].sum() / totals[index])
+        alarms[name] = float(counts[NEG][passed].sum() / totals[NEG])
+        curves[name] = roc(model.ratios[index - 1], counts[index], counts[NEG])
+    return PixelRates(recall, alarms, curves)

@@ -9,14 +9,17 @@ at the top if the ground in front of it is not visible.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import LocalizationError
+from omnisim.core.files.atomic_file import write_text
 from omnisim.core.poses import wrap_angle
 from omnisim.perception.landmarks.color_model import ColorModel
 from omnisim.perception.landmarks.landmark_measurement import (
@@ -185,3 +188,34 @@ def _best_of_each(
         if other is None or finding.area_px > other[1].area_px:
             best[landmark.name] = (landmark, finding)
     return list(best.values())
+
+
+# Detections as CSV: one per line, `step` first; angles in degrees.
+
+
+COLUMNS = (
+    "step,landmark,bearing_deg,range_m,range_eq2_m,bearing_sigma_deg,range_sigma_m,"
+    "left_px,right_px,top_px,bottom_px,area_px"
+)
+DETECTIONS_SUFFIX = ".csv"
+
+
+def write_detections(path: Path, detections: Iterable[tuple[int, Detection]]) -> None:
+    """Write detections with their steps; atomically.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    lines = [COLUMNS]
+    for step, detection in detections:
+        numbers = (
+            math.degrees(detection.bearing_rad),
+            detection.range_m,
+            detection.range_eq2_m,
+            math.degrees(detection.bearing_sigma_rad),
+            detection.range_sigma_m,
+        )
+        box = (detection.left, detection.right, detection.top, detection.bottom, detection.area_px)
+        cells = (*(f"{number:.6f}" for number in numbers), *map(str, box))
+        lines.append(",".join((str(step), detection.landmark, *cells)))
+    write_text(path, "\n".join(lines) + "\n")

@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike
 
 from omnisim.core.trajectories.odometry import Odometry
 from omnisim.perception.landmarks.landmark_detector import Detection
-from omnisim.perception.localization.filter import LocalizationFilter
+from omnisim.perception.localization.filter import LandmarkMap, LocalizationFilter, Observation
 from omnisim.perception.localization.filter_parameters import FilterParameters, MeasurementNoise
-from omnisim.perception.localization.observations import LandmarkMap, Observation
 from omnisim.perception.localization.track import Track
 
 

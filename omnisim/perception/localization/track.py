@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import chi2
 
+from omnisim.core.files.atomic_file import write_text
+from omnisim.core.poses import wrap_angles
 from omnisim.core.short_repr import counted, short_repr
-from omnisim.perception.localization.consistency import nees, pose_errors
+from omnisim.core.trajectories import Trajectory, write_trajectory
 from omnisim.perception.localization.filter import Estimate
 from omnisim.perception.localization.filter_parameters import FilterParameters
 
@@ -96,3 +102,96 @@ def notices(track: Track, parameters: FilterParameters) -> list[str]:
         shown = ", ".join(map(str, blind[:8])) + (", ..." if len(blind) > 8 else "")
         texts.append(f"{len(blind)} of {len(track.estimates) - 1} steps show no landmark: {shown}")
     return texts
+
+
+# Consistency of a filter: NEES and NIS against their χ² bounds.
+#
+# Source: Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation,
+# 2001, section 5.4.
+
+
+class Interval(NamedTuple):
+    """Probability interval of a mean."""
+
+    low: float
+    high: float
+
+
+def mean_interval(degrees: int, count: int, share: float = 0.95) -> Interval:
+    """Two-sided interval that contains the mean of χ² values with probability `share`.
+
+    The mean is that of `count` independent values, each with `degrees` degrees of freedom.
+    """
+    tail = 0.5 * (1.0 - share)
+    low, high = (float(chi2.ppf(share, degrees * count)) for share in (tail, 1.0 - tail))
+    return Interval(low / count, high / count)
+
+
+def pose_errors(estimated: ArrayLike, true: ArrayLike) -> NDArray[np.float64]:
+    """Estimated minus true poses (..., 3): x and y in m, yaw in rad within ±π."""
+    errors = np.asarray(estimated, dtype=np.float64) - np.asarray(true, dtype=np.float64)
+    errors[..., 2] = wrap_angles(errors[..., 2])
+    return errors
+
+
+def nees(errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Normalized estimation errors squared (n,) of errors (n, 3) by covariances (n, 3, 3).
+
+    NaN where a covariance is singular, as that of an exactly known start.
+    """
+    errors_squared = np.full(len(errors), np.nan)
+    for k, (error, covariance) in enumerate(zip(errors, covariances, strict=True)):
+        values, axes = np.linalg.eigh(covariance)
+        if values[0] > 1e-14 * max(values[-1], 1e-300):
+            errors_squared[k] = float(np.sum(np.square(axes.T @ error) / values))
+    return errors_squared
+
+
+# Files of a track: a trajectory, a table with covariances, and the data associations.
+
+
+ESTIMATE_TUM, ESTIMATE_CSV = "estimate.tum", "estimate.csv"
+MEASUREMENTS = "measurements.csv"
+_ESTIMATE_COLUMNS = (
+    "t_s,x_m,y_m,yaw_rad,xx_m2,xy_m2,x_yaw_m_rad,yy_m2,y_yaw_m_rad,yaw_yaw_rad2,"
+    "accepted,rejected,nis,nis_degrees"
+)
+_MEASUREMENT_COLUMNS = (
+    "step,t_s,landmark,range_m,bearing_rad,range_innovation_m,bearing_innovation_rad,"
+    "mahalanobis_squared,verdict"
+)
+
+
+def write_track(folder: Path, track: Track) -> None:
+    """Write `estimate.tum`, `estimate.csv` and `measurements.csv` into an existing folder.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
+    poses = track.poses
+    trajectory = Trajectory.on_ground(track.times_s, poses[:, :2], poses[:, 2])
+    write_trajectory(folder / ESTIMATE_TUM, trajectory)
+    upper = np.triu_indices(3)
+    accepted, rejected = track.counts(True), track.counts(False)
+    lines = [_ESTIMATE_COLUMNS]
+    for k, estimate in enumerate(track.estimates):
+        numbers = (estimate.time_s, *estimate.pose, *estimate.covariance[upper])
+        cells = [f"{number:.12g}" for number in numbers]
+        nis = f"{estimate.nis:.6g}" if math.isfinite(estimate.nis) else ""
+        cells += [str(accepted[k]), str(rejected[k]), nis, str(estimate.nis_degrees)]
+        lines.append(",".join(cells))
+    write_text(folder / ESTIMATE_CSV, "\n".join(lines) + "\n")
+    lines = [_MEASUREMENT_COLUMNS]
+    for step, estimate in enumerate(track.estimates):
+        for association in estimate.associations:
+            numbers = (
+                association.range_m,
+                association.bearing_rad,
+                association.range_innovation_m,
+                association.bearing_innovation_rad,
+                association.distance_squared,
+            )
+            cells = [str(step), f"{estimate.time_s:.9f}", association.landmark]
+            cells += [f"{number:.6f}" for number in numbers]
+            lines.append(",".join((*cells, association.verdict)))
+    write_text(folder / MEASUREMENTS, "\n".join(lines) + "\n")

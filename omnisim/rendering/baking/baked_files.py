@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.errors import OutputError
 from omnisim.core.extras import require_extra
-from omnisim.core.files.atomic_file import atomic_folder
+from omnisim.core.files.atomic_file import atomic_folder, check_new_folder
 from omnisim.core.files.image_files import write_radiance
 from omnisim.core.version import __version__
 from omnisim.rendering.baking.atlas.bake_tiles import (
@@ -21,13 +22,12 @@ from omnisim.rendering.baking.atlas.bake_tiles import (
     no_progress,
     write_arrays,
 )
-from omnisim.rendering.baking.atlas.lightmap import lightmap
+from omnisim.rendering.baking.atlas.patches import NEIGHBORS, Patches
 from omnisim.rendering.baking.atlas.unwrapping import Unwrapping
 from omnisim.rendering.baking.bake import Bake
-from omnisim.rendering.baking.rounding import rounded_halves
+from omnisim.rendering.baking.sampling import Floats
 from omnisim.rendering.baking.settings import BakeSettings
-from omnisim.rendering.baking.targets import clear, is_finished
-from omnisim.scene.light.baked_fingerprint import baked_fingerprint
+from omnisim.scene.light.baked import baked_fingerprint
 from omnisim.scene.light.emissive_light import without_even_light
 from omnisim.scene.model import Scene
 
@@ -152,3 +152,132 @@ def _joined(unwrappings: dict[int, Unwrapping]) -> Arrays:
 def _short(indices: NDArray[np.int32]) -> NDArray[np.unsignedinteger[Any]]:
     """Indices in the smallest integer type that holds them."""
     return indices.astype(np.uint16 if indices.max(initial=0) <= 0xFFFF else np.uint32)
+
+
+# Output folders of bakes: new or empty, with the same finished bake, or with another.
+
+
+FILES = ("baked.json", "irradiance.exr", "probes.npz", "unwrapping.npz")
+
+
+def is_finished(
+    output: Path, fingerprint: str, settings: BakeSettings, force: bool = False
+) -> bool:
+    """True if a folder holds exactly this bake; False if it has to be written.
+
+    Args:
+        output: folder of the bake.
+        fingerprint: fingerprint of the scene.
+        settings: settings of the bake.
+        force: allow another bake in the folder, which is overwritten.
+
+    Raises:
+        OutputError: the folder holds another bake or other files, or cannot be written.
+    """
+    names = sorted(path.name for path in output.iterdir()) if output.is_dir() else []
+    if not names:
+        if not output.is_dir():
+            check_new_folder(output)
+        return False
+    if not set(names) <= set(FILES):
+        raise OutputError(f"{output}: is not a bake: expected a new or empty folder")
+    document = _document(output)
+    if document.get("fingerprint") != fingerprint:
+        what = "of another scene, or of this one before it changed"
+    elif len(names) < len(FILES) or not _has_settings(document, settings):
+        what = "with other settings"
+    else:
+        return not force
+    if not force:
+        raise OutputError(f"{output}: is a bake {what}: expected --force to replace it")
+    return False
+
+
+def clear(output: Path) -> None:
+    """Remove the files of a bake, to make room for another."""
+    for name in FILES:
+        (output / name).unlink(missing_ok=True)
+
+
+def _document(output: Path) -> Mapping[str, Any]:
+    try:
+        document = json.loads((output / FILES[0]).read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return document if isinstance(document, dict) else {}
+
+
+def _has_settings(document: Mapping[str, Any], settings: BakeSettings) -> bool:
+    texel_m = settings.texel_m
+    wanted = {name: getattr(settings, name) for name in ("samples", "bounces", "seed")}
+    return texel_m in (None, document.get("texel_m")) and wanted.items() <= document.items()
+
+
+# Lightmap: light of the patches as atlas pixels, filling the rectangles of the charts.
+
+
+_MAX_STEPS = 24  # in texels; deeper texels are inside of something and invisible
+
+
+def lightmap(patches: Patches, light: Floats, is_valid: NDArray[np.bool_]) -> Floats:
+    """Pixels (height, width, 3): light (p, 3) of the patches in the atlas.
+
+    Texels without light, and those around a chart in its rectangle, take the light of their
+    neighbors, so that interpolation between texels is right.
+    """
+    width, height = patches.size_px
+    used = np.flatnonzero(is_valid & (patches.places < width * height))
+    places = patches.atlas_places[used]
+    counts = np.bincount(places, minlength=width * height).astype(np.float32)
+    pixels = np.stack(
+        [
+            np.bincount(places, weights=light[used, channel], minlength=width * height)
+            for channel in range(3)
+        ],
+        axis=1,
+    ).astype(np.float32)
+    pixels /= np.maximum(counts, 1.0)[:, None]
+    known = (counts > 0.0).reshape(height, width)
+    return _spread(pixels.reshape(height, width, 3), known, patches.charts)
+
+
+def _spread(pixels: Floats, known: NDArray[np.bool_], charts: NDArray[np.int32]) -> Floats:
+    """Pixels (height, width, 3), unknown ones filled stepwise with means of known neighbors."""
+    for _ in range(_MAX_STEPS):
+        sums, counts = np.zeros_like(pixels), np.zeros(known.shape, dtype=np.float32)
+        for to, of in NEIGHBORS:
+            some = known[of] & (charts[to] == charts[of])
+            sums[to] += np.where(some[..., None], pixels[of], 0.0)
+            counts[to] += some
+        filled = ~known & (counts > 0.0)
+        if not filled.any():
+            break
+        pixels[filled] = sums[filled] / counts[filled][:, None]
+        known = known | filled
+    return pixels
+
+
+# Rounding of light before storage: fewer digits make smaller files.
+
+
+# Bits kept of the largest value of a texel or probe, in half floats: the error is at most 1/256,
+# which is less than half an 8-bit step of a bright pixel.
+_BITS = 7
+_MIN_HALF, _MAX_HALF = 1e-6, 65504.0
+
+
+def rounded_halves(
+    values: NDArray[np.floating], axes: int | tuple[int, ...]
+) -> NDArray[np.float16]:
+    """Round to steps set by the largest value along axes, as in shared-exponent colors.
+
+    Args:
+        values: linear light or factors of it, of any shape.
+        axes: axes along which values share a step.
+    """
+    largest = np.abs(values).max(axis=axes, keepdims=True)
+    steps = 2.0 ** (np.floor(np.log2(np.maximum(largest, _MIN_HALF))) - _BITS)
+    rounded: NDArray[np.float16] = np.clip(
+        np.round(values / steps) * steps, -_MAX_HALF, _MAX_HALF
+    ).astype(np.float16)
+    return rounded

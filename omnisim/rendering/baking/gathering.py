@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.baking.emitters import Emitters
-from omnisim.rendering.baking.points import Points
+from omnisim.rendering.baking.emitters import Emitters, Points
 from omnisim.rendering.baking.sampling import Floats, cosine_directions, spread_points, turned
 from omnisim.rendering.baking.transport import INSIDE, SKY, PatchHits, Transport
 from omnisim.scene.model import Lighting

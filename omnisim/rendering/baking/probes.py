@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.rendering.baking.atlas.atlas import camera_places_m
 from omnisim.rendering.baking.atlas.bake_tiles import Arrays
-from omnisim.rendering.baking.atlas.texel_sizes import camera_places_m
+from omnisim.rendering.baking.emitters import lamps_on
 from omnisim.rendering.baking.gathering import Gatherer
-from omnisim.rendering.baking.lamps import lamps_on
 from omnisim.rendering.baking.sampling import Floats, generator, sphere_directions, spread_points
 from omnisim.rendering.baking.transport import INSIDE, SKY, PatchHits, Transport
 from omnisim.scene.light.environment import factors_of_moments, spherical_harmonics

@@ -1,6 +1,6 @@
 """Rays between patches of a scene, straight or by mirrors and through glass.
 
-At a specular surface a ray takes one way at random, see `omnisim.rendering.baking.ways`.
+At a specular surface a ray takes one way at random, see `omnisim.rendering.baking.specular`.
 """
 
 from __future__ import annotations
@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.baking.atlas.patches import BACK, FRONT, Patches
-from omnisim.rendering.baking.specular import SpecularSurfaces
-from omnisim.rendering.baking.ways import Way, chosen, onward, random_numbers
+from omnisim.rendering.baking.specular import SpecularSurfaces, Way, chosen, onward, random_numbers
 from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.rendering.rays.embree import NO_TRIANGLE, EmbreeHits, put_rows
 from omnisim.rendering.rays.ray_scene import MAX_LAYERS, RayScene

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, pixel_grid
+from omnisim.cameras.mirrors.mirror_mesh_rays import inside_rim
 from omnisim.cameras.mirrors.tessellation import sectors_and_rings
 
 BLOCK_PIXELS = 1 << 20  # pixels per step, to bound the memory of intermediate arrays
 
 
 def valid_mask(camera: CentralCamera, polygons: int | None) -> NDArray[np.bool_]:
-    """Mask (height, width) of the pixels that certainly show the scene.
+    """Mask (height, width) of the pixels whose center shows the scene.
 
     Args:
         camera: camera of the image.
-        polygons: polygons of the mirror mesh; None: exact. A mesh's outline is a polygon with its
-            corners on the rim; pixels inside its inscribed circle are valid.
+        polygons: polygons of the mirror mesh; None: exact.
 
     Raises:
         OpticsError: the polygon count does not make a mesh.
@@ -29,17 +27,16 @@ def valid_mask(camera: CentralCamera, polygons: int | None) -> NDArray[np.bool_]
 
         pixels = pixel_grid(camera.width_px, camera.height_px)
         return MeshRays(camera, polygons).ray_from_pixel(pixels).valid
-    inner_radius_px = math.inf
+    sectors = None
     if polygons is not None and isinstance(camera, HyperbolicCamera):
         sectors, _ = sectors_and_rings(polygons)
-        inner_radius_px = camera.rim_radius_px * math.cos(math.pi / sectors)
     mask = np.empty((camera.height_px, camera.width_px), dtype=np.bool_)
     step = max(1, BLOCK_PIXELS // camera.width_px)
     for first in range(0, camera.height_px, step):
         rows = mask[first : first + step]
         pixels = pixel_grid(camera.width_px, len(rows)) + (0.0, first)
-        rows[:] = camera.ray_from_pixel(pixels).valid
-        if isinstance(camera, HyperbolicCamera):
-            radii_px = np.linalg.norm(pixels - camera.principal_point_px, axis=-1)
-            rows &= radii_px <= inner_radius_px
+        if sectors is not None and isinstance(camera, HyperbolicCamera):
+            rows[:] = inside_rim(camera, sectors, pixels)
+        else:
+            rows[:] = camera.ray_from_pixel(pixels).valid
     return mask

@@ -72,6 +72,7 @@ class RayCaster:
     Args:
         scene: the static part of the world.
         dynamic_objects: objects, each in its own frame.
+        casts: False: no more than `exact` is needed, and no embreex.
 
     Attributes:
         geometry: tables of all triangles.
@@ -80,10 +81,11 @@ class RayCaster:
         OmnisimError: embreex is not installed.
     """
 
-    def __init__(self, scene: Scene, dynamic_objects: Sequence[Scene] = ()):
+    def __init__(self, scene: Scene, dynamic_objects: Sequence[Scene] = (), casts: bool = True):
         self.geometry = build_geometry(scene, dynamic_objects)
         self._part_meshes: dict[tuple[int, frozenset[ObjectPart]], _PartMesh] = {}
-        self._part_mesh(0, frozenset())
+        if casts:
+            self._part_mesh(0, frozenset())
         # deformed meshes of the last times, shared by the threads
         self._deformed_mesh = lru_cache(maxsize=_MESHES_KEPT)(self._build_deformed_mesh)
         self._deforming_parts = {

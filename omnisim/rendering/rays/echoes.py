@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from omnisim.ground_truth.lidar_beams import EchoLimits
 from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.rendering.rays.embree import NO_TRIANGLE
+from omnisim.rendering.rays.geometry import Poses
 from omnisim.rendering.rays.mirrored_rays import mirrored_rays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
-from omnisim.rendering.rays.shading.shading import View
+from omnisim.rendering.rays.shading.shading import Shading, View
 from omnisim.rendering.rays.shading.surface_light import SurfaceLight, surface_light
 
 MAX_SURFACES = 16  # panes and mirrors along a path
@@ -75,11 +76,10 @@ def no_returns(returns: int, beams: int) -> Returns:
 
 
 def direct_intensities(
-    scene: RayScene, rays: Rays, hits: RayHits, objects: ObjectState
+    shading: Shading, rays: Rays, hits: RayHits, world_from_objects: Poses
 ) -> NDArray[np.float64]:
     """Intensities (n,) of the surfaces that beams hit first; all must hit."""
-    view = View(rays, hits, objects.world_from_objects, None)
-    return surface_light(scene.shading, view).returned[:, LASER]
+    return surface_light(shading, View(rays, hits, world_from_objects, None)).returned[:, LASER]
 
 
 def replace_specular(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
@@ -26,6 +26,7 @@ class Surface(NamedTuple):
         is_textured: the mesh has texture coordinates.
         has_second_coordinates: the mesh has a second set of texture coordinates.
         is_lightmapped: the instance has a region in the lightmap.
+        object_from_mesh: (4, 4) pose of the instance, in the world or the dynamic object's frame.
     """
 
     name: str
@@ -34,10 +35,20 @@ class Surface(NamedTuple):
     is_textured: bool
     has_second_coordinates: bool = False
     is_lightmapped: bool = False
+    object_from_mesh: NDArray[np.float64] = np.eye(4)
 
     def is_placed(self, texture: Texture) -> bool:
         """True if the mesh has the texture coordinates that a texture uses."""
         return self.has_second_coordinates if texture.uv_set else self.is_textured
+
+
+class PlacedMesh(NamedTuple):
+    """Object, name, pose as bytes and number of triangles of an instance, which identify it."""
+
+    object_index: int | None
+    name: str
+    object_from_mesh: bytes
+    triangles: int
 
 
 _TIMES_KEPT = 8  # deformed vertices: an image, its neighbors, and several slices of a scan
@@ -139,6 +150,18 @@ class Geometry:
         )
         return np.flatnonzero(np.repeat(shown, np.diff(self.first_of_surface)))
 
+    def first_triangles(self, placed: Iterable[PlacedMesh]) -> NDArray[np.int32]:
+        """First triangle of each of some instances; 0 for those that are not in the geometry."""
+        numbers = {
+            PlacedMesh(
+                one.object_index, one.name, one.object_from_mesh.tobytes(), int(count)
+            ): first
+            for one, first, count in zip(
+                self.surfaces, self.first_of_surface, np.diff(self.first_of_surface), strict=False
+            )
+        }
+        return np.array([numbers.get(one, 0) for one in placed], dtype=np.int32)
+
     def part_of_triangles(self, triangles: NDArray[np.int32]) -> NDArray[np.intp]:
         """Parts (n,) of triangles (n,)."""
         return self.part_of_surface[self.surface_of_triangle[triangles]]
@@ -220,6 +243,7 @@ def build_geometry(scene: Scene, dynamic_objects: Sequence[Scene] = ()) -> Geome
                 mesh.texture_coordinates is not None,
                 mesh.second_texture_coordinates is not None,
                 not number and _is_lightmapped(scene, instance),
+                instance.world_from_mesh,
             )
             for (number, _, instance, mesh), material in zip(placed, materials, strict=True)
         ),

@@ -1,4 +1,4 @@
-"""Hits of a spinning lidar's beams by ray casting, each from the lidar's pose at its time."""
+"""Hits and intensities of a spinning lidar's beams, each from the lidar's pose at its time."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution, Slice
-from omnisim.rendering.rays.caster import Rays
+from omnisim.rendering.backend import BeamCaster
+from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.rendering.rays.echoes import (
     Returns,
     direct_intensities,
@@ -36,57 +37,92 @@ class LidarCaster:
         scene: scene to cast at, in its current state; earlier states are not kept.
         beams: beams of the lidar.
         hidden: parts of dynamic objects that beams pass through.
+        drawn: caster that finds the triangles instead of the scene's; None: the scene does.
     """
 
     def __init__(
-        self, scene: Callable[[], RayScene], beams: LidarBeams, hidden: frozenset[ObjectPart]
+        self,
+        scene: Callable[[], RayScene],
+        beams: LidarBeams,
+        hidden: frozenset[ObjectPart],
+        drawn: BeamCaster | None = None,
     ):
-        self._scene, self._beams, self._hidden = scene, beams, hidden
+        self._scene, self._beams, self._hidden, self._drawn = scene, beams, hidden, drawn
         self._directions = beams.directions
 
     @property
     def draws(self) -> Sequence[ObjectPart]:
         """Dynamic object and name of each instance, indexed by `BeamHits.draw_ids` − 1."""
-        return self._scene().caster.geometry.draws
+        return self._scene().caster.geometry.draws if self._drawn is None else self._drawn.draws
 
     def refresh(self) -> None:
-        """Do nothing: each cast uses the current scene."""
+        """Adapt to the scene; each cast uses the current one."""
+        if self._drawn is not None:
+            self._drawn.refresh()
 
     def cast(self, revolution: Revolution) -> BeamHits:
         """Hits of all beams of a revolution."""
         scene = self._scene()
+        if self._drawn is not None:
+            return self._lit(scene, revolution, self._drawn.cast(revolution))
         size = self._directions.shape[:2]
         limits = self._beams.echo_limits if scene.shading.is_specular.any() else None
-        hits = _no_hits(size, limits is not None)
+        hits = _no_hits(size)
         if limits is not None and limits.returns > 1:
-            hits = hits._replace(second=_no_hits(size, True))
+            hits = hits._replace(second=_no_hits(size))
         targets = [hits] if hits.second is None else [hits, hits.second]
         parts = [part for one in revolution.slices for part in self._parts(scene, one)]
 
         def cast_part(part: tuple[Slice, int, int]) -> None:
             one, first, last = part
             firings = slice(first, last)
-            elapsed = (np.arange(first, last) - one.first) / (one.last - one.first)
-            shares = np.broadcast_to(elapsed, (size[0], last - first)).ravel()
-            directions = np.einsum(
-                "fij,rfj->rfi", revolution.rotations[firings], self._directions[:, firings]
-            ).reshape(-1, 3)
-            rays = Rays(
-                one.start.origin_m + shares[:, None] * one.path_m,
-                directions,
-                np.zeros(len(directions)),
-                np.full(len(directions), self._beams.max_range_m),
-            )
+            rays, shares = self._rays(revolution, one, firings)
             returns = self._cast_slice(scene, one, rays, shares, limits)
             for number, target in enumerate(targets):
                 target.ranges_m[:, firings] = returns.ranges_m[number].reshape(size[0], -1)
                 target.draw_ids[:, firings] = returns.surfaces_plus_one[number].reshape(size[0], -1)
-                if target.intensities is not None:
-                    values = returns.intensities[number].reshape(size[0], -1)
-                    target.intensities[:, firings] = values
+                assert target.intensities is not None
+                values = returns.intensities[number].reshape(size[0], -1)
+                target.intensities[:, firings] = values
 
         scene.in_threads(cast_part, parts)
         return hits
+
+    def _rays(
+        self, revolution: Revolution, one: Slice, firings: slice
+    ) -> tuple[Rays, NDArray[np.float64]]:
+        """Rays (n,) of some firings of a slice, ring by ring, and their times as shares of it."""
+        directions = np.einsum(
+            "fij,rfj->rfi", revolution.rotations[firings], self._directions[:, firings]
+        )
+        elapsed = (np.arange(firings.start, firings.stop) - one.first) / (one.last - one.first)
+        shares = np.broadcast_to(elapsed, directions.shape[:2]).ravel()
+        origins_m = one.start.origin_m + shares[:, None] * one.path_m
+        far_m = np.full(len(shares), self._beams.max_range_m)
+        return Rays(origins_m, directions.reshape(-1, 3), np.zeros(len(shares)), far_m), shares
+
+    def _lit(self, scene: RayScene, revolution: Revolution, hits: BeamHits) -> BeamHits:
+        """Drawn hits with the intensities of their surfaces."""
+        assert hits.triangles is not None
+        geometry, intensities = scene.caster.geometry, np.zeros(hits.ranges_m.shape)
+        for one in revolution.slices:
+            for first in range(one.first, one.last, _FIRINGS_AT_ONCE):
+                firings = slice(first, min(first + _FIRINGS_AT_ONCE, one.last))
+                rays, shares = self._rays(revolution, one, firings)
+                triangles = hits.triangles[:, firings].ravel()
+                hit = np.flatnonzero(hits.draw_ids[:, firings].ravel())
+                rays, triangles = rays.take(hit), triangles[hit].astype(np.int32)
+                _follow_objects(rays, one, geometry.part_of_triangles(triangles), shares[hit])
+                poses, unknown = one.middle.world_from_objects, np.zeros((len(hit), 3), np.float32)
+                found = RayHits(triangles, np.zeros(len(hit)), unknown, unknown)
+                with np.errstate(divide="ignore", invalid="ignore"):  # triangles seen edge-on
+                    exact = scene.caster.exact(rays, found, poses)
+                weights = np.nan_to_num(exact.weights, nan=1.0 / 3.0, posinf=1.0, neginf=0.0)
+                exact = exact._replace(weights=weights.clip(0.0, 1.0))
+                values = np.zeros(len(shares))
+                values[hit] = direct_intensities(scene.shading, rays, exact, poses)
+                intensities[:, firings] = values.reshape(len(intensities), -1)
+        return hits._replace(intensities=intensities)
 
     def _parts(self, scene: RayScene, one: Slice) -> list[tuple[Slice, int, int]]:
         """Ranges of firings that are cast at once, each with its slice or part of a slice."""
@@ -120,13 +156,7 @@ class LidarCaster:
         hits, rays = hits.take(hit), rays.take(hit)
         geometry = scene.caster.geometry
         bent = [(moving, rays.take(moving)) for moving, _ in geometry.deformed(hits.triangles)]
-        for moving, number in _moving(one, geometry.part_of_triangles(hits.triangles)):
-            _follow(
-                rays,
-                moving,
-                shares[hit[moving]],
-                *(pose.world_from_objects[number] for pose in (one.start, one.middle, one.end)),
-            )
+        _follow_objects(rays, one, geometry.part_of_triangles(hits.triangles), shares[hit])
         returns = no_returns(1 if limits is None else limits.returns, len(shares))
         exact = scene.caster.exact(rays, hits, poses)
         ranges_m = exact.ranges_m
@@ -143,26 +173,25 @@ class LidarCaster:
             ranges_m[moving[inside]] = moved.ranges_m[inside]
         returns.ranges_m[0, hit] = ranges_m
         returns.surfaces_plus_one[0, hit] = geometry.surface_of_triangle[hits.triangles] + 1
+        returns.intensities[0, hit] = direct_intensities(scene.shading, rays, exact, poses)
         if limits is not None:
-            returns.intensities[0, hit] = direct_intensities(scene, rays, exact, objects)
             replace_specular(returns, scene, beams, objects, limits)
         return returns
 
 
-def _no_hits(size: tuple[int, int], has_intensities: bool) -> BeamHits:
-    intensities = np.zeros(size) if has_intensities else None
-    return BeamHits(np.full(size, np.inf), np.zeros(size, dtype=np.uint32), intensities)
+def _no_hits(size: tuple[int, int]) -> BeamHits:
+    return BeamHits(np.full(size, np.inf), np.zeros(size, dtype=np.uint32), np.zeros(size))
 
 
-def _moving(one: Slice, parts: NDArray[np.intp]) -> Sequence[tuple[NDArray[np.intp], int]]:
-    """Indices of the hits on each moving object, by their parts (n,), and the object's index."""
-    return [
-        (np.flatnonzero(parts == number + 1), number)
-        for number, (start, end) in enumerate(
-            zip(one.start.world_from_objects, one.end.world_from_objects, strict=True)
-        )
-        if not np.array_equal(start, end)
-    ]
+def _follow_objects(
+    rays: Rays, one: Slice, parts: NDArray[np.intp], shares: NDArray[np.float64]
+) -> None:
+    """Move rays (n,) at the moving ones of the parts (n,) into the frames of their middle poses."""
+    poses = (state.world_from_objects for state in (one.start, one.middle, one.end))
+    for part, (start, middle, end) in enumerate(zip(*poses, strict=True), start=1):
+        if not np.array_equal(start, end):
+            moving = np.flatnonzero(parts == part)
+            _follow(rays, moving, shares[moving], start, middle, end)
 
 
 def _follow(

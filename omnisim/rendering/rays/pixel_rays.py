@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -10,10 +11,11 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, pixel_grid
 from omnisim.cameras import Rays as CameraRays
+from omnisim.cameras.mirrors import tessellate
+from omnisim.cameras.mirrors.mirror_mesh_rays import mesh_rays
 from omnisim.core.world import Pose
 from omnisim.rendering.rays.caster import Rays
 from omnisim.rendering.rays.depth_limits import DepthLimits
-from omnisim.rendering.rays.mirror_mesh_rays import MirrorMeshRays
 
 # Approximate number of samples per band: intermediate arrays stay in the cache, and threads have
 # enough work between Python's own steps.
@@ -65,7 +67,7 @@ class PixelRays:
         self.camera = camera
         self._ray_from_pixel: Callable[[NDArray[np.float64]], CameraRays] = camera.ray_from_pixel
         if polygons is not None and isinstance(camera, HyperbolicCamera):
-            self._ray_from_pixel = MirrorMeshRays(camera, polygons).ray_from_pixel
+            self._ray_from_pixel = partial(mesh_rays, camera, tessellate(camera.mirror, polygons))
         elif polygons is not None and isinstance(camera, NonCentralCamera):
             from omnisim.cameras.optics.mesh_rays import (
                 MeshRays,
@@ -114,5 +116,4 @@ def _steps(
     ahead = np.roll(directions, -1, axis) - directions
     has_next, has_last = np.roll(valid, -1, axis), np.roll(valid, 1, axis)
     back = np.roll(ahead, 1, axis)
-    steps = np.where(has_next[..., None], ahead, np.where(has_last[..., None], back, 0.0))
-    return steps
+    return np.where(has_next[..., None], ahead, np.where(has_last[..., None], back, 0.0))

@@ -56,6 +56,7 @@ class RayScene:
         scene: scene with its lights and background.
         dynamic_objects: objects, each in its own frame.
         threads: number of threads for casting; None: one per core.
+        casts: False: its surfaces are looked up only, without embreex.
 
     Attributes:
         caster, shading: triangles of the scene, and their appearance.
@@ -65,10 +66,14 @@ class RayScene:
     """
 
     def __init__(
-        self, scene: Scene, dynamic_objects: Sequence[Scene] = (), threads: int | None = None
+        self,
+        scene: Scene,
+        dynamic_objects: Sequence[Scene] = (),
+        threads: int | None = None,
+        casts: bool = True,
     ):
         self.scene = scene
-        self.caster = RayCaster(scene, dynamic_objects)
+        self.caster = RayCaster(scene, dynamic_objects, casts)
         self.shading = Shading(self.caster.geometry, scene.lighting)
         self._threads = threads or os.cpu_count() or 1
         self._background = np.array(scene.background, dtype=np.float32)

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras import Rays
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.parallax_plan import parallax_tiles
 from omnisim.rendering.opengl.atlas.sampling_density import MAX_ANISOTROPY
 from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
 from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays
-from omnisim.rendering.opengl.capture.traced_pixels import TracedPixels
+from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.ground_truth.occlusion_pass import OcclusionPass
@@ -80,7 +81,7 @@ class ParallaxHits(DrawnHits):
         context = buffers.context
         self._passes = ParallaxHitPass(
             VisibilityPass(buffers, plan, cameras, details),
-            TracedPixels(context, sensor.model, self.rays().astype(np.float32), self._rays.valid),
+            PixelMap(context, sensor.model, traced=Rays(self.rays(), self._rays.valid)),
             DepthPyramid(context, plan, cameras.near_m, cameras.far_m, rays.longest_m),
         )
         optical_from_rig = sensor.model.rig_from_optical.T

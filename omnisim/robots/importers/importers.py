@@ -33,7 +33,7 @@ def _import_urdf(path: Path, name: str | None, resources: Resources) -> Imported
 
 
 def _import_mjcf(path: Path, name: str | None, resources: Resources) -> ImportedRobot:
-    from omnisim.scene.formats.urdf.document import is_urdf
+    from omnisim.scene.formats.urdf.kinematics import is_urdf
 
     if is_urdf(path):
         return _import_urdf(path, name, resources)

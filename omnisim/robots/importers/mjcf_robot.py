@@ -14,11 +14,14 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSensor, load_body
 from omnisim.robots.importers.mechanics import Mechanics, imported_robot
 from omnisim.robots.importers.wheels import Wheel, is_across
-from omnisim.scene.formats.mjcf.camera_lens import lens_of
-from omnisim.scene.formats.mjcf.camera_mount import Mount
-from omnisim.scene.formats.mjcf.names import body_name, geom_names
-from omnisim.scene.formats.mjcf.reader import VISIBLE_GROUPS, load_model
-from omnisim.scene.formats.mjcf.robot_body import without_world
+from omnisim.scene.formats.mjcf.cameras import Mount, lens_of
+from omnisim.scene.formats.mjcf.reader import (
+    VISIBLE_GROUPS,
+    body_name,
+    geom_names,
+    load_model,
+    without_world,
+)
 from omnisim.scene.formats.sdf.models import unique_name
 from omnisim.sensors.sensor_names import folder_name
 
@@ -63,6 +66,10 @@ def _mechanics(
         raise RobotFileError(f"{path}: expected bodies at finite positions")
     wheels = list(_wheels(model, data, root))
     sensors = [*_cameras(model, data, notices), *_imus(model, data)]
+    others = [int(kind) for kind in model.sensor_type if int(kind) not in _INERTIAL]
+    if others:
+        kinds = sorted({mujoco.mjtSensor(one).name[len("mjSENS_") :].lower() for one in others})
+        notices.append(f"left out, as omnisim has no such sensor: {_listed(kinds)}")
     mass_kg, center_m = float(model.body_subtreemass[root]), np.array(data.subtree_com[root])
     return Mechanics(body_name(model, root), wheels, mass_kg, center_m, sensors, {})
 
@@ -141,6 +148,8 @@ def _cameras(
     for number in range(model.ncam):
         name = _name(model, _OBJECTS.mjOBJ_CAMERA, number)
         if not name or model.cam_bodyid[number] == 0:
+            why = "is the world's" if name else "has no name"
+            notices.append(f"left out: camera {name or number} {why}")
             continue
         try:
             camera = OmniCamera(lens_of(model, name), polygons=None)

@@ -16,12 +16,12 @@ from omnisim.robots.importers.imported_robot import ImportedRobot, ImportedSenso
 from omnisim.robots.importers.mechanics import Mechanics, imported_robot
 from omnisim.robots.importers.wheels import Wheel, is_across
 from omnisim.scene import Scene
-from omnisim.scene.files.search_path import ResourcePath
-from omnisim.scene.formats.omissions import Omissions
+from omnisim.scene.formats.features import part_notices, xml_parts
+from omnisim.scene.formats.imported_scene import Omissions
+from omnisim.scene.formats.resources import ResourcePath
 from omnisim.scene.formats.sdf.models import unique_name
 from omnisim.scene.formats.urdf.kinematics import link_poses
-from omnisim.scene.formats.xml.document import parse_xml
-from omnisim.scene.formats.xml.element import XmlElement
+from omnisim.scene.formats.xml.element import XmlElement, parse_xml
 from omnisim.sensors.sensor_names import folder_name
 
 Poses = Mapping[str, NDArray[np.float64]]  # poses (4, 4) by link name
@@ -46,7 +46,7 @@ def import_urdf(path: Path, resources: Sequence[str | Path] = ()) -> ImportedRob
         wheels = list(_wheels(robot, poses, body))
         mass_kg, center_m = _mass(robot, poses)
         sensors = list(_sensors(root, path, poses, notices))
-        limits = _plugin_limits(root, path)
+        limits = _plugin_limits(root, path, notices)
     except OSError as reason:
         raise RobotFileError(f"{path}: cannot be read: {reason.strerror}") from None
     except (SceneError, RobotFileError) as reason:
@@ -149,10 +149,11 @@ def _sensors(
     notices += omissions.notices
 
 
-def _plugin_limits(root: Element, path: Path) -> dict[str, float]:
-    """Limits stated by Gazebo's drive plugin; empty without one."""
+def _plugin_limits(root: Element, path: Path, notices: list[str]) -> dict[str, float]:
+    """Limits stated by Gazebo's drive plugin, whose other parts are noted; empty without one."""
     for extension in XmlElement(root, "robot", path).children("gazebo"):
         for plugin in extension.children("plugin"):
             if is_wheel_drive(plugin):
+                notices += part_notices("drive", xml_parts(plugin.element, "drive"))
                 return stated_limits(plugin)
     return {}

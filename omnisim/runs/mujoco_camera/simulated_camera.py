@@ -74,8 +74,7 @@ class Camera(Closeable):
         backend: BackendName = "cube",
     ):
         require_extra("mujoco", "omnisim.runs.mujoco_camera.Camera")
-        from omnisim.scene.formats.mjcf.camera_lens import lens_of
-        from omnisim.scene.formats.mjcf.camera_mount import find_mount
+        from omnisim.scene.formats.mjcf.cameras import find_mount, lens_of
         from omnisim.scene.formats.mjcf.moving_model import split_model
 
         self._model, self._data, self._groups = model, data, tuple(groups)

@@ -7,16 +7,15 @@ convex facet. Rooms thus stay hollow, and nothing floats on a room's hull.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
 from omnisim.core.short_repr import short_repr
-from omnisim.runs.physics.facets import Triangles, area_vectors, connected_parts, convex_facets
-from omnisim.runs.physics.hulls import convex_hull
-from omnisim.runs.physics.shapes import Shape
 from omnisim.scene import Scene
 
 WELDED_M = 1e-5  # grid spacing by which close vertices are merged
@@ -176,3 +175,175 @@ def _slab(corners_m: NDArray[np.float64], two_sided: bool) -> NDArray[np.float64
     if abs(normal[2]) >= LEVEL_COSINE:
         return np.concatenate((points, points - SLAB_M * np.sign(normal[2]) * normal))
     return np.concatenate((points - 0.5 * SLAB_M * normal, points + 0.5 * SLAB_M * normal))
+
+
+# Facets of a surface: its triangles merged into planar convex polygons.
+
+
+FLAT_SINE = 0.01  # maximum sine between normals of one facet: half a degree
+AREA_SLACK = 1e-3  # relative area by which a hull may exceed its convex polygon
+
+Triangles = NDArray[np.intp]  # (n, 3) indices of vertices
+
+
+def area_vectors(corners_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Normals (n, 3) of triangles (n, 3, 3), scaled by their areas."""
+    edges = corners_m[:, 1:] - corners_m[:, :1]
+    vectors: NDArray[np.float64] = 0.5 * np.cross(edges[:, 0], edges[:, 1])
+    return vectors
+
+
+def connected_parts(triangles: Triangles, vertex_count: int) -> list[Triangles]:
+    """Triangles of each connected part; triangles that share a vertex are connected."""
+    links = triangles[:, (0, 1)], triangles[:, (1, 2)]
+    rows, columns = (np.concatenate(each) for each in zip(*(link.T for link in links), strict=True))
+    return _grouped(triangles, _components(rows, columns, vertex_count)[triangles[:, 0]])
+
+
+def convex_facets(vertices_m: NDArray[np.float64], triangles: Triangles) -> list[Triangles]:
+    """Triangles of each facet: merged across shared edges while flat and convex."""
+    flat = _joined(vertices_m, triangles) if len(triangles) else []
+    return [facet for region in flat for facet in _convex(vertices_m, region)]
+
+
+def _joined(vertices_m: NDArray[np.float64], triangles: Triangles) -> list[Triangles]:
+    """Triangles of each flat region."""
+    normals = area_vectors(vertices_m[triangles])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    first, second = _neighbors(triangles)
+    flat = np.einsum("ni,ni->n", normals[first], normals[second]) > np.sqrt(1.0 - FLAT_SINE**2)
+    numbers = _components(first[flat], second[flat], len(triangles))
+    return _grouped(triangles, numbers)
+
+
+def _convex(vertices_m: NDArray[np.float64], region: Triangles) -> list[Triangles]:
+    """Convex polygons of a flat region, grown one triangle at a time.
+
+    Source: Hertel and Mehlhorn, "Fast triangulation of simple polygons" (1983): a triangulation
+    without its inessential edges; here in one sweep, edge by edge.
+    """
+    if len(region) == 1 or _is_convex(vertices_m, region):
+        return [region]
+    owner = np.arange(len(region))
+    members = {k: [k] for k in range(len(region))}
+    for first, second in zip(*(each.tolist() for each in _neighbors(region)), strict=True):
+        a, b = int(owner[first]), int(owner[second])
+        if a == b:
+            continue
+        both = members[a] + members[b]
+        if _is_convex(vertices_m, region[both]):
+            owner[members[b]] = a
+            members[a] = both
+            del members[b]
+    return [region[rows] for rows in members.values()]
+
+
+def _is_convex(vertices_m: NDArray[np.float64], region: Triangles) -> bool:
+    """True if a flat region's area equals that of its hull."""
+    vectors = area_vectors(vertices_m[region])
+    normal = vectors.sum(axis=0)
+    area = float(np.linalg.norm(normal))
+    points = vertices_m[np.unique(region)]
+    axes = np.linalg.svd(normal[None])[2][1:]  # two axes perpendicular to the normal
+    hull = convex_hull(points @ axes.T)
+    return hull is None or bool(hull.volume <= area * (1.0 + AREA_SLACK))
+
+
+def _neighbors(triangles: Triangles) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Pairs of triangles that share an edge: two index arrays (pairs,), ordered by edge."""
+    edges = np.sort(triangles[:, ((0, 1), (1, 2), (2, 0))].reshape(-1, 2), axis=1)
+    order = np.lexsort((edges[:, 1], edges[:, 0]))
+    same = np.flatnonzero(np.all(edges[order[1:]] == edges[order[:-1]], axis=1))
+    return order[same] // 3, order[same + 1] // 3
+
+
+def _components(first: NDArray[np.intp], second: NDArray[np.intp], count: int) -> NDArray[np.int32]:
+    """Component number (count,) of each node in a graph of `count` nodes."""
+    links = scipy.sparse.coo_matrix((np.ones(len(first)), (first, second)), (count, count))
+    numbers: NDArray[np.int32] = scipy.sparse.csgraph.connected_components(links, directed=False)[1]
+    return numbers
+
+
+def _grouped(triangles: Triangles, numbers: NDArray[np.int32]) -> list[Triangles]:
+    """Triangles grouped by their numbers."""
+    order = np.argsort(numbers, kind="stable")
+    ends = np.flatnonzero(np.diff(numbers[order])) + 1
+    return np.split(triangles[order], ends)
+
+
+# Convex hulls of points, without Qhull's warnings.
+
+
+def convex_hull(points: NDArray[np.float64]) -> scipy.spatial.ConvexHull | None:
+    """Hull of points (n, axes); None: they are degenerate (flat)."""
+    try:
+        return scipy.spatial.ConvexHull(points, qhull_options="Pp")
+    except scipy.spatial.QhullError:
+        return None
+
+
+# Shapes of convex pieces: balls, boxes, or else hulls.
+
+
+ROUND = 0.02  # maximum difference of a ball's vertex radii, relative
+FULL_BALL = 0.9 * 4.0 / 3.0 * math.pi  # minimum hull volume of a ball of radius 1
+RIGHT_ANGLE = 1e-3  # maximum cosine between axes at a right angle
+FULL = 0.999  # minimum share of its bounding box that a box's hull fills
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """Shape of a piece in the frame of its vertices.
+
+    Attributes:
+        kind: "ball", "box" or "hull".
+        center_m: (3,) center.
+        axes: (3, 3) axes of a box, in columns; identity for other kinds.
+        half_m: (3,) half sides of a box, or radius of a ball.
+        vertices_m: (n, 3) corners of the hull, relative to the center.
+    """
+
+    kind: Literal["ball", "box", "hull"]
+    center_m: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    half_m: NDArray[np.float64]
+    vertices_m: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, vertices_m: NDArray[np.float64]) -> Shape | None:
+        """Shape of the hull of vertices (n, 3); None: the vertices are coplanar."""
+        hull = convex_hull(vertices_m)
+        if hull is None:
+            return None
+        corners = vertices_m[hull.vertices]
+        return _ball(corners, hull) or _box(corners, hull) or _hull(corners)
+
+
+def _ball(corners_m: NDArray[np.float64], hull: scipy.spatial.ConvexHull) -> Shape | None:
+    center = 0.5 * (corners_m.min(axis=0) + corners_m.max(axis=0))
+    radii = np.linalg.norm(corners_m - center, axis=1)
+    radius = float(radii.max())
+    if radii.min() < (1.0 - ROUND) * radius or hull.volume < FULL_BALL * radius**3:
+        return None
+    return Shape("ball", center, np.eye(3), np.full(3, radius), corners_m - center)
+
+
+def _box(corners_m: NDArray[np.float64], hull: scipy.spatial.ConvexHull) -> Shape | None:
+    axes: list[NDArray[np.float64]] = []
+    for normal in hull.equations[:, :3]:
+        if all(abs(float(axis @ normal)) < RIGHT_ANGLE for axis in axes):
+            axes.append(normal)
+    if len(axes) < 3:
+        return None
+    rotation = np.stack((axes[0], axes[1], np.cross(axes[0], axes[1])), axis=1)
+    along = corners_m @ rotation
+    low, high = along.min(axis=0), along.max(axis=0)
+    if hull.volume < FULL * float(np.prod(high - low)):
+        return None
+    center = rotation @ (0.5 * (low + high))
+    return Shape("box", center, rotation, 0.5 * (high - low), corners_m - center)
+
+
+def _hull(corners_m: NDArray[np.float64]) -> Shape:
+    center = corners_m.mean(axis=0)
+    return Shape("hull", center, np.eye(3), np.zeros(3), corners_m - center)

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from omnisim.core.poses import quaternion_from_rotation
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.world import Pose
-from omnisim.runs.physics.convex_pieces import ConvexPiece
+from omnisim.runs.physics.convex_pieces import ConvexPiece, Shape
 from omnisim.runs.physics.rover import WHEEL_MASS, WHEEL_WIDTH, Rover
-from omnisim.runs.physics.shapes import Shape
 from omnisim.sensors.imu.imu import STANDARD_GRAVITY_MPS2
 
 STEP_S = 1e-3

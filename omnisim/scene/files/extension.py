@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import inverse
-from omnisim.scene.files.imported_scene import ImportedObject
+from omnisim.scene.formats.imported_scene import ImportedObject
 from omnisim.scene.model import DynamicObject, Instance, Landmark, NamedStart, Scene, ScenePath
 
 Named = Sequence[NamedStart | ScenePath | Landmark | DynamicObject]

@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import NoticeWarning, SceneError, printable
 from omnisim.core.files.sources import recorded_sources, source_digest
+from omnisim.scene.files.dynamic_objects import load_objects
 from omnisim.scene.files.extension import extend, with_moving_instances, with_objects
-from omnisim.scene.files.file_axes import FileAxes, axes_overrides
-from omnisim.scene.files.imported_scene import ImportedScene, place
 from omnisim.scene.files.material_changes import changes_light, with_materials
 from omnisim.scene.files.readers import check_format, read_file
 from omnisim.scene.files.scene_file import SceneFile
 from omnisim.scene.files.source import NO_SKY, SceneSource, resolve_source, shining_sun, sky_table
 from omnisim.scene.files.source_digests import SourceDigests
 from omnisim.scene.formats.gltf.animations import NO_ANIMATION, AnimationChoice
+from omnisim.scene.formats.imported_scene import FileAxes, ImportedScene, place
 from omnisim.scene.labels import label_rules
 from omnisim.scene.light.light_tables import SkyTable
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, expose, with_environment
@@ -38,7 +38,6 @@ from omnisim.scene.model import (
     StartPose,
     bounds_m,
 )
-from omnisim.scene.motion.dynamic_objects import load_objects
 from omnisim.scene.space.start_pose import default_start, find_start
 
 MAX_NOTICE = 300
@@ -317,7 +316,7 @@ def _load_mesh_file(
         if path.stat().st_size == 0:
             raise SceneError(f"{path}: is an empty file")
         try:
-            axes, animation = axes_overrides(settings, options.axes), settings.animation
+            axes, animation = _axes_overrides(settings, options.axes), settings.animation
             if options.animation is not None:
                 animation = options.animation
             choice = AnimationChoice(animation, moves_objects=not options.is_shape)
@@ -428,3 +427,9 @@ def _landmarks(settings: SceneFile) -> tuple[Landmark, ...]:
         )
         landmarks.append(Landmark(table.name, table.position_m, table.footprint_m, bands))
     return tuple(landmarks)
+
+
+def _axes_overrides(settings: SceneFile, axes: FileAxes) -> FileAxes:
+    """Overrides for a file, from `axes` or else from `settings`."""
+    unit = settings.meters_per_unit if axes.meters_per_unit is None else axes.meters_per_unit
+    return FileAxes(axes.up_axis or settings.up_axis, unit)

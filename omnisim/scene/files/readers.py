@@ -14,12 +14,15 @@ from numpy.typing import NDArray
 from omnisim.core.errors import SceneError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.sources import read_source
-from omnisim.scene.files.asset_resolver import AssetResolver
-from omnisim.scene.files.file_axes import FileAxes, world_from_file
-from omnisim.scene.files.imported_scene import ImportedScene, material_notices
-from omnisim.scene.files.search_path import ResourcePath
 from omnisim.scene.formats.gltf.animations import FIRST_ANIMATION, NO_ANIMATION, AnimationChoice
 from omnisim.scene.formats.gltf.reader import read_gltf
+from omnisim.scene.formats.imported_scene import (
+    FileAxes,
+    ImportedScene,
+    material_notices,
+    world_from_file,
+)
+from omnisim.scene.formats.resources import AssetResolver, ResourcePath
 from omnisim.scene.textures import TextureStore, large_textures
 
 Read = tuple[ImportedScene, NDArray[np.float64]]  # contents and world_from_file (4, 4)
@@ -139,7 +142,7 @@ def _format_of(path: Path) -> SceneFormat | None:
     suffix = path.suffix.lower()
     scene_format = next((one for one in _FORMATS if suffix in one.suffixes), None)
     if scene_format is _MJCF:
-        from omnisim.scene.formats.urdf.document import is_urdf  # imports an XML parser
+        from omnisim.scene.formats.urdf.kinematics import is_urdf  # imports an XML parser
 
         return _URDF if is_urdf(path) else _MJCF
     return scene_format

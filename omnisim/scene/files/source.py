@@ -108,7 +108,7 @@ def resolve_source(source: str | Path) -> SceneSource:
 
 def _gazebo_model(folder: Path) -> Path:
     """Model file in a Gazebo model folder."""
-    from omnisim.scene.formats.sdf.model_folder import MANIFESTS, model_file  # XML parser
+    from omnisim.scene.formats.sdf.models import MANIFESTS, model_file  # XML parser
 
     manifests = (*MANIFESTS, "model.sdf")
     file = model_file(folder) if any((folder / name).is_file() for name in manifests) else None

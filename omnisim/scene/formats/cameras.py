@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from omnisim.cameras import CentralCamera
 from omnisim.core.errors import OmnisimError
 from omnisim.core.poses import roll_pitch_yaw_from_rotation
-from omnisim.scene.files.imported_scene import MAX_COORDINATE
+from omnisim.scene.formats.imported_scene import MAX_COORDINATE
 from omnisim.scene.parts import CameraPose
 
 HEIGHT_PX = 480  # of lenses whose files state no resolution

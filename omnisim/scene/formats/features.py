@@ -86,6 +86,7 @@ _TESTS: Mapping[str, Callable[[str], bool]] = {
     "nonzero": _is_nonzero,
     "not one": lambda value: any(re.sub(r"\.0*$", "", word) != "1" for word in value.split()),
     "lit": lambda value: not value.strip() or _is_nonzero(" ".join(value.split()[:3])),
+    "other format": lambda value: value.strip() not in ("R8G8B8", "RGB_INT8", "B8G8R8"),
 }
 
 
@@ -96,6 +97,7 @@ def _tables() -> dict[str, list[list[str]]]:
 
 
 TABLES = ("gltf", "sdf", "urdf", "mjcf", "usd", "obj", "mtl", "ply", "stl", "off", "dae")
+ROBOT_TABLES = ("camera", "lidar", "imu", "drive")  # of Gazebo's models, also in URDF
 
 
 @cache

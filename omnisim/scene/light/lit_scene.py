@@ -10,7 +10,7 @@ import numpy as np
 from omnisim.scene.files.scene_file import SceneFile
 from omnisim.scene.light.light_tables import FogTable, LampTable, SunTable
 from omnisim.scene.light.lighting import FILL_AMBIENT, expose, is_even
-from omnisim.scene.light.sun import sun_illuminance_lx, sun_position
+from omnisim.scene.light.sky import sun_illuminance_lx, sun_position
 from omnisim.scene.model import Scene
 from omnisim.scene.parts import Fog, Light, Lighting, LightKind
 

@@ -10,9 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.scene.motion.keyframes import Keyframes
-from omnisim.scene.motion.node_motion import AnimatedNode
-from omnisim.scene.motion.node_poses import NodePoses
+from omnisim.scene.motion.node_motion import AnimatedNode, Keyframes, NodePoses
 
 Matrix = NDArray[np.float64]
 Floats = NDArray[np.float32]

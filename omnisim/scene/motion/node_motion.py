@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
 from functools import cached_property
 
 import numpy as np
@@ -10,7 +13,6 @@ from numpy.typing import NDArray
 
 from omnisim.core.poses import nearest_rotation, pose_from_rotation, rotation_from_quaternion
 from omnisim.core.world import Pose
-from omnisim.scene.motion.keyframes import Keyframes
 
 Matrix = NDArray[np.float64]
 NO_TURN = 1e-7  # largest length of a quaternion that counts as no rotation
@@ -108,3 +110,200 @@ def local_transform(translation: Matrix, quaternion: Matrix, scale: Matrix) -> M
     result[:3, :3] *= scale
     result[:3, 3] = translation
     return result
+
+
+# Batched transforms of animated nodes: a few array operations per hierarchy level.
+
+
+class NodePoses:
+    """Poses of nodes of one animation, computed together with all their ancestors.
+
+    Args:
+        nodes: nodes to evaluate; None: a static node at the world's origin.
+    """
+
+    def __init__(self, nodes: Sequence[AnimatedNode | None]):
+        every: dict[AnimatedNode, int] = {}  # parents come first
+        depths: list[int] = []
+        for node in nodes:
+            chain = []
+            while node is not None and node not in every:
+                chain.append(node)
+                node = node.parent
+            for one in reversed(chain):
+                every[one] = len(every)
+                depths.append(0 if one.parent is None else 1 + depths[every[one.parent]])
+        self._period_s = max((one.period_s for one in every), default=0.0)
+        self._before = np.array([one.parent_from_node for one in every]).reshape(-1, 4, 4)
+        self._translations = _Tracks([one.translation for one in every], 3)
+        self._rotations = _Tracks([one.rotation for one in every], 4)
+        self._scales = _Tracks([one.scale for one in every], 3)
+        parents = np.array([0 if one.parent is None else every[one.parent] for one in every])
+        depth_of = np.array(depths)
+        levels = [np.flatnonzero(depth_of == one) for one in range(1, 1 + max(depths, default=0))]
+        self._levels = [(level, parents[level]) for level in levels]
+        # the last transform is the identity of the world
+        self._index = np.array([len(every) if one is None else every[one] for one in nodes])
+
+    def at(self, time_s: float) -> Matrix:
+        """Transforms (n, 4, 4) from the nodes to the world at a world time."""
+        time_s = time_s % self._period_s if self._period_s else 0.0
+        quaternions = self._rotations.at(time_s)
+        turns = np.linalg.norm(quaternions, axis=1) > NO_TURN
+        local = np.tile(np.eye(4), (1 + len(self._before), 1, 1))
+        if turns.any():
+            local[:-1][turns, :3, :3] = rotation_from_quaternion(quaternions[turns])
+        local[:-1, :3, :3] *= self._scales.at(time_s)[:, None]
+        local[:-1, :3, 3] = self._translations.at(time_s)
+        local[:-1] = self._before @ local[:-1]
+        for level, parents in self._levels:
+            local[level] = local[parents] @ local[level]
+        transforms: Matrix = local[self._index]
+        return transforms
+
+
+class _Tracks:
+    """Values of one property for many nodes; nodes with equal times share one lookup."""
+
+    def __init__(self, values: Sequence[Keyframes | Matrix], width: int):
+        self._rest = np.zeros((len(values), width))
+        groups: dict[tuple[bytes, str], list[int]] = {}
+        for index, value in enumerate(values):
+            if isinstance(value, Keyframes):
+                key = value.times_s.tobytes(), value.interpolation.value
+                groups.setdefault(key, []).append(index)
+            else:
+                self._rest[index] = value
+        self._groups = [
+            (np.array(indices), _stacked([values[index] for index in indices]))
+            for indices in groups.values()
+        ]
+
+    def at(self, time_s: float) -> Matrix:
+        """Values (nodes, width) at a world time."""
+        values = self._rest.copy()
+        for indices, keyframes in self._groups:
+            values[indices] = keyframes.at(time_s)
+        return values
+
+
+def _stacked(tracks: Sequence[Keyframes | Matrix]) -> Keyframes:
+    """Keyframes of several tracks merged into one, with values (times, tracks, width)."""
+    every = [one for one in tracks if isinstance(one, Keyframes)]
+    before = [one.in_tangents for one in every if one.in_tangents is not None]
+    after = [one.out_tangents for one in every if one.out_tangents is not None]
+    return replace(
+        every[0],
+        values=np.stack([one.values for one in every], axis=1),
+        in_tangents=np.stack(before, axis=1) if before else None,
+        out_tangents=np.stack(after, axis=1) if after else None,
+    )
+
+
+# Keyframe interpolation: stepwise, linear, or along cubic splines.
+
+
+Values = NDArray[np.float64]
+# Exporters write constant values with float32 noise.
+_NOISE = 1e-6
+
+
+class Interpolation(Enum):
+    """Interpolation modes of glTF."""
+
+    STEP = "STEP"
+    LINEAR = "LINEAR"
+    CUBIC_SPLINE = "CUBICSPLINE"
+
+
+@dataclass(frozen=True, eq=False)
+class Keyframes:
+    """Values over time; the first and the last value hold outside the time range.
+
+    Attributes:
+        times_s: (n,) non-decreasing times.
+        values: (n, k), or (n, m, k) for m tracks; rotations are quaternions (x, y, z, w).
+        interpolation: interpolation mode between two times.
+        in_tangents, out_tangents: tangents of cubic splines, shaped like `values`, per second.
+        are_rotations: True for quaternions, which are interpolated along the shorter arc.
+
+    Source: glTF 2.0, appendix C.
+    """
+
+    times_s: Values
+    values: Values
+    interpolation: Interpolation = Interpolation.LINEAR
+    in_tangents: Values | None = None
+    out_tangents: Values | None = None
+    are_rotations: bool = False
+
+    @property
+    def is_constant(self) -> bool:
+        """True if the values are constant up to float32 noise."""
+        noise = _NOISE * float(np.abs(self.values).max())
+        tangents = [one for one in (self.in_tangents, self.out_tangents) if one is not None]
+        duration_s = float(self.times_s[-1] - self.times_s[0])
+        return bool(np.ptp(self.values, axis=0).max() <= noise) and all(
+            float(np.abs(one).max()) * duration_s <= noise for one in tangents
+        )
+
+    def at(self, time_s: float) -> Values:
+        """Value (k,) or values (m, k) at a time; quaternions may be unnormalized."""
+        times_s = self.times_s
+        last = int(np.searchsorted(times_s, time_s, side="right")) - 1
+        if last < 0 or last + 1 == len(times_s) or self.interpolation is Interpolation.STEP:
+            value: Values = self.values[max(last, 0)]
+            return value
+        step_s = float(times_s[last + 1] - times_s[last])
+        share = (time_s - float(times_s[last])) / step_s
+        if self.interpolation is Interpolation.CUBIC_SPLINE:
+            return self._along_spline(last, share, step_s)
+        first, second = self.values[last], self.values[last + 1]
+        if self.are_rotations:
+            return (
+                _slerp(first, second, share) if first.ndim == 1 else _slerps(first, second, share)
+            )
+        straight: Values = first + share * (second - first)
+        return straight
+
+    def _along_spline(self, last: int, t: float, step_s: float) -> Values:
+        assert self.in_tangents is not None
+        assert self.out_tangents is not None
+        t2, t3 = t * t, t * t * t
+        value: Values = (
+            (2.0 * t3 - 3.0 * t2 + 1.0) * self.values[last]
+            + step_s * (t3 - 2.0 * t2 + t) * self.out_tangents[last]
+            + (3.0 * t2 - 2.0 * t3) * self.values[last + 1]
+            + step_s * (t3 - t2) * self.in_tangents[last + 1]
+        )
+        return value
+
+
+def _slerp(first: Values, second: Values, share: float) -> Values:
+    """Unit quaternion (4,) interpolated by a share of the shorter arc between two."""
+    first, second = first / np.linalg.norm(first), second / np.linalg.norm(second)
+    cosine = float(first @ second)
+    if cosine < 0.0:  # a quaternion and its negative are the same rotation
+        second, cosine = -second, -cosine
+    angle = 2.0 * math.atan2(
+        float(np.linalg.norm(second - first)), float(np.linalg.norm(second + first))
+    )
+    if angle == 0.0:
+        return first
+    turned: Values = (
+        math.sin((1.0 - share) * angle) * first + math.sin(share * angle) * second
+    ) / math.sin(angle)
+    return turned
+
+
+def _slerps(first: Values, second: Values, share: float) -> Values:
+    """Unit quaternions (m, 4) interpolated by a share of the shorter arc between each pair."""
+    first, second = (one / np.linalg.norm(one, axis=1, keepdims=True) for one in (first, second))
+    second = np.where(np.einsum("mk,mk->m", first, second)[:, None] < 0.0, -second, second)
+    lengths = np.linalg.norm(second - first, axis=1), np.linalg.norm(second + first, axis=1)
+    angles = 2.0 * np.arctan2(*lengths)[:, None]
+    sines = np.where(angles == 0.0, 1.0, np.sin(angles))
+    turned: Values = (
+        np.sin((1.0 - share) * angles) * first + np.sin(share * angles) * second
+    ) / sines
+    return np.where(angles == 0.0, first, turned)

@@ -260,10 +260,19 @@ def _crossings(
 
 def triangle_distances(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Distances (n,) from the origin to triangles (n, 3, 3)."""
+    return nearest_points(corners)[1]
+
+
+def nearest_points(
+    corners: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points (n, 3) of triangles (n, 3, 3) nearest to the origin, and their distances (n,)."""
     edges = corners[:, [1, 2, 0]] - corners
     squares = np.maximum(np.einsum("nij,nij->ni", edges, edges), np.finfo(np.float64).tiny)
     shares = np.clip(-np.einsum("nij,nij->ni", corners, edges) / squares, 0.0, 1.0)
-    borders = np.linalg.norm(corners + shares[..., None] * edges, axis=2).min(axis=1)
+    on_edges = corners + shares[..., None] * edges
+    lengths = np.linalg.norm(on_edges, axis=2)
+    nearest = np.take_along_axis(on_edges, lengths.argmin(axis=1)[:, None, None], axis=1)[:, 0]
     normals = np.cross(edges[:, 0], edges[:, 1])
     areas = np.linalg.norm(normals, axis=1, keepdims=True)
     normals = np.divide(normals, areas, out=np.zeros_like(normals), where=areas > 0.0)
@@ -271,8 +280,8 @@ def triangle_distances(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     feet = heights[:, None] * normals
     sides = np.einsum("nij,nj->ni", np.cross(edges, feet[:, None] - corners), normals)
     above = np.all(sides >= 0.0, axis=1) & (areas[:, 0] > 0.0)
-    distances: NDArray[np.float64] = np.where(above, np.abs(heights), borders)
-    return distances
+    points = np.where(above[:, None], feet, nearest)
+    return points, np.where(above, np.abs(heights), lengths.min(axis=1))
 
 
 def _plain(point: NDArray[np.float64]) -> tuple[float, float, float]:

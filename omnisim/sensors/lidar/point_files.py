@@ -24,9 +24,8 @@ _FIELDS = {
     "range": "<f4",
     "instance": "<u4",
 }
-POINT = np.dtype(list(_FIELDS.items()))
-# Points of a lidar that sees through glass and by mirrors.
-ECHO_POINT = np.dtype([*_FIELDS.items(), ("intensity", "<f4"), ("return", "<u2")])
+POINT = np.dtype([*_FIELDS.items(), ("intensity", "<f4"), ("return", "<u2")])
+PLAIN_POINT = np.dtype(list(_FIELDS.items()))  # of older files: without intensities
 _PLY_TYPES = {"<f4": "float", "<u2": "ushort", "<u4": "uint"}
 
 
@@ -37,7 +36,7 @@ def write_points(
 
     Args:
         path: output path.
-        points: (n,) points of type `POINT` or `ECHO_POINT`, as in `PointCloud`.
+        points: (n,) points of type `POINT`, as in `PointCloud`.
         world_from_lidar: (4, 4) viewpoint.
         metadata: header comments, written as `key: value` with the value in JSON.
 

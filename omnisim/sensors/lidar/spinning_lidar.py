@@ -38,7 +38,7 @@ from omnisim.rendering.shared_scene import SharedScene
 from omnisim.rendering.truth.ground_truth import instances_of_draws
 from omnisim.rendering.truth.moving_boxes import MovingBoxes
 from omnisim.sensors.device_noise import check_number, round_ranges
-from omnisim.sensors.lidar.point_files import ECHO_POINT, POINT, write_points
+from omnisim.sensors.lidar.point_files import POINT, write_points
 from omnisim.sensors.lidar.revolution import plan_revolution
 from omnisim.sensors.specular_keys import stated_parameters
 
@@ -215,19 +215,19 @@ class SpinningLidar(Parameters, name="lidar"):
         self,
         ranges_m: NDArray[np.float64],
         instances: NDArray[np.uint32],
-        intensities: NDArray[np.floating] | None = None,
+        intensities: NDArray[np.floating],
     ) -> NDArray[np.void]:
         """Points (n,) of beams, in the order of measurement.
 
         Args:
             ranges_m: (rings, firings) or (returns, rings, firings), +inf for misses.
             instances: instance IDs, of the same shape.
-            intensities: intensities, of the same shape; None: points have none.
+            intensities: intensities, of the same shape.
         """
         shape = (-1, self.rings, self.firings)
         ranges_m, instances = ranges_m.reshape(shape), instances.reshape(shape)
         firings, rings, returns = np.nonzero(np.isfinite(ranges_m.T))
-        points = np.empty(len(rings), dtype=POINT if intensities is None else ECHO_POINT)
+        points = np.empty(len(rings), dtype=POINT)
         beams = returns, rings, firings
         ranges = ranges_m[beams]
         xyz = ranges[:, None] * self.beams.directions[rings, firings]
@@ -236,9 +236,8 @@ class SpinningLidar(Parameters, name="lidar"):
         points["ring"], points["range"] = rings, ranges
         points["time"], points["azimuth"] = self.times_s[firings], self.azimuths_rad[firings]
         points["instance"] = instances[beams]
-        if intensities is not None:
-            points["intensity"] = intensities.reshape(shape)[beams]
-            points["return"] = 1 + returns
+        points["intensity"] = intensities.reshape(shape)[beams]
+        points["return"] = 1 + returns
         return points
 
 
@@ -249,9 +248,8 @@ class PointCloud:
     Attributes:
         points: (n,) points of type `POINT`: position in meters in the lidar's frame at the point's
             own time, ring number, seconds since the revolution's start, azimuth in radians
-            counter-clockwise, range in meters, and instance ID as in the ground truth. In scenes
-            with glass or mirrors of type `ECHO_POINT`: also intensity, 1 for a white surface met
-            perpendicularly, and number of the return, from 1.
+            counter-clockwise, range in meters, instance ID as in the ground truth, intensity, 1 for
+            a white surface met perpendicularly at the same range, and number of the return, from 1.
         lidar: lidar of the cloud.
         world_from_lidar_at_start, world_from_lidar: (4, 4) lidar poses at the start and the end of
             the revolution.
@@ -335,12 +333,12 @@ class LidarRenderer(SensorRenderer[SpinningLidar, BeamCaster]):
         ranges_m = [
             lidar.measure(one.ranges_m, revolution, number) for number, one in enumerate(returns)
         ]
-        intensities = [one.intensities for one in returns if one.intensities is not None]
+        intensities = np.stack([one.intensities for one in returns if one.intensities is not None])
         return PointCloud(
             lidar.points(
                 np.stack(ranges_m),
                 np.stack([instances.take(one.draw_ids) for one in returns]),
-                np.stack(intensities) if intensities else None,
+                intensities,
             ),
             lidar,
             plan.slices[0].start.world_from_lidar,

@@ -4,21 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.errors import OpticsError
+from omnisim.core.poses import pose
+from omnisim.ground_truth.hits import NO_DETAILS
+from omnisim.rendering.backend import CameraSetup
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.hit_source import HitSource
+from omnisim.rendering.parallax_camera import ParallaxCamera
+from omnisim.rendering.ray_backend import RayHitSource
+from omnisim.rendering.rays.caster import Rays
+from omnisim.rendering.rays.depth_limits import DepthLimits
 from omnisim.rendering.rays.ray_scene import RayScene
+from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.stage import Stage
 from omnisim.report.measure import Measure
 from omnisim.report.report import ResultTable, Section
 from omnisim.scene import Scene, load_scene
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.optical_systems import validation_systems
-from omnisim.validation.same_triangles import (
-    BESIDE_M,
-    SameTriangles,
-    pose_beside_nearest,
-    same_triangles,
-)
 
 SCENES = ("soccer", "mapping")
 SYSTEMS = ("tilted mirror", "sphere", "cone")
@@ -82,3 +90,91 @@ def triangle_section(title: str, compared: Mapping[tuple[str, str], SameTriangle
 def _percent(shares: Iterable[float]) -> float:
     """Minimum share in percent; NaN without shares."""
     return 100.0 * min(shares, default=math.nan)
+
+
+# Triangles that virtual cameras show at an optical system's pixels, against exact rays.
+
+
+BESIDE_M = 0.2
+_DIRECTIONS = 720  # searched for the nearest object
+_MIN_M = 0.05
+
+
+class SameTriangles(NamedTuple):
+    """Shares of pixels at which the triangle is that of the pixel's exact ray."""
+
+    cast: float  # among all pixels, with undecided pixels cast as rays
+    alone: float  # among all pixels, by the virtual cameras only
+    decided: float  # among the pixels that the virtual cameras decide
+    undecided_cast: float  # among undecided pixels, cast as rays; NaN: no undecided pixels
+    undecided: float  # share of undecided pixels among all pixels
+
+
+def same_triangles(
+    stage: Stage, rays: RayScene, sensor: OmniCamera, world_from_base: NDArray[np.float64]
+) -> SameTriangles:
+    """Compare the triangles of virtual cameras and of exact rays at all valid pixels.
+
+    Raises:
+        OpticsError: the sensor is central.
+    """
+    poses = ScenePoses(world_from_base @ sensor.base_from_rig, ())
+    with stage.current():
+        camera = stage.backend.camera(CameraSetup(sensor, False, frozenset(), 0, ()))
+        if not isinstance(camera, ParallaxCamera):
+            raise OpticsError("camera: expected an optical system, got a central camera")
+        limits = DepthLimits(sensor.near_m, sensor.far_m)
+        judge = RayHitSource(rays, camera.setup, limits)
+        expected = _Triangles.of(judge, poses)
+        sources = camera.make_hits(NO_DETAILS, True), camera.make_hits(NO_DETAILS, False)
+        cast, alone = (
+            _Triangles.of(source, poses).equal(expected)[judge.has_ray] for source in sources
+        )
+        undecided = sources[1].undecided[judge.has_ray]
+    stage.collect()
+    return SameTriangles(
+        float(cast.mean()),
+        float(alone.mean()),
+        float(alone[~undecided].mean()),
+        float(cast[undecided].mean()) if undecided.any() else np.nan,
+        float(undecided.mean()),
+    )
+
+
+def pose_beside_nearest(
+    sensor: OmniCamera, rays: RayScene, start: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Pose (4, 4) of the base, moved horizontally until its sensor is `BESIDE_M` from an object.
+
+    The object is the nearest at the sensor's height, among those at least twice as far away.
+    """
+    sensor_m = (start @ sensor.base_from_rig)[:3, 3]
+    angles = np.linspace(0.0, 2.0 * np.pi, _DIRECTIONS, endpoint=False)
+    directions = np.stack((np.cos(angles), np.sin(angles), 0.0 * angles), axis=1)
+    near_m, far_m = np.full(len(angles), _MIN_M), np.full(len(angles), np.inf)
+    origins_m = np.tile(sensor_m, (len(angles), 1))
+    ranges_m = rays.first_hits(Rays(origins_m, directions, near_m, far_m)).ranges_m
+    nearest = int(np.argmin(np.where(ranges_m > 2.0 * BESIDE_M, ranges_m, np.inf)))
+    away_m = (ranges_m[nearest] - BESIDE_M) * directions[nearest]
+    moved: NDArray[np.float64] = pose(tuple(away_m.tolist())) @ start
+    return moved
+
+
+class _Triangles(NamedTuple):
+    """Triangle indices and instance names at pixels (height, width)."""
+
+    names: NDArray[np.str_]  # of the instances
+    numbers: NDArray[np.uint32]
+
+    @staticmethod
+    def of(source: HitSource, poses: ScenePoses) -> _Triangles:
+        """Triangles hit by the rays of all pixels, for the given poses."""
+        hits = source.hits(poses)
+        names = np.array(["", *(name for _, name in source.draws)])
+        return _Triangles(names[hits.draw_ids], hits.triangles)
+
+    def equal(self, other: _Triangles) -> NDArray[np.bool_]:
+        """Mask (height, width) of pixels with equal triangles, or with none in both."""
+        same = (self.numbers == other.numbers) | (self.names == "")
+        equal: NDArray[np.bool_] = same & (self.names == other.names)
+        return equal

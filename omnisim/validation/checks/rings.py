@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import HyperbolicCamera
 from omnisim.cameras.mirrors.hyperbolic import image_radius_eq2_px
+from omnisim.core.bilinear import sample
 from omnisim.ground_truth.frame import Frame
 from omnisim.plots.plot_file import Figure
 from omnisim.plots.style import BLUE, GRAY, ORANGE, RED, gallery, plot
@@ -18,7 +19,6 @@ from omnisim.report.measure import Measure
 from omnisim.report.report import CaptionedFigure, ResultTable, Section
 from omnisim.scene import Scene, load_scene
 from omnisim.validation.fixture import Fixture, linear_image, max_abs, mirror_camera
-from omnisim.validation.ring_radii import ring_radii
 
 STEP_DEG = 5
 WIDE_RIM_DEG = 130.0
@@ -190,3 +190,39 @@ def _figure(wide: Rings, exact: Rings, mesh: Rings) -> Figure:
     )  # fmt: skip
     axes.legend(loc="lower left", frameon=False)
     return figure
+
+
+# Radii of rings around the principal point, measured in an image to a fraction of a pixel.
+
+
+STEP_PX = 0.1
+
+
+def ring_radii(
+    darkness: NDArray[np.float64],
+    center_px: tuple[float, float],
+    expected_px: float,
+    reach_px: float,
+    azimuths: int = 720,
+) -> NDArray[np.float64]:
+    """Radii (azimuths,) of one dark ring at evenly spaced azimuths.
+
+    The radius at an azimuth is the centroid of the darkness along that azimuth, within `reach_px`
+    of the expected radius. Blur makes a ring's radial profile proportional to 1/√r; the centroid
+    therefore weights darkness by √r.
+
+    Args:
+        darkness: image (height, width), 0 without a ring.
+        center_px: (u, v) center of the rings.
+        expected_px, reach_px: center and half width of the search interval, which must contain no
+            other ring.
+        azimuths: number of azimuths.
+    """
+    angles = 2.0 * np.pi * (np.arange(azimuths) + 0.5) / azimuths
+    radii = expected_px + np.arange(-reach_px, reach_px + 0.5 * STEP_PX, STEP_PX)
+    radii = radii[radii > 0.0]
+    directions = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
+    profile = sample(darkness, directions[:, None] * radii[:, None] + np.asarray(center_px))
+    weights = profile * np.sqrt(radii)
+    means: NDArray[np.float64] = (weights * radii).sum(axis=1) / weights.sum(axis=1)
+    return means

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.poses import wrap_angle
 from omnisim.perception.landmarks.landmark_detector import Detection
-from omnisim.perception.localization.observations import LandmarkMap, predict_measurement
+from omnisim.perception.localization.filter import LandmarkMap, predict_measurement
 
 # Maximum errors of a true positive.
 FOUND_WITHIN_RAD = math.radians(3.0)

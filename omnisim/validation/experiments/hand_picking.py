@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.poses import wrap_angle
-from omnisim.perception.localization.observations import LandmarkMap, Observation
+from omnisim.perception.localization.filter import LandmarkMap, Observation
 from omnisim.perception.unwarping.panorama import CameraMount
 
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.perception.landmarks.color_training import Training
+from omnisim.perception.landmarks.color_model import Training
 from omnisim.perception.landmarks.landmark_detector import Detection
 from omnisim.perception.localization.filter_parameters import FilterParameters
 from omnisim.plots.detection_plots import (

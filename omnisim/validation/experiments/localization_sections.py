@@ -7,8 +7,7 @@ import time
 
 import numpy as np
 
-from omnisim.perception.localization.filter import LocalizationFilter
-from omnisim.perception.localization.observations import LandmarkMap
+from omnisim.perception.localization.filter import LandmarkMap, LocalizationFilter
 from omnisim.perception.localization.track import notices
 from omnisim.plots.localization_plots import (
     PathPanel,

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omnisim.perception.landmarks.color_model import Costs
-from omnisim.perception.landmarks.color_model_file import save_model
+from omnisim.perception.landmarks.color_model import Costs, save_model
 from omnisim.perception.localization.filter_parameters import read_parameters
 from omnisim.report.machine import machine_of_device
 from omnisim.report.report import Report, make_folder

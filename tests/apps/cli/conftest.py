@@ -1,20 +1,11 @@
 """The command line, run in an empty folder."""
 
 import sys
-from functools import cache
 
 import pytest
-import typer.main
 
 from omnisim.apps.cli.app import main
-
-
-@pytest.fixture(scope="package", autouse=True)  # others see commands that have not run
-def _commands_are_built_once():
-    """The tree of commands, which does not change, is built once and not for each run."""
-    with pytest.MonkeyPatch.context() as monkeypatch:
-        monkeypatch.setattr(typer.main, "get_command", cache(typer.main.get_command))
-        yield
+from tests.printed_numbers import PRINTED_NOISE
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -36,6 +27,9 @@ def omnisim(monkeypatch, capsys, tmp_path):
         except SystemExit as stopped:
             status = stopped.code or 0
         captured = capsys.readouterr()
+        for text in (captured.out, captured.err):
+            is_json = text.startswith("{")  # with all digits
+            assert is_json or not PRINTED_NOISE.findall(text), text
         return status, captured.out, captured.err
 
     return run

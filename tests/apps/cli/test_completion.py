@@ -7,14 +7,13 @@ import sys
 from pathlib import Path
 
 import pytest
-import typer.main
 
 from omnisim.apps.cli import completion
 from omnisim.robots.robot_lookup import builtin_robots
 from omnisim.scene import builtin_scenes
 
-# What a key press must not wait for; typer itself imports pydantic.
-SLOW = ("numpy", "scipy", "moderngl", "trimesh", "OpenImageIO", "yaml")
+# What a key press must not wait for.
+SLOW = ("numpy", "scipy", "moderngl", "trimesh", "OpenImageIO", "yaml", "pydantic", "rich")
 
 
 def _ask(*words, folder=None, slow=SLOW):
@@ -29,13 +28,14 @@ def _ask(*words, folder=None, slow=SLOW):
         "    assert not slow, slow\n"
     )
     line = {"COMP_WORDS": " ".join(("omnisim", *words)), "COMP_CWORD": str(len(words))}
-    environment = {**os.environ, **line, "_OMNISIM_COMPLETE": "complete_bash"}
+    environment = {**os.environ, **line, "_OMNISIM_COMPLETE": "bash_complete"}
     done = subprocess.run(
         [sys.executable, "-c", code],
         env=environment, cwd=folder, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert not done.stderr
-    return done.stdout.split()
+    items = (line.split(",", 1) for line in done.stdout.splitlines() if line)
+    return [value for kind, value in items if kind == "plain"]
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def _ask(*words, folder=None, slow=SLOW):
         (("dataset", "convert", "set", "--to", "co"), ["coco", "colmap", "colmap-binary"]),
         (("validate", "--only", "r"), ["rings", "reflections", "rays", "response"]),
         (("robot", "check", "s"), ["superscout"]),
-        (("render", "rings", "--trajectory-f"), ["--trajectory-frame"]),
+        (("record", "rings", "--trajectory-f"), ["--trajectory-frame"]),
     ],
     ids=" ".join,
 )
@@ -77,18 +77,31 @@ def test_calibration_formats_are_completed_though_their_registry_takes_a_while()
 
 
 def test_built_in_names_are_those_of_the_modules():
-    assert completion.complete_scene("") == builtin_scenes()
-    assert completion.complete_robot("") == builtin_robots()
+    assert completion.complete_scene(None, "") == builtin_scenes()
+    assert completion.complete_robot(None, "") == builtin_robots()
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_a_script_for_each_shell_is_shown(omnisim, shell, monkeypatch):
-    # the tests may not have been started by a shell, which typer would take
-    monkeypatch.setenv("_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "1")
-    monkeypatch.setattr(typer.main, "get_command", typer.main.get_command.__wrapped__)
+def test_a_script_for_each_shell_is_shown_and_installed_once(omnisim, shell, monkeypatch, tmp_path):
     status, text, _ = omnisim("--show-completion", shell)
     assert status == 0
     assert "_OMNISIM_COMPLETE" in text
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("SHELL", f"/bin/{shell}")
+    for _ in range(2):
+        assert omnisim("--install-completion")[0] == 0
+    (script,) = (path for path in tmp_path.rglob("omnisim.*") if path.is_file())
+    assert script.read_text().rstrip() == text.rstrip()
+    start_up = tmp_path / f".{shell}rc"
+    assert shell == "fish" or start_up.read_text().count(script.name) == 1
+
+
+def test_a_shell_without_completion_is_named(omnisim):
+    status, _, error = omnisim("--show-completion", "tcsh")
+    assert (status, error) == (
+        2,
+        "error: completion: expected one of bash, zsh, fish, got 'tcsh'\n",
+    )
 
 
 def test_a_scene_of_ones_own_completes_its_paths(tmp_path):

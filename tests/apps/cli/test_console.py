@@ -53,7 +53,7 @@ def test_working_directory_that_is_gone(tmp_path):
         cwd=gone, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 1
-    assert done.stderr == "error: the working directory is not there any more\n"
+    assert done.stderr == "error: the working directory no longer exists\n"
 
 
 def test_cut_png_is_one_line(tmp_path):

@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pytest
 
 from omnisim.core.files.image_files import read_channels, read_image
 
@@ -83,3 +84,31 @@ def test_a_drive_refuses_unknown_channels(omnisim, tmp_path):
     assert status == 1
     assert "channel 'instances': there is no such channel; did you mean 'instance'?" in err
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("kind", "output", "others"),
+    [("boxes", "f.png", []), ("labels", "f.exr", ["--also", "range"])],
+)
+def test_an_overlay_is_beside_the_image(omnisim, tmp_path, needs_opengl, kind, output, others):
+    status, out, err = omnisim("render", "soccer", *SMALL, "--overlay", kind, *others, "-o", output)
+    assert status == 0, err
+    assert f"f.overlay.png: the image with {kind}" in out
+    assert {path.name for path in tmp_path.iterdir()} == {output, "f.overlay.png"}
+    overlay, _ = read_image(tmp_path / "f.overlay.png")
+    assert overlay.shape[:2] == (480, 480)
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        ([], "--overlay masks: expected boxes or labels"),
+        (["--rays", "f.overlay.png"], "--rays: expected"),
+    ],
+)
+def test_overlays_that_cannot_be(omnisim, options, line):
+    kind = "boxes" if options else "masks"
+    status, _, err = omnisim("render", "rings", "--overlay", kind, *options, "-o", "f.png")
+    assert status in (1, 2)
+    assert err.count("\n") == 1
+    assert line.split(":")[0].split()[0] in err

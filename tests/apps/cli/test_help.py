@@ -1,46 +1,109 @@
 """Help of all commands, as a person reads it."""
 
+import re
+import shlex
+
 import pytest
-import typer
-import typer.main
 
-from omnisim.apps.cli.app import app
+from omnisim.apps.cli.app import app, command_named
+from omnisim.apps.cli.commands import COMMANDS, GROUPS
+from omnisim.apps.cli.options import ENTRIES
 
-
-def _commands(command, *names):
-    yield names, command
-    for name, child in getattr(command, "commands", {}).items():
-        yield from _commands(child, *names, name)
-
-
-CHOICES = ("backend", "kind", "axes", "mode")  # their values stand in place of a metavar
-COMMANDS = dict(_commands(typer.main.get_command(app)))
+for _name in (name for modules in COMMANDS.values() for name in modules):
+    command_named(_name)  # imports its request
+FIELDS = {path: entry.fields for path, entry in ENTRIES.items()}
+SHORT = 14  # options, so that all are shown
 
 
-@pytest.mark.parametrize("names", COMMANDS, ids=" ".join)
-def test_a_flag_has_no_type_and_every_other_option_says_what_it_takes(omnisim, names):
-    _, text, _ = omnisim(*names, "--help")
-    assert "<bool>" not in text
-    assert "[dim]" not in text
-    for parameter in COMMANDS[names].params:
-        if parameter.param_type_name == "option" and not parameter.is_flag:
-            assert parameter.metavar or parameter.name in CHOICES, parameter.name
+def test_the_commands_are_those_of_the_table():
+    names = [name for modules in COMMANDS.values() for name in modules]
+    assert {path.partition(" ")[0] for path in ENTRIES} == set(names)
+    assert {path.partition(" ")[0] for path in ENTRIES if " " in path} == set(GROUPS)
 
 
-@pytest.mark.parametrize("names", COMMANDS, ids=" ".join)
-def test_each_help_is_a_sentence_that_leaves_its_default_to_the_default(names):
-    command = COMMANDS[names]
-    for parameter in command.params:
-        help_text = parameter.help or ""
-        assert help_text.endswith("."), f"{parameter.name}: {help_text}"
-        assert help_text[0].isupper() or help_text[0].isdigit(), f"{parameter.name}: {help_text}"
-        assert "by default" not in help_text, f"{parameter.name}: {help_text}"
+@pytest.mark.parametrize("path", ENTRIES)
+def test_help_begins_with_two_commands_that_are_understood(omnisim, path):
+    entry = ENTRIES[path]
+    assert len(entry.examples) == (2 if entry.fields else 1)
+    _, text, _ = omnisim(*path.split(), "--help")
+    lines = text.splitlines()
+    start = lines.index("")
+    assert [line.strip() for line in lines[start + 1 :]][: len(entry.examples)] == entry.examples
+    for example in entry.examples:
+        words = shlex.split(example.partition(" > ")[0])[1:]
+        name = words.pop(0)
+        parsed = command_named(name)
+        if name in GROUPS:
+            child = words[0] if words[0] in parsed.commands else "show"
+            words = words[1:] if words[0] == child else words
+            assert f"{name} {child}" == path
+            parsed = parsed.commands[child]
+        parsed.make_context(name, words)
+
+
+@pytest.mark.parametrize("path", ENTRIES)
+def test_help_shows_what_matters_first_and_all_on_request(omnisim, path):
+    entry = ENTRIES[path]
+    options = [field for field in entry.fields if not field.is_argument]
+    assert set(entry.first) <= {field.name for field in options}
+    assert len(entry.first) in range(8, 13) if len(options) > SHORT else not entry.first
+    assert all(field.name in entry.first for field in options if entry.first and field.is_required)
+    _, text, _ = omnisim(*path.split(), "--help")
+    _, everything, _ = omnisim(*path.split(), "--help-all")
+    for field in options:
+        assert re.search(rf"{field.flags[-1]}\b", everything)
+        is_shown = not entry.first or field.name in entry.first
+        row = rf"^  (?:-\w, )?{field.label}(?![\w-])"
+        assert is_shown == bool(re.search(row, text, re.MULTILINE))
+    assert ("--help-all" in text) == bool(entry.first)
+
+
+@pytest.mark.parametrize("path", ENTRIES)
+def test_a_flag_has_no_type_and_every_other_option_says_what_it_takes(path):
+    for field in FIELDS[path]:
+        assert bool(field.metavar) != field.is_flag, field.name
+
+
+@pytest.mark.parametrize("path", ENTRIES)
+def test_each_help_is_a_sentence_that_ends_with_its_default(path):
+    assert ENTRIES[path].summary.endswith(".")
+    for field in FIELDS[path]:
+        text = field.text
+        assert text.endswith("."), f"{field.name}: {text}"
+        assert text[0].isupper() or text[0].isdigit(), f"{field.name}: {text}"
+        assert "by default" not in text, f"{field.name}: {text}"
+        assert text.count("Default: ") <= 1, f"{field.name}: {text}"
 
 
 def test_camera_is_a_file_and_camera_name_a_name_in_every_command():
-    for names, command in COMMANDS.items():
-        for parameter in command.params:
-            if "--camera" in parameter.opts:
-                assert parameter.metavar == "FILE", names
-            if "--camera-name" in parameter.opts:
-                assert parameter.metavar.startswith("NAME"), names
+    for path, fields in FIELDS.items():
+        for field in fields:
+            if "--camera" in field.flags:
+                assert field.metavar == "FILE", path
+            if "--camera-name" in field.flags:
+                assert field.metavar.startswith("NAME"), path
+
+
+def test_no_option_is_named_twice():
+    for path, fields in FIELDS.items():
+        flags = [flag for field in fields for flag in field.flags]
+        assert len(set(flags)) == len(flags), path
+
+
+def test_groups_without_a_command_show_their_help(omnisim):
+    for name in GROUPS:
+        status, text, _ = omnisim(name)
+        assert status == 0
+        assert all(f"  {child} " in text for child in command_named(name).commands)
+    status, text, _ = omnisim()
+    assert status == 0
+    assert all(f"  {name} " in text for name in app.list_commands(None))
+
+
+def test_an_option_may_refer_to_the_field_of_a_thing():
+    """Its help, its limits and its default are then stated there, and nowhere else."""
+    fields = {field.name: field for field in FIELDS["bake"]}
+    assert fields["samples"].limits == {"ge": 1, "le": 65536}
+    assert fields["texel_m"].limits == {"ge": 1e-4, "le": 100.0}
+    assert fields["samples"].text == "Number of rays per texel. Default: 128."
+    assert fields["seed"].default == 0

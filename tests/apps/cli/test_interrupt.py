@@ -1,4 +1,4 @@
-"""Ctrl-C: one line and exit status 130 at any moment, and no file."""
+"""Ctrl-C: one line and exit status 130 at any moment, and no file that is written in part."""
 
 import signal
 import subprocess
@@ -57,7 +57,7 @@ runpy.run_module('omnisim', run_name='__main__', alter_sys=True)
 """
 
 
-@pytest.mark.parametrize("module", ["omnisim.apps.cli.app", "omnisim.core.errors", "typer"])
+@pytest.mark.parametrize("module", ["omnisim.apps.cli.app", "omnisim.core.errors", "click"])
 def test_while_modules_are_imported(tmp_path, module):
     assert_interrupted(start(tmp_path, INTERRUPTS, module), tmp_path)
 

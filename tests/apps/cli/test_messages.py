@@ -5,6 +5,7 @@ there; a new one gets a line.
 """
 
 import os
+import re
 import shlex
 import tomllib
 from pathlib import Path
@@ -15,6 +16,11 @@ from tests.apps.cli.image_files import write_images
 
 TABLE = tomllib.loads(Path(__file__).with_name("messages.toml").read_text(encoding="utf-8"))
 OPENGL = "OpenGL"
+LIBRARIES = re.compile(
+    r"pydantic|typer|\bclick\b|numpy|traceback|\bpxr\b|embree|moderngl|trimesh|openimageio|scipy"
+    r"|errno|nonetype|dtype|<class|input should|could not convert|has no attribute",
+    re.IGNORECASE,
+)
 
 
 @pytest.fixture
@@ -34,6 +40,7 @@ def test_bad_input_is_one_line_and_no_file(omnisim, inputs, tmp_path, request, k
         status, out, error = omnisim(*shlex.split(command))
         lines = "".join(f"error: {line}\n" for line in expected.split("\n"))
         assert (command, status, out, error) == (command, 1, "", lines)
+        assert not LIBRARIES.search(error), command
     assert sorted(path.name for path in tmp_path.iterdir()) == inputs
 
 

@@ -56,7 +56,7 @@ def test_trajectories(omnisim, tmp_path, options):
     poses = np.array([np.eye(4), np.eye(4)])
     poses[:, :3, 3] = (0.0, 0.0, 1.0), (0.2, 0.0, 1.0)
     write_trajectory(tmp_path / "poses.tum", Trajectory(np.array([0.0, 0.5]), poses))
-    command = ("render", "soccer", *options, "--trajectory", "poses.tum", "--size", 36, "-o", "run")
+    command = ("record", "soccer", *options, "--trajectory", "poses.tum", "--size", 36, "-o", "run")
     status, _, err = omnisim(*command)
     assert status == 0, err
     taken = read_captured_image(tmp_path / "run" / "camera" / "000001.png")

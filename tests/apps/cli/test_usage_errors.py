@@ -1,17 +1,18 @@
 """Command lines that cannot be parsed: one line each, in omnisim's own words, status 2."""
 
+import math
 import re
 import shlex
 import tomllib
-from dataclasses import MISSING
 from pathlib import Path
 
 import pytest
 
-from omnisim.apps.cli.app import app
+from omnisim.apps.cli.app import command_named
 from omnisim.apps.cli.command import Command
-from omnisim.apps.cli.options import Argument, request_fields
-from omnisim.apps.cli.usage_errors import CommandLine, CommandLineError, example_of
+from omnisim.apps.cli.commands import COMMANDS
+from omnisim.apps.cli.options import ENTRIES, CommandLineError
+from omnisim.rendering.twist import MAX_MPS, MAX_RADPS
 
 TABLE = tomllib.loads(Path(__file__).with_name("messages.toml").read_text(encoding="utf-8"))
 OF_LIBRARIES = re.compile(
@@ -21,24 +22,16 @@ OF_LIBRARIES = re.compile(
 )
 
 
-def _commands():
-    import typer.main
-
-    groups = [typer.main.get_command(app)]
-    while groups:
-        for command in groups.pop().commands.values():
-            if isinstance(command, Command):
-                yield command
-            else:
-                groups.append(command)
+for _name in (name for modules in COMMANDS.values() for name in modules):
+    command_named(_name)  # imports its request
 
 
 def _options():
     """Pairs of a command and an option or argument of it that takes a value."""
-    for command in _commands():
-        for field in request_fields(command._request) if command._request else ():
-            if field.kinds != [bool]:
-                yield command, field
+    for entry in ENTRIES.values():
+        for field in entry.fields:
+            if not field.is_flag:
+                yield Command(entry), field
 
 
 def _parse(command, *words):
@@ -70,18 +63,17 @@ def test_examples_are_right_values():
     """A command line of the examples in messages is accepted."""
     for command, field in _options():
         words = []
-        for other in request_fields(command._request):
-            if other.default is MISSING or other.name == field.name:
-                example = example_of(other).split()
-                assert example, (command._path, other.name)
-                is_argument = isinstance(other.details, Argument)
-                words += example if is_argument else [other.flags[-1], *example]
+        for other in command.entry.fields:
+            if other.is_required or other.name == field.name:
+                example = other.example.split()
+                assert example, (command.entry.path, other.name)
+                words += example if other.is_argument else [other.flags[-1], *example]
         _parse(command, *words)
 
 
 def test_each_option_names_itself_without_its_value():
     for command, field in _options():
-        if isinstance(field.details, Argument):
+        if field.is_argument:
             continue
         flag = field.flags[-1]
         assert _fails(command, flag).startswith(f"{flag}: expected ")
@@ -90,28 +82,42 @@ def test_each_option_names_itself_without_its_value():
 
 def test_each_number_rejects_a_word():
     for command, field in _options():
-        if field.kinds[0] not in (int, float) or isinstance(field.details, Argument):
+        if field.kinds[0] not in (int, float) or field.is_argument or field.details.parse:
             continue
-        if field.details.parse is None:
-            flag = field.flags[-1]
-            line = _fails(command, flag, *["7 apples"] * len(field.kinds))
-            assert line.startswith(f"{flag}: expected ")
-            assert "7 apples" in line
+        flag = field.flags[-1]
+        line = _fails(command, flag, *["7 apples"] * len(field.kinds))
+        assert line.startswith(f"{flag}: expected ")
+        assert "7 apples" in line
+
+
+def test_each_number_rejects_what_is_beyond_its_limits():
+    for command, field in _options():
+        for key, limit in field.limits.items():
+            beyond = limit + (-1 if key[0] == "g" else 1) * max(1, abs(limit))
+            for number in (f"{beyond:g}" if float in field.kinds else f"{int(beyond)}", "nan"):
+                line = _fails(command, field.flags[-1], number)
+                assert line.startswith(f"{field.flags[-1]}: expected a")
+                assert line.endswith(f", got {number}")
 
 
 def test_each_choice_suggests_the_nearest():
     for command, field in _options():
-        for choice in field.choices if not isinstance(field.details, Argument) else ():
-            flag = field.flags[-1]
-            line = CommandLine(command._path, command._request, [flag, f"{choice}x"])
-            with pytest.raises(CommandLineError, match=f"{flag}: expected one of .*{choice}"):
-                line.check_values({field.name: f"{choice}x"}, [])
+        for choice in field.choices:
+            line = _fails(command, field.flags[-1], f"{choice}x")
+            assert line.startswith(f"{field.flags[-1]}: expected one of ")
+            assert choice in line
 
 
 def test_each_command_rejects_unknown_options_and_words():
-    for command in _commands():
-        line = _fails(command, "--no-such-option")
+    for entry in ENTRIES.values():
+        line = _fails(Command(entry), "--no-such-option")
         assert line == (
-            f"--no-such-option: omnisim {command._path} has no such option; "
-            f"see omnisim {command._path} --help"
+            f"--no-such-option: omnisim {entry.path} has no such option; "
+            f"see omnisim {entry.path} --help"
         )
+
+
+def test_speeds_have_the_limits_of_a_twist():
+    limits = {field.name: field.limits["le"] for field in ENTRIES["render"].fields if field.limits}
+    assert limits["speed_mps"] == MAX_MPS
+    assert limits["turn_rate_degps"] == math.floor(math.degrees(MAX_RADPS))

@@ -14,7 +14,7 @@ from omnisim.apps.cli.app import main
     ("words", "line"),
     [
         ("nowhere", "nowhere"),
-        ("rings --robot p2at --sensor a.toml", "--sensor: a robot has its own"),
+        ("rings --robot p2at --sensor a.toml", "a.toml: "),
         (
             "rings --sensor a.toml --optics b.toml",
             "--sensor, --optics: expected one of them, got 2",

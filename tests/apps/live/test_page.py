@@ -171,6 +171,66 @@ def test_a_preset_of_the_gallery_is_one_click_away(page, tmp_path):
     assert shown_png(page) == first
 
 
+def test_the_menu_of_models_switches_the_model_and_shows_what_is_in_use(page):
+    first, before = shown_png(page), change(page)
+    page.click("summary:has-text('Mirrors and lenses')")
+    page.click(".lenses button[data-name=eucm]")
+    rest(page, before)
+    menu = page.locator("[data-path='sensor.lens.model'] select")
+    assert menu.input_value() == "eucm"
+    assert menu.locator("option[value='']").count() == 0
+    before = change(page)
+    menu.select_option("rational_polynomial")
+    rest(page, before)
+    assert page.locator("#fault").is_hidden()
+    assert menu.input_value() == page.evaluate("omnisim.state.camera.model")
+    pressed = page.locator(".lenses button[aria-pressed=true]")
+    assert pressed.get_attribute("data-name") == "rational_polynomial"
+    before = change(page)
+    page.click("#reset")
+    rest(page, before)
+    assert shown_png(page) == first
+
+
+def test_each_lens_has_an_image_of_its_own(page):
+    rows = page.eval_on_selector_all(
+        ".lenses i", "icons => icons.map((one) => one.style.backgroundPosition)"
+    )
+    assert len(set(rows)) == len(rows) == page.evaluate("omnisim.state.about.presets.lens.length")
+
+
+def test_a_button_leads_back_to_the_start_and_a_key_switches_walls(page):
+    place, first, before = page.inner_text("#place"), shown_png(page), change(page)
+    page.keyboard.press("c")
+    wait_until(lambda: page.get_attribute("#walls", "aria-pressed") == "false", "no walls")
+    page.keyboard.down("w")
+    page.wait_for_timeout(300)
+    page.keyboard.up("w")
+    rest(page, before)
+    assert page.inner_text("#place") != place
+    before = change(page)
+    page.click("#start")
+    page.click("#walls")
+    rest(page, before)
+    assert page.inner_text("#place") == place
+    assert shown_png(page) == first
+    assert page.get_attribute("#walls", "aria-pressed") == "true"
+
+
+@pytest.mark.parametrize(("width", "height", "share"), [(1400, 900, 0.9), (900, 700, 0.8)])
+def test_views_fill_the_window_without_scrolling(page, width, height, share):
+    page.set_viewport_size({"width": width, "height": height})
+    page.wait_for_timeout(500)
+    stage = page.locator("#stage").bounding_box()
+    bottoms = [
+        box["y"] + box["height"]
+        for view in page.locator(".view").all()
+        for box in [view.bounding_box()]
+    ]
+    assert max(bottoms) <= stage["y"] + stage["height"]
+    assert max(bottoms) - stage["y"] >= share * stage["height"]
+
+
 def test_a_fault_is_shown_and_the_image_stays(page):
     first, before = shown_png(page), change(page)
     page.fill("[data-path='sensor.mirror.k'] input[type=number]", "1")
@@ -243,7 +303,9 @@ def test_nothing_is_wider_than_the_window(page, width):
 
 @pytest.mark.long
 def test_a_robot_is_driven_by_keys(browser, tmp_path):
-    with started(tmp_path, "soccer", "--robot", "p2at", "--size", "96") as url:
+    (tmp_path / "my.toml").write_text("[mirror]\nk = 5.0\n")
+    words = ("soccer", "--robot", "p2at", "--sensor", "my.toml", "--size", "96")
+    with started(tmp_path, *words) as url:
         page = browser.new_page()
         page.goto(url)
         page.wait_for_selector(FINE)
@@ -254,4 +316,5 @@ def test_a_robot_is_driven_by_keys(browser, tmp_path):
         rest(page, before)
         assert page.inner_text("#place") != place
         assert page.evaluate("omnisim.state.about.outline_m") == [0.626, 0.505]
+        assert page.input_value("[data-path='sensor.mirror.k'] input[type=number]") == "5"
         page.close()

@@ -11,12 +11,14 @@ import zipfile
 
 import numpy as np
 import pytest
+from PIL import Image
 from websockets.exceptions import InvalidStatus
 
 from omnisim import OmniCamera, load_scene, open_sensor
 from omnisim.apps.live import server
 from omnisim.apps.live.camera_document import CameraDocument
-from omnisim.apps.live.server import new_token, page_bytes
+from omnisim.apps.live.presets import preset_lists
+from omnisim.apps.live.server import PAGE, new_token, page_bytes
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_image
 from omnisim.ground_truth import CHANNELS
@@ -53,6 +55,11 @@ def test_the_page_and_all_that_it_names_are_served(page):
         assert _get(page, f"/{name}")[0].status == 200
     assert b"http://" not in body
     assert b"https://" not in body
+
+
+def test_every_lens_has_an_image_of_its_own():
+    with Image.open(PAGE / "lenses.jpg") as strip:
+        assert strip.height == strip.width * len(preset_lists()["lens"])
 
 
 def test_the_page_weighs_little():

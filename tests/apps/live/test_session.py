@@ -10,6 +10,7 @@ from omnisim.apps.live import session
 from omnisim.apps.live.camera_document import CameraDocument
 from omnisim.apps.live.session import Draw, Session
 from omnisim.apps.live.viewpoint_motion import FreeFlight, Place
+from omnisim.cameras import CAMERA_MODELS
 from omnisim.core.errors import OmnisimError, OutputError
 
 
@@ -113,10 +114,44 @@ def test_a_camera_that_cannot_be_is_taken_back(live):
     assert live.history == (0, 0)
 
 
+@pytest.mark.parametrize("model", CAMERA_MODELS)
+def test_every_entry_of_the_menu_of_models_is_a_camera(live, model):
+    live.apply(messages.Preset(kind="lens", name="eucm"))
+    live.apply(messages.SetValue(path="sensor.lens.model", value=model))
+    assert live.state.document.camera().model.model_name == model
+
+
+@pytest.mark.parametrize("model", sorted(set(CAMERA_MODELS) - {"hyperbolic"}))
+def test_every_entry_of_the_menu_of_an_optical_system_stays_behind_its_surfaces(live, model):
+    live.apply(messages.Preset(kind="optics", name="sphere"))
+    before = live.state.document.with_value("sensor.optics.camera.tilt_deg", [1.0, 2.0, 0.0])
+    live.apply(messages.SetValue(path="sensor.optics.camera.tilt_deg", value=[1.0, 2.0, 0.0]))
+    live.apply(messages.SetValue(path="sensor.optics.camera.model", value=model))
+    optics = live.state.document.value("sensor.optics")
+    assert (optics["camera"]["model"], optics["camera"]["tilt_deg"]) == (model, [1.0, 2.0, 0.0])
+    assert optics["surfaces"] == before.value("sensor.optics.surfaces")
+    live.state.document.camera()
+
+
+def test_back_to_start_restores_the_pose_the_time_and_the_direction(live):
+    start = live.state
+    live.apply(messages.SetPlace(x=3.0, y=-1.0, z=2.0, yaw_deg=50.0))
+    live.apply(messages.Clock(running=False, time_s=4.0))
+    live.apply(messages.Gaze(yaw_deg=40.0, pitch_deg=0.0))
+    live.apply(messages.SetValue(path="sensor.mirror.k", value=3.0))
+    live.apply(messages.ToStart())
+    state = live.state
+    assert (state.place, state.time_s, state.gaze) == (start.place, start.time_s, start.gaze)
+    assert state.document.value("sensor.mirror.k") == 3.0
+
+
 def test_an_impossible_message_changes_nothing(live):
     before = live.state
     for message in (
         messages.SetValue(path="size_px", value=100_000),
+        messages.SetValue(path="sensor.lens.model", value="none"),
+        messages.SetValue(path="sensor.lens.model"),
+        messages.SetValue(path="sensor.optics.camera.model", value=["eucm"]),
         messages.Preset(kind="lens", name="none"),
         messages.Views(names=("nothing",)),
         messages.Replay(step=3),

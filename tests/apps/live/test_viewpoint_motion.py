@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from omnisim.apps.live.ground import Ground
-from omnisim.apps.live.viewpoint_motion import FreeFlight, MotionCommand, Place, WheelDrive
+from omnisim.apps.live.viewpoint_motion import (
+    EYE_M,
+    FreeFlight,
+    MotionCommand,
+    Place,
+    WheelDrive,
+)
 from omnisim.robots.body_boxes import BodyBoxes
 from omnisim.robots.kinematics import Kinematics
 from omnisim.scene import Scene
@@ -110,6 +116,55 @@ def test_free_flight_does_not_tip_over():
     flight.turn(10.0, 500.0)
     assert flight.place.pitch_deg == 89.0
     assert flight.place.yaw_deg == 10.0
+
+
+def _fly(flight, command, steps=60, step_s=STEP_S):
+    flight.command = command
+    places = [flight.place.position_m]
+    for _ in range(steps):
+        flight.advance(step_s)
+        places.append(flight.place.position_m)
+    return np.array(places)
+
+
+@pytest.mark.parametrize("step_s", [STEP_S, 0.2])
+def test_a_wall_stops_free_flight_and_is_named(step_s):
+    flight = FreeFlight(Place((0.0, 0.0, 1.0)), Ground(_room()))
+    places = _fly(flight, MotionCommand(ahead=1.0, fast=4.0), step_s=step_s)
+    assert places[-1, 0] == pytest.approx(2.0 - EYE_M, abs=1e-3)
+    assert flight.blocked_by == "wall"
+    _fly(flight, MotionCommand(ahead=-1.0), 20)
+    assert flight.place.position_m[0] < 1.7
+    assert flight.blocked_by == ""
+
+
+def test_free_flight_slides_along_a_wall_and_down_to_the_floor():
+    flight = FreeFlight(Place((1.5, 0.0, 1.0), 60.0), Ground(_room()))
+    places = _fly(flight, MotionCommand(ahead=1.0, up=-1.0, fast=3.0), 40)
+    assert np.abs(places[-1, [0, 2]] - (2.0 - EYE_M, EYE_M)).max() < 1e-3
+    assert places[-1, 1] > 2.0
+    assert places[:, 0].max() < 2.0 - 0.99 * EYE_M
+
+
+def test_a_viewpoint_near_the_floor_keeps_its_own_distance():
+    flight = FreeFlight(Place((0.0, 0.0, 0.03), 90.0), Ground(_floor()))
+    places = _fly(flight, MotionCommand(ahead=1.0, up=-0.5), 40)
+    assert np.abs(places[:, 2] - 0.03).max() < 1e-3
+    assert places[-1, 1] > 1.5
+
+
+def test_without_walls_free_flight_passes():
+    flight = FreeFlight(Place((0.0, 0.0, 1.0)), Ground(_room()))
+    flight.has_walls = False
+    assert _fly(flight, MotionCommand(ahead=1.0, fast=4.0), 40)[-1, 0] > 3.0
+
+
+def test_a_goal_behind_a_wall_ends_at_the_wall():
+    flight = FreeFlight(Place((0.0, 0.0, 1.0)), Ground(_room()))
+    flight.goal_m = (4.0, 0.0)
+    _fly(flight, MotionCommand(), 100)
+    assert not flight.is_moving
+    assert flight.place.position_m[0] == pytest.approx(2.0 - EYE_M, abs=1e-3)
 
 
 def test_a_pause_is_no_jump():

@@ -8,6 +8,8 @@ import pytest
 
 from omnisim import OmniCamera, open_sensor
 from omnisim.cameras import PerspectiveCamera, pixel_grid
+from omnisim.cameras.mirrors import tessellate
+from omnisim.cameras.mirrors.mirror_mesh_rays import mesh_rays
 from omnisim.cameras.optics import OpticalSystem, Surface, read_optics_file
 from omnisim.cameras.optics.mesh_error import SystemMeshErrors
 from omnisim.cameras.optics.mesh_rays import MeshRays, has_mesh
@@ -59,15 +61,35 @@ def test_examples_with_a_mirror_have_a_mesh():
 
 @pytest.mark.parametrize("polygons", [16, 64, 1024])
 def test_of_a_central_mirror_it_is_the_papers(polygons):
-    pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
-    from omnisim.rendering.rays.mirror_mesh_rays import MirrorMeshRays
-
-    pixels = pixel_grid(360, 360)
-    expected = MirrorMeshRays(OmniCamera().model, polygons).ray_from_pixel(pixels)
+    camera, pixels = OmniCamera().model, pixel_grid(360, 360)
+    expected = mesh_rays(camera, tessellate(camera.mirror, polygons), pixels)
     found = MeshRays(_aligned(), polygons).ray_from_pixel(pixels)
     np.testing.assert_array_equal(found.valid, expected.valid)
     off = (found.directions - expected.directions)[found.valid]
     assert np.abs(off).max() < 1e-7  # the vertex's normal is that of 1e-8 of the rim's radius aside
+
+
+@pytest.mark.parametrize("polygons", [8, 16, 64, 1024])
+def test_rays_of_the_papers_mesh_pass_what_embree_hits(polygons):
+    pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
+    from omnisim.rendering.rays.embree import NO_TRIANGLE, EmbreeMesh
+
+    camera, pixels = OmniCamera().resized(81).model, pixel_grid(81, 81).reshape(-1, 2)
+    mesh = tessellate(camera.mirror, polygons)
+    rays = mesh_rays(camera, mesh, pixels)
+    corners = (mesh.vertices_m / camera.mirror.c_m)[mesh.triangles]
+    offsets = (pixels - camera.principal_point_px) / camera.focal_length_px
+    seen = np.column_stack((offsets * (1.0, -1.0), np.full(len(pixels), -1.0)))
+    pinhole = np.tile((0.0, 0.0, 1.0), (len(pixels), 1))
+    hit = EmbreeMesh.of_corners(corners).triangles_hit(pinhole.astype("f4"), seen.astype("f4"))
+    np.testing.assert_array_equal(rays.valid, hit != NO_TRIANGLE)
+    corners = corners[hit[rays.valid]]
+    planes = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    seen, pinhole = seen[rays.valid], pinhole[rays.valid]
+    shares = np.einsum("nj,nj->n", planes, corners[:, 0] - pinhole)
+    points = pinhole + (shares / np.einsum("nj,nj->n", planes, seen))[:, None] * seen
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    np.testing.assert_allclose(rays.directions[rays.valid] * (1.0, -1.0, -1.0), points, atol=1e-14)
 
 
 @pytest.mark.parametrize("name", ["sphere", "misaligned hyperbola", "cone", "tilted camera"])

@@ -86,7 +86,7 @@ def test_poses_are_found_from_the_images_to_5_mm(tmp_path):
     (tmp_path / "lens.toml").write_text(LENS)
     write_trajectory(tmp_path / "path.tum", _path())
     command = (
-        "render courtyard --trajectory path.tum --trajectory-frame body --sensor lens.toml -o run"
+        "record courtyard --trajectory path.tum --trajectory-frame body --sensor lens.toml -o run"
     )
     subprocess.run([sys.executable, "-m", "omnisim", *command.split()], cwd=tmp_path, check=True)
     list(export_run(tmp_path / "run", "colmap", tmp_path / "colmap"))

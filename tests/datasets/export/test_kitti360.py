@@ -12,7 +12,7 @@ from omnisim.core.files.image_files import read_image
 from omnisim.core.trajectories import read_trajectory
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.export_format import ExportSettings
-from omnisim.datasets.export.formats.kitti360_labels import _instances
+from omnisim.datasets.export.formats.kitti360 import _instances
 from omnisim.datasets.export.recording import Recording
 from omnisim.ground_truth.label_names import ClassLabel, InstanceLabel, Labels
 

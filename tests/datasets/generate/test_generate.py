@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from omnisim.apps.cli.app import app
 from omnisim.core.errors import OmnisimError
@@ -32,7 +32,7 @@ from tests.datasets.plans import write_plan
 
 MAIN = (
     "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); "
-    "from omnisim.apps.cli.app import main; main()"
+    "from omnisim.apps.cli.start import main; main()"
 )
 
 

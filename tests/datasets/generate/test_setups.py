@@ -5,7 +5,7 @@ import tarfile
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from omnisim.apps.cli.app import app
 from omnisim.core.errors import OmnisimError
@@ -13,9 +13,8 @@ from omnisim.core.srgb import linear_from_srgb8
 from omnisim.datasets.generate.draw import draw_indices
 from omnisim.datasets.generate.plan_light import black_body_rgb
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
-from omnisim.datasets.generate.sample_renderer import SampleRenderer
+from omnisim.datasets.generate.sample_renderer import SampleRenderer, setup_light, setup_rig
 from omnisim.datasets.generate.samples import Shards
-from omnisim.datasets.generate.setups import setup_light, setup_rig
 from omnisim.scene.parts import LightKind
 from tests.datasets.plans import write_plan
 

@@ -6,13 +6,13 @@ import tarfile
 import numpy as np
 import pytest
 import trimesh
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from omnisim import OmniCamera, Scene, Stage, WorldState
 from omnisim.apps.cli.app import app
 from omnisim.core.errors import PlanError
 from omnisim.core.poses import pose
-from omnisim.datasets.generate.visible_shares import StageRays, VisibleShares
+from omnisim.datasets.generate.sample_renderer import StageRays, VisibleShares
 from tests.datasets.plans import write_plan
 
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")

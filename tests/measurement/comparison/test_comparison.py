@@ -8,9 +8,8 @@ import pytest
 from omnisim.cameras import MirroredCamera
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.comparison import BoardSurface, compare_images, locate_board
-from omnisim.measurement.comparison.board_light import fit_light
 from omnisim.measurement.comparison.comparison import compare_image
-from omnisim.measurement.comparison.printed_pattern import Patches
+from omnisim.measurement.comparison.twin_board import Patches, fit_light
 from omnisim.measurement.geometry import AprilGrid, BoardView, CharucoBoard, Chessboard
 from omnisim.measurement.geometry.board_detection import find_board
 from omnisim.rendering.camera.degradations import Degradation, Encoding

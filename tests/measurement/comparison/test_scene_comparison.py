@@ -10,14 +10,15 @@ from scipy.ndimage import gaussian_filter, shift
 from omnisim.cameras import KannalaBrandtCamera
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.comparison import compare_scene_images, pose_indices
-from omnisim.measurement.comparison.even_blocks import even_blocks, noise_by_level
+from omnisim.measurement.comparison.comparison import even_blocks, noise_by_level
 from omnisim.measurement.comparison.scene_comparison import (
     brighter_ev,
     check_size,
     compare_scene_image,
+    seen_field,
+    track_corners,
 )
-from omnisim.measurement.comparison.tracked_points import seen_field, track_corners
-from omnisim.measurement.geometry.board_images import LUMA
+from omnisim.measurement.geometry.board_detection import LUMA
 from omnisim.rendering.camera.degradations import Degradation, Noise, Vignetting
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage

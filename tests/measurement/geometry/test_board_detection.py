@@ -5,8 +5,7 @@ import pytest
 
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.geometry import AprilGrid, CharucoBoard, Chessboard
-from omnisim.measurement.geometry.board_detection import find_board
-from omnisim.measurement.geometry.grid_checks import grid_fault, squares_fault
+from omnisim.measurement.geometry.board_detection import find_board, grid_fault, squares_fault
 from tests.measurement.geometry.board_pictures import (
     LENS,
     april_grid_texture,
@@ -38,6 +37,12 @@ def pose():
 @pytest.fixture(scope="module")
 def image(pose):
     return board_image(LENS, pose, chessboard_texture())
+
+
+@pytest.mark.parametrize("side_px", [1, 9, 15, 17])
+def test_tiny_images_have_no_board(side_px):
+    with pytest.raises(MeasurementError, match="no chessboard of 8 x 6"):
+        find_board(np.full((side_px, side_px), 128, np.uint8), BOARD)
 
 
 def test_corners_of_a_chessboard_lie_where_the_lens_shows_them(image, pose):

@@ -76,3 +76,4 @@ def test_a_board_in_millimeters_is_named(text):
     with warnings.catch_warnings():
         warnings.simplefilter("error", NoticeWarning)
         read_board(text.replace("80", "80mm").replace(":30:22", ":30mm:22mm").replace("88", "88mm"))
+        read_board("8x6:80m")  # stated: a wall

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.errors import MeasurementError
-from omnisim.measurement.geometry.board_images import image_files, read_gray
+from omnisim.measurement.geometry.board_detection import image_files, read_gray
 from omnisim.measurement.inputs import is_lossy, read_mosaic, read_photo
 from omnisim.measurement.inputs.recorded_frames import MAX_FRAMES
 from tests.measurement.inputs.raw_file import write_dng
@@ -58,7 +58,7 @@ def test_a_damaged_video_is_named(tmp_path):
 def bag(tmp_path):
     pytest.importorskip("rosbags")
     from omnisim.core.files.image_files import image_bytes
-    from omnisim.datasets.export.ros2.bag import Bag
+    from omnisim.datasets.export.ros2.bag_format import Bag
     from omnisim.datasets.export.ros2.ros_messages import compressed_image, image
 
     pixels = np.arange(6 * 8 * 3, dtype=np.uint8).reshape(6, 8, 3)

@@ -14,10 +14,11 @@ from omnisim.perception.landmarks.color_model import (
     bin_of,
     choose_threshold,
     count_colors,
+    load_model,
     roc,
+    save_model,
     train,
 )
-from omnisim.perception.landmarks.color_model_file import load_model, save_model
 from omnisim.scene import load_scene
 from omnisim.scene.model import ColorBand, Landmark
 

@@ -9,15 +9,15 @@ import pytest
 
 from omnisim.core.errors import LocalizationError
 from omnisim.core.trajectories.odometry import Odometry
-from omnisim.perception.localization.consistency import mean_interval, nees, pose_errors
-from omnisim.perception.localization.filter import LocalizationFilter
-from omnisim.perception.localization.filter_parameters import FilterParameters, read_parameters
-from omnisim.perception.localization.observations import (
+from omnisim.perception.localization.filter import (
     LandmarkMap,
+    LocalizationFilter,
     Observation,
+    move,
     predict_measurement,
 )
-from omnisim.perception.localization.odometry_motion import move
+from omnisim.perception.localization.filter_parameters import FilterParameters, read_parameters
+from omnisim.perception.localization.track import mean_interval, nees, pose_errors
 
 CAMERA_M = (-0.08, 0.03)
 SQUARE = [(2.7, -0.4), (3.0, -0.4), (3.0, 0.4), (2.7, 0.4)]

@@ -6,7 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from click.testing import CliRunner
 
 from omnisim.apps.cli.app import app
 from omnisim.core.errors import OmnisimError
@@ -14,14 +14,12 @@ from omnisim.core.files.image_files import read_image, write_image
 from omnisim.core.trajectories import read_trajectory
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimators.landmark_localization import LandmarkLocalization
-from omnisim.perception.landmarks.color_model import Costs
-from omnisim.perception.landmarks.color_model_file import load_model
+from omnisim.perception.landmarks.color_model import Costs, load_model
 from omnisim.perception.landmarks.landmark_detector import LandmarkDetector
+from omnisim.perception.localization.filter import LandmarkMap
 from omnisim.perception.localization.filter_parameters import read_parameters
 from omnisim.perception.localization.localize import localize, observation_from_detection
-from omnisim.perception.localization.observations import LandmarkMap
-from omnisim.perception.localization.track import notices
-from omnisim.perception.localization.track_files import write_track
+from omnisim.perception.localization.track import notices, write_track
 from omnisim.runs.run_data import read_run
 from omnisim.runs.run_labels import RunLabels, landmark_colors, train_on_run
 

@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("embreex")
 pytest.importorskip("xatlas")
 
-from omnisim.rendering.baking.atlas.lightmap import lightmap
+from omnisim.rendering.baking.baked_files import lightmap
 from omnisim.scene import Scene
 from omnisim.scene.model import Light, Lighting, LightKind
 from tests.rendering.baking.bakes import at, baked, share_of_corner

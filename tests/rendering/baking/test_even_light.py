@@ -5,8 +5,8 @@ import dataclasses
 import pytest
 
 from omnisim import load_scene
-from omnisim.rendering.baking.emission_notes import emission_notes
-from omnisim.scene.light.baked_fingerprint import baked_fingerprint
+from omnisim.rendering.baking.settings import emission_notes
+from omnisim.scene.light.baked import baked_fingerprint
 from omnisim.scene.light.emissive_light import without_even_light
 from omnisim.scene.light.lighting import DEFAULT_LIGHTING
 from omnisim.scene.model import Lighting, Material

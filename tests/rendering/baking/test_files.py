@@ -17,8 +17,7 @@ from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import read_radiance
 from omnisim.rendering.baking.baked_files import bake_scene
 from omnisim.rendering.baking.settings import BakeSettings
-from omnisim.scene.light.baked import with_baked_light
-from omnisim.scene.light.baked_fingerprint import baked_fingerprint
+from omnisim.scene.light.baked import baked_fingerprint, with_baked_light
 from omnisim.scene.model import Light, Lighting, LightKind
 from tests.rendering.baking.rooms import box, lit_by
 

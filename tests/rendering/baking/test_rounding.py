@@ -4,7 +4,7 @@ import zlib
 
 import numpy as np
 
-from omnisim.rendering.baking.rounding import rounded_halves
+from omnisim.rendering.baking.baked_files import rounded_halves
 
 
 def test_error_is_at_most_a_256th_of_the_brightest_channel():

@@ -5,8 +5,14 @@ import pytest
 import trimesh
 from scipy.spatial import Delaunay
 
-from omnisim.runs.physics.convex_pieces import SLAB_M, Region, convex_pieces, hull_of
-from omnisim.runs.physics.facets import area_vectors, convex_facets
+from omnisim.runs.physics.convex_pieces import (
+    SLAB_M,
+    Region,
+    area_vectors,
+    convex_facets,
+    convex_pieces,
+    hull_of,
+)
 from omnisim.scene import Scene, load_scene
 from tests.runs.physics.worlds import rover, solid
 from tests.slow import slow_but

@@ -183,7 +183,7 @@ def test_wheels_climb_a_ramp():
 
 
 def test_a_scene_of_too_many_pieces_is_refused(monkeypatch):
-    monkeypatch.setattr("omnisim.runs.physics.surroundings.MAX_PIECES", 0)
+    monkeypatch.setattr("omnisim.runs.physics.simulation.MAX_PIECES", 0)
     with pytest.raises(TrajectoryError, match="floor: expected at most 0 convex pieces about the"):
         _drive(hall(), SQUARE[:2]).plan()
 

@@ -5,9 +5,8 @@ import trimesh
 
 from omnisim.robots import parse_robot
 from omnisim.robots.vehicle import Vehicle
-from omnisim.runs.physics.convex_pieces import ConvexPiece
+from omnisim.runs.physics.convex_pieces import ConvexPiece, Shape
 from omnisim.runs.physics.rover import Rover
-from omnisim.runs.physics.shapes import Shape
 from omnisim.scene import Scene
 from omnisim.scene.model import DynamicObject
 from omnisim.scene.motion.object_motion import FreeBody

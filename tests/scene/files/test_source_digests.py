@@ -10,7 +10,7 @@ from PIL import Image
 
 from omnisim.core.files.fingerprint import fingerprint
 from omnisim.scene import read_scene
-from omnisim.scene.light.baked_fingerprint import baked_fingerprint
+from omnisim.scene.light.baked import baked_fingerprint
 from omnisim.scene.model import Scene
 from tests.scenes import room, scene_of
 

@@ -12,7 +12,7 @@ from omnisim.core.errors import SceneError
 from omnisim.core.extras import is_installed
 from omnisim.core.files.fingerprint import fingerprint
 from omnisim.scene import load_scene
-from omnisim.scene.formats.features import TABLES, Support, feature_table
+from omnisim.scene.formats.features import ROBOT_TABLES, TABLES, Support, feature_table
 from tests.fuzz.readers import READERS
 
 SDF = """<sdf version="1.9"><world name="w"><scene>{scene}</scene>{world}
@@ -280,7 +280,9 @@ def test_colors_of_stl_and_off(tmp_path):
         assert len(load_scene(path).notices) == count
 
 
-@pytest.mark.parametrize("table", TABLES[1:])  # in glTF's, values have commas, too
+@pytest.mark.parametrize(
+    "table", [*TABLES[1:], *ROBOT_TABLES]
+)  # in glTF's, values have commas, too
 def test_names_of_a_table_are_distinct(table):
     names = [name for one in feature_table(table) for name in one.names]
     assert len(names) == len(set(names))

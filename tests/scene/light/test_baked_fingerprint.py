@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim.scene import Scene
-from omnisim.scene.light.baked_fingerprint import baked_fingerprint
+from omnisim.scene.light.baked import baked_fingerprint
 
 
 @pytest.fixture

@@ -8,8 +8,7 @@ import pytest
 from omnisim.core.poses import pose
 from omnisim.scene import load_scene
 from omnisim.scene.model import Material
-from omnisim.scene.space.floor import HeightField, floor_height_m
-from omnisim.scene.space.triangles import TriangleBvh, triangles_within
+from omnisim.scene.space.floor import HeightField, TriangleBvh, floor_height_m, triangles_within
 from tests.embree_oracle import RayCaster
 from tests.scenes import scene_of, square, with_warehouse
 

@@ -5,7 +5,12 @@ import pytest
 import trimesh
 
 from omnisim.scene import Scene, load_scene
-from omnisim.scene.space.start_pose import default_start, find_start, triangle_distances
+from omnisim.scene.space.start_pose import (
+    default_start,
+    find_start,
+    nearest_points,
+    triangle_distances,
+)
 
 CLEARANCE_M = 0.25
 
@@ -140,7 +145,9 @@ def test_distances_of_triangles_are_those_of_trimesh():
     rng = np.random.default_rng(3)
     corners = rng.normal(size=(500, 3, 3))
     corners[:20, 2] = corners[:20, 1]  # without area
-    expected = np.linalg.norm(trimesh.triangles.closest_point(corners, np.zeros((500, 3))), axis=1)
+    points = trimesh.triangles.closest_point(corners, np.zeros((500, 3)))
+    np.testing.assert_allclose(nearest_points(corners)[0][20:], points[20:], atol=1e-12)
+    expected = np.linalg.norm(points, axis=1)
     np.testing.assert_allclose(triangle_distances(corners)[20:], expected[20:], atol=1e-12)
     lines = [np.linspace(a, b, 20001) for a, b in corners[:20, :2]]
     shortest = [np.linalg.norm(line, axis=1).min() for line in lines]

@@ -6,7 +6,7 @@ import numpy as np
 
 import omnisim
 from omnisim.core.trajectories.odometry import Odometry
-from omnisim.perception.localization.observations import LandmarkMap, predict_measurement
+from omnisim.perception.localization.filter import LandmarkMap, predict_measurement
 from omnisim.perception.unwarping.panorama import CameraMount
 from omnisim.scene import load_scene
 from omnisim.validation.experiments.hand_picking import Hand, pick_landmarks

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from omnisim.perception.localization.observations import Observation
+from omnisim.perception.localization.filter import Observation
 from omnisim.rendering.camera.degradations.defocus import Defocus
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
 from omnisim.validation.experiments.seeds import in_field_of_view

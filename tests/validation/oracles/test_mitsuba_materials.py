@@ -5,7 +5,7 @@ import pytest
 
 pytest.importorskip("mitsuba", reason="Mitsuba is an optional oracle")
 from omnisim.validation.checks import materials
-from omnisim.validation.color_difference import ciede2000, lab_from_linear
+from omnisim.validation.checks.materials import ciede2000, lab_from_linear
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")
 

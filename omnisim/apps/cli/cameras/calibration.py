@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.table import Table
 
 from omnisim.apps.cli.cameras.requests import ConvertRequest, ShowRequest
-from omnisim.apps.cli.console import out, pluralize, print_note
-from omnisim.apps.cli.error_table import error_table
+from omnisim.apps.cli.console import out, pluralize, print_note, table
+from omnisim.apps.cli.options import refuse_given
 from omnisim.cameras import CAMERA_MODELS, CentralCamera, NonCentralCamera
 from omnisim.cameras.calibration import (
     FORMATS,
@@ -26,10 +27,12 @@ from omnisim.cameras.calibration import (
 from omnisim.cameras.calibration.calibrated_camera import OPTICS
 from omnisim.cameras.calibration.calibration_formats import format_named
 from omnisim.cameras.calibration.file_frame import is_catadioptric
+from omnisim.cameras.central_error import CentralError
 from omnisim.cameras.models.field_of_view import field_of_view
 from omnisim.core.errors import CalibrationError, OmnisimError
 from omnisim.core.files.atomic_file import check_distinct, check_target
 from omnisim.core.files.image_files import EIGHT_BIT_SUFFIXES, FLOAT_SUFFIXES, read_image
+from omnisim.core.short_repr import number_text, point_text
 from omnisim.rendering.camera.camera_parameters import camera_of_parameters
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
@@ -42,19 +45,17 @@ _SCENES = (".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz", ".mjcf")
 
 def list_formats() -> None:
     """Print a table of the calibration formats."""
-    table = Table(box=None, pad_edge=False)
-    for heading in ("format", "what", "file", "cameras", "models that it says exactly"):
-        table.add_column(heading)
+    shown = table("format", "what", "file", "cameras", "models that it says exactly")
     for form in FORMATS.values():
         models = (
             "all"
             if len(form.models) == len(CAMERA_MODELS)
             else ", ".join(model.model_name for model in form.models)
         )
-        table.add_row(
+        shown.add_row(
             form.name, form.title, f"*{form.suffix}", "several" if form.several else "one", models
         )
-    out.print(table)
+    out.print(shown)
     out.print("All are read and written. Another model is fitted, and the file says how near.")
 
 
@@ -67,19 +68,17 @@ def convert(request: ConvertRequest) -> None:
     check_distinct({"what is written": request.output}, {"the file to convert": source})
     system = _system(request, source)
     if system is not None:
-        return _convert_optics(request, system, source, more_distances_m)
-    for option, value in (
-        ("--at-distance", request.at_distance), ("--right-at", request.right_at),
-    ):  # fmt: skip
-        if value is not None:
-            raise CalibrationError(f"{option}: expected optics, got {source}")
+        _convert_optics(request, system, source, more_distances_m)
+        return
+    reason = f"expected optics, got {source}"
+    refuse_given(request, reason, "at_distance", "right_at", error=CalibrationError)
     read = read_calibration(source, request.camera_name, request.format, request.mirrored)
     if not form.several:
         read = select_camera(read, request.camera_name)
     written = save_calibration(read, request.output, request.to, request.model)
-    out.print(f"{request.output}: {FORMATS[request.to].title}", markup=False)
+    out.print(f"{request.output}: {FORMATS[request.to].title}")
     for before, after in zip(read.cameras, written.cameras, strict=True):
-        out.print(f"  {_conversion(before, after)}", markup=False)
+        out.print(f"  {_conversion(before, after)}")
         for note in after.notes:
             print_note(f"{after.name}: {note}")
 
@@ -120,15 +119,10 @@ def _convert_optics(
     request: ConvertRequest, system: OpticalSystem, source: Path, more_distances_m: list[float]
 ) -> None:
     """Write the best central fit to an optical system, and print its residuals."""
-    from omnisim.cameras.optics.central_fit import fit_central
-    from omnisim.cameras.optics.central_view import DISTANCES_M
+    from omnisim.cameras.optics.central_view import DISTANCES_M, fit_central
 
-    for option, value in (
-        ("--camera-name", request.camera_name), ("--format", request.format),
-        ("--mirrored", request.mirrored),
-    ):  # fmt: skip
-        if value is not None:
-            raise CalibrationError(f"{option}: expected a calibration file, got optics")
+    reason, names = "expected a calibration file, got optics", ("camera_name", "format", "mirrored")
+    refuse_given(request, reason, *names, error=CalibrationError)
     fitted = fit_central(
         system,
         request.to,
@@ -138,38 +132,46 @@ def _convert_optics(
         source=str(source),
     )
     (written,) = save_calibration(fitted, request.output, request.to).cameras
-    out.print(f"{request.output}: {FORMATS[request.to].title}", markup=False)
+    out.print(f"{request.output}: {FORMATS[request.to].title}")
     pose, residuals = find_pose(written.poses, OPTICS, written.name), written.residuals
     assert pose is not None
     assert residuals is not None
     unfitted = dataclasses.replace(written, residuals=None)
-    out.print(f"  {_conversion(unfitted, written)}", markup=False)
+    out.print(f"  {_conversion(unfitted, written)}")
     x, y, z = pose[:3, 3]
     tilt_deg = math.degrees(math.acos(min(abs(float(pose[2, 2])), 1.0)))
     out.print(
-        f"  viewpoint ({x:.5f}, {y:.5f}, {z:.5f}) m in the optics' frame, axis tilted by "
-        f"{tilt_deg:.2f}°; it is off, for points",
-        markup=False,
+        f"  viewpoint ({x:z.5f}, {y:z.5f}, {z:z.5f}) m in the optics' frame, axis tilted by "
+        f"{tilt_deg:.2f}°; it is off, for points"
     )
     out.print(error_table(residuals.at_distances))
     for note in written.notes:
         print_note(f"{written.name}: {note}")
 
 
+def error_table(errors: Sequence[CentralError]) -> Table:
+    """Table of the errors of a central model, with a row per distance."""
+    shown = table("at", ">mean", ">median", ">99 %", ">at most", ">not shown")
+    for error in errors:
+        values = error.mean_px, error.median_px, error.percentile_99_px, error.max_px
+        pixels = ["–" if math.isnan(value) else f"{number_text(value, 3)} px" for value in values]
+        shown.add_row(error.at, *pixels, f"{100.0 * error.left_out:.1f} %")
+    return shown
+
+
 def show(request: ShowRequest) -> None:
     """Print the cameras of a calibration file."""
     read = read_calibration(request.source, request.camera_name, request.format, request.mirrored)
     cameras = pluralize(len(read.cameras), "camera")
-    out.print(f"{request.source}: {read.format}, {cameras}", markup=False)
+    out.print(f"{request.source}: {read.format}, {cameras}")
     for camera in read.cameras:
-        table = Table(box=None, pad_edge=False, show_header=False, title=None)
-        table.add_column(style="bold", no_wrap=True)
-        table.add_column()
+        shown = Table(box=None, pad_edge=False, show_header=False)
+        shown.add_column(style="bold", no_wrap=True)
         for row in (*_camera_rows(camera), *_file_rows(camera)):
-            table.add_row(*row)
+            shown.add_row(*row)
         out.print()
-        out.print(camera.name, style="bold", markup=False)
-        out.print(table)
+        out.print(camera.name, style="bold")
+        out.print(shown)
 
 
 def read_calibration(
@@ -259,7 +261,7 @@ def _conversion(before: CalibratedCamera, after: CalibratedCamera) -> str:
         return f"{name}: {model}, the same rays"
     return (
         f"{name}: {model}, fitted to {fit.source_model}: "
-        f"RMS {fit.rms_px:.3g} px, at most {fit.max_px:.3g} px, "
+        f"RMS {number_text(fit.rms_px, 3)} px, at most {number_text(fit.max_px, 3)} px, "
         f"within {math.degrees(fit.theta_max_rad):.1f}° of the axis"
     )
 
@@ -290,8 +292,8 @@ def _file_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
     """Table rows of a camera's poses and fit in its file."""
     rows = []
     for pose in calibrated.poses[:SHOWN_POSES]:
-        x, y, z = pose.target_from_source[:3, 3]
-        rows.append((f"{pose.target}_from_{pose.source}", f"at ({x:.6g}, {y:.6g}, {z:.6g}) m"))
+        place = point_text(pose.target_from_source[:3, 3])
+        rows.append((f"{pose.target}_from_{pose.source}", f"at {place} m"))
     if len(calibrated.poses) > SHOWN_POSES:
         rows.append(("…", f"{len(calibrated.poses)} poses in all"))
     fit = calibrated.residuals
@@ -299,12 +301,12 @@ def _file_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
         rows.append(
             (
                 "fitted to",
-                f"{fit.source_model}: RMS {fit.rms_px:.3g} px, at most {fit.max_px:.3g} px "
-                f"within {math.degrees(fit.theta_max_rad):.1f}°",
+                f"{fit.source_model}: RMS {number_text(fit.rms_px, 3)} px, at most "
+                f"{number_text(fit.max_px, 3)} px within {math.degrees(fit.theta_max_rad):.1f}°",
             )
         )
         rows += [
-            (f"points at {error.at}", f"99 % within {error.percentile_99_px:.3g} px")
+            (f"points at {error.at}", f"99 % within {number_text(error.percentile_99_px, 3)} px")
             for error in fit.at_distances
         ]
     return rows
@@ -326,6 +328,6 @@ def _parameter_row(key: str, value: object) -> tuple[str, str]:
         return name, str(value).lower()
     if isinstance(value, str):
         return name, value
-    if isinstance(value, list | tuple):
-        return name, ", ".join(f"{one:.10g}" for one in value) + unit
-    return name, f"{value:.10g}{unit}"
+    decimals = 9 if unit else 300  # a coefficient without a unit may be of any size
+    values = value if isinstance(value, list | tuple) else (value,)
+    return name, ", ".join(number_text(one, 10, decimals) for one in values) + unit

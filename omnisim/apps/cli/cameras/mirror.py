@@ -42,8 +42,7 @@ def run(request: MirrorRequest) -> None:
         f"{request.output}: {mesh.polygons} polygons "
         f"({mesh.sectors} sectors × {mesh.rings} rings), "
         f"{len(unfolded.triangles)} triangles once cut along the cube's edges, "
-        f"rim radius {1000.0 * model.mirror.rim_radius_m:.4g} mm",
-        markup=False,
+        f"rim radius {1000.0 * model.mirror.rim_radius_m:.4g} mm"
     )
     _print_error(f"in an image of it {2.0 * model.rim_radius_px:.4g} px wide", error)
 
@@ -94,8 +93,7 @@ def _write_surface(request: MirrorRequest, optics: Path) -> None:
     out.print(
         f"{request.output}: {surface.name}, {polygons} polygons "
         f"({mesh.sectors} sectors × {polygons // mesh.sectors} rings), {len(mesh.triangles)} "
-        f"triangles, rim radius {1000.0 * rim_m:.4g} mm, in its own frame, z toward the camera",
-        markup=False,
+        f"triangles, rim radius {1000.0 * rim_m:.4g} mm, in its own frame, z toward the camera"
     )
     if is_seen:
         _print_error("in the system's image", SystemMeshErrors(system).of(polygons))
@@ -104,6 +102,5 @@ def _write_surface(request: MirrorRequest, optics: Path) -> None:
 def _print_error(where: str, error: MeshError) -> None:
     out.print(
         f"{where}, off by {error.mean_px:.3g} px on average, {error.percentile_95_px:.3g} px at "
-        f"95 %, {error.max_px:.3g} px at most",
-        markup=False,
+        f"95 %, {error.max_px:.3g} px at most"
     )

@@ -3,36 +3,47 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from omnisim.apps.cli.cameras.calibration import error_table
 from omnisim.apps.cli.cameras.requests import (
     DESIGN_SIZE_PX,
     PROFILE_POINTS,
+    OpticsCalibrateRequest,
     OpticsCheckRequest,
     OpticsDesignRequest,
     OpticsPlotRequest,
     OpticsProfileRequest,
     OpticsRaysRequest,
 )
-from omnisim.apps.cli.console import out, pluralize
-from omnisim.apps.cli.error_table import error_table
+from omnisim.apps.cli.console import out, pluralize, table
 from omnisim.cameras import summary
 from omnisim.cameras.calibration.ray_table import write_ray_table
+from omnisim.cameras.optics.boards.board_corners import read_corners
+from omnisim.cameras.optics.boards.calibrate import SystemCalibration, calibrate_system
 from omnisim.cameras.optics.central_view import DISTANCES_M
 from omnisim.cameras.optics.centrality import measure_centrality
 from omnisim.cameras.optics.design import Design
 from omnisim.cameras.optics.lateral_color import lateral_color_px
-from omnisim.cameras.optics.media import WAVELENGTHS_UM
 from omnisim.cameras.optics.profile_file import sampled, write_profile
+from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.surface import Surface
 from omnisim.cameras.optics.system import OpticalSystem
-from omnisim.cameras.optics.system_file import input_files, read_optics_file
+from omnisim.cameras.optics.system_file import (
+    input_files,
+    parse_optics,
+    read_optics_file,
+    read_optics_tables,
+)
 from omnisim.cameras.optics.tracing import Fate
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_target, write_text
-from omnisim.core.short_repr import counted
+from omnisim.core.files.toml_file import Comment, toml_text
+from omnisim.core.short_repr import counted, number_text
 
 _FATES = {
     Fate.OUTSIDE: "outside the lens's own image",
@@ -48,22 +59,22 @@ def check(request: OpticsCheckRequest) -> None:
     system = read_optics_file(request.system)
     distances_m = (*(request.at_distance or ()), *(request.more_distances or ()))
     centrality = measure_centrality(system, distances_m or DISTANCES_M)
-    out.print(f"{request.system}: {_summary(system)}", markup=False)
-    out.print(_shares(system), markup=False)
+    out.print(f"{request.system}: {_summary(system)}")
+    out.print(_shares(system))
     x, y, z = centrality.viewpoint_m
-    misses_mm = 1e3 * centrality.misses_m
+    mean_mm, max_mm = (
+        number_text(1e3 * one, 3) for one in (centrality.misses_m.mean(), centrality.misses_m.max())
+    )
     out.print(
-        f"best viewpoint: ({x:.5f}, {y:.5f}, {z:.5f}) m in the sensor's optical frame; rays miss "
-        f"it by {misses_mm.mean():.3g} mm on average, {misses_mm.max():.3g} mm at most",
-        markup=False,
+        f"best viewpoint: ({x:z.5f}, {y:z.5f}, {z:z.5f}) m in the sensor's optical frame; rays "
+        f"miss it by {mean_mm} mm on average, {max_mm} mm at most"
     )
     apart_px = lateral_color_px(system)
     if len(apart_px):
         drawn = "is drawn" if system.chromatic else "chromatic = true draws it"
         out.print(
             f"lateral color: R and B of far points are {apart_px.mean():.2g} px apart on average, "
-            f"{apart_px.max():.2g} px at most; {drawn}",
-            markup=False,
+            f"{apart_px.max():.2g} px at most; {drawn}"
         )
     out.print("A central model with the same directions is off, for points")
     out.print(error_table(centrality.errors))
@@ -78,13 +89,11 @@ def plot(request: OpticsPlotRequest) -> None:
     _check_distinct(request.output, request.system)
     system = read_optics_file(request.system)
     write_plot(request.output, optics_figure(request.system.name, system))
-    out.print(f"{request.output}: {_summary(system)}", markup=False)
+    out.print(f"{request.output}: {_summary(system)}")
 
 
 def rays(request: OpticsRaysRequest) -> None:
     """Write the rays of all pixels as a ray table."""
-    if request.color is not None and request.color not in WAVELENGTHS_UM:
-        raise OpticsError(f"--color: expected R, G or B, got {request.color!r}")
     check_suffix(request.output, ".exr")
     check_target(request.output)
     _check_distinct(request.output, request.system)
@@ -92,7 +101,7 @@ def rays(request: OpticsRaysRequest) -> None:
     if request.color is not None:
         system = system.of_color(request.color)
     write_ray_table(request.output, system)
-    out.print(f"{request.output}: {_summary(system)}", markup=False)
+    out.print(f"{request.output}: {_summary(system)}")
 
 
 def design(request: OpticsDesignRequest) -> None:
@@ -119,14 +128,13 @@ def design(request: OpticsDesignRequest) -> None:
     write_profile(profile_file, *profile)
     out.print(
         f"{profile_file}: {pluralize(len(profile.radii_m), 'point')}, rim radius "
-        f"{1e3 * profile.radii_m[-1]:.4g} mm, height {1e3 * profile.heights_m[-1]:.4g} mm",
-        markup=False,
+        f"{1e3 * profile.radii_m[-1]:.4g} mm, height {1e3 * profile.heights_m[-1]:.4g} mm"
     )
     if is_system:
         size_px = request.size_px or DESIGN_SIZE_PX
         text = target.system_toml(profile_file.name, size_px)
         write_text(request.output, text)
-        out.print(f"{request.output}: {_summary(read_optics_file(request.output))}", markup=False)
+        out.print(f"{request.output}: {_summary(read_optics_file(request.output))}")
 
 
 def profile(request: OpticsProfileRequest) -> None:
@@ -163,8 +171,7 @@ def write_surface_profile(output: Path, surface: Surface, points: int = PROFILE_
     out.print(
         f"{output}: {pluralize(points, 'point')} of {surface.name}, radius "
         f"{1e3 * radius_m:.4g} mm{tip}; a spline through them is off by "
-        f"{1e9 * samples.deviation_m:.2g} nm at most",
-        markup=False,
+        f"{1e9 * samples.deviation_m:.2g} nm at most"
     )
 
 
@@ -189,3 +196,62 @@ def _shares(system: OpticalSystem) -> str:
         if shares[fate]
     ]
     return "; ".join([f"{shares[Fate.SEEN]:.1f} % of the pixels see something", *others])
+
+
+def calibrate(request: OpticsCalibrateRequest) -> None:
+    """Fit an optical system to corners, write it, and print parameters and residuals."""
+    check_suffix(request.output, ".toml")
+    check_target(request.output)
+    check_distinct(
+        {"what is written": request.output},
+        {"the optics file": request.system, "the corners' file": request.corners},
+    )
+    file = read_optics_tables(request.system)
+    parse_optics(*file)  # reports faults with the names of the keys
+    keys = [key.strip() for key in request.free.split(",")]
+    boards = read_corners(request.corners)
+    fit = calibrate_system(file.table, keys, boards, file.source)
+    corners = sum(len(board.points_m) for board in boards)
+    summary = (
+        f"{pluralize(len(boards), 'image')}, {pluralize(corners, 'corner')}: RMS "
+        f"{number_text(_rms(fit.before_px), 3)} px before, "
+        f"{number_text(_rms(fit.errors_px), 3)} px after, at most "
+        f"{number_text(np.linalg.norm(fit.errors_px, axis=1).max(), 3)} px"
+    )
+    write_text(request.output, _fitted_text(request, fit, summary))
+    out.print(f"{request.output}: {summary}")
+    shown = table("", ">before", ">fitted", ">±")
+    for one in fit.parameters:
+        values = (number_text(value, 6, 9) for value in (one.before, one.value))
+        shown.add_row(one.name, *values, number_text(one.sigma, 2, 9))
+    out.print(shown)
+
+
+def _rms(errors_px: Floats) -> float:
+    """Root mean square of errors (n, 2) along each image axis, px."""
+    return float(np.sqrt(np.mean(errors_px * errors_px)))
+
+
+def _fitted_text(request: OpticsCalibrateRequest, fit: SystemCalibration, summary: str) -> str:
+    """Text of the fitted optics file."""
+    lines = [f"Fitted to {request.corners.name}: {summary}."]
+    lines += [
+        f"{one.name}: {number_text(one.value, 6, 9)} ± {number_text(one.sigma, 2, 9)}"
+        for one in fit.parameters
+    ]
+    table = _beside(fit.table, request.system.parent, request.output.parent)
+    return toml_text({f"# {line}": Comment(line) for line in lines} | table)
+
+
+def _beside(table: dict[str, Any], old: Path, new: Path) -> dict[str, Any]:
+    """Rebase the table's relative file names from the old folder to the new one."""
+
+    def moved(part: dict[str, Any], key: str) -> dict[str, Any]:
+        if not isinstance(part.get(key), str):
+            return part
+        return {**part, key: os.path.relpath(old / part[key], new)}
+
+    if old.resolve() == new.resolve():
+        return table
+    surfaces = [moved(part, "file") for part in table["surfaces"]]
+    return {**table, "camera": moved(table["camera"], "calibration"), "surfaces": surfaces}

@@ -1,136 +1,159 @@
 """Requests of the camera commands: sensor files, mirrors, calibrations, optics."""
 
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from omnisim.apps.cli import completion
-from omnisim.apps.cli.option_groups import Mirrored
-from omnisim.apps.cli.options import Argument, Option
+from omnisim.apps.cli.option_groups import CameraName, Mirrored
+from omnisim.apps.cli.options import Argument, Option, command
 
 PROFILE_POINTS = 501
 DESIGN_SIZE_PX = 720
 
-SystemFile = Annotated[Path, Argument(metavar="SYSTEM")]
-Distances = Annotated[list[float] | None, Option(metavar="M", default="0.3, 1 and 5")]
-MoreDistances = Annotated[list[float] | None, Argument(metavar="M")]
+SystemFile = Annotated[Path, Argument(metavar="SYSTEM", help="Optics file: .toml.")]
+Distances = Annotated[
+    list[float] | None,
+    Option(
+        metavar="M",
+        help="Optics: distances of points from the viewpoint: --at-distance 0.3 1 5. Default: 0.3, "
+        "1 and 5.",
+    ),
+]
+MoreDistances = Annotated[
+    list[float] | None, Argument(metavar="M", help="Further distances for --at-distance.")
+]
 Format = Annotated[
     str | None,
-    Option(metavar="FORMAT", default="detected", names=completion.calibration_formats),
-]
-CameraName = Annotated[str | None, Option(metavar="NAME", default="the first")]
+    Option(
+        metavar="FORMAT", names=completion.calibration_formats,
+        help="Format of FILE. Default: detected.",
+    ),
+]  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("mirror", "cameras.mirror.run")
 class MirrorRequest:
-    """Parameters of `omnisim mirror`."""
+    """Write the mirror's mesh, textured for the unfolded cube, to open in Blender.
+
+    omnisim mirror -o mirror.glb
+    omnisim mirror --sensor sensor.toml -n 3600 -o mirror.obj
+    """
 
     output: Path
     """Mesh (.glb .obj .ply) or profile (.csv) to write."""
-    polygons: Annotated[
-        int | None,
-        Option(
-            flags=("-n", "--polygons"),
-            metavar="POLYGONS",
-            default="as many as 0.1 px accuracy needs, or the sensor file's",
-        ),
-    ] = None
-    """Number of polygons of the mesh."""
-    sensor: Annotated[Path | None, Option(default="the paper's mirror")] = None
-    """Sensor file: .toml."""
+    polygons: Annotated[int | None, Option(flags=("-n", "--polygons"), metavar="POLYGONS")] = None
+    """Number of polygons of the mesh. Default: as many as 0.1 px accuracy needs, or the sensor
+    file's."""
+    sensor: Path | None = None
+    """Sensor file: .toml. Default: the paper's mirror."""
     optics: Path | None = None
     """Optics file, in place of a sensor file: .toml."""
     surface: int = 0
     """Index of the optics file's surface, from 0."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("sensor", "cameras.sensor.run")
 class SensorRequest:
-    """Parameters of `omnisim sensor`."""
+    """Print the default sensor file with a comment per key, or check a sensor file.
+
+    omnisim sensor
+    omnisim sensor --check sensor.toml
+    """
 
     check: Path | None = None
     """Sensor file to check, instead of printing the default one."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("calibration convert", "cameras.calibration.convert")
 class ConvertRequest:
-    """Parameters of `omnisim calibration convert`."""
+    """Convert a calibration to another format, exactly or by the best fit, with its residual.
+
+    omnisim calibration convert kalibr.yaml --to opencv_fisheye -o opencv.yaml
+    omnisim calibration convert --optics mirror.toml --to kalibr -o kalibr.yaml
+    """
 
     to: Annotated[str, Option(metavar="FORMAT", names=completion.calibration_formats)]
     """Format to write, one of `omnisim calibration formats`."""
     output: Path
     """Calibration file to write."""
     camera_name: CameraName = None
-    """Name of the camera in the calibration file."""
     format: Format = None
-    """Format of FILE."""
-    model: Annotated[str | None, Option(metavar="MODEL", default="the same, or the nearest")] = None
-    """Camera model to write."""
+    model: Annotated[str | None, Option(metavar="MODEL")] = None
+    """Camera model to write. Default: the same, or the nearest."""
     mirrored: Mirrored = None
-    """The camera of the calibration file looks into a mirror."""
     optics: Path | None = None
     """Optics file, in place of FILE, to which a central camera is fitted."""
     at_distance: Distances = None
-    """Optics: distances of points for the residuals: --at-distance 0.3 1 5."""
-    right_at: Annotated[float | None, Option(metavar="M", default="infinity")] = None
-    """Optics: distance from the viewpoint of the points to fit."""
+    right_at: Annotated[float | None, Option(metavar="M")] = None
+    """Optics: distance from the viewpoint of the points to fit. Default: infinity."""
     source: Annotated[str | None, Argument(metavar="FILE")] = None
     """Calibration file, sensor file, or image by omnisim."""
     more_distances: MoreDistances = None
-    """Further distances for --at-distance."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("calibration show", "cameras.calibration.show")
 class ShowRequest:
-    """Parameters of `omnisim calibration show`."""
+    """Show the cameras of a calibration file: model, parameters, field of view, valid domain.
+
+    omnisim calibration show kalibr.yaml
+    omnisim calibration show kalibr.yaml --camera-name cam1
+    """
 
     source: Annotated[Path, Argument(metavar="FILE")]
     """Calibration file, sensor file, or image by omnisim."""
     camera_name: CameraName = None
-    """Name of the camera in the calibration file."""
     format: Format = None
-    """Format of FILE."""
     mirrored: Mirrored = None
-    """The camera of the calibration file looks into a mirror."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("optics check", "cameras.optics.check")
 class OpticsCheckRequest:
-    """Parameters of `omnisim optics check`."""
+    """Check an optical system, and measure the errors of its central approximation by distance.
+
+    omnisim optics check mirror.toml
+    omnisim optics check mirror.toml --at-distance 0.3 1 5
+    """
 
     system: SystemFile
-    """Optics file: .toml."""
     at_distance: Distances = None
-    """Distances of points from the viewpoint: --at-distance 0.3 1 5."""
     more_distances: MoreDistances = None
-    """Further distances for --at-distance."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("optics plot", "cameras.optics.plot", extra="plots")
 class OpticsPlotRequest:
-    """Parameters of `omnisim optics plot`."""
+    """Plot an optical system: profile, rays, caustic, resolution by image radius.
+
+    omnisim optics plot mirror.toml -o mirror.png
+    omnisim optics plot mirror.toml -o mirror.pdf
+    """
 
     system: SystemFile
-    """Optics file: .toml."""
     output: Path
     """Plot to write: .png .pdf .svg."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("optics rays", "cameras.optics.rays")
 class OpticsRaysRequest:
-    """Parameters of `omnisim optics rays`."""
+    """Write the ray of each pixel, origin and direction, as a table.
+
+    omnisim optics rays mirror.toml -o rays.exr
+    omnisim optics rays mirror.toml --color B -o blue.exr
+    """
 
     system: SystemFile
-    """Optics file: .toml."""
     output: Path
     """Ray table to write: .exr with 32-bit floats."""
-    color: Annotated[str | None, Option(metavar="R|G|B", default="the file's")] = None
-    """Color whose wavelength is traced."""
+    color: Literal["R", "G", "B"] | None = None
+    """Color whose wavelength is traced. Default: the file's."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("optics design", "cameras.optics.design")
 class OpticsDesignRequest:
-    """Parameters of `omnisim optics design`."""
+    """Design a mirror's profile: constant resolution by angle, or on the ground.
+
+    omnisim optics design --distance 0.1 --half-angle 20 --equi-angular 105 -o mirror.toml
+    omnisim optics design --distance 0.1 --half-angle 20 --equi-ground 5 --height 1 -o profile.csv
+    """
 
     output: Path
     """Profile to write: .csv with r_m,z_m; or .toml for the whole system, with the profile beside
@@ -145,33 +168,47 @@ class OpticsDesignRequest:
     """Constant resolution on the ground: the rim shows this distance."""
     height_m: float | None = None
     """Height of the pinhole above the ground, for --equi-ground."""
-    size_px: Annotated[int | None, Option(min=2, max=16384, default=str(DESIGN_SIZE_PX))] = None
-    """Side of the square image of a .toml, which the rim fills."""
+    size_px: Annotated[int | None, Option(ge=2, le=16384)] = None
+    """Side of the square image of a .toml, which the rim fills. Default: 720."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("optics profile", "cameras.optics.profile")
 class OpticsProfileRequest:
-    """Parameters of `omnisim optics profile`."""
+    """Write the profile of a surface, for a lathe.
+
+    omnisim optics profile mirror.toml -o profile.csv
+    omnisim optics profile mirror.toml --surface 1 --points 2001 -o second.csv
+    """
 
     system: SystemFile
-    """Optics file: .toml."""
     output: Path
     """Profile to write: .csv with r_m,z_m."""
     surface: int = 0
     """Index of the surface, from 0."""
-    points: Annotated[int, Option(metavar="POINTS", min=4, max=100_000)] = PROFILE_POINTS
+    points: Annotated[int, Option(metavar="POINTS", ge=4, le=100_000)] = PROFILE_POINTS
     """Number of points of the profile."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("optics calibrate", "cameras.optics.calibrate")
 class OpticsCalibrateRequest:
-    """Parameters of `omnisim optics calibrate`."""
+    """Fit an optical system's parameters to the corners of a board in images.
+
+    omnisim optics calibrate mirror.toml corners.csv --free surfaces.0.decenter_m -o fitted.toml
+    omnisim optics calibrate mirror.toml corners.csv --free camera.focal_length_px -o fitted.toml
+    """
 
     system: SystemFile
-    """Optics file: .toml."""
     corners: Annotated[Path, Argument(metavar="CORNERS")]
     """Corners of a flat board: .csv with image,x_m,y_m,u_px,v_px."""
     free: Annotated[str, Option(metavar="KEYS")]
     """Comma-separated keys of SYSTEM to fit, such as surfaces.0.decenter_m."""
     output: Path
     """Optics file to write: .toml."""
+
+
+@command("calibration formats", "cameras.calibration.list_formats")
+class FormatsRequest:
+    """List the formats, and the camera models that each represents exactly.
+
+    omnisim calibration formats
+    """

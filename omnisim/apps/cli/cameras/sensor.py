@@ -16,22 +16,18 @@ MAX_VALUES = 8  # maximum list length that is printed in full
 
 
 def run(request: SensorRequest) -> None:
-    """Print the default sensor file, or check one and summarize it.
-
-    Raises:
-        SensorFileError: names file, key and value.
-    """
+    """Print the default sensor file, or check one and summarize it."""
     if request.check is None:
-        out.print(DEFAULT_SENSOR_FILE.read_text(encoding="utf-8"), markup=False, end="")
+        out.print(DEFAULT_SENSOR_FILE.read_text(encoding="utf-8"), end="")
         return
     sensor = OmniCamera.from_file(request.check)
-    out.print(f"{request.check}: good", markup=False)
+    out.print(f"{request.check}: good")
     lines = _model_lines(sensor)
     for name, values in sensor.degradation.tables().items():
         pairs = ", ".join(f"{key} = {value}" for key, value in values.items())
         lines.append(f"  {name:22} {pairs}")
     for line in lines:
-        out.print(line, markup=False)
+        out.print(line)
 
 
 def _model_lines(sensor: OmniCamera) -> list[str]:
@@ -44,19 +40,16 @@ def _model_lines(sensor: OmniCamera) -> list[str]:
 
 
 def _part_lines(key: str, value: ParameterValue) -> Iterator[str]:
-    """Lines for a key of an optical system, one per part."""
-    parts = value if isinstance(value, list) and isinstance(value[0], dict) else [value]
-    for part in parts:
-        if isinstance(part, dict):
-            part = ", ".join(f"{name} = {_short(one)}" for name, one in part.items())
-        yield f"  {key:22} {part}"
-
-
-def _short(value: ParameterValue) -> str:
-    """Format a value; a long list only by its length."""
-    if isinstance(value, list) and len(value) > MAX_VALUES:
-        return f"{len(value)} values"
-    return str(value)
+    """Lines for a key of an optical system, one per part; a long list only by its length."""
+    for part in value if isinstance(value, list) and isinstance(value[0], dict) else [value]:
+        if not isinstance(part, dict):
+            yield f"  {key:22} {part}"
+            continue
+        texts = []
+        for name, one in part.items():
+            is_long = isinstance(one, list) and len(one) > MAX_VALUES
+            texts.append(f"{name} = {f'{len(one)} values' if is_long else one}")
+        yield f"  {key:22} {', '.join(texts)}"
 
 
 def mesh_text(sensor: OmniCamera) -> str:

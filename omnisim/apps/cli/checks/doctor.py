@@ -53,10 +53,10 @@ def run(request: DoctorRequest) -> bool:
         if name in NEEDED and steps[-1].result.status == FAILED:
             break
     lines = verdict(steps)
-    out.print("\n" + "\n".join(map(_wrapped, lines)), markup=False)
+    out.print("\n" + "\n".join(map(_wrapped, lines)))
     if request.report is not None:
         write_text(request.report, report(steps, lines))
-        out.print(f"{request.report}: the report, for a bug report", markup=False)
+        out.print(f"{request.report}: the report, for a bug report")
     return all(one.result.status != FAILED for one in steps)
 
 
@@ -153,7 +153,7 @@ def _print(step: Step) -> None:
     status, text, remedy, _ = step.result
     head = f"{status:9}{step.name:13}{step.seconds:5.1f} s  "
     lines = _wrapped(text + (f": {remedy}" if remedy else ""), head)[len(status) :]
-    out.print(f"[{_COLORS[status]}]{status}[/]{escape(lines)}")
+    out.print(f"[{_COLORS[status]}]{status}[/]{escape(lines)}", markup=True)
 
 
 def _wrapped(text: str, head: str = "") -> str:

@@ -1,37 +1,64 @@
 """Requests of `omnisim doctor`, `omnisim validate` and `omnisim experiments`."""
 
-from dataclasses import dataclass
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
-from omnisim.apps.cli import completion
 from omnisim.apps.cli.option_groups import DeviceOptions
-from omnisim.apps.cli.options import Option
+from omnisim.apps.cli.options import Option, command
 
 
-@dataclass(frozen=True, kw_only=True)
+def _check_names() -> Iterable[str]:
+    from omnisim.validation.check_registry import CHECKS  # seldom needed
+
+    return (check.key for check in CHECKS)
+
+
+@command("doctor", "checks.doctor.run")
 class DoctorRequest(DeviceOptions):
-    """Parameters of `omnisim doctor`."""
+    """Examine OpenGL on this machine step by step, and say what to do; exits with 1 if a step
+    fails.
+
+    omnisim doctor
+    omnisim doctor --report doctor.json
+    """
 
     report: Path | None = None
     """JSON file for all results, without names of the user, the machine and their folders."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("validate", "checks.validate.run", extra="reports")
 class ValidateRequest(DeviceOptions):
-    """Parameters of `omnisim validate`."""
+    """Validate the geometry against the paper's figures and independent oracles; exits with 1 if a
+    tolerance is exceeded.
+
+    omnisim validate --quick -o report
+    omnisim validate --only rings -o report
+    """
 
     output: Annotated[Path, Option(metavar="DIR")]
     """Folder for report.html, report.json and figures."""
     quick: bool = False
     """Skip the path tracer, the slowest check."""
-    only: Annotated[list[str] | None, Option(metavar="CHECK", names=completion.check_names)] = None
-    """Run only this check; can be repeated."""
+    only: Annotated[list[str] | None, Option(metavar="CHECK", names=_check_names)] = None
+    """Run only this check; can be repeated: {names}."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("experiments", "checks.validate.experiments", extra="reports")
 class ExperimentsRequest(DeviceOptions):
-    """Parameters of `omnisim experiments`."""
+    """Repeat the paper's experiments in self-localization; exits with 1 if a tolerance is exceeded.
+
+    omnisim experiments -o report
+    omnisim experiments --device 1 -o report
+    """
 
     output: Annotated[Path, Option(metavar="DIR")]
     """Folder for the drives, report.html, report.json and figures."""
+
+
+@command("info", "info.run")
+class InfoRequest:
+    """Show versions, built-in scenes, and the GPUs that can render.
+
+    omnisim info
+    """

@@ -1,19 +1,20 @@
-"""`omnisim validate`."""
+"""`omnisim validate` and `omnisim experiments`."""
 
 from __future__ import annotations
 
+import time
 from collections import Counter
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterable, Iterator
 
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from omnisim.apps.cli.checks.requests import ValidateRequest
-from omnisim.apps.cli.console import err, out
+from omnisim.apps.cli.checks.requests import ExperimentsRequest, ValidateRequest
+from omnisim.apps.cli.console import err, out, progress, track
 from omnisim.core.errors import OmnisimError, did_you_mean
 from omnisim.report.machine import machine_of_device
 from omnisim.report.report import HTML, Section, check_report_target
 from omnisim.validation.check_registry import CHECKS, Check
+from omnisim.validation.experiments.paper import run_experiments
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.suite import make_report, run_checks
 
@@ -26,27 +27,19 @@ def run(request: ValidateRequest) -> bool:
     check_report_target(request.output)
     machine = machine_of_device(request.device)  # missing OpenGL fails here, before the checks
     sections: list[Section] = []
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=24),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    console, is_hidden = err.console, not err.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=is_hidden) as progress:
-        task = progress.add_task(escape(checks[0].title), total=len(checks))
+    with progress(checks[0].title, len(checks)) as show:
         for section in run_checks(Fixture(request.device, request.quick), checks):
             sections.append(section)
             _print(section)
             following = checks[len(sections)].title if len(sections) < len(checks) else ""
-            progress.update(task, advance=1, description=escape(following))
+            show(len(sections), following)
     report = make_report(sections, request.quick, machine)
     report.write(request.output)
     counts = Counter(section.status for section in sections)
     summary = f"{request.output / HTML}: {counts['passed']} passed"
     summary += f", {counts['failed']} failed" if counts["failed"] else ""
     summary += f", {counts['skipped']} skipped" if counts["skipped"] else ""
-    out.print(summary, markup=False)
+    out.print(summary)
     return report.passed
 
 
@@ -63,10 +56,40 @@ def _select(only: Collection[str], is_quick: bool) -> list[Check]:
 
 def _print(section: Section) -> None:
     color = _COLORS[section.status]
-    time = f"{section.seconds:5.1f} s" if section.seconds is not None else ""
-    out.print(f"[{color}]{section.status:8}[/] {escape(section.title):55} {time}")
+    seconds = f"{section.seconds:5.1f} s" if section.seconds is not None else ""
+    title = f"{escape(section.title):55} {seconds}"
+    out.print(f"[{color}]{section.status:8}[/] {title}", markup=True)
     if section.skipped or section.failure:
-        out.print(f"         {escape(section.skipped or section.failure)}")
+        out.print(f"         {section.skipped or section.failure}")
     for measure in section.missed:
         line = f"{measure.name}: {measure.value_text} {measure.bound_text}"
-        out.print(f"         [red]missed[/] {escape(line)}")
+        out.print(f"         [red]missed[/] {escape(line)}", markup=True)
+
+
+def experiments(request: ExperimentsRequest) -> bool:
+    """Run the experiments, write their report, and return whether all bounds hold."""
+    check_report_target(request.output)
+    start = time.monotonic()
+    report = run_experiments(request.output, request.device, _progress)
+    for section in report.sections:
+        if section.measures:
+            out.print(section.title, style="bold")
+        for measure in section.measures:
+            line = f"  {measure.name}: {measure.value_text} {measure.bound_text}".rstrip()
+            line += f" (the paper: {measure.paper})" if measure.paper else ""
+            out.print(line, style="red" if measure.passed is False else None)
+    missed = f"; {len(report.missed)} bounds missed" if report.missed else "; every bound holds"
+    seconds = time.monotonic() - start
+    out.print(f"{request.output / HTML}: {seconds:.0f} s{missed}")
+    return not report.missed
+
+
+def _progress(description: str, total: int) -> Callable[[Iterable[int]], Iterable[int]]:
+    """Show the progress of one part: a bar on a terminal, else a line."""
+
+    def along(steps: Iterable[int]) -> Iterator[int]:
+        if not err.is_terminal:
+            err.print(description)
+        yield from track(steps, description, total)
+
+    return along

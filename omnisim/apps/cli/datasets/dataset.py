@@ -12,12 +12,13 @@ from omnisim.apps.cli.datasets.requests import (
     DatasetInfoRequest,
     DatasetViewRequest,
 )
+from omnisim.apps.cli.options import refuse_given
 from omnisim.core.errors import OutputError, did_you_mean
 from omnisim.core.files.atomic_file import check_distinct, check_target
 from omnisim.core.files.image_files import write_image
 from omnisim.datasets.coco_folder import CocoSettings, write_coco
 from omnisim.datasets.dataset_manifest import MANIFEST, check_hashes, read_manifest
-from omnisim.datasets.export.export_formats import LAYOUTS
+from omnisim.datasets.export.export import LAYOUTS
 from omnisim.datasets.generate.samples import Shards
 from omnisim.datasets.recorded_runs import write_recordings
 from omnisim.ground_truth.coco import BoxLimits
@@ -29,7 +30,7 @@ def info(request: DatasetInfoRequest) -> None:
     """Print the statistics of a data set."""
     manifest = read_manifest(request.folder)
     if request.json:
-        out.print(json.dumps(manifest.to_json(), indent=1), markup=False)
+        out.print(json.dumps(manifest.to_json(), indent=1))
         return
     statistics = manifest.statistics
     rows = {
@@ -44,17 +45,16 @@ def info(request: DatasetInfoRequest) -> None:
         "plan": manifest.plan,
     }
     for name, value in rows.items():
-        out.print(f"{name:12} {value}", markup=False)
+        out.print(f"{name:12} {value}")
 
 
 def check(request: DatasetCheckRequest) -> None:
     """Compare the hash of every shard with the manifest."""
     manifest = read_manifest(request.folder)
-    hashes = check_hashes(request.folder, manifest)
     count = len(manifest.shards)
-    for _ in track(range(count), "check", count):
-        next(hashes)
-    out.print(f"{request.folder}: {pluralize(count, 'shard')}, as in {MANIFEST}", markup=False)
+    for _ in track(check_hashes(request.folder, manifest), "check", count):
+        pass
+    out.print(f"{request.folder}: {pluralize(count, 'shard')}, as in {MANIFEST}")
 
 
 def convert(request: DatasetConvertRequest) -> None:
@@ -67,36 +67,20 @@ def convert(request: DatasetConvertRequest) -> None:
         steps = write_coco(shards, request.output, settings)
     else:
         steps = write_recordings(shards, request.to, request.output, print_note)
-    for _ in track(range(len(shards)), "convert", len(shards)):
-        next(steps)
-    next(steps, None)  # work after the last sample
-    out.print(f"{request.output}: {pluralize(len(shards), 'sample')}", markup=False)
+    for _ in track(steps, "convert", len(shards)):
+        pass
+    out.print(f"{request.output}: {pluralize(len(shards), 'sample')}")
 
 
 def _coco_settings(request: DatasetConvertRequest) -> CocoSettings:
-    """Settings of a COCO folder.
-
-    Raises:
-        OutputError: an option of boxes with another layout, a share outside 0 to 1, or split
-            shares that do not add up to 1.
-    """
-    for option, value in (
-        ("--min-area-px", request.coco.min_area_px),
-        ("--min-visible", request.coco.min_visible),
-        ("--polygons", request.coco.polygons or None),
-        ("--split", request.coco.split),
+    """Settings of a COCO folder."""
+    for layouts, names in (
+        (("coco", "yolo"), ("min_area_px", "min_visible", "split")),
+        (("coco",), ("polygons",)),
     ):
-        layouts = ("coco",) if option == "--polygons" else ("coco", "yolo")
-        if value is not None and request.to not in layouts:
-            raise OutputError(
-                f"{option}: expected with --to {' or '.join(layouts)}, got --to {request.to}"
-            )
-    if (
-        request.coco.min_visible is not None and not 0.0 <= request.coco.min_visible <= 1.0
-    ):  # NaN, too
-        raise OutputError(
-            f"--min-visible: expected a share from 0 to 1, got {request.coco.min_visible:g}"
-        )
+        if request.to not in layouts:
+            reason = f"expected with --to {' or '.join(layouts)}, got --to {request.to}"
+            refuse_given(request.coco, reason, *names)
     limits = BoxLimits(request.coco.min_area_px or 1, request.coco.min_visible)
     return CocoSettings(
         request.to == "yolo", limits, request.coco.polygons, _splits(request.coco.split)
@@ -136,7 +120,7 @@ def view(request: DatasetViewRequest) -> None:
     if not rows:
         raise OutputError(f"--first {request.first}: expected less than {len(shards)} samples")
     samples = []
-    for row in track(rows, "view", len(rows)):
+    for row in track(rows, "view"):
         sample = shards[row]
         first = sample if "rgb" in sample else next(iter(sample.values()))
         names, metadata = shards.manifest.channels, sample["metadata"]
@@ -144,7 +128,7 @@ def view(request: DatasetViewRequest) -> None:
         title = f"{metadata['number']}: {metadata['scene']}, {metadata['camera']}"
         samples.append(SampleTiles(title, [("rgb", first["rgb"]), *channels]))
     write_image(request.output, sample_sheet(samples))
-    out.print(f"{request.output}: {pluralize(len(rows), 'sample')}", markup=False)
+    out.print(f"{request.output}: {pluralize(len(rows), 'sample')}")
 
 
 def _counts(counts: dict[str, int]) -> str:

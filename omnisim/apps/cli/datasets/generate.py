@@ -3,28 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from pathlib import Path
 
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeRemainingColumn,
-)
-
-from omnisim.apps.cli.console import err, out, pluralize, print_note, track
-from omnisim.apps.cli.datasets.requests import ENGINES, GenerateRequest
-from omnisim.apps.cli.images.recording import RateColumn
-from omnisim.core.errors import OmnisimError, OutputError, PlanError, did_you_mean
+from omnisim.apps.cli.console import out, pluralize, print_note, progress, resumable, track
+from omnisim.apps.cli.datasets.requests import GenerateRequest
+from omnisim.core.errors import OmnisimError, OutputError, PlanError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_distinct, check_target
 from omnisim.core.files.image_files import write_image
 from omnisim.datasets.generate.generate import Generation, estimate
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.sample_renderer import SampleRenderer
-from omnisim.datasets.generate.workers import ShardProgress
 from omnisim.plots.sample_sheet import SampleTiles, channel_tile, sample_sheet
 
 SHARDS = re.compile(r"(\d{1,9})(?::(\d{1,9}))?")
@@ -32,8 +20,6 @@ SHARDS = re.compile(r"(\d{1,9})(?::(\d{1,9}))?")
 
 def run(request: GenerateRequest) -> None:
     """Generate a data set, or run one of its trials."""
-    if request.engine not in ENGINES:
-        raise PlanError(f"--engine {request.engine!r}: {did_you_mean(request.engine, ENGINES)}")
     if request.address is not None and request.engine != "ray":
         raise PlanError("--address: requires --engine ray")
     only = {
@@ -85,11 +71,10 @@ def _check(request: GenerateRequest) -> None:
         scene = prepared.scene(number)
         if plan.viewpoints.where == "free":
             free = prepared.free_space(number)
-            out.print(f"{scene.name}: {free.area_m2:.1f} m² of free floor", markup=False)
+            out.print(f"{scene.name}: {free.area_m2:.1f} m² of free floor")
     out.print(
         f"{request.plan}: {pluralize(plan.images, 'sample')} in "
-        f"{pluralize(plan.shards, 'shard')}; plan {prepared.fingerprint}",
-        markup=False,
+        f"{pluralize(plan.shards, 'shard')}; plan {prepared.fingerprint}"
     )
 
 
@@ -113,7 +98,7 @@ def _preview(request: GenerateRequest, count: int) -> None:
         renderer.close()
     sheet = sample_sheet([samples[number] for number in sorted(samples)])
     write_image(request.output, sheet)
-    out.print(f"{request.output}: {pluralize(count, 'sample')}", markup=False)
+    out.print(f"{request.output}: {pluralize(count, 'sample')}")
 
 
 def _map(request: GenerateRequest) -> None:
@@ -126,7 +111,7 @@ def _map(request: GenerateRequest) -> None:
     check_plot_target(request.output)
     check_distinct({"-o": request.output}, {"the plan": request.plan})
     write_plot(request.output, plan_figure(PreparedPlan.read(request.plan)))
-    out.print(f"{request.output}: free floors and places", markup=False)
+    out.print(f"{request.output}: free floors and places")
 
 
 def _estimate(request: GenerateRequest) -> None:
@@ -139,8 +124,7 @@ def _estimate(request: GenerateRequest) -> None:
         f"{request.plan}: {pluralize(estimated.samples, 'sample')}, "
         f"{estimated.samples * estimated.sample_bytes / 1e9:.3g} GB, {time} by "
         f"{pluralize(request.workers, 'worker')}: {estimated.samples_per_s:.1f} samples/s after "
-        f"{estimated.start_s:.1f} s",
-        markup=False,
+        f"{estimated.start_s:.1f} s"
     )
 
 
@@ -162,10 +146,7 @@ def _generate(request: GenerateRequest) -> None:
     size = f"; {manifest.size_bytes / 1e6:.1f} MB" if manifest else ""
     redrawn = manifest.statistics.redrawn if manifest else 0
     again = f"; {pluralize(redrawn, 'sample')} drawn again" if redrawn else ""
-    out.print(
-        f"{request.output}: {pluralize(made + existing, 'shard')}{before}{size}{again}{rest}",
-        markup=False,
-    )
+    out.print(f"{request.output}: {pluralize(made + existing, 'shard')}{before}{size}{again}{rest}")
 
 
 def _run(request: GenerateRequest, generation: Generation) -> None:
@@ -178,42 +159,19 @@ def _run(request: GenerateRequest, generation: Generation) -> None:
         steps = generation.run()
     each = generation.prepared.plan.images_per_shard
     total = each * len(generation.missing)
-    done: dict[int, int] = {}
-    try:
-        for _ in _counted(steps, done, each, total, request.plan):
-            pass
-    except KeyboardInterrupt:
+    done: dict[int, int] = {}  # samples by shard
+
+    def state() -> str:
         whole = sum(count == each for count in done.values())
-        err.print(
-            f"{request.output}: {whole} of {pluralize(len(generation.missing), 'shard')} made: the "
-            "same command resumes",
-            markup=False,
-        )
-        raise
+        made = f"{whole} of {pluralize(len(generation.missing), 'shard')} made"
+        return f"{request.output}: {made}: the same command resumes"
+
+    try:
+        with progress(request.plan.stem, total, "samples") as show, resumable(state):
+            for step in steps:
+                samples = min(done.get(step.shard, 0) + 1, each)
+                done[step.shard] = each if step.is_whole else samples
+                show(sum(done.values()), "")
     except OmnisimError:
         generation.give_up()
         raise
-
-
-def _counted(
-    steps: Iterator[ShardProgress], done: dict[int, int], each: int, total: int, plan: Path
-) -> Iterator[ShardProgress]:
-    """Yield steps while showing a progress bar, which appears on terminals only."""
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(bar_width=32),
-        MofNCompleteColumn(),
-        RateColumn("samples"),
-        TimeRemainingColumn(),
-    )
-    console, is_hidden = err.console, not err.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=is_hidden) as progress:
-        task = progress.add_task(plan.stem, total=total)
-        for progress_of_shard in steps:
-            done[progress_of_shard.shard] = (
-                each
-                if progress_of_shard.is_whole
-                else min(done.get(progress_of_shard.shard, 0) + 1, each)
-            )
-            progress.update(task, completed=sum(done.values()))
-            yield progress_of_shard

@@ -1,18 +1,16 @@
 """Requests of the commands that generate and read data sets."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, ClassVar
 
 from omnisim.apps.cli import completion
-from omnisim.apps.cli.option_groups import DeviceOptions
-from omnisim.apps.cli.options import Argument, Option
+from omnisim.apps.cli.option_groups import DeviceOptions, EngineOptions
+from omnisim.apps.cli.options import Argument, Option, command, options
 
-ENGINES = ("local", "ray")
-DataSet = Annotated[Path, Argument(metavar="DIR")]
+DataSet = Annotated[Path, Argument(metavar="DIR", help="Folder of a complete data set.")]
 
 
-@dataclass(frozen=True, kw_only=True)
+@options
 class TrialOptions:
     """Trials before the data set is generated."""
 
@@ -20,7 +18,7 @@ class TrialOptions:
 
     check: bool = False
     """Only check the plan and its files."""
-    preview: Annotated[int | None, Option(min=1, max=400)] = None
+    preview: Annotated[int | None, Option(ge=1, le=400)] = None
     """Only render the first samples onto one sheet."""
     map: bool = False
     """Only plot the free floors and the positions of the first 400 samples, from above."""
@@ -28,69 +26,78 @@ class TrialOptions:
     """Only render a few samples to estimate the total time and size."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class GenerateRequest:
-    """Parameters of `omnisim generate`."""
+@command("generate", "datasets.generate.run")
+class GenerateRequest(EngineOptions):
+    """Generate a data set from a plan: deterministic shards, reproducible by index.
+
+    omnisim generate plan.toml --preview 16 -o sheet.png
+    omnisim generate plan.toml --workers 4 -o dataset
+    """
 
     plan: Annotated[Path, Argument(metavar="PLAN")]
     """Plan of the data set: .toml."""
     output: Annotated[Path | None, Option(metavar="DIR")] = None
     """Folder of the data set; finished shards in it are kept. With --preview or --map: an image."""
-    shards: Annotated[str | None, Option(metavar="FROM:TO", default="all of the plan")] = None
-    """Range of shards to generate, the last excluded; or a single number."""
-    workers: Annotated[int, Option(min=1, max=1024)] = 1
+    shards: Annotated[str | None, Option(metavar="FROM:TO")] = None
+    """Range of shards to generate, the last excluded; or a single number. Default: all of the
+    plan."""
+    workers: Annotated[int, Option(ge=1, le=1024)] = 1
     """Number of rendering processes."""
-    engine: Annotated[str, Option(metavar="NAME", names=lambda: ENGINES)] = "local"
-    """Engine that distributes the shards: local or ray."""
-    address: Annotated[
-        str | None, Option(metavar="ADDRESS", default="a cluster on this machine")
-    ] = None
-    """Address of the Ray cluster."""
     trial: TrialOptions
     gpu: DeviceOptions
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("dataset info", "datasets.dataset.info")
 class DatasetInfoRequest:
-    """Parameters of `omnisim dataset info`."""
+    """Summarize a data set: samples, scenes, cameras, channels, size.
+
+    omnisim dataset info dataset
+    omnisim dataset info dataset --json
+    """
 
     folder: DataSet
-    """Folder of a complete data set."""
     json: bool = False
     """Print the manifest as JSON."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("dataset check", "datasets.dataset.check")
 class DatasetCheckRequest:
-    """Parameters of `omnisim dataset check`."""
+    """Compare the hash of each shard with the manifest.
+
+    omnisim dataset check dataset
+    omnisim dataset check data/train
+    """
 
     folder: DataSet
-    """Folder of a complete data set."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@options
 class CocoOptions:
     """Boxes of objects."""
 
     panel: ClassVar[str] = "With --to coco or yolo"
 
-    min_area_px: Annotated[int | None, Option(flags=("--min-area-px",), min=1, default="1")] = None
-    """Minimum number of visible pixels of an annotated object."""
-    min_visible: Annotated[float | None, Option(metavar="SHARE", default="any")] = None
+    min_area_px: Annotated[int | None, Option(flags=("--min-area-px",), ge=1)] = None
+    """Minimum number of visible pixels of an annotated object. Default: 1."""
+    min_visible: Annotated[float | None, Option(metavar="SHARE", ge=0, le=1, example="0.5")] = None
     """Minimum visible share, 0 to 1, of the pixels that an annotated object would cover alone;
-    requires a data set whose plan has min_visible."""
+    requires a data set whose plan has min_visible. Default: any."""
     polygons: bool = False
     """Write masks as polygons instead of run lengths; with --to coco."""
-    split: Annotated[str | None, Option(metavar="NAME=SHARE,…", default="all in one")] = None
-    """Splits, with one annotation file or list of images each, such as train=0.8,val=0.2."""
+    split: Annotated[str | None, Option(metavar="NAME=SHARE,…")] = None
+    """Splits, with one annotation file or list of images each, such as train=0.8,val=0.2. Default:
+    all in one."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("dataset convert", "datasets.dataset.convert")
 class DatasetConvertRequest:
-    """Parameters of `omnisim dataset convert`."""
+    """Write a data set in another layout: COCO's, YOLO's, KITTI-360's, nerfstudio's or COLMAP's.
+
+    omnisim dataset convert dataset --split train=0.8,val=0.2 -o coco
+    omnisim dataset convert dataset --to colmap -o colmap
+    """
 
     folder: DataSet
-    """Folder of a complete data set."""
     output: Annotated[Path, Option(metavar="DIR")]
     """New folder for the converted data set."""
     to: Annotated[str, Option(metavar="FORMAT", names=completion.data_set_layouts)] = "coco"
@@ -99,15 +106,18 @@ class DatasetConvertRequest:
     coco: CocoOptions
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("dataset view", "datasets.dataset.view")
 class DatasetViewRequest:
-    """Parameters of `omnisim dataset view`."""
+    """Write a sheet of samples with their channels.
+
+    omnisim dataset view dataset -o sheet.png
+    omnisim dataset view dataset --first 100 --count 4 -o sheet.png
+    """
 
     folder: DataSet
-    """Folder of a complete data set."""
     output: Path
     """Sheet to write: .png or .jpg."""
-    first: Annotated[int, Option(min=0)] = 0
+    first: Annotated[int, Option(ge=0)] = 0
     """Index of the first sample."""
-    count: Annotated[int, Option(min=1, max=400)] = 16
+    count: Annotated[int, Option(ge=1, le=400)] = 16
     """Number of samples."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import os
 import sys
 from collections.abc import Mapping
@@ -14,15 +15,9 @@ import numpy as np
 
 from omnisim.apps.cli.console import out, print_note
 from omnisim.apps.cli.images.requests import LiveRequest, LiveSceneOptions
-from omnisim.apps.cli.inputs import (
-    check_calibration_path,
-    check_seconds,
-    parse_exposure,
-    read_camera,
-    refuse_given,
-)
+from omnisim.apps.cli.inputs import check_calibration_path, read_camera
 from omnisim.apps.cli.option_groups import CameraFileOptions, LightOptions, ViewpointOptions
-from omnisim.apps.cli.options import flag_of
+from omnisim.apps.cli.options import flag_of, refuse_given, words_of
 from omnisim.apps.live.camera_document import CameraDocument
 from omnisim.apps.live.live import LivePage, run_source
 from omnisim.apps.live.live import run as run_page
@@ -38,7 +33,6 @@ SCENE, SIZE_PX = "soccer", 400
 
 def run(request: LiveRequest) -> None:
     """Serve the page until Ctrl-C."""
-    time_s = check_seconds("--time", request.viewpoint.time_s)
     if request.run is not None:
         reason = "a run has its own: expected none with --run"
         refuse_given(request, reason, "robot")
@@ -67,14 +61,17 @@ def run(request: LiveRequest) -> None:
         from omnisim.apps.live.record import record_film
 
         count = record_film(request.page.record, settings, place)
-        out.print(f"{request.page.record}: {count} images", markup=False)
+        out.print(f"{request.page.record}: {count} images")
         return
-    _serve(LivePage(settings, request.page.host, request.page.port, place, time_s), request)
+    _serve(
+        LivePage(settings, request.page.host, request.page.port, place, request.viewpoint.time_s),
+        request,
+    )
 
 
 def _serve(page: LivePage, request: LiveRequest) -> None:
     def is_open() -> None:
-        out.print(f"Open {page.server.url} in a browser; Ctrl-C ends it.", markup=False)
+        out.print(f"Open {page.server.url} in a browser; Ctrl-C ends it.")
         sys.stdout.flush()
         if request.page.open:
             import webbrowser
@@ -91,59 +88,39 @@ def _serve(page: LivePage, request: LiveRequest) -> None:
 def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
     vehicle = None
     if request.robot is not None:
-        reason = "a robot has its own: expected none with --robot"
-        refuse_given(request.camera, reason, "sensor", "optics", "calibration_file")
         reason = "a robot stands on the floor: expected none with --robot"
         refuse_given(request.viewpoint, reason, "pitch_deg")
         vehicle = Vehicle.load(request.robot)
-        document = CameraDocument.of_camera(vehicle.camera(request.camera.camera_name).sensor)
-        camera_options: tuple[str, ...] | None = _robot_options(request, vehicle, document)
+    files = request.camera
+    has_own = (files.sensor or files.optics or files.calibration_file) is not None
+    camera_name = None if has_own else files.camera_name
+    if vehicle is None or has_own:
+        document, camera_options = _document(files)
     else:
-        document, camera_options = _document(request.camera)
-    if request.image.preset is not None:
-        document = document.with_degradation(request.image.preset)
-        camera_options = (
-            None if camera_options is None else (*camera_options, "--preset", request.image.preset)
-        )
-    exposure = parse_exposure(request.image.exposure_ev)
-    if exposure is not None:
-        document = document.with_exposure(exposure)
-        option = ("--exposure-ev", str(request.image.exposure_ev))
-        camera_options = None if camera_options is None else (*camera_options, *option)
-    size_px = request.image.size_px or SIZE_PX
-    document = dataclasses.replace(document.with_value("size_px", size_px))
-    camera_options = None if camera_options is None else (*camera_options, "--size", str(size_px))
-    if request.image.quality is not None:
-        document = document.with_value("sensor.camera.quality", request.image.quality)
-        document.camera()  # raises an error for an unknown quality
-        camera_options = (
-            None
-            if camera_options is None
-            else (*camera_options, "--quality", request.image.quality)
-        )
+        document = CameraDocument.of_camera(vehicle.camera(camera_name).sensor)
+        camera_options = _robot_options(vehicle, camera_name, document)
+    image = dataclasses.replace(request.image, size_px=request.image.size_px or SIZE_PX)
+    if image.preset is not None:
+        document = document.with_degradation(image.preset)
+    if image.exposure_ev is not None:
+        document = document.with_exposure(image.exposure_ev)
+    document = document.with_value("size_px", image.size_px)
+    if image.quality is not None:
+        document = document.with_value("sensor.camera.quality", image.quality)
+    if camera_options is not None:
+        camera_options = (*camera_options, *words_of(image))
     name = request.world.scene or SCENE
     in_light = SceneInLight(name, partial(_read_in_light, request.world, request.light))
     return LiveSettings(
-        scene, document, vehicle, request.camera.camera_name, _scene_arguments(request),
+        scene, document, vehicle, camera_name, _scene_arguments(request),
         camera_options, request.gpu.device, request.light.unlit, in_light,
     )  # fmt: skip
 
 
 def _scene_arguments(request: LiveRequest) -> tuple[str, ...]:
     """Command-line arguments that select the same scene, robot and light."""
-    world, light = request.world, request.light
-    arguments = [world.scene or SCENE]
-    for option, value in (
-        ("--up", world.up_axis),
-        ("--meters-per-unit", world.meters_per_unit and repr(world.meters_per_unit)),
-        ("--sky", light.sky),
-        ("--baked", light.baked),
-        *(("--resources", folder) for folder in world.resources or ()),
-        ("--robot", request.robot),
-    ):
-        if value is not None:
-            arguments += [option, str(value)]
-    return (*arguments, "--unlit") if light.unlit else tuple(arguments)
+    given = words_of(request.world), words_of(request.light), words_of(request, "robot")
+    return (request.world.scene or SCENE, *itertools.chain(*given))
 
 
 def _read_in_light(
@@ -162,17 +139,15 @@ def _read_in_light(
 
 
 def _robot_options(
-    request: LiveRequest, vehicle: Vehicle, document: CameraDocument
+    vehicle: Vehicle, camera_name: str | None, document: CameraDocument
 ) -> tuple[str, ...] | None:
     """Options that select the robot's camera; None if rounding has changed its document."""
-    own, camera = vehicle.camera(request.camera.camera_name).sensor, document.camera()
+    own, camera = vehicle.camera(camera_name).sensor, document.camera()
     if camera.model.parameters() != own.model.parameters():
         return None
     if not np.array_equal(camera.base_from_rig, own.base_from_rig):
         return None
-    return (
-        () if request.camera.camera_name is None else ("--camera-name", request.camera.camera_name)
-    )
+    return () if camera_name is None else ("--camera-name", camera_name)
 
 
 def _document(files: CameraFileOptions) -> tuple[CameraDocument, tuple[str, ...] | None]:
@@ -186,17 +161,12 @@ def _document(files: CameraFileOptions) -> tuple[CameraDocument, tuple[str, ...]
         raise OutputError(f"{', '.join(given)}: expected one of them, got {len(given)}")
     if files.calibration_file is not None:
         check_calibration_path(files.calibration_file, None)
-        arguments = ["--camera", str(files.calibration_file)]
-        if files.camera_name is not None:
-            arguments += ["--camera-name", files.camera_name]
-        if files.mirrored is not None:
-            arguments += ["--mirrored" if files.mirrored else "--not-mirrored"]
-        return CameraDocument.of_camera(read_camera(files)), tuple(arguments)
+        return CameraDocument.of_camera(read_camera(files)), words_of(files)
     refuse_given(files, "requires --camera", "camera_name", "mirrored")
     if files.optics is not None:
         return CameraDocument.of_optics_file(files.optics), None
     if files.sensor is not None:
-        return CameraDocument.of_sensor_file(files.sensor), ("--sensor", str(files.sensor))
+        return CameraDocument.of_sensor_file(files.sensor), words_of(files)
     return CameraDocument(), ()
 
 

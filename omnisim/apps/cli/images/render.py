@@ -2,46 +2,44 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
+from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.apps.cli.console import out, pluralize, print_note
-from omnisim.apps.cli.images.flow_viewpoints import (
-    check_channel_options,
-    flow_summary,
-    other_viewpoints,
-)
-from omnisim.apps.cli.images.output_files import check_motion, check_outputs, write_other_files
-from omnisim.apps.cli.images.requests import MotionOptions, RenderRequest, RigCameraOptions
+from omnisim.apps.cli.images.requests import FileOptions, FlowOptions, OverlayKind, RenderRequest
 from omnisim.apps.cli.inputs import (
     Viewpoint,
-    check_seconds,
     checked_backend,
     load_labeled_scene,
     note_lighting,
     parse_channel_format,
-    parse_exposure,
     parse_polygons,
     read_camera,
     read_preset,
-    refuse_given,
 )
-from omnisim.apps.cli.option_groups import CameraFileOptions
 from omnisim.cameras import NonCentralCamera, check_central
+from omnisim.core.cube import FACE_NAMES, unfolded_cube
 from omnisim.core.errors import OutputError
 from omnisim.core.extras import require_extra
-from omnisim.core.files.image_files import is_float_format
+from omnisim.core.files.atomic_file import check_distinct, check_target
+from omnisim.core.files.image_files import is_float_format, write_image
 from omnisim.core.world import WorldState
+from omnisim.ground_truth import CHANNELS, parse_channels
 from omnisim.ground_truth.channel_files import (
     BOXES_3D,
     FINEST_RANGE_STEPS_PER_M,
+    OVERLAY,
+    is_sidecar_name,
     range_steps_per_m,
     sidecar_path,
 )
+from omnisim.ground_truth.frame import Frame
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.missed_surfaces import viewpoint_notes
@@ -50,43 +48,50 @@ from omnisim.rendering.twist import Twist
 from omnisim.scene import Scene
 
 if TYPE_CHECKING:  # slow to import, and seldom needed
-    from omnisim.robots.vehicle import Vehicle
+    from omnisim.cameras.calibration import Calibration
 
 SIGNS = {"next": 1.0, "previous": -1.0}  # signs of the time intervals
+DEFAULT_ADVANCE_M = 0.1  # forward motion between frames for flow without --next
 
 
 def run(request: RenderRequest) -> None:
-    """Render one frame, or a rig along a trajectory, and print a summary."""
-    if request.poses.trajectory is not None:
-        from omnisim.apps.cli.images.trajectory import run as run_trajectory
-
-        return run_trajectory(request, request.poses.trajectory)
-    refuse_given(request.poses, "requires --trajectory", "trajectory_frame", "axes", "rate_hz")
-    refuse_given(request, "requires --trajectory", "force")
+    """Render one frame and print a summary."""
     backend = checked_backend(request.gpu)
     if backend == "rays" and request.files.faces is not None:
         raise OutputError("--faces: expected --backend cube, got --backend rays")
-    check_motion(request.motion)
     is_float = is_float_format(request.output)
-    channels = check_outputs(request)
-    vehicle = _vehicle(request.camera)
-    camera = _camera(request, vehicle)
-    check_channel_options(request.flow, channels)
+    channels = _check_outputs(request)
+    mounted, body, files = None, None, request.camera
+    has_own = (files.sensor or files.calibration_file or files.optics) is not None
+    if request.robot is not None:
+        from omnisim.robots.vehicle import Vehicle  # needed by few images
+
+        vehicle = Vehicle.load(request.robot)
+        mounted, body = vehicle.camera(None if has_own else files.camera_name), vehicle.body
+    own = read_camera(files) if mounted is None or has_own else mounted.sensor
+    camera = _adjusted(request, own)
+    _check_channel_options(request.flow, channels)
     channel_format = parse_channel_format(request.truth.channel_format, channels)
-    scene = load_labeled_scene(request.world, request.light, request.truth, channels)
+    overlay = request.flow.overlay
+    rendered = channels if overlay is None else tuple(dict.fromkeys((*channels, overlay.channel)))
+    scene = load_labeled_scene(request.world, request.light, request.truth, rendered)
     viewpoint = Viewpoint.in_scene(scene, request.viewpoint)
-    if vehicle is None and not _has_own_camera(request.camera):
+    if mounted is None and not has_own:
         camera = _of_file(request, scene) or camera
     base = viewpoint.base_of(camera)
-    others = other_viewpoints(request.flow, viewpoint, channels)
-    twist = _twist(request.motion, camera).through(base)
-    time_s = check_seconds("--time", request.viewpoint.time_s)
-    interval_s = check_seconds("--interval", request.flow.interval_s)
+    others = _other_viewpoints(request.flow, viewpoint, channels)
+    speed_mps, turn_rate_degps = request.motion.speed_mps, request.motion.turn_rate_degps
+    shutter = camera.degradation.shutter
+    if (speed_mps or turn_rate_degps) and not (shutter and shutter.duration_s):
+        print_note("this camera's shutter takes no time: no motion shows")
+    turn_rate_radps = math.radians(turn_rate_degps)
+    twist = Twist((speed_mps, 0.0, 0.0), (0.0, 0.0, turn_rate_radps)).through(base)
+    time_s, interval_s = request.viewpoint.time_s, request.flow.interval_s
     with open_sensor(
         scene,
         camera,
-        body=None if vehicle is None else vehicle.body,
-        hidden=_hidden(request.camera, vehicle),
+        body=body,
+        hidden=() if mounted is None else mounted.hides,
         unlit=request.light.unlit,
         device=request.gpu.device,
         seed=request.motion.seed,
@@ -105,25 +110,34 @@ def run(request: RenderRequest) -> None:
         frame = renderer.render(
             WorldState({renderer.vehicle: base}, time_s),
             linear=is_float,
-            also=channels,
+            also=rendered,
             boxes_3d=request.truth.boxes_3d,
             next_state=states.get("next"),
             previous_state=states.get("previous"),
             motion=lambda now_s: twist(now_s - time_s),
         )
         faces = {} if request.files.faces is None else renderer.faces()
-    frame.save(request.output, request.flow.preview, channel_format)
+    kept = {name: values for name, values in frame.channels.items() if name in channels}
+    saved = frame if overlay is None else dataclasses.replace(frame, channels=kept)
+    saved.save(request.output, request.flow.preview, channel_format)
     size = f"{camera.model.width_px} × {camera.model.height_px} px"
-    out.print(f"{request.output}: {size}, {camera.mesh_summary}, from {viewpoint}", markup=False)
-    write_other_files(request.files, camera, frame, base, faces)
+    out.print(f"{request.output}: {size}, {camera.mesh_summary}, from {viewpoint}")
+    _write_other_files(request.files, camera, frame, base, faces)
+    if overlay is not None:
+        _write_overlay(request.output, frame, overlay)
     if channels:
-        flows = "".join(flow_summary(request.flow, *other) for other in others.items())
-        out.print(f"{request.output}: also {', '.join(channels)}{flows}", markup=False)
+        flows = "".join(_flow_summary(request.flow, *other) for other in others.items())
+        out.print(f"{request.output}: also {', '.join(channels)}{flows}")
     if request.truth.boxes_3d and frame.boxes_3d is not None:
         boxes = pluralize(len(frame.boxes_3d), "instance")
-        out.print(f"{sidecar_path(request.output, BOXES_3D)}: 3-D boxes of {boxes}", markup=False)
+        out.print(f"{sidecar_path(request.output, BOXES_3D)}: 3-D boxes of {boxes}")
     if "range" in channels and not is_float and channel_format is not ChannelFormat.NPY:
-        _note_coarse_ranges(request.output, frame.channels["range"])
+        steps_per_m = range_steps_per_m(frame.channels["range"])
+        if steps_per_m < FINEST_RANGE_STEPS_PER_M:
+            print_note(
+                f"{sidecar_path(request.output, 'range.png')}: {1000 / steps_per_m:g} mm per step "
+                "instead of 1, to hold ranges beyond 65.534 m"
+            )
 
 
 def _note_viewpoint(
@@ -136,34 +150,6 @@ def _note_viewpoint(
         )
     for note in viewpoint_notes(scene, camera, base):
         print_note(f"{name}: {note}")
-
-
-def _vehicle(options: RigCameraOptions) -> Vehicle | None:
-    if options.robot is None:
-        return None
-    from omnisim.robots.vehicle import Vehicle  # needed by few images
-
-    return Vehicle.load(options.robot)
-
-
-def _has_own_camera(options: CameraFileOptions) -> bool:
-    return (options.sensor or options.calibration_file or options.optics) is not None
-
-
-def _hidden(options: RigCameraOptions, vehicle: Vehicle | None) -> tuple[str, ...]:
-    """Parts of the robot that are hidden from its camera, or from the camera in its place."""
-    if vehicle is None:
-        return ()
-    return vehicle.camera(None if _has_own_camera(options) else options.camera_name).hides
-
-
-def _camera(request: RenderRequest, vehicle: Vehicle | None) -> OmniCamera:
-    options = request.camera
-    if vehicle is not None and not _has_own_camera(options):
-        camera = vehicle.camera(options.camera_name).sensor
-    else:
-        camera = read_camera(options)
-    return _adjusted(request, camera)
 
 
 def _of_file(request: RenderRequest, scene: Scene) -> OmniCamera | None:
@@ -191,9 +177,8 @@ def _adjusted(request: RenderRequest, camera: OmniCamera) -> OmniCamera:
     degradation = read_preset(image.preset)
     if degradation is not None:
         camera = camera.with_degradation(degradation)
-    exposure = parse_exposure(image.exposure_ev)
-    if exposure is not None:
-        camera = camera.with_exposure(exposure)
+    if image.exposure_ev is not None:
+        camera = camera.with_exposure(image.exposure_ev)
     if image.size_px is not None:
         camera = camera.resized(image.size_px)
     if image.quality is not None:
@@ -203,18 +188,150 @@ def _adjusted(request: RenderRequest, camera: OmniCamera) -> OmniCamera:
     return camera
 
 
-def _twist(options: MotionOptions, camera: OmniCamera) -> Twist:
-    turn_rate_radps = math.radians(options.turn_rate_degps)
-    shutter = camera.degradation.shutter
-    if (options.speed_mps or turn_rate_radps) and not (shutter and shutter.duration_s):
-        print_note("this camera's shutter takes no time: no motion shows")
-    return Twist((options.speed_mps, 0.0, 0.0), (0.0, 0.0, turn_rate_radps))
+def _other_frames(options: FlowOptions) -> dict[str, dict[str, Any]]:
+    """Viewpoint and heading of the next and the previous frame, by option; None: not set."""
+    return {
+        "next": {"--next": options.next_at, "--next-yaw": options.next_yaw_deg},
+        "previous": {"--previous": options.previous_at, "--previous-yaw": options.previous_yaw_deg},
+    }
 
 
-def _note_coarse_ranges(image: Path, ranges_m: NDArray[np.float32]) -> None:
-    steps_per_m = range_steps_per_m(ranges_m)
-    if steps_per_m < FINEST_RANGE_STEPS_PER_M:
-        print_note(
-            f"{sidecar_path(image, 'range.png')}: {1000 / steps_per_m:g} mm per step instead "
-            "of 1, to hold ranges beyond 65.534 m"
+def _check_channel_options(options: FlowOptions, channels: Collection[str]) -> None:
+    """Raise an error for options of channels that are not requested."""
+    others = {CHANNELS[name].other for name in channels}
+    for other, channel in (("next", "flow"), ("previous", "flow_backward")):
+        for option, value in _other_frames(options)[other].items():
+            if value is not None and other not in others:
+                raise OutputError(f"{option}: requires --also {channel}")
+    if options.preview and not channels:
+        raise OutputError("--preview: requires --also")
+
+
+def _other_viewpoints(
+    options: FlowOptions, current: Viewpoint, channels: Collection[str]
+) -> dict[str, Viewpoint]:
+    """Viewpoints of the "next" and "previous" frames that the channels require.
+
+    They follow from the options; without them, they are displaced along the heading.
+    """
+    viewpoints = {}
+    for other, given in _other_frames(options).items():
+        at, yaw_deg = given.values()
+        if other not in {CHANNELS[name].other for name in channels}:
+            continue
+        ahead_m = 0.0 if any(one is not None for one in (at, yaw_deg)) else DEFAULT_ADVANCE_M
+        x, y, z = (current.position_m + SIGNS[other] * ahead_m * current.pose[:3, 0]).tolist()
+        viewpoints[other] = dataclasses.replace(
+            current,
+            position_m=at or (x, y, z),
+            yaw_deg=current.yaw_deg if yaw_deg is None else yaw_deg,
         )
+    return viewpoints
+
+
+def _flow_summary(options: FlowOptions, other: str, viewpoint: Viewpoint) -> str:
+    """End of the summary line: the other viewpoint of flow, and whether it is assumed."""
+    flow, side = ("flow", "ahead") if other == "next" else ("backward flow", "behind")
+    is_default = all(value is None for value in _other_frames(options)[other].values())
+    reason = f", {DEFAULT_ADVANCE_M:g} m {side} as no --{other} says" if is_default else ""
+    return f"; {flow} to {viewpoint}{reason}"
+
+
+def _check_outputs(request: RenderRequest) -> tuple[str, ...]:
+    """Check all output paths, and return the requested channels."""
+    files = request.files
+    check_target(request.output)
+    extra = {"--rays": files.rays, "--calibration": files.calibration}
+    for path in extra.values():
+        if path is not None:
+            check_target(path)
+    check_distinct(
+        {"the image": request.output, **extra},
+        {
+            "the scene": Path(request.world.scene),
+            "the camera's file": request.camera.calibration_file,
+            "the sensor file": request.camera.sensor,
+            "the optics file": request.camera.optics,
+            "the labels' file": request.truth.labels,
+            "the sky": None if request.light.sky is None else Path(request.light.sky),
+        },
+    )
+    channels = () if request.truth.also is None else parse_channels(request.truth.also)
+    for option, path in extra.items():
+        has_sidecars = channels or request.truth.boxes_3d or request.flow.overlay
+        if has_sidecars and path is not None and is_sidecar_name(request.output, path):
+            raise OutputError(f"{option}: expected another name than a channel's file, got {path}")
+    if files.calibration is not None:
+        from omnisim.cameras.calibration import check_calibration_suffix
+
+        check_calibration_suffix(files.calibration, "omnisim")
+    if files.rays is not None and files.rays.suffix.lower() != ".exr":
+        raise OutputError(f"--rays: expected an .exr file, got {files.rays}")
+    if files.faces is not None:
+        faces = [files.faces / f"{name}.png" for name in (*FACE_NAMES, "unfolded")]
+        check_target(faces[0])
+        check_distinct(
+            {f"the face {face.stem}": face for face in faces}, {"the image": request.output}
+        )
+    return channels
+
+
+def _write_other_files(
+    files: FileOptions,
+    camera: OmniCamera,
+    frame: Frame,
+    base: NDArray[np.float64],
+    faces: dict[str, NDArray[np.uint8]],
+) -> None:
+    """Write the requested rays, calibration and faces, and print their names."""
+    if files.rays is not None:
+        from omnisim.cameras.calibration.ray_table import write_ray_table
+
+        write_ray_table(files.rays, camera.model, frame.metadata)
+        out.print(f"{files.rays}: a ray of each pixel")
+    if files.calibration is not None:
+        calibration = _calibration(camera, base)
+        calibration.save(files.calibration, "omnisim")
+        out.print(f"{files.calibration}: camera and pose")
+        for note in calibration.notes:
+            print_note(f"{files.calibration}: {note}")
+    if files.faces is not None:
+        try:
+            files.faces.mkdir(parents=True, exist_ok=True)
+        except OSError as reason:
+            error = f"{files.faces}: this folder cannot be made: {reason.strerror}"
+            raise OutputError(error) from None
+        for name, pixels in {**faces, "unfolded": unfolded_cube(faces)}.items():
+            write_image(files.faces / f"{name}.png", pixels)
+        out.print(f"{files.faces}: {', '.join(faces)}, unfolded")
+
+
+def _write_overlay(image: Path, frame: Frame, kind: OverlayKind) -> None:
+    """Write the image with boxes or masks next to it, and print its name."""
+    from omnisim.plots.overlays import boxes_overlay, labels_overlay
+
+    assert frame.labels is not None
+    draw = boxes_overlay if kind is OverlayKind.BOXES else labels_overlay
+    path = sidecar_path(image, OVERLAY)
+    write_image(path, draw(frame.rgb, frame.channels[kind.channel], frame.labels))
+    out.print(f"{path}: the image with {kind}")
+
+
+def _calibration(sensor: OmniCamera, world_from_base: NDArray[np.float64]) -> Calibration:
+    """Calibration of the camera, with its pose on the vehicle and the vehicle's in the world."""
+    from omnisim.cameras.calibration import CalibratedCamera, Calibration, NamedPose
+    from omnisim.cameras.calibration.calibrated_camera import OPTICS
+
+    poses = (
+        NamedPose("base", "camera", sensor.base_from_optical),
+        NamedPose("world", "base", world_from_base),
+    )
+    if not isinstance(sensor.model, NonCentralCamera):
+        return Calibration((CalibratedCamera("camera", sensor.model, poses),))
+    from omnisim.cameras.optics.central_view import fit_central
+    from omnisim.cameras.optics.system import OpticalSystem
+
+    assert isinstance(sensor.model, OpticalSystem)
+    camera = fit_central(sensor.model).cameras[0]
+    optics = dataclasses.replace(poses[0], source=OPTICS)
+    return Calibration((dataclasses.replace(camera, poses=(*camera.poses, optics, poses[1])),))

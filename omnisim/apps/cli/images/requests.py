@@ -1,48 +1,34 @@
 """Requests of the commands that create images and scans, or read an image."""
 
-from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 from omnisim.apps.cli import completion
 from omnisim.apps.cli.option_groups import (
     CAMERA,
     GROUND_TRUTH,
-    TRAJECTORY,
     BackendOptions,
     CameraFileOptions,
+    ChannelFiles,
     DeviceOptions,
     FileUnitOptions,
     ImageOptions,
     LightOptions,
     MeshImageOptions,
-    PoseAxes,
     Position,
     RobotName,
     SceneOptions,
+    Seconds,
     ShadowedLightOptions,
     TiltedViewpointOptions,
     TruthOptions,
     ViewpointOptions,
 )
-from omnisim.apps.cli.options import Argument, Option
+from omnisim.apps.cli.options import Argument, Option, command, options
 
 
-@dataclass(frozen=True, kw_only=True)
-class RigCameraOptions(CameraFileOptions):
-    """Camera, or cameras along a trajectory."""
-
-    robot: RobotName = None
-    """Robot whose body is in the image, and whose camera is used unless another is chosen. With
-    --trajectory, all of its sensors record, including IMUs and lidars."""
-    camera_name: Annotated[
-        str | None, Option(metavar="NAME|all", default="the first, or all with --trajectory")
-    ] = None
-    """Name of the camera in the calibration file."""
-
-
-@dataclass(frozen=True, kw_only=True)
+@options
 class MotionOptions:
     """Motion and noise of one image."""
 
@@ -50,13 +36,13 @@ class MotionOptions:
 
     seed: int = 0
     """Seed of the camera's noise."""
-    speed_mps: float = 0.0
+    speed_mps: Annotated[float, Option(ge=-1e4, le=1e4)] = 0.0
     """Forward speed, for motion blur and rolling shutter."""
-    turn_rate_degps: float = 0.0
+    turn_rate_degps: Annotated[float, Option(ge=-57295, le=57295)] = 0.0
     """Turn rate to the left, for motion blur and rolling shutter."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@options
 class CameraViewpointOptions(TiltedViewpointOptions):
     """Viewpoint, or a camera of the scene's file."""
 
@@ -65,53 +51,42 @@ class CameraViewpointOptions(TiltedViewpointOptions):
     lens; `omnisim scene` lists them."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrajectoryOptions:
-    """Poses to render at, instead of one viewpoint."""
+class OverlayKind(StrEnum):
+    """Ground truth to draw on an image."""
 
-    panel: ClassVar[str] = TRAJECTORY
+    BOXES = "boxes"
+    LABELS = "labels"
 
-    trajectory: Path | None = None
-    """Poses to render at, instead of one viewpoint: TUM, KITTI, EuRoC, .csv, or nerfstudio's
-    transforms.json, which also sets the camera. --at, --yaw, --pitch and --roll place the file's
-    origin in the scene; they default to 0."""
-    trajectory_frame: Annotated[
-        str | None,
-        Option(metavar="body|camera|NAME", default="by the file's format, with a note"),
-    ] = None
-    """Frame that the poses describe: the rig's body, its first camera, or a named camera."""
-    axes: Annotated[PoseAxes | None, Option(default="kitti for KITTI's files, else world")] = None
-    """Axes of a file's poses: kitti (x right, y down, z ahead) or world (x forward, y left, z
-    up)."""
-    rate_hz: Annotated[float | None, Option(default="1, with a note")] = None
-    """Poses per second of a trajectory without times."""
+    @property
+    def channel(self) -> str:
+        """Channel that is needed."""
+        return "instance" if self is OverlayKind.BOXES else "semantic"
 
 
-@dataclass(frozen=True, kw_only=True)
+@options
 class FlowOptions:
-    """Other viewpoints of flow, and previews."""
+    """Other viewpoints of flow, previews and overlays."""
 
     panel: ClassVar[str] = GROUND_TRUTH
 
-    next_at: Annotated[
-        Position, Option(flags=("--next",), metavar="X Y Z", default="0.1 m ahead")
-    ] = None
-    """Viewpoint of the next frame, for flow."""
-    next_yaw_deg: Annotated[float | None, Option(default="same as --yaw")] = None
-    """Heading at the next viewpoint, for flow."""
-    previous_at: Annotated[
-        Position, Option(flags=("--previous",), metavar="X Y Z", default="0.1 m behind")
-    ] = None
-    """Viewpoint of the previous frame, for flow_backward."""
-    previous_yaw_deg: Annotated[float | None, Option(default="same as --yaw")] = None
-    """Heading at the previous viewpoint, for flow_backward."""
-    interval_s: float = 0.0
+    next_at: Annotated[Position, Option(flags=("--next",), metavar="X Y Z")] = None
+    """Viewpoint of the next frame, for flow. Default: 0.1 m ahead."""
+    next_yaw_deg: float | None = None
+    """Heading at the next viewpoint, for flow. Default: same as --yaw."""
+    previous_at: Annotated[Position, Option(flags=("--previous",), metavar="X Y Z")] = None
+    """Viewpoint of the previous frame, for flow_backward. Default: 0.1 m behind."""
+    previous_yaw_deg: float | None = None
+    """Heading at the previous viewpoint, for flow_backward. Default: same as --yaw."""
+    interval_s: Seconds = 0.0
     """Seconds between the frame and its neighbors, for the flow of moving objects."""
     preview: bool = False
     """Also write a preview image of each channel."""
+    overlay: OverlayKind | None = None
+    """Also write FILE.overlay.png: the image with boxes of the visible instances, or with the masks
+    of the classes, and their names."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@options
 class FileOptions:
     """Other files of one image."""
 
@@ -123,40 +98,47 @@ class FileOptions:
     """Also write camera and pose: .json."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command(
+    "render", "images.render.run",
+    elsewhere=dict.fromkeys(
+        ("--trajectory", "--trajectory-frame", "--axes", "--rate", "--force"), "omnisim record"
+    ),
+    first="output sensor robot at yaw_deg size_px quality preset also backend",
+)  # fmt: skip
 class RenderRequest:
-    """Parameters of `omnisim render`."""
+    """Render a frame, with ground truth.
 
-    output: Annotated[Path, Option(metavar="FILE|DIR")]
-    """Image: .png .jpg .tif (sRGB) or .exr (linear). With --trajectory: folder of the run; an
-    unfinished run resumes."""
-    force: bool = False
-    """Overwrite an existing run in the folder."""
+    omnisim render soccer -o soccer.png
+    omnisim render courtyard --at 0 0 1.2 --yaw 30 --also range,semantic -o courtyard.png
+    """
+
+    output: Path
+    """Image: .png .jpg .tif (sRGB) or .exr (linear)."""
     light: ShadowedLightOptions
     files: FileOptions
     world: SceneOptions
-    camera: RigCameraOptions
+    camera: CameraFileOptions
+    robot: RobotName = None
+    """Robot whose body is in the image, and whose camera is used unless another is chosen."""
     image: MeshImageOptions
     motion: MotionOptions
     viewpoint: CameraViewpointOptions
-    poses: TrajectoryOptions
     truth: TruthOptions
     flow: FlowOptions
     gpu: BackendOptions
 
 
-@dataclass(frozen=True, kw_only=True)
+@options
 class LiveSceneOptions(FileUnitOptions):
     """Scene of the live page."""
 
     scene: Annotated[
-        str | None,
-        Argument(metavar="[SCENE]", default="soccer", complete=completion.complete_scene),
+        str | None, Argument(metavar="[SCENE]", complete=completion.complete_scene)
     ] = None
-    """Scene file, or name of a built-in scene."""
+    """Scene file, or name of a built-in scene. Default: soccer."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@options
 class PageOptions:
     """Page and its server."""
 
@@ -164,7 +146,7 @@ class PageOptions:
 
     host: Annotated[str, Option(metavar="ADDRESS")] = "localhost"
     """Address to listen on; any address but this machine's own requires a token."""
-    port: Annotated[int, Option(min=0, max=65535)] = 8080
+    port: Annotated[int, Option(ge=0, le=65535)] = 8080
     """Port to listen on; 0: any free port."""
     open: bool = False
     """Open the page in a browser."""
@@ -172,13 +154,17 @@ class PageOptions:
     """Record a short film of a drive around the start, without serving a page: .mp4 .mkv."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("live", "images.live.run", first="robot run sensor at size_px preset sky record open port")
 class LiveRequest:
-    """Parameters of `omnisim live`."""
+    """Serve a live page: a camera in the browser, driven by keys, with all its parameters.
+
+    omnisim live soccer --open
+    omnisim live courtyard --robot p2at
+    """
 
     world: LiveSceneOptions
     robot: RobotName = None
-    """Robot to drive, whose camera is shown; without a robot, the camera flies freely."""
+    """Robot to drive, with its camera or another one; without a robot, the camera flies freely."""
     run: Annotated[Path | None, Option(metavar="DIR")] = None
     """Recorded run to replay, with its images."""
     light: LightOptions
@@ -189,29 +175,28 @@ class LiveRequest:
     gpu: DeviceOptions
 
 
-class ViewKind(StrEnum):
-    """Projections of an unwarped view."""
-
-    CYLINDER = "cylinder"
-    PERSPECTIVE = "perspective"
-    BIRDSEYE = "birdseye"
-
-
-@dataclass(frozen=True, kw_only=True)
+@options
 class ImageCameraOptions(CameraFileOptions):
     """Camera of an image, whose metadata may name it."""
 
-    sensor: Annotated[Path | None, Option(default="the image's metadata")] = None
-    """Sensor file: .toml."""
+    sensor: Path | None = None
+    """Sensor file: .toml. Default: the image's metadata."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command(
+    "unwarp", "images.unwarp.run",
+    first="kind output size_px yaw_deg pitch_deg field_of_view_deg height_m extent_m also sensor",
+)  # fmt: skip
 class UnwarpRequest:
-    """Parameters of `omnisim unwarp`."""
+    """Unwarp an omnidirectional image to a cylinder, a perspective view or a map.
+
+    omnisim unwarp soccer.png --to cylinder -o cylinder.png
+    omnisim unwarp soccer.png --to perspective --yaw 90 --fov 60 -o left.png
+    """
 
     source: Annotated[Path, Argument(metavar="IMAGE")]
     """Image, by omnisim or any other source."""
-    kind: Annotated[ViewKind, Option(flags=("--to",))]
+    kind: Annotated[Literal["cylinder", "perspective", "birdseye"], Option(flags=("--to",))]
     """View: a panorama, a pinhole camera's view, or a map of the ground."""
     output: Path
     """Image to write: .png .jpg .tif (sRGB) or .exr (linear)."""
@@ -219,44 +204,34 @@ class UnwarpRequest:
         str | None, Option(metavar="CHANNELS", complete=completion.complete_channels)
     ] = None
     """Ground-truth channels of the image to unwarp as well, comma-separated, or all."""
-    channel_format: Annotated[
-        str | None,
-        Option(metavar="auto|npy|both", default="auto", names=lambda: ("auto", "npy", "both")),
-    ] = None
-    """Files of the channels: auto (EXR layers, or PNG and others), npy (one .npy each), or both."""
+    channel_format: ChannelFiles = None
     camera: ImageCameraOptions
-    size_px: Annotated[
-        tuple[int, int] | None, Option(metavar="W H", default="matching the image's resolution")
-    ] = None
-    """Width and height of the view in pixels."""
+    size_px: Annotated[tuple[int, int] | None, Option(metavar="W H")] = None
+    """Width and height of the view in pixels. Default: matching the image's resolution."""
     yaw_deg: float = 0.0
     """Heading of the view, counter-clockwise from the front."""
-    pitch_deg: Annotated[float | None, Option(default="0")] = None
-    """Perspective: downward tilt."""
-    field_of_view_deg: Annotated[float | None, Option(flags=("--fov",), default="90")] = None
-    """Perspective: horizontal field of view."""
-    elevation_deg: Annotated[
-        tuple[float, float] | None, Option(metavar="LOW HIGH", default="-45 to the highest visible")
-    ] = None
-    """Cylinder: elevations of the lowest and highest row in degrees above the horizon."""
-    height_m: Annotated[float | None, Option(default="the image's z")] = None
-    """Bird's eye: height of the viewpoint above the ground."""
-    extent_m: Annotated[float | None, Option(default="4 × height")] = None
-    """Bird's eye: distance from the map's center to its edge."""
-    right_at: Annotated[float | None, Option(metavar="M", default="infinity")] = None
-    """Non-central optics: distance at which points are unwarped exactly."""
+    pitch_deg: float | None = None
+    """Perspective: downward tilt. Default: 0."""
+    field_of_view_deg: Annotated[float | None, Option(flags=("--fov",))] = None
+    """Perspective: horizontal field of view. Default: 90."""
+    elevation_deg: Annotated[tuple[float, float] | None, Option(metavar="LOW HIGH")] = None
+    """Cylinder: elevations of the lowest and highest row in degrees above the horizon. Default: -45
+    to the highest visible."""
+    height_m: float | None = None
+    """Bird's eye: height of the viewpoint above the ground. Default: the image's z."""
+    extent_m: float | None = None
+    """Bird's eye: distance from the map's center to its edge. Default: 4 × height."""
+    right_at: Annotated[float | None, Option(metavar="M")] = None
+    """Non-central optics: distance at which points are unwarped exactly. Default: infinity."""
 
 
-class RangeMode(StrEnum):
-    """Measuring modes of an LMS200, named by the unit of its ranges."""
-
-    MM = "mm"
-    CM = "cm"
-
-
-@dataclass(frozen=True, kw_only=True)
+@command("scan", "images.scan.run", first="output plot at yaw_deg resolution_deg mode noise seed")
 class ScanRequest:
-    """Parameters of `omnisim scan`."""
+    """Simulate one scan of a laser scanner, a SICK LMS200.
+
+    omnisim scan mapping -o scan.csv
+    omnisim scan mapping --at 0 0 0.4 --resolution 1 --plot scan.png -o scan.csv
+    """
 
     world: SceneOptions
     output: Path
@@ -265,7 +240,7 @@ class ScanRequest:
     """Also plot the scan from above: .png .pdf .svg."""
     resolution_deg: float = 0.5
     """Angle between beams: 1 or 0.5 over 180°, or 0.25 over 100°."""
-    mode: RangeMode = RangeMode.MM
+    mode: Literal["mm", "cm"] = "mm"
     """Range and step: mm up to 8.19 m by 1 mm, cm up to 81.9 m by 1 cm."""
     noise: Annotated[bool, Option(flags=("--noise/--no-noise",))] = True
     """Apply the device's errors to the ranges."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from omnisim.apps.cli.console import out, print_note
 from omnisim.apps.cli.images.requests import ScanRequest
-from omnisim.apps.cli.inputs import Viewpoint, check_seconds, load_requested_scene
+from omnisim.apps.cli.inputs import Viewpoint, load_requested_scene
 from omnisim.core.errors import OutputError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_target
@@ -34,8 +34,8 @@ def run(request: ScanRequest) -> None:
         print_note(note)
     viewpoint = Viewpoint.in_scene(scene, request.viewpoint)
     with open_sensor(scene, scanner, device=request.gpu.device) as renderer:
-        time_s = check_seconds("--time", request.viewpoint.time_s)
-        scan = renderer.scan(WorldState({renderer.vehicle: viewpoint.pose}, time_s))
+        world = WorldState({renderer.vehicle: viewpoint.pose}, request.viewpoint.time_s)
+        scan = renderer.scan(world)
     scan.save_csv(request.output)
     too_near = int(np.isneginf(scan.ranges_m).sum())
     out_of_range = int(np.isposinf(scan.ranges_m).sum())
@@ -43,12 +43,11 @@ def run(request: ScanRequest) -> None:
         f"{request.output}: {scanner.beams} beams at {scanner.resolution_deg:g}° from "
         f"{viewpoint}: {int(scan.hit.sum())} ranges, "
         f"{out_of_range} past {scanner.range_max_m:g} m, "
-        f"{too_near} under {scanner.range_min_m:g} m",
-        markup=False,
+        f"{too_near} under {scanner.range_min_m:g} m"
     )
     if request.plot is not None:
         from omnisim.plots.plot_file import write_plot
         from omnisim.plots.scan_plot import scan_figure
 
         write_plot(request.plot, scan_figure(scan))
-        out.print(f"{request.plot}: the scan from above", markup=False)
+        out.print(f"{request.plot}: the scan from above")

@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.apps.cli.console import out, print_note
-from omnisim.apps.cli.images.requests import ImageCameraOptions, UnwarpRequest, ViewKind
+from omnisim.apps.cli.images.requests import ImageCameraOptions, UnwarpRequest
 from omnisim.apps.cli.inputs import parse_channel_format, read_camera
+from omnisim.apps.cli.options import refuse_given
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.atomic_file import check_distinct, check_target
 from omnisim.core.files.image_files import is_float_format, write_image
+from omnisim.core.short_repr import number_text
 from omnisim.core.srgb import linear_from_srgb8, srgb8_from_linear
 from omnisim.core.version import __version__
 from omnisim.ground_truth import Labels, check_channels, parse_channels
@@ -34,13 +36,9 @@ from omnisim.rendering.camera.captured_image import CapturedImage, read_captured
 
 DEFAULT_FIELD_OF_VIEW_DEG = 90.0
 _INHERITED = (
-    "scene",
-    "lit",
-    "exposure",
-    "world_from_base",
-    "next_world_from_base",
+    "scene", "lit", "exposure", "world_from_base", "next_world_from_base",
     "previous_world_from_base",
-)
+)  # fmt: skip
 MAX_SIDE_PX = 32768
 MAX_PIXELS = 1 << 26  # an EXR file of 1 GB
 
@@ -74,7 +72,11 @@ def run(request: UnwarpRequest) -> None:
         raise OpticsError(f"{request.source}: {reason}: look elsewhere") from None
     metadata = _metadata(taken, view)
     channels, labels, has_ray = _channels(request, taken, view, camera_from_view, metadata)
-    colors = unwarp(_linear(taken.pixels) if is_float else taken.pixels)
+    source = taken.pixels
+    if is_float:
+        is_srgb = source.dtype == np.uint8
+        source = linear_from_srgb8(source) if is_srgb else source.astype(np.float32, copy=False)
+    colors = unwarp(source)
     pixels = _with_alpha(colors, unwarp.valid, is_float)
     if channels and is_float and channel_format is not ChannelFormat.NPY:
         write_exr(request.output, channels, labels, metadata, pixels)
@@ -91,11 +93,10 @@ def run(request: UnwarpRequest) -> None:
             "not see are masked"
             if masked
             else ""
-        ),
-        markup=False,
+        )
     )
     if channels:
-        out.print(f"{request.output}: also {', '.join(channels)}", markup=False)
+        out.print(f"{request.output}: also {', '.join(channels)}")
     if caveat is not None:
         print_note(f"{request.source}: {caveat}")
 
@@ -122,15 +123,14 @@ def _channels(
 
 def _check_options(request: UnwarpRequest) -> None:
     """Raise an error for options of other types of views, which would have no effect."""
-    for option, value, kind in (
-        ("--pitch", request.pitch_deg, ViewKind.PERSPECTIVE),
-        ("--fov", request.field_of_view_deg, ViewKind.PERSPECTIVE),
-        ("--elevation", request.elevation_deg, ViewKind.CYLINDER),
-        ("--height", request.height_m, ViewKind.BIRDSEYE),
-        ("--extent", request.extent_m, ViewKind.BIRDSEYE),
+    for kind, names in (
+        ("perspective", ("pitch_deg", "field_of_view_deg")),
+        ("cylinder", ("elevation_deg",)),
+        ("birdseye", ("height_m", "extent_m")),
     ):
-        if value is not None and request.kind is not kind:
-            raise OpticsError(f"{option}: requires --to {kind}, got --to {request.kind}")
+        if request.kind != kind:
+            reason = f"requires --to {kind}, got --to {request.kind}"
+            refuse_given(request, reason, *names, error=OpticsError)
 
 
 def _view(request: UnwarpRequest, taken: CapturedImage) -> View:
@@ -141,27 +141,20 @@ def _view(request: UnwarpRequest, taken: CapturedImage) -> View:
             f"--size: expected 1 to {MAX_SIDE_PX} pixels per side, got {width} × {height}"
         )
     yaw = math.radians(request.yaw_deg)
-    if request.kind is ViewKind.PERSPECTIVE:
-        return perspective_view(
-            width,
-            height,
-            math.radians(_value_or(request.field_of_view_deg, DEFAULT_FIELD_OF_VIEW_DEG)),
-            yaw,
-            math.radians(_value_or(request.pitch_deg, 0.0)),
-        )
-    if request.kind is ViewKind.CYLINDER:
+    if request.kind == "perspective":
+        given_deg = request.field_of_view_deg
+        field_deg = DEFAULT_FIELD_OF_VIEW_DEG if given_deg is None else given_deg
+        pitch = math.radians(request.pitch_deg or 0.0)
+        return perspective_view(width, height, math.radians(field_deg), yaw, pitch)
+    if request.kind == "cylinder":
         return _cylinder(request, taken, yaw)
     height_m = _height_m(request, taken)
-    extent_m = _value_or(request.extent_m, 4.0 * height_m)
+    extent_m = 4.0 * height_m if request.extent_m is None else request.extent_m
     if width != height:
         raise OpticsError(
             f"--size: expected a square for a bird's eye view, got {width} × {height}"
         )
     return birdseye_view(width, extent_m, height_m, yaw)
-
-
-def _value_or(value: float | None, default: float) -> float:
-    return default if value is None else value
 
 
 def _height_m(request: UnwarpRequest, taken: CapturedImage) -> float:
@@ -174,8 +167,8 @@ def _height_m(request: UnwarpRequest, taken: CapturedImage) -> float:
         )
     if taken.height_m <= 0.0:
         raise OpticsError(
-            f"{request.source}: expected a camera above the ground, got z = {taken.height_m:g} m: "
-            "pass --height METERS"
+            f"{request.source}: expected a camera above the ground, got z = "
+            f"{number_text(taken.height_m)} m: pass --height METERS"
         )
     return taken.height_m
 
@@ -191,17 +184,11 @@ def _cylinder(request: UnwarpRequest, taken: CapturedImage, yaw: float) -> View:
     view = cylinder_view(width, math.radians(low), math.radians(high), yaw)
     if request.size_px and view.camera.height_px != request.size_px[1]:
         raise OpticsError(
-            f"--size: expected {width} × {view.camera.height_px} for a cylinder from {low:g}° to "
-            f"{high:g}°, got {width} × {request.size_px[1]}: change the size or --elevation"
+            f"--size: expected {width} × {view.camera.height_px} for a cylinder from "
+            f"{number_text(low)}° to {number_text(high)}°, got {width} × {request.size_px[1]}: "
+            "change the size or --elevation"
         )
     return view
-
-
-def _linear(pixels: NDArray[Any]) -> NDArray[np.float32]:
-    """Convert uint8 sRGB to linear floats; floats are already linear."""
-    if pixels.dtype != np.uint8:
-        return pixels.astype(np.float32, copy=False)
-    return linear_from_srgb8(pixels)
 
 
 def _with_alpha(

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
 from omnisim.apps.cli.console import out, pluralize, print_note, track
-from omnisim.apps.cli.inputs import note_lighting, parse_exposure, refuse_given
-from omnisim.apps.cli.measure.comparison_summary import ComparisonSummary, Subject
+from omnisim.apps.cli.inputs import note_lighting
 from omnisim.apps.cli.measure.measured_files import check_size, read_board_shape
 from omnisim.apps.cli.measure.requests import MeasureCompareRequest
+from omnisim.apps.cli.options import refuse_given
 from omnisim.cameras.calibration.rig import Rig, RigCamera
 from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
-from omnisim.core.trajectories.formats.parsed_trajectory import Axes
 from omnisim.measurement.comparison import (
+    Comparison,
     ImageComparison,
     compare_images,
     compare_scene,
@@ -19,27 +25,30 @@ from omnisim.measurement.comparison import (
     pose_indices,
 )
 from omnisim.measurement.comparison.comparison import MAX_OFFSET_PX, compare_image
+from omnisim.measurement.comparison.scene_comparison import MAX_OFFSET_PX as MAX_TRACKED_PX
 from omnisim.measurement.comparison.scene_comparison import brighter_ev
-from omnisim.measurement.comparison.tracked_points import MAX_OFFSET_PX as MAX_TRACKED_PX
 from omnisim.measurement.geometry import BoardView, find_boards, read_board, read_gray
-from omnisim.measurement.geometry.board_images import image_files
+from omnisim.measurement.geometry.board_detection import image_files
+from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.runs.rig_trajectory import RigRoute
 from omnisim.scene import read_scene
 
+if TYPE_CHECKING:
+    from omnisim.report.measure import Measure
+    from omnisim.report.report import ResultTable, Section
+
+_SHOWN = 6  # images in the report
+_BIAS_PX, _LEVELS, _RISE_PERCENT, _NOISE = 0.05, 4.0, 15.0, 0.5
 _BOARD_ONLY = ("mirrored",)
 _SCENE_ONLY = ("trajectory", "trajectory_frame", "axes", "exposure_ev")
 
 
-def compare(request: MeasureCompareRequest) -> None:
+def compare(request: MeasureCompareRequest) -> bool:
     """Render each image's board or scene by the twin, compare both, and write a report.
 
-    Raises:
-        MeasurementError: images without the board, without a pose, or of another camera.
-        SensorFileError: a sensor file with a fault.
-        SceneError: a scene that cannot be read.
-        TrajectoryError: poses that cannot be read.
-        OutputError: the report cannot be written.
+    Returns:
+        True if all bounds hold on what the sensor file has.
     """
     require_extra("measure", "omnisim measure compare", MeasurementError)
     require_extra("reports", "omnisim measure compare", MeasurementError)
@@ -57,17 +66,15 @@ def compare(request: MeasureCompareRequest) -> None:
     images = summary.comparison.images
     facts = {"sensor": request.sensor.name, "images": [one.name for one in images]}
     text = f"{pluralize(len(images), 'image')}."
-    Report("Camera twin", text, (summary.section(), *parts), facts).write(request.output)
-    out.print(f"{request.output}: written", markup=False)
-    out.print(summary.text(), markup=False)
+    report = Report("Camera twin", text, (summary.section(), *parts), facts)
+    report.write(request.output)
+    out.print(f"{request.output}: written")
+    out.print(summary.text())
+    return report.passed
 
 
 def _check_subject(request: MeasureCompareRequest) -> None:
-    """Check that the images show either a board or a scene.
-
-    Raises:
-        MeasurementError: neither, both, or options of the other one.
-    """
+    """Check that the images show either a board or a scene."""
     if (request.board is None) == (request.scene is None):
         actual = "neither" if request.board is None else "both"
         raise MeasurementError(f"--board, --scene: expected one of them, got {actual}")
@@ -86,17 +93,16 @@ def _compare_board(
     board = read_board(board_text)
     board_m = read_board_shape(request.sensor)
     files = image_files(request.images)
-    searches = find_boards(files, board, request.mirrored)
     compared: list[ImageComparison] = []
     notes = []  # printed when all files are read: readers silence the process's standard error
-    for number in track(range(len(files)), "Images", len(files)):
-        search = next(searches)
+    searches = find_boards(files, board, request.mirrored)
+    for file, search in zip(track(files, "Images"), searches, strict=True):
         view = search.found
-        check_size(files[number], search.size_px, sensor.model, request.sensor)
+        check_size(file, search.size_px, sensor.model, request.sensor)
         if not isinstance(view, BoardView):
             notes.append(f"{view.name} not used: {view.reason}")
             continue
-        image = read_gray(files[number])
+        image = read_gray(file)
         try:
             compared.append(compare_image(sensor, board, view, image, board_m, request.mirrored))
         except MeasurementError as reason:
@@ -105,7 +111,7 @@ def _compare_board(
         print_note(note)
     if not compared:
         raise MeasurementError(f"{request.images}: no image could be compared")
-    return ComparisonSummary(compare_images(sensor, compared), BOARD_SUBJECT)
+    return ComparisonSummary(compare_images(sensor, compared), BOARD_SUBJECT, sensor.degradation)
 
 
 def _compare_scene(request: MeasureCompareRequest, sensor: OmniCamera) -> ComparisonSummary:
@@ -114,14 +120,12 @@ def _compare_scene(request: MeasureCompareRequest, sensor: OmniCamera) -> Compar
     assert request.trajectory is not None
     files = image_files(request.images)
     rig = Rig("base", (RigCamera("camera", sensor.model, sensor.base_from_optical),))
-    axes: Axes | None = None if request.axes is None else request.axes.value
-    route = RigRoute(request.trajectory, request.trajectory_frame, axes)
+    route = RigRoute(request.trajectory, request.trajectory_frame, request.axes)
     notes: list[str] = []  # printed if all images have poses
     poses = route.read_poses(rig, notes.append)
     indices = pose_indices(files, poses.names, len(poses.world_from_body), request.trajectory)
-    exposure = parse_exposure(request.exposure_ev)
-    if exposure is not None:
-        sensor = sensor.with_exposure(exposure)
+    if request.exposure_ev is not None:
+        sensor = sensor.with_exposure(request.exposure_ev)
     scene = read_scene(request.scene)
     for note in (*notes, *scene.notices):
         print_note(note)
@@ -130,10 +134,25 @@ def _compare_scene(request: MeasureCompareRequest, sensor: OmniCamera) -> Compar
     if shutter is not None and shutter.duration_s:
         print_note("the twin is at rest in each image: no motion blur, no rolling shutter")
     photos = zip(files, poses.world_from_body[indices], strict=True)
-    twins = compare_scene(sensor, scene, photos)
-    compared = [next(twins) for _ in track(range(len(files)), "Images", len(files))]
+    compared = list(track(compare_scene(sensor, scene, photos), "Images", len(files)))
     comparison = compare_scene_images(sensor, compared)
-    return ComparisonSummary(comparison, SCENE_SUBJECT, brighter_ev(sensor, compared))
+    brighter = brighter_ev(sensor, compared)
+    return ComparisonSummary(comparison, SCENE_SUBJECT, sensor.degradation, brighter)
+
+
+@dataclass(frozen=True)
+class Subject:
+    """Content of the images.
+
+    Attributes:
+        text: description of the comparison.
+        patches: name of the patches whose gray levels are compared.
+        max_offset_px: offset beyond which a corner counts as lost.
+    """
+
+    text: str
+    patches: str
+    max_offset_px: float
 
 
 BOARD_SUBJECT = Subject(
@@ -151,3 +170,155 @@ SCENE_SUBJECT = Subject(
     "even blocks",
     MAX_TRACKED_PX,
 )
+
+
+@dataclass(frozen=True, eq=False)
+class ComparisonSummary:
+    """Comparison with the words that describe it.
+
+    Attributes:
+        comparison: errors of the twin.
+        subject: content of the images.
+        degradation: effects in the twin's sensor file, of which blur and noise are compared.
+        brighter_ev: light of the images over that of the twin's, EV; None: fitted.
+    """
+
+    comparison: Comparison
+    subject: Subject
+    degradation: Degradation
+    brighter_ev: float | None = None
+
+    @property
+    def level_error(self) -> float:
+        """90th percentile of the absolute differences of gray levels; NaN: no even patch."""
+        errors = np.abs(self.comparison.level_errors)
+        return float(np.percentile(errors, 90.0)) if len(errors) else math.nan
+
+    @property
+    def rise_error(self) -> float:
+        """Maximum relative difference of the edge rise over the rings; NaN: no clear edge."""
+        ratios = [ring.twin_rise_px / ring.rise_px - 1.0 for ring in self.comparison.rings]
+        return max((abs(ratio) for ratio in ratios if math.isfinite(ratio)), default=math.nan)
+
+    @property
+    def noise_error(self) -> float:
+        """Maximum difference of the noise over the gray levels; NaN: too few even blocks."""
+        noise = self.comparison.noise
+        return max((abs(one.twin_noise - one.noise) for one in noise), default=math.nan)
+
+    @property
+    def measures(self) -> tuple[Measure, ...]:
+        """Errors with their bounds; those of blur and noise need their part of the sensor file."""
+        from omnisim.report.measure import Measure
+
+        made, patches = self.degradation, self.subject.patches
+        level, rise, noise = self.level_error, self.rise_error, self.noise_error
+        no_level = "" if math.isfinite(level) else f"no {patches}"
+        no_rise = "" if math.isfinite(rise) else "no edge is long enough"
+        if made.point_spread is None and made.defocus is None:
+            no_rise = "the sensor file has no blur"
+        no_noise = "the sensor file has no noise" if made.noise is None else ""
+        measures = [
+            Measure(
+                "largest bias of corners, by ring", self.comparison.bias_px, "px", _BIAS_PX
+            ),
+            Measure(
+                f"gray levels of 90 % of the {patches}", level, "of 255", _LEVELS,
+                unmeasured=no_level,
+            ),
+            Measure(
+                "10–90 % rise of edges, by ring", 100.0 * rise, "%", _RISE_PERCENT,
+                unmeasured=no_rise,
+            ),
+        ]  # fmt: skip
+        if math.isfinite(noise):
+            measures.append(
+                Measure("noise, by gray level", noise, "gray levels", _NOISE, unmeasured=no_noise)
+            )
+        if self.brighter_ev is not None:
+            name = "light of the images over the twin's, median"
+            measures.append(Measure(name, self.brighter_ev, "EV"))
+        return tuple(measures)
+
+    def text(self) -> str:
+        """Line of the most important numbers, and what they miss or do not check."""
+        rise, noise, ev = self.rise_error, self.noise_error, self.brighter_ev
+        parts = [
+            f"{pluralize(len(self.comparison.images), 'image')}: corners found again with a bias "
+            f"of {self.comparison.bias_px:.3f} px at most by ring, {self.comparison.lost} lost",
+            f"gray levels within {self.level_error:.1f} of 255 for 90 % of the "
+            f"{self.subject.patches}"
+            if math.isfinite(self.level_error)
+            else f"no {self.subject.patches} to compare gray levels",
+            f"edges within {100.0 * rise:.0f} %" if math.isfinite(rise) else "no edge long enough",
+        ]
+        if math.isfinite(noise):
+            parts.append(f"noise within {noise:.2f} gray levels")
+        if ev is not None and math.isfinite(ev):
+            parts.append(f"images brighter than the twin's by {ev:+z.2f} EV")
+        missed = [one.name for one in self.measures if one.passed is False]
+        unmeasured = [f"{one.name} ({one.unmeasured})" for one in self.measures if one.unmeasured]
+        lists = (("missed", missed), ("not measured", unmeasured))
+        return "; ".join(
+            parts + [f"{title}: {', '.join(names)}" for title, names in lists if names]
+        )
+
+    def section(self) -> Section:
+        """Section of the report."""
+        from omnisim.plots.twin_plots import edge_figure, noise_figure, sheet_figure
+        from omnisim.report.report import CaptionedFigure, Section
+
+        comparison = self.comparison
+        step = max(1, len(comparison.images) // _SHOWN)
+        shown = comparison.images[::step][:_SHOWN]
+        figures = [
+            CaptionedFigure(
+                "images", sheet_figure(shown), "Images, the twin's, and twin minus image"
+            ),
+            CaptionedFigure("edges", edge_figure(comparison), "Corners and edges over the field"),
+        ]
+        tables = [self._rings()]
+        if comparison.noise:
+            caption = "Noise by gray level, with fine texture, in even blocks of images and twin"
+            figures.append(CaptionedFigure("noise-levels", noise_figure(comparison), caption))
+        return Section(
+            "The camera beside its twin",
+            self.subject.text,
+            measures=self.measures,
+            tables=tuple(tables),
+            figures=tuple(figures),
+        )
+
+    def _rings(self) -> ResultTable:
+        from omnisim.report.report import ResultTable
+
+        columns = (
+            "up to px",
+            "corners",
+            "lost",
+            "bias along the radius",
+            "bias across it",
+            "RMS",
+            "edge rise",
+            "twin's",
+        )
+        rows = tuple(
+            (
+                f"{ring.radius_px:.0f}",
+                str(ring.corners),
+                str(ring.lost),
+                _number(ring.bias_px[0], "+z.3f"),
+                _number(ring.bias_px[1], "+z.3f"),
+                _number(ring.rms_px, ".3f"),
+                _number(ring.rise_px, ".2f"),
+                _number(ring.twin_rise_px, ".2f"),
+            )
+            for ring in self.comparison.rings
+        )
+        limit = self.subject.max_offset_px
+        caption = f"Rings of the image, px. Lost: more than {limit:g} px off, or not found."
+        return ResultTable(caption, columns, rows)
+
+
+def _number(value: float, form: str) -> str:
+    return format(value, form) if math.isfinite(value) else "–"

@@ -9,18 +9,18 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from rich.table import Table
 
-from omnisim.apps.cli.console import out, pluralize, print_note, track
+from omnisim.apps.cli.console import out, pluralize, print_note, table, track
 from omnisim.apps.cli.measure.measured_files import (
     check_outputs,
-    print_measured,
+    check_size,
     sensor_tables,
     write_measured,
 )
 from omnisim.apps.cli.measure.requests import MeasureGeometryRequest
 from omnisim.cameras.optics.boards.board_corners import BoardCorners, read_corners, write_corners
 from omnisim.cameras.optics.boards.free_parameters import FreeParameters
+from omnisim.cameras.optics.system import OpticalSystem
 from omnisim.cameras.optics.system_file import OpticsTables, parse_optics, read_optics_tables
 from omnisim.core.errors import MeasurementError, OpticsError
 from omnisim.core.extras import is_installed, require_extra
@@ -33,8 +33,8 @@ from omnisim.measurement.geometry import (
     measure_optics,
     read_board,
 )
-from omnisim.measurement.geometry.board_images import image_files
-from omnisim.measurement.geometry.candidate_models import CANDIDATES
+from omnisim.measurement.geometry.board_detection import image_files
+from omnisim.measurement.geometry.model_choice import CANDIDATES
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 
@@ -44,75 +44,48 @@ _CAMERAS = ("lens", "mirror", "optics")  # tables of a sensor file, one of which
 
 
 def geometry(request: MeasureGeometryRequest) -> None:
-    """Measure a camera's model, write a sensor file with it, and print model and residuals.
-
-    Raises:
-        MeasurementError: images or boards that cannot be measured.
-        SensorFileError: a sensor file with a fault.
-        OutputError: a file that cannot be written.
-    """
+    """Measure a camera's model, write a sensor file with it, and print model and residuals."""
     stem = request.output.stem
     corners = request.output.with_name(f"{stem}-corners.csv")
     plot = request.output.with_name(f"{stem}-residuals.png")
     check_outputs(request.output, request.sensor, corners=corners, plot=plot)
-    models = _models(request.model)
+    for name in request.model or ():
+        if name not in CANDIDATES:
+            expected = f"expected one of {', '.join(CANDIDATES)}"
+            raise MeasurementError(f"--model: {expected}, got {name!r}")
     optics = _read_optics(request)
     tables = sensor_tables(request.sensor)
     views, rejected, size_px = _views(request)
     if optics is None:
         measured = measure_geometry(
-            views, size_px, mirrored=request.mirrored, models=models, is_flat=request.flat_board
+            views,
+            size_px,
+            mirrored=request.mirrored,
+            models=request.model or CANDIDATES,
+            is_flat=request.flat_board,
         )
     else:
-        _check_size(request, optics.size_px, size_px)
+        check_size(request.images, size_px, optics.system, optics.file.source)
         measured = measure_optics(optics.file.table, optics.free, views, optics.file.source)
     rejected = [*rejected, *measured.rejected]
     write_corners(corners, [BoardCorners(one.points_m, one.pixels_px) for one in measured.views])
+    _write_plot(plot, measured)
     tables = _with_camera(tables, measured)
     details = _details(measured, rejected)
-    write_measured(
-        "geometry",
-        request.output,
-        request.sensor,
-        tables,
-        measured.quantities,
-        measured.unobservable,
-        details,
-    )
-    _write_plot(plot, measured)
-    print_measured(request.output, measured.quantities, measured.unobservable)
+    write_measured("geometry", request, tables, measured.quantities, measured.unobservable, details)
     _print(measured, rejected)
 
 
-def _models(names: Sequence[str] | None) -> Sequence[str]:
-    """Names of the models to fit.
-
-    Raises:
-        MeasurementError: an unknown name.
-    """
-    for name in names or ():
-        if name not in CANDIDATES:
-            raise MeasurementError(
-                f"--model: expected one of {', '.join(CANDIDATES)}, got {name!r}"
-            )
-    return names or CANDIDATES
-
-
 class _Optics(NamedTuple):
-    """Optics to fit: the file's table, keys of the free parameters, and the size of images."""
+    """Optics to fit: the file's table, keys of the free parameters, and the system."""
 
     file: OpticsTables
     free: list[str]
-    size_px: tuple[int, int]
+    system: OpticalSystem
 
 
 def _read_optics(request: MeasureGeometryRequest) -> _Optics | None:
-    """The optics file to fit, or None.
-
-    Raises:
-        MeasurementError: options that contradict each other, or an unknown key.
-        SensorFileError: the optics file is invalid.
-    """
+    """The optics file to fit, or None."""
     if request.optics is None:
         if request.free:
             raise MeasurementError("--free: expected --optics, whose keys it names")
@@ -127,22 +100,7 @@ def _read_optics(request: MeasureGeometryRequest) -> _Optics | None:
         free = FreeParameters(file.table, request.free, str(request.optics)).names
     except OpticsError as reason:
         raise MeasurementError(str(reason)) from None
-    return _Optics(file, free, (system.width_px, system.height_px))
-
-
-def _check_size(
-    request: MeasureGeometryRequest, wanted: tuple[int, int], size_px: tuple[int, int]
-) -> None:
-    """Reject images of another size than the optics file's.
-
-    Raises:
-        MeasurementError: the sizes differ.
-    """
-    if wanted != size_px:
-        raise MeasurementError(
-            f"{request.images}: {size_px[0]} × {size_px[1]} px: expected {wanted[0]} × "
-            f"{wanted[1]} px as in {request.optics}"
-        )
+    return _Optics(file, free, system)
 
 
 def _views(
@@ -152,31 +110,30 @@ def _views(
     if request.images.suffix.lower() == ".csv":
         if request.size is None:
             raise MeasurementError(f"{request.images}: corners need --size WIDTH HEIGHT")
-        return _read_views(request.images), [], request.size
+        try:
+            boards = read_corners(request.images)
+        except OpticsError as reason:
+            raise MeasurementError(str(reason)) from None
+        return (
+            [
+                BoardView(f"image {number}", board.points_m, board.pixels_px)
+                for number, board in enumerate(boards)
+            ],
+            [],
+            request.size,
+        )
     if request.board is None:
         raise MeasurementError(f"{request.images}: images need --board, such as 8x6:30mm")
     require_extra("measure", "omnisim measure geometry", MeasurementError)
     board = read_board(request.board)
     files = image_files(request.images)
-    searches = find_boards(files, board, request.mirrored)
-    results = [next(searches) for _ in track(range(len(files)), "Boards", len(files))]
+    results = list(track(find_boards(files, board, request.mirrored), "Boards", len(files)))
     views = [one.found for one in results if isinstance(one.found, BoardView)]
     rejected = [one.found for one in results if isinstance(one.found, RejectedImage)]
     if not views:
-        reason = rejected[0].reason
-        raise MeasurementError(f"{request.images}: no image has the board; the first: {reason}")
+        why = rejected[0].reason
+        raise MeasurementError(f"{request.images}: no image has the board; the first: {why}")
     return views, rejected, results[0].size_px
-
-
-def _read_views(path: Path) -> list[BoardView]:
-    try:
-        boards = read_corners(path)
-    except OpticsError as reason:
-        raise MeasurementError(str(reason)) from None
-    return [
-        BoardView(f"image {number}", board.points_m, board.pixels_px)
-        for number, board in enumerate(boards)
-    ]
 
 
 def _with_camera(tables: dict[str, Any], measured: MeasuredGeometry) -> dict[str, Any]:
@@ -251,16 +208,13 @@ def _print(measured: MeasuredGeometry, rejected: Sequence[RejectedImage]) -> Non
     out.print(
         f"{measured.model}: {measured.rms_px:.3f} px RMS, {measured.held_out_rms_px:.3f} px in "
         f"held-out images ({pluralize(len(measured.views), 'image')}, "
-        f"{pluralize(corners, 'corner')})",
-        markup=False,
+        f"{pluralize(corners, 'corner')})"
     )
-    table = Table(box=None, pad_edge=False)
-    for heading in ("model", "numbers", "RMS px", "held out px"):
-        table.add_column(heading, justify="left" if heading == "model" else "right")
+    shown = table("model", ">numbers", ">RMS px", ">held out px")
     for one in measured.models[:_SHOWN_MODELS]:
         held_out = f"{one.held_out_rms_px:.3f}" if math.isfinite(one.held_out_rms_px) else "–"
-        table.add_row(one.name, str(one.parameters), f"{one.rms_px:.3f}", held_out)
-    out.print(table)
+        shown.add_row(one.name, str(one.parameters), f"{one.rms_px:.3f}", held_out)
+    out.print(shown)
     bow_m = float(np.abs(measured.board_m[:, 2]).max())
     if bow_m > 0.0:
         print_note(f"the board is bent by up to {1e3 * bow_m:.2g} mm, which was measured too")

@@ -7,7 +7,7 @@ import hashlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple, get_args, get_origin, get_type_hints
+from typing import Any, NamedTuple
 
 import pydantic
 from pydantic import Field
@@ -15,10 +15,7 @@ from pydantic import Field
 from omnisim.apps.cli.console import out
 from omnisim.apps.cli.measure.measure_compare import compare
 from omnisim.apps.cli.measure.measure_geometry import geometry
-from omnisim.apps.cli.measure.measure_noise import noise
-from omnisim.apps.cli.measure.measure_response import response
-from omnisim.apps.cli.measure.measure_sharpness import sharpness
-from omnisim.apps.cli.measure.measure_timing import timing
+from omnisim.apps.cli.measure.measure_sensor import noise, response, sharpness, timing
 from omnisim.apps.cli.measure.measured_files import check_outputs, mark_inputs, read_reports
 from omnisim.apps.cli.measure.requests import (
     MeasureCompareRequest,
@@ -29,7 +26,7 @@ from omnisim.apps.cli.measure.requests import (
     MeasureSharpnessRequest,
     MeasureTimingRequest,
 )
-from omnisim.apps.cli.options import Option
+from omnisim.apps.cli.options import request_fields
 from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.parameters import Table, parse_table
@@ -57,15 +54,13 @@ _OWN = ("output", "sensor")  # which the plan's command sets
 _NAME_OR_FILE = ("board", "scene")
 
 
-def plan(request: MeasurePlanRequest) -> None:
+def plan(request: MeasurePlanRequest) -> bool:
     """Measure the parts of a plan one after the other, and write a report of them.
 
     A part whose arguments and files are unchanged since the last call is not measured again.
 
-    Raises:
-        MeasurementError: a fault in the plan, or images that cannot be measured.
-        SensorFileError: a sensor file with a fault.
-        OutputError: a file that cannot be written.
+    Returns:
+        False if the comparison misses a bound.
     """
     require_extra("reports", "omnisim measure plan", MeasurementError)
     from omnisim.report.report import Report, check_report_target
@@ -82,23 +77,25 @@ def plan(request: MeasurePlanRequest) -> None:
             continue
         digest = _digest(digest, tables[name])
         if read_reports(request.output).get(name, {}).get("inputs") == digest:
-            out.print(f"{name}: measured before", markup=False)
+            out.print(f"{name}: measured before")
         else:
-            out.print(f"[bold]{name}[/]")
+            out.print(name, style="bold")
             with _named(f"{request.plan}: {name}"):
                 part.measure(part.request(**tables[name], output=request.output, sensor=sensor))
             mark_inputs(request.output, name, digest)
         sensor = request.output
     if _COMPARE in tables:
-        out.print(f"[bold]{_COMPARE}[/]")
+        out.print(_COMPARE, style="bold")
         with _named(f"{request.plan}: {_COMPARE}"):
-            compare(MeasureCompareRequest(**tables[_COMPARE], output=folder, sensor=request.output))
-        return
+            return compare(
+                MeasureCompareRequest(**tables[_COMPARE], output=folder, sensor=request.output)
+            )
     from omnisim.apps.cli.measure.measured_sections import measured_sections
 
     sections = measured_sections(request.output)
     Report("Measured camera", "", sections, {"sensor": request.output.name}).write(folder)
-    out.print(f"{folder}: written", markup=False)
+    out.print(f"{folder}: written")
+    return True
 
 
 @contextmanager
@@ -111,11 +108,7 @@ def _named(place: str) -> Iterator[None]:
 
 
 def _read_plan(path: Path, output: Path) -> dict[str, dict[str, Any]]:
-    """Read the arguments of each part.
-
-    Raises:
-        MeasurementError: the message names file, key and value.
-    """
+    """Read the arguments of each part."""
     read = read_tables(path, MeasurementError)
     kinds = {name: part.request for name, part in _PARTS.items()} | {
         _COMPARE: MeasureCompareRequest
@@ -152,16 +145,12 @@ def _with_board(read: Mapping[str, Any], output: Path) -> dict[str, Any]:
 
 def _schema(kind: type) -> type[Table]:
     """Schema of a part's table: the fields of its request that the plan does not set itself."""
-    hints = get_type_hints(kind, include_extras=True)
     fields: dict[str, Any] = {}
-    for field in dataclasses.fields(kind):
-        if field.name in _OWN:
-            continue
-        hint = hints[field.name]
-        details = get_args(hint)[1] if get_origin(hint) is not None else None
-        limits = (details.min, details.max) if isinstance(details, Option) else (None, None)
-        default = ... if field.default is dataclasses.MISSING else field.default
-        fields[field.name] = (hint, Field(default, ge=limits[0], le=limits[1]))
+    for field in request_fields(kind):
+        if field.name not in _OWN:
+            default = ... if field.default is dataclasses.MISSING else field.default
+            limits: dict[str, Any] = field.limits
+            fields[field.name] = (field.kind, Field(default, **limits))
     return pydantic.create_model(kind.__name__, __base__=Table, **fields)
 
 

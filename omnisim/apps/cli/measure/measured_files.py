@@ -8,13 +8,12 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.table import Table
 
-from omnisim.apps.cli.console import out, print_note
+from omnisim.apps.cli.console import out, print_note, table
 from omnisim.cameras import CentralCamera
 from omnisim.core.errors import MeasurementError, SensorFileError
 from omnisim.core.files.atomic_file import check_distinct, check_suffix, check_target, write_text
@@ -82,7 +81,7 @@ def stated_camera(sensor: Path | None) -> CentralCamera | None:
 
 
 def check_size(
-    name: Path | str, size_px: tuple[int, int], camera: CentralCamera, sensor: Path
+    name: Path | str, size_px: tuple[int, int], camera: CentralCamera, sensor: Path | str
 ) -> None:
     """Check that images have the size, width and height, of a sensor file's camera.
 
@@ -97,10 +96,21 @@ def check_size(
         )
 
 
+class MeasureRequest(Protocol):
+    """Request to measure a part of a camera."""
+
+    @property
+    def output(self) -> Path:
+        """Sensor file to write."""
+
+    @property
+    def sensor(self) -> Path | None:
+        """Sensor file to complete."""
+
+
 def write_measured(
     part: str,
-    output: Path,
-    sensor: Path | None,
+    request: MeasureRequest,
     tables: Mapping[str, Any],
     quantities: Sequence[Quantity],
     unobservable: Sequence[Unobservable],
@@ -108,12 +118,12 @@ def write_measured(
 ) -> None:
     """Write a sensor file whose comments give the standard deviations, and a report as JSON.
 
-    The reports of other parts, beside the completed sensor file, are kept.
+    The reports of other parts, beside the completed sensor file, are kept. The measured quantities
+    are printed as a table, and the reasons why others are missing as notes.
 
     Args:
         part: measured part, such as "noise": key of its report.
-        output: sensor file.
-        sensor: sensor file that was completed.
+        request: request of the part.
         tables: tables of the sensor file.
         quantities: measured quantities.
         unobservable: quantities that the images do not determine.
@@ -122,15 +132,20 @@ def write_measured(
     Raises:
         OutputError: a file cannot be written.
     """
-    rows = [
-        asdict(one) | {"sigma": one.sigma if math.isfinite(one.sigma) else None}
-        for one in quantities
-    ]
+    sigmas = [one.sigma if math.isfinite(one.sigma) else None for one in quantities]
+    rows = [asdict(one) | {"sigma": sigma} for one, sigma in zip(quantities, sigmas, strict=True)]
     report = {"quantities": rows, "not_measured": [asdict(one) for one in unobservable], **details}
-    reports = {**read_reports(sensor), part: report}
+    output, reports = request.output, {**read_reports(request.sensor), part: report}
     lines = [line for name, one in reports.items() for line in _comments(name, one)]
     write_text(output, toml_text({f"# {line}": Comment(line) for line in lines} | dict(tables)))
     write_text(report_path(output), json.dumps(reports, indent=2) + "\n")
+    shown = table("", ">value", ">±", "unit", "from")
+    for one in quantities:
+        shown.add_row(one.name, *format_quantity(one), one.unit, one.basis)
+    out.print(f"{output}: written")
+    out.print(shown)
+    for missing in unobservable:
+        print_note(f"{missing.name} not measured: {missing.reason}")
 
 
 def mark_inputs(output: Path, part: str, digest: str) -> None:
@@ -156,7 +171,10 @@ def read_reports(sensor: Path | None) -> dict[str, dict[str, Any]]:
     try:
         reports = json.loads(path.read_text(encoding="utf-8"))
         for report in reports.values():
-            _check_texts([*quantities_of(report), *unobservable_of(report)])
+            names = [one.name for one in quantities_of(report)]
+            names += [one.name for one in unobservable_of(report)]
+            if not all(isinstance(name, str) for name in names):
+                raise TypeError(names)
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         raise MeasurementError(f"{path}: expected a report of `omnisim measure`") from None
     return dict(reports)
@@ -193,39 +211,17 @@ def unobservable_of(report: Mapping[str, Any]) -> list[Unobservable]:
     return [Unobservable(**row) for row in report["not_measured"]]
 
 
-def _check_texts(rows: Sequence[Quantity | Unobservable]) -> None:
-    """Reject rows with a name that is not a string.
-
-    Raises:
-        TypeError: names the first such value.
-    """
-    for row in rows:
-        if not isinstance(row.name, str):
-            raise TypeError(row.name)
-
-
 def _comments(part: str, report: Mapping[str, Any]) -> list[str]:
     """Comments of a sensor file about a part's quantities."""
     known = [one for one in quantities_of(report) if math.isfinite(one.sigma)]
-    lines = [f"{part}: {one.name} = {_number(one)} ({one.basis})" for one in known]
+    numbers = [f"{' ± '.join(format_quantity(one))} {one.unit}".rstrip() for one in known]
+    lines = [
+        f"{part}: {one.name} = {number} ({one.basis})"
+        for one, number in zip(known, numbers, strict=True)
+    ]
     return lines + [
         f"{part}: {one.name} not measured: {one.reason}" for one in unobservable_of(report)
     ]
-
-
-def print_measured(
-    output: Path, quantities: Sequence[Quantity], unobservable: Sequence[Unobservable]
-) -> None:
-    """Print the measured quantities as a table, and the reasons why others are missing."""
-    table = Table(box=None, pad_edge=False)
-    for heading in ("", "value", "±", "unit", "from"):
-        table.add_column(heading, justify="right" if heading in ("value", "±") else "left")
-    for one in quantities:
-        table.add_row(one.name, *format_quantity(one), one.unit, one.basis)
-    out.print(f"{output}: written", markup=False)
-    out.print(table)
-    for missing in unobservable:
-        print_note(f"{missing.name} not measured: {missing.reason}")
 
 
 def round_to_sigma(value: float, sigma: float) -> float:
@@ -238,9 +234,5 @@ def round_to_sigma(value: float, sigma: float) -> float:
 def format_quantity(quantity: Quantity) -> tuple[str, str]:
     """Value and standard deviation of a quantity, as text."""
     if not math.isfinite(quantity.sigma):
-        return f"{quantity.value:.3g}", ""
+        return f"{quantity.value:z.3g}", ""
     return f"{round_to_sigma(quantity.value, quantity.sigma):.10g}", f"{quantity.sigma:.2g}"
-
-
-def _number(quantity: Quantity) -> str:
-    return " ± ".join(format_quantity(quantity)) + f" {quantity.unit}".rstrip()

@@ -1,23 +1,46 @@
-"""`omnisim drive`."""
+"""`omnisim drive` and `omnisim record`: runs of robots along paths, and of rigs along poses."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from omnisim.apps.cli.console import print_note
-from omnisim.apps.cli.images.recording import as_requested, drive_of, record
-from omnisim.apps.cli.runs.requests import DriveRequest
-from omnisim.core.errors import RunError
+from omnisim.apps.cli.console import out, pluralize, print_note, progress, resumable
+from omnisim.apps.cli.inputs import (
+    check_calibration_path,
+    checked_backend,
+    load_labeled_scene,
+    note_lighting,
+    parse_channel_format,
+    parse_polygons,
+    read_camera,
+    read_preset,
+)
+from omnisim.apps.cli.option_groups import MeshImageOptions
+from omnisim.apps.cli.options import refuse_given
+from omnisim.apps.cli.runs.requests import DriveRequest, RecordRequest, RigOptions
+from omnisim.cameras import NonCentralCamera
+from omnisim.core.errors import OutputError, RunError
 from omnisim.core.extras import require_extra
+from omnisim.core.files.image_files import EIGHT_BIT_SUFFIXES, FLOAT_SUFFIXES
+from omnisim.core.files.sources import recorded_sources, source_digest
+from omnisim.core.poses import pose
+from omnisim.core.short_repr import point_text
+from omnisim.core.trajectories import Trajectory
+from omnisim.ground_truth import parse_channels
 from omnisim.robots import Robot, load_robot
 from omnisim.robots.importers.importers import SUFFIXES, load_robot_model
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.contacts import NO_SIZE, check_no_contact
-from omnisim.runs.drive import PlannedDrive, drive_together, plan_together
-from omnisim.runs.route import Route
+from omnisim.runs.drive import Drive, PlannedDrive, drive_together, plan_together
+from omnisim.runs.route import Route, route_digest
+from omnisim.scene import Scene
 from omnisim.sensors.sensor_names import FOLDER_NAME, folder_name
+
+if TYPE_CHECKING:  # needed by rigs only
+    from omnisim.cameras.calibration.rig import Rig
 
 NO_SENSORS = (
     "has no sensors: nothing but its path and odometry is recorded: give its robot file [[sensors]]"
@@ -25,16 +48,18 @@ NO_SENSORS = (
 MAX_CONTACTS = 5  # maximum number of printed contacts; the manifest has all
 
 
-def run(request: DriveRequest) -> None:
+def drive(request: DriveRequest) -> None:
     """Record a run of each robot, or resume an unfinished one, and print a summary."""
     robots, vehicles = _load_robots(request)
     _check_cameras(request, vehicles)
-    routes = [_route(request, path) for path in request.paths]
-    first = drive_of(request, next(iter(vehicles.values())), routes[0])
+    way = request.way
+    steps = way.step_m, way.turn_step_deg, way.rate_hz, way.ignore_limits, way.ground_m, way.axes
+    routes = [Route(path, *steps) for path in request.paths]
+    first = _drive_of(request, next(iter(vehicles.values())), routes[0])
     drives = {
         name: dataclasses.replace(
             first,
-            vehicle=as_requested(vehicle, request.image),
+            vehicle=_as_requested(vehicle, request.image),
             route=route,
             physics=None if request.way.physics is None else robots[name].chassis,
         )
@@ -44,11 +69,14 @@ def run(request: DriveRequest) -> None:
     for name, plan in plans.items():
         _report(plan, f"{name}: " if len(plans) > 1 else "", request.way.no_contact)
     if len(plans) == 1:
-        record(next(iter(plans.values())), request.output, request.force)
+        _record(next(iter(plans.values())), request.output, request.force)
         return
-    _make_folder(request.output)
+    try:
+        request.output.mkdir(parents=True, exist_ok=True)
+    except OSError as reason:
+        raise RunError(f"{request.output}: cannot be created: {reason.strerror}") from None
     for name, plan in drive_together(plans).items():
-        record(plan, request.output / name, request.force)
+        _record(plan, request.output / name, request.force)
 
 
 def _load_robots(request: DriveRequest) -> tuple[dict[str, Robot], dict[str, Vehicle]]:
@@ -97,18 +125,6 @@ def _check_cameras(request: DriveRequest, vehicles: dict[str, Vehicle]) -> None:
         raise RunError(f"{option}: expected a robot with a camera, got {', '.join(vehicles)}")
 
 
-def _route(request: DriveRequest, path: str) -> Route:
-    return Route(
-        path=path,
-        step_m=request.way.step_m,
-        step_deg=request.way.turn_step_deg,
-        rate_hz=request.way.rate_hz,
-        ignore_limits=request.way.ignore_limits,
-        ground_m=request.way.ground_m,
-        axes=None if request.way.axes is None else request.way.axes.value,
-    )
-
-
 def _report(plan: PlannedDrive, whose: str, no_contact: bool) -> None:
     """Print the contacts and notes of a planned drive."""
     if not plan.drive.vehicle.sensors:
@@ -125,8 +141,165 @@ def _report(plan: PlannedDrive, whose: str, no_contact: bool) -> None:
         print_note(f"{whose}{plan.simulated.engine}: {plan.simulated.slip}")
 
 
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as reason:
-        raise RunError(f"{folder}: cannot be created: {reason.strerror}") from None
+def record(request: RecordRequest) -> None:
+    """Record a run of a rig, or resume an unfinished one, and print a summary."""
+    from omnisim.runs.rig_trajectory import RigRoute
+
+    poses, path = request.poses, request.poses.trajectory
+    if request.output.suffix.lower() in EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES:
+        raise OutputError(f"{request.output}: expected a folder, got an image")
+    with recorded_sources() as sources:
+        rig, vehicle = _rig(request.camera, path)
+    if vehicle.given is None:
+        own = request.camera.camera_name, request.camera.mirrored
+        vehicle = vehicle.identified(source_digest(sources.digest(path.parent), own))
+    world_from_file = pose(
+        poses.at or (0.0, 0.0, 0.0),
+        roll_deg=poses.roll_deg, pitch_deg=poses.pitch_deg, yaw_deg=poses.yaw_deg or 0.0,
+    )  # fmt: skip
+    route = RigRoute(path, poses.trajectory_frame, poses.axes, poses.rate_hz, world_from_file)
+    truth, is_timed = route.read(rig, print_note)
+    whole = _drive_of(request, vehicle, Route(str(path)))
+    if not is_timed:
+        _refuse_time(whole.vehicle, path)
+    _note_poses_outside(whole.scene, truth, path)
+    placing = poses.at, poses.roll_deg, poses.pitch_deg, poses.yaw_deg
+    options = placing, poses.trajectory_frame, poses.axes, poses.rate_hz
+    plan = whole.along(truth, source_digest(route_digest(whole.route), options)[:16])
+    for note in plan.notes:
+        print_note(note)
+    _record(plan, request.output, request.force)
+
+
+def _rig(camera: RigOptions, path: Path) -> tuple[Rig, Vehicle]:
+    """Rig with all cameras named by the poses, and vehicle of the selected cameras."""
+    # formats and fits of calibrations take time to import
+    from omnisim.apps.cli.cameras.calibration import read_calibration
+    from omnisim.cameras.calibration.rig import Rig, RigCamera
+    from omnisim.robots.rig_vehicle import rig_vehicle
+
+    if camera.robot is not None:
+        return _robot_rig(camera, camera.robot)
+    source = camera.calibration_file
+    own_camera = camera.sensor or camera.optics
+    if source is None and own_camera is None and path.suffix.lower() == ".json":
+        source = path
+    if source is None or camera.optics is not None:
+        sensor = read_camera(camera, source)
+        rig = Rig("base", (RigCamera("camera", sensor.model, sensor.base_from_optical),))
+        return rig, rig_vehicle(_name(own_camera), rig, (sensor,))
+    check_calibration_path(source, camera.sensor)
+    calibration = read_calibration(source, None, None, camera.mirrored)
+    name = None if camera.camera_name == "all" else camera.camera_name
+    rig = Rig.of(calibration, name)
+    return rig, rig_vehicle(_name(source), rig if name is None else rig.only(name))
+
+
+def _robot_rig(camera: RigOptions, robot: str) -> tuple[Rig, Vehicle]:
+    """Rig of a robot's central cameras on its base, and the robot with all of its sensors."""
+    reason = "expected the robot's sensors with --robot"
+    refuse_given(camera, reason, "sensor", "calibration_file", "camera_name", "optics", "mirrored")
+    from omnisim.cameras.calibration.rig import Rig, RigCamera
+
+    vehicle = Vehicle.load(robot)
+    cameras = (
+        RigCamera(camera.name, camera.sensor.model, camera.sensor.base_from_optical)
+        for camera in vehicle.cameras
+        if not isinstance(camera.sensor.model, NonCentralCamera)
+    )
+    return Rig("base", tuple(cameras)), vehicle
+
+
+def _name(source: Path | None) -> str:
+    return "camera" if source is None else source.stem
+
+
+def _note_poses_outside(scene: Scene, truth: Trajectory, path: Path) -> None:
+    """Print a note on poses outside the scene, which often mean a misplaced origin."""
+    low, high = scene.bounds_m()
+    outside = ((truth.positions_m < low) | (truth.positions_m > high)).any(axis=1)
+    if outside.any():
+        corners = (point_text(corner, 4) for corner in (low, high))
+        print_note(
+            f"{path}: {int(outside.sum())} of {pluralize(len(truth), 'pose')} outside of the "
+            f"scene, which spans {' to '.join(corners)} m: --at, --yaw, --pitch and --roll place "
+            "the file's origin"
+        )
+
+
+def _refuse_time(vehicle: Vehicle, path: Path) -> None:
+    """Raise an error for cameras whose images depend on the time between them."""
+    for camera in vehicle.cameras:
+        degradation = camera.sensor.degradation
+        shutter = degradation.shutter
+        if (shutter is not None and shutter.duration_s) or degradation.is_metered:
+            raise RunError(
+                f"{path}: has no times, and the exposure of {camera.name} depends on them: "
+                "pass --rate HZ"
+            )
+
+
+def _drive_of(request: DriveRequest | RecordRequest, vehicle: Vehicle, route: Route) -> Drive:
+    """Drive of a vehicle, with the scene and the settings of a request.
+
+    Raises:
+        OmnisimError: names the option or the file.
+    """
+    world, light, truth = request.world, request.light, request.truth
+    channels = () if truth.also is None else parse_channels(truth.also)
+    scene, backend = load_labeled_scene(world, light, truth, channels), checked_backend(request.gpu)
+    if vehicle.cameras and not light.unlit:
+        sensors = [one.sensor for one in vehicle.cameras]
+        note_lighting(world.scene, scene, backend, sensors)
+    return Drive(
+        scene,
+        _as_requested(vehicle, request.image),
+        route,
+        seed=request.seed,
+        unlit=light.unlit,
+        device=request.gpu.device,
+        backend=backend,
+        up_axis=world.up_axis,
+        meters_per_unit=world.meters_per_unit,
+        resources=tuple(world.resources or ()),
+        channels=channels,
+        boxes_3d=truth.boxes_3d,
+        channel_format=parse_channel_format(truth.channel_format, channels),
+    )
+
+
+def _as_requested(vehicle: Vehicle, image: MeshImageOptions) -> Vehicle:
+    """Vehicle with the options' settings in all its cameras."""
+    return vehicle.with_cameras(
+        size_px=image.size_px,
+        polygons="same" if image.polygons is None else parse_polygons(image.polygons),
+        degradation=read_preset(image.preset),
+        exposure=image.exposure_ev,
+        quality=image.quality,
+    )
+
+
+def _record(plan: PlannedDrive, folder: Path, force: bool) -> None:
+    """Record a run, or resume an unfinished one, and print a summary."""
+    title, done, total = f"{plan.drive.vehicle.name} in {plan.drive.scene.name}", 0, len(plan.truth)
+    command = "the same command without --force" if force else "the same command"
+
+    def state() -> str:
+        steps_done = f"{done} of {total} steps are done"
+        return f"{folder}: {steps_done}: {command} resumes the run" if done else ""
+
+    with progress(title, total, "steps") as show, resumable(state):
+        steps = plan.record(folder, force)
+        before = done = next(steps)
+        show(done, "")
+        for done in steps:
+            show(done, "")
+    objects = len(plan.contacts or ())
+    touched = f"; contact with {pluralize(objects, 'object')}" if objects else ""
+    summaries = ((one.name, one.sensor.mesh_summary) for one in plan.drive.vehicle.cameras)
+    meshes = "".join(f"; {name}: {mesh}" for name, mesh in summaries if mesh != "exact")
+    resumed = f", {before} of them there before" if before else ""
+    out.print(
+        f"{folder}: {pluralize(done, 'step')}{resumed}; "
+        f"{plan.truth.path_length_m:.2f} m in {plan.truth.duration_s:.1f} s{meshes}{touched}"
+    )

@@ -1,27 +1,32 @@
-"""`omnisim evaluate` on a run: errors of estimators against the recorded truth."""
+"""`omnisim evaluate`: errors of estimators in a run, or by a varied value of a plan's drives."""
 
 from __future__ import annotations
 
+import itertools
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from rich.table import Table
-
-from omnisim.apps.cli.console import out, print_note, track
-from omnisim.apps.cli.runs.evaluate_sweep import sweep
+from omnisim.apps.cli.console import out, pluralize, print_note, resumable, table, track
 from omnisim.apps.cli.runs.requests import EvaluateRequest
 from omnisim.core.errors import OmnisimError, PlanError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import write_text
 from omnisim.datasets.export.recording import Recording
+from omnisim.evaluation.drive_sweep import PointResult, run_sweep
 from omnisim.evaluation.estimator_registry import COMMAND, ESTIMATORS, estimator_named
-from omnisim.evaluation.outcome import Outcome
-from omnisim.evaluation.run_evaluation import estimator_folder, evaluate_estimator
-from omnisim.evaluation.sweep_plan import find_plan
+from omnisim.evaluation.run_evaluation import Outcome, estimator_folder, evaluate_estimator
+from omnisim.evaluation.sweep_plan import SweepPlan, SweepPoint, find_plan, read_plan
+
+if TYPE_CHECKING:
+    from omnisim.report.report import Section
 
 OUTCOMES = "outcomes.json"
-_PRINTED = ("estimator", "ATE m", "% of path", "drift %", "yaw °", "lost %", "aligned", "s")
+POINTS, DRIVES = "points.json", "drives"
+# Columns of the printed tables; > is that of numbers.
+_PRINTED = ("estimator", ">ATE m", ">% of path", ">drift %", ">yaw °", ">lost %", ">aligned", ">s")
+_SWEPT = ("value", "estimator", ">% of path", ">drift %", ">lost %", ">without")
 _NAME_LETTERS = 24
 
 
@@ -30,12 +35,6 @@ def run(request: EvaluateRequest) -> bool:
 
     An estimator that is missing, fails, crashes or hangs is a row of the report. Returns False if
     all of a run's estimators did.
-
-    Raises:
-        EstimatorError: an unknown estimator.
-        PlanError: a fault in the plan.
-        RunError: the run is not finished, or damaged.
-        OutputError: the report cannot be written.
     """
     require_extra("reports", "omnisim evaluate", OmnisimError)
     from omnisim.report.report import check_report_target
@@ -45,62 +44,135 @@ def run(request: EvaluateRequest) -> bool:
         plan = find_plan(request.run)
         if request.estimators:
             raise PlanError("--with: a plan names its estimators")
-        sweep(request, plan)
+        _sweep(request, plan)
         return True
     if request.engine != "local" or request.address is not None:
         raise PlanError("--engine: expected a plan, got a run")
     return any(outcome.status == "ok" for outcome in _evaluate_run(request))
 
 
-def _names(given: Iterable[str]) -> list[str]:
-    """Names of estimators, each once; a value lists several, unless it is a command."""
-    names = []
-    for value in given:
-        names += [value] if value.startswith(COMMAND) else value.split(",")
-    return list(dict.fromkeys(names))
-
-
 def _evaluate_run(request: EvaluateRequest) -> list[Outcome]:
     from omnisim.report.estimator_report import run_section
     from omnisim.report.report import Report
 
-    names = _names(request.estimators or ESTIMATORS)
+    given = request.estimators or list(ESTIMATORS)  # a value lists several, unless it is a command
+    lists = ([value] if value.startswith(COMMAND) else value.split(",") for value in given)
+    names = list(dict.fromkeys(itertools.chain(*lists)))
     for name in names:
         estimator_named(name)
     recording = Recording.read(request.run)
     outcomes = []
-    for number in track(range(len(names)), "Estimators", len(names)):
-        name = names[number]
+    for name in track(names, "Estimators"):
         folder = request.output / estimator_folder(name)
         outcomes.append(evaluate_estimator(request.run, name, folder, request.limit_s))
     section = run_section(recording, outcomes, request.output)
     title = recording.run.manifest.title
     facts = {"run": request.run.name, "title": title}
-    Report(f"Estimators: {title}", _text(recording), (section,), facts).write(request.output)
+    truth = recording.fine_truth
+    text = f"{truth.path_length_m:.4g} m in {truth.duration_s:.4g} s."
+    Report(f"Estimators: {title}", text, (section,), facts).write(request.output)
     content = [one.as_dict() for one in outcomes]
     write_text(request.output / OUTCOMES, json.dumps(content, indent=2) + "\n")
     _print(request.output, outcomes)
     return outcomes
 
 
-def _text(recording: Recording) -> str:
-    truth = recording.fine_truth
-    return f"{truth.path_length_m:.4g} m in {truth.duration_s:.4g} s."
-
-
 def _print(folder: Path, outcomes: Sequence[Outcome]) -> None:
     from omnisim.report.estimator_report import RUN_COLUMNS, run_row
 
-    table = Table(box=None, pad_edge=False)
-    for heading in _PRINTED:
-        table.add_column(heading, justify="left" if heading == "estimator" else "right")
+    shown = table(*_PRINTED)
     for outcome in outcomes:
         cells = dict(zip(RUN_COLUMNS, run_row(outcome), strict=True))
         name = cells["estimator"]
         cells["estimator"] = name if len(name) <= _NAME_LETTERS else name[: _NAME_LETTERS - 1] + "…"
-        table.add_row(*(cells[heading] for heading in _PRINTED))
-    out.print(f"{folder}: written", markup=False)
-    out.print(table)
+        shown.add_row(*(cells[heading.removeprefix(">")] for heading in _PRINTED))
+    out.print(f"{folder}: written")
+    out.print(shown)
     for outcome in outcomes:
         if outcome.reason:
             print_note(f"{outcome.estimator}: {outcome.status}: {outcome.reason}")
+
+
+def _sweep(request: EvaluateRequest, path: Path) -> None:
+    """Record the drives of a plan, apply the estimators, and write a report."""
+    from omnisim.report.estimator_report import sweep_sections
+    from omnisim.report.report import Report
+
+    if request.address is not None and request.engine != "ray":
+        raise PlanError("--address: requires --engine ray")
+    plan, points = read_plan(path)
+    results = _finished_points(request, plan, points)
+    sections = sweep_sections(plan, results)
+    text = (
+        f"{plan.robot} in {plan.scene} along {plan.path}: "
+        f"{pluralize(len(plan.seeds), 'seed')} for each value."
+    )
+    facts = {"plan": path.name, "seeds": list(plan.seeds)}
+    title = plan.title or "Estimators on varied drives"
+    Report(title, text, sections, facts).write(request.output)
+    write_text(request.output / POINTS, _points_json(results))
+    out.print(f"{request.output}: written")
+    for section in sections:
+        _print_swept(section)
+    for reason in dict.fromkeys(each.reason for one in results for each in one.outcomes):
+        if reason:
+            print_note(reason)
+
+
+def _finished_points(
+    request: EvaluateRequest, plan: SweepPlan, points: list[SweepPoint]
+) -> list[PointResult]:
+    """Results of all points, in the plan's order, with a bar of progress."""
+    place = {_key(point): index for index, point in enumerate(points)}
+    results: list[PointResult] = []
+    steps = _steps(request, plan, points)
+
+    def state() -> str:
+        finished = f"{len(results)} of {pluralize(len(points), 'drive')} finished"
+        return f"{request.output}: {finished}: the same command resumes"
+
+    with resumable(state):
+        for result in track(steps, "Drives", len(points)):
+            results.append(result)  # noqa: PERF402 - `state` counts them
+    return sorted(results, key=lambda one: place[_key(one.point)])
+
+
+def _steps(
+    request: EvaluateRequest, plan: SweepPlan, points: list[SweepPoint]
+) -> Iterator[PointResult]:
+    folder = request.output / DRIVES
+    if request.engine == "ray":
+        require_extra("ray", "omnisim evaluate --engine ray")
+        from omnisim.evaluation.ray_sweep import run_sweep_on_ray
+
+        return run_sweep_on_ray(plan, points, folder, request.address)
+    return run_sweep(plan, points, folder, request.processes)
+
+
+def _key(point: SweepPoint) -> tuple[int | None, str, int]:
+    return point.variation, point.label, point.seed
+
+
+def _points_json(results: list[PointResult]) -> str:
+    """Results as JSON text."""
+    content = [
+        {
+            "drive": one.point.drive.name,
+            "variation": one.point.variation,
+            "value": one.point.label,
+            "seed": one.point.seed,
+            "outcomes": [each.as_dict() for each in one.outcomes],
+        }
+        for one in results
+    ]
+    return json.dumps(content, indent=2) + "\n"
+
+
+def _print_swept(section: Section) -> None:
+    shown = table(*_SWEPT)
+    shown.title, shown.title_justify = section.title, "left"
+    columns = section.tables[0].columns
+    for row in section.tables[0].rows:
+        cells = dict(zip(columns, row, strict=True))
+        shown.add_row(*(cells[heading.removeprefix(">")] for heading in _SWEPT))
+    out.print(shown)

@@ -23,10 +23,7 @@ def run(request: ExportRequest) -> None:
     total = next(steps)
     done = sum(1 for _ in track(steps, "exporting", total))
     size_mb = folder_bytes(request.output) / 1e6
-    out.print(
-        f"{request.output}: {request.format}, {pluralize(done, 'step')}, {size_mb:.1f} MB",
-        markup=False,
-    )
+    out.print(f"{request.output}: {request.format}, {pluralize(done, 'step')}, {size_mb:.1f} MB")
 
 
 def parse_start_time(text: str) -> int:

@@ -1,4 +1,4 @@
-"""`omnisim landmarks`."""
+"""`omnisim landmarks` and `omnisim localize`."""
 
 from __future__ import annotations
 
@@ -6,31 +6,39 @@ import numpy as np
 
 from omnisim.apps.cli.console import out, pluralize, print_note, track
 from omnisim.apps.cli.inputs import read_sensor
-from omnisim.apps.cli.runs.requests import DetectRequest, TrainRequest
+from omnisim.apps.cli.options import refuse_given
+from omnisim.apps.cli.runs.requests import DetectRequest, LocalizeRequest, TrainRequest
 from omnisim.core.errors import LocalizationError, OpticsError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_suffix, check_target
-from omnisim.perception.landmarks import color_model_file, detection_files
-from omnisim.perception.landmarks.color_model import Costs
-from omnisim.perception.landmarks.color_training import Training
-from omnisim.perception.landmarks.landmark_detector import Detection, LandmarkDetector
+from omnisim.perception.landmarks.color_model import (
+    MODEL_SUFFIX,
+    Costs,
+    Training,
+    load_model,
+    save_model,
+)
+from omnisim.perception.landmarks.landmark_detector import (
+    DETECTIONS_SUFFIX,
+    Detection,
+    LandmarkDetector,
+    write_detections,
+)
+from omnisim.perception.localization.filter import LandmarkMap
+from omnisim.perception.localization.filter_parameters import read_parameters
+from omnisim.perception.localization.localize import localize as localize_run
+from omnisim.perception.localization.localize import observation_from_detection
 from omnisim.runs.run_data import RunData, read_run
 from omnisim.runs.run_labels import train_on_run
 from omnisim.runs.single_image import SingleImage, read_single_image
 
-MAX_COST = 1e9  # beyond any sensible cost, and far below the limit of floats
-SHOWN = 6  # maximum number of panoramas in the figure
+SHOWN, REPORTED = 6, 4  # maximum number of panoramas in the figure, and in the report
 LISTED = 8  # maximum number of steps in a note
 
 
 def train(request: TrainRequest) -> None:
     """Learn colors from a run, write the model and print its rates."""
-    for option, cost in (("--missed", request.missed), ("--false-alarm", request.false_alarm)):
-        if not 1.0 / MAX_COST <= cost <= MAX_COST:
-            raise LocalizationError(
-                f"{option}: expected a number from {1.0 / MAX_COST:g} to {MAX_COST:g}, got {cost:g}"
-            )
-    check_suffix(request.output, color_model_file.SUFFIX)
+    check_suffix(request.output, MODEL_SUFFIX)
     check_target(request.output)
     run = read_run(request.run, request.scene, request.camera_name)
     trained = train_on_run(
@@ -40,11 +48,11 @@ def train(request: TrainRequest) -> None:
     )
     for notice in run.notices:
         print_note(notice)
-    color_model_file.save_model(request.output, trained.model, run.landmarks)
+    save_model(request.output, trained.model, run.landmarks)
     colors, images = len(trained.model.colors), pluralize(trained.images, "image")
-    out.print(f"{request.output}: {colors} colors from {images}", markup=False)
+    out.print(f"{request.output}: {colors} colors from {images}")
     for line in _color_lines(trained):
-        out.print(line, markup=False)
+        out.print(line)
 
 
 def _color_lines(trained: Training) -> list[str]:
@@ -66,14 +74,14 @@ def _color_lines(trained: Training) -> list[str]:
 def detect(request: DetectRequest) -> None:
     """Detect landmarks, write and plot them, and print their count."""
     if request.output is not None:
-        check_suffix(request.output, detection_files.SUFFIX)
+        check_suffix(request.output, DETECTIONS_SUFFIX)
         check_target(request.output)
     if request.show is not None:
         require_extra("plots", "--show")
         from omnisim.plots.plot_file import check_plot_target
 
         check_plot_target(request.show)
-    model, landmarks = color_model_file.load_model(request.model)
+    model, landmarks = load_model(request.model)
     is_run = request.source.is_dir()
     source = _open_run(request) if is_run else _open_image(request)
     try:
@@ -83,7 +91,7 @@ def detect(request: DetectRequest) -> None:
     shown = np.linspace(0, source.steps - 1, min(source.steps, SHOWN)).round().astype(int).tolist()
     detections: list[tuple[int, Detection]] = []
     rows, empty = [], []
-    for step in track(range(source.steps), "detecting", source.steps):
+    for step in track(range(source.steps), "detecting"):
         panorama = detector.panorama(source.image(step))
         step_detections = detector.find(panorama)
         detections += [(step, detection) for detection in step_detections]
@@ -99,7 +107,7 @@ def detect(request: DetectRequest) -> None:
                 )
             )
     if request.output is not None:
-        detection_files.write_detections(request.output, detections)
+        write_detections(request.output, detections)
     if request.show is not None:
         from omnisim.plots.detection_plots import detections_figure
         from omnisim.plots.plot_file import write_plot
@@ -107,12 +115,14 @@ def detect(request: DetectRequest) -> None:
         write_plot(request.show, detections_figure(rows))
     out.print(
         f"{request.output or request.show or request.source}: "
-        f"{pluralize(len(detections), 'landmark')} in {pluralize(source.steps, 'image')}",
-        markup=False,
+        f"{pluralize(len(detections), 'landmark')} in {pluralize(source.steps, 'image')}"
     )
     if not is_run:
         for _, detection in detections:
-            out.print(f"  {_measurement(detection)}", markup=False)
+            bearing_deg = np.degrees((detection.bearing_rad, detection.bearing_sigma_rad))
+            range_m = f"{detection.range_m:.3f} ± {detection.range_sigma_m:.3f} m"
+            bearing = f"{bearing_deg[0]:z.2f} ± {bearing_deg[1]:.2f}°"
+            out.print(f"  {detection.landmark}: {range_m}, {bearing}")
     for notice in source.notices:
         print_note(notice)
     if detector.ignored:
@@ -123,23 +133,66 @@ def detect(request: DetectRequest) -> None:
 
 
 def _open_run(request: DetectRequest) -> RunData:
-    for option, value in (("--height", request.height_m), ("--sensor", request.sensor)):
-        if value is not None:
-            raise OpticsError(f"{option}: expected an image, got the run {request.source}")
+    reason = f"expected an image, got the run {request.source}"
+    refuse_given(request, reason, "height_m", "sensor", error=OpticsError)
     return read_run(request.source, request.scene, request.camera_name)
 
 
 def _open_image(request: DetectRequest) -> SingleImage:
-    for option, value in (("--scene", request.scene), ("--camera-name", request.camera_name)):
-        if value is not None:
-            raise OpticsError(f"{option}: expected a run, got the image {request.source}")
+    reason = f"expected a run, got the image {request.source}"
+    refuse_given(request, reason, "scene", "camera_name", error=OpticsError)
     sensor = None if request.sensor is None else read_sensor(request.sensor)
     return read_single_image(request.source, request.height_m, sensor)
 
 
-def _measurement(detection: Detection) -> str:
-    return (
-        f"{detection.landmark}: {detection.range_m:.3f} ± {detection.range_sigma_m:.3f} m, "
-        f"{np.degrees(detection.bearing_rad):.2f} ± "
-        f"{np.degrees(detection.bearing_sigma_rad):.2f}°"
+def localize(request: LocalizeRequest) -> None:
+    """Localize a run, write the estimate with its report, and print its errors."""
+    from omnisim.report.localization_report import write_localized
+    from omnisim.report.report import HTML, check_report_target
+
+    check_report_target(request.output)
+    chosen = read_parameters(request.params)
+    data = read_run(request.run, request.scene, request.camera_name)
+    notices = data.notices
+    if request.model is None:
+        notices.append("colors were learned from this run's own labels, which no robot has")
+        colors = train_on_run(data, Costs()).model
+    elif request.model.is_dir():
+        raise LocalizationError(
+            f"--model: expected an .npz file of landmarks train, got the folder {request.model}"
+        )
+    else:
+        colors, _ = load_model(request.model)
+    try:
+        detector = LandmarkDetector(colors, data.landmarks, data.mount)
+    except LocalizationError as reason:
+        model = request.model or request.run
+        raise LocalizationError(f"{model} for {request.run}: {reason}") from None
+    at = set(np.linspace(0, data.steps - 1, min(REPORTED, data.steps)).round().astype(int).tolist())
+    detections, shown = [], []
+    for step in track(range(data.steps), "detecting"):
+        panorama = detector.panorama(data.image(step))
+        detections.append(detector.find(panorama))
+        if step in at:
+            title = f"step {step}: {pluralize(len(detections[-1]), 'landmark')}"
+            shown.append((title, panorama, detections[-1]))
+    if detector.ignored:
+        notices.append(f"{', '.join(detector.ignored)}: not detected: the model lacks their colors")
+    observations = [
+        [observation_from_detection(each, chosen.measurement) for each in step_detections]
+        for step_detections in detections
+    ]
+    estimate = localize_run(
+        data.odometry,
+        observations,
+        LandmarkMap.of_scene(data.landmarks),
+        chosen,
+        data.mount.position_m,
     )
+    report = write_localized(request.output, data, estimate, chosen, detections, shown, notices)
+    (section,) = report.sections
+    for notice in section.notices:
+        print_note(notice)
+    out.print(f"{request.output / HTML}: {pluralize(data.steps, 'step')}")
+    for measure in section.measures:
+        out.print(f"  {measure.name}: {measure.value_text}")

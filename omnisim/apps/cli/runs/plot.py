@@ -32,12 +32,13 @@ def run(request: PlotRequest) -> None:
         drawings.append(drawing)
         titles.append(f"{name}: {title}" if name else title)
         steps.append(f"{done} of {pluralize(len(drawing.truth), 'step')}")
-    others = {name: other for one in runs for name, other in _others(one).items()}
+    files = (file for one in runs for file in sorted((one.path / OBJECTS).glob("*.tum")))
+    others = {file.stem: read_trajectory(file) for file in files}
     for drawing in drawings:
         others.pop(drawing.name, None)
     scene = _scene(runs[0], request.scene)
     write_plot(target, run_figure("\n".join(titles), scene, drawings, others))
-    out.print(f"{target}: {', '.join(steps)}", markup=False)
+    out.print(f"{target}: {', '.join(steps)}")
 
 
 def _drawing(run: RunFolder, name: str) -> RunDrawing:
@@ -51,18 +52,9 @@ def _drawing(run: RunFolder, name: str) -> RunDrawing:
     if run.manifest.cameras:
         camera, done = run.camera(), run.steps_done()
         shown = [step for step in steps_to_show(len(truth)) if step < done]
-        images = {step: _image(run, camera, step) for step in shown}
+        files = {step: run.file(camera, run.index_at(camera, step), ".png") for step in shown}
+        images = {step: read_image(file)[0] for step, file in files.items()}
     return RunDrawing(truth, reckoned, images, name)
-
-
-def _image(run: RunFolder, camera: str, step: int) -> NDArray[np.uint8]:
-    """Latest image (height, width, 3) of a camera at a step."""
-    return read_image(run.file(camera, run.index_at(camera, step), ".png"))[0]
-
-
-def _others(run: RunFolder) -> dict[str, Trajectory]:
-    """Trajectories of other robots and of dynamic objects, by name."""
-    return {file.stem: read_trajectory(file) for file in sorted((run.path / OBJECTS).glob("*.tum"))}
 
 
 def _dead_reckoned(run: RunFolder) -> NDArray[np.float64] | None:

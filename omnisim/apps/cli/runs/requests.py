@@ -1,17 +1,19 @@
 """Requests of the commands that record or read runs, and of the robot commands."""
 
-from dataclasses import dataclass
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Literal
 
 from omnisim.apps.cli import completion
 from omnisim.apps.cli.option_groups import (
     TRAJECTORY,
+    Axes,
     BackendOptions,
+    CameraFileOptions,
+    EngineOptions,
     MeshImageOptions,
-    PoseAxes,
+    Position,
     Resources,
+    RobotName,
     RunCameraOptions,
     RunFolder,
     RunSceneOptions,
@@ -19,17 +21,13 @@ from omnisim.apps.cli.option_groups import (
     ShadowedLightOptions,
     TruthOptions,
 )
-from omnisim.apps.cli.options import Argument, Option
+from omnisim.apps.cli.options import OWN, Argument, Option, command, of, options
 from omnisim.evaluation.estimator_registry import ESTIMATORS
 
-
-class PhysicsEngine(StrEnum):
-    """Physics engines of a drive."""
-
-    MUJOCO = "mujoco"
+_COSTS = "perception.landmarks.color_model.Costs"
 
 
-@dataclass(frozen=True, kw_only=True)
+@options
 class PathOptions:
     """Motion along a path."""
 
@@ -41,25 +39,28 @@ class PathOptions:
     """Maximum step angle of a turn."""
     rate_hz: float | None = None
     """Steps per second, in place of --step and --turn-step, or for a file without times."""
-    ground_m: Annotated[float | None, Option(default="the scene's floor under the wheels")] = None
-    """Height of the waypoints."""
+    ground_m: float | None = None
+    """Height of the waypoints. Default: the scene's floor under the wheels."""
     no_contact: bool = False
     """Reject a path on which the body hits the scene."""
     ignore_limits: bool = False
     """Ignore the robot's kinematic limits."""
-    physics: Annotated[
-        PhysicsEngine | None,
-        Option(metavar="ENGINE", default="none: motion as planned, through obstacles"),
-    ] = None
-    """Physics engine that simulates wheel slip and collisions: mujoco."""
-    axes: Annotated[PoseAxes | None, Option(default="kitti for KITTI's files, else world")] = None
-    """Axes of a file's poses: kitti (x right, y down, z ahead) or world (x forward, y left, z
-    up)."""
+    physics: Annotated[Literal["mujoco"] | None, Option(metavar="ENGINE")] = None
+    """Physics engine that simulates wheel slip and collisions: mujoco. Default: none: motion as
+    planned, through obstacles."""
+    axes: Axes = None
 
 
-@dataclass(frozen=True, kw_only=True)
+@command(
+    "drive", "runs.drive.drive",
+    first="robots paths output size_px quality also rate_hz physics seed force",
+)  # fmt: skip
 class DriveRequest:
-    """Parameters of `omnisim drive`."""
+    """Drive a robot along a path and record images, scans, odometry and ground truth.
+
+    omnisim drive soccer --robot p2at --path lap -o run
+    omnisim drive soccer --robot superscout --path lap --size 120 --also range -o run
+    """
 
     world: SceneOptions
     robots: Annotated[
@@ -76,10 +77,7 @@ class DriveRequest:
     paths: Annotated[
         list[str],
         Option(
-            flags=("--path",),
-            metavar="NAME|FILE",
-            complete=completion.complete_path,
-            example="lap",
+            flags=("--path",), metavar="NAME|FILE", complete=completion.complete_path, example="lap"
         ),
     ]
     """Path of the scene, or a file: .tum .kitti .csv, or EuRoC's. A .csv with only x_m and y_m
@@ -97,48 +95,123 @@ class DriveRequest:
     gpu: BackendOptions
 
 
-@dataclass(frozen=True, kw_only=True)
+@options
+class PoseOptions:
+    """Poses of a rig, and their place in the scene."""
+
+    panel: ClassVar[str] = TRAJECTORY
+
+    trajectory: Path
+    """Poses: TUM, KITTI, EuRoC, .csv, or nerfstudio's transforms.json, which also sets the
+    camera."""
+    trajectory_frame: Annotated[str | None, Option(metavar="body|camera|NAME")] = None
+    """Frame that the poses describe: the rig's body, its first camera, or a named camera. Default:
+    by the file's format, with a note."""
+    axes: Axes = None
+    rate_hz: float | None = None
+    """Poses per second of a trajectory without times. Default: 1, with a note."""
+    at: Position = None
+    """Position of the file's origin in the scene, in meters, z up. Default: 0 0 0."""
+    yaw_deg: float | None = None
+    """Heading of the file's origin, counter-clockwise from +x. Default: 0."""
+    pitch_deg: float = 0.0
+    """Downward tilt of the file's origin to the front."""
+    roll_deg: float = 0.0
+    """Downward tilt of the file's origin to the right."""
+
+
+@options
+class RigOptions(CameraFileOptions):
+    """Cameras along a trajectory."""
+
+    camera_name: Annotated[str | None, Option(metavar="NAME|all")] = None
+    """Name of the camera in the calibration file. Default: all."""
+    robot: RobotName = None
+    """Robot whose body is in the images, and whose sensors all record, including IMUs and
+    lidars."""
+
+
+@command(
+    "record", "runs.drive.record",
+    first="output trajectory calibration_file robot rate_hz size_px quality preset also force",
+)  # fmt: skip
+class RecordRequest:
+    """Record a camera or a rig along the poses of a trajectory, as a run.
+
+    omnisim record courtyard --trajectory poses.tum --camera stereo.yaml -o stereo
+    omnisim record soccer --trajectory poses.tum --sensor sensor.toml --also range -o run
+    """
+
+    output: Annotated[Path, Option(metavar="DIR")]
+    """Folder of the run; an unfinished run resumes."""
+    force: bool = False
+    """Overwrite an existing run in the folder."""
+    seed: int = 0
+    """Seed of the cameras' noise."""
+    world: SceneOptions
+    poses: PoseOptions
+    light: ShadowedLightOptions
+    camera: RigOptions
+    image: MeshImageOptions
+    truth: TruthOptions
+    gpu: BackendOptions
+
+
+@command("localize", "runs.landmarks.localize", extra="reports")
 class LocalizeRequest(RunSceneOptions, RunCameraOptions):
-    """Parameters of `omnisim localize`."""
+    """Localize the robot of a run from its odometry and the landmarks in its images.
+
+    omnisim localize run -o localized
+    omnisim localize run --model colors.npz -o localized
+    """
 
     run: RunFolder
-    """Folder of the run."""
     output: Annotated[Path, Option(metavar="DIR")]
     """Folder for the estimate, figures and report."""
-    model: Annotated[Path | None, Option(default="learned from the run's own labels")] = None
-    """Color model from `omnisim landmarks train`: .npz."""
-    params: Annotated[Path | None, Option(default="omnisim's own")] = None
-    """Parameters of the filter: .toml."""
+    model: Path | None = None
+    """Color model from `omnisim landmarks train`: .npz. Default: learned from the run's own
+    labels."""
+    params: Path | None = None
+    """Parameters of the filter: .toml. Default: omnisim's own."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("plot", "runs.plot.run", extra="plots")
 class PlotRequest(RunSceneOptions):
-    """Parameters of `omnisim plot`."""
+    """Plot a run from above: map, path, odometry, landmarks, images.
+
+    omnisim plot run
+    omnisim plot run -o map.pdf
+    """
 
     run: RunFolder
-    """Folder of the run."""
-    output: Annotated[Path | None, Option(default="RUN/plot.png")] = None
-    """Plot to write: .png .pdf .svg."""
+    output: Path | None = None
+    """Plot to write: .png .pdf .svg. Default: RUN/plot.png."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("video", "runs.video.run", extra="video")
 class VideoRequest(RunCameraOptions):
-    """Parameters of `omnisim video`."""
+    """Encode the images of a run as a video.
+
+    omnisim video run -o run.mp4
+    omnisim video run --camera-name front --fps 25 -o front.mp4
+    """
 
     run: RunFolder
-    """Folder of the run."""
     output: Path
     """Video to write: .mp4 .mkv."""
-    rate_hz: Annotated[float, Option(flags=("--fps",))] = 10.0
+    rate_hz: Annotated[float, Option(flags=("--fps",), ge=0.1, le=240)] = 10.0
     """Frames per second."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("export", "runs.export.run")
 class ExportRequest:
-    """Parameters of `omnisim export`."""
+    """Export a run for other tools: ROS 2 bags, data sets, structure from motion.
+
+    omnisim export run --to ros2-mcap -o bag
+    omnisim export run --to colmap -o colmap
+    """
 
     run: RunFolder
-    """Folder of the run."""
     format: Annotated[
         str, Option(flags=("--to",), metavar="FORMAT", names=completion.export_formats)
     ]
@@ -146,14 +219,9 @@ class ExportRequest:
     output: Annotated[Path, Option(metavar="DIR")]
     """New folder; it appears when it is complete."""
     camera_name: Annotated[
-        str | None,
-        Option(
-            metavar="NAME",
-            default="all, or the first for single-camera formats",
-            complete=completion.complete_run_camera,
-        ),
+        str | None, Option(metavar="NAME", complete=completion.complete_run_camera)
     ] = None
-    """Name of the run's camera."""
+    """Name of the run's camera. Default: all, or the first for single-camera formats."""
     start_time: Annotated[str, Option(metavar="S|DATE")] = "0"
     """Stamp of the run's time 0: seconds since 1970, or a date such as 2026-01-31T12:00:00."""
     compressed: bool = False
@@ -162,23 +230,28 @@ class ExportRequest:
     """Also write point clouds from the cameras' ranges: ros2-*."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("landmarks train", "runs.landmarks.train")
 class TrainRequest(RunSceneOptions, RunCameraOptions):
-    """Parameters of `omnisim landmarks train`."""
+    """Learn the colors from a run recorded with --also instance.
+
+    omnisim landmarks train run -o colors.npz
+    omnisim landmarks train run --false-alarm 10 -o colors.npz
+    """
 
     run: RunFolder
-    """Folder of the run."""
     output: Path
     """Color model to write: .npz."""
-    missed: Annotated[float, Option(metavar="COST")] = 1.0
-    """Cost of a false negative: a missed pixel of a landmark."""
-    false_alarm: Annotated[float, Option(metavar="COST")] = 4.0
-    """Cost of a false positive: a detected pixel of anything else."""
+    missed: Annotated[float, of(_COSTS, metavar="COST")] = OWN
+    false_alarm: Annotated[float, of(_COSTS, metavar="COST")] = OWN
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("landmarks detect", "runs.landmarks.detect")
 class DetectRequest(RunSceneOptions, RunCameraOptions):
-    """Parameters of `omnisim landmarks detect`."""
+    """Detect landmarks with range and bearing in an image, or in all images of a run.
+
+    omnisim landmarks detect run --model colors.npz -o landmarks.csv
+    omnisim landmarks detect soccer.png --model colors.npz --show landmarks.png
+    """
 
     source: Annotated[Path, Argument(metavar="IMAGE|RUN")]
     """Image by omnisim, or folder of a run."""
@@ -188,15 +261,28 @@ class DetectRequest(RunSceneOptions, RunCameraOptions):
     """Detections to write: .csv."""
     show: Path | None = None
     """Also draw annotated panoramas: .png .pdf .svg."""
-    height_m: Annotated[float | None, Option(default="the image's z")] = None
-    """Height of an image's viewpoint above the ground."""
+    height_m: float | None = None
+    """Height of an image's viewpoint above the ground. Default: the image's z."""
     sensor: Path | None = None
     """Sensor file for an image without metadata: .toml."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class CheckRequest:
-    """Parameters of `omnisim robot check` and `omnisim robot show`."""
+@command("robot list", "runs.robot.list_robots")
+class ListRobotsRequest:
+    """List the built-in robots.
+
+    omnisim robot list
+    """
+
+
+@command("robot show", "runs.robot.show_robot")
+class ShowRobotRequest:
+    """Print a robot file, to save and edit: what it extends is merged into it, and names of files
+    are absolute.
+
+    omnisim robot show p2at
+    omnisim robot show superscout > robot.toml
+    """
 
     robot: Annotated[
         str, Argument(metavar="FILE", complete=completion.complete_robot, example="p2at")
@@ -204,47 +290,55 @@ class CheckRequest:
     """Robot file, folder with a robot.toml, or built-in name."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("robot check", "runs.robot.check_robot")
+class CheckRobotRequest(ShowRobotRequest):
+    """Check a robot file with its body and sensors, and summarize it.
+
+    omnisim robot check p2at
+    omnisim robot check robot.toml
+    """
+
+
+@command("robot import", "runs.robot.import_robot")
 class ImportRequest:
-    """Parameters of `omnisim robot import`."""
+    """Convert a robot of USARSim, Gazebo, URDF or MuJoCo to a robot file.
+
+    omnisim robot import model.sdf -o robot.toml
+    omnisim robot import USARBot.ini --class P2AT --unreal-units -o p2at.toml
+    """
 
     configuration: Annotated[Path, Argument(metavar="FILE")]
     """Configuration of USARSim (USARBot.ini), or a model: .sdf .urdf .xml."""
     output: Path
     """Robot file to write: .toml."""
-    robot_class: Annotated[
-        str | None, Option(flags=("--class",), metavar="NAME", default="the only one in the file")
-    ] = None
-    """Class of the robot, such as P2AT, or name of the model."""
-    unreal_units: Annotated[bool, Option(default="meters, z down, radians")] = False
-    """Read the file in Unreal units: 250 per meter, z up, 65536 per turn."""
-    origin_height_m: Annotated[float | None, Option(default="0")] = None
-    """Height of USARSim's origin of the robot above the ground."""
+    robot_class: Annotated[str | None, Option(flags=("--class",), metavar="NAME")] = None
+    """Class of the robot, such as P2AT, or name of the model. Default: the only one in the file."""
+    unreal_units: bool = False
+    """Read the file in Unreal units: 250 per meter, z up, 65536 per turn. Default: meters, z down,
+    radians."""
+    origin_height_m: float | None = None
+    """Height of USARSim's origin of the robot above the ground. Default: 0."""
     resources: Resources = None
-    """Folder of models that the file references by URI, such as model://chair; can be repeated."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class EvaluateRequest:
-    """Parameters of `omnisim evaluate`."""
+@command("evaluate", "runs.evaluate.run")
+class EvaluateRequest(EngineOptions):
+    """Apply odometry and SLAM methods to a run, and report their errors; exits with 1 if all fail.
+
+    omnisim evaluate run -o report
+    omnisim evaluate run --with wheels,kiss-icp -o report
+    """
 
     run: Annotated[Path, Argument(metavar="RUN|PLAN")]
     """Folder of a finished run, file of a sweep's plan (.toml), or name of a built-in plan."""
     output: Annotated[Path, Option(metavar="DIR")]
     """Folder of the report and the trajectories; existing results in it are kept."""
     estimators: Annotated[
-        list[str] | None,
-        Option(flags=("--with",), metavar="NAMES", default="all", names=lambda: ESTIMATORS),
+        list[str] | None, Option(flags=("--with",), metavar="NAMES", names=lambda: ESTIMATORS)
     ] = None
     """Estimators, comma-separated: {names}; or command:… with {run} and {out}; repeatable. Not with
-    a plan."""
-    limit_s: Annotated[float, Option(min=1.0, max=86400.0)] = 600.0
+    a plan. Default: all."""
+    limit_s: Annotated[float, Option(ge=1.0, le=86400.0)] = 600.0
     """Time limit of each estimator of a run; plans have `limit_s`."""
-    processes: Annotated[int, Option(min=1, max=256)] = 1
+    processes: Annotated[int, Option(ge=1, le=256)] = 1
     """Number of concurrent drives of a plan."""
-    engine: Annotated[str, Option(metavar="NAME", names=lambda: ("local", "ray"))] = "local"
-    """Engine that distributes the drives of a plan: {names}."""
-    address: Annotated[
-        str | None, Option(metavar="ADDRESS", default="a cluster on this machine")
-    ] = None
-    """Address of the Ray cluster."""

@@ -7,11 +7,13 @@ import re
 import tomllib
 
 from omnisim.apps.cli.console import out, print_note
-from omnisim.apps.cli.runs.requests import CheckRequest, ImportRequest
+from omnisim.apps.cli.options import refuse_given
+from omnisim.apps.cli.runs.requests import CheckRobotRequest, ImportRequest, ShowRobotRequest
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import check_target
 from omnisim.core.files.extended_tables import with_absolute_files
 from omnisim.core.files.toml_file import toml_text
+from omnisim.core.short_repr import number_text, point_text
 from omnisim.robots import (
     Kinematics,
     OdometryErrors,
@@ -26,24 +28,19 @@ from omnisim.robots.importers.importers import SUFFIXES, import_model
 from omnisim.robots.robot_file import robot_tables
 from omnisim.robots.vehicle import Vehicle
 from omnisim.sensors.omnicamera.mounted_omnicamera import MountedCamera
-from omnisim.sensors.sensor import MountedSensor
 
 
 def list_robots() -> None:
-    """Print a line per built-in robot.
-
-    Raises:
-        RobotFileError: a robot file is damaged.
-    """
+    """Print a line per built-in robot."""
     robots = [load_robot(name) for name in builtin_robots()]
     width = max((len(robot.name) for robot in robots), default=0)
     for robot in robots:
         sensors = ", ".join(robot.sensor_names) or "no sensors"
         drive = _format_drive(robot.kinematics)
-        out.print(f"{robot.name:<{width}}  {robot.title}: {drive}; {sensors}", markup=False)
+        out.print(f"{robot.name:<{width}}  {robot.title}: {drive}; {sensors}")
 
 
-def show_robot(request: CheckRequest) -> None:
+def show_robot(request: ShowRobotRequest) -> None:
     """Print the robot file with absolute paths; with its comments, unless it extends another."""
     path = find_robot(request.robot)
     read_robot(path)  # reports faults
@@ -52,19 +49,19 @@ def show_robot(request: CheckRequest) -> None:
     for name in set(re.findall(r'"([^"\n]+)"', text)):
         if (file := with_absolute_files(name, path.parent)) != name:
             text = text.replace(f'"{name}"', toml_text({"": file})[5:-1])
-    out.print(text if tomllib.loads(text) == tables else toml_text(tables), markup=False, end="")
+    out.print(text if tomllib.loads(text) == tables else toml_text(tables), end="")
 
 
-def check_robot(request: CheckRequest) -> None:
+def check_robot(request: CheckRobotRequest) -> None:
     """Load a robot with its body and sensors, and summarize it."""
     robot = read_robot(find_robot(request.robot))
     vehicle = Vehicle.from_robot(robot)
     if vehicle.body is not None:
         for notice in vehicle.body.notices:
             print_note(notice)
-    out.print(f"{request.robot}: good", markup=False)
+    out.print(f"{request.robot}: good")
     for line in _lines(vehicle, robot.body):
-        out.print(f"  {line}", markup=False)
+        out.print(f"  {line}")
 
 
 def import_robot(request: ImportRequest) -> None:
@@ -84,10 +81,7 @@ def import_robot(request: ImportRequest) -> None:
     if request.resources:
         raise OutputError("--resources: expected with a model of Gazebo's, URDF's or MuJoCo's only")
     imported = usarsim.import_robot(
-        request.configuration,
-        request.robot_class,
-        request.unreal_units,
-        request.origin_height_m,
+        request.configuration, request.robot_class, request.unreal_units, request.origin_height_m
     )
     if output.exists() and output.samefile(request.configuration):
         raise OutputError(f"--output: expected another name than the configuration's, got {output}")
@@ -97,20 +91,14 @@ def import_robot(request: ImportRequest) -> None:
     for notice in imported.notices:
         print_note(notice)
     sensors = ", ".join(f"{one.name} ({one.type})" for one in vehicle.sensors)
-    out.print(
-        f"{output}: {robot.name} of {imported.section}, {sensors or 'no sensors'}", markup=False
-    )
+    out.print(f"{output}: {robot.name} of {imported.section}, {sensors or 'no sensors'}")
 
 
 def _import_model(request: ImportRequest) -> None:
     """Convert a simulator's model; each camera gets a sensor file."""
     output = request.output
-    for option, value in (
-        ("--unreal-units", request.unreal_units),
-        ("--origin-height", request.origin_height_m),
-    ):
-        if value:
-            raise OutputError(f"{option}: expected with a configuration of USARSim's only")
+    reason = "expected with a configuration of USARSim's only"
+    refuse_given(request, reason, "unreal_units", "origin_height_m")
     imported = import_model(request.configuration, request.robot_class, request.resources or ())
     robot = imported.robot(output)
     vehicle = Vehicle.from_robot(robot, imported.cameras)
@@ -119,7 +107,7 @@ def _import_model(request: ImportRequest) -> None:
     for notice in dict.fromkeys((*imported.notices, *drawn)):
         print_note(notice)
     sensors = ", ".join(f"{one.name} ({one.type})" for one in vehicle.sensors)
-    out.print(f"{output}: {robot.name}, {sensors or 'no sensors'}", markup=False)
+    out.print(f"{output}: {robot.name}, {sensors or 'no sensors'}")
 
 
 def _format_drive(kinematics: Kinematics | None) -> str:
@@ -140,30 +128,19 @@ def _lines(vehicle: Vehicle, body: str | None) -> list[str]:
     lines.append(f"drive    {_format_drive(vehicle.kinematics)}")
     is_perfect = vehicle.odometry == OdometryErrors()
     lines.append(f"wheels   {'report the truth' if is_perfect else 'report with errors'}")
-    lines.append(f"size     {_format_size(BodyBoxes.of(vehicle))}")
-    return [*lines, *map(_sensor_line, vehicle.sensors)]
-
-
-def _format_size(box: BodyBoxes | None) -> str:
-    if box is None:
-        return "unknown: contacts with a scene are not looked for"
-    length_m, width_m, height_m = (box.high_m - box.low_m).tolist()
-    clearance = f"{box.clearance_m:g} m clear of the ground"
-    return f"{length_m:g} × {width_m:g} × {height_m:g} m, {clearance}"
-
-
-def _format_rate(mounted: MountedSensor) -> str:
-    """Text of the sensor's own rate; empty if its summary already has the rate."""
-    if mounted.rate is None or f"{mounted.rate.rate_hz:g} Hz" in mounted.summary():
-        return ""
-    return f"measures at {mounted.rate.rate_hz:g} Hz, "
-
-
-def _sensor_line(mounted: MountedSensor) -> str:
-    x, y, z = mounted.origin_m.tolist()
-    hidden = f", does not see {', '.join(mounted.hides)}" if mounted.hides else ""
-    mesh = f"{mounted.sensor.mesh_summary}, " if isinstance(mounted, MountedCamera) else ""
-    return (
-        f"{mounted.noun:<8} {mounted.name}, {mounted.summary()}, {mesh}{_format_rate(mounted)}"
-        f"{mounted.origin_noun} ({x:g}, {y:g}, {z:g}) m{hidden}"
-    )
+    if (box := BodyBoxes.of(vehicle)) is None:
+        lines.append("size     unknown: contacts with a scene are not looked for")
+    else:
+        sides = " × ".join(map(number_text, box.high_m - box.low_m))
+        clearance = f"{number_text(box.clearance_m)} m clear of the ground"
+        lines.append(f"size     {sides} m, {clearance}")
+    for one in vehicle.sensors:
+        mesh = f"{one.sensor.mesh_summary}, " if isinstance(one, MountedCamera) else ""
+        hz = "" if one.rate is None else f"{one.rate.rate_hz:g} Hz"  # some summaries have it
+        rate = f"measures at {hz}, " if hz and hz not in one.summary() else ""
+        hidden = f", does not see {', '.join(one.hides)}" if one.hides else ""
+        lines.append(
+            f"{one.noun:<8} {one.name}, {one.summary()}, {mesh}{rate}"
+            f"{one.origin_noun} {point_text(one.origin_m)} m{hidden}"
+        )
+    return lines

@@ -1,17 +1,21 @@
 """Requests of the commands for scenes and their baked light."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from omnisim.apps.cli.option_groups import SceneOptions
-from omnisim.apps.cli.options import Option
-from omnisim.rendering.baking.settings import DEFAULT_BOUNCES, DEFAULT_SAMPLES
+from omnisim.apps.cli.options import OWN, Option, command, of
+
+_BAKE = "rendering.baking.settings.BakeSettings"
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("scene show", "worlds.scene.show")
 class SceneRequest:
-    """Parameters of `omnisim scene show`."""
+    """Summarize a scene: instances, bounds, floors, starts, paths, lights, classes.
+
+    omnisim scene soccer
+    omnisim scene room.glb --plot room.png
+    """
 
     world: SceneOptions
     plot: Path | None = None
@@ -20,41 +24,40 @@ class SceneRequest:
     """Print only JSON, with all instances."""
     all: bool = False
     """List all instances, not only the largest."""
-    labels: Annotated[Path | None, Option(default="the scene's own labels")] = None
-    """Label file: .toml."""
+    labels: Path | None = None
+    """Label file: .toml. Default: the scene's own labels."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("scene convert", "worlds.scene.convert")
 class SceneConvertRequest:
-    """Parameters of `omnisim scene convert`."""
+    """Write a scene of any format as GLB: instances, materials, textures, lights.
+
+    omnisim scene convert world.sdf -o world.glb
+    omnisim scene convert room.obj --up y --meters-per-unit 0.01 -o room.glb
+    """
 
     world: SceneOptions
     output: Path
     """File to write: .glb."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@command("bake", "worlds.scene.bake")
 class BakeRequest:
-    """Parameters of `omnisim bake`."""
+    """Bake a scene's light: shadows, sky and bounces on all static surfaces.
+
+    omnisim bake courtyard --estimate
+    omnisim bake courtyard --samples 512 -o baked
+    """
 
     world: SceneOptions
     output: Annotated[Path | None, Option(metavar="DIR")] = None
     """New or empty folder; an interrupted bake in it resumes."""
-    texel_m: Annotated[
-        float | None,
-        Option(
-            flags=("--texel-m",), min=1e-4, max=100.0, default="by the scene's area, for minutes"
-        ),
-    ] = None
-    """Width of a texel near the starts and paths; distant texels are coarser."""
-    samples: Annotated[int, Option(min=1, max=65536)] = DEFAULT_SAMPLES
-    """Number of rays per texel."""
-    bounces: Annotated[int, Option(min=0, max=1000)] = DEFAULT_BOUNCES
-    """Number of light bounces between surfaces; 0: direct light only."""
-    seed: Annotated[int, Option(min=0, max=2**63 - 1)] = 0
-    """Seed of the rays."""
-    jobs: Annotated[int | None, Option(min=1, max=1024, default="one per core")] = None
-    """Number of threads; the files do not depend on it."""
+    texel_m: Annotated[float | None, of(_BAKE, flags=("--texel-m",))] = OWN
+    samples: Annotated[int, of(_BAKE)] = OWN
+    bounces: Annotated[int, of(_BAKE)] = OWN
+    seed: Annotated[int, of(_BAKE)] = OWN
+    jobs: Annotated[int | None, Option(ge=1, le=1024)] = None
+    """Number of threads; the files do not depend on it. Default: one per core."""
     force: bool = False
     """Overwrite an existing bake in the folder."""
     estimate: bool = False

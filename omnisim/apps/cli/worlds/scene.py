@@ -1,23 +1,31 @@
-"""`omnisim scene`."""
+"""`omnisim scene` and `omnisim bake`."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
 import math
+import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from omnisim.apps.cli.console import out, pluralize
-from omnisim.apps.cli.worlds.requests import SceneRequest
-from omnisim.core.errors import printable
+from omnisim.apps.cli.console import out, pluralize, print_note, track
+from omnisim.apps.cli.inputs import load_requested_scene, read_requested_scene
+from omnisim.apps.cli.worlds.requests import BakeRequest, SceneConvertRequest, SceneRequest
+from omnisim.core.errors import OutputError, printable
 from omnisim.core.extras import require_extra
+from omnisim.core.files.atomic_file import atomic_write, check_distinct, check_suffix, check_target
+from omnisim.core.short_repr import number_text
 from omnisim.rendering.opengl.geometry.memory_estimate import gpu_bytes
 from omnisim.rendering.reflections.kinds import reflection_kinds
-from omnisim.scene import Scene, read_scene
+from omnisim.scene import Scene
+from omnisim.scene.files.load import NO_BAKED_LIGHT
+from omnisim.scene.files.source import resolve_source
+from omnisim.scene.formats.gltf.writer import write_glb
 from omnisim.scene.labels import find_labels, read_label_file
 from omnisim.scene.light.lighting import is_even, light_summary
 from omnisim.scene.model import LightKind
@@ -32,24 +40,19 @@ from omnisim.scene.summary import (
 SHOWN = 20  # maximum number of instances in the table
 
 
-def run(request: SceneRequest) -> None:
+def show(request: SceneRequest) -> None:
     """Print the contents of a scene as tables or JSON, and plot it on request."""
     if request.plot is not None:
         require_extra("plots", "--plot")
         from omnisim.plots.plot_file import check_plot_target
 
         check_plot_target(request.plot)
-    scene = read_scene(
-        request.world.scene,
-        request.world.up_axis,
-        request.world.meters_per_unit,
-        request.world.resources or (),
-    )
+    scene = read_requested_scene(request.world)
     if request.labels is not None:
         scene = dataclasses.replace(scene, labels=read_label_file(request.labels))
     document = describe(scene)
     if request.json:
-        out.print(json.dumps(document, indent=2), markup=False)
+        out.print(json.dumps(document, indent=2))
     else:
         _print_tables(document, request.all)
     if request.plot is not None:
@@ -58,7 +61,7 @@ def run(request: SceneRequest) -> None:
 
         write_plot(request.plot, scene_figure(scene))
         if not request.json:
-            out.print(f"{request.plot}: the scene from above", markup=False)
+            out.print(f"{request.plot}: the scene from above")
 
 
 def describe(scene: Scene) -> dict[str, Any]:
@@ -131,7 +134,7 @@ def describe(scene: Scene) -> dict[str, Any]:
 
 def _print_tables(document: dict[str, Any], shows_all: bool) -> None:
     for name, text in _lines(document):
-        out.print(f"{name:11}{printable(text)}", markup=False)
+        out.print(f"{name:11}{printable(text)}")
     ranked = sorted(document["instances"], key=lambda one: -one["triangles"])
     shown = ranked if shows_all else ranked[:SHOWN]
     rows = [_row(one) for one in shown]
@@ -153,15 +156,16 @@ def _print_tables(document: dict[str, Any], shows_all: bool) -> None:
         table.add_row(*map(escape, row))
     out.print(table)
     if len(shown) < len(ranked):
-        out.print(f"and {len(ranked) - len(shown)} smaller ones: --all", markup=False)
+        out.print(f"and {len(ranked) - len(shown)} smaller ones: --all")
     for notice in document["notices"]:
-        out.print(f"note: {printable(notice)}", markup=False)
+        out.print(f"note: {printable(notice)}")
 
 
 def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
     """Names and values of all lines except the instances."""
     low, high = np.array(document["bounds_m"])
-    digits = _decimals(float((high - low).max()))
+    size_m = float((high - low).max())  # of which the decimals resolve a hundredth
+    digits = 2 if size_m <= 0.0 else max(2, 2 - math.floor(math.log10(size_m)))
     classes = [f"{one['name']} {one['instances']}" for one in document["classes"]]
     lines = [
         ("scene", document["scene"]),
@@ -174,21 +178,23 @@ def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
             f"on the GPU about {_megabytes(document['gpu_bytes'])}",
         ),
         ("bounds", f"{_point(low, digits)} to {_point(high, digits)} m"),
-        ("floors", ", ".join(f"{one['height_m']:.2f} m" for one in document["floors"]) or "none"),
+        ("floors", ", ".join(f"{one['height_m']:z.2f} m" for one in document["floors"]) or "none"),
     ]
     for one in document["starts"]:
-        floor = "no floor" if one["floor_m"] is None else f"floor at {one['floor_m']:.2f} m"
+        floor = "no floor" if one["floor_m"] is None else f"floor at {one['floor_m']:z.2f} m"
         what = one["name"] or "of the camera"
         lines.append(
             (
                 "start",
-                f"{what}: {_point(one['position_m'], digits)} m, yaw {one['yaw_deg']:g}°, {floor}",
+                f"{what}: {_point(one['position_m'], digits)} m, yaw "
+                f"{number_text(one['yaw_deg'])}°, {floor}",
             )
         )
     for one in document["cameras"]:
-        place = f"{one['name']}: {_point(one['position_m'], digits)} m, yaw {one['yaw_deg']:g}°"
+        yaw, pitch = (number_text(one[key]) for key in ("yaw_deg", "pitch_deg"))
+        place = f"{one['name']}: {_point(one['position_m'], digits)} m, yaw {yaw}°, pitch {pitch}°"
         lens = "no lens" if one["lens"] is None else one["lens"]["model"]
-        lines.append(("camera", f"{place}, pitch {one['pitch_deg']:g}°, {lens}"))
+        lines.append(("camera", f"{place}, {lens}"))
     for one in document["paths"]:
         count = pluralize(one["waypoints"], "waypoint")
         lines.append(("path", f"{one['name']}: {count}, {one['length_m']:.1f} m"))
@@ -211,8 +217,8 @@ def _row(one: dict[str, Any]) -> tuple[str, ...]:
         printable(one["name"]),
         printable(one["class_name"]),
         f"{one['triangles']:,}",
-        "×".join(f"{size:.3g}" for size in high - low),
-        " ".join(f"{value:.3g}" for value in 0.5 * (low + high)),
+        "×".join(number_text(size, 3) for size in high - low),
+        " ".join(number_text(value, 3) for value in 0.5 * (low + high)),
         _textures(one["textures_px"]),
         " ".join(one["reflections"]),
     )
@@ -226,15 +232,66 @@ def _textures(sizes_px: list[tuple[int, int]]) -> str:
     return f"{width}×{height}" + (f" +{len(sizes_px) - 1}" if len(sizes_px) > 1 else "")
 
 
-def _decimals(size_m: float) -> int:
-    """Number of decimals that resolve a hundredth of a size, at least two."""
-    return 2 if size_m <= 0.0 else max(2, 2 - math.floor(math.log10(size_m)))
-
-
 def _point(values: Any, decimals: int) -> str:
-    # + 0.0 turns −0 into 0
-    return "(" + ", ".join(f"{round(value, decimals) + 0.0:.{decimals}f}" for value in values) + ")"
+    return "(" + ", ".join(f"{value:z.{decimals}f}" for value in values) + ")"
 
 
 def _megabytes(count: int) -> str:
     return f"{count / 1e6:.1f} MB"
+
+
+def convert(request: SceneConvertRequest) -> None:
+    """Write a scene as GLB, and print notes on unsupported contents."""
+    check_suffix(request.output, ".glb")
+    check_target(request.output)
+    _check_distinct(request.world.scene, "the GLB file", request.output)
+    scene = load_requested_scene(request.world, animation="none")
+    with atomic_write(request.output) as partial:
+        left_out = write_glb(scene, partial)
+    for notice in left_out:
+        print_note(notice)
+    size_mb = request.output.stat().st_size / 1e6
+    instances = pluralize(len(scene.instance_names), "instance")
+    out.print(f"{request.output}: {instances}, {size_mb:.1f} MB")
+
+
+def bake(request: BakeRequest) -> None:
+    """Bake a scene's light, and print its size."""
+    require_extra("bake", "omnisim bake")
+    from omnisim.rendering.baking.bake import estimate
+    from omnisim.rendering.baking.baked_files import bake_of, bake_scene
+    from omnisim.rendering.baking.settings import BakeSettings
+
+    output = request.output
+    if output is None and not request.estimate:
+        raise OutputError("-o: expected the folder of the bake")
+    _check_distinct(request.world.scene, "the baked light", output)
+    scene = load_requested_scene(request.world, baked=NO_BAKED_LIGHT)
+    if scene.objects:
+        print_note("dynamic objects are left out: probes light them")
+    settings = BakeSettings(request.texel_m, request.samples, request.bounces, request.seed)
+    began_s = time.monotonic()
+    if output is None or request.estimate:
+        out.print(f"{request.world.scene}: {estimate(bake_of(scene, settings), request.jobs)}")
+        return
+    baked = bake_scene(
+        scene, output, settings, request.jobs,
+        lambda description, total: lambda steps: track(steps, description, total), request.force,
+        lambda bake: print_note(estimate(bake, request.jobs)),
+    )  # fmt: skip
+    if baked is None:
+        out.print(f"{output}: is baked already: nothing to do")
+        return
+    width, height = baked.atlas_px
+    size_mb = sum(path.stat().st_size for path in output.iterdir()) / 1e6
+    out.print(
+        f"{output}: {width} × {height} texels of {baked.texel_m:g} m, "
+        f"{baked.probes} probes, {size_mb:.1f} MB, {time.monotonic() - began_s:.0f} s"
+    )
+
+
+def _check_distinct(scene: str, what: str, output: Path | None) -> None:
+    source = resolve_source(scene)
+    check_distinct(
+        {what: output}, {"the scene's mesh file": source.mesh_file, "the scene": source.toml}
+    )

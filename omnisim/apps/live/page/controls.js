@@ -26,6 +26,11 @@ export class Controls {
     for (const control of allControls(groups)) this.#rows.get(control.path)?.update(control);
   }
 
+  /** Show the values in use again, after one was refused. */
+  restore() {
+    for (const row of this.#rows.values()) row.update();
+  }
+
   #group(group, above) {
     const key = above + group.title;
     const summary = make("summary");
@@ -72,7 +77,8 @@ class Row {
     const label = make("label", { for: id, title: control.path.replace(/^\w+\./, "") }, control.label.replace(/_(m|px|deg|s|e|hz)$/, "").replaceAll("_", " "));
     if (control.unit) label.append(" ", make("small", { text: control.unit }));
     label.addEventListener("click", () => this.element.classList.toggle("told"));
-    const field = make("div", { class: "field" }, make("button", { class: "unset", title: "Back to the default", "aria-label": `${control.label}: default`, text: "↺", onclick: () => set(control.path, null) }));
+    const field = make("div", { class: "field" });
+    if (!control.required) field.append(make("button", { class: "unset", title: "Back to the default", "aria-label": `${control.label}: default`, text: "↺", onclick: () => set(control.path, null) }));
     this.element = make("div", { class: "control", "data-path": control.path }, label, field);
     if (control.kind === "vector") this.#addVector(id);
     else field.append(this.#field(id));
@@ -84,14 +90,14 @@ class Row {
     }
   }
 
-  update(control) {
+  update(control = this.#control) {
     this.#control = control;
     this.element.classList.toggle("given", control.value !== null);
     const shown = control.value ?? control.effective ?? control.default;
     if (control.kind === "vector") {
       this.#inputs.forEach((input, at) => setUnlessFocused(input, Array.isArray(shown) ? short(shown[at], 7) : ""));
     } else if (control.kind === "boolean") this.#inputs[0].checked = Boolean(shown);
-    else if (control.kind === "choice") setUnlessFocused(this.#inputs[0], shown === null ? "" : String(shown));
+    else if (control.kind === "choice") this.#inputs[0].value = shown === null ? "" : String(shown);
     else setUnlessFocused(this.#inputs[0], short(shown, 7));
     if (this.#slider && typeof shown === "number" && document.activeElement !== this.#slider) this.#slider.value = this.#step(shown);
     if (!this.#control.choices.length || !this.#inputs[0]) return;
@@ -99,10 +105,10 @@ class Row {
   }
 
   #field(id) {
-    const { kind, choices } = this.#control;
+    const { kind, choices, required } = this.#control;
     let input;
     if (kind === "choice") {
-      input = make("select", { id }, ...["", ...choices].map((word) => make("option", { value: String(word), text: word === "" ? "default" : String(word) })));
+      input = make("select", { id }, ...[...(required ? [] : [""]), ...choices].map((word) => make("option", { value: String(word), text: word === "" ? "default" : String(word) })));
       input.addEventListener("change", () => this.#set(this.#control.path, input.value === "" ? null : choices.find((word) => String(word) === input.value)));
     } else if (kind === "boolean") {
       input = make("input", { id, type: "checkbox" });

@@ -7,7 +7,7 @@ import { FloorMap } from "./map.js";
 import { markPreset, showPresets } from "./presets.js";
 import { drawProfile } from "./profile.js";
 import { Stream } from "./stream.js";
-import { View, titleOf } from "./views.js";
+import { View, arrange, titleOf } from "./views.js";
 
 const FIRST = ["panorama", "map", "range"]; // views on a first visit
 const SMALL_FIRST = []; // the same on a phone
@@ -47,6 +47,8 @@ function showAbout(about) {
   document.title = `${about.scene} – omnisim live`;
   byId("side").hidden = !about.is_editable;
   byId("clock").hidden = !about.has_clock;
+  byId("walls").hidden = !about.has_walls;
+  byId("start").hidden = about.steps !== null;
   byId("pad").hidden = about.steps !== null;
   document.querySelector("main").style.gridTemplateColumns = about.is_editable ? "" : "minmax(0, 1fr)";
   if (about.is_editable) showPresets(about.presets, (kind, name) => send("preset", { kind, name }));
@@ -90,11 +92,13 @@ async function showFrame(frame) {
   if (state.about.steps !== null) state.map?.clearTrail(); // the recorded path is drawn instead
   state.map?.update({ place: frame.viewpoint, ...(frame.seen_m ? { seen_m: frame.seen_m } : {}) });
   await Promise.allSettled(shown);
+  fit();
   send("ask");
   countRate();
   showPlace(frame);
   const camera = views.get("camera");
   camera.detail = `${state.camera.model ?? ""} ${camera.canvas.width} × ${camera.canvas.height} px`;
+  byId("walls").setAttribute("aria-pressed", String(frame.walls));
   byId("undo").disabled = !frame.history[0];
   byId("redo").disabled = !frame.history[1];
   byId("step").value = frame.step;
@@ -155,6 +159,7 @@ function showFault({ text }) {
   if (!state.about.is_editable) return toast(message);
   byId("fault").textContent = message;
   byId("fault").hidden = false;
+  controls.restore();
   toast(message);
 }
 
@@ -175,8 +180,18 @@ function showViews() {
     else byId("others").append(element);
   }
   byId("views").className = names.length === 1 ? "single" : names.length > 3 ? "crowd" : "";
+  fit();
   showChips();
   sendViews();
+}
+
+let arranged = "";
+
+function fit() {
+  const shapes = [...views].map(([name, { canvas }]) => `${name} ${(canvas.width / canvas.height).toFixed(2)}`);
+  const key = [innerWidth, innerHeight, ...shapes].join();
+  if (key !== arranged) arrange(views, byId("stage"));
+  arranged = key;
 }
 
 function sendViews() {
@@ -329,14 +344,26 @@ function listen() {
     byId("clock").setAttribute("aria-pressed", String(running));
     send("clock", { running });
   };
+  addEventListener("resize", fit);
+  byId("start").onclick = () => send("start");
+  byId("walls").onclick = toggleWalls;
   byId("play").onclick = () => setPlaying(!state.playing);
   addEventListener("keydown", (event) => {
     if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && !event.target.matches("input[type=text], input[type=number]")) {
       event.preventDefault();
       send(event.shiftKey ? "redo" : "undo");
-    } else if (!isTyping(event) && event.key === "?") byId("help-dialog").showModal();
-    else if (!isTyping(event) && SHORTCUTS[Number(event.key) - 1]) toggle(SHORTCUTS[Number(event.key) - 1]);
+    } else if (isTyping(event)) return;
+    else if (event.key === "?") byId("help-dialog").showModal();
+    else if (event.key.toLowerCase() === "h") byId("start").click();
+    else if (event.key.toLowerCase() === "c") byId("walls").click();
+    else if (SHORTCUTS[Number(event.key) - 1]) toggle(SHORTCUTS[Number(event.key) - 1]);
   });
+}
+
+function toggleWalls() {
+  const on = !state.frame.walls;
+  send("walls", { on });
+  toast(on ? "Walls stop the flight." : "The flight passes through walls.");
 }
 
 async function copyCommand() {

@@ -2,16 +2,11 @@
 
 import { byId, make } from "./dom.js";
 
-const STRIP = [
-  "hyperbolic", "perspective", "cylindrical", "equidistant", "stereographic", "equisolid", "orthographic",
-  "kannala_brandt", "eucm", "double_sphere", "unified", "equirectangular", "f_theta", "f_theta_inverse",
-  "parabolic", "ocamcalib", "radial_table", "gazebo", "planar", "elliptic",
-]; // order of the images in lenses.jpg, from top to bottom
-const ICON_PX = 40;
+const ICON_PX = 40; // of an image in lenses.jpg, one below the other in the order of the presets
 
 /** @param choose receives the kind and the name of a preset. */
 export function showPresets(presets, choose) {
-  const lenses = make("div", { class: "lenses" }, ...presets.lens.map((name) => lensButton(name, choose)));
+  const lenses = make("div", { class: "lenses" }, ...presets.lens.map((name, row) => lensButton(name, row, choose)));
   const row = (kind) => make("div", { class: "row" }, ...presets[kind].map((name) => make("button", { text: name, onclick: () => choose(kind, name) })));
   byId("presets").replaceChildren(
     details("Mirrors and lenses", lenses, false),
@@ -27,9 +22,8 @@ export function markPreset(model) {
   }
 }
 
-function lensButton(name, choose) {
+function lensButton(name, row, choose) {
   const icon = make("i", { "aria-hidden": "true" });
-  const row = Math.max(0, STRIP.indexOf(name));
   icon.style.backgroundPosition = `0 ${-row * ICON_PX}px`;
   const title = name === "paper" ? "paper’s mirror" : name.replaceAll("_", " ");
   return make("button", { "data-name": name, title, onclick: () => choose("lens", name) }, icon, make("span", { text: title }));

@@ -1,6 +1,6 @@
 // Image tiles: each draws its parts, marks a point, and reports mouse input.
 
-import { make, short } from "./dom.js";
+import { byId, make, short } from "./dom.js";
 
 const TITLES = {
   camera: "Camera", panorama: "Panorama", perspective: "Perspective", birdseye: "Bird’s eye",
@@ -13,6 +13,7 @@ const TITLES = {
 export const titleOf = (name) => TITLES[name] ?? name;
 const WIDE = new Set(["panorama"]);
 const PROBE_MS = 40;
+const GAP_PX = 12;
 const CLICK_PX = 4; // a press that moves less is a click, not a drag
 
 export class View {
@@ -138,4 +139,38 @@ export class View {
       hooks.wheel(this, event.deltaY, ...this.#place(event));
     }, { passive: false });
   }
+}
+
+/** Divide the window between the camera and the other views: as much image as fits without scrolling. */
+export function arrange(views, stage) {
+  const box = byId("views");
+  const [width, height] = [box.clientWidth, stage.getBoundingClientRect().bottom - box.getBoundingClientRect().top - stage.scrollTop - 16];
+  const shapes = [...views.values()].map(({ element, canvas, name }) => ({
+    name, isWide: WIDE.has(name), aspect: canvas.width / canvas.height, rest: element.offsetHeight - canvas.offsetHeight,
+  }));
+  const [camera, ...others] = shapes.sort((one, other) => (other.name === "camera") - (one.name === "camera"));
+  let best = null;
+  for (let columns = 1; innerWidth > 760 && columns <= Math.min(3, others.length); columns++) {
+    for (let side = 160; side < width - 240; side += 4) {
+      const [used, area] = column(others, side, columns);
+      const shown = Math.min(width - GAP_PX - side, (height - camera.rest) * camera.aspect);
+      const total = area + (shown * shown) / camera.aspect;
+      if (used <= height && total > (best?.total ?? 0)) best = { columns, side, total };
+    }
+  }
+  box.style.gridTemplateColumns = best ? `minmax(0, 1fr) ${best.side}px` : "";
+  byId("others").style.gridTemplateColumns = best ? `repeat(${best.columns}, minmax(0, 1fr))` : "";
+}
+
+/** Height and image area of views in columns; wide ones take a row. */
+function column(views, width, columns) {
+  const narrow = (width - (columns - 1) * GAP_PX) / columns;
+  let [used, area, place, row] = [-GAP_PX, 0, columns, 0];
+  for (const { isWide, aspect, rest } of views) {
+    const own = isWide ? width : narrow;
+    if (isWide || place >= columns) [used, place, row] = [used + row + GAP_PX, 0, 0];
+    [row, place] = [Math.max(row, own / aspect + rest), isWide ? columns : place + 1];
+    area += (own * own) / aspect;
+  }
+  return [used + row, area];
 }

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from omnisim.cameras.optics.boards.board_corners import BoardCorners
 from omnisim.cameras.optics.boards.board_pose import first_pose, move_jacobians, moved_pose
 from omnisim.cameras.optics.boards.free_parameters import FreeParameters
-from omnisim.cameras.optics.caustic import pixel_jacobians
 from omnisim.cameras.optics.central_view import CentralView
+from omnisim.cameras.optics.centrality import pixel_jacobians
 from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.system import OpticalSystem
 from omnisim.core.errors import OmnisimError, OpticsError

@@ -19,18 +19,20 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera
 from omnisim.core.errors import OutputError
 from omnisim.core.poses import inverse
-from omnisim.datasets.export.deskewed_cloud import deskewed_points_m
+from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
 from omnisim.datasets.export.formats.kitti360 import LIDAR_FROM_CAMERA
 from omnisim.datasets.export.formats.tum import write_lines
 from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recorded_camera import RecordedCamera
 from omnisim.datasets.export.recording import Recording
+from omnisim.datasets.export.stored_clouds import StoredCloud
 from omnisim.sensors.lidar.mounted_lidar import MountedLidar
 
 SEQUENCE = "00"
@@ -159,3 +161,43 @@ def _note_missing_values(
 
 def _numbers(values: NDArray[np.float64]) -> str:
     return " ".join(f"{value + 0.0:.12e}" for value in values.ravel().tolist())
+
+
+# Point clouds without the skew of a moving lidar, as in data sets of vehicles.
+
+
+def deskewed_points_m(
+    cloud: StoredCloud, truth: Trajectory, base_from_lidar: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Points (n, 3) in the lidar's frame at the revolution's end, as if all were measured then.
+
+    Assumes straight, uniform motion between successive poses: the pose at the revolution's start,
+    the true poses during the revolution, and the pose at its end.
+
+    Args:
+        cloud: point cloud of a revolution.
+        truth: true poses of the base.
+        base_from_lidar: (4, 4) pose of the lidar on the base.
+
+    Raises:
+        RunError: the header lacks poses or times.
+    """
+    header = cloud.header
+    end_s = header.number("time_s")
+    start_s = end_s - 1.0 / header.number("rate_hz")
+    within = (truth.times_s > start_s) & (truth.times_s < end_s)
+    lidar_from_world = inverse(header.pose("world_from_lidar"))
+    knots_s = np.concatenate(([start_s], truth.times_s[within], [end_s])) - start_s
+    knots = lidar_from_world @ np.stack(
+        [
+            header.pose("world_from_lidar_at_start"),
+            *(truth.world_from_base[within] @ base_from_lidar),
+            header.pose("world_from_lidar"),
+        ]
+    )
+    times_s = cloud.points["time"].astype(np.float64)
+    rotations = scipy.spatial.transform.Rotation.from_matrix(knots[:, :3, :3])
+    turned = scipy.spatial.transform.Slerp(knots_s, rotations)(np.clip(times_s, 0.0, knots_s[-1]))
+    shifts = [np.interp(times_s, knots_s, knots[:, axis, 3]) for axis in range(3)]
+    points_m: NDArray[np.float64] = turned.apply(cloud.points_m) + np.stack(shifts, axis=-1)
+    return points_m

@@ -16,25 +16,26 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from omnisim.cameras.calibration.formats.nerfstudio import OPENGL_FROM_OPENCV, intrinsics
 from omnisim.cameras.calibration.formats.nerfstudio import Nerfstudio as NerfstudioCalibration
 from omnisim.core.errors import OutputError
-from omnisim.core.files.atomic_file import write_text
+from omnisim.core.files.atomic_file import atomic_write, write_text
 from omnisim.core.files.image_files import write_numbers
 from omnisim.datasets.export.depth_images import FarDepths
 from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
-from omnisim.datasets.export.image_folders import (
+from omnisim.datasets.export.lens_camera import (
     IMAGES,
     MASKS,
+    LensCamera,
     image_name,
     mask_name,
     note_missing_ranges,
     write_images,
 )
-from omnisim.datasets.export.lens_camera import LensCamera
-from omnisim.datasets.export.ply_points import write_ply
 from omnisim.datasets.export.recording import Recording
-from omnisim.datasets.export.scene_points import sample_points
+from omnisim.datasets.export.scene_points import ScenePoints, sample_points
 
 DEPTHS, POINTS = "depths", "points.ply"
 STEPS_PER_M = 1000.0  # nerfstudio's default depth_unit_scale_factor is 1/1000
@@ -103,3 +104,31 @@ def _frames(recording: Recording, camera: LensCamera) -> Iterator[dict[str, Any]
             frame["depth_file_path"] = f"{DEPTHS}/{name}"
         opengl = world_from_base @ camera.base_from_lens * OPENGL_FROM_OPENCV
         yield {**frame, "transform_matrix": (opengl + 0.0).tolist()}
+
+
+# Colored points as a PLY file.
+
+
+_FIELDS = {"x": "float", "y": "float", "z": "float", "red": "uchar", "green": "uchar",
+           "blue": "uchar"}  # fmt: skip
+
+
+def write_ply(path: Path, points: ScenePoints) -> None:
+    """Write positions in meters and sRGB colors, binary.
+
+    Raises:
+        OutputError: the file cannot be written.
+
+    Source: Turk, The PLY Polygon File Format (1994).
+    """
+    types = {"float": "<f4", "uchar": "u1"}
+    records = np.empty(len(points), dtype=[(name, types[kind]) for name, kind in _FIELDS.items()])
+    for index, axis in enumerate("xyz"):
+        records[axis] = points.positions_m[:, index]
+    for index, color in enumerate(("red", "green", "blue")):
+        records[color] = points.colors[:, index]
+    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}"]
+    header += [f"property {kind} {name}" for name, kind in _FIELDS.items()]
+    text = "\n".join([*header, "end_header"]) + "\n"
+    with atomic_write(path) as partial:
+        partial.write_bytes(text.encode("ascii") + records.tobytes())

@@ -20,10 +20,15 @@ from omnisim.core.files.image_files import write_numbers
 from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.formats import tum
 from omnisim.datasets.export.depth_images import FarDepths
-from omnisim.datasets.export.export_format import ExportSettings, OneCameraFormat, PrintNote
+from omnisim.datasets.export.export_format import (
+    ExportSettings,
+    OneCameraFormat,
+    PrintNote,
+    restamped,
+    seconds_text,
+)
 from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
-from omnisim.datasets.export.stamps import restamped, seconds_text
 from omnisim.sensors.depth_camera.mounted_depth_camera import MountedDepthCamera
 
 STEPS_PER_M = 5000.0

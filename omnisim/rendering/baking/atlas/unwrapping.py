@@ -6,14 +6,20 @@ texels therefore stays within the rectangle, and rectangles need no gap between 
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import os
+import time
+from collections.abc import Iterator, Set
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.baking.atlas.packing import pack
-from omnisim.rendering.baking.atlas.xatlas_threads import atlas_of_sleeping_threads
 from omnisim.scene.model import Mesh
+
+if TYPE_CHECKING:
+    import xatlas
 
 
 class Unwrapping(NamedTuple):
@@ -81,3 +87,73 @@ def _pack_charts(
     offsets = rects_px[:, :2] + 0.5
     places_px[:] = offsets[chart_of] + (places_px - low[chart_of]) * scales[chart_of]
     return rects_px, size_px
+
+
+# Atlases of xatlas that end safely.
+#
+# An atlas has threads of its own. At its end, it wakes them without holding their lock. A thread
+# that is just about to sleep misses that, and the process waits for it forever: 1 of about 1600
+# atlases that ended at once, on two cores.
+
+
+_THREADS = Path("/proc/self/task")
+_MAX_WAIT_S = 1.0
+
+
+@contextmanager
+def atlas_of_sleeping_threads() -> Iterator[xatlas.Atlas]:
+    """Atlas whose threads sleep at the end of the context, after which it may be deleted."""
+    import xatlas
+
+    others = _threads()
+    atlas = xatlas.Atlas()
+    try:
+        yield atlas
+    finally:
+        _wait_until_asleep(_threads() - others)
+
+
+def _threads() -> Set[str]:
+    """Numbers of this process's threads; empty: not on Linux."""
+    return set(os.listdir(_THREADS)) if _THREADS.is_dir() else set()
+
+
+def _wait_until_asleep(threads: Set[str]) -> None:
+    """Wait until threads sleep, at most a second: some may be other libraries', and work on."""
+    end_s = time.monotonic() + _MAX_WAIT_S
+    for thread in threads:
+        while _is_awake(thread) and time.monotonic() < end_s:
+            time.sleep(0)  # lets it run
+
+
+def _is_awake(thread: str) -> bool:
+    try:
+        stat = (_THREADS / thread / "stat").read_text(encoding="ascii", errors="replace")
+    except OSError:  # the thread has ended
+        return False
+    return stat.rpartition(")")[2].split()[0] != "S"
+
+
+# Packing of rectangles of texels.
+
+
+def pack(sizes_px: NDArray[np.intp]) -> tuple[NDArray[np.intp], tuple[int, int]]:
+    """Place rectangles of sizes (n, 2) side by side; return them (n, 4) and the page's size.
+
+    Taller rectangles are placed first; each is as near to the top as earlier ones allow.
+    """
+    rects = np.zeros((len(sizes_px), 4), dtype=np.intp)
+    used = np.flatnonzero(sizes_px.min(axis=1, initial=1))
+    if not len(used):
+        return rects, (1, 1)
+    sizes = sizes_px[used]
+    width = max(int(sizes[:, 0].max()), int(np.ceil(np.sqrt(sizes.prod(axis=1).sum()))))
+    ends = np.zeros(width, dtype=np.intp)  # bottom of the occupied part of each column
+    for at in np.lexsort((used, -sizes[:, 0], -sizes[:, 1])):
+        wide, high = sizes[at]
+        tops = np.lib.stride_tricks.sliding_window_view(ends, wide).max(axis=1)
+        left = int(tops.argmin())
+        top = int(tops[left])
+        ends[left : left + wide] = top + high
+        rects[used[at]] = left, top, wide, high
+    return rects, (width, int(ends.max()))

@@ -87,6 +87,9 @@ class RemapPass:
         context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         clear_target(target, *[(-1.0, -1.0, 0.0, 0.0)] * 2)
         samples.vertex_array(CaptureOutput.UV, plan).render()
+        corrections = samples.corrections(_values(target, 0)[..., 0] >= 0.0)
+        if len(corrections):
+            samples.correcting_array(CaptureOutput.UV, corrections, plan).render()
         uvs = _by_pixel(target, 0, supersampling)
         tables = [gpu_buffer(context, uvs)]
         defines = ["REMAP"]
@@ -156,6 +159,7 @@ class UvPass:
         self._largest_px = supersampling * largest_px[0], supersampling * largest_px[1]
         self._kept: dict[tuple[int, int, int, int], moderngl.Framebuffer] = {}
         self._kept_bytes = 0
+        self._corrections: dict[tuple[int, int, int, int], NDArray[np.float32]] = {}
         self._uvs_array = samples.vertex_array(CaptureOutput.UV, parts[0].plan)
         width, height = (length // supersampling for length in samples.size_px)
         everything = np.ones((height, width), dtype=np.bool_)
@@ -189,6 +193,15 @@ class UvPass:
         self._samples.use_part(self._uvs_array, part.plan, (left, top), (width, height))
         clear_target(target, *[(-1.0, -1.0, 0.0, 0.0)] * len(self._components))
         self._uvs_array.render()
+        if part.rectangle_px not in self._corrections:
+            drawn = _values(target, 0, (width, height))[..., 0] >= 0.0
+            self._corrections[part.rectangle_px] = (
+                self._samples.corrections(drawn, (left, top)) if drawn.any() else np.empty(0)
+            )
+        if len(corrections := self._corrections[part.rectangle_px]):
+            self._samples.correcting_array(
+                CaptureOutput.UV, corrections, part.plan, (width, height)
+            ).render()
         return target
 
     @cached_property
@@ -218,10 +231,18 @@ def _by_pixel(
     target: moderngl.Framebuffer, attachment: int, supersampling: int
 ) -> NDArray[np.float32]:
     """Values (height, width, supersampling², parts) of an attachment, grouped by pixel."""
-    parts = (2, 1)[attachment]
-    width, height = (length // supersampling for length in target.size)
-    samples = np.empty((*target.size[::-1], parts), dtype=np.float32)
-    read_once(target.ctx, (Pixels(target, attachment), samples))
-    by_pixel = samples.reshape(height, supersampling, width, supersampling, parts)
+    samples = _values(target, attachment)
+    height, width = (length // supersampling for length in samples.shape[:2])
+    by_pixel = samples.reshape(height, supersampling, width, supersampling, -1)
     by_pixel = by_pixel.transpose(0, 2, 1, 3, 4)
-    return np.ascontiguousarray(by_pixel).reshape(height, width, supersampling**2, parts)
+    return np.ascontiguousarray(by_pixel).reshape(height, width, supersampling**2, -1)
+
+
+def _values(
+    target: moderngl.Framebuffer, attachment: int, size_px: tuple[int, int] | None = None
+) -> NDArray[np.float32]:
+    """Values (height, width, parts) of an attachment: two parts of the first, one of the other."""
+    width, height = size_px or target.size
+    values = np.empty((height, width, (2, 1)[attachment]), dtype=np.float32)
+    read_once(target.ctx, (Pixels(target, attachment, (0, 0, width, height)), values))
+    return values

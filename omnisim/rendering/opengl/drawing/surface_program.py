@@ -94,7 +94,7 @@ class SurfaceVariant(NamedTuple):
         in_lightmap = self.light is LightSource.LIGHTMAP and self.maps is None
         return self.lit and self.shading is not Shading.BAKED and not in_lightmap
 
-    def defines(self, lighting: Lighting, shadows: ShadowSource | None = None) -> tuple[str, ...]:
+    def defines(self, lighting: Lighting, shadows: ShadowSource | None = None) -> tuple[str, ...]:  # noqa: C901 - a list of cases
         """Defines of the shaders in a scene with this lighting."""
         defines = []
         is_placed = in_fog = lighting.fog is not None and self.in_fog

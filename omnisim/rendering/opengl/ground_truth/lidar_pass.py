@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.cameras import CylindricalCamera
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
@@ -27,6 +28,7 @@ from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
 from omnisim.rendering.opengl.ground_truth.hit_tables import HitTables
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
+from omnisim.rendering.rays.geometry import Geometry, PlacedMesh
 
 # A triangle is hit if a texel near the beam shows it or an adjacent one. Measured in mapping: 0.06
 # % of the beams of five revolutions miss one at 1.5 texels per beam, 0.03 % at 2, 0.02 % at 2.5; a
@@ -52,6 +54,8 @@ class LidarPass:
         beams: beams of the lidar.
         near_m: minimum range.
         hidden: parts of dynamic objects that beams pass through.
+        geometry: geometry of the scene in its current state, for the triangles of hits; None: hits
+            have none.
 
     Raises:
         GraphicsError: more beams than fit on the GPU.
@@ -63,8 +67,10 @@ class LidarPass:
         beams: LidarBeams,
         near_m: float,
         hidden: Collection[ObjectPart] = (),
+        geometry: Callable[[], Geometry] | None = None,
     ):
-        self._buffers, self._beams = buffers, beams
+        self._buffers, self._beams, self._geometry = buffers, beams, geometry
+        self._first_triangles: tuple[Geometry, NDArray[np.int32]] | None = None
         self._cameras = VirtualCameras(
             near_m, beams.max_range_m, hidden=frozenset(hidden), both_sides=True
         )
@@ -72,7 +78,7 @@ class LidarPass:
         buffers.check_readable("to look up what its beams hit")
         with gpu_allocation(f"a lidar of {size[0]} × {size[1]} beams", "take fewer"):
             self._rays = texture_2d(context, size, 4)
-            self._hits = texture_2d(context, size, 2, dtype="u4")
+            self._hits = texture_2d(context, size, 4, dtype="u4")
             self._target = framebuffer(context, [self._hits])
         self._readback = PixelReadback(context)
         self._directions = beams.directions
@@ -100,9 +106,23 @@ class LidarPass:
             for first in range(one.first, one.last, sector.firings):
                 part = replace(one, first=first, last=min(first + sector.firings, one.last))
                 sector.render(part, self._target, self._rays, self._heading_rad(part))
-        hits = np.empty((*size, 2), dtype=np.uint32)
+        hits = np.empty((*size, 4), dtype=np.uint32)
         self._readback.read((self._hits, hits))
-        return BeamHits(hits[..., 1].view(np.float32), hits[..., 0])
+        found = BeamHits(hits[..., 1].view(np.float32), hits[..., 0])
+        if self._geometry is None:
+            return found
+        geometry = self._geometry()
+        if self._first_triangles is None or self._first_triangles[0] is not geometry:
+            places = (
+                PlacedMesh(
+                    one.object_index, one.name, one.object_from_mesh.tobytes(), one.triangles
+                )
+                for one in self._buffers.draw_items
+            )
+            # preceded by one for beams without a hit
+            self._first_triangles = geometry, np.insert(geometry.first_triangles(places), 0, 0)
+        before = self._first_triangles[1][found.draw_ids]
+        return found._replace(triangles=hits[..., 2].view(np.int32) + before)
 
     def _heading_rad(self, one: Slice) -> float:
         """Azimuth of a slice's middle; 0 for a whole revolution."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from omnisim.ground_truth.hits import Hits
 from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
-from omnisim.rendering.opengl.capture.traced_pixels import TracedPixels
+from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.uniforms import uniform
 from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
@@ -34,7 +34,7 @@ class ParallaxHitPass(RayHitPass):
     shader = "ground_truth/parallax_hits.frag"
     occlusion_shader = "ground_truth/parallax_occlusion.frag"
 
-    def __init__(self, visibility: VisibilityPass, pixels: TracedPixels, pyramid: DepthPyramid):
+    def __init__(self, visibility: VisibilityPass, pixels: PixelMap, pyramid: DepthPyramid):
         super().__init__(visibility, pixels)
         self._pyramid = pyramid
         self.origins = texture_2d(pixels.context, pixels.size_px, 4)

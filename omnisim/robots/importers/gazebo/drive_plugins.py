@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from omnisim.scene.formats.features import part_notices, xml_parts
 from omnisim.scene.formats.xml.element import XmlElement
 
 _PLUGINS = ("diff-drive", "diff_drive", "DiffDrive", "skid_steer")
@@ -28,6 +29,7 @@ def is_wheel_drive(plugin: XmlElement) -> bool:
 
 def drive_table(plugin: XmlElement, notices: list[str]) -> dict[str, Any]:
     """Convert a drive plugin to a `[kinematics]` table."""
+    notices += part_notices("drive", xml_parts(plugin.element, "drive"))
     wheel_m = 2.0 * plugin.number("wheel_radius", 0.0)
     wheel_m = wheel_m or plugin.number("wheel_diameter", plugin.number("wheelDiameter", 0.0))
     track_m = plugin.number("wheel_separation", plugin.number("wheelSeparation", 0.0))

@@ -22,8 +22,8 @@ from omnisim.robots.importers.imported_robot import (
     footprint,
     load_body,
 )
-from omnisim.scene.files.search_path import ResourcePath
-from omnisim.scene.formats.omissions import Omissions
+from omnisim.scene.formats.imported_scene import Omissions
+from omnisim.scene.formats.resources import ResourcePath
 from omnisim.scene.formats.sdf.models import (
     Model,
     ModelLibrary,

@@ -13,9 +13,10 @@ from omnisim.cameras.calibration.formats.format import error_context
 from omnisim.cameras.calibration.formats.gazebo import UnsupportedLensError, read_lens
 from omnisim.core.errors import OmnisimError, RobotFileError
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
-from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.camera.omnicamera import DEFAULT_NEAR_M, OmniCamera
 from omnisim.robots.importers.imported_robot import ImportedSensor
-from omnisim.scene.formats.omissions import Omissions
+from omnisim.scene.formats.features import part_notices, xml_parts
+from omnisim.scene.formats.imported_scene import Omissions
 from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.sensors.depth_camera.depth_camera import MAX_RANGE_M
 
@@ -23,54 +24,67 @@ _CAMERAS = ("camera", "wideanglecamera", "wide_angle_camera", "multicamera")
 _DEPTH = ("depth", "depth_camera")
 _RGBD = ("rgbd", "rgbd_camera")
 _LIDARS = ("lidar", "gpu_lidar", "ray", "gpu_ray")
+_TABLES = {  # of features, by type of sensor
+    **dict.fromkeys((*_CAMERAS, *_DEPTH, *_RGBD), "camera"),
+    **dict.fromkeys(_LIDARS, "lidar"),
+    "imu": "imu",
+}
 
 
 def read_sensors(
     sensor: XmlElement, base_from_sensor: NDArray[np.float64], omissions: Omissions
 ) -> Iterator[ImportedSensor]:
-    """Convert a `<sensor>` to sensors; unsupported types and lenses are omissions.
+    """Convert a `<sensor>` to sensors; unsupported types, parts and lenses are omissions.
 
     Raises:
         RobotFileError: a value is invalid.
     """
     kind, name = sensor.attribute("type"), sensor.name or "sensor"
     try:
+        rate_hz = sensor.number("update_rate", 0.0)
+        rate = {"rate_hz": rate_hz} if rate_hz > 0.0 else {}
         if kind in _CAMERAS or kind in _RGBD:
             for camera in sensor.children("camera"):
                 own = camera.name if kind == "multicamera" and camera.name else name
                 try:
-                    yield _camera(own, camera, base_from_sensor @ camera.pose())
+                    yield _camera(own, camera, base_from_sensor @ camera.pose(), rate)
                 except UnsupportedLensError as reason:
                     omissions.add(f"camera {own}: left out: {reason}")
         if kind in _DEPTH or kind in _RGBD:
             for camera in sensor.children("camera"):
                 own = f"{name}_depth" if kind in _RGBD else name
-                yield _depth_camera(own, camera, base_from_sensor @ camera.pose())
+                yield _depth_camera(own, camera, base_from_sensor @ camera.pose(), rate)
         if kind in _LIDARS:
             scan = sensor.find("lidar") or sensor.find("ray")
             if scan is not None:
-                yield _lidar(name, sensor, scan, base_from_sensor)
+                yield _lidar(name, scan, base_from_sensor, rate)
         if kind == "imu":
-            rate = sensor.number("update_rate", 0.0)
-            values = {"device": "ideal", **({"rate_hz": rate} if rate > 0.0 else {})}
-            yield ImportedSensor.at(name, "imu", base_from_sensor, values)
-        if kind not in (*_CAMERAS, *_DEPTH, *_RGBD, *_LIDARS, "imu"):
+            yield ImportedSensor.at(name, "imu", base_from_sensor, {"device": "ideal"} | rate)
+        table = _TABLES.get(kind)
+        if table is None:
             omissions.count(f"{kind or 'sensor'}: left out", "sensor")
+        for notice in part_notices(table, xml_parts(sensor.element, table)) if table else ():
+            omissions.add(notice)
     except OmnisimError as reason:
         raise RobotFileError(str(reason)) from None
 
 
-def _camera(name: str, camera: XmlElement, base_from_camera: NDArray[np.float64]) -> ImportedSensor:
+def _camera(
+    name: str, camera: XmlElement, base_from_camera: NDArray[np.float64], rate: dict[str, float]
+) -> ImportedSensor:
     with error_context(camera.place):
         lens = read_lens(camera.element, camera.place)
     noise = camera.number("noise/stddev", 0.0)
     notices = (f"{name}: noise of {noise:g} is left out",) if noise > 0.0 else ()
-    sensor = OmniCamera(lens, polygons=None)
-    return ImportedSensor.at(name, "omnicamera", base_from_camera, {}, sensor, notices)
+    near_m = camera.positive("clip/near", DEFAULT_NEAR_M)
+    sensor = OmniCamera(
+        lens, polygons=None, near_m=near_m, far_m=camera.positive("clip/far", math.inf)
+    )
+    return ImportedSensor.at(name, "omnicamera", base_from_camera, rate, sensor, notices)
 
 
 def _depth_camera(
-    name: str, camera: XmlElement, base_from_camera: NDArray[np.float64]
+    name: str, camera: XmlElement, base_from_camera: NDArray[np.float64], rate: dict[str, float]
 ) -> ImportedSensor:
     """Depth camera without holes and depth errors, because Gazebo simulates neither."""
     width, height = (round(camera.positive(f"image/{key}", 320.0)) for key in ("width", "height"))
@@ -86,18 +100,19 @@ def _depth_camera(
         "range_min_m": camera.positive("clip/near", 0.1),
         "range_max_m": min(camera.positive("clip/far", 100.0), MAX_RANGE_M),
         "max_incidence_deg": 90.0,
+        **rate,
     }
     return ImportedSensor.at(name, "depth_camera", base_from_camera, values)
 
 
 def _lidar(
-    name: str, sensor: XmlElement, scan: XmlElement, base_from_lidar: NDArray[np.float64]
+    name: str, scan: XmlElement, base_from_lidar: NDArray[np.float64], rate: dict[str, float]
 ) -> ImportedSensor:
     """Lidar with full revolutions, or a planar scanner if there is a single ring."""
     across, low, high = _angles(scan, "horizontal")
     rings, bottom, top = _angles(scan, "vertical")
     nearest, farthest = scan.number("range/min", 0.0), scan.positive("range/max", 100.0)
-    sigma_m, rate = scan.number("noise/stddev", 0.0), sensor.number("update_rate", 0.0)
+    sigma_m = scan.number("noise/stddev", 0.0)
     step_rad = (high - low) / max(across - 1, 1)
     if rings == 1:
         middle = pose_from_rotation(rotation_from_yaw(0.5 * (low + high)), np.zeros(3))
@@ -107,6 +122,7 @@ def _lidar(
             "min_range_m": nearest,
             "max_range_m": farthest,
             "noise_share": 0.0,
+            **rate,
         }
         notices = (f"{name}: noise of {sigma_m:g} m is left out",) if sigma_m > 0.0 else ()
         pose = base_from_lidar @ middle
@@ -114,7 +130,7 @@ def _lidar(
     values = {
         "elevations_deg": np.degrees(np.linspace(bottom, top, rings)).round(9).tolist(),
         "firings": max(round(2.0 * math.pi / step_rad), 8) if step_rad > 0.0 else 8,
-        **({"rate_hz": rate} if rate > 0.0 else {}),
+        **rate,
         "range_min_m": nearest,
         "range_max_m": farthest,
         "sigma_m": sigma_m,

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from omnisim.core.errors import SceneError
 from omnisim.core.short_repr import counted
 from omnisim.scene.formats.features import Feature, Support, feature_table
-from omnisim.scene.formats.gltf.json_object import JsonObject
-from omnisim.scene.formats.gltf.materials.reflectance import has_transmission_map
+from omnisim.scene.formats.gltf.document import JsonObject
+from omnisim.scene.formats.gltf.materials import has_transmission_map
 from omnisim.scene.formats.gltf.primitives import POINTS_AND_LINES, TRIANGLES
 
 _GROUPS_OF_NODES = ("shining",)

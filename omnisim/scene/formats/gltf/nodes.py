@@ -1,7 +1,8 @@
-"""Node hierarchy: local and global transforms."""
+"""Nodes: their hierarchy, copies and lights."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -9,7 +10,9 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError
 from omnisim.core.poses import rotation_from_quaternion
-from omnisim.scene.formats.gltf.json_object import JsonObject
+from omnisim.scene.formats.gltf.accessors import Accessors
+from omnisim.scene.formats.gltf.document import JsonObject
+from omnisim.scene.model import Light, LightKind
 
 
 def scene_parents(root: JsonObject, nodes: list[JsonObject]) -> dict[int, int | None]:
@@ -79,3 +82,95 @@ def _orthonormalize(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     rigid = matrix.copy()
     rigid[:3, :3] = left @ right
     return rigid
+
+
+# Instanced copies of a node's mesh.
+#
+# Source: EXT_mesh_gpu_instancing.
+
+
+MAX_COPIES = 200_000
+_COMPONENTS = {"TRANSLATION": 3, "ROTATION": 4, "SCALE": 3}
+
+
+def read_copies(node: JsonObject, accessors: Accessors) -> NDArray[np.float64] | None:
+    """Transforms (n, 4, 4) node_from_copies of a node's copies; None: no instancing.
+
+    Raises:
+        SceneError: attributes that are not vectors or differ in count, or too many copies.
+    """
+    extension = node.extension("EXT_mesh_gpu_instancing")
+    if extension is None:
+        return None
+    entry = extension.object("attributes")
+    values_of: dict[str, NDArray[np.float64]] = {}
+    count: int | None = None
+    for name, components in _COMPONENTS.items():
+        if not entry.has(name):
+            continue
+        values = accessors.floats(entry, name)
+        count = len(values) if count is None else count
+        if values.shape != (count, components) or not np.isfinite(values).all():
+            raise entry.error(name, f"an accessor of {count} finite VEC{components}")
+        if count > MAX_COPIES:
+            raise entry.error(name, f"an accessor of at most {MAX_COPIES} copies")
+        values_of[name] = values
+    if count is None:
+        return None
+    matrices = np.tile(np.eye(4), (count, 1, 1))
+    if "ROTATION" in values_of and count:
+        turns = values_of["ROTATION"]
+        turns[np.linalg.norm(turns, axis=1) < 1e-7] = (0.0, 0.0, 0.0, 1.0)
+        matrices[:, :3, :3] = rotation_from_quaternion(turns)
+    if "SCALE" in values_of:
+        matrices[:, :3, :3] *= values_of["SCALE"][:, None, :]
+    if "TRANSLATION" in values_of:
+        matrices[:, :3, 3] = values_of["TRANSLATION"]
+    return matrices
+
+
+# Punctual lights.
+
+
+_EXTENSION = "KHR_lights_punctual"
+_KINDS = {kind.value: kind for kind in LightKind}
+
+
+def read_lights(
+    root: JsonObject, nodes: list[JsonObject], world_from_nodes: dict[int, NDArray[np.float64]]
+) -> tuple[Light, ...]:
+    """Lights of the scene's nodes, in the world frame.
+
+    Source: KHR_lights_punctual; a light shines along −z of its node.
+    """
+    extension = root.extension(_EXTENSION)
+    entries = extension.objects("lights") if extension else []
+    lights = []
+    for index in sorted(world_from_nodes):
+        reference = nodes[index].extension(_EXTENSION)
+        if reference is None:
+            continue
+        entry, world_from_light = (
+            entries[reference.index("light", entries)],
+            world_from_nodes[index],
+        )
+        kind, axis = _KINDS.get(entry.text("type", "")), -world_from_light[:3, 2]
+        length = np.linalg.norm(axis)
+        if kind is None or length == 0.0:
+            continue
+        red, green, blue = entry.numbers("color", 3) or (1.0, 1.0, 1.0)
+        range_m, spot = entry.number("range", 0.0), entry.object("spot")
+        inner = spot.number("innerConeAngle", 0.0)
+        outer = spot.number("outerConeAngle", math.pi / 4.0)
+        lights.append(
+            Light(
+                kind,
+                (red, green, blue),
+                entry.number("intensity", 1.0),
+                position_m=world_from_light[:3, 3],
+                direction=axis / length,
+                range_m=range_m if range_m > 0.0 else math.inf,
+                cone_cosines=(math.cos(inner), math.cos(outer)),
+            )
+        )
+    return tuple(lights)

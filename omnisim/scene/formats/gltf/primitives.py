@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from omnisim.core.errors import SceneError
 from omnisim.core.extras import install_hint
 from omnisim.scene.formats.gltf.accessors import Accessors
-from omnisim.scene.formats.gltf.json_object import JsonObject
+from omnisim.scene.formats.gltf.document import JsonObject
 
 # OpenGL constants for `mode`
 TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6

@@ -13,32 +13,37 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
 from omnisim.core.errors import SceneError, printable
-from omnisim.scene.files.asset_resolver import AssetResolver
-from omnisim.scene.files.imported_scene import ImportedScene, colors_rgba, make_mesh, translate
 from omnisim.scene.formats.cameras import Cameras, pinhole, read_lens
 from omnisim.scene.formats.gltf.accessors import Accessors
-from omnisim.scene.formats.gltf.animated_objects import (
-    moving_objects,
-    reshaped_nodes,
-    unplayed_parts,
-)
 from omnisim.scene.formats.gltf.animations import (
     FIRST_ANIMATION,
     AnimationChoice,
     animated_nodes,
+    moving_objects,
     read_animation,
+    reshaped_nodes,
     transforms_at_start,
+    unplayed_parts,
 )
-from omnisim.scene.formats.gltf.container import read_container
 from omnisim.scene.formats.gltf.deforming_meshes import DeformingMeshes, PlayedNodes
+from omnisim.scene.formats.gltf.document import JsonObject, read_container
 from omnisim.scene.formats.gltf.features import SUPPORTED_EXTENSIONS, DrawnObjects, feature_notices
-from omnisim.scene.formats.gltf.instancing import read_copies
-from omnisim.scene.formats.gltf.json_object import JsonObject
-from omnisim.scene.formats.gltf.lights import read_lights
-from omnisim.scene.formats.gltf.materials.materials import Materials, is_unlit
-from omnisim.scene.formats.gltf.nodes import file_from_nodes, scene_parents
+from omnisim.scene.formats.gltf.materials import Materials, is_unlit
+from omnisim.scene.formats.gltf.nodes import (
+    file_from_nodes,
+    read_copies,
+    read_lights,
+    scene_parents,
+)
 from omnisim.scene.formats.gltf.primitives import POINTS_AND_LINES, TRIANGLES, Primitive
-from omnisim.scene.formats.omissions import Omissions
+from omnisim.scene.formats.imported_scene import (
+    ImportedScene,
+    Omissions,
+    colors_rgba,
+    make_mesh,
+    translate,
+)
+from omnisim.scene.formats.resources import AssetResolver
 from omnisim.scene.model import Instance, Mesh
 from omnisim.scene.textures import TextureStore
 

@@ -17,9 +17,8 @@ import trimesh
 from PIL import Image
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.files.asset_resolver import AssetResolver
-from omnisim.scene.files.conversions import conversion_hint
-from omnisim.scene.files.imported_scene import ImportedScene
+from omnisim.scene.formats.conversions import conversion_hint
+from omnisim.scene.formats.imported_scene import ImportedScene
 from omnisim.scene.formats.mesh.features import mesh_notices
 from omnisim.scene.formats.mesh.mesh_faults import early_end, mesh_fault, points_fault
 from omnisim.scene.formats.mesh.obj_text import (
@@ -29,6 +28,7 @@ from omnisim.scene.formats.mesh.obj_text import (
     undefined_materials,
 )
 from omnisim.scene.formats.mesh.trimesh_import import import_trimesh
+from omnisim.scene.formats.resources import AssetResolver
 from omnisim.scene.textures import TextureStore, unreadable_image
 
 # Formats that trimesh reads, but not as surfaces: paths, voxels and archives.

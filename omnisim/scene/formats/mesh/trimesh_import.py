@@ -21,15 +21,15 @@ from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
 from omnisim.core.errors import SceneError
 from omnisim.core.srgb import linear_from_srgb
-from omnisim.scene.files.imported_scene import (
+from omnisim.scene.formats.imported_scene import (
     PLAIN_GRAY,
     ImportedScene,
+    Omissions,
     colors_rgba,
     make_mesh,
     material_notices,
     translate,
 )
-from omnisim.scene.formats.omissions import Omissions
 from omnisim.scene.parts import AlphaMode, Instance, Material, Mesh, Texture
 from omnisim.scene.textures import TextureStore, alpha_mode_of, rgba8
 

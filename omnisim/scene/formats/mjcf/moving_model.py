@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError, did_you_mean, printable
 from omnisim.core.poses import inverse, pose_from_rotation
-from omnisim.scene.files.imported_scene import ImportedScene, make_mesh, translate
-from omnisim.scene.formats.mjcf.deformables import visible_deformables
-from omnisim.scene.formats.mjcf.names import body_name
-from omnisim.scene.formats.mjcf.reader import ModelReader
+from omnisim.scene.formats.imported_scene import ImportedScene, make_mesh, translate
+from omnisim.scene.formats.mjcf.meshes import visible_deformables
+from omnisim.scene.formats.mjcf.reader import ModelReader, body_name
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING
 from omnisim.scene.model import Scene
 from omnisim.scene.parts import Instance, StartPose

@@ -2,31 +2,32 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from itertools import chain
 from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError
+from omnisim.core.files.sources import note_file
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.short_repr import counted
-from omnisim.scene.files.imported_scene import ImportedScene, translate
 from omnisim.scene.formats import features
 from omnisim.scene.formats.cameras import Cameras, read_lens
 from omnisim.scene.formats.features import part_notices, xml_parts
-from omnisim.scene.formats.mjcf.camera_lens import lens_of
-from omnisim.scene.formats.mjcf.deformables import visible_deformables
+from omnisim.scene.formats.imported_scene import ImportedScene, translate
+from omnisim.scene.formats.mjcf.cameras import find_viewpoint, lens_of
 from omnisim.scene.formats.mjcf.geometry import Geom
-from omnisim.scene.formats.mjcf.lights import read_background, read_lighting, transformed
-from omnisim.scene.formats.mjcf.meshes import Meshes, Parts
-from omnisim.scene.formats.mjcf.model_files import note_model_files
-from omnisim.scene.formats.mjcf.names import geom_names
-from omnisim.scene.formats.mjcf.viewpoint import find_viewpoint
+from omnisim.scene.formats.mjcf.materials import read_background, read_lighting, transformed
+from omnisim.scene.formats.mjcf.meshes import Meshes, Parts, visible_deformables
+from omnisim.scene.model import Scene
 from omnisim.scene.parts import Instance
 
 # Geom groups shown by MuJoCo's own viewer; the others usually are collision shapes.
@@ -190,3 +191,116 @@ def _drawn_parts(model: mujoco.MjModel, groups: Collection[int]) -> features.Par
 
 def _one_line(text: str) -> str:
     return " ".join(text.split())
+
+
+# Names of a MuJoCo model's elements, and of the instances made from its geoms.
+
+
+_TYPES = {
+    mujoco.mjtGeom.mjGEOM_PLANE: "plane",
+    mujoco.mjtGeom.mjGEOM_HFIELD: "hfield",
+    mujoco.mjtGeom.mjGEOM_SPHERE: "sphere",
+    mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",
+    mujoco.mjtGeom.mjGEOM_ELLIPSOID: "ellipsoid",
+    mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder",
+    mujoco.mjtGeom.mjGEOM_BOX: "box",
+    mujoco.mjtGeom.mjGEOM_MESH: "mesh",
+    mujoco.mjtGeom.mjGEOM_SDF: "sdf",
+}
+_WORLD = 0
+
+
+def body_name(model: mujoco.MjModel, body: int) -> str:
+    """Name of a body; an unnamed one is named by index, such as body_7."""
+    return mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, body) or f"body_{body}"
+
+
+def geom_names(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Unique names of all geoms: body/geom; geoms of the world lack the "world/" prefix.
+
+    An unnamed geom is named after its mesh, or else after its type.
+    """
+    counts: Counter[str] = Counter()
+    names = []
+    for geom in range(model.ngeom):
+        name = _own_name(model, geom)
+        body = int(model.geom_bodyid[geom])
+        if body != _WORLD:
+            name = f"{body_name(model, body)}/{name}"
+        while counts[name]:
+            counts[name] += 1
+            name = f"{name}_{counts[name]}"
+        counts[name] = 1
+        names.append(name)
+    return tuple(names)
+
+
+def _own_name(model: mujoco.MjModel, geom: int) -> str:
+    name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_GEOM, geom)
+    kind = int(model.geom_type[geom])
+    if not name and kind == mujoco.mjtGeom.mjGEOM_MESH:
+        mesh = int(model.geom_dataid[geom])
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_MESH, mesh)
+    return name or _TYPES[mujoco.mjtGeom(kind)]
+
+
+# Files referenced by a MuJoCo model and read by MuJoCo itself, recorded as sources.
+
+
+_FOLDERS = ("assetdir", "meshdir", "texturedir")
+
+
+def note_model_files(path: Path) -> list[Element]:
+    """Record the files of a model: included files, meshes, textures and height fields.
+
+    Returns:
+        The roots of the model's XML files.
+    """
+    roots = []
+    names, folders = {""}, {""}
+    waiting, seen = [path], set()
+    while waiting:
+        file = waiting.pop()
+        if file in seen:
+            continue
+        seen.add(file)
+        note_file(file)
+        try:
+            roots.append(ElementTree.parse(file).getroot())
+        except (OSError, ElementTree.ParseError):  # MuJoCo reports faults itself
+            continue
+        for element in roots[-1].iter():
+            folders |= {element.get(key, "") for key in _FOLDERS}
+            # cube textures have one file per side: fileright, fileleft, …
+            given = {value for key, value in element.items() if key.startswith("file")}
+            names |= given
+            if element.tag == "include":
+                waiting += [path.parent / name for name in given]
+    for name in names - {""}:
+        for folder in folders:
+            candidate = path.parent / folder / name
+            if candidate.is_file():
+                note_file(candidate)
+    return roots
+
+
+# Body of a robot whose model includes its own world.
+
+
+def without_world(scene: Scene, path: Path) -> Scene:
+    """Scene of a model without the world's own geoms, usually a floor, if bodies have any geoms.
+
+    Args:
+        scene: scene of the model.
+        path: path of the model file.
+
+    Raises:
+        SceneError: MuJoCo cannot read the file.
+    """
+    model, _, _ = load_model(path)
+    owners = dict(zip(geom_names(model), model.geom_bodyid.tolist(), strict=True))
+    of_world = [name for name in scene.instance_names if owners.get(name) == _WORLD]
+    if len(of_world) < len(scene.instance_names):
+        for name in of_world:
+            scene = scene.removed(name)
+    return scene

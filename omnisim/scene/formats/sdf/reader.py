@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,30 +12,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.files.imported_scene import ImportedScene, make_mesh, translate
-from omnisim.scene.files.search_path import ResourcePath
+from omnisim.core.poses import inverse
 from omnisim.scene.formats.cameras import Cameras, read_lens
 from omnisim.scene.formats.features import part_notices, xml_parts
-from omnisim.scene.formats.omissions import Omissions
-from omnisim.scene.formats.sdf import shapes
-from omnisim.scene.formats.sdf.frames import UnplacedError
-from omnisim.scene.formats.sdf.heightmaps import read_levels, terrain
-from omnisim.scene.formats.sdf.lights import read_light
+from omnisim.scene.formats.imported_scene import ImportedScene, Omissions, make_mesh, translate
+from omnisim.scene.formats.resources import ResourcePath
+from omnisim.scene.formats.sdf.geometry import (
+    GEOMETRIES,
+    SHAPES,
+    MeshLibrary,
+    Shape,
+    centered,
+    make_shape,
+    read_levels,
+    segment_limit,
+    submesh,
+    terrain,
+)
 from omnisim.scene.formats.sdf.materials import MaterialReader
-from omnisim.scene.formats.sdf.meshes import MeshLibrary, centered, submesh
 from omnisim.scene.formats.sdf.models import (
     ENTITIES,
     UNPLACED,
+    Model,
     ModelLibrary,
     PlacedModel,
+    UnplacedError,
     placed_models,
     read_root,
+    with_pose_of,
 )
-from omnisim.scene.formats.sdf.shapes import Shape
-from omnisim.scene.formats.sdf.states import apply_state
 from omnisim.scene.formats.xml.element import XmlElement
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND
-from omnisim.scene.parts import Instance, Light, Mesh
+from omnisim.scene.parts import Instance, Light, LightKind, Mesh
 from omnisim.scene.textures import TextureStore
 
 _FARTHEST_M = 1e9
@@ -171,7 +180,7 @@ class _Reader:
         self, visual: XmlElement, file_from_visual: NDArray[np.float64] | None, name: str
     ) -> None:
         geometry = visual.find("geometry")
-        kind = None if geometry is None else next(geometry.children(*shapes.GEOMETRIES), None)
+        kind = None if geometry is None else next(geometry.children(*GEOMETRIES), None)
         if geometry is None or kind is None or file_from_visual is None:
             return
         tag = kind.element.tag
@@ -179,7 +188,7 @@ class _Reader:
             self._read_mesh(kind, visual, file_from_visual, name)
         elif tag == "heightmap":
             self._read_heightmap(kind, file_from_visual, name)
-        elif tag in shapes.SHAPES:
+        elif tag in SHAPES:
             shape = self._shape(geometry, kind)
             material = self._materials.read(visual, double_sided=not shape.is_closed)
             self._place(shape, material, file_from_visual, name)
@@ -204,8 +213,8 @@ class _Reader:
         """Shape of a geometry; equal geometries share one."""
         key = tuple((one.tag, (one.text or "").strip()) for one in geometry.element.iter())
         if key not in self._shapes:
-            self._shapes[key] = shapes.make_shape(
-                geometry, kind, shapes.segment_limit(self._library.round_shapes)
+            self._shapes[key] = make_shape(
+                geometry, kind, segment_limit(self._library.round_shapes)
             )
         return self._shapes[key]
 
@@ -267,3 +276,111 @@ class _Reader:
                 self._omissions.count(f"{path.name}: a part is too far away to be drawn", "part")
                 continue
             self._instances.append(Instance(name, self._made[key][0], pose, file_from_visual))
+
+
+# State of a world: saved poses, from which Gazebo Classic restores its models.
+
+
+_UNIT = (1.0, 1.0, 1.0)
+
+
+def apply_state(world: Model, omissions: Omissions) -> None:
+    """Move models, links and lights to their saved poses, which are in the world frame.
+
+    Raises:
+        SceneError: invalid values.
+    """
+    state = world.element.find("state")
+    if state is None:
+        return
+    _move(world, state, omissions)
+    lights = {light.name: light for light in state.children("light")}
+    world.others[:] = [with_pose_of(one, lights.get(one.name, one)) for one in world.others]
+    for _ in state.children("insertions"):
+        omissions.count("insertions of a state are not made", "state")
+
+
+def _move(outer: Model, state: XmlElement, omissions: Omissions) -> None:
+    """Move the models and links of the world or of a model.
+
+    Args:
+        outer: the world, or a model that is already moved.
+        state: saved state of `outer`.
+        omissions: counts of saved values that are not applied.
+    """
+    world_from_outer = state.pose()
+    models = {model.name: model for model in outer.models}
+    for saved in state.children("model", "link"):
+        is_model = saved.element.tag == "model"
+        if saved.find("pose") is not None and (saved.name in models or not is_model):
+            outer.scope.place(saved.name, inverse(world_from_outer) @ saved.pose())
+        if is_model and saved.name in models:
+            if saved.vector("scale", _UNIT) != _UNIT:
+                omissions.count("scales of a state are not applied", "model")
+            _move(models[saved.name], saved, omissions)
+
+
+# Lights of worlds and links.
+
+
+_KINDS = {kind.value: kind for kind in LightKind}
+_REFERENCE_M = 5.0  # distance of equal brightness for lights with another falloff
+_ATTENUATION = "attenuation of lights is drawn as that of 1/distance², equal at a few meters"
+
+
+def read_light(
+    element: XmlElement, world_from_light: NDArray[np.float64], omissions: Omissions
+) -> Light | None:
+    """Light in the world; None: switched off or black.
+
+    Intensities are relative: at intensity 1 a white surface appears white.
+
+    Raises:
+        SceneError: invalid values.
+    """
+    kind = _KINDS.get(element.attribute("type") or "point")
+    if kind is None:
+        raise element.error("type point, directional or spot", element.attribute("type"))
+    color = element.color("diffuse") or (1.0, 1.0, 1.0)
+    intensity = element.number("intensity", 1.0)
+    if not element.flag("light_on", default=True) or not any(color) or intensity <= 0.0:
+        return None
+    direction = np.array(element.vector("direction", (0.0, 0.0, -1.0)))
+    length = float(np.linalg.norm(direction))
+    axis = world_from_light[:3, :3] @ (direction / length if length > 1e-9 else (0.0, 0.0, -1.0))
+    # Gazebo's point lights cast no shadows, and often sit inside lamp meshes
+    casts_shadow = element.flag("cast_shadows") and kind is not LightKind.POINT
+    if kind is LightKind.DIRECTIONAL:
+        return Light(kind, color, intensity, direction=axis, casts_shadow=casts_shadow)
+    range_m = element.positive("attenuation/range", 10.0)
+    return Light(
+        kind,
+        color,
+        intensity * _candela(element, range_m, omissions),
+        position_m=world_from_light[:3, 3].copy(),
+        direction=axis,
+        range_m=range_m,
+        casts_shadow=casts_shadow,
+        cone_cosines=_cone_cosines(element) if kind is LightKind.SPOT else (1.0, 0.0),
+    )
+
+
+def _candela(element: XmlElement, range_m: float, omissions: Omissions) -> float:
+    """Luminous intensity, cd, of a light with intensity 1."""
+    constant, linear, quadratic = (
+        max(element.number(f"attenuation/{key}", default), 0.0)
+        for key, default in (("constant", 1.0), ("linear", 1.0), ("quadratic", 0.0))
+    )
+    if constant == linear == 0.0 and quadratic > 0.0:
+        return 1.0 / quadratic
+    omissions.count(_ATTENUATION, "light")
+    distance = min(0.25 * range_m, _REFERENCE_M)
+    falloff = constant + linear * distance + quadratic * distance**2
+    return distance**2 / max(falloff, 1e-3)
+
+
+def _cone_cosines(element: XmlElement) -> tuple[float, float]:
+    """Cosines of the inner and outer half-angles; the file states full angles."""
+    outer = min(max(element.number("spot/outer_angle", 0.0), 1e-3), math.pi)
+    inner = min(max(element.number("spot/inner_angle", 0.0), 0.0), outer)
+    return math.cos(0.5 * inner), math.cos(0.5 * outer)

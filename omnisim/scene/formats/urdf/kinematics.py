@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+from pathlib import Path
+from xml.etree.ElementTree import ParseError, iterparse
+
 import numpy as np
 import scipy  # loads its submodules on first use
 from numpy.typing import NDArray
@@ -80,3 +84,14 @@ def _motion(joint: XmlElement) -> NDArray[np.float64]:
         return pose_from_rotation(np.eye(3), vector)
     rotation = scipy.spatial.transform.Rotation.from_rotvec(vector).as_matrix()
     return pose_from_rotation(rotation, np.zeros(3))
+
+
+# Detection of URDF among XML files.
+
+
+def is_urdf(path: Path) -> bool:
+    """True for a file with a `<robot>` root."""
+    with path.open("rb") as file, suppress(ParseError, StopIteration, ValueError, LookupError):
+        _, root = next(iterparse(file, ("start",)))
+        return bool(root.tag == "robot")
+    return False

@@ -17,14 +17,18 @@ from omnisim.core.files.sources import read_source
 from omnisim.core.short_repr import counted
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene import primitives
-from omnisim.scene.files.imported_scene import PLAIN_GRAY, ImportedScene, make_mesh, translate
-from omnisim.scene.files.search_path import ResourcePath
 from omnisim.scene.formats.features import part_notices, xml_parts
-from omnisim.scene.formats.omissions import Omissions
-from omnisim.scene.formats.sdf.meshes import MeshLibrary
+from omnisim.scene.formats.imported_scene import (
+    PLAIN_GRAY,
+    ImportedScene,
+    Omissions,
+    make_mesh,
+    translate,
+)
+from omnisim.scene.formats.resources import ResourcePath
+from omnisim.scene.formats.sdf.geometry import MeshLibrary
 from omnisim.scene.formats.urdf.kinematics import link_poses
-from omnisim.scene.formats.xml.document import parse_xml
-from omnisim.scene.formats.xml.element import XmlElement
+from omnisim.scene.formats.xml.element import XmlElement, parse_xml
 from omnisim.scene.parts import AlphaMode, Instance, Material, Mesh, Texture
 from omnisim.scene.primitives import Surface
 from omnisim.scene.textures import TextureStore, alpha_mode_of

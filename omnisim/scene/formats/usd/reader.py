@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.files.sources import Sources, note_sources, recorded_sources
-from omnisim.scene.files.file_axes import FileAxes
-from omnisim.scene.files.imported_scene import ImportedScene
+from omnisim.scene.formats.imported_scene import FileAxes, ImportedScene
 from omnisim.scene.formats.usd.process import call_isolated
 
 

@@ -8,9 +8,8 @@ from pathlib import Path
 from pxr import Tf, Usd, UsdGeom
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.files.file_axes import FileAxes
 from omnisim.scene.formats.features import Parts, feature_table
-from omnisim.scene.formats.omissions import Omissions
+from omnisim.scene.formats.imported_scene import FileAxes, Omissions
 
 _LIGHTS = ("SphereLight", "DiskLight", "RectLight", "CylinderLight", "DistantLight", "DomeLight")
 _READ_TYPES = ("Mesh", "Camera", *_LIGHTS)  # types all of whose properties are looked at

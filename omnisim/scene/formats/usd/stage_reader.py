@@ -3,32 +3,36 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Ar, Tf, Usd, UsdGeom
+from pxr import Ar, Kind, Tf, Usd, UsdGeom, UsdShade
 
 from omnisim.core.errors import SceneError
 from omnisim.core.files.sources import note_file
 from omnisim.ground_truth.label_names import distinct_color
-from omnisim.scene.files.asset_resolver import AssetResolver
-from omnisim.scene.files.file_axes import FileAxes, world_from_axes
-from omnisim.scene.files.imported_scene import ImportedScene, translate
 from omnisim.scene.formats.cameras import Cameras, read_lens
 from omnisim.scene.formats.features import part_notices
-from omnisim.scene.formats.omissions import Omissions
+from omnisim.scene.formats.imported_scene import (
+    FileAxes,
+    ImportedScene,
+    Omissions,
+    translate,
+    world_from_axes,
+)
+from omnisim.scene.formats.resources import AssetResolver
 from omnisim.scene.formats.usd.cameras import lens_of, start_of_camera
+from omnisim.scene.formats.usd.corners import integers, texts
 from omnisim.scene.formats.usd.gprims import Gprims
-from omnisim.scene.formats.usd.instancers import read_copies
 from omnisim.scene.formats.usd.lights import Lights, is_light
-from omnisim.scene.formats.usd.shading.texture_files import TextureFiles
+from omnisim.scene.formats.usd.shading import TextureFiles
 from omnisim.scene.formats.usd.shapes import is_shape
 from omnisim.scene.formats.usd.stage import first_time, open_stage, stage_axes, stage_parts
 from omnisim.scene.formats.usd.surfaces import Surfaces
-from omnisim.scene.formats.usd.walk import Site, Walk
 from omnisim.scene.parts import Instance, LabelRule, StartPose
 from omnisim.scene.textures import TextureStore, large_textures
 
@@ -228,3 +232,205 @@ def _labels(class_of: dict[str, str]) -> tuple[LabelRule, ...]:
         )
         for number, name in enumerate(sorted(set(class_of.values())), start=1)
     )
+
+
+# Traversal of a stage: visible prims, their poses, and the objects that contain them.
+
+
+MAX_DEPTH = 500  # nesting depth of prims, which Sdf paths do not limit
+_DRAWN = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
+
+
+class ObjectFrame(NamedTuple):
+    """Object that contains prims: a component, or a prim with a class.
+
+    Attributes:
+        name, path: name and path of the object's prim.
+        stage_from_object: (4, 4) transform.
+        class_name: semantic class; empty: none.
+    """
+
+    name: str
+    path: str
+    stage_from_object: NDArray[np.float64]
+    class_name: str = ""
+
+
+class Site(NamedTuple):
+    """Prim with its inherited properties.
+
+    Attributes:
+        prim: the prim itself, or its proxy in an instance.
+        stage_from_prim: (4, 4) transform.
+        purpose: purpose of UsdGeomImageable.
+        owner: object that contains the prim; None: no object.
+    """
+
+    prim: Usd.Prim
+    stage_from_prim: NDArray[np.float64]
+    purpose: str = UsdGeom.Tokens.default_
+    owner: ObjectFrame | None = None
+
+    @property
+    def is_drawn(self) -> bool:
+        """True for the purposes default and render."""
+        return self.purpose in _DRAWN
+
+
+class Walk:
+    """Traversal of visible prims, parents before children, in stage order."""
+
+    def __init__(self, stage: Usd.Stage, time: Usd.TimeCode, notices: Omissions):
+        self._time, self._notices = time, notices
+        self._children = Usd.TraverseInstanceProxies()
+        default = stage.GetDefaultPrim()
+        roots = stage.GetPseudoRoot().GetChildren()
+        self._whole = default or (roots[0] if len(roots) == 1 else None)
+
+    def sites(self, root: Usd.Prim, stage_from_parent: NDArray[np.float64]) -> Iterator[Site]:
+        """Sites of a prim and its descendants, except those below a PointInstancer.
+
+        Raises:
+            SceneError: prims nested too deeply.
+        """
+        stack = [(Site(root, stage_from_parent), 0)]
+        while stack:
+            parent, depth = stack.pop()
+            site = parent if parent.prim.IsPseudoRoot() else self._site(parent)
+            if site is None:
+                continue
+            if depth > MAX_DEPTH:
+                raise SceneError(f"{site.prim.GetPath()}: expected at most {MAX_DEPTH} levels")
+            yield site
+            if site.prim.IsA(UsdGeom.PointInstancer) or site.prim.IsA(UsdShade.Material):
+                continue
+            children = site.prim.GetFilteredChildren(self._children)
+            stack += [(site._replace(prim=child), depth + 1) for child in reversed(children)]
+
+    def path_name(self, prim: Usd.Prim) -> str:
+        """Path of a prim, relative to the prim that contains the whole stage."""
+        path = prim.GetPath()
+        if self._whole and path != self._whole.GetPath() and path.HasPrefix(self._whole.GetPath()):
+            return str(path.MakeRelativePath(self._whole.GetPath()))
+        return str(path).lstrip("/")
+
+    def _site(self, inherited: Site) -> Site | None:
+        """Site of a prim, from its parent's pose, purpose and object; None: invisible."""
+        prim, owner = inherited.prim, inherited.owner
+        imageable = UsdGeom.Imageable(prim)
+        if not imageable:
+            return inherited
+        if imageable.GetVisibilityAttr().Get(self._time) == UsdGeom.Tokens.invisible:
+            self._notices.count("invisible prims are not drawn")
+            return None
+        purpose = imageable.GetPurposeAttr()
+        matrix = self._stage_from_prim(prim, inherited.stage_from_prim)
+        class_name = semantic_class(prim, self._time)
+        if class_name or (owner is None and prim != self._whole and _is_component(prim)):
+            owner = ObjectFrame(prim.GetName(), str(prim.GetPath()), matrix, class_name or "")
+        return Site(
+            prim,
+            matrix,
+            str(purpose.Get()) if purpose.HasAuthoredValue() else inherited.purpose,
+            owner,
+        )
+
+    def _stage_from_prim(
+        self, prim: Usd.Prim, stage_from_parent: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        form = UsdGeom.Xformable(prim)
+        if not form:
+            return stage_from_parent
+        # usd-core's matrices multiply row vectors
+        parent_from_prim = np.array(form.GetLocalTransformation(self._time)).T
+        if form.TransformMightBeTimeVarying():
+            self._notices.count("animation: rests at its first frame")
+        with np.errstate(all="ignore"):
+            if form.GetResetXformStack():
+                return parent_from_prim
+            product: NDArray[np.float64] = stage_from_parent @ parent_from_prim
+            return product
+
+
+def _is_component(prim: Usd.Prim) -> bool:
+    kind = Usd.ModelAPI(prim).GetKind()
+    return bool(kind) and Kind.Registry.IsA(kind, Kind.Tokens.component)
+
+
+# Semantic classes of prims: UsdSemantics, and Omniverse's older schema.
+
+
+_LABELS = "semantics:labels:"
+_TAXONOMIES = ("class", "category")  # in order of preference
+_OLDER_TYPE, _OLDER_DATA = ":params:semanticType", ":params:semanticData"
+
+
+def semantic_class(prim: Usd.Prim, time: Usd.TimeCode) -> str | None:
+    """Class stated by a prim itself; None: no class."""
+    names = [name for name in prim.GetAppliedSchemas() if name.startswith("Semantics")]
+    if not names:
+        return None
+    for taxonomy in _TAXONOMIES:
+        labels = prim.GetAttribute(_LABELS + taxonomy)
+        values = texts(labels.Get(time)) if labels else []
+        if values:
+            return values[0]
+    for name in names:
+        prefix = "semantic:" + name.partition(":")[2]
+        kind, data = (prim.GetAttribute(prefix + end) for end in (_OLDER_TYPE, _OLDER_DATA))
+        if kind and data and kind.Get(time) == "class" and data.Get(time):
+            return str(data.Get(time))
+    return None
+
+
+# Point instancers: prototypes at many poses.
+
+
+class Copies(NamedTuple):
+    """Copies of a prototype.
+
+    Attributes:
+        prototype: root prim of the prototype.
+        numbers: (n,) indices of the copies within the instancer.
+        instancer_from_copies: (n, 4, 4) transforms.
+    """
+
+    prototype: Usd.Prim
+    numbers: NDArray[np.int64]
+    instancer_from_copies: NDArray[np.float64]
+
+
+def read_copies(instancer: UsdGeom.PointInstancer, time: Usd.TimeCode) -> list[Copies]:
+    """Visible copies of each prototype of an instancer.
+
+    Raises:
+        SceneError: invalid prototype indices, or numbers of poses that do not match.
+    """
+    prim = instancer.GetPrim()
+    targets = instancer.GetPrototypesRel().GetForwardedTargets()
+    rows = integers(instancer.GetProtoIndicesAttr().Get(time))
+    if not len(rows):
+        return []
+    if rows.min() < 0 or rows.max() >= len(targets):
+        raise SceneError(
+            f"{prim.GetPath()}.protoIndices: expected numbers below {len(targets)}, as there are "
+            f"prototypes, got {rows.max() if rows.min() >= 0 else rows.min()}"
+        )
+    poses = instancer.ComputeInstanceTransformsAtTime(
+        time, time, UsdGeom.PointInstancer.ExcludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
+    )
+    # usd-core's matrices multiply row vectors
+    matrices = np.array(poses, dtype=np.float64).reshape(-1, 4, 4).swapaxes(1, 2)
+    if len(matrices) != len(rows):
+        raise SceneError(
+            f"{prim.GetPath()}: expected as many positions, orientations and scales as "
+            f"protoIndices, {len(rows)}"
+        )
+    visible = np.array(instancer.ComputeMaskAtTime(time) or np.ones(len(rows)), dtype=bool)
+    copies = []
+    for row, target in enumerate(targets):
+        prototype = prim.GetStage().GetPrimAtPath(target)
+        chosen = np.flatnonzero((rows == row) & visible)
+        if prototype and len(chosen):
+            copies.append(Copies(prototype, chosen, matrices[chosen]))
+    return copies

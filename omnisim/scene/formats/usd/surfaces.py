@@ -9,10 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdShade
 
-from omnisim.scene.formats.omissions import Omissions
-from omnisim.scene.formats.usd.shading import omni_pbr
-from omnisim.scene.formats.usd.shading.shading import Affine, Inputs, ShaderInput, TextureSource
-from omnisim.scene.formats.usd.shading.texture_files import CHANNELS, TextureFiles
+from omnisim.scene.formats.imported_scene import Omissions
+from omnisim.scene.formats.usd.shading import (
+    CHANNELS,
+    OMNI_PBR_NAMES,
+    Affine,
+    Inputs,
+    ShaderInput,
+    TextureFiles,
+    TextureSource,
+    read_omni_pbr,
+)
 from omnisim.scene.parts import AlphaMode, Material, Texture
 from omnisim.scene.surface_reflectance import MAX_PANE_ROUGHNESS
 
@@ -57,9 +64,9 @@ class Surfaces:
                 inputs = Inputs(shader, self._time, self._notices)
                 return _PreviewSurface(name, inputs, self._files, self._notices).read()
         shader = material.ComputeSurfaceSource("mdl")[0]
-        if shader and shader.GetSourceAssetSubIdentifier("mdl") in omni_pbr.NAMES:
+        if shader and shader.GetSourceAssetSubIdentifier("mdl") in OMNI_PBR_NAMES:
             inputs = Inputs(shader, self._time, self._notices)
-            return Appearance(*omni_pbr.read_omni_pbr(name, inputs, self._files, self._notices))
+            return Appearance(*read_omni_pbr(name, inputs, self._files, self._notices))
         self._notices.add(
             f"material {name!r} has no UsdPreviewSurface: its meshes have their display color"
         )

@@ -110,6 +110,13 @@ def test_the_command_stops_at_what_all_need_and_writes_its_report(omnisim, monke
     assert len(json.loads((tmp_path / "r.json").read_text())["steps"]) == 3
 
 
+def test_a_report_that_cannot_be_written_ends_the_command_first(omnisim, monkeypatch):
+    monkeypatch.setattr(command, "run_step", None)
+    status, text, error = omnisim("doctor", "--report", "/proc/x.txt")
+    expected = "error: /proc/x.txt: the folder /proc cannot be written to\n"
+    assert (status, text, error) == (1, "", expected)
+
+
 def test_references_are_the_images_of_the_scenes(context):
     """To renew them: OMNISIM_RENEW_GOLDEN=1 pytest this file, and look at the image."""
     if "llvmpipe" not in graphics_info(context).renderer:

@@ -1,7 +1,6 @@
-"""`omnisim render --trajectory`: lenses and rigs along poses of a file."""
+"""`omnisim record`: lenses and rigs along poses of a file."""
 
 import dataclasses
-import inspect
 import json
 from pathlib import Path
 
@@ -9,10 +8,6 @@ import cv2
 import numpy as np
 import pytest
 
-from omnisim.apps.cli import inputs
-from omnisim.apps.cli.images import recording, trajectory
-from omnisim.apps.cli.images.requests import RenderRequest
-from omnisim.apps.cli.options import parameters
 from omnisim.cameras import camera_from_parameters
 from omnisim.cameras.calibration import Calibration, NamedPose, load_calibration
 from omnisim.core.bilinear import sample
@@ -39,13 +34,13 @@ POSES = np.array(
 
 
 @pytest.fixture
-def render(omnisim):
-    """Renders along poses of an IMU in the file poses.tum, into the folder run."""
+def record(omnisim):
+    """Records along poses of an IMU in the file poses.tum, into the folder run."""
 
     def command(*options, scene="courtyard"):
         if not Path("poses.tum").exists():
             write_trajectory(Path("poses.tum"), Trajectory(np.array([0.5, 1.0]), POSES))
-        status, out, err = omnisim("render", scene, *options, "-o", "run")
+        status, out, err = omnisim("record", scene, *options, "-o", "run")
         assert (status, out == "") in ((0, False), (1, True)), err
         return err if status else out
 
@@ -56,8 +51,8 @@ def _poses(camera):
     return read_trajectory(Path("run", camera, "poses.tum")).world_from_base
 
 
-def test_the_right_image_of_a_chain_is_a_single_image_at_the_composed_pose(render):
-    render("--trajectory", "poses.tum", "--camera", TUM_VI, *FAST)
+def test_the_right_image_of_a_chain_is_a_single_image_at_the_composed_pose(record):
+    record("--trajectory", "poses.tum", "--camera", TUM_VI, *FAST)
     right = load_calibration(TUM_VI).camera("cam1")
     chain = {
         p.source: p.target_from_source for c in load_calibration(TUM_VI).cameras for p in c.poses
@@ -78,8 +73,8 @@ def test_the_right_image_of_a_chain_is_a_single_image_at_the_composed_pose(rende
     assert frame.rgb.std() > 20.0
 
 
-def test_a_point_seen_by_both_cameras_reprojects_by_opencv(render):
-    render(
+def test_a_point_seen_by_both_cameras_reprojects_by_opencv(record):
+    record(
         "--trajectory",
         "poses.tum",
         "--camera",
@@ -145,25 +140,25 @@ class _OpencvFisheye:
         return np.ptp(corners, axis=0) < 0.02 * np.min(corners, axis=0)
 
 
-def test_an_interrupted_run_goes_on_and_another_is_refused(render):
+def test_an_interrupted_run_goes_on_and_another_is_refused(record):
     options = ("--trajectory", "poses.tum", "--camera", TUM_VI, *FAST, "--also", "range,instance")
-    assert "2 steps; " in render(*options)
+    assert "2 steps; " in record(*options)
     files = {path: path.read_bytes() for path in sorted(Path("run").rglob("*")) if path.is_file()}
     for name in ("cam0/000001.png", "cam1/000001.channels.exr", "cam1/poses.tum"):
         Path("run", name).unlink()
-    assert "1 of them there before" in render(*options)
+    assert "1 of them there before" in record(*options)
     assert files == {path: path.read_bytes() for path in files}
-    assert "another run is in this folder" in render(*options, "--unlit")
+    assert "another run is in this folder" in record(*options, "--unlit")
     assert files == {path: path.read_bytes() for path in files}
-    assert "2 steps; " in render(*options, "--camera-name", "cam1", "--force")
+    assert "2 steps; " in record(*options, "--camera-name", "cam1", "--force")
     assert not Path("run/cam0").exists()
     for name in ("000001.png", "000001.channels.exr", "poses.tum"):
         assert Path("run/cam1", name).read_bytes() == files[Path("run/cam1", name)]
 
 
-def test_transforms_of_nerfstudio_bring_poses_and_camera_and_come_back(render, omnisim):
+def test_transforms_of_nerfstudio_bring_poses_and_camera_and_come_back(record, omnisim):
     source = SAMPLES / "transforms.json"
-    render("--trajectory", source, *FAST)
+    record("--trajectory", source, *FAST)
     opengl = np.diag([1.0, -1.0, -1.0, 1.0])
     frames = json.loads(source.read_text())["frames"]
     expected = np.array([frame["transform_matrix"] for frame in frames]) @ opengl
@@ -179,7 +174,7 @@ def test_transforms_of_nerfstudio_bring_poses_and_camera_and_come_back(render, o
     returned.save("transforms.json", "nerfstudio")
     first = Path("run/camera/000001.png")
     pixels, _ = read_image(first)
-    assert "2 steps; " in render("--trajectory", "transforms.json", "--quality", "fast", "--force")
+    assert "2 steps; " in record("--trajectory", "transforms.json", "--quality", "fast", "--force")
     np.testing.assert_array_equal(read_image(first)[0], pixels)
 
 
@@ -187,9 +182,9 @@ def test_transforms_of_nerfstudio_bring_poses_and_camera_and_come_back(render, o
     ("sample", "camera"),
     [("kitti360_image_02.yaml", "image_02"), ("basalt_tum_vi_ds.json", "cam0")],
 )
-def test_other_calibrations_go_along_a_trajectory(render, sample, camera):
+def test_other_calibrations_go_along_a_trajectory(record, sample, camera):
     calibration = SAMPLES / sample
-    render(
+    record(
         "--trajectory", "poses.tum", "--trajectory-frame", "camera", "--camera", calibration, *FAST
     )
     np.testing.assert_allclose(_poses(camera), POSES, atol=1e-8)
@@ -199,8 +194,8 @@ def test_other_calibrations_go_along_a_trajectory(render, sample, camera):
     assert pixels.std() > 20.0
 
 
-def test_a_bare_sensor_is_carried_by_a_vehicle_and_placed(render):
-    render("--trajectory", "poses.tum", "--at", 1, 0, 0, "--yaw", 90, *FAST)
+def test_a_bare_sensor_is_carried_by_a_vehicle_and_placed(record):
+    record("--trajectory", "poses.tum", "--at", 1, 0, 0, "--yaw", 90, *FAST)
     placed = pose((1.0, 0.0, 0.0), yaw_deg=90.0) @ POSES
     truth = read_trajectory(Path("run/ground_truth.tum"))
     np.testing.assert_allclose(truth.world_from_base, placed, atol=1e-8)
@@ -211,16 +206,16 @@ def test_a_bare_sensor_is_carried_by_a_vehicle_and_placed(render):
 
 def test_poses_outside_of_the_scene_are_noted(omnisim):
     write_trajectory(Path("poses.tum"), Trajectory(np.array([0.5, 1.0]), POSES))
-    line = ("render", "rings", "--trajectory", "poses.tum", *FAST)
+    line = ("record", "rings", "--trajectory", "poses.tum", *FAST)
     assert "outside" not in omnisim(*line, "-o", "inside")[2]
     status, _, err = omnisim(*line, "--at", 500, 0, 0, "-o", "outside")
     assert status == 0
     assert "poses.tum: 2 of 2 poses outside of the scene, which spans (" in err
 
 
-def test_a_run_of_a_rig_is_plotted_and_has_no_odometry_to_localize_by(render, omnisim):
+def test_a_run_of_a_rig_is_plotted_and_has_no_odometry_to_localize_by(record, omnisim):
     pytest.importorskip("matplotlib")
-    render("--trajectory", "poses.tum", *FAST, scene="soccer")
+    record("--trajectory", "poses.tum", *FAST, scene="soccer")
     assert omnisim("plot", "run")[0] == 0
     status, _, err = omnisim("localize", "run", "-o", "found")
     assert status == 1
@@ -234,7 +229,7 @@ def test_a_robots_sensors_go_along_a_trajectory_without_wheels(omnisim):
         'name = "rig"\n[[sensors]]\nname = "imu"\ntype = "imu"\nposition_m = [0.0, 0.0, 0.1]\n'
         '[[sensors]]\nname = "lidar"\ntype = "lidar"\nposition_m = [0.1, 0.0, 0.4]\nfirings = 36\n'
     )
-    line = "render", "rings", "--trajectory", "poses.tum", "--robot", "rig.toml", "-o", "run"
+    line = "record", "rings", "--trajectory", "poses.tum", "--robot", "rig.toml", "-o", "run"
     status, _, err = omnisim(*line)
     assert status == 0, err
     assert "poses of the rig's base" in err
@@ -254,14 +249,9 @@ def test_a_robots_sensors_go_along_a_trajectory_without_wheels(omnisim):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--trajectory", "poses.tum", "--faces", "f"], "--faces: expected a single viewpoint"),
-        (["--trajectory", "poses.tum", "--speed", "1"], "--speed: expected a single viewpoint"),
         (["--trajectory", "none.tum"], "none.tum: cannot be read"),
         (["--trajectory", "poses.tum", "--camera-name", "all"], "--camera-name: requires --camera"),
         (["--trajectory", "poses.tum", "--camera", TUM_VI, "--camera-name", "cam7"], "got 'cam7'"),
-        (["--trajectory-frame", "body"], "--trajectory-frame: requires --trajectory"),
-        (["--rate", "10"], "--rate: requires --trajectory"),
-        (["--force"], "--force: requires --trajectory"),
         (
             ["--trajectory", SAMPLES / "transforms.json", "--preset", "webcam"],
             "has no times, and the exposure of camera depends on them: pass --rate HZ",
@@ -272,17 +262,17 @@ def test_a_robots_sensors_go_along_a_trajectory_without_wheels(omnisim):
         ),
     ],
 )
-def test_what_makes_no_sense_is_one_line(render, options, words):
-    text = render(*options)
+def test_what_makes_no_sense_is_one_line(record, options, words):
+    text = record(*options)
     assert words in text
     assert len([line for line in text.splitlines() if line.startswith("error")]) == 1
     assert not Path("run").exists()
 
 
 def test_a_image_is_no_folder(omnisim):
-    status, _, err = omnisim("render", "rings", "--trajectory", "a.tum", "-o", "a.png")
+    status, _, err = omnisim("record", "rings", "--trajectory", "a.tum", "-o", "a.png")
     assert status == 1
-    assert "a.png: expected a folder with --trajectory, got an image" in err
+    assert "a.png: expected a folder, got an image" in err
 
 
 def test_a_single_viewpoint_tilts(omnisim):
@@ -301,17 +291,3 @@ def test_a_single_viewpoint_tilts(omnisim):
         metadata["world_from_base"], pose((0, 0, 1.2), roll_deg=-10.0, pitch_deg=20.0, yaw_deg=30.0)
     )
     assert down[2] < -0.9
-
-
-def test_every_option_of_render_is_taken_or_refused_with_a_trajectory():
-    """By name in the code, or in the table of those that are for a single image."""
-    sources = "".join(inspect.getsource(module) for module in (trajectory, recording, inputs))
-    groups = {field.name: field.type for field in dataclasses.fields(RenderRequest)}
-    for name in parameters(RenderRequest):
-        owner = next(
-            (group for group, kind in groups.items() if name in getattr(kind, "__annotations__", {})
-             or name in getattr(kind, "__dataclass_fields__", {})), "",
-        )  # fmt: skip
-        refused = trajectory.SINGLE_IMAGE.get(owner)
-        is_refused = refused is not None and (not refused or name in refused)
-        assert is_refused or f".{name}" in sources, name

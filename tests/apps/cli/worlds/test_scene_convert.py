@@ -9,7 +9,7 @@ import trimesh
 
 from omnisim import OmniCamera, Scene, load_scene, open_sensor
 from omnisim.core.errors import SceneError
-from omnisim.scene.formats.gltf.writing.writer import write_glb
+from omnisim.scene.formats.gltf.writer import write_glb
 from omnisim.scene.model import LightKind, Material, Texture
 from tests.scene.gltf_builder import glb, skinned_and_textured
 from tests.scenes import scene_of, square

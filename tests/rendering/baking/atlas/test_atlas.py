@@ -8,12 +8,15 @@ import pytest
 pytest.importorskip("xatlas")
 
 from omnisim.core.errors import SceneError
-from omnisim.rendering.baking.atlas.atlas import automatic_atlas, build_atlas
-from omnisim.rendering.baking.atlas.packing import pack
-from omnisim.rendering.baking.atlas.rasterization import GRID, rasterize
-from omnisim.rendering.baking.atlas.texel_sizes import MAX_LENGTH, coarseness
-from omnisim.rendering.baking.atlas.unwrapping import unwrap
-from omnisim.rendering.baking.solids import hollow_triangles, instances_of
+from omnisim.rendering.baking.atlas.atlas import (
+    MAX_LENGTH,
+    automatic_atlas,
+    build_atlas,
+    coarseness,
+)
+from omnisim.rendering.baking.atlas.patches import GRID, rasterize
+from omnisim.rendering.baking.atlas.unwrapping import pack, unwrap
+from omnisim.rendering.baking.bake import hollow_triangles, instances_of
 from omnisim.scene import Scene, load_scene
 from tests.rendering.baking.rooms import box, lit_by
 

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from omnisim.rendering.baking.atlas.lightmap import lightmap
+from omnisim.rendering.baking.baked_files import lightmap
 
 CHARTS = np.array([[0, 0, 0, 1, 1], [0, 0, 0, 1, 1], [-1, -1, 2, 2, 2]], dtype=np.int32)
 

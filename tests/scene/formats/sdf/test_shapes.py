@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from omnisim.core.errors import SceneError
-from omnisim.scene.formats.sdf.shapes import segment_limit
+from omnisim.scene.formats.sdf.geometry import segment_limit
 from tests.scene.formats.sdf.worlds import load, model, sdf, visual
 
 # A circle's polygon differs from it by some 1e-4 of its area.

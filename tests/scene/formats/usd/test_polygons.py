@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from omnisim.scene.formats.usd.corners import Corners, PrimvarValues, make_vertices
-from omnisim.scene.formats.usd.polygons import triangulate
-from omnisim.scene.formats.usd.primvars import integers
+from omnisim.scene.formats.usd.corners import (
+    Corners,
+    PrimvarValues,
+    integers,
+    make_vertices,
+    triangulate,
+)
 
 
 def _star(corners, seed):

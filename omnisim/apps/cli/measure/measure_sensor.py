@@ -1,0 +1,454 @@
+"""`omnisim measure response`, `noise`, `timing` and `sharpness`: the sensor behind the lens."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.apps.cli.console import out, print_note, track
+from omnisim.apps.cli.measure.measured_files import (
+    check_outputs,
+    check_size,
+    read_board_shape,
+    read_reports,
+    round_to_sigma,
+    sensor_tables,
+    stated_camera,
+    write_measured,
+)
+from omnisim.apps.cli.measure.requests import (
+    MeasureNoiseRequest,
+    MeasureResponseRequest,
+    MeasureSharpnessRequest,
+    MeasureTimingRequest,
+)
+from omnisim.cameras.optics.boards.board_corners import BoardCorners, read_corners
+from omnisim.core.errors import MeasurementError
+from omnisim.core.extras import require_extra
+from omnisim.measurement.geometry import BoardView, find_boards, read_board
+from omnisim.measurement.geometry.board_detection import image_files
+from omnisim.measurement.geometry.placed_board import BoardSurface
+from omnisim.measurement.inputs import frame_numbers
+from omnisim.measurement.noise import (
+    FrameStatistics,
+    MeasuredNoise,
+    find_frame_sets,
+    measure_noise,
+    read_statistics,
+)
+from omnisim.measurement.quantity import Quantity, Unobservable
+from omnisim.measurement.response import (
+    MeasuredResponse,
+    MeasuredVignetting,
+    measure_response,
+    measure_vignetting,
+)
+from omnisim.measurement.response.light_falloff import check_unclipped, mean_image
+from omnisim.measurement.sharpness import (
+    EdgeSharpness,
+    MeasuredSharpness,
+    find_edge_images,
+    measure_sharpness,
+    read_edge_image,
+)
+from omnisim.measurement.timing import (
+    MeasuredReadout,
+    MeasuredTiming,
+    line_profiles,
+    measure_readout,
+    measure_timing,
+)
+from omnisim.rendering.camera.degradations import Encoding
+from omnisim.rendering.camera.degradations.fixed_pattern import write_pattern
+from omnisim.rendering.camera.omnicamera import OmniCamera
+
+_GREEN = 1
+_NAMES = ("red", "green", "blue")
+_MIN_TINT = 0.005  # below: balanced
+MIN_GAMMA, MAX_GAMMA = 0.1, 10.0
+
+
+def response(request: MeasureResponseRequest) -> None:
+    """Measure the response and, from flat fields, the vignetting, and write a sensor file."""
+    check_outputs(request.output, request.sensor)
+    if request.white is not None and not request.white > request.black:
+        raise MeasurementError(
+            f"--white: expected a level above the black one, {request.black:g}, "
+            f"got {request.white:g}"
+        )
+    tables = sensor_tables(request.sensor)
+    measured = _response(request)
+    quantities, unobservable = list(measured.quantities), list[Unobservable]()
+    degradation: dict[str, Any] = dict(tables.get("degradation", {}))
+    degradation["encoding"] = _encoding(degradation.get("encoding", {}), measured)
+    details: dict[str, Any] = {
+        "response": {
+            "light": measured.light.tolist(),
+            "levels": measured.levels.tolist(),
+            "errors": measured.errors,
+        }
+    }
+    if request.flat is None:
+        reason = "no flat fields: photograph an evenly lit surface, and give --flat"
+        unobservable.append(Unobservable("vignetting.coefficients", reason))
+    else:
+        channels = _vignetting(request.flat, request, measured)
+        green = channels.get("green", next(iter(channels.values())))
+        degradation["vignetting"] = green.vignetting.values()
+        if set(_NAMES) <= channels.keys():
+            tint = [channels[name].middle / channels["green"].middle for name in _NAMES]
+            if max(abs(value - 1.0) for value in tint) > _MIN_TINT:
+                response = [round(value, 4) for value in tint]
+                degradation["white_balance"] = {"response": response, "gains": [1.0, 1.0, 1.0]}
+            basis = "middle of the flat fields, whose light is taken as white"
+            quantities += [
+                Quantity(f"white_balance.{name}", value, math.nan, "of green", basis)
+                for name, value in zip(_NAMES, tint, strict=True)
+                if name != "green"
+            ]
+        for name, one in channels.items():
+            quantities += [replace(part, name=f"{name}.{part.name}") for part in one.quantities]
+        details["vignetting"] = {
+            name: {
+                "radius": one.radii.tolist(),
+                "light": one.light.tolist(),
+                "fitted": one.fitted.tolist(),
+                "gradient": one.gradient.tolist(),
+                "residual": one.residual,
+            }
+            for name, one in channels.items()
+        }
+    tables = {**tables, "degradation": degradation}
+    write_measured("response", request, tables, quantities, unobservable, details)
+    errors = ", ".join(f"{name} {100.0 * one:.2f} %" for name, one in measured.errors.items())
+    out.print(f"errors of full scale: {errors}")
+
+
+def _response(request: MeasureResponseRequest) -> MeasuredResponse:
+    sets = find_frame_sets(request.images, is_lossy_allowed=True)
+    images, times, largest = [], [], 0.0
+    for one in track(sets, "Exposures"):
+        if not one.files:
+            raise MeasurementError(f"{one.folder}: expected images, got none")
+        mean, largest = mean_image(one.files, _GREEN)
+        largest = request.white or largest
+        images.append(mean)
+        times.append(one.exposure_s)
+    return measure_response(images, times, request.black, largest, str(request.images))
+
+
+def _vignetting(
+    folder: Path, request: MeasureResponseRequest, measured: MeasuredResponse
+) -> dict[str, MeasuredVignetting]:
+    """Vignetting of each channel, by name; a gray image has a single channel."""
+    files = image_files(folder)
+    camera = stated_camera(request.sensor)
+    center = (
+        None
+        if camera is None
+        else (float(camera.principal_point_px[0]), float(camera.principal_point_px[1]))
+    )
+    channels: dict[str, MeasuredVignetting] = {}
+    planes: list[NDArray[np.float64]] = []
+    for number in track(range(3), "Channels"):
+        mean, largest = mean_image(files, number)
+        largest = request.white or largest
+        if planes and np.array_equal(mean, planes[0]):
+            continue  # gray images
+        planes.append(mean)
+        if camera is not None and request.sensor is not None:
+            check_size(folder, (mean.shape[1], mean.shape[0]), camera, request.sensor)
+        check_unclipped(mean, largest, str(folder))
+        levels = np.clip((mean - request.black) / (largest - request.black), 0.0, 1.0)
+        name = _NAMES[number] if number else "red"
+        light = measured.encoding.linearized(levels)
+        channels[name] = measure_vignetting(light, center, str(folder))
+    return {"gray": channels["red"]} if len(channels) == 1 else channels
+
+
+def _encoding(table: dict[str, Any], measured: MeasuredResponse) -> dict[str, Any]:
+    """Table of the sensor file with the measured transfer function."""
+    others = {key: value for key, value in table.items() if key not in ("gamma", "curve")}
+    gamma, curve = measured.encoding.gamma, measured.encoding.curve
+    if curve is not None:
+        return {**others, "curve": [[round(value, 5) for value in point] for point in curve]}
+    if not isinstance(gamma, str) and gamma != 1.0:
+        gamma = round_to_sigma(gamma, measured.quantities[0].sigma)
+    return {**others, "gamma": gamma}
+
+
+def noise(request: MeasureNoiseRequest) -> None:
+    """Measure noise, write a sensor file with its pattern, and print the quantities."""
+    pattern = request.output.with_name(f"{request.output.stem}-pattern.exr")
+    check_outputs(request.output, request.sensor, pattern=pattern)
+    tables = sensor_tables(request.sensor)
+    measured = measure_noise(
+        _statistics(request.dark, "Dark frames"),
+        _statistics(request.flat, "Flat fields"),
+        bit_depth=request.bit_depth,
+        mosaic=request.bayer,
+    )
+    keys = _keys(measured)
+    if measured.pattern is not None:
+        write_pattern(pattern, measured.pattern)
+        keys["pattern"] = pattern.name
+    degradation = {**tables.get("degradation", {}), "noise": keys}
+    shutter = degradation.setdefault("shutter", {})
+    shutter.setdefault("exposure_s", measured.exposure_s)  # which the dark current needs
+    tables = {**tables, "degradation": degradation}
+    write_measured(
+        "noise",
+        request,
+        tables,
+        measured.quantities,
+        measured.unobservable,
+        _noise_details(measured),
+    )
+    if len(measured.defects):
+        out.print(f"{len(measured.defects)} defective pixels")
+
+
+def _statistics(folder: Path, title: str) -> list[FrameStatistics]:
+    return [read_statistics(one) for one in track(find_frame_sets(folder), title)]
+
+
+def _keys(measured: MeasuredNoise) -> dict[str, Any]:
+    """Keys of the table `[degradation.noise]`, with no more digits than were measured."""
+    digits = {one.name: round_to_sigma(one.value, one.sigma) for one in measured.quantities}
+    keys = {key: digits.get(key, value) for key, value in measured.noise.values().items()}
+    if measured.pattern is not None:  # which has both
+        keys = {key: value for key, value in keys.items() if key not in ("prnu", "dsnu_e")}
+    return {key: value for key, value in keys.items() if key != "pattern_seed"}
+
+
+def _noise_details(measured: MeasuredNoise) -> dict[str, Any]:
+    """Photon transfer curve and defective pixels for the report."""
+    curve = measured.curve
+    return {
+        "photon_transfer": {
+            "mean_dn": curve.means_dn.tolist(),
+            "variance_dn2": curve.variances_dn2.tolist(),
+            "used": curve.used.tolist(),
+        },
+        "defective_pixels": measured.defects[:, ::-1].tolist(),
+    }
+
+
+def timing(request: MeasureTimingRequest) -> None:
+    """Measure readout and exposure time, and write a sensor file with its shutter."""
+    check_outputs(request.output, request.sensor)
+    _check_timing(request)
+    tables = sensor_tables(request.sensor)
+    measured: MeasuredTiming | MeasuredReadout
+    if request.board is None:
+        measured, details = _under_a_lamp(request, tables)
+    else:
+        measured, details = _of_a_board(request)
+    degradation = dict(tables.get("degradation", {}))
+    shutter = dict(degradation.get("shutter", {}))
+    unobservable = list(measured.unobservable)
+    written = {"readout_s", "exposure_s"}
+    if measured.lines == "columns":
+        reason = (
+            "columns are read out one after another, and a sensor file describes rows only: "
+            "rotate the images by 90°"
+        )
+        unobservable.append(Unobservable("degradation.shutter.readout_s", reason))
+        written.remove("readout_s")
+    for quantity in measured.quantities:
+        if quantity.name in written:
+            shutter[quantity.name] = round_to_sigma(quantity.value, quantity.sigma)
+    tables["degradation"] = {**degradation, "shutter": shutter}
+    details = {"lines": measured.lines, **details}
+    write_measured("timing", request, tables, measured.quantities, unobservable, details)
+
+
+def _check_timing(request: MeasureTimingRequest) -> None:
+    """Reject options that contradict each other, before the frames are read."""
+    if (request.flicker is None) == (request.board is None):
+        raise MeasurementError("timing: expected either --flicker HZ or --board BOARD")
+    for option, value in (("--flicker", request.flicker), ("--frame-rate", request.frame_rate)):
+        if value is not None and not 0.0 < value < math.inf:
+            raise MeasurementError(f"{option}: expected a frequency above 0 Hz, got {value:g}")
+    if request.board is None:
+        return
+    if request.sensor is None:
+        raise MeasurementError("--board: expected --sensor with the measured camera model")
+    if request.frame_rate is None:
+        raise MeasurementError("--board: expected --frame-rate HZ")
+    if request.modulation is not None:
+        raise MeasurementError("--modulation: expected --flicker HZ, whose lamp it describes")
+
+
+def _under_a_lamp(
+    request: MeasureTimingRequest, tables: Mapping[str, Any]
+) -> tuple[MeasuredTiming, dict[str, Any]]:
+    """Timing from frames under a flickering lamp, and its plot's data."""
+    assert request.flicker is not None
+    encoding = Encoding(**tables.get("degradation", {}).get("encoding", {"gamma": 1.0}))
+    files = image_files(request.images)
+    means = (mean_image([file], _GREEN) for file in files)
+    frames = (encoding.linearized(levels / white) for levels, white in means)
+    tracked = track(frames, "Frames", len(files))
+    profiles = line_profiles(tracked, 1.0, str(request.images))
+    measured = measure_timing(profiles, request.flicker, request.modulation, str(request.images))
+    return measured, {"profile": measured.profile.tolist(), "fitted": measured.fitted.tolist()}
+
+
+def _of_a_board(request: MeasureTimingRequest) -> tuple[MeasuredReadout, dict[str, Any]]:
+    """Readout from frames of a turning board, and its plot's data."""
+    require_extra("measure", "omnisim measure timing --board", MeasurementError)
+    assert request.board is not None
+    assert request.sensor is not None
+    assert request.frame_rate is not None
+    camera, board = OmniCamera.from_file(request.sensor).model, read_board(request.board)
+    files = image_files(request.images)
+    found = list(track(find_boards(files, board, request.mirrored), "Boards", len(files)))
+    check_size(files[0], found[0].size_px, camera, request.sensor)
+    numbers = frame_numbers(request.images, files)
+    seen = [
+        (one.found, number)
+        for one, number in zip(found, numbers, strict=True)
+        if isinstance(one.found, BoardView)
+    ]
+    board_m, surface = read_board_shape(request.sensor), None
+    if board_m is not None and seen:
+        corners_m = np.unique(np.concatenate([view.points_m for view, _ in seen]), axis=0)
+        surface = BoardSurface.measured(board_m, corners_m)
+    measured = measure_readout(
+        camera,
+        [view for view, _ in seen],
+        [number for _, number in seen],
+        request.frame_rate,
+        surface,
+        str(request.images),
+    )
+    return measured, {
+        "corners": {
+            "pixels_px": measured.pixels_px.round(3).tolist(),
+            "errors_px": measured.errors_px.round(4).tolist(),
+            "without_readout_px": measured.frozen_px.round(4).tolist(),
+        }
+    }
+
+
+def sharpness(request: MeasureSharpnessRequest) -> None:
+    """Measure sharpness, write a sensor file, and print the quantities."""
+    check_outputs(request.output, request.sensor)
+    tables: dict[str, Any] = sensor_tables(request.sensor)
+    encoding = _encoding_of(request.response, tables)
+    files: Sequence[Path] = find_edge_images(request.images)
+    boards = None
+    if request.corners is not None:
+        boards = read_corners(request.corners)
+        files = _files_with_board(request, files, boards)
+    center_px = None
+    camera = stated_camera(request.sensor)
+    if camera is not None and request.sensor is not None:
+        u_px, v_px = camera.principal_point_px
+        center_px = float(u_px), float(v_px)
+        height, width = read_edge_image(files[0], encoding).shape[:2]
+        check_size(files[0], (width, height), camera, request.sensor)
+    measured = measure_sharpness(
+        (read_edge_image(file, encoding) for file in track(files, "Images")),
+        boards=boards,
+        center_px=center_px,
+        encoding=encoding,
+        names=[str(path) for path in files],
+    )
+    degradation = _with_sharpness(tables.get("degradation", {}), measured)
+    tables = {**tables, **({"degradation": degradation} if degradation else {})}
+    write_measured(
+        "sharpness",
+        request,
+        tables,
+        measured.quantities,
+        measured.unobservable,
+        _sharpness_details(measured),
+    )
+    for flaw, count in measured.flaws.items():
+        print_note(f"{count} edges left out: {flaw.value}")
+    if camera is None:
+        width, height = measured.size_px
+        print_note(f"radii are those of {width} × {height} px: give the camera's --sensor file")
+
+
+def _encoding_of(text: str | None, tables: dict[str, Any]) -> Encoding | None:
+    """Encoding of the images: the given one, or that of the sensor file."""
+    if text is None:
+        table = tables.get("degradation", {}).get("encoding")
+        return None if table is None else Encoding(**table)
+    if text == "srgb":
+        return Encoding(gamma="srgb")
+    try:
+        gamma = float(text)
+    except ValueError:
+        gamma = 0.0
+    if not MIN_GAMMA <= gamma <= MAX_GAMMA:
+        expected = f"expected srgb or a number from {MIN_GAMMA:g} to {MAX_GAMMA:g}"
+        raise MeasurementError(f"--response: {expected}, got {text!r}")
+    return Encoding(gamma=gamma)
+
+
+def _files_with_board(
+    request: MeasureSharpnessRequest, files: Sequence[Path], boards: Sequence[BoardCorners]
+) -> Sequence[Path]:
+    """Image files of the detected corners, as listed in the geometry's report."""
+    if len(boards) != len(files) and request.sensor is not None:
+        images = read_reports(request.sensor).get("geometry", {}).get("images", ())
+        names = {image["name"] for image in images}
+        files = [path for path in files if path.name in names]
+    if len(boards) != len(files):
+        raise MeasurementError(
+            f"{request.corners}: expected corners in each of {len(files)} images, in the order of "
+            f"their names, got those of {len(boards)}"
+        )
+    return files
+
+
+def _with_sharpness(tables: dict[str, Any], measured: MeasuredSharpness) -> dict[str, Any]:
+    """Tables of a sensor file in which measured effects replace those of the same kind."""
+    result = dict(tables)
+    if measured.point_spread is not None:
+        result.pop("defocus", None)
+        result["point_spread"] = measured.point_spread.values()
+    if measured.chromatic_aberration is not None:
+        color = measured.chromatic_aberration
+        result["chromatic_aberration"] = {
+            "red_offsets_px": color.red_offsets_px,
+            "blue_offsets_px": color.blue_offsets_px,
+        }
+    return result
+
+
+def _sharpness_details(measured: MeasuredSharpness) -> dict[str, Any]:
+    """Size, center, edges and the number of unusable edges for the report."""
+    return {
+        "size_px": measured.size_px,
+        "center_px": measured.center_px,
+        "edges": [_edge(edge) for edge in measured.edges],
+        "edges_left_out": {flaw.name.lower(): count for flaw, count in measured.flaws.items()},
+    }
+
+
+def _edge(edge: EdgeSharpness) -> dict[str, Any]:
+    """Edge as JSON: colors of a gray image are null."""
+    red, blue = (
+        None if math.isnan(shift) else [shift, sigma]
+        for shift, sigma in zip(edge.shifts_px.tolist(), edge.shift_sigmas_px.tolist(), strict=True)
+    )
+    return {
+        "image": edge.image,
+        "center_px": edge.center_px.round(2).tolist(),
+        "normal": edge.normal.round(4).tolist(),
+        "mtf50": [edge.mtf50, edge.mtf50_sigma],
+        "rise_px": [edge.rise_px, edge.rise_sigma_px],
+        "red_shift_px": red,
+        "blue_shift_px": blue,
+    }

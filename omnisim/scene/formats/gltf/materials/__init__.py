@@ -1,1 +1,0 @@
-"""Materials of glTF files: factors, textures and packed maps."""

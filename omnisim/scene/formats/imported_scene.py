@@ -1,0 +1,308 @@
+"""Result of a format's reader: parts of a scene, axes and unit, and what is left out."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from omnisim.core.bounds import bounds_of
+from omnisim.core.errors import SceneError
+from omnisim.core.short_repr import counted
+from omnisim.core.srgb import linear_from_srgb
+from omnisim.scene.motion.object_motion import ObjectMotion
+from omnisim.scene.parts import (
+    CameraPose,
+    Instance,
+    LabelRule,
+    Light,
+    Lighting,
+    Material,
+    Mesh,
+    StartPose,
+)
+
+# Color of surfaces without one: a light gray, 80 % in sRGB.
+PLAIN_GRAY = float(linear_from_srgb(0.8))
+# Larger coordinates overflow float32 once they are multiplied.
+MAX_COORDINATE = 1e15
+
+
+class ImportedObject(NamedTuple):
+    """Instances of a file that move together.
+
+    Attributes:
+        name: name, unique within the file.
+        motion: motion in the world frame.
+        instances: indices of the instances, which are posed as at 0 s.
+    """
+
+    name: str
+    motion: ObjectMotion
+    instances: tuple[int, ...]
+
+
+class ImportedScene(NamedTuple):
+    """Contents of a mesh file.
+
+    Attributes:
+        meshes, materials: as in `Scene`.
+        instances: instances in the file's axes and unit: `world_from_mesh` is still file_from_mesh,
+            and `world_from_node` is file_from_node.
+        notices: one line for each feature that is not rendered.
+        lights: lights in the world frame.
+        lighting: lighting in place of `lights`, for files with brightness levels of their own;
+            None: no such levels.
+        background: linear RGB of rays without a hit; None: not in the file.
+        dome: linear RGB luminance of uniform light from all directions, cd/m²; None: no such light.
+        environment: (rows, 2 rows, 3) luminance of the dome by direction, in world axes; None:
+            uniform.
+        start: start pose from the file's camera; None: no camera.
+        cameras: camera poses in the world frame.
+        labels: class rules from the file.
+        objects: groups of instances that move over time.
+    """
+
+    meshes: tuple[Mesh, ...]
+    materials: tuple[Material, ...]
+    instances: tuple[Instance, ...]
+    notices: list[str]
+    lights: tuple[Light, ...] = ()
+    lighting: Lighting | None = None
+    background: tuple[float, float, float] | None = None
+    dome: tuple[float, float, float] | None = None
+    environment: NDArray[np.float32] | None = None
+    start: StartPose | None = None
+    cameras: tuple[CameraPose, ...] = ()
+    labels: tuple[LabelRule, ...] = ()
+    objects: tuple[ImportedObject, ...] = ()
+
+
+def material_notices(read: ImportedScene) -> list[str]:
+    """Notices for materials that do not show on their meshes as intended, one line each.
+
+    They have a texture without texture coordinates or below black vertex colors, or are invisible.
+    """
+    used_meshes = [read.meshes[index] for index in sorted({i.mesh for i in read.instances})]
+    textured = [one for one in used_meshes if read.materials[one.material].texture is not None]
+    black = sum(one.colors is not None and not one.colors[:, :3].any() for one in textured)
+    unseen = {
+        one.name: None
+        for one in (read.materials[mesh.material] for mesh in used_meshes)
+        if one.is_blended and one.base_color[3] == 0.0
+    }
+    notices = [f"material {name!r} is invisible: its opacity is 0" for name in unseen]
+    if black:
+        notices.append(f"vertex colors make textures black ({counted(black, 'mesh', 'meshes')})")
+    bare = Counter(mesh.material for mesh in used_meshes if mesh.texture_coordinates is None)
+    return notices + [
+        f"texture of {read.materials[index].name!r} is not drawn on "
+        f"{counted(count, 'mesh', 'meshes')} without texture coordinates"
+        for index, count in bare.items()
+        if read.materials[index].texture is not None
+    ]
+
+
+def make_mesh(
+    name: str,
+    positions: ArrayLike,
+    triangles: ArrayLike,
+    material: int,
+    normals: ArrayLike | None = None,
+    texture_coordinates: ArrayLike | None = None,
+    colors: ArrayLike | None = None,
+    second_texture_coordinates: ArrayLike | None = None,
+    dropped: Omissions | None = None,
+) -> tuple[Mesh, NDArray[np.float64]]:
+    """Mesh centered on its bounding box, and the center (3,) of that box.
+
+    Centering in float64 keeps micrometer precision in float32, even for a town in map coordinates.
+    Normals or texture coordinates that are not finite, or whose count differs from that of the
+    positions, are dropped, and counted. The mesh is then shaded flat, or in its plain color.
+
+    Arrays are those of `Mesh`, with at least one triangle.
+
+    Raises:
+        SceneError: a vertex index is out of range, or a position is not finite or too large.
+    """
+    points = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
+    corners = np.asarray(triangles, dtype=np.int64).reshape(-1, 3)
+    if corners.min() < 0 or corners.max() >= len(points):
+        worst = corners.min() if corners.min() < 0 else corners.max()
+        raise SceneError(f"mesh {name!r}: expected vertices below {len(points)}, got {worst}")
+    bad = ~(np.abs(points) < MAX_COORDINATE).all(axis=1)  # true for NaN as well
+    if bad.any():
+        raise SceneError(
+            f"mesh {name!r}: vertex {int(np.argmax(bad))}: expected finite numbers below "
+            f"{MAX_COORDINATE:g}, got {points[np.argmax(bad)].tolist()} "
+            f"({int(bad.sum())} of {len(points)} vertices)"
+        )
+    center = 0.5 * bounds_of(points).sum(axis=0)
+
+    def per_vertex(values: ArrayLike | None, width: int, what: str) -> NDArray[np.float32] | None:
+        kept = _per_vertex(values, len(points), width)
+        if values is not None and kept is None and dropped is not None:
+            dropped.count(f"{what} not drawn: not finite, or not one for each vertex", "mesh")
+        return kept
+
+    mesh = Mesh(
+        name=name,
+        positions=np.ascontiguousarray(points - center, dtype=np.float32),
+        triangles=np.ascontiguousarray(corners, dtype=np.uint32),
+        material=material,
+        normals=per_vertex(normals, 3, "normals"),
+        texture_coordinates=per_vertex(texture_coordinates, 2, "texture coordinates"),
+        colors=per_vertex(colors, 4, "vertex colors"),
+        second_texture_coordinates=per_vertex(
+            second_texture_coordinates, 2, "second texture coordinates"
+        ),
+    )
+    return mesh, center
+
+
+def place(read: ImportedScene, world_from_file: NDArray[np.float64]) -> tuple[Instance, ...]:
+    """Instances of a file, placed in the world; node frames get the world's axes and unit.
+
+    Raises:
+        SceneError: poses or colors that float32 cannot represent.
+    """
+    file_from_world = np.linalg.inv(world_from_file)
+    placed = []
+    for one in read.instances:
+        world_from_mesh = world_from_file @ one.world_from_mesh
+        if not np.abs(world_from_mesh).max() < MAX_COORDINATE:  # false for NaN as well
+            raise SceneError(f"node {one.name!r}: expected a pose below {MAX_COORDINATE:g}")
+        world_from_node = world_from_file @ one.world_from_node @ file_from_world
+        placed.append(Instance(one.name, one.mesh, world_from_mesh, world_from_node))
+    for material in read.materials:
+        if not np.isfinite((*material.base_color, material.alpha_cutoff)).all():
+            raise SceneError(f"material {material.name!r}: expected finite colors")
+    return tuple(placed)
+
+
+def _per_vertex(values: ArrayLike | None, count: int, width: int) -> NDArray[np.float32] | None:
+    if values is None:
+        return None
+    with np.errstate(all="ignore"):
+        array = np.ascontiguousarray(values, dtype=np.float32)
+    if array.shape != (count, width) or not np.isfinite(array).all():
+        return None
+    return array
+
+
+def colors_rgba(colors: NDArray[np.generic], scale: float) -> NDArray[np.float32]:
+    """Colors (n, 3 or 4) as RGBA float32, divided by `scale`."""
+    values = np.asarray(colors, dtype=np.float32) / np.float32(scale)
+    if values.shape[1] == 3:
+        values = np.concatenate((values, np.ones((len(values), 1), dtype=np.float32)), axis=1)
+    return np.ascontiguousarray(values[:, :4])
+
+
+def translate(matrix: NDArray[np.float64], offset: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Pose (4, 4) times a translation by `offset` (3,)."""
+    result = np.array(matrix, dtype=np.float64)
+    result[:3, 3] += result[:3, :3] @ offset
+    return result
+
+
+# Up axis and unit of mesh files.
+
+
+_WORLD_FROM_UP_AXIS = {
+    "x": np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]),  # COLLADA: right −y, up x, inward z
+    "y": np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]),
+    "z": np.eye(3),
+}
+# For formats that do not fix it: the assumption of Blender's importers. All others: z.
+_UP_AXIS_OF_FORMAT = {".glb": "y", ".gltf": "y", ".obj": "y"}
+_METERS_OF_FORMAT = {".3mf": 0.001}  # 3MF's default unit; all others: 1
+
+
+class FileAxes(NamedTuple):
+    """Up axis and unit that override those of a file; None: no override."""
+
+    up_axis: str | None = None
+    meters_per_unit: float | None = None
+
+
+def world_from_file(suffix: str, data: bytes, axes: FileAxes) -> NDArray[np.float64]:
+    """Transform (4, 4) from a file's axes and unit to the world frame.
+
+    `axes` override the file's values, which override those of its format.
+    """
+    axis = _UP_AXIS_OF_FORMAT.get(suffix, "z")
+    unit = _METERS_OF_FORMAT.get(suffix, 1.0)
+    if suffix == ".dae":
+        axis, unit = _collada(data)
+    return world_from_axes(
+        axes.up_axis or axis, unit if axes.meters_per_unit is None else axes.meters_per_unit
+    )
+
+
+def world_from_axes(up_axis: str, meters_per_unit: float) -> NDArray[np.float64]:
+    """Transform (4, 4) to the world frame from a frame with the given up axis and unit.
+
+    Raises:
+        SceneError: an axis other than x, y and z, or an invalid unit.
+    """
+    if up_axis not in _WORLD_FROM_UP_AXIS:
+        raise SceneError(f"up axis: expected x, y or z, got {up_axis!r}")
+    if not 0.0 < meters_per_unit < math.inf:
+        raise SceneError(f"meters_per_unit: expected a number > 0, got {meters_per_unit!r}")
+    matrix = np.eye(4)
+    matrix[:3, :3] = _WORLD_FROM_UP_AXIS[up_axis] * meters_per_unit
+    return matrix
+
+
+def _collada(data: bytes) -> tuple[str, float]:
+    """Up axis and unit in COLLADA's <asset>, which trimesh does not apply."""
+    axis_match = re.search(rb"<up_axis>\s*([XYZ])_UP\s*</up_axis>", data)
+    axis = axis_match[1].decode().lower() if axis_match else "y"
+    stated = re.search(rb"<unit\b[^>]*\bmeter\s*=\s*[\"']([^\"']*)[\"']", data)
+    if stated is None:
+        return axis, 1.0
+    text = stated[1].decode("utf-8", "replace")
+    try:
+        unit = float(text)
+    except ValueError:
+        unit = math.nan
+    if not (math.isfinite(unit) and unit > 0.0):
+        raise SceneError(f"<unit meter>: expected a number > 0, got {text!r}")
+    return axis, unit
+
+
+# Unsupported or approximated parts of a file, as notices.
+
+
+class Omissions:
+    """Omitted or approximated parts, in order of occurrence."""
+
+    def __init__(self) -> None:
+        self._plain: dict[str, None] = {}
+        self._counts: Counter[tuple[str, str]] = Counter()
+
+    def add(self, text: str) -> None:
+        """Add a line without a count."""
+        self._plain[text] = None
+
+    def count(self, effect: str, noun: str = "prim") -> None:
+        """Count one more part.
+
+        Args:
+            effect: text of the notice.
+            noun: singular noun for the counted parts.
+        """
+        self._counts[effect, noun] += 1
+
+    @property
+    def notices(self) -> list[str]:
+        """Notices, one line per effect."""
+        uses = [
+            f"{text} ({counted(n, noun, 'meshes' if noun == 'mesh' else '')})"
+            for (text, noun), n in self._counts.items()
+        ]
+        return [*self._plain, *uses]

@@ -1,1 +1,0 @@
-"""Materials of USD and their textures."""
