@@ -349,7 +349,7 @@ def test_limits_of_the_gpu_are_named(monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(pipeline, "fits_texture", lambda size, has_half_floats: has_half_floats)
         degraded = OmniCamera(degradation=Degradation(noise=Noise())).resized(4096)
-        with pytest.raises(GraphicsError, match=r"a degraded image of .* no texture of 256 MiB; make"):
+        with pytest.raises(GraphicsError, match=r"a degraded .* no texture of 256 MiB; make"):
             open_sensor(scene_of([room()]), degraded)
         with (
             open_sensor(scene_of([room()]), OmniCamera().resized(40)) as renderer,

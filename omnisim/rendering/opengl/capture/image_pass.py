@@ -28,7 +28,7 @@ from omnisim.rendering.opengl.gl.uniforms import uniform
 MAX_TABLE_BYTES = 128 * 2**20
 # Limit of these textures: those of 12 megapixels at default quality are kept.
 MAX_KEPT_BYTES = 5 << 28
-_UV_BYTES = 8
+_UV_BYTES, _PIXELS_PER_BAND = 8, 1 << 20
 _FIRST_TABLE = 5  # bindings of the UV and level tables, as in `capture/image.frag`
 
 
@@ -194,7 +194,7 @@ class UvPass:
         clear_target(target, *[(-1.0, -1.0, 0.0, 0.0)] * len(self._components))
         self._uvs_array.render()
         if part.rectangle_px not in self._corrections:
-            drawn = _values(target, 0, (width, height))[..., 0] >= 0.0
+            drawn = _drawn(target, width, height)
             self._corrections[part.rectangle_px] = (
                 self._samples.corrections(drawn, (left, top)) if drawn.any() else np.empty(0)
             )
@@ -238,11 +238,18 @@ def _by_pixel(
     return np.ascontiguousarray(by_pixel).reshape(height, width, supersampling**2, -1)
 
 
-def _values(
-    target: moderngl.Framebuffer, attachment: int, size_px: tuple[int, int] | None = None
-) -> NDArray[np.float32]:
+def _values(target: moderngl.Framebuffer, attachment: int) -> NDArray[np.float32]:
     """Values (height, width, parts) of an attachment: two parts of the first, one of the other."""
-    width, height = size_px or target.size
-    values = np.empty((height, width, (2, 1)[attachment]), dtype=np.float32)
-    read_once(target.ctx, (Pixels(target, attachment, (0, 0, width, height)), values))
+    values = np.empty((*target.size[::-1], (2, 1)[attachment]), dtype=np.float32)
+    read_once(target.ctx, (Pixels(target, attachment), values))
     return values
+
+
+def _drawn(target: moderngl.Framebuffer, width: int, height: int) -> NDArray[np.bool_]:
+    """Mask (height, width) of the UVs that are drawn, read in bands to save memory."""
+    drawn, step = np.empty((height, width), dtype=np.bool_), max(1, _PIXELS_PER_BAND // width)
+    for first in range(0, height, step):
+        uvs = np.empty((min(step, height - first), width, 2), dtype=np.float32)
+        read_once(target.ctx, (Pixels(target, 0, (0, first, width, len(uvs))), uvs))
+        drawn[first : first + step] = uvs[..., 0] >= 0.0
+    return drawn
