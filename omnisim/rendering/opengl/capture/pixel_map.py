@@ -78,8 +78,8 @@ class PixelMap:
             AllocationError: too large for the GPU.
         """
         if self._traced is not None:
-            texels = (self._traced.directions, self._traced.valid[..., None])
-            texels = np.concatenate(texels, axis=-1, dtype=np.float32)
+            parts = self._traced.directions, self._traced.valid[..., None]
+            texels = np.concatenate(parts, axis=-1).astype(np.float32)
             return texture_2d(self.context, self.size_px, 4, texels)
         rays = texture_2d(self.context, self.size_px, 4)
         target = framebuffer(self.context, [rays])
