@@ -58,7 +58,7 @@ def check_camera(world, sensor, what):
     counts["pixels"] += len(edge)
     counts["edges"] += int(edge.sum())
     slant = np.abs(np.einsum("ij,ij->i", met.normals, directions))
-    bound_m = POINT_M + met.ranges_m * RAY_RAD / np.maximum(slant, 1e-3)
+    bound_m = POINT_M + met.ranges_m * _ray_rad(sensor) / np.maximum(slant, 1e-3)
     names = np.array([*caster.names, ""])
     flow, flow_bound = _own_flow(world, sensor, own, valid, origins_m, directions, met, caster)
     for name, frame in frames.items():
@@ -96,6 +96,14 @@ def _own_rays(sensor, pixels):
     if polygons is not None and isinstance(sensor.model, HyperbolicCamera):
         return mesh_rays(sensor.model, tessellate(sensor.model.mirror, polygons), pixels)
     return sensor.model.ray_from_pixel(pixels)
+
+
+def _ray_rad(sensor):
+    """Bound of a ray's error: a rasterizer snaps the vertices of a mesh to 1/256 px."""
+    mirror, polygons = sensor.model, sensor.mesh_polygons
+    if polygons is None or not isinstance(mirror, HyperbolicCamera):
+        return RAY_RAD
+    return RAY_RAD + mirror.domain_limit_rad / mirror.rim_radius_px / 256.0
 
 
 def _neighbors(image):
