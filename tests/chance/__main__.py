@@ -6,6 +6,8 @@ from collections import Counter
 
 from tests.chance.run import KINDS
 
+PRINT_EVERY = 20  # scenes
+
 
 def _main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.chance", description=__doc__)
@@ -23,6 +25,8 @@ def _main() -> int:
             for line in findings:
                 failed = True
                 print(line, flush=True)
+            if number % PRINT_EVERY == PRINT_EVERY - 1:
+                print(f"{kind} up to number {number}: {dict(counts)}", flush=True)
         spent_s = time.perf_counter() - begin_s
         print(f"{options.scenes} scenes with {kind}, {spent_s:.0f} s: {dict(counts)}", flush=True)
     return int(failed)

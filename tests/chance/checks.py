@@ -58,15 +58,15 @@ def check_camera(world, sensor, what):
     counts["pixels"] += len(edge)
     counts["edges"] += int(edge.sum())
     slant = np.abs(np.einsum("ij,ij->i", met.normals, directions))
-    bound_m = POINT_M + met.ranges_m * RAY_RAD / np.maximum(slant, 1e-3)
+    bound_m = POINT_M + met.ranges_m * _ray_rad(sensor) / np.maximum(slant, 1e-3)
     names = np.array([*caster.names, ""])
     flow, flow_bound = _own_flow(world, sensor, own, valid, origins_m, directions, met, caster)
     for name, frame in frames.items():
         values = {channel: frame.channels[channel][valid] for channel in CHANNELS}
         differ("holes", ~np.isfinite(values["range"]), name)
         finite = np.isfinite(values["range"]) & np.isfinite(met.ranges_m)
-        off_m = np.abs(np.where(finite, values["range"] - met.ranges_m, np.inf))
-        differ("ranges", (off_m > bound_m) & ~edge, name)
+        error_m = np.abs(np.where(finite, values["range"] - met.ranges_m, np.inf))
+        differ("ranges", (error_m > bound_m) & ~edge, name)
         labels = np.array(["", *(label.name for label in frame.labels.instances)])
         differ("instances", (labels[values["instance"]] != names[met.owners]) & ~edge, name)
         cosines = np.einsum("ij,ij->i", values["normals"], met.normals)
@@ -81,7 +81,7 @@ def check_camera(world, sensor, what):
 
 def _frame(world, sensor, backend):
     with (
-        Stage(world.scene, dynamic_objects=world.movers, backend=backend) as stage,
+        Stage(world.scene, dynamic_objects=world.objects, backend=backend) as stage,
         stage.open(sensor) as camera,
     ):
         states = [
@@ -96,6 +96,14 @@ def _own_rays(sensor, pixels):
     if polygons is not None and isinstance(sensor.model, HyperbolicCamera):
         return mesh_rays(sensor.model, tessellate(sensor.model.mirror, polygons), pixels)
     return sensor.model.ray_from_pixel(pixels)
+
+
+def _ray_rad(sensor):
+    """Bound of a ray's error: a rasterizer snaps the vertices of a mesh to 1/256 px."""
+    mirror, polygons = sensor.model, sensor.mesh_polygons
+    if polygons is None or not isinstance(mirror, HyperbolicCamera):
+        return RAY_RAD
+    return RAY_RAD + mirror.domain_limit_rad / mirror.rim_radius_px / 256.0
 
 
 def _neighbors(image):
@@ -137,7 +145,7 @@ def _own_flow(world, sensor, own, valid, origins_m, directions, met, caster):
     points_m = origins_m + np.where(finite, met.ranges_m, 1.0)[:, None] * directions
     before, after = world.object_poses(0.0), world.object_poses(STEP_S)
     names = np.array([*caster.names, ""])[met.owners]
-    for name in world.movers:
+    for name in world.objects:
         on_it = np.char.startswith(names, f"{name} ")
         move = after[name] @ np.linalg.inv(before[name])
         points_m[on_it] = points_m[on_it] @ move[:3, :3].T + move[:3, 3]
@@ -173,7 +181,7 @@ def check_lidar(world, lidar, what):
 
     for name in BACKENDS:
         with (
-            Stage(world.scene, dynamic_objects=world.movers, backend=name) as stage,
+            Stage(world.scene, dynamic_objects=world.objects, backend=name) as stage,
             stage.open(lidar) as renderer,
         ):
             points = renderer.scan(motion, time_s=lidar.period_s).points
@@ -181,8 +189,8 @@ def check_lidar(world, lidar, what):
         firing = np.rint(points["time"] / lidar.period_s * lidar.firings).astype(int)
         ranges_m[points["ring"], firing] = points["range"]
         holes = int(np.isinf(ranges_m).sum())
-        off_m = np.abs(ranges_m - expected_m)
-        wrong = int(((off_m > 10.0 * MAX_POINT_M) & ~edge).sum())
+        error_m = np.abs(ranges_m - expected_m)
+        wrong = int(((error_m > 10.0 * MAX_POINT_M) & ~edge).sum())
         counts["holes"] += holes
         counts["beams off"] += wrong
         counts["beams away from edges"] += int((~edge).sum())
@@ -191,7 +199,7 @@ def check_lidar(world, lidar, what):
         if wrong:
             findings.append(f"{what}: {wrong} beams off {name}")
         for number in np.unique(owners[moving]):
-            own = off_m[owners == number]
+            own = error_m[owners == number]
             if len(own) >= 12:
                 counts["moving objects"] += 1
                 quartile_m = np.percentile(own, 75.0)
@@ -214,7 +222,7 @@ def _own_points(world, lidar):
     origins_m = np.broadcast_to(where[:, :3, 3], directions.shape)
 
     def meet(parts, object_from_world):
-        """What all beams meet of an object, at each firing where it is then."""
+        """Hits of all beams on an object, at each firing where it is then."""
         turned = np.einsum("fij,rfj->rfi", object_from_world[:, :3, :3], directions)
         placed_m = np.einsum("fij,rfj->rfi", object_from_world[:, :3, :3], origins_m)
         placed_m = placed_m + object_from_world[:, :3, 3]
@@ -223,7 +231,7 @@ def _own_points(world, lidar):
 
     ranges_m, owners = meet(placed(world.scene, np.eye(4)), np.tile(np.eye(4), (shape[1], 1, 1)))
     moving = np.zeros(shape, dtype=bool)
-    for number, (name, scene) in enumerate(world.movers.items()):
+    for number, (name, scene) in enumerate(world.objects.items()):
         poses = np.stack([world.object_poses(time_s)[name] for time_s in lidar.times_s])
         own_m, _ = meet(placed(scene, np.eye(4)), np.linalg.inv(poses))
         nearer = own_m < ranges_m

@@ -36,7 +36,7 @@ def check_optics_scene(seed, number):
 def check_lidar_scene(seed, number, most_rings=128):
     """A world with objects of up to 10 m/s, scanned by a lidar."""
     random = np.random.default_rng((seed, number, 2))
-    world = world_by_chance(random, FASTEST_MPS, fewest_movers=1)
+    world = world_by_chance(random, FASTEST_MPS, fewest_moving=2)
     lidar = lidar_by_chance(random, most_rings)
     return check_lidar(world, lidar, f"{seed}:{number} lidar of {lidar.rings} rings")
 

@@ -27,7 +27,9 @@ def test_optics_show_what_own_rays_meet():
 
 
 def test_lidars_meet_what_own_rays_meet():
-    assert _check("lidars", range(2))["beams"] > 300
+    counts = _check("lidars", range(3))
+    assert counts["beams"] > 300
+    assert counts["moving objects"] > 0
 
 
 @pytest.mark.slow

@@ -45,8 +45,8 @@ class World:
     """A room with bodies; moving objects have a pose at each time.
 
     Attributes:
-        scene: room and bodies that stand still.
-        movers: scene of each moving object by name.
+        scene: static room and bodies.
+        objects: scene of each moving object by name.
         starts, velocities: pose (4, 4), and velocity in m/s (3,), of each of them.
         turns_degps: yaw rate of each of them.
         viewpoint: pose (4, 4) in the free, of the sensor at time 0.
@@ -54,7 +54,7 @@ class World:
     """
 
     scene: object
-    movers: dict
+    objects: dict
     starts: dict
     velocities: dict
     turns_degps: dict
@@ -83,7 +83,7 @@ class World:
         """Name and corners (m, 3, 3) of each instance where it is at a time."""
         parts = placed(self.scene, np.eye(4))
         for name, where in self.object_poses(time_s).items():
-            parts += placed(self.movers[name], where)
+            parts += placed(self.objects[name], where)
         return parts
 
 
@@ -123,7 +123,7 @@ class OwnRays:
         self._mesh = TriangleMesh(self._scene, self._corners_m.astype(np.float32))
 
     def meet(self, origins_m, directions):
-        """What rays (n, 3) with unit directions (n, 3) meet first."""
+        """First hits of rays (n, 3) with unit directions (n, 3)."""
         origins_m = np.broadcast_to(origins_m, directions.shape)
         found = self._scene.run(
             np.ascontiguousarray(origins_m, np.float32),
@@ -146,7 +146,7 @@ class OwnRays:
         return met
 
 
-def world_by_chance(random, fastest_mps=1.0, fewest_movers=0):
+def world_by_chance(random, fastest_mps=1.0, fewest_moving=0):
     """A room of any size and pose with 2 to 25 bodies, up to two of which move."""
     meshes = _meshes()
     while True:
@@ -156,15 +156,15 @@ def world_by_chance(random, fastest_mps=1.0, fewest_movers=0):
             (1 + int(random.integers(len(meshes) - 1)), _body_pose(random, world_from_room, half_m))
             for _ in range(random.integers(2, 26))
         ]
-        moving = int(random.integers(fewest_movers, 3))
+        moving = int(random.integers(fewest_moving, 3))
         placed = [(0, world_from_room @ np.diag([*(half_m / ROOM_HALF_M), 1.0])), *bodies[moving:]]
-        scene = _scene("still", placed)
-        names = [f"mover {number}" for number in range(moving)]
-        movers, starts, velocities, turns = {}, {}, {}, {}
+        scene = _scene("static", placed)
+        names = [f"moving {number}" for number in range(moving)]
+        objects, starts, velocities, turns = {}, {}, {}, {}
         for name, (mesh, matrix) in zip(names, bodies[:moving], strict=True):
             own = matrix.copy()
             own[:3, 3] = 0.0
-            movers[name], starts[name] = _scene(name, [(mesh, own)]), pose(matrix[:3, 3])
+            objects[name], starts[name] = _scene(name, [(mesh, own)]), pose(matrix[:3, 3])
             velocity = random.normal(size=3)
             speed_mps = random.uniform(0.0, fastest_mps)
             velocities[name] = speed_mps * velocity / np.linalg.norm(velocity)
@@ -173,7 +173,7 @@ def world_by_chance(random, fastest_mps=1.0, fewest_movers=0):
         viewpoint = world_from_room @ pose(offset, **angles(random))
         speed_mps = random.normal(size=3) * 0.5 * random.integers(2)
         world = World(
-            scene, movers, starts, velocities, turns, viewpoint, speed_mps, random.uniform(-10, 10)
+            scene, objects, starts, velocities, turns, viewpoint, speed_mps, random.uniform(-10, 10)
         )
         if all(_is_free(world, time_s) for time_s in (0.0, 0.05, 0.1)):
             return world
@@ -200,7 +200,7 @@ def _is_free(world, time_s):
     origin_m = world.sensor_pose(time_s)[:3, 3]
     bodies = [one.world_from_mesh for one in world.scene.instances]
     for name, where in world.object_poses(time_s).items():
-        bodies.append(where @ world.movers[name].instances[0].world_from_mesh)
+        bodies.append(where @ world.objects[name].instances[0].world_from_mesh)
     for number, matrix in enumerate(bodies):
         local = np.abs(np.linalg.inv(matrix)[:3] @ [*origin_m, 1.0])
         sizes = np.linalg.norm(matrix[:3, :3], axis=0)

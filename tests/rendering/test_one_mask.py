@@ -1,4 +1,4 @@
-"""Which pixels see: NumPy decides, for images, ground truth and batches, by either back end."""
+"""Valid pixels are those of NumPy, in images, ground truth and batches of either back end."""
 
 import dataclasses
 
