@@ -406,7 +406,8 @@ def request_fields(request: type) -> list[RequestField]:
 
 
 def _make(request: type[T], values: Mapping[str, object]) -> T:
-    hints = _hints(request)
+    kind: type = request
+    hints = _hints(kind)
     return request(
         **{
             field.name: _make(hints[field.name], values)

@@ -164,7 +164,7 @@ class _SeenCells(NamedTuple):
     last: NDArray[np.float64]  # (n, 2)
 
 
-def _within(tile: Tile, first: NDArray[np.float64], last: NDArray[np.float64]) -> _SeenCells:
+def _within(tile: Tile, first: NDArray[np.floating], last: NDArray[np.floating]) -> _SeenCells:
     """Cells within a tile, from the bounds (rows, columns, 2) of all cells on its face."""
     first, last = np.maximum(first, tile.region[0]), np.minimum(last, tile.region[1])
     rows, columns = np.nonzero(np.all(first < last, axis=-1))

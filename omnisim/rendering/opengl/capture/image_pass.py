@@ -196,7 +196,9 @@ class UvPass:
         if part.rectangle_px not in self._corrections:
             drawn = _drawn(target, width, height)
             self._corrections[part.rectangle_px] = (
-                self._samples.corrections(drawn, (left, top)) if drawn.any() else np.empty(0)
+                self._samples.corrections(drawn, (left, top))
+                if drawn.any()
+                else np.empty((0, 6), dtype=np.float32)
             )
         if len(corrections := self._corrections[part.rectangle_px]):
             self._samples.correcting_array(

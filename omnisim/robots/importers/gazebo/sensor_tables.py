@@ -13,7 +13,8 @@ from omnisim.cameras.calibration.formats.format import error_context
 from omnisim.cameras.calibration.formats.gazebo import UnsupportedLensError, read_lens
 from omnisim.core.errors import OmnisimError, RobotFileError
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
-from omnisim.rendering.camera.omnicamera import DEFAULT_NEAR_M, OmniCamera
+from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.camera.quality import DEFAULT_NEAR_M
 from omnisim.robots.importers.imported_robot import ImportedSensor
 from omnisim.scene.formats.features import part_notices, xml_parts
 from omnisim.scene.formats.imported_scene import Omissions
