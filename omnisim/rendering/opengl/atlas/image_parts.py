@@ -160,8 +160,8 @@ class _SeenCells(NamedTuple):
 
     columns: NDArray[np.intp]
     rows: NDArray[np.intp]
-    first: NDArray[np.float64]  # (n, 2), tangents
-    last: NDArray[np.float64]  # (n, 2)
+    first: NDArray[np.floating]  # (n, 2), tangents
+    last: NDArray[np.floating]  # (n, 2)
 
 
 def _within(tile: Tile, first: NDArray[np.floating], last: NDArray[np.floating]) -> _SeenCells:

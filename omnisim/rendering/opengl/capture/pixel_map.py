@@ -147,7 +147,7 @@ class PixelMap:
             wrong = np.zeros((-(-height // _BLOCK), -(-width // _BLOCK)), dtype=np.bool_)
             for first in range(0, len(pixels), _PIXELS_PER_STEP):
                 some = pixels[first : first + _PIXELS_PER_STEP]
-                rays = self._reference(some + np.array(first_px, dtype=np.float64))
+                rays = self._reference((some + np.array(first_px)).astype(np.float64))
                 differs = rays.valid != drawn[some[:, 1], some[:, 0]]
                 some = some[differs]
                 wrong[some[:, 1] // _BLOCK, some[:, 0] // _BLOCK] = True
