@@ -290,9 +290,11 @@ class _CommandLine:
         missing = [one for one in self._fields if one.is_required and one.name not in values]
         for field in sorted(missing, key=lambda one: not one.is_argument):
             text = " ".join(re.split(r"\.\s|;|\.$", field.text, maxsplit=1)[0].split())
-            call = self._path if field.is_argument else field.label
-            example = f"{call} {field.example}"
-            raise CommandLineError(f"{field.label}: missing: {text}, such as {example}")
+            example = [field.label, field.example]
+            if field.is_argument:
+                needed = (one for one in self._fields if one.is_argument and one.is_required)
+                example = [self._path, *(one.example for one in needed)]
+            raise CommandLineError(f"{field.label}: missing: {text}, such as {' '.join(example)}")
         if rest:
             raise self._excess(rest[0])
         return values

@@ -70,14 +70,14 @@ def _system() -> str:
 
 
 def _versions(packages: Mapping[str, str]) -> str:
-    return ", ".join(f"{name} {_version(name, module)}" for name, module in packages.items())
-
-
-def _version(package: str, module: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:  # not installed as a Python package, as is often so for OpenCV
-        return "of unknown version" if is_installed(module) else "missing"
+    versions = []
+    for name, module in packages.items():
+        try:
+            text = version(name)
+        except PackageNotFoundError:  # not installed as a Python package, as is often so for OpenCV
+            text = "of unknown version" if is_installed(module) else "missing"
+        versions.append(f"{name} {text}")
+    return ", ".join(versions)
 
 
 def _print_devices(width: int) -> None:

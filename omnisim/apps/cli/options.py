@@ -227,8 +227,7 @@ class RequestField:
         limits = {key: limit for key, limit in own.items() if limit is not None}
         if not self.details.owner:
             return limits
-        hints = get_type_hints(_owner(self.details.owner), include_extras=True)
-        return dict(_limits(hints[self.name])) | limits
+        return dict(_limits(_hints(_owner(self.details.owner))[self.name])) | limits
 
     @property
     def example(self) -> str:
@@ -288,6 +287,8 @@ class RequestField:
     def _read(self, kind: Any, word: str) -> object:
         if self.choices and word not in self.choices:
             raise self.error(word)
+        if self.metavar == "FILE" and not self.is_argument and not Path(word).name:
+            raise self.error(word)  # nothing, . or /
         try:
             value = word if self.choices else (self.details.parse or kind)(word)
         except ValueError:
@@ -381,10 +382,15 @@ def command(
 
 
 @cache
+def _hints(kind: type) -> dict[str, Any]:
+    return get_type_hints(kind, include_extras=True)
+
+
+@cache
 def request_fields(request: type) -> list[RequestField]:
     """Fields of a request and of its groups."""
     fields: list[RequestField] = []
-    hints, docs = get_type_hints(request, include_extras=True), attribute_docs(request)
+    hints, docs = _hints(request), attribute_docs(request)
     panel = getattr(request, "panel", "Options")
     for field in dataclasses.fields(request):
         hint = hints[field.name]
@@ -400,7 +406,7 @@ def request_fields(request: type) -> list[RequestField]:
 
 
 def _make(request: type[T], values: Mapping[str, object]) -> T:
-    hints = get_type_hints(request)
+    hints = _hints(request)
     return request(
         **{
             field.name: _make(hints[field.name], values)

@@ -4,15 +4,12 @@ Each option of each command gets words that no option can have or that only some
 ends where rendering begins.
 """
 
-from dataclasses import MISSING
-
 import pytest
-from omnisim.apps.cli.usage_errors import example_of
 
-from omnisim.apps.cli.options import Argument, request_fields
+from omnisim.apps.cli.options import ENTRIES
 from omnisim.core.errors import OmnisimError
+from tests.apps.cli import test_usage_errors  # noqa: F401 - imports the requests of all commands
 from tests.apps.cli.test_messages import LIBRARIES
-from tests.apps.cli.test_usage_errors import _commands
 
 BAD = (
     "nan", "inf", "-1", "1e300", "x", "none.file", "/proc/x", "é😀", ".", "..", "/", "", "a\nb",
@@ -23,29 +20,29 @@ LEFT_OUT = {"live", "validate", "experiments", "doctor"}
 VALUES = {"scene": ["a.obj"], "path": ["path.csv"], "robot": ["superscout"]}
 
 
-def _words(command, field, bad):
+def _words(entry, field, bad):
     """Words of a command with a bad value for one field, and valid ones for those it requires."""
-    arguments, options = command._path.split(), []
-    for other in request_fields(command._request):
+    arguments, options = entry.path.split(), []
+    for other in entry.fields:
         if other.name == field.name:
             values = [bad] * len(field.kinds)
-        elif other.default is MISSING:
-            values = VALUES.get(other.name) or example_of(other).split()
+        elif other.is_required:
+            values = VALUES.get(other.name) or other.example.split()
         else:
             continue
-        if isinstance(other.details, Argument):
+        if other.is_argument:
             arguments += values
         else:
             options += [other.flags[-1].partition("/")[0], *values]
     return arguments + options
 
 
-COMMANDS = [one for one in _commands() if one._request and one._path not in LEFT_OUT]
+COMMANDS = [path for path, entry in ENTRIES.items() if entry.fields and path not in LEFT_OUT]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda one: one._path)
-def test_bad_values_end_in_one_line(omnisim, tmp_path, monkeypatch, command):
+@pytest.mark.parametrize("path", COMMANDS)
+def test_bad_values_end_in_one_line(omnisim, tmp_path, monkeypatch, path):
     from omnisim.rendering import stage
 
     def begin(*_, **__):
@@ -54,9 +51,9 @@ def test_bad_values_end_in_one_line(omnisim, tmp_path, monkeypatch, command):
     monkeypatch.setattr(stage.Stage, "__init__", begin)
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n")
     (tmp_path / "path.csv").write_text("x_m,y_m\n0,0\n1,0\n")
-    for field in request_fields(command._request):
-        for bad in BAD if field.kinds != [bool] else ():
-            words = _words(command, field, bad)
+    for field in ENTRIES[path].fields:
+        for bad in () if field.is_flag else BAD:
+            words = _words(ENTRIES[path], field, bad)
             status, _, text = omnisim(*words)
             errors = [line for line in text.splitlines() if not line.startswith("note: ")]
             assert status in (0, 1, 2), (words, text)

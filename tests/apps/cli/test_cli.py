@@ -1,5 +1,6 @@
 """The command line: output, files and errors."""
 
+import json
 import platform
 import re
 import subprocess
@@ -86,6 +87,12 @@ def test_polygons_are_those_of_the_option_before_those_of_the_file(omnisim, tmp_
     assert ", exact, " in omnisim(*render, "-n", "exact")[1]
 
 
+def test_schema_prints_the_json_schema_of_a_file(omnisim):
+    status, out, _ = omnisim("schema", "robot")
+    assert status == 0
+    assert json.loads(out)["properties"]["name"]["description"] == "Short name for file names."
+
+
 def test_sensor_prints_the_default_and_checks_a_file(omnisim, tmp_path):
     status, out, _ = omnisim("sensor")
     assert status == 0
@@ -139,8 +146,9 @@ def test_info_sets_names_apart_and_names_the_renderer(omnisim, context):
 def test_version_and_help(omnisim):
     assert omnisim("--version")[:2] == (0, f"omnisim {__version__}\n")
     status, out, _ = omnisim("render", "--help")
-    assert status == 0
-    assert "--faces" in out
+    assert (status, "--faces" in out) == (0, False)
+    status, out, _ = omnisim("render", "--help-all")
+    assert (status, "--faces" in out) == (0, True)
 
 
 def test_missing_opengl_is_one_line(omnisim, monkeypatch):

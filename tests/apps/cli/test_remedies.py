@@ -13,11 +13,12 @@ import tomllib
 from pathlib import Path
 
 import pytest
-from omnisim.apps.cli.usage_errors import CommandLineError
 
+from omnisim.apps.cli.command import Command
+from omnisim.apps.cli.options import ENTRIES, CommandLineError
 from omnisim.core.errors import OmnisimError
+from tests.apps.cli import test_usage_errors  # noqa: F401 - imports the requests of all commands
 from tests.apps.cli.image_files import write_images
-from tests.apps.cli.test_usage_errors import _commands
 
 TABLE = tomllib.loads(Path(__file__).with_name("messages.toml").read_text(encoding="utf-8"))
 MESSAGES = {command: line for kind in TABLE["messages"].values() for command, line in kind.items()}
@@ -176,7 +177,7 @@ def _fault_of(words, known):
 )
 def test_the_command_line_is_understood(command):
     """Remedies are tried one after the other, where a command line has several faults."""
-    known = {tuple(one._path.split()): one for one in _commands()}
+    known = {tuple(path.split()): Command(entry) for path, entry in ENTRIES.items()}
     line, faults, tried = TABLE["usage"][command], [], command
     while line:
         faults.append(line)

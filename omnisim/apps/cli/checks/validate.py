@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from rich.markup import escape
 
@@ -13,7 +13,7 @@ from omnisim.apps.cli.console import err, out, progress, track
 from omnisim.core.errors import OmnisimError, did_you_mean
 from omnisim.report.machine import machine_of_device
 from omnisim.report.report import HTML, Section, check_report_target
-from omnisim.validation.check_registry import CHECKS, Check
+from omnisim.validation.check_registry import CHECKS
 from omnisim.validation.experiments.paper import run_experiments
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.suite import make_report, run_checks
@@ -23,7 +23,13 @@ _COLORS = {"passed": "green", "failed": "bold red", "skipped": "yellow", "measur
 
 def run(request: ValidateRequest) -> bool:
     """Run the checks, write the report, and return whether all bounds hold."""
-    checks = _select(request.only or (), request.quick)
+    known, only = {check.key: check for check in CHECKS}, request.only or ()
+    for key in only:
+        if key not in known:
+            hint = did_you_mean(key, known, "known:")
+            raise OmnisimError(f"--only: expected a check, got {key!r}; {hint}")
+    quick = [check for check in CHECKS if check.is_quick or not request.quick]
+    checks = [known[key] for key in known if key in only] if only else quick
     check_report_target(request.output)
     machine = machine_of_device(request.device)  # missing OpenGL fails here, before the checks
     sections: list[Section] = []
@@ -41,17 +47,6 @@ def run(request: ValidateRequest) -> bool:
     summary += f", {counts['skipped']} skipped" if counts["skipped"] else ""
     out.print(summary)
     return report.passed
-
-
-def _select(only: Collection[str], is_quick: bool) -> list[Check]:
-    known = {check.key: check for check in CHECKS}
-    for key in only:
-        if key not in known:
-            hint = did_you_mean(key, known, "known:")
-            raise OmnisimError(f"--only: expected a check, got {key!r}; {hint}")
-    if only:
-        return [check for check in CHECKS if check.key in only]
-    return [check for check in CHECKS if check.is_quick or not is_quick]
 
 
 def _print(section: Section) -> None:

@@ -6,6 +6,7 @@ import re
 
 from omnisim.apps.cli.console import out, pluralize, print_note, progress, resumable, track
 from omnisim.apps.cli.datasets.requests import GenerateRequest
+from omnisim.apps.cli.options import words_of
 from omnisim.core.errors import OmnisimError, OutputError, PlanError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_distinct, check_target
@@ -22,25 +23,12 @@ def run(request: GenerateRequest) -> None:
     """Generate a data set, or run one of its trials."""
     if request.address is not None and request.engine != "ray":
         raise PlanError("--address: requires --engine ray")
-    only = {
-        "--check": request.trial.check,
-        "--preview": request.trial.preview,
-        "--map": request.trial.map,
-        "--estimate": request.trial.estimate,
-    }
-    asked = [option for option, value in only.items() if value]
+    trials = {"--check": _check, "--preview": _preview, "--map": _map, "--estimate": _estimate}
+    asked = [word for word in words_of(request.trial) if word in trials]
     if len(asked) > 1:
         raise PlanError(f"{', '.join(asked)}: expected one of them")
-    if request.trial.check:
-        _check(request)
-    elif request.trial.preview is not None:
-        _preview(request, request.trial.preview)
-    elif request.trial.map:
-        _map(request)
-    elif request.trial.estimate:
-        _estimate(request)
-    else:
-        _generate(request)
+    run_asked = trials[asked[0]] if asked else _generate
+    run_asked(request)
 
 
 def parse_shards(text: str | None) -> range | None:
@@ -78,13 +66,13 @@ def _check(request: GenerateRequest) -> None:
     )
 
 
-def _preview(request: GenerateRequest, count: int) -> None:
+def _preview(request: GenerateRequest) -> None:
     if request.output is None or request.output.suffix.lower() not in (".png", ".jpg"):
         raise OutputError("-o: expected a .png or .jpg for the preview's sheet")
     check_target(request.output)
     prepared = PreparedPlan.read(request.plan)
     prepared.check_setups()
-    count = min(count, prepared.plan.images)
+    count = min(request.trial.preview or 1, prepared.plan.images)
     renderer = SampleRenderer(prepared, request.gpu.device)
     samples: dict[int, SampleTiles] = {}
     try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import os
 import sys
 from collections.abc import Mapping
@@ -16,7 +15,7 @@ import numpy as np
 from omnisim.apps.cli.console import out, print_note
 from omnisim.apps.cli.images.requests import LiveRequest, LiveSceneOptions
 from omnisim.apps.cli.inputs import check_calibration_path, read_camera
-from omnisim.apps.cli.option_groups import CameraFileOptions, LightOptions, ViewpointOptions
+from omnisim.apps.cli.option_groups import CameraFileOptions, LightOptions
 from omnisim.apps.cli.options import flag_of, refuse_given, words_of
 from omnisim.apps.live.camera_document import CameraDocument
 from omnisim.apps.live.live import LivePage, run_source
@@ -56,7 +55,10 @@ def run(request: LiveRequest) -> None:
     )
     for notice in scene.notices:
         print_note(notice)
-    settings, place = _settings(request, scene), _place(request.viewpoint, scene)
+    settings, place, at = _settings(request, scene), None, request.viewpoint
+    if at.at is not None or at.yaw_deg is not None or at.pitch_deg:
+        yaw_deg = scene.start.yaw_deg if at.yaw_deg is None else at.yaw_deg
+        place = Place(scene.start.position_m if at.at is None else at.at, yaw_deg, at.pitch_deg)
     if request.page.record is not None:
         from omnisim.apps.live.record import record_film
 
@@ -110,17 +112,12 @@ def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
     if camera_options is not None:
         camera_options = (*camera_options, *words_of(image))
     name = request.world.scene or SCENE
+    same_scene = (*words_of(request.world), *words_of(request.light), *words_of(request, "robot"))
     in_light = SceneInLight(name, partial(_read_in_light, request.world, request.light))
     return LiveSettings(
-        scene, document, vehicle, camera_name, _scene_arguments(request),
+        scene, document, vehicle, camera_name, (name, *same_scene),
         camera_options, request.gpu.device, request.light.unlit, in_light,
     )  # fmt: skip
-
-
-def _scene_arguments(request: LiveRequest) -> tuple[str, ...]:
-    """Command-line arguments that select the same scene, robot and light."""
-    given = words_of(request.world), words_of(request.light), words_of(request, "robot")
-    return (request.world.scene or SCENE, *itertools.chain(*given))
 
 
 def _read_in_light(
@@ -168,11 +165,3 @@ def _document(files: CameraFileOptions) -> tuple[CameraDocument, tuple[str, ...]
     if files.sensor is not None:
         return CameraDocument.of_sensor_file(files.sensor), words_of(files)
     return CameraDocument(), ()
-
-
-def _place(viewpoint: ViewpointOptions, scene: Scene) -> Place | None:
-    if viewpoint.at is None and viewpoint.yaw_deg is None and not viewpoint.pitch_deg:
-        return None
-    at = scene.start.position_m if viewpoint.at is None else viewpoint.at
-    yaw_deg = scene.start.yaw_deg if viewpoint.yaw_deg is None else viewpoint.yaw_deg
-    return Place(at, yaw_deg, viewpoint.pitch_deg)

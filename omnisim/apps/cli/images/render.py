@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.apps.cli.console import out, pluralize, print_note
-from omnisim.apps.cli.images.requests import FileOptions, FlowOptions, OverlayKind, RenderRequest
+from omnisim.apps.cli.images.requests import FileOptions, FlowOptions, RenderRequest
 from omnisim.apps.cli.inputs import (
     Viewpoint,
     checked_backend,
@@ -51,6 +51,7 @@ if TYPE_CHECKING:  # slow to import, and seldom needed
     from omnisim.cameras.calibration import Calibration
 
 SIGNS = {"next": 1.0, "previous": -1.0}  # signs of the time intervals
+OVERLAID = {"boxes": "instance", "labels": "semantic"}  # channels that overlays need
 DEFAULT_ADVANCE_M = 0.1  # forward motion between frames for flow without --next
 
 
@@ -73,7 +74,7 @@ def run(request: RenderRequest) -> None:
     _check_channel_options(request.flow, channels)
     channel_format = parse_channel_format(request.truth.channel_format, channels)
     overlay = request.flow.overlay
-    rendered = channels if overlay is None else tuple(dict.fromkeys((*channels, overlay.channel)))
+    rendered = channels if overlay is None else tuple(dict.fromkeys((*channels, OVERLAID[overlay])))
     scene = load_labeled_scene(request.world, request.light, request.truth, rendered)
     viewpoint = Viewpoint.in_scene(scene, request.viewpoint)
     if mounted is None and not has_own:
@@ -306,14 +307,14 @@ def _write_other_files(
         out.print(f"{files.faces}: {', '.join(faces)}, unfolded")
 
 
-def _write_overlay(image: Path, frame: Frame, kind: OverlayKind) -> None:
+def _write_overlay(image: Path, frame: Frame, kind: str) -> None:
     """Write the image with boxes or masks next to it, and print its name."""
     from omnisim.plots.overlays import boxes_overlay, labels_overlay
 
     assert frame.labels is not None
-    draw = boxes_overlay if kind is OverlayKind.BOXES else labels_overlay
+    draw = boxes_overlay if kind == "boxes" else labels_overlay
     path = sidecar_path(image, OVERLAY)
-    write_image(path, draw(frame.rgb, frame.channels[kind.channel], frame.labels))
+    write_image(path, draw(frame.rgb, frame.channels[OVERLAID[kind]], frame.labels))
     out.print(f"{path}: the image with {kind}")
 
 

@@ -1,6 +1,5 @@
 """Requests of the commands that create images and scans, or read an image."""
 
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -51,18 +50,6 @@ class CameraViewpointOptions(TiltedViewpointOptions):
     lens; `omnisim scene` lists them."""
 
 
-class OverlayKind(StrEnum):
-    """Ground truth to draw on an image."""
-
-    BOXES = "boxes"
-    LABELS = "labels"
-
-    @property
-    def channel(self) -> str:
-        """Channel that is needed."""
-        return "instance" if self is OverlayKind.BOXES else "semantic"
-
-
 @options
 class FlowOptions:
     """Other viewpoints of flow, previews and overlays."""
@@ -81,7 +68,7 @@ class FlowOptions:
     """Seconds between the frame and its neighbors, for the flow of moving objects."""
     preview: bool = False
     """Also write a preview image of each channel."""
-    overlay: OverlayKind | None = None
+    overlay: Literal["boxes", "labels"] | None = None
     """Also write FILE.overlay.png: the image with boxes of the visible instances, or with the masks
     of the classes, and their names."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -69,7 +68,13 @@ def geometry(request: MeasureGeometryRequest) -> None:
         measured = measure_optics(optics.file.table, optics.free, views, optics.file.source)
     rejected = [*rejected, *measured.rejected]
     write_corners(corners, [BoardCorners(one.points_m, one.pixels_px) for one in measured.views])
-    _write_plot(plot, measured)
+    if is_installed("matplotlib"):
+        from omnisim.plots.plot_file import write_plot
+        from omnisim.plots.residual_plot import residual_figure
+
+        pixels = np.concatenate([view.pixels_px for view in measured.views])
+        title = f"{measured.model}: {measured.rms_px:.3f} px RMS"
+        write_plot(plot, residual_figure(title, size_px, pixels, measured.errors_px))
     tables = _with_camera(tables, measured)
     details = _details(measured, rejected)
     write_measured("geometry", request, tables, measured.quantities, measured.unobservable, details)
@@ -189,18 +194,6 @@ def _details(measured: MeasuredGeometry, rejected: Sequence[RejectedImage]) -> d
             "errors_px": measured.errors_px.round(4).tolist(),
         },
     }
-
-
-def _write_plot(path: Path, measured: MeasuredGeometry) -> None:
-    if not is_installed("matplotlib"):
-        return
-    from omnisim.plots.plot_file import write_plot
-    from omnisim.plots.residual_plot import residual_figure
-
-    pixels = np.concatenate([view.pixels_px for view in measured.views])
-    size_px = measured.camera.width_px, measured.camera.height_px
-    title = f"{measured.model}: {measured.rms_px:.3f} px RMS"
-    write_plot(path, residual_figure(title, size_px, pixels, measured.errors_px))
 
 
 def _print(measured: MeasuredGeometry, rejected: Sequence[RejectedImage]) -> None:

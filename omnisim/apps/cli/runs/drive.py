@@ -160,8 +160,13 @@ def record(request: RecordRequest) -> None:
     route = RigRoute(path, poses.trajectory_frame, poses.axes, poses.rate_hz, world_from_file)
     truth, is_timed = route.read(rig, print_note)
     whole = _drive_of(request, vehicle, Route(str(path)))
-    if not is_timed:
-        _refuse_time(whole.vehicle, path)
+    for camera in () if is_timed else whole.vehicle.cameras:
+        degradation, shutter = camera.sensor.degradation, camera.sensor.degradation.shutter
+        if (shutter is not None and shutter.duration_s) or degradation.is_metered:
+            raise RunError(
+                f"{path}: has no times, and the exposure of {camera.name} depends on them: "
+                "pass --rate HZ"
+            )
     _note_poses_outside(whole.scene, truth, path)
     placing = poses.at, poses.roll_deg, poses.pitch_deg, poses.yaw_deg
     options = placing, poses.trajectory_frame, poses.axes, poses.rate_hz
@@ -225,18 +230,6 @@ def _note_poses_outside(scene: Scene, truth: Trajectory, path: Path) -> None:
             f"scene, which spans {' to '.join(corners)} m: --at, --yaw, --pitch and --roll place "
             "the file's origin"
         )
-
-
-def _refuse_time(vehicle: Vehicle, path: Path) -> None:
-    """Raise an error for cameras whose images depend on the time between them."""
-    for camera in vehicle.cameras:
-        degradation = camera.sensor.degradation
-        shutter = degradation.shutter
-        if (shutter is not None and shutter.duration_s) or degradation.is_metered:
-            raise RunError(
-                f"{path}: has no times, and the exposure of {camera.name} depends on them: "
-                "pass --rate HZ"
-            )
 
 
 def _drive_of(request: DriveRequest | RecordRequest, vehicle: Vehicle, route: Route) -> Drive:

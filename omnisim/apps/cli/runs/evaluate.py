@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from omnisim.apps.cli.console import out, pluralize, print_note, resumable, table, track
 from omnisim.apps.cli.runs.requests import EvaluateRequest
@@ -18,9 +17,6 @@ from omnisim.evaluation.drive_sweep import PointResult, run_sweep
 from omnisim.evaluation.estimator_registry import COMMAND, ESTIMATORS, estimator_named
 from omnisim.evaluation.run_evaluation import Outcome, estimator_folder, evaluate_estimator
 from omnisim.evaluation.sweep_plan import SweepPlan, SweepPoint, find_plan, read_plan
-
-if TYPE_CHECKING:
-    from omnisim.report.report import Section
 
 OUTCOMES = "outcomes.json"
 POINTS, DRIVES = "points.json", "drives"
@@ -52,7 +48,7 @@ def run(request: EvaluateRequest) -> bool:
 
 
 def _evaluate_run(request: EvaluateRequest) -> list[Outcome]:
-    from omnisim.report.estimator_report import run_section
+    from omnisim.report.estimator_report import RUN_COLUMNS, run_row, run_section
     from omnisim.report.report import Report
 
     given = request.estimators or list(ESTIMATORS)  # a value lists several, unless it is a command
@@ -73,24 +69,27 @@ def _evaluate_run(request: EvaluateRequest) -> list[Outcome]:
     Report(f"Estimators: {title}", text, (section,), facts).write(request.output)
     content = [one.as_dict() for one in outcomes]
     write_text(request.output / OUTCOMES, json.dumps(content, indent=2) + "\n")
-    _print(request.output, outcomes)
-    return outcomes
-
-
-def _print(folder: Path, outcomes: Sequence[Outcome]) -> None:
-    from omnisim.report.estimator_report import RUN_COLUMNS, run_row
-
-    shown = table(*_PRINTED)
-    for outcome in outcomes:
-        cells = dict(zip(RUN_COLUMNS, run_row(outcome), strict=True))
-        name = cells["estimator"]
-        cells["estimator"] = name if len(name) <= _NAME_LETTERS else name[: _NAME_LETTERS - 1] + "…"
-        shown.add_row(*(cells[heading.removeprefix(">")] for heading in _PRINTED))
-    out.print(f"{folder}: written")
-    out.print(shown)
+    out.print(f"{request.output}: written")
+    rows = [dict(zip(RUN_COLUMNS, run_row(outcome), strict=True)) for outcome in outcomes]
+    for row in rows:
+        if len(row["estimator"]) > _NAME_LETTERS:
+            row["estimator"] = row["estimator"][: _NAME_LETTERS - 1] + "…"
+    _print_rows(_PRINTED, rows)
     for outcome in outcomes:
         if outcome.reason:
             print_note(f"{outcome.estimator}: {outcome.status}: {outcome.reason}")
+    return outcomes
+
+
+def _print_rows(
+    headings: Sequence[str], rows: Iterable[Mapping[str, str]], title: str = ""
+) -> None:
+    """Print some columns of rows as a table; a heading that begins with > is that of numbers."""
+    shown = table(*headings)
+    shown.title, shown.title_justify = title, "left"
+    for row in rows:
+        shown.add_row(*(row[heading.removeprefix(">")] for heading in headings))
+    out.print(shown)
 
 
 def _sweep(request: EvaluateRequest, path: Path) -> None:
@@ -110,10 +109,22 @@ def _sweep(request: EvaluateRequest, path: Path) -> None:
     facts = {"plan": path.name, "seeds": list(plan.seeds)}
     title = plan.title or "Estimators on varied drives"
     Report(title, text, sections, facts).write(request.output)
-    write_text(request.output / POINTS, _points_json(results))
+    content = [
+        {
+            "drive": one.point.drive.name,
+            "variation": one.point.variation,
+            "value": one.point.label,
+            "seed": one.point.seed,
+            "outcomes": [each.as_dict() for each in one.outcomes],
+        }
+        for one in results
+    ]
+    write_text(request.output / POINTS, json.dumps(content, indent=2) + "\n")
     out.print(f"{request.output}: written")
     for section in sections:
-        _print_swept(section)
+        swept = section.tables[0]
+        rows = (dict(zip(swept.columns, row, strict=True)) for row in swept.rows)
+        _print_rows(_SWEPT, rows, section.title)
     for reason in dict.fromkeys(each.reason for one in results for each in one.outcomes):
         if reason:
             print_note(reason)
@@ -125,7 +136,14 @@ def _finished_points(
     """Results of all points, in the plan's order, with a bar of progress."""
     place = {_key(point): index for index, point in enumerate(points)}
     results: list[PointResult] = []
-    steps = _steps(request, plan, points)
+    folder = request.output / DRIVES
+    if request.engine == "ray":
+        require_extra("ray", "omnisim evaluate --engine ray")
+        from omnisim.evaluation.ray_sweep import run_sweep_on_ray
+
+        steps = run_sweep_on_ray(plan, points, folder, request.address)
+    else:
+        steps = run_sweep(plan, points, folder, request.processes)
 
     def state() -> str:
         finished = f"{len(results)} of {pluralize(len(points), 'drive')} finished"
@@ -137,42 +155,5 @@ def _finished_points(
     return sorted(results, key=lambda one: place[_key(one.point)])
 
 
-def _steps(
-    request: EvaluateRequest, plan: SweepPlan, points: list[SweepPoint]
-) -> Iterator[PointResult]:
-    folder = request.output / DRIVES
-    if request.engine == "ray":
-        require_extra("ray", "omnisim evaluate --engine ray")
-        from omnisim.evaluation.ray_sweep import run_sweep_on_ray
-
-        return run_sweep_on_ray(plan, points, folder, request.address)
-    return run_sweep(plan, points, folder, request.processes)
-
-
 def _key(point: SweepPoint) -> tuple[int | None, str, int]:
     return point.variation, point.label, point.seed
-
-
-def _points_json(results: list[PointResult]) -> str:
-    """Results as JSON text."""
-    content = [
-        {
-            "drive": one.point.drive.name,
-            "variation": one.point.variation,
-            "value": one.point.label,
-            "seed": one.point.seed,
-            "outcomes": [each.as_dict() for each in one.outcomes],
-        }
-        for one in results
-    ]
-    return json.dumps(content, indent=2) + "\n"
-
-
-def _print_swept(section: Section) -> None:
-    shown = table(*_SWEPT)
-    shown.title, shown.title_justify = section.title, "left"
-    columns = section.tables[0].columns
-    for row in section.tables[0].rows:
-        cells = dict(zip(columns, row, strict=True))
-        shown.add_row(*(cells[heading.removeprefix(">")] for heading in _SWEPT))
-    out.print(shown)

@@ -82,8 +82,7 @@ def detect(request: DetectRequest) -> None:
 
         check_plot_target(request.show)
     model, landmarks = load_model(request.model)
-    is_run = request.source.is_dir()
-    source = _open_run(request) if is_run else _open_image(request)
+    is_run, source = request.source.is_dir(), _open(request)
     try:
         detector = LandmarkDetector(model, landmarks, source.mount)
     except LocalizationError as reason:
@@ -132,13 +131,11 @@ def detect(request: DetectRequest) -> None:
         print_note(f"no landmark in {pluralize(len(empty), 'image')}: {steps}")
 
 
-def _open_run(request: DetectRequest) -> RunData:
-    reason = f"expected an image, got the run {request.source}"
-    refuse_given(request, reason, "height_m", "sensor", error=OpticsError)
-    return read_run(request.source, request.scene, request.camera_name)
-
-
-def _open_image(request: DetectRequest) -> SingleImage:
+def _open(request: DetectRequest) -> RunData | SingleImage:
+    if request.source.is_dir():
+        reason = f"expected an image, got the run {request.source}"
+        refuse_given(request, reason, "height_m", "sensor", error=OpticsError)
+        return read_run(request.source, request.scene, request.camera_name)
     reason = f"expected a run, got the image {request.source}"
     refuse_given(request, reason, "scene", "camera_name", error=OpticsError)
     sensor = None if request.sensor is None else read_sensor(request.sensor)

@@ -1,37 +1,50 @@
-"""`omnisim plot`."""
+"""`omnisim plot` and `omnisim video`: what a run looks like."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.apps.cli.console import out, pluralize, print_note
-from omnisim.apps.cli.runs.requests import PlotRequest
-from omnisim.core.errors import SceneError
+from omnisim.apps.cli.console import out, pluralize, print_note, track
+from omnisim.apps.cli.runs.requests import PlotRequest, VideoRequest
+from omnisim.core.errors import RunError, SceneError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.trajectories import Trajectory, read_trajectory
-from omnisim.plots.plot_file import check_plot_target, write_plot
-from omnisim.plots.run_plot import RunDrawing, run_figure, steps_to_show
 from omnisim.robots import read_odometry
 from omnisim.runs.drive import scene_contents
 from omnisim.runs.run_folder import GROUND_TRUTH, OBJECTS, ODOMETRY, PLOT, RunFolder
 from omnisim.scene import Scene
 
 
-def run(request: PlotRequest) -> None:
+def plot(request: PlotRequest) -> None:
     """Plot a run from above, or the runs of robots that drove together."""
+    from omnisim.plots.plot_file import check_plot_target, write_plot
+    from omnisim.plots.run_plot import RunDrawing, run_figure, steps_to_show
+
     target = request.output or request.run / PLOT
     runs = RunFolder.read_each(request.run)
     check_plot_target(target)
     drawings, titles, steps = [], [], []
     for recorded in runs:
-        name = recorded.path.name if len(runs) > 1 else ""
-        drawing = _drawing(recorded, name)
-        done = recorded.steps_done()
-        title = _title(recorded, drawing.truth, drawing.reckoned, done)
-        drawings.append(drawing)
+        name, done = recorded.path.name if len(runs) > 1 else "", recorded.steps_done()
+        truth = read_trajectory(recorded.path / GROUND_TRUTH)
+        recorded.check_steps(GROUND_TRUTH, len(truth))
+        reckoned = _dead_reckoned(recorded)
+        if notice := recorded.unfinished():
+            print_note(notice)
+        images = {}
+        if recorded.manifest.cameras:
+            camera = recorded.camera()
+            for step in (step for step in steps_to_show(len(truth)) if step < done):
+                file = recorded.file(camera, recorded.index_at(camera, step), ".png")
+                images[step] = read_image(file)[0]
+        drawings.append(RunDrawing(truth, reckoned, images, name))
+        title = _title(recorded, truth, reckoned, done)
         titles.append(f"{name}: {title}" if name else title)
-        steps.append(f"{done} of {pluralize(len(drawing.truth), 'step')}")
+        steps.append(f"{done} of {pluralize(len(truth), 'step')}")
     files = (file for one in runs for file in sorted((one.path / OBJECTS).glob("*.tum")))
     others = {file.stem: read_trajectory(file) for file in files}
     for drawing in drawings:
@@ -39,22 +52,6 @@ def run(request: PlotRequest) -> None:
     scene = _scene(runs[0], request.scene)
     write_plot(target, run_figure("\n".join(titles), scene, drawings, others))
     out.print(f"{target}: {', '.join(steps)}")
-
-
-def _drawing(run: RunFolder, name: str) -> RunDrawing:
-    """Drawing of a run: its paths, and the images of its first camera."""
-    truth = read_trajectory(run.path / GROUND_TRUTH)
-    run.check_steps(GROUND_TRUTH, len(truth))
-    reckoned = _dead_reckoned(run)
-    if notice := run.unfinished():
-        print_note(notice)
-    images = {}
-    if run.manifest.cameras:
-        camera, done = run.camera(), run.steps_done()
-        shown = [step for step in steps_to_show(len(truth)) if step < done]
-        files = {step: run.file(camera, run.index_at(camera, step), ".png") for step in shown}
-        images = {step: read_image(file)[0] for step, file in files.items()}
-    return RunDrawing(truth, reckoned, images, name)
 
 
 def _dead_reckoned(run: RunFolder) -> NDArray[np.float64] | None:
@@ -92,3 +89,72 @@ def _scene(run: RunFolder, scene: str | None) -> Scene | None:
     if scene_contents(loaded) != recorded.contents:
         print_note(f"{loaded.name}: has changed since the run")
     return loaded
+
+
+def video(request: VideoRequest) -> None:
+    """Encode a camera's images as a video; robots that drove together appear side by side."""
+    from omnisim.plots.video_file import check_video_target, write_video
+
+    folder, output, rate_hz = request.run, request.output, request.rate_hz
+    runs = RunFolder.read_each(folder)
+    check_video_target(output)
+    for recorded in runs:
+        if recorded.measurements_done(recorded.camera(request.camera_name)) == 0:
+            raise RunError(
+                f"{recorded.path}: has no images yet: run its command again to resume it"
+            )
+        if notice := recorded.unfinished():
+            print_note(notice)
+    views = [_View.of(recorded, request.camera_name) for recorded in runs]
+    longest = max(views, key=lambda view: len(view.times_s))
+    times_s = longest.times_s.tolist()
+
+    def images() -> Iterator[NDArray[np.uint8]]:
+        for time_s in track(times_s, "encoding"):
+            yield side_by_side([view.at(time_s) for view in views])
+
+    count = write_video(output, images(), rate_hz)
+    out.print(f"{output}: {pluralize(count, 'image')}, {count / rate_hz:.1f} s")
+
+
+@dataclass(frozen=True, eq=False)
+class _View:
+    """Images of a camera of a run.
+
+    Attributes:
+        run: folder of the run.
+        camera: name of the camera.
+        times_s: (n,) times of the recorded images.
+    """
+
+    run: RunFolder
+    camera: str
+    times_s: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, run: RunFolder, camera: str | None) -> _View:
+        """View of the named camera; None: the first camera.
+
+        Raises:
+            RunError: no such camera.
+        """
+        name = run.camera(camera)
+        return cls(run, name, run.times_s(name)[: run.measurements_done(name)])
+
+    def at(self, time_s: float) -> NDArray[np.uint8]:
+        """Latest image (height, width, 3) at `time_s` seconds; the first one if none is earlier."""
+        step = max(0, int(np.searchsorted(self.times_s, time_s, side="right")) - 1)
+        image: NDArray[np.uint8] = read_image(self.run.file(self.camera, step, ".png"))[0]
+        return image
+
+
+def side_by_side(images: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """Join images (height, width, 3) horizontally, with black below the lower ones."""
+    if len(images) == 1:
+        return images[0]
+    height = max(image.shape[0] for image in images)
+    below = (((0, height - image.shape[0]), (0, 0), (0, 0)) for image in images)
+    colors = (image[..., :3] for image in images)
+    return np.concatenate(
+        [np.pad(color, margin) for color, margin in zip(colors, below, strict=True)], axis=1
+    )

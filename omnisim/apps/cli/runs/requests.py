@@ -175,7 +175,7 @@ class LocalizeRequest(RunSceneOptions, RunCameraOptions):
     """Parameters of the filter: .toml. Default: omnisim's own."""
 
 
-@command("plot", "runs.plot.run", extra="plots")
+@command("plot", "runs.plot.plot", extra="plots")
 class PlotRequest(RunSceneOptions):
     """Plot a run from above: map, path, odometry, landmarks, images.
 
@@ -188,7 +188,7 @@ class PlotRequest(RunSceneOptions):
     """Plot to write: .png .pdf .svg. Default: RUN/plot.png."""
 
 
-@command("video", "runs.video.run", extra="video")
+@command("video", "runs.plot.video", extra="video")
 class VideoRequest(RunCameraOptions):
     """Encode the images of a run as a video.
 

@@ -18,6 +18,6 @@ def test_a_folder_that_is_no_run_is_refused(omnisim, tmp_path):
     status, _, error = omnisim("export", "empty", "--to", "ros2-mcap", "-o", "out")
     assert (status, error) == (
         1,
-        "error: empty: has no manifest.json: expected the folder of a run, as drive and render "
-        "--trajectory make it\n",
+        "error: empty: has no manifest.json: expected the folder of a run, as drive and record "
+        "make it\n",
     )
