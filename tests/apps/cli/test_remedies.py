@@ -76,9 +76,7 @@ def _without(words, flag):
     """Words without an option and its values."""
     kept, is_value = [], False
     for word in words:
-        is_value = word.split("=")[0] == flag or (
-            is_value and not re.match(r"-[a-z-]", word) and word not in kept[:0]
-        )
+        is_value = word.split("=")[0] == flag or (is_value and not re.match(r"-[a-z-]", word))
         if not is_value:
             kept.append(word)
     return kept
@@ -98,7 +96,7 @@ def _tried(command, line):
     if found := re.match(r"(\S+): a word too many", line):
         return [word for word in words if word != found[1]]
     if found := re.search(r"missing: .*, such as omnisim (.*)$", line):
-        return [*shlex.split(found[1]), *words[len(words) :]]
+        return shlex.split(found[1])
     if found := re.search(r"missing: .*, such as (-.*)$", line):
         return [*words, *shlex.split(found[1])]
     if found := re.search(r"(?:such as|: expected) (--?[a-z].*?), got (.*)$", line):
