@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.atlas.tile_views import PosedViews
+from omnisim.rendering.opengl.atlas.tile_views import PosedViews, TileViews
 from omnisim.rendering.opengl.drawing.mirror_owner_program import MirrorOwnerProgram
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
 from omnisim.rendering.opengl.drawing.scene_view import Probes, SceneView
@@ -51,6 +51,7 @@ class MirrorPass:
         of_panes: True for panes.
         programs: surface programs for the scene's lights.
         plan: tiles of the camera's atlas.
+        whole: tiles of the whole image, whose largest mirrors have views in all of its parts.
         cameras: virtual cameras.
         sky: pass of the visible sky; None: no sky.
         probes: reflection probes; None: no surface has one.
@@ -70,6 +71,7 @@ class MirrorPass:
         of_panes: bool,
         programs: SurfacePrograms,
         plan: TilePlan,
+        whole: TilePlan,
         cameras: VirtualCameras,
         sky: SkyPass | None,
         probes: Probes | None = None,
@@ -78,6 +80,7 @@ class MirrorPass:
         self._buffers, self._mirrors, self._state = buffers, mirrors, GlState()
         self._count = cameras.mirrors
         self._plan, self._world_from_rig = plan, np.eye(4)
+        self._whole_views = TileViews(whole, cameras.near_m, cameras.far_m)
         self._planes = np.zeros((len(mirrors), 4))
         self._background = cameras.background
         size = (plan.width_px, plan.height_px)
@@ -149,7 +152,7 @@ class MirrorPass:
         planes, sides = self._planes_at(world_from_rig[:3, 3], world_from_objects)
         transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
         views = view.tiles.views.at(world_from_rig)
-        visible = self._visible(view, sides, views, transforms)
+        visible = self._visible(sides, self._whole_views.at(world_from_rig), transforms)
         self._planes = np.full_like(planes, _NOWHERE_M)
         self._planes[visible] = planes[visible]
         self._world_from_rig = world_from_rig
@@ -160,6 +163,11 @@ class MirrorPass:
         self._state.clear([(*self._background, 1.0)], CLEAR_DEPTH)
         for number in visible:
             self._draw_view(number, world_from_rig, world_from_objects)
+
+    def use_plan(self, plan: TilePlan) -> None:
+        """Draw other tiles, at most as many as at first, in an atlas of the same size."""
+        self._plan = plan
+        self._view.tiles.use_plan(plan)
 
     def connect(self, programs: Collection[SurfaceProgram]) -> None:
         """Set the planes of the last rendered views in the programs that show them."""
@@ -205,7 +213,6 @@ class MirrorPass:
 
     def _visible(
         self,
-        view: SceneView,
         sides: NDArray[np.intp],
         views: PosedViews,
         transforms: InstanceTransforms,
