@@ -21,7 +21,8 @@ from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import PydanticUndefined
 
 from omnisim.core.files.attribute_docs import attribute_docs
-from omnisim.core.files.parameters import InnerTable, Typical, table_in
+from omnisim.core.files.parameters import Typical
+from omnisim.core.files.table_faults import InnerTable, table_in
 
 FAR = 1e9  # larger limits only keep numbers within float32
 

@@ -42,7 +42,6 @@ from typing import (
     Annotated,
     Any,
     ClassVar,
-    NamedTuple,
     TypeVar,
     get_args,
     get_origin,
@@ -57,8 +56,8 @@ from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, core_schema
 
 from omnisim.core.errors import OmnisimError, OpticsError
+from omnisim.core.files.table_faults import MIN_POSITIVE, fault_lines
 
-MIN_POSITIVE = 1e-9  # lower limit of positive numbers: stands for 0
 MAX_NUMBER = 1e9  # products and quotients of a few such numbers fit in float32, as on the GPU
 
 Number = Annotated[float, Field(strict=True)]  # rejects "11" and true; integers are accepted
@@ -186,6 +185,11 @@ class Parameters:
                 continue
             written[key] = _written(mapped(in_degrees, value) if key != field.name else value, full)
         return written
+
+    @classmethod
+    def file_table(cls) -> type[Table]:
+        """Schema of the table that has these settings in a file, see `table_of`."""
+        return table_of(cls)
 
     @classmethod
     def __get_pydantic_core_schema__(
@@ -336,32 +340,6 @@ def overriding(
     return add
 
 
-class InnerTable(NamedTuple):
-    """Table in the table of a key.
-
-    Attributes:
-        model: schema of the inner table.
-        is_list: True if the key holds a list of such tables.
-    """
-
-    model: type[pydantic.BaseModel]
-    is_list: bool
-
-
-def table_in(annotation: Any) -> InnerTable | None:
-    """Table in the table of a key with this annotation, or None."""
-    if isinstance(annotation, type) and issubclass(annotation, Parameters):
-        return InnerTable(table_of(annotation), False)
-    if isinstance(annotation, type) and issubclass(annotation, pydantic.BaseModel):
-        return InnerTable(annotation, False)
-    is_list = get_origin(annotation) in (tuple, list)
-    for part in get_args(annotation):
-        table = table_in(part)
-        if table is not None:
-            return InnerTable(table.model, is_list or table.is_list)
-    return None
-
-
 def _in_degrees(annotation: Any) -> Any:
     """Annotation of an angle in radians with its limits in degrees."""
     origin, parts = get_origin(annotation), get_args(annotation)
@@ -435,8 +413,6 @@ def parse_table(
         return model.model_validate(data, context=in_python)
     except pydantic.ValidationError as reason:
         faults = reason.errors()
-    from omnisim.core.files.table_faults import fault_lines  # only needed after an error
-
     keys = [fault["loc"] for fault in faults]
     raise error(
         "\n".join(

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from typing import Any, get_args, get_origin
+from typing import Any, NamedTuple, get_args, get_origin
 
 import pydantic
 from pydantic_core import ErrorDetails
 
 from omnisim.core.errors import did_you_mean
-from omnisim.core.files.parameters import MIN_POSITIVE, table_in
 
+MIN_POSITIVE = 1e-9  # lower limit of positive numbers: stands for 0
 _MAX_HEADERS = 3  # number of tables with a key; more are no useful hint
 _RELATIONS = {
     "greater_than": ("a number >", "gt"),
@@ -28,6 +28,33 @@ _KINDS = {
     "path_type": "a path, as text",
     "bool_type": "true or false",
 }
+
+
+class InnerTable(NamedTuple):
+    """Table in the table of a key.
+
+    Attributes:
+        model: schema of the inner table.
+        is_list: True if the key holds a list of such tables.
+    """
+
+    model: type[pydantic.BaseModel]
+    is_list: bool
+
+
+def table_in(annotation: Any) -> InnerTable | None:
+    """Table in the table of a key with this annotation, or None."""
+    if isinstance(annotation, type):
+        if issubclass(annotation, pydantic.BaseModel):
+            return InnerTable(annotation, False)
+        if hasattr(annotation, "file_table"):  # of `Parameters`
+            return InnerTable(annotation.file_table(), False)
+    is_list = get_origin(annotation) in (tuple, list)
+    for part in get_args(annotation):
+        table = table_in(part)
+        if table is not None:
+            return InnerTable(table.model, is_list or table.is_list)
+    return None
 
 
 def fault_lines(fault: ErrorDetails, model: type[pydantic.BaseModel], at: str) -> Iterator[str]:
