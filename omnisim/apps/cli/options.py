@@ -405,14 +405,14 @@ def request_fields(request: type) -> list[RequestField]:
     return fields
 
 
-def _make(request: type[T], values: Mapping[str, object]) -> T:
+def _make(request: type, values: Mapping[str, object]) -> Any:
     hints = _hints(request)
     return request(
         **{
             field.name: _make(hints[field.name], values)
             if dataclasses.is_dataclass(hints[field.name])
             else values[field.name]
-            for field in dataclasses.fields(request)  # type: ignore[arg-type]  # a dataclass
+            for field in dataclasses.fields(request)
         }
     )
 
