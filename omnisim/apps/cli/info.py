@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -40,10 +41,13 @@ def run() -> None:
 
 def installation() -> list[tuple[str, str]]:
     """Names and values of all lines except OpenGL's."""
+    system = f"{platform.system()} {platform.release()}"
+    with suppress(OSError, KeyError):  # Debian GNU/Linux 12 (bookworm), Linux 6.1.0
+        system = f"{platform.freedesktop_os_release()['PRETTY_NAME']}, {system}"
     lines = [
         ("omnisim", f"{__version__}, in {PACKAGE}"),
         ("python", f"{platform.python_version()}, {sys.executable}"),
-        ("system", f"{_system()}, {platform.machine()}"),
+        ("system", f"{system}, {platform.machine()}"),
         ("packages", _versions(REQUIRED)),
     ]
     for extra, packages in EXTRAS.items():
@@ -58,15 +62,6 @@ def installation() -> list[tuple[str, str]]:
         ("camera", f"{summary(camera.model)}, {mesh_text(camera)}"),
     ]
     return lines
-
-
-def _system() -> str:
-    """Operating system with its kernel: Debian GNU/Linux 12 (bookworm), Linux 6.1.0."""
-    kernel = f"{platform.system()} {platform.release()}"
-    try:
-        return f"{platform.freedesktop_os_release()['PRETTY_NAME']}, {kernel}"
-    except (OSError, KeyError):
-        return kernel
 
 
 def _versions(packages: Mapping[str, str]) -> str:
