@@ -27,6 +27,8 @@ from omnisim import OmniCamera, open_sensor  # noqa: E402
 from omnisim.apps.live.presets import PRESETS_FILE  # noqa: E402
 from omnisim.cameras import CAMERA_MODELS, CentralCamera  # noqa: E402
 from omnisim.cameras.models.field_of_view import FieldOfView, field_of_view  # noqa: E402
+from omnisim.core.files.file_keys import keys_of  # noqa: E402
+from omnisim.core.files.parameters import table_of  # noqa: E402
 from omnisim.scene import load_scene  # noqa: E402
 from tests.camera_examples import CAMERA_EXAMPLES  # noqa: E402
 
@@ -96,7 +98,7 @@ def page(cameras: dict[str, CentralCamera]) -> str:
         seen = field_of_view(camera)
         parts.append(
             f"## {model}\n\n{title}\n\n![{model}]({model}.jpg)\n\n{_summary(seen)} "
-            f"{_parameters(camera)}\n\n{text}\n"
+            f"{_parameters(camera)}\n\n{text}\n\n{_table(camera)}\n"
         )
     return "\n".join(parts)
 
@@ -106,6 +108,15 @@ def _docstring(camera: CentralCamera) -> tuple[str, str]:
     module = inspect.getmodule(type(camera))
     title, _, text = inspect.cleandoc((module and module.__doc__) or "").partition("\n\n")
     return " ".join(title.split()), text
+
+
+def _table(camera: CentralCamera) -> str:
+    """Parameters of a model with their meaning, those of its mirror among them."""
+    keys = list(keys_of(table_of(type(camera))))
+    keys = keys[2:] or keys  # all have a width and a height
+    keys += [one for key in keys if key.inner for one in keys_of(key.inner.model)]
+    rows = [f"| {key.name} | {key.help} |" for key in keys if not key.inner]
+    return "\n".join(("| parameter | meaning |", "| --- | --- |", *rows))
 
 
 def _domain(camera: CentralCamera) -> str:

@@ -1,24 +1,33 @@
 """Parameters and tables: values that fit, and one line for each fault."""
 
 import dataclasses
+import math
+import tomllib
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
 import pytest
+from pydantic import Field
 
 from omnisim.core.errors import OpticsError, SensorFileError, did_you_mean
+from omnisim.core.files.file_keys import Limit, json_schema, keys_of
 from omnisim.core.files.parameters import (
+    NOT_IN_FILES,
     Fraction,
     NotNegative,
     Number,
     Parameters,
     Positive,
     Table,
+    Typical,
     described,
+    in_degrees,
+    overriding,
     parse_table,
     table_of,
 )
+from omnisim.core.files.toml_file import toml_text
 
 
 @dataclass(frozen=True)
@@ -87,6 +96,176 @@ def test_unknown_and_missing_keys():
         "a.toml: inner.radius: unknown key; did you mean 'radius_m'?",
         "a.toml: items.0: expected a table, [[items]], got 3",
     ]
+
+
+NOISE_RAD = math.radians(1.5)
+
+
+@dataclass(frozen=True)
+class Lens(Parameters, name="lens", error=SensorFileError):
+    """A lens."""
+
+    half_rad: Annotated[Number, Field(gt=0.0, le=math.pi), Typical(0.25 * math.pi, 0.5 * math.pi)]
+    """Half of the field of view."""
+    turns_radps: tuple[Annotated[Number, Field(ge=0.0)], ...] = ()
+    """Turn rates."""
+    near_m: NotNegative = 0.1
+    """Nearest surface."""
+    far_m: Positive = 8.0
+    """Farthest surface."""
+    kind: Literal["auto"] | Annotated[Number, Field(le=1.0)] | None = None
+    """Kind."""
+
+    def _check(self):
+        if not self.near_m < self.far_m:
+            raise self._error("near_m", f"less than far_m = {self.far_m:g}")
+
+
+@dataclass(frozen=True)
+class Rig(Parameters, error=SensorFileError):
+    """A rig."""
+
+    lens: Lens
+    others: tuple[Lens, ...] = ()
+    probe: Probe = Probe()
+    noise_rad_per_sqrt_m: NotNegative = NOISE_RAD
+    """Noise."""
+    drift_radpm: Number = 0.0
+    """Drift."""
+    matrix: np.ndarray = dataclasses.field(
+        default_factory=lambda: np.eye(2), metadata=NOT_IN_FILES, compare=False
+    )
+
+
+def _read(table, kind=Rig):
+    return parse_table(table, kind, SensorFileError, "a.toml")
+
+
+def test_degrees_of_a_file_come_back_as_they_were():
+    """Numbers of up to 15 digits, as people write them, to the last bit."""
+    rng = np.random.default_rng(1)
+    for digits in range(1, 16):
+        for size in 10.0 ** rng.uniform(-9, 9, 200):
+            angle_deg = float(f"{size * rng.choice((-1, 1)):.{digits}g}")
+            assert in_degrees(math.radians(angle_deg)) == angle_deg
+    assert [in_degrees(math.radians(one)) for one in (0.0, 90.0, 1e-4, 360.0)] == [0, 90, 1e-4, 360]
+
+
+def test_an_angle_is_the_same_after_a_file():
+    for angle_rad in np.random.default_rng(2).uniform(-7.0, 7.0, 2000).tolist():
+        # some have no degrees that give them to the last bit
+        assert math.radians(in_degrees(angle_rad)) == pytest.approx(angle_rad, rel=2.3e-16, abs=0)
+
+
+def test_files_have_degrees_at_every_depth():
+    table = {
+        "lens": {"half_deg": 90, "turns_degps": [30.0, 45.0]},
+        "others": [{"half_deg": 60.5, "near_m": 0.0}],
+        "noise_deg_per_sqrt_m": 0.3,
+        "drift_deg_per_m": -2.0,
+    }
+    rig = _read(table)
+    assert (rig.lens.half_rad, rig.lens.turns_radps[1]) == (math.pi / 2, math.radians(45.0))
+    assert rig.others == (Lens(math.radians(60.5), near_m=0.0),)
+    assert (rig.noise_rad_per_sqrt_m, rig.drift_radpm) == (math.radians(0.3), math.radians(-2.0))
+    assert rig.to_table() == table
+    assert list(rig.matrix.ravel()) == [1.0, 0.0, 0.0, 1.0]
+    assert _read({"lens": {"half_deg": 1.0}}).noise_rad_per_sqrt_m == math.radians(1.5)
+    full = rig.to_table(full=True)
+    assert full["lens"]["near_m"] == 0.1
+    assert full["probe"]["mode"] == "auto"
+    assert "kind" not in full["lens"]
+    assert _read(full) == rig
+    assert tomllib.loads(toml_text(full)) == full
+
+
+def test_a_thing_is_a_field_in_python():
+    rig = Rig(Lens(1.0), others=[Lens(2.0)])
+    assert rig.others == (Lens(2.0),)
+    with pytest.raises(SensorFileError, match=r"^lens: expected Lens, got 3$"):
+        Rig(3)
+    with pytest.raises(SensorFileError, match=r"^lens: expected Lens, got \{'half_deg': 3\}$"):
+        Rig({"half_deg": 3})
+
+
+@pytest.mark.parametrize(
+    ("table", "fault"),
+    [
+        ({"lens": {"half_deg": 181}}, "lens.half_deg: expected a number ≤ 180, got 181"),
+        ({"lens": {"half_deg": 0}}, "lens.half_deg: expected a number > 0, got 0"),
+        (
+            {"lens": {"half_deg": 1, "half_rad": 1}},
+            "lens.half_rad: unknown key; did you mean 'half_deg'?",
+        ),
+        (
+            {"lens": {"half_deg": 1, "turns_degps": [-1]}},
+            "lens.turns_degps.0: expected a number ≥ 0, got -1",
+        ),
+        ({"lens": {"half_deg": 1}, "others": 3}, "others: expected tables, [[others]], got 3"),
+        ({"lens": {"half_deg": 1}, "others": [3]}, "others.0: expected a table, [[others]], got 3"),
+        ({"lens": {"half_deg": 1, "far_m": 0.1}}, "lens.near_m: expected less than far_m = 0.1"),
+        (
+            {"lens": {"half_deg": 1}, "others": [{"half_deg": 2}, {"half_deg": 3, "near_m": 9}]},
+            "others.1.near_m: expected less than far_m = 8, got 9",
+        ),
+        (
+            {"lens": {"half_deg": 1}, "near_m": 1},
+            "near_m: unknown key; expected in [lens] or [[oth",
+        ),
+        ({}, "lens: missing"),
+    ],
+)
+def test_faults_of_things_name_file_key_and_value(table, fault):
+    with pytest.raises(SensorFileError) as caught:
+        _read(table)
+    assert str(caught.value).startswith(f"a.toml: {fault}")
+    assert "\n" not in str(caught.value)
+
+
+def test_keys_are_those_of_the_class_with_help_limits_and_usual_range():
+    half, turns, *_ = keys_of(table_of(Lens))
+    assert (half.name, turns.name) == ("half_deg", "turns_degps")
+    assert half.help == "Half of the field of view; typically 45 to 90."
+    assert (half.low, half.high) == (Limit(0.0, True), Limit(180.0, False))
+    assert (half.typical.low, half.typical.high) == (45.0, 90.0)
+    noise = next(one for one in keys_of(table_of(Rig)) if one.name == "noise_deg_per_sqrt_m")
+    assert noise.default == 1.5
+
+
+def test_json_schema():
+    schema = json_schema(table_of(Rig))
+    lens = schema["$defs"]["Lens"]
+    half = lens["properties"]["half_deg"]
+    assert (half["exclusiveMinimum"], half["maximum"]) == (0.0, 180.0)
+    assert half["description"] == "Half of the field of view; typically 45 to 90."
+    assert (lens["required"], lens["additionalProperties"]) == (["half_deg"], False)
+    assert schema["properties"]["noise_deg_per_sqrt_m"]["default"] == 1.5
+    assert schema["properties"]["others"]["items"] == {"$ref": "#/$defs/Lens"}
+    jsonschema = pytest.importorskip("jsonschema")
+    validator = jsonschema.Draft202012Validator(schema)
+    assert not list(validator.iter_errors({"lens": {"half_deg": 90}}))
+    assert len(list(validator.iter_errors({"lens": {"half_deg": 200, "near": 1}}))) == 2
+
+
+@overriding(Lens, "near_m", "half_deg")
+class Changed(Table):
+    """A device."""
+
+    far_m: Number = 5.0
+    """Its own."""
+
+
+@overriding(Lens, "near_m", "far_m", defaults={"near_m": 0.5})
+class Picked(Table):
+    """Others."""
+
+
+def test_a_table_has_fields_of_a_class():
+    changed = parse_table({"half_deg": 3.0}, Changed, SensorFileError)
+    assert dict(changed) == {"far_m": 5.0, "half_deg": 3.0, "near_m": None}
+    assert dict(Picked()) == {"near_m": 0.5, "far_m": 8.0}
+    texts = {key.name: key.help for key in keys_of(Changed)}
+    assert (texts["far_m"], texts["near_m"]) == ("Its own.", "Nearest surface.")
 
 
 def test_suggestions():

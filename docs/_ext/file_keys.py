@@ -9,35 +9,27 @@ from datetime import datetime
 from typing import Any, get_args, get_origin
 
 import pydantic
-from pydantic_core import PydanticUndefined
 
 from omnisim.core.files import file_keys
-from omnisim.core.files.attribute_docs import attribute_docs
-from omnisim.core.files.inner_tables import table_in
 from omnisim.core.files.parameters import table_of
 
 
-def tables(
-    model: type[pydantic.BaseModel], path: str = "", source: type | None = None
-) -> Iterator[str]:
+def tables(model: type[pydantic.BaseModel], path: str = "") -> Iterator[str]:
     """Markdown sections: one for each table that a model holds, its own keys first.
 
     Args:
         model: schema of the table.
         path: key of the table in its file.
-        source: class with the keys' help, where it is not the model itself.
     """
-    docs, rows, inner = attribute_docs(source or model), [], []
-    for name, field in model.model_fields.items():
-        key = field.alias or name
-        found = table_in(field.annotation)
-        if found is not None:
-            child, is_list = found
-            below = f"{path}.{key}" if path else key
+    rows, inner = [], []
+    for key in file_keys.keys_of(model):
+        if key.inner is not None:
+            child, is_list = key.inner
+            below = f"{path}.{key.name}" if path else key.name
             inner.append((f"[[{below}]]" if is_list else f"[{below}]", below, child))
             continue
-        default = "required" if field.is_required() else _default(field)
-        rows.append(f"| `{key}` | {_type(field)} | {default} | {docs.get(name, '')} |")
+        default = "required" if key.field.is_required() else _default(key)
+        rows.append(f"| `{key.name}` | {_type(key)} | {default} | {key.help} |")
     if rows:
         yield "\n".join(["| key | value | default | meaning |", "| --- | --- | --- | --- |", *rows])
     for header, below, child in inner:
@@ -45,9 +37,9 @@ def tables(
         yield from tables(child, below)
 
 
-def _default(field: Any) -> str:
-    value = field.get_default(call_default_factory=True)
-    if value is PydanticUndefined or value is None or value in ((), {}):
+def _default(key: file_keys.Key) -> str:
+    value = key.default
+    if value is None or value in ((), {}):
         return ""
     if isinstance(value, bool):
         return f"`{str(value).lower()}`"
@@ -56,11 +48,10 @@ def _default(field: Any) -> str:
     return f"`{value!r}`".replace("'", '"')
 
 
-def _type(field: Any) -> str:
+def _type(key: file_keys.Key) -> str:
     """Kind of value and its limits."""
-    low, high = file_keys.limits(field)
-    words = [_name(field.annotation)]
-    for limit, open_sign, closed_sign in ((low, ">", "≥"), (high, "<", "≤")):
+    words = [_name(key.field.annotation)]
+    for limit, open_sign, closed_sign in ((key.low, ">", "≥"), (key.high, "<", "≤")):
         if limit is not None:
             words.append(f"{open_sign if limit.is_open else closed_sign} {limit.value:g}")
     return ", ".join(words)
@@ -111,7 +102,7 @@ def key_pages() -> dict[str, str]:
         "scene-file-keys": tables(SceneFile),
         "label-file-keys": tables(LabelFile),
         "robot-file-keys": (*tables(RobotFile), *_mounts()),
-        "filter-file-keys": tables(FilterParameters),
+        "filter-file-keys": tables(table_of(FilterParameters)),
         "plan-file-keys": tables(Plan),
         "sweep-file-keys": tables(SweepPlan),
         "calibration-error-keys": tables(CalibrationError),
@@ -132,9 +123,9 @@ def _mounts() -> Iterator[str]:
 def _shapes() -> Iterator[str]:
     from omnisim.cameras.optics.surface_tables import shape_schemas
 
-    for name, table, source in shape_schemas():
-        yield f'## `[[surfaces]]`, `shape = "{name}"`\n\n{file_keys.summary(source)}'
-        yield from tables(table, "surfaces", source)
+    for name, table in shape_schemas().items():
+        yield f'## `[[surfaces]]`, `shape = "{name}"`\n\n{file_keys.summary(table)}'
+        yield from tables(table, "surfaces")
 
 
 def _effects() -> Iterator[str]:
@@ -142,4 +133,4 @@ def _effects() -> Iterator[str]:
 
     for name, effect in EFFECTS.items():
         yield f"## `[degradation.{name}]`\n\n{file_keys.summary(effect)}"
-        yield from tables(table_of(effect), source=effect)
+        yield from tables(table_of(effect))

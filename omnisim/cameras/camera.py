@@ -142,6 +142,11 @@ def check_central(camera: CentralCamera, use: str) -> None:
         )
 
 
+def without_prefix(reason: Exception) -> str:
+    """Message of an error of a camera's parameters, without the word camera in front of the key."""
+    return str(reason).removeprefix("camera: ").removeprefix("camera.")
+
+
 def summary(camera: CentralCamera) -> str:
     """Model and image size of a camera as short text."""
     return f"{camera.model_name} {camera.width_px} × {camera.height_px} px"

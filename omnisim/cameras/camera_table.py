@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from omnisim.cameras import CAMERA_MODELS, CentralCamera, camera_from_parameters
+from omnisim.cameras.camera import without_prefix
 from omnisim.core.errors import CalibrationError, OpticsError, SensorFileError, did_you_mean
 
 FIELDS = [model.__dataclass_fields__.keys() for model in CAMERA_MODELS.values()]
@@ -26,7 +27,7 @@ def camera_from_table(parameters: Mapping[str, Any], source: str, key: str) -> C
     try:
         camera = camera_from_parameters(parameters)
     except OpticsError as reason:
-        message = str(reason).removeprefix("camera: ")
+        message = without_prefix(reason).partition("\n")[0]
         missing, _, rest = message.partition(": missing")
         for name in parameters if missing != message and not rest else ():
             hint = did_you_mean(name, [missing])

@@ -6,12 +6,6 @@ Domain: 0 ≤ θ ≤ θ_max and r before the first radius where dθ/dr has falle
 Beyond it, many pixels share nearly the same ray, and the inverse is ill-conditioned. `f_theta` is
 the opposite model, with r as a polynomial of θ.
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| principal_point_px | px | image center |
-| coefficients | rad/pxⁿ | k1 … kn, at most 8; 1/k1 > 0 is the focal length |
-| theta_max_deg | degrees | 95 to 110 |
-
 GLSL twin: `shaders/camera/f_theta_inverse.glsl`. Source: NVIDIA's f-theta lens, pixel to angle,
 with k0 = 0.
 """
@@ -22,15 +16,17 @@ import dataclasses
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
+from pydantic import Field
 
 from omnisim.cameras.camera import Uniforms
 from omnisim.cameras.monotone import MAX_RADIUS_PX, first_root, polyval, solve_polynomial
+from omnisim.cameras.parametric_camera import Coefficients, PrincipalPoint, WideTheta
 from omnisim.cameras.plane_camera import RadialCamera
-from omnisim.core.errors import OpticsError
 
 MAX_COEFFICIENTS = 8  # u_coefficients of the GLSL twin
 MIN_SLOPE = 1e-3  # share of the slope at the axis
@@ -38,22 +34,14 @@ MIN_SLOPE = 1e-3  # share of the slope at the axis
 
 @dataclass(frozen=True)
 class FThetaInverseCamera(RadialCamera):
-    """Fisheye lens whose angle is a polynomial of the radius.
+    """Fisheye lens whose angle is a polynomial of the radius."""
 
-    Attributes:
-        width_px, height_px: image size.
-        principal_point_px: (u, v) of the optical axis in the image.
-        coefficients: k1 … kn.
-        theta_max_rad: upper limit of the angle from the axis at which the domain ends.
-
-    Raises:
-        OpticsError: a size is not positive, a number is not finite, the coefficients are missing or
-            too many, k1 ≤ 0, or θ_max is outside 0 to 180°.
-    """
-
-    principal_point_px: tuple[float, float]
-    coefficients: tuple[float, ...]
-    theta_max_rad: float = math.pi
+    principal_point_px: PrincipalPoint
+    """(u, v) of the optical axis in the image; typically its center."""
+    coefficients: Annotated[Coefficients, Field(min_length=1, max_length=MAX_COEFFICIENTS)]
+    """k1 … kn of r, r², …, at most 8; k1 > 0."""
+    theta_max_rad: WideTheta = math.pi
+    """Angle from the axis where the domain ends."""
     model_name = "f_theta_inverse"
     pixels_per_plane = 1.0  # the plane is in pixels
 
@@ -63,14 +51,10 @@ class FThetaInverseCamera(RadialCamera):
         shrunk = tuple(k / scale**n for k, n in zip(self.coefficients, powers, strict=True))
         return dataclasses.replace(super().scaled(scale), coefficients=shrunk)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        count = len(self.coefficients)
-        if not 1 <= count <= MAX_COEFFICIENTS or self.coefficients[0] <= 0.0:
-            raise OpticsError(
-                f"camera: coefficients: expected 1 to {MAX_COEFFICIENTS} numbers, the first "
-                f"more than 0, got {self.coefficients}"
-            )
+    def _check(self) -> None:
+        super()._check()
+        if self.coefficients[0] <= 0.0:
+            raise self._error("coefficients", "numbers, the first of them more than 0")
 
     @cached_property
     def radius_max_px(self) -> float:

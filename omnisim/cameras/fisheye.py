@@ -10,25 +10,16 @@ from dataclasses import dataclass
 
 from omnisim.cameras.camera import Uniforms
 from omnisim.cameras.focal_camera import FocalCamera
+from omnisim.cameras.parametric_camera import ThetaMax
 from omnisim.cameras.plane_camera import RadialCamera
 
 
 @dataclass(frozen=True)
 class FisheyeCamera(FocalCamera, RadialCamera):
-    """Fisheye lens whose r/f is a function of θ alone, up to θ_max.
+    """Fisheye lens whose r/f is a function of θ alone, up to θ_max."""
 
-    Attributes:
-        width_px, height_px: image size.
-        focal_length_px: focal length f, the pixels per radian near the axis.
-        principal_point_px: (u, v) of the optical axis in the image.
-        theta_max_rad: angle from the axis where the domain ends.
-
-    Raises:
-        OpticsError: a size or focal length is not positive, the center is not finite, or θ_max is
-            outside the limits of the lens.
-    """
-
-    theta_max_rad: float
+    theta_max_rad: ThetaMax
+    """Angle from the axis where the domain ends."""
 
     def uniforms(self) -> Uniforms:
         """Uniforms for `shaders/camera/<model>.glsl`."""

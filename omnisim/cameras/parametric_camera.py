@@ -1,59 +1,54 @@
-"""Cameras whose parameters are their dataclass fields."""
+"""Cameras whose parameters are their fields."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
 from omnisim.cameras.camera import CameraParameters, Pixels, Rays, Uniforms
-from omnisim.cameras.model_parameters import (
-    check_limits,
-    number,
-    numbers,
-    point,
-    text,
-    whole_number,
-)
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.errors import OpticsError
+from omnisim.core.files.parameters import Number, Parameters, Typical, mapped, parse_table
 from omnisim.core.short_repr import short_repr
 
-_READERS: dict[str, Callable[[Mapping[str, Any], str], Any]] = {
-    "int": whole_number,
-    "float": number,
-    "str": text,
-    "tuple[float, float]": point,
-    "tuple[float, ...]": numbers,
-}
+# Far beyond any camera; squares of derived values still fit into a float.
+MAX_PX, MAX_COEFFICIENT = 1e15, 1e60
+PixelCount = Annotated[int, Field(strict=True, ge=1)]
+Pixel = Annotated[Number, Field(ge=-MAX_PX, le=MAX_PX)]
+PrincipalPoint = tuple[Pixel, Pixel]
+Coefficient = Annotated[Number, Field(ge=-MAX_COEFFICIENT, le=MAX_COEFFICIENT)]
+Coefficients = tuple[Coefficient, ...]
+ThetaMax = Annotated[Number, Field(gt=0.0)]  # a model has its own upper limit
+WideTheta = Annotated[ThetaMax, Typical(math.radians(90.0), math.radians(110.0))]
 
 
 @dataclass(frozen=True)
-class ParametricCamera(ABC):
+class ParametricCamera(Parameters, ABC, name="camera"):
     """Base of camera models: derives all but the projection from the subclass's fields.
 
-    Fields have the types listed in `_READERS`. A field whose name ends in `_rad` is serialized in
-    degrees, under a key that ends in `_deg`; one that ends in `_px` is a length in the image.
+    A field whose name ends in `_px` is a length in the image.
 
     Attributes:
-        width_px, height_px: image size.
         model_name: stem of the model's files.
         largest_theta_rad: upper limit of the parameter θ_max, for models that have it.
         added_later: parameters that the metadata of older images lack; their defaults apply.
 
     Raises:
-        OpticsError: a value has the wrong type, a size is not positive, a number is not finite, or
-            θ_max is outside its limits.
+        OpticsError: a parameter has another type or is outside its limits.
     """
 
-    width_px: int
-    height_px: int
+    width_px: PixelCount
+    """Width of the image in pixels."""
+    height_px: PixelCount
+    """Height of the image in pixels."""
     model_name: ClassVar[str]
     _rig_from_optical: ClassVar[NDArray[np.float64]] = BASE_FROM_OPTICAL_LOOKING_AHEAD
     largest_theta_rad: ClassVar[float] = math.pi
@@ -64,7 +59,8 @@ class ParametricCamera(ABC):
         @property
         def principal_point_px(self) -> tuple[float, float]: ...  # noqa: D102
 
-    def __init_subclass__(cls) -> None:
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
         setattr(cls, "__repr__", ParametricCamera.__repr__)  # noqa: B010  not the dataclass's own
 
     def __repr__(self) -> str:
@@ -72,18 +68,12 @@ class ParametricCamera(ABC):
         values = [f"{field.name}={_short(getattr(self, field.name))}" for field in others]
         return short_repr(self, size, *values)
 
-    def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            if read := _READERS.get(str(field.type)):
-                object.__setattr__(self, field.name, read(self.__dict__, field.name))
-        if self.width_px < 1 or self.height_px < 1:
-            raise OpticsError(
-                f"camera: size: expected at least 1, got {self.width_px} × {self.height_px}"
-            )
-        if hasattr(self, "theta_max_rad"):
-            largest = self.largest_theta_rad
-            expected = f"more than 0 and at most {largest:g} ({math.degrees(largest):g}°)"
-            check_limits(self, "theta_max_rad", 1e-6, largest, expected)
+    def _check(self) -> None:
+        super()._check()
+        largest = self.largest_theta_rad
+        if not 1e-6 <= getattr(self, "theta_max_rad", largest) <= largest:
+            limits = f"more than 0 and at most {largest:g} ({math.degrees(largest):g}°)"
+            raise self._error("theta_max_rad", limits)
 
     @property
     def rig_from_optical(self) -> NDArray[np.float64]:
@@ -112,7 +102,7 @@ class ParametricCamera(ABC):
             elif field.name == "principal_point_px":  # measured from the center of the first pixel
                 changes[field.name] = tuple((one + 0.5) * scale - 0.5 for one in value)
             elif field.name.endswith("_px"):
-                changes[field.name] = _map(lambda one: one * scale, value)
+                changes[field.name] = mapped(lambda one: one * scale, value)
         return dataclasses.replace(self, **changes)
 
     def ending_at(self, theta_max_rad: float) -> Self | None:
@@ -139,21 +129,24 @@ class ParametricCamera(ABC):
         Raises:
             OpticsError: a parameter is invalid; names the key, the actual and the expected value.
         """
-        values: dict[str, Any] = {}
-        for field in dataclasses.fields(cls):
-            if field.name in cls.added_later and field.name not in parameters:
-                continue
-            value = _READERS[str(field.type)](parameters, _key(field.name))
-            values[field.name] = _map(math.radians, value) if _is_angle(field.name) else value
-        return cls(**values)
+        keys = {cls.file_key(field.name): field.name for field in dataclasses.fields(cls)}
+        given = {key: parameters[key] for key in keys if key in parameters}
+        for key, value in given.items():
+            if isinstance(value, np.generic | np.ndarray):
+                given[key] = value.tolist()
+        camera = parse_table(given, cls, OpticsError, at="camera")
+        for key, name in keys.items():  # metadata has the defaults, too
+            if key not in given and name not in cls.added_later:
+                raise OpticsError(f"camera.{key}: missing")
+        return camera
 
     def parameters(self) -> CameraParameters:
         """Model name and parameters, for image metadata."""
         named: CameraParameters = {"model": self.model_name}
         for field in dataclasses.fields(self):
-            value = getattr(self, field.name)
-            value = _map(math.degrees, value) if _is_angle(field.name) else value
-            named[_key(field.name)] = list(value) if isinstance(value, tuple) else value
+            value, key = getattr(self, field.name), self.file_key(field.name)
+            value = mapped(math.degrees, value) if key != field.name else value
+            named[key] = list(value) if isinstance(value, tuple) else value
         return named
 
 
@@ -162,15 +155,3 @@ def _short(value: Any) -> str:
     if isinstance(value, tuple):
         return f"{len(value)} values" if len(value) > 4 else f"({', '.join(map(_short, value))})"
     return f"{value:z.6g}" if isinstance(value, float) else str(value)
-
-
-def _is_angle(name: str) -> bool:
-    return name.endswith("_rad")
-
-
-def _key(name: str) -> str:
-    return name.removesuffix("_rad") + "_deg" if _is_angle(name) else name
-
-
-def _map(convert: Callable[[float], float], value: Any) -> Any:
-    return tuple(map(convert, value)) if isinstance(value, tuple) else convert(value)

@@ -24,8 +24,8 @@ from omnisim.rendering.backend import (
     SceneBackend,
 )
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.quality import QUALITIES
 from omnisim.rendering.near_plane import near_plane_m, scene_size_m
+from omnisim.rendering.opengl.atlas.image_parts import image_parts
 from omnisim.rendering.opengl.atlas.tile_plan import whole_faces
 from omnisim.rendering.opengl.capture.image_pass import RemapPass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
@@ -226,16 +226,6 @@ def has_computed_shadows(parts: Sequence[Scene]) -> bool:
     )
 
 
-def _advice(sensor: OmniCamera, largest_px: int) -> str:
-    """Coarser quality at which an image fits; empty: none does."""
-    fast = QUALITIES["fast"]
-    side_px = max(sensor.model.width_px, sensor.model.height_px)
-    is_finer = (sensor.supersampling, sensor.texels_per_pixel) > fast
-    if is_finer and sensor.face_size_px is None and side_px * fast.supersampling <= largest_px:
-        return ", or choose --quality fast"
-    return ""
-
-
 class CubeCamera(OpenGLCamera["CubeHits"]):
     """Passes of a central camera."""
 
@@ -243,17 +233,18 @@ class CubeCamera(OpenGLCamera["CubeHits"]):
         super().__init__(world, drawn, setup)
         sensor, context = setup.sensor, drawn.buffers.context
         camera = sensor.supersampled_model
-        try:
-            check_image_size(context, camera.width_px, camera.height_px)
-            density = sensor.texels_per_pixel / sensor.supersampling
-            plan = sensor_tiles(sensor, camera, density, sensor.face_size_px, subdivide=True)
-            self.cube = self._cube_pass(plan)
-        except GraphicsError as reason:
-            largest_px = graphics_info(context).max_texture_size_px
-            raise GraphicsError(f"{reason}{_advice(sensor, largest_px)}") from None
+        is_ideal = sensor.degradation.is_ideal
+        size_px = sensor.model.width_px, sensor.model.height_px
+        what = "an image" if is_ideal else "a degraded image"
+        check_image_size(context, *size_px, what, has_half_floats=is_ideal)
+        density = sensor.texels_per_pixel / sensor.supersampling
+        plan = sensor_tiles(sensor, camera, density, sensor.face_size_px, subdivide=True)
+        side_px = graphics_info(context).max_texture_size_px
+        parts = image_parts(sensor.model, plan, side_px, sensor.supersampling, sensor.mesh_error_px)
+        self.cube = self._cube_pass(parts[0].plan, plan)
         samples = PixelMap(context, camera, sensor.mesh_polygons)
-        linear_type: Literal["f2", "f4"] = "f2" if sensor.degradation.is_ideal else "f4"
-        self._use(Pipeline(self.cube, samples, sensor.supersampling, linear_type))
+        linear_type: Literal["f2", "f4"] = "f2" if is_ideal else "f4"
+        self._use(Pipeline(self.cube, samples, sensor.supersampling, linear_type, parts))
 
     def refresh(self) -> None:
         """Adapt to the scene after its buffers have changed."""
@@ -311,9 +302,14 @@ class CubeHits(DrawnHits):
         from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
 
         super().__init__(buffers, sensor, cameras, details)
+        size_px = sensor.model.width_px, sensor.model.height_px
+        check_image_size(buffers.context, *size_px, "ground truth")
         self._pixels = PixelMap(buffers.context, sensor.model, sensor.mesh_polygons)
         plan = sensor_tiles(sensor, sensor.model, TEXELS_PER_PIXEL)
-        self._passes = RayHitPass(VisibilityPass(buffers, plan, cameras, details), self._pixels)
+        side_px = graphics_info(buffers.context).max_texture_size_px
+        parts = image_parts(sensor.model, plan, side_px, mesh_error_px=sensor.mesh_error_px)
+        visibility = VisibilityPass(buffers, parts[0].plan, cameras, details)
+        self._passes = RayHitPass(visibility, self._pixels, parts)
         self.has_ray = self._pixels.valid
 
     def refresh(self) -> None:

@@ -152,8 +152,8 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
     def _begin_ideal(self, request: FrameRequest) -> Pending[Readback]:
         return self._pipeline.begin(request.poses, request.linear)
 
-    def _cube_pass(self, plan: TilePlan) -> CubePass:
-        return CubePass(self._drawn.buffers, self._drawn.programs, plan, self._cameras)
+    def _cube_pass(self, plan: TilePlan, whole: TilePlan | None = None) -> CubePass:
+        return CubePass(self._drawn.buffers, self._drawn.programs, plan, self._cameras, whole)
 
     def _use(self, pipeline: Pipeline) -> None:
         """Render images with a pipeline, degraded if the sensor is."""

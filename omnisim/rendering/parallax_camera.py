@@ -5,6 +5,8 @@ Each pixel's own ray finds its surface by the depth that the viewpoint sees.
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,7 +25,10 @@ from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
 from omnisim.rendering.opengl.capture.parallax_pass import ParallaxPass
 from omnisim.rendering.opengl.capture.parallax_rays import ParallaxRays, SampleRays
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.gl.context import Context
+from omnisim.rendering.opengl.gl.gpu_textures import fits_texture
 from omnisim.rendering.opengl.parallax_pipeline import ParallaxPipeline
+from omnisim.rendering.opengl.pipeline import check_image_size
 from omnisim.rendering.opengl_camera import DrawnScene, OpenGLCamera
 from omnisim.rendering.readback import FrameRequest, Pending, Readback, ScenePoses
 from omnisim.rendering.truth.sample_rays import sample_rays
@@ -32,6 +37,8 @@ if TYPE_CHECKING:
     from omnisim.rendering.truth.parallax_hits import ParallaxHits
 
 _RAYS_PER_BATCH = 1 << 12
+# Longer side of the image by which the atlas of a larger one is estimated, and how much larger.
+_ESTIMATE_PX, _MIN_SCALE = 256, 6.0
 
 
 class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
@@ -53,11 +60,8 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
                 f"virtual_cameras.samples: expected 1 for an optical system, got {sensor.samples}"
             )
         context = drawn.buffers.context
-        colors = _rays_by_color(sensor)
-        directions, origins_m = colors[len(colors) // 2].centers()
-        every = slice(None, None, max(1, len(directions) // 10_000))
-        viewpoint_m = common_point(origins_m[every], directions[every])
-        colors = [rays.seen_from(viewpoint_m) for rays in colors]
+        _check_atlas(context, sensor)
+        colors, viewpoint_m = _rays_by_color(sensor)
         self._viewpoint_m = viewpoint_m
         plan = parallax_tiles(colors, sensor.texels_per_pixel, sensor.near_m)
         self.cube = self._cube_pass(plan)
@@ -137,8 +141,31 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
         )
 
 
-def _rays_by_color(sensor: OmniCamera) -> list[ParallaxRays]:
-    """Sample rays: one set, or one each for R, G and B.
+def _check_atlas(context: Context, sensor: OmniCamera) -> None:
+    """Refuse an image that needs too many texels, as a small one tells, before it is traced.
+
+    Raises:
+        GraphicsError: no texture holds the atlas, however it is packed.
+    """
+    model = sensor.model
+    check_image_size(context, model.width_px, model.height_px, "an optical system's image")
+    scale = max(model.width_px, model.height_px) / _ESTIMATE_PX
+    if scale < _MIN_SCALE:
+        return
+    colors, _ = _rays_by_color(dataclasses.replace(sensor, model=model.scaled(1.0 / scale)))
+    plan = parallax_tiles(colors, sensor.texels_per_pixel, sensor.near_m)
+    texels, side_px = scale**2 * plan.texels, int(context.info["GL_MAX_TEXTURE_SIZE"])
+    if not fits_texture((side_px, math.ceil(texels / side_px)), has_half_floats=True):
+        raise GraphicsError(
+            f"an optical system's image of {model.width_px} × {model.height_px} px needs about "
+            f"{texels / 1e6:.0f} million texels of virtual cameras, more than a texture holds, and "
+            "only central cameras are drawn in parts: make it smaller, or choose --quality fast or "
+            "--backend rays"
+        )
+
+
+def _rays_by_color(sensor: OmniCamera) -> tuple[list[ParallaxRays], NDArray[np.float64]]:
+    """Sample rays from the viewpoint, one set or one each for R, G and B; and the viewpoint (3,).
 
     Raises:
         GraphicsError: no ray sees anything.
@@ -148,4 +175,7 @@ def _rays_by_color(sensor: OmniCamera) -> list[ParallaxRays]:
     rays = [sample_rays(one, sensor.supersampling, sensor.mesh_polygons) for one in cameras]
     if not all(one.shown.any() for one in rays):
         raise GraphicsError("camera: no pixel of the image sees anything of the scene")
-    return rays
+    directions, origins_m = rays[len(rays) // 2].centers()
+    every = slice(None, None, max(1, len(directions) // 10_000))
+    viewpoint_m = common_point(origins_m[every], directions[every])
+    return [one.seen_from(viewpoint_m) for one in rays], viewpoint_m

@@ -55,7 +55,7 @@ def write_localized(
         "The robot's position by an extended Kalman filter, from its wheels and from the landmarks "
         "in its images.",
         (_section(run, track, parameters, shown, warnings),),
-        {"parameters": parameters.model_dump(), "steps": len(track.estimates)},
+        {"parameters": parameters.to_table(full=True), "steps": len(track.estimates)},
     )
     report.write(folder)
     return report

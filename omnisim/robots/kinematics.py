@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from typing import Literal, get_args
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
 from omnisim.core.errors import TrajectoryError
+from omnisim.core.files.parameters import Number, Parameters
 from omnisim.core.poses import rotation_angles
 from omnisim.core.trajectories.trajectory import Trajectory, step_lengths_m
 
 DriveType = Literal["differential", "skid_steer"]
+Limit = Annotated[Number, Field(ge=1e-4, le=1e6)]
+AngularLimit = Annotated[Number, Field(ge=math.radians(1e-4), le=math.radians(1e6))]
 # Relative to the limits: a trajectory at its limits exceeds them by rounding.
 TOLERANCE = 1e-6
 # Per step, in meters or radians: files hold nine digits of positions, times and quaternions.
@@ -26,38 +31,30 @@ TURN_ARM_M = 0.1  # skidding wheels turn about a point ahead of or behind the ba
 
 
 @dataclass(frozen=True)
-class Kinematics:
-    """Limits of a robot that drives straight, in arcs or turns on the spot, but never sideways.
+class Kinematics(Parameters, name="kinematics", error=TrajectoryError):
+    """Limits of a robot that drives straight, in arcs or turns on the spot, but never sideways."""
 
-    Attributes:
-        drive: "differential", with two wheels and a caster, or "skid_steer", whose wheels skid in
-            turns. The motion is the same; the wheel odometry differs (`OdometryErrors.turn_scale`).
-        max_speed_mps: speed limit, forwards and backwards.
-        max_turn_rate_radps: turn rate limit, to either side.
-        max_acceleration_mps2: limit for accelerating and braking.
-        max_turn_acceleration_radps2: limit for starting and stopping a turn.
-
-    Raises:
-        TrajectoryError: an unknown drive, or a limit that is not a finite number above 0.
-    """
+    synonyms: ClassVar[Mapping[str, str]] = {
+        "max_turn_rate_dps": "max_turn_rate_degps",
+        "max_turn_acceleration_dps2": "max_turn_acceleration_degps2",
+    }
 
     drive: DriveType
-    max_speed_mps: float
-    max_turn_rate_radps: float
-    max_acceleration_mps2: float
-    max_turn_acceleration_radps2: float
+    """Type of drive: "differential", with two wheels and a caster, or "skid_steer", whose wheels
+    skid in turns. The motion is the same; the wheel odometry differs, see odometry.turn_scale."""
+    max_speed_mps: Limit
+    """Maximum speed in m/s, forwards and backwards."""
+    max_turn_rate_radps: AngularLimit
+    """Maximum turn rate in °/s, to either side."""
+    max_acceleration_mps2: Limit
+    """Maximum acceleration in m/s², for braking as well."""
+    max_turn_acceleration_radps2: AngularLimit
+    """Maximum turn acceleration in °/s², for starting and stopping a turn."""
 
-    def __post_init__(self) -> None:
-        if self.drive not in get_args(DriveType):
-            raise TrajectoryError(
-                f"drive {self.drive!r}: expected one of {', '.join(get_args(DriveType))}"
-            )
-        for limit in fields(self)[1:]:
-            value = getattr(self, limit.name)
-            if not 1e-6 <= value <= 1e6:  # also rejects NaN
-                raise TrajectoryError(
-                    f"{limit.name} = {value}: expected a number from 1e-06 to 1e+06"
-                )
+    @classmethod
+    def file_key(cls, name: str) -> str:
+        """Key of a field in files; that of the drive is `type`, as in every table of kinds."""
+        return "type" if name == "drive" else super().file_key(name)
 
 
 @dataclass(frozen=True, eq=False)

@@ -34,7 +34,11 @@ from omnisim.sensors.sensor_registry import parse_mounts, sensor_source
 from omnisim.sensors.triggers import sensor_rates
 
 Mounted = TypeVar("Mounted", bound=MountedSensor)
-_PLACES = "source", "folder"  # locations of the robot file on this machine
+# Keys that identify a robot, in this order; not the location of its file on this machine.
+_IDENTITY = (
+    "name", "title", "body", "body_offset_m", "resources", "kinematics", "odometry", "footprint",
+    "chassis", "sensors",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,11 +95,8 @@ class Vehicle:
         """
         with recorded_sources() as sources:
             vehicle = cls._of(robot, cameras)
-        tables = {
-            key: _without_folders(value)  # the contents of the files are in the sources
-            for key, value in vars(robot).items()
-            if key not in _PLACES
-        }
+        # the contents of the files are in the sources
+        tables = {key: _without_folders(getattr(robot, key)) for key in _IDENTITY}
         return vehicle.identified(source_digest(fingerprint(tables), sources.digest(robot.folder)))
 
     @classmethod

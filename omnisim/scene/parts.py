@@ -6,12 +6,26 @@ import itertools
 import math
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from omnisim.cameras import CentralCamera
 from omnisim.core.bounds import bounds_of
+from omnisim.core.files.parameters import (
+    AboveZero,
+    Fraction,
+    Level,
+    Name,
+    NotNegative,
+    Number,
+    Parameters,
+    Point,
+    Positive,
+    Signed,
+)
 from omnisim.core.short_repr import counted, point_text, short_repr
 from omnisim.scene.light.baked_light import BakedLight
 from omnisim.scene.light.environment import Environment
@@ -36,6 +50,10 @@ class AlphaMode(Enum):
     BLEND = "blend"
 
 
+Shares = tuple[Fraction, Fraction, Fraction]
+MAX_EMISSION = 65504.0  # largest half float, the precision of images
+Emission = Annotated[Number, Field(ge=0.0, le=MAX_EMISSION)]
+LinearRgb = tuple[Level, Level, Level]
 IDENTITY_UV = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
 
@@ -84,19 +102,6 @@ class Material:
         double_sided: render both sides.
         unlit: render without lighting.
         casts_shadow: cast shadows of the scene's lights.
-        metallic, roughness: factors in [0, 1] for blue and green of `metallic_roughness_map`.
-        specular, specular_color: strength and tint (linear RGB) of a dielectric's gloss.
-        ior: refractive index of a dielectric.
-        clearcoat, clearcoat_roughness: strength and roughness of the clear coat, multiplied with
-            red and green of `clearcoat_map`.
-        transmission: transmitted share of the light that is not reflected, tinted by the base
-            color at each surface. Glass rougher than `MAX_PANE_ROUGHNESS` is frosted.
-        thickness_m: 0: transmission is that of a thin pane; above: that of a closed body of glass.
-        attenuation_color: linear RGB share of white light that is left in glass after
-            `attenuation_distance_m`.
-        attenuation_distance_m: distance in glass; infinite: clear glass.
-        dispersion: 20 over the Abbe number of glass; 0: none.
-        emissive: emitted light, linear RGB ≥ 0, multiplied with `emissive_map`.
         normal_scale, occlusion_strength, clearcoat_normal_scale: strengths of the maps.
         metallic_roughness_map, normal_map, occlusion_map: linear textures.
         emissive_map: color texture.
@@ -115,14 +120,23 @@ class Material:
     alpha_cutoff: float = 0.5
     double_sided: bool = False
     unlit: bool = False
-    metallic: float = 0.0
-    roughness: float = 1.0
-    specular: float = 0.0
-    specular_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    ior: float = 1.5
-    clearcoat: float = 0.0
-    clearcoat_roughness: float = 0.0
-    emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    metallic: Fraction = 0.0
+    """1: metal; 0: dielectric; a factor of blue of `metallic_roughness_map`."""
+    roughness: Fraction = 1.0
+    """0: mirror; 1: diffuse; a factor of green of `metallic_roughness_map`. Glass rougher than 0.2
+    is frosted."""
+    specular: Fraction = 0.0
+    """Strength of a dielectric's gloss; 1 is physical. The built-in matte materials have 0."""
+    specular_color: Shares = (1.0, 1.0, 1.0)
+    """Linear RGB tint of a dielectric's gloss."""
+    ior: Annotated[Number, Field(ge=1.0, le=4.0)] = 1.5
+    """Refractive index of a dielectric."""
+    clearcoat: Fraction = 0.0
+    """Strength of the clear coat; a factor of red of `clearcoat_map`."""
+    clearcoat_roughness: Fraction = 0.0
+    """Roughness of the clear coat; a factor of green of `clearcoat_map`."""
+    emissive: tuple[Emission, Emission, Emission] = (0.0, 0.0, 0.0)
+    """Emitted light, linear RGB, a factor of `emissive_map`; 1 is white."""
     normal_scale: float = 1.0
     occlusion_strength: float = 1.0
     clearcoat_normal_scale: float = 1.0
@@ -134,11 +148,17 @@ class Material:
     specular_map: Texture | None = None
     clearcoat_map: Texture | None = None
     clearcoat_normal_map: Texture | None = None
-    transmission: float = 0.0
-    thickness_m: float = 0.0
-    attenuation_color: tuple[float, float, float] = (1.0, 1.0, 1.0)
-    attenuation_distance_m: float = math.inf
-    dispersion: float = 0.0
+    transmission: Fraction = 0.0
+    """Share of the light that passes a dielectric, of what is not reflected. A blended material
+    with transmission becomes glass instead."""
+    thickness_m: NotNegative = 0.0
+    """0: transmission is that of a thin pane; above: that of a closed body of glass."""
+    attenuation_color: Shares = (1.0, 1.0, 1.0)
+    """Linear RGB of white light after attenuation_distance_m in a body of glass."""
+    attenuation_distance_m: Positive = math.inf
+    """Distance in a body of glass, m; infinite: clear glass."""
+    dispersion: NotNegative = 0.0
+    """20 over the Abbe number of a body of glass; 0: none."""
 
     @property
     def maps(self) -> tuple[Texture | None, ...]:
@@ -466,28 +486,29 @@ class CameraPose:
 
 
 @dataclass(frozen=True)
-class NamedStart:
-    """Named start pose of a vehicle's base in the world frame, z up."""
+class NamedStart(Parameters, name="start"):
+    """Start pose of a vehicle's base."""
 
-    name: str
-    position_m: tuple[float, float, float]
-    yaw_deg: float = 0.0
+    name: Name
+    """Name of the start pose, unique."""
+    position_m: Point
+    """Position in the world, m, z up."""
+    yaw_deg: Number = 0.0
+    """Heading, degrees counter-clockwise from the world's x."""
 
 
 @dataclass(frozen=True)
-class ColorBand:
-    """Color of a landmark between two heights above its base.
+class ColorBand(Parameters, name="band"):
+    """Color of a landmark between two heights above its base."""
 
-    Attributes:
-        color: color name, shared by all bands of that color.
-        linear_rgb: linear RGB, before lighting.
-        bottom_m, top_m: heights above the landmark's base.
-    """
-
-    color: str
-    linear_rgb: tuple[float, float, float]
-    bottom_m: float
-    top_m: float
+    color: Name
+    """Name of the color, shared by all bands of that color."""
+    linear_rgb: LinearRgb
+    """Linear RGB, before lighting."""
+    bottom_m: Level
+    """Bottom of the band, m above the landmark's base."""
+    top_m: AboveZero
+    """Top of the band, m above the landmark's base."""
 
 
 # Widest footprint of a slim landmark. Seen from 1 m, it spans 11°.
@@ -495,20 +516,17 @@ SLIM_M = 0.2
 
 
 @dataclass(frozen=True)
-class Landmark:
-    """Object recognized by its colors, at a known position.
+class Landmark(Parameters, name="landmark"):
+    """Object recognized by its colors, at a known position."""
 
-    Attributes:
-        name: landmark name, the prefix of its nodes' names.
-        position_m: center of its base, world frame.
-        footprint_m: extents along the world's x and y.
-        bands: color bands from bottom to top, without gaps.
-    """
-
-    name: str
-    position_m: tuple[float, float, float]
-    footprint_m: tuple[float, float]
+    name: Name
+    """Name of the landmark, unique, and prefix of its nodes' names."""
+    position_m: Point
+    """Center of its base in the world, m."""
+    footprint_m: tuple[AboveZero, AboveZero]
+    """Extents along the world's x and y, m."""
     bands: tuple[ColorBand, ...]
+    """Color bands from bottom to top, without gaps."""
 
     def __repr__(self) -> str:
         colors = "/".join(band.color for band in self.bands)
@@ -526,18 +544,15 @@ class Landmark:
 
 
 @dataclass(frozen=True)
-class ScenePath:
-    """Route for a vehicle.
+class ScenePath(Parameters, name="path"):
+    """Route of a vehicle: corners on the ground, in driving order."""
 
-    Attributes:
-        name: path name, unique within a scene.
-        waypoints_m: (x, y) of the corners on the ground in driving order, world frame.
-        start_yaw_deg: heading at the first waypoint; None: toward the second.
-    """
-
-    name: str
-    waypoints_m: tuple[tuple[float, float], ...]
-    start_yaw_deg: float | None = None
+    name: Name
+    """Name of the path, unique."""
+    waypoints_m: Annotated[tuple[tuple[Signed, Signed], ...], Field(min_length=2)]
+    """Corners [x, y] on the ground, world frame, m, in driving order."""
+    start_yaw_deg: Number | None = None
+    """Heading at the first corner, degrees. Default: toward the second corner."""
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.name), counted(len(self.waypoints_m), "waypoint"))

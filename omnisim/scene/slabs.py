@@ -64,10 +64,8 @@ def _thickness_m(mesh: Mesh, places: Sequence[NDArray[np.float64]]) -> float | N
     """Thickness of a mesh's slabs in its places (4, 4) each; None: it is no slab."""
     if mesh.deformation is not None:
         return None
-    if mesh not in _FACES:
-        _FACES[mesh] = [_faces(corners) for corners in _parts(mesh)]
     thicknesses_m: list[float] = []
-    for faces in _FACES[mesh]:
+    for faces in _faces_of(mesh):
         if faces is None:
             return None
         normal, thickness = faces
@@ -78,6 +76,20 @@ def _thickness_m(mesh: Mesh, places: Sequence[NDArray[np.float64]]) -> float | N
             thicknesses_m.append(thickness / float(np.linalg.norm(across)))
     least_m, most_m = min(thicknesses_m), max(thicknesses_m)
     return most_m if most_m - least_m <= _SAME_THICKNESS * most_m else None
+
+
+def normal_of_slabs(mesh: Mesh) -> NDArray[np.float64]:
+    """Unit normal (3,) of the faces of a mesh of slabs; 0 if its slabs are not parallel."""
+    normals = [np.zeros(3) if one is None else one[0] for one in _faces_of(mesh)]
+    is_same = np.abs(normals @ normals[0]) >= _SAME_NORMAL
+    return normals[0] if is_same.all() else np.zeros(3)
+
+
+def _faces_of(mesh: Mesh) -> list[_Faces | None]:
+    """Normal and distance of the faces of each part; None: it is no slab."""
+    if mesh not in _FACES:
+        _FACES[mesh] = [_faces(corners) for corners in _parts(mesh)]
+    return _FACES[mesh]
 
 
 def _parts(mesh: Mesh) -> list[NDArray[np.float64]]:

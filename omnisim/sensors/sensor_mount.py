@@ -7,13 +7,11 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.core import poses
 from omnisim.core.errors import OpticsError, RobotFileError
-from omnisim.core.files.parameters import Coordinate, Level, Number, Table
+from omnisim.core.files.parameters import Coordinate, Level, Number
+from omnisim.rendering.camera.sensor_file import MountingTable
 from omnisim.sensors.sensor import MountedSensor
 from omnisim.sensors.sensor_names import Name, SensorName
 
@@ -25,7 +23,7 @@ if TYPE_CHECKING:
     DeviceT = TypeVar("DeviceT", bound=DataclassInstance)
 
 
-class SensorMount(Table):
+class SensorMount(MountingTable):
     """Keys of all sensors."""
 
     sensor_class: ClassVar[type[MountedSensor]]
@@ -36,12 +34,6 @@ class SensorMount(Table):
     """Unique name of the sensor and of its folder in a run."""
     position_m: tuple[Coordinate, Coordinate, Coordinate]
     """Position in meters, base frame: of a camera's effective viewpoint or a scan's origin."""
-    roll_deg: Number = 0.0
-    """Roll about x in degrees."""
-    pitch_deg: Number = 0.0
-    """Pitch about y in degrees; positive is nose down."""
-    yaw_deg: Number = 0.0
-    """Yaw about z in degrees, counter-clockwise as seen from above."""
     hides: tuple[Name, ...] = ()
     """Nodes of the body that are invisible to this sensor, such as its own housing."""
     rate_hz: Rate | None = None
@@ -52,13 +44,6 @@ class SensorMount(Table):
     """Standard deviation of the measurement times in seconds, at most 8 % of the period."""
     trigger: Name | None = None
     """Name of a trigger: its sensors fire together, at the rate that one of them sets."""
-
-    @property
-    def base_from_mount(self) -> NDArray[np.float64]:
-        """Pose (4, 4) of the sensor in the base frame."""
-        return poses.pose(
-            self.position_m, roll_deg=self.roll_deg, pitch_deg=self.pitch_deg, yaw_deg=self.yaw_deg
-        )
 
     def sensors(self, folder: Path, source: str) -> tuple[MountedSensor, ...]:
         """Build the sensors of the table, usually one; see `sensor`."""
@@ -98,6 +83,6 @@ class SensorMount(Table):
 
     def overriding(self, device: DeviceT) -> DeviceT:
         """Parameters of a device, overridden by the values that the table gives."""
-        given = {key.name: getattr(self, key.name) for key in dataclasses.fields(device)}
+        given = {key.name: getattr(self, key.name, None) for key in dataclasses.fields(device)}
         given = {key: value for key, value in given.items() if value is not None}
         return dataclasses.replace(device, **given)

@@ -1,7 +1,8 @@
 // Image pixels: mean of their valid samples, linear and encoded in sRGB. A pixel is valid if at
 // least half of its samples are.
 // With REMAP, a table has the atlas's texture coordinates of each sample, and with MIP_LEVELS
-// another one its mip level. Without REMAP, samples are the pixels of a finer image.
+// another one its mip level. With UVS, textures have both, from the pixel u_first_px on. Without
+// either, samples are the pixels of a finer image.
 // With BATCH, images are stacked vertically; each reads its own layer of the atlas.
 // SUPERSAMPLING: samples per pixel side; a constant, so that the loops unroll.
 #version 450 core
@@ -23,6 +24,11 @@ layout(std430, binding = 6) readonly buffer Levels { float levels[]; };
 #endif
 uniform vec2 u_image_size_px;
 #endif
+#ifdef UVS
+uniform sampler2D u_uvs;
+uniform sampler2D u_levels;
+uniform ivec2 u_first_px;
+#endif
 layout(location = 0) out vec4 out_encoded;
 layout(location = 1) out vec4 out_linear;
 #include "common/srgb.glsl"
@@ -37,6 +43,15 @@ vec4 sample_at(ivec2 pixel, ivec2 part) {
     vec3 color = texture(u_samples, at_layer(uvs[at])).rgb;  // faster than textureLod
 #endif
     return uvs[at].x < 0.0 ? vec4(0.0) : vec4(color, 1.0);
+#elif defined(UVS)
+    ivec2 at = (pixel - u_first_px) * SUPERSAMPLING + part;
+    vec2 uv = texelFetch(u_uvs, at, 0).xy;
+#ifdef MIP_LEVELS
+    vec3 color = textureLod(u_samples, uv, texelFetch(u_levels, at, 0).x).rgb;
+#else
+    vec3 color = texture(u_samples, uv).rgb;
+#endif
+    return uv.x < 0.0 ? vec4(0.0) : vec4(color, 1.0);
 #else
     return texelFetch(u_samples, pixel * SUPERSAMPLING + part, 0);  // 0 if invalid
 #endif

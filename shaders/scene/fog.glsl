@@ -17,12 +17,17 @@ vec3 fogged(vec3 color, float distance_m) {
 }
 #endif
 
-#if defined(FOG) && defined(IN_MIRROR)
+#ifdef IN_MIRROR
 uniform vec4 u_mirror;  // as in scene/mirror_clip.glsl
 
-float fog_range(vec3 position) {
+float range_beyond_mirror(vec3 position) {
     float height_m = dot(u_mirror.xyz, position) + u_mirror.w;
     return length(position) * clamp(height_m / (height_m - u_mirror.w), 0.0, 1.0);
+}
+#endif
+#if defined(FOG) && defined(IN_MIRROR)
+float fog_range(vec3 position) {
+    return range_beyond_mirror(position);
 }
 #else
 float fog_range(vec3 position) {

@@ -181,6 +181,23 @@ Lamp faced_lamp(Lamp lamp, vec3 shape_normal) {
 #define FACED(lamp) lamp
 #endif
 
+#ifdef IN_MIRROR
+uniform float u_mirror_spread;  // slope of the mirror's facets; 0: it is smooth
+
+// Highlights as wide as the cone in which a rough mirror sees them: few of its facets would meet
+// narrow ones. Twin of halfway_spreads in omnisim/rendering/rays/shading/reflections.py.
+void widen_highlights(inout Reflectance surface, vec3 position, vec3 shape_normal) {
+    float right = length(dFdx(shape_normal)) / max(length(dFdx(position)), 1e-9);
+    float down = length(dFdy(shape_normal)) / max(length(dFdy(position)), 1e-9);
+    if (u_mirror_spread == 0.0) return;
+    float spread = u_mirror_spread * (1.0 + 2.0 * max(right, down) * range_beyond_mirror(position));
+    vec2 squared = pow(vec2(surface.roughness, surface.coat_roughness), vec2(4.0));
+    vec2 wider = min(sqrt(sqrt(squared + spread * spread)), 1.0);
+    surface.roughness = wider.x;
+    surface.coat_roughness = wider.y;
+}
+#endif
+
 vec3 reflected_light(
     Reflectance surface, vec3 position, vec3 normal, vec3 coat_normal, vec3 shape_normal,
     vec3 view) {
@@ -190,6 +207,9 @@ vec3 reflected_light(
     vec3 total = (1.0 - coat) * surface.emissive
         + reflected_environment(surface, position, normal, coat_normal, view, coat, light);
     vec3 area = surface_area(position);
+#ifdef IN_MIRROR
+    widen_highlights(surface, position, shape_normal);
+#endif
 #define REFLECT(lamp) \
     total += reflected_lamp(surface, FACED(lamp), normal, coat_normal, view, coat);
 #if DIRECTIONAL_LIGHTS > 0

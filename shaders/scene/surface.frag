@@ -4,8 +4,8 @@
 
 #include "scene/material.glsl"
 #include "scene/surface_normal.glsl"
-#include "scene/surface_light.glsl"
 #include "scene/fog.glsl"
+#include "scene/surface_light.glsl"
 
 #ifdef BAKED
 flat

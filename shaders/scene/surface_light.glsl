@@ -25,7 +25,7 @@ vec3 lit_color(vec3 base_color, vec3 triangle_normal) {
     vec3 coat_normal = coat_shading_normal(plain_normal, position, uv, side);
     Reflectance surface = reflectance_of(base_color, uv);
 #ifdef PANE
-    make_pane(surface, abs(dot(normal, normalize(-position))));
+    make_pane(surface, base_color, position, normal, triangle_normal);
 #endif
     vec3 light = vec3(0.0);
 #ifdef GLASS

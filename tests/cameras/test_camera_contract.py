@@ -57,7 +57,7 @@ def test_other_shapes_say_what_was_expected(camera, values):
 @pytest.mark.parametrize("value", [None, {}, [None, None]], ids=["none", "mapping", "list"])
 def test_parameters_of_other_types_say_what_was_expected(camera, value):
     for field in dataclasses.fields(camera):
-        with pytest.raises(OpticsError, match=f"camera: {field.name}: expected .*, got"):
+        with pytest.raises(OpticsError, match=rf"camera\.{field.name}(\.0)?: expected .* got"):
             dataclasses.replace(camera, **{field.name: value})
 
 
@@ -65,9 +65,9 @@ def test_parameters_of_other_types_say_what_was_expected(camera, value):
 def test_coefficients_whose_terms_overflow_are_refused(value):
     for camera in CAMERA_EXAMPLES.values():
         for field in dataclasses.fields(camera):
-            if str(field.type) == "tuple[float, ...]":
+            if isinstance(getattr(camera, field.name), tuple) and "px" not in field.name:
                 changed = {field.name: (*getattr(camera, field.name)[:-1], value)}
-                with pytest.raises(OpticsError, match=f"{field.name}: expected numbers up to 1e"):
+                with pytest.raises(OpticsError, match=rf"{field.name}(\.\d+)?: expected "):
                     dataclasses.replace(camera, **changed)
 
 

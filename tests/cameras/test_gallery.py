@@ -28,7 +28,7 @@ def test_page_is_up_to_date(maker):
     page = maker.page(maker.gallery_cameras())
     renew = "make gallery renews it"
     assert (maker.FOLDER / "README.md").read_text(encoding="utf-8") == page, renew
-    for part in ("\n\nDomain", "| parameter | unit | typical |", "Source:", "GLSL twin:"):
+    for part in ("\n\nDomain", "| parameter | meaning |", "Source:", "GLSL twin:"):
         assert page.count(part) == len(CAMERA_MODELS), part
 
 

@@ -71,7 +71,7 @@ def test_bottom_and_horizon_look_down_and_level():
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ((0, 360, 100.0, (0.0, 0.0)), "size: expected at least 1, got 0 × 360"),
+        ((0, 360, 100.0, (0.0, 0.0)), "width_px: expected a number ≥ 1, got 0"),
         ((360, 360, 0.0, (0.0, 0.0)), "focal_length_px: .* got 0"),
         ((360, 360, math.nan, (0.0, 0.0)), "focal_length_px: .* got nan"),
         ((360, 360, 100.0, (math.inf, 0.0)), "principal_point_px"),

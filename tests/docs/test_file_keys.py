@@ -7,8 +7,7 @@ import pytest
 
 from omnisim.cameras.optics.surface_tables import shape_schemas
 from omnisim.cameras.optics.system_file import OpticsFile
-from omnisim.core.files.attribute_docs import attribute_docs
-from omnisim.core.files.inner_tables import table_in
+from omnisim.core.files.file_keys import keys_of
 from omnisim.core.files.parameters import Table, table_of
 from omnisim.perception.localization.filter_parameters import FilterParameters
 from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
@@ -19,7 +18,7 @@ from omnisim.sensors.sensor_registry import MOUNT_TYPES
 
 EXTENSION = Path(__file__).resolve().parents[2] / "docs" / "_ext"
 FILES = (
-    FilterParameters,
+    table_of(FilterParameters),
     LabelFile,
     OpticsFile,
     RobotFile,
@@ -29,15 +28,13 @@ FILES = (
 )
 
 
-def _without_help(model, source=None):
-    docs = attribute_docs(source or model)
-    for name, field in model.model_fields.items():
-        found = table_in(field.annotation)
-        if found is None:
-            if not docs.get(name):
-                yield f"{model.__name__}.{name}"
+def _without_help(model):
+    for key in keys_of(model):
+        if key.inner is None:
+            if not key.help:
+                yield f"{model.__name__}.{key.name}"
         else:
-            child, _ = found
+            child, _ = key.inner
             if not child.__doc__ or child.__doc__ == Table.__doc__:
                 yield child.__name__
             yield from _without_help(child)
@@ -51,15 +48,13 @@ def test_every_key_of_a_file_has_its_help(model):
 @pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS.keys())
 def test_every_key_of_a_degradation_has_its_help(effect):
     assert effect.__doc__
-    assert not list(_without_help(table_of(effect), effect))
+    assert not list(_without_help(table_of(effect)))
 
 
-@pytest.mark.parametrize(
-    ("table", "source"), [one[1:] for one in shape_schemas()], ids=lambda kind: kind.__name__
-)
-def test_every_key_of_a_shape_has_its_help(table, source):
-    assert source.__doc__
-    assert not list(_without_help(table, source))
+@pytest.mark.parametrize("table", shape_schemas().values(), ids=shape_schemas().keys())
+def test_every_key_of_a_shape_has_its_help(table):
+    assert table.__doc__
+    assert not list(_without_help(table))
 
 
 def test_pages_have_a_row_for_each_key(monkeypatch):

@@ -4,7 +4,7 @@ import pytest
 
 from omnisim.rendering.rays.shading import reflections
 
-FINE = {"test_body", "test_ray_backend", "test_skins"}
+FINE = {"test_body", "test_materials_by_chance", "test_ray_backend", "test_skins"}
 FINE_FOLDERS = {"baking", "opengl", "rays"}
 
 

@@ -8,8 +8,9 @@ from omnisim.core.cube import unfolded_cube
 from omnisim.core.errors import GraphicsError, OmnisimError, OpticsError
 from omnisim.core.poses import pose as make_pose
 from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
+from omnisim.rendering.camera.degradations import Degradation, Noise
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.gl.context import graphics_info, open_context
+from omnisim.rendering.opengl import pipeline
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene.model import AlphaMode, Light, Lighting, LightKind, Material, Mesh, Texture, Wrap
 from tests.scenes import NO_LIGHT, room, scene_of, square
@@ -342,16 +343,19 @@ def test_faces_and_their_unfolding():
     assert not unfolded[cell:, 2 * cell :].any()  # there is no up face
 
 
-def test_limits_of_the_gpu_are_named():
-    with pytest.raises(GraphicsError, match="a capture of 90000 × 90000 px: this GPU takes at"):
+def test_limits_of_the_gpu_are_named(monkeypatch):
+    with pytest.raises(GraphicsError, match="an image of 30000 × 30000 px: this GPU takes at most"):
         open_sensor(scene_of([room()]), OmniCamera().resized(30000))
-    with pytest.raises(GraphicsError, match="size_px or samples smaller"):
-        open_sensor(scene_of([room()]), OmniCamera(face_size_px=20000))
-    context = open_context()
-    too_large_px = graphics_info(context).max_texture_size_px // 3 + 1
-    context.release()
-    with pytest.raises(GraphicsError, match=r"smaller, or choose --quality fast$"):
-        open_sensor(scene_of([room()]), OmniCamera().resized(too_large_px))
+    with monkeypatch.context() as patch:
+        patch.setattr(pipeline, "fits_texture", lambda size, has_half_floats: has_half_floats)
+        degraded = OmniCamera(degradation=Degradation(noise=Noise())).resized(4096)
+        with pytest.raises(GraphicsError, match=r"a degraded .* no texture of 256 MiB; make"):
+            open_sensor(scene_of([room()]), degraded)
+        with (
+            open_sensor(scene_of([room()]), OmniCamera().resized(40)) as renderer,
+            pytest.raises(GraphicsError, match="ground truth of 40 × 40 px: this GPU takes no"),
+        ):
+            renderer.render(np.eye(4), also=("range",))
     with pytest.raises(GraphicsError, match="device 99: there is no such device"):
         open_sensor(scene_of([room()]), device=99)
 

@@ -24,7 +24,7 @@ COMMANDS: dict[str, dict[str, str]] = {
         "measure": "measure",
         "optics": "cameras",
     },
-    "Checks": dict.fromkeys(("doctor", "info", "validate", "experiments"), "checks"),
+    "Checks": dict.fromkeys(("doctor", "schema", "info", "validate", "experiments"), "checks"),
 }
 GROUPS = {  # help texts of the groups
     "landmarks": "Learn the colors of landmarks, and detect them.",

@@ -17,7 +17,7 @@ from omnisim.apps.live.scene_in_light import completed
 from omnisim.cameras import HyperbolicCamera
 from omnisim.cameras.optics.system_file import OpticsFile
 from omnisim.core.errors import SensorFileError
-from omnisim.core.files.inner_tables import table_in
+from omnisim.core.files.file_keys import keys_of
 from omnisim.core.files.toml_file import read_toml, toml_text
 from omnisim.rendering.camera.degradations import preset
 from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
@@ -198,7 +198,7 @@ class CameraDocument:
         """
         changed = self.camera().with_exposure(exposure).degradation.exposure
         assert changed is not None
-        return self.with_value(f"{SENSOR}.degradation.exposure", changed.values())
+        return self.with_value(f"{SENSOR}.degradation.exposure", changed.to_table(full=True))
 
     def _with_size(self, value: Any) -> CameraDocument:
         low, high = SIZES_PX
@@ -225,18 +225,18 @@ class CameraDocument:
 def _without_defaults(table: Table, model: type[pydantic.BaseModel]) -> Table:
     """Copy of a table without the values that equal the defaults of its schema `model`."""
     kept: Table = {}
-    for key, value in table.items():
-        field = model.model_fields.get(key)
-        inner = None if field is None else table_in(field.annotation)
-        if inner is not None and isinstance(value, dict):
-            value = _without_defaults(value, inner.model)
-            if not value and key != "lens":
+    keys = {key.name: key for key in keys_of(model)}
+    for name, value in table.items():
+        key = keys.get(name)
+        if key and key.inner and isinstance(value, dict):
+            value = _without_defaults(value, key.inner.model)
+            if not value and name != "lens":
                 continue
-        elif field is not None and not field.is_required():
-            default = field.get_default(call_default_factory=True)
+        elif key and not key.field.is_required():
+            default = key.default
             if value == (list(default) if isinstance(default, tuple) else default):
                 continue
-        kept[key] = value
+        kept[name] = value
     return kept
 
 

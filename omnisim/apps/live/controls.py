@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 import math
-import re
 import types
 import typing
 from collections.abc import Iterator, Mapping
-from importlib import import_module
 from typing import Any, NamedTuple, get_args, get_origin
 
-from pydantic.fields import FieldInfo
-from pydantic_core import PydanticUndefined
+import pydantic
 
 from omnisim.apps.live.camera_document import LIGHT, SENSOR, SIZE, CameraDocument
 from omnisim.cameras import CAMERA_MODELS, HyperbolicCamera
+from omnisim.cameras.optics.surface import Rod
 from omnisim.cameras.optics.surface_tables import SurfaceTable, shape_schemas
 from omnisim.cameras.optics.system_file import CameraTable as OpticsCamera
-from omnisim.cameras.optics.system_file import ObstacleTable, OpticsFile
-from omnisim.core.files.attribute_docs import attribute_docs
-from omnisim.core.files.file_keys import Limit, limits, summary
-from omnisim.core.files.inner_tables import table_in
-from omnisim.core.files.parameters import table_of
+from omnisim.cameras.optics.system_file import OpticsFile
+from omnisim.core.files.file_keys import Limit, keys_of, summary
+from omnisim.core.files.parameters import Table, Typical, table_of
 from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_file import (
@@ -41,9 +37,6 @@ _UNITS = (
     ("_mps2", "m/s²"), ("_mps", "m/s"), ("_deg", "°"), ("_px", "px"), ("_m", "m"), ("_s", "s"),
     ("_e_per_s", "e⁻/s"), ("_e", "e⁻"), ("_db", "dB"), ("_ev", "EV"), ("_k", "K"),
 )  # fmt: skip
-_NUMBER = r"(-?\d+(?:\.\d+)?)"
-_TYPICAL = re.compile(rf"typically {_NUMBER} to {_NUMBER}")
-_TABLE_ROW = re.compile(r"^\| (\w+) \| ([^|]+) \| ([^|]+) \|$", re.MULTILINE)
 _MISALIGNED = {"decenter_m": 0.02, "tilt_deg": 15.0}  # slider ranges, to either side of 0
 _NUMBERS = 12  # maximum length of a list with a field per number
 
@@ -139,7 +132,7 @@ def _light_groups(document: CameraDocument, scene: Scene) -> list[Json]:
         about = "Even light, without shadows: the scene has no lamps."
     keys = ("exposure", "ambient", "shadows", "shading")
     groups = [_group("Light", about, _keys(document, f"{LIGHT}.light", LightTable, keys))]
-    tables: tuple[tuple[str, type, tuple[str, ...]], ...] = (
+    tables: tuple[tuple[str, type[Table], tuple[str, ...]], ...] = (
         ("Sky", SkyTable, ("brightness", "turbidity", "sun_elevation_deg", "sun_azimuth_deg")),
         ("Fog", FogTable, ("color", "visibility_m")),
     )
@@ -156,7 +149,7 @@ def _effects(document: CameraDocument) -> Iterator[Json]:
         path = f"{SENSOR}.degradation.{name}"
         given = document.value(path)
         is_on = isinstance(given, Mapping) and given.get("enabled", True)
-        keys = _keys(document, path, table_of(effect), None, effect) if is_on else []
+        keys = _keys(document, path, table_of(effect)) if is_on else []
         title = name.replace("_", " ").capitalize()
         yield _group(title, summary(effect), keys, switch=path, on=bool(is_on))
 
@@ -172,13 +165,12 @@ def _optics_groups(document: CameraDocument) -> Iterator[Json]:
         document, f"{OPTICS}.camera", OpticsCamera, ("position_m", "decenter_m", "tilt_deg")
     )
     yield lens
-    shapes = {name: (table, source) for name, table, source in shape_schemas()}
+    shapes = shape_schemas()
     for number, surface in enumerate(document.value(f"{OPTICS}.surfaces") or ()):
         path, shape = f"{OPTICS}.surfaces.{number}", surface.get("shape")
         keys = []
         if shape in shapes:
-            table, source = shapes[shape]
-            keys = _keys(document, path, table, None, source)
+            keys = _keys(document, path, shapes[shape])
         fixed = ("name", "shape")
         keys += [one for one in _keys(document, path, SurfaceTable) if one["label"] not in fixed]
         name = surface.get("name") or shape
@@ -186,8 +178,8 @@ def _optics_groups(document: CameraDocument) -> Iterator[Json]:
         yield _group(f"Surface {number}: {name}", f"A {kind}.", keys)
     for number, rod in enumerate(document.value(f"{OPTICS}.obstacles") or ()):
         path = f"{OPTICS}.obstacles.{number}"
-        keys = [one for one in _keys(document, path, ObstacleTable) if one["label"] != "name"]
-        yield _group(f"Obstacle: {rod.get('name', number)}", summary(ObstacleTable), keys)
+        keys = [one for one in _keys(document, path, table_of(Rod)) if one["label"] != "name"]
+        yield _group(f"Obstacle: {rod.get('name', number)}", summary(Rod), keys)
 
 
 def _lens_group(document: CameraDocument, path: str, title: str) -> Json:
@@ -196,54 +188,30 @@ def _lens_group(document: CameraDocument, path: str, title: str) -> Json:
     model = str(table.get("model"))
     if model not in CAMERA_MODELS:
         return _group(title, f"Camera of {table.get('calibration', 'a calibration file')}.", [])
-    documented = import_module(CAMERA_MODELS[model].__module__).__doc__ or ""
-    rows = {
-        key: (unit.strip(), about.strip()) for key, unit, about in _TABLE_ROW.findall(documented)
-    }
+    kind = CAMERA_MODELS[model]
     choice = _control(
         f"{path}.model", "model", _ValueType("choice", tuple(CAMERA_MODELS)), model, None
     )
     choice["help"] = "Camera model; another one begins with an example of its own."
     choice["required"] = True
-    controls = [choice]
-    taken = {"model", "mounting", *OpticsCamera.model_fields}
-    for key, value in table.items():
-        if key in taken or not (kind_of := _kind_of_value(value)):
-            continue
-        control = _control(f"{path}.{key}", key, kind_of, value, None)
-        unit, about = rows.get(key, ("", ""))
-        control["unit"] = control["unit"] or ("" if unit in ("–", "degrees") else unit)
-        control["help"] = about and f"Typically {about}."
-        control["soft"] = _soft(control, None, None)
-        controls.append(control)
-    return _group(title, documented.split("\n\n")[0].replace("`", ""), controls)
-
-
-def _kind_of_value(value: Any) -> _ValueType | None:
-    if isinstance(value, bool):
-        return _ValueType("boolean")
-    if isinstance(value, str):
-        return _ValueType("text")
-    if isinstance(value, int | float):
-        return _ValueType("integer" if isinstance(value, int) else "number")
-    if isinstance(value, list | tuple) and 0 < len(value) <= _NUMBERS:
-        return _ValueType("vector", length=len(value))
-    return None
+    shapes = [key.inner.model for key in keys_of(table_of(kind)) if key.inner]  # such as a mirror's
+    controls = [one for part in (table_of(kind), *shapes) for one in _keys(document, path, part)]
+    return _group(title, summary(kind), [choice, *controls])
 
 
 def _kind_of_list(value: Any) -> _ValueType | None:
     """Type of a list of numbers; None: too long, or rows of a table, which have no control."""
-    if isinstance(value, list | tuple) and all(isinstance(one, int | float) for one in value):
-        return _kind_of_value(value)
-    return None
+    if not isinstance(value, list | tuple) or not 0 < len(value) <= _NUMBERS:
+        return None
+    are_numbers = all(isinstance(one, int | float) for one in value)
+    return _ValueType("vector", length=len(value)) if are_numbers else None
 
 
 def _keys(
     document: CameraDocument,
     path: str,
-    model: type,
+    model: type[pydantic.BaseModel],
     names: tuple[str, ...] | None = None,
-    source: type | None = None,
 ) -> list[Json]:
     """Controls of a table's keys, without those of nested tables.
 
@@ -252,23 +220,17 @@ def _keys(
         path: path of the table.
         model: schema of the table.
         names: keys to include; None: all keys.
-        source: class whose docstring has the help texts of the keys; None: `model`.
     """
-    docs, controls = attribute_docs(source or model), []
-    fields: dict[str, FieldInfo] = getattr(model, "model_fields")  # noqa: B009 - of pydantic's
-    for name, field in fields.items():
-        default = field.get_default(call_default_factory=True)
-        if default is PydanticUndefined:
-            default = None
-        key = f"{path}.{name}"
-        kind = _kind(field.annotation) or _kind_of_list(document.value(key) or default)
-        if kind is None or (names is not None and name not in names) or table_in(field.annotation):
+    controls = []
+    for key in keys_of(model):
+        at, default = f"{path}.{key.name}", key.default
+        kind = _kind(key.field.annotation) or _kind_of_list(document.value(at) or default)
+        if kind is None or key.inner or (names is not None and key.name not in names):
             continue
-        control = _control(key, name, kind, document.value(key), default)
-        low, high = limits(field)
-        control |= _limits(low, high)
-        control["help"] = docs.get(name, "")
-        control["soft"] = _soft(control, low, high)
+        control = _control(at, key.name, kind, document.value(at), default)
+        control |= _limits(key.low, key.high)
+        control["help"] = key.help
+        control["soft"] = _soft(control, key.low, key.high, key.typical)
         controls.append(control)
     return controls
 
@@ -330,12 +292,14 @@ def _kind(annotation: Any) -> _ValueType | None:
     return _ValueType(names[annotation]) if annotation in names else None
 
 
-def _soft(control: Json, low: Limit | None, high: Limit | None) -> Json | None:
+def _soft(
+    control: Json, low: Limit | None, high: Limit | None, typical: Typical | None = None
+) -> Json | None:
     """Range of a slider: typical values, or the limits if they are close; None: no slider."""
     if control["kind"] not in ("number", "integer", "vector"):
         return None
-    if match := _TYPICAL.search(control["help"]):
-        return _range(float(match[1]), float(match[2]), False)
+    if typical is not None:
+        return _range(typical.low, typical.high, False)
     if low is not None and high is not None and high.value - low.value <= 400.0:
         return _range(low.value, high.value, False)
     base = control["value"] if control["default"] in (None, "inf") else control["default"]

@@ -27,6 +27,7 @@ from omnisim.cameras.calibration.file_frame import (
 from omnisim.cameras.calibration.fit import Fit, fit_camera
 from omnisim.cameras.calibration.formats.format import Fixed, Format, LensT, ParsedCamera
 from omnisim.cameras.calibration.metadata import CameraMetadata, embed_metadata
+from omnisim.cameras.camera import without_prefix
 from omnisim.cameras.models.field_of_view import angles_from_axis, largest_theta_rad, optical_axis
 from omnisim.core.errors import CalibrationError, OmnisimError
 
@@ -268,7 +269,7 @@ def nearest_fit(
             with np.errstate(all="ignore"):  # the fit takes back a step that is too long
                 fit = fit_model(target, {**fixed, **centered})
         except OmnisimError as error:
-            reasons.append(str(error).removeprefix("camera: "))
+            reasons.append(without_prefix(error))
             continue
         reason = form.unsupported(fit.camera)
         if reason is None:

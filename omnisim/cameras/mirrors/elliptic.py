@@ -16,13 +16,6 @@ Domain: 0 ≤ θ ≤ θ_max ≤ 90°: a mirror that reached further would block 
 the ellipsoid is not used, because the pinhole is inside. With e = 0 the mirror is a sphere and
 would see itself; e = 1 is the parabolic mirror.
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| focal_length_px | px | 200 to 2000: at 90° the radius is f (1 − e²)/2e |
-| principal_point_px | px | image center |
-| eccentricity | – | 0.5 to 0.9; 0.01 to 0.9999 |
-| theta_max_deg | degrees | 90 |
-
 GLSL twin: `shaders/camera/elliptic.glsl`. Source: Baker & Nayar 1999, section 2.2 (the ellipsoid).
 """
 
@@ -30,16 +23,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from omnisim.cameras.camera import Rays, Uniforms
 from omnisim.cameras.focal_camera import FocalCamera
-from omnisim.cameras.model_parameters import check_limits
+from omnisim.cameras.parametric_camera import ThetaMax
 from omnisim.cameras.plane_camera import PlanePoints, RadialCamera
 from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.core.files.parameters import Number, Typical
 
 ECCENTRICITIES = (0.01, 0.9999)
 HALF_TURN = np.diag([-1.0, -1.0, 1.0])  # puts the rig's front at the top of the image
@@ -47,29 +42,17 @@ HALF_TURN = np.diag([-1.0, -1.0, 1.0])  # puts the rig's front at the top of the
 
 @dataclass(frozen=True)
 class EllipticCamera(FocalCamera, RadialCamera):
-    """Camera that looks at the inside of an elliptic mirror.
+    """Camera that looks at the inside of an elliptic mirror."""
 
-    Attributes:
-        width_px, height_px: image size.
-        focal_length_px: focal length of the pinhole camera.
-        principal_point_px: (u, v) of the mirror's axis in the image.
-        eccentricity: e of the ellipsoid.
-        theta_max_rad: angle of the rim at the viewpoint.
-
-    Raises:
-        OpticsError: a size or focal length is not positive, the center is not finite, the
-            eccentricity is outside its limits, or the rim is not between 0 and 90°.
-    """
-
-    eccentricity: float
-    theta_max_rad: float = 0.5 * math.pi
+    eccentricity: Annotated[
+        Number, Field(ge=ECCENTRICITIES[0], le=ECCENTRICITIES[1]), Typical(0.5, 0.9)
+    ]
+    """e of the ellipsoid."""
+    theta_max_rad: ThetaMax = 0.5 * math.pi
+    """Angle of the rim at the viewpoint."""
     model_name = "elliptic"
     _rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP @ HALF_TURN
     largest_theta_rad = 0.5 * math.pi
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_limits(self, "eccentricity", *ECCENTRICITIES)
 
     @property
     def half_angle_ratio(self) -> float:

@@ -9,15 +9,6 @@ this is the unified model with ξ = √(k(k−2))/(k−1) and γ = f/(k−1).
 
 Domain: 0 ≤ θ ≤ θ_max, the rim, which is below the mirror's asymptote acos(−√((k−2)/k)).
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| focal_length_px | px | 1300 for 360 px; `framed_on_rim` computes it |
-| principal_point_px | px | image center |
-| k | – | ≥ 2: the paper's 11.546; 2 is a plane |
-| c | mirror units | from viewpoint to pinhole: the paper's 2.321 |
-| meters_per_unit | m | 0.04: a mirror of 24 mm |
-| theta_max_deg | degrees | 105 |
-
 GLSL twin: `shaders/camera/hyperbolic.glsl`. Source: Baker & Nayar 1999, section 2.2; Schmits &
 Visser 2008, Eq. 1.
 """
@@ -42,9 +33,9 @@ from omnisim.cameras.camera import (
 )
 from omnisim.cameras.focal_camera import FocalCamera
 from omnisim.cameras.mirrors import HyperbolicMirror
-from omnisim.cameras.model_parameters import number, point, whole_number
 from omnisim.core.coordinate_frames import RIG_FROM_OPTICAL_LOOKING_UP
 from omnisim.core.errors import OpticsError
+from omnisim.core.files.parameters import parse_table
 
 
 class ImageRadii(NamedTuple):
@@ -63,26 +54,12 @@ class Incidences(NamedTuple):
 
 @dataclass(frozen=True)
 class HyperbolicCamera(FocalCamera):
-    """Camera that looks at a hyperbolic mirror: maps pixels to scene rays and back.
-
-    Attributes:
-        width_px, height_px: image size.
-        focal_length_px: focal length of the pinhole camera.
-        principal_point_px: (u, v) of the mirror's axis in the image.
-        mirror: mirror shape; its rim bounds the domain, θ ≤ θ_max.
-
-    Raises:
-        OpticsError: a size or focal length is not positive, or the center is not finite.
-    """
+    """Camera that looks at a hyperbolic mirror: maps pixels to scene rays and back."""
 
     mirror: HyperbolicMirror
+    """Shape of the mirror; its rim bounds the domain, θ ≤ θ_max."""
     model_name = "hyperbolic"
     _rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not isinstance(self.mirror, HyperbolicMirror):
-            raise OpticsError(f"camera: mirror: expected a HyperbolicMirror, got {self.mirror!r}")
 
     @classmethod
     def framed_on_rim(
@@ -105,19 +82,13 @@ class HyperbolicCamera(FocalCamera):
         Raises:
             OpticsError: a parameter is invalid; names the key, the actual and the expected value.
         """
-        mirror = HyperbolicMirror(
-            number(parameters, "k"),
-            number(parameters, "c"),
-            number(parameters, "meters_per_unit"),
-            math.radians(number(parameters, "theta_max_deg")),
-        )
-        return cls(
-            whole_number(parameters, "width_px"),
-            whole_number(parameters, "height_px"),
-            number(parameters, "focal_length_px"),
-            point(parameters, "principal_point_px"),
-            mirror,
-        )
+        keys = ("k", "c", "meters_per_unit", "theta_max_deg")
+        given = {key: parameters[key] for key in keys if key in parameters}
+        for key in keys:
+            if key not in given:
+                raise OpticsError(f"camera.{key}: missing")
+        mirror = parse_table(given, HyperbolicMirror, OpticsError, at="camera")
+        return super().from_parameters({**parameters, "mirror": mirror})
 
     @property
     def domain_limit_rad(self) -> float:

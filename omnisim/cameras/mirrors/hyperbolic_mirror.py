@@ -12,13 +12,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from numbers import Real
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
 from omnisim.core.errors import OpticsError
+from omnisim.core.files.parameters import AboveZero, Number, Parameters
 
 PAPER_K = 11.546
 PAPER_C = 2.321
@@ -36,46 +37,32 @@ class SurfacePoints(NamedTuple):
 
 
 @dataclass(frozen=True)
-class HyperbolicMirror:
+class HyperbolicMirror(Parameters, name="mirror"):
     """A hyperboloid of revolution with one effective viewpoint, cut off at a rim.
-
-    Attributes:
-        k: shape constant of Eq. 1, dimensionless, at least 2 (2 is the plane mirror).
-        c: distance from the effective viewpoint to the pinhole, in the paper's units.
-        meters_per_unit: size of such a unit in meters.
-        theta_max_rad: angle of incidence of the rim.
-
-    Raises:
-        OpticsError: k < 2, c ≤ 0, a scale ≤ 0, or a rim that is not between 0 and the asymptote.
 
     Source: Baker & Nayar, "A theory of single-viewpoint catadioptric image formation", 1999;
     Schmits & Visser 2008, Eq. 1.
     """
 
-    k: float = PAPER_K
-    c: float = PAPER_C
-    meters_per_unit: float = PAPER_METERS_PER_UNIT
-    theta_max_rad: float = DEFAULT_RIM_RAD
+    k: Annotated[Number, Field(ge=2.0, le=MAX_K)] = PAPER_K
+    """Parameter k of the profile, Eq. 1, dimensionless; 2 is the plane mirror."""
+    c: AboveZero = PAPER_C
+    """Distance from the effective viewpoint to the pinhole, in units of the profile."""
+    meters_per_unit: AboveZero = PAPER_METERS_PER_UNIT
+    """Meters per unit of the profile; the paper names none: an assumption."""
+    theta_max_rad: AboveZero = DEFAULT_RIM_RAD
+    """Incidence angle of the rim from straight down; 90° is the horizon, and the limit is below the
+    mirror's asymptote. An assumption: the paper names none."""
 
-    def __post_init__(self) -> None:
-        for name in ("k", "c", "meters_per_unit", "theta_max_rad"):
-            value = getattr(self, name)
-            if not isinstance(value, Real) or not math.isfinite(value):
-                raise OpticsError(f"mirror: {name}: expected a finite number, got {value!r}")
-        if not 2.0 <= self.k <= MAX_K:
-            raise OpticsError(f"mirror: k: expected 2 (Eq. 1) to {MAX_K:g}, got {self.k:g}")
-        for name in ("c", "meters_per_unit"):
-            value = getattr(self, name)
-            if value <= 0.0:
-                raise OpticsError(f"mirror: {name}: expected more than 0, got {value:g}")
+    def _check(self) -> None:
         if not MIN_C_M <= self.c_m <= MAX_C_M:
             raise OpticsError(
                 f"mirror: c · meters_per_unit: expected {MIN_C_M:g} to {MAX_C_M:g} m, "
                 f"got {self.c_m:g} m"
             )
-        if not 0.0 < self.theta_max_rad < self.theta_limit_rad:
+        if not self.theta_max_rad < self.theta_limit_rad:
             raise OpticsError(
-                "mirror: rim: expected more than 0° and less than the asymptote of "
+                "mirror: rim: expected less than the asymptote of "
                 f"k = {self.k:g}, {math.degrees(self.theta_limit_rad):.3f}°, "
                 f"got {math.degrees(self.theta_max_rad):.6g}°"
             )

@@ -10,12 +10,6 @@ per meter give h = p h_m; nothing else about them affects the image. The ray of 
 
 Domain: 0 ≤ θ ≤ θ_max < 180°; in the image r ≤ h tan(θ_max/2).
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| horizon_radius_px | px | 100 to 500 |
-| principal_point_px | px | image center |
-| theta_max_deg | degrees | 90 to 110 |
-
 GLSL twin: `shaders/camera/parabolic.glsl`. Source: Baker & Nayar 1999, section 2.2 (the
 paraboloid); Schmits & Visser 2008, Eq. 2.
 """
@@ -24,42 +18,34 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from omnisim.cameras.camera import Rays, Uniforms
-from omnisim.cameras.model_parameters import check_limits
+from omnisim.cameras.parametric_camera import PrincipalPoint, WideTheta
 from omnisim.cameras.plane_camera import PlanePoints, RadialCamera
 from omnisim.core.coordinate_frames import FLIP_Z, RIG_FROM_OPTICAL_LOOKING_UP
+from omnisim.core.files.parameters import Number, Typical
+
+DEFAULT_RIM_RAD = math.radians(105.0)
 
 
 @dataclass(frozen=True)
 class ParabolicCamera(RadialCamera):
-    """Camera that looks at a parabolic mirror.
+    """Camera that looks at a parabolic mirror."""
 
-    Attributes:
-        width_px, height_px: image size.
-        horizon_radius_px: h, radius of the 90° circle.
-        principal_point_px: (u, v) of the mirror's axis in the image.
-        theta_max_rad: angle of incidence of the rim.
-
-    Raises:
-        OpticsError: a size or radius is not positive, the center is not finite, or the rim is not
-            between 0 and 179°.
-    """
-
-    horizon_radius_px: float
-    principal_point_px: tuple[float, float]
-    theta_max_rad: float = math.radians(105.0)
+    horizon_radius_px: Annotated[Number, Field(ge=1e-6), Typical(100.0, 500.0)]
+    """Radius h of the 90° circle."""
+    principal_point_px: PrincipalPoint
+    """(u, v) of the mirror's axis in the image; typically its center."""
+    theta_max_rad: WideTheta = DEFAULT_RIM_RAD
+    """Angle of incidence of the rim."""
     model_name = "parabolic"
     _rig_from_optical: ClassVar[NDArray[np.float64]] = RIG_FROM_OPTICAL_LOOKING_UP
     largest_theta_rad = math.radians(179.0)
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_limits(self, "horizon_radius_px", 1e-6, math.inf, "more than 0")
 
     @property
     def pixels_per_plane(self) -> float:

@@ -7,11 +7,6 @@ hyperbolic mirror, without a rim.
 
 Domain: z < 0, all pixels.
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| focal_length_px | px | 100 to 1000 |
-| principal_point_px | px | image center |
-
 GLSL twin: `shaders/camera/planar.glsl`. Source: Baker & Nayar 1999, section 2.2 (the plane).
 """
 

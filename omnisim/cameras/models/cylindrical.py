@@ -4,11 +4,6 @@
 
 Domain: azimuths from −180° to 180°; all directions except ±y, the cylinder's axis.
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| focal_length_px | px/rad | a full turn is 2π f wide: 100 for 628 px |
-| principal_point_px | px | image center |
-
 GLSL twin: `shaders/camera/cylindrical.glsl`. Source: Szeliski, "Computer vision", section 8.2.
 """
 
@@ -30,14 +25,6 @@ class CylindricalCamera(FocalCamera):
 
     A column is an azimuth from the z axis toward x, (u − u0)/f in radians. A row is the tangent of
     an elevation, (v − v0)/f downwards. Azimuths run from −180° to 180°.
-
-    Attributes:
-        width_px, height_px: image size.
-        focal_length_px: pixels per radian of azimuth, and per unit tangent of elevation.
-        principal_point_px: (u, v) of the z axis in the image.
-
-    Raises:
-        OpticsError: a size or focal length is not positive, or the center is not finite.
     """
 
     model_name = "cylindrical"

@@ -10,13 +10,6 @@ directions one to one, so nothing else can fold. The paper and Basalt use t = 1.
 projection, but not its inverse, about a degree too early: at 125.2° instead of 126.1° for TUM-VI's
 camera.
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| xi | – | −1 < ξ < 1; −0.2 for a fisheye |
-| alpha | – | 0 to 1; 0.6 for a fisheye |
-| focal_lengths_px | px | fx, fy |
-| principal_point_px | px | image center |
-
 GLSL twin: `shaders/camera/double_sphere.glsl`. Source: "The double sphere camera model", 2018,
 Eq. 40 to 51; names as in Basalt and Kalibr.
 """
@@ -25,43 +18,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from omnisim.cameras.camera import Rays, Uniforms
 from omnisim.cameras.focal_camera import TwoFocalCamera
-from omnisim.cameras.model_parameters import check_limits
 from omnisim.cameras.plane_camera import PlaneCamera, PlanePoints
 from omnisim.cameras.unified_sphere import cosine_limit, lift_alpha, plane_limit, project_alpha
-from omnisim.core.errors import OpticsError
+from omnisim.core.files.parameters import Fraction, Number
 
 
 @dataclass(frozen=True)
 class DoubleSphereCamera(TwoFocalCamera, PlaneCamera):
-    """Wide-angle lens as two projections onto unit spheres whose centers are ξ apart.
+    """Wide-angle lens as two projections onto unit spheres whose centers are ξ apart."""
 
-    Attributes:
-        width_px, height_px: image size.
-        focal_lengths_px: (fx, fy).
-        principal_point_px: (cx, cy).
-        xi: ξ, distance between the sphere centers, between −1 and 1.
-        alpha: α, from 0 to 1.
-
-    Raises:
-        OpticsError: a size or focal length is not positive, a number is not finite, or ξ or α is
-            outside its limits.
-    """
-
-    xi: float
-    alpha: float
+    xi: Annotated[Number, Field(gt=-1.0, lt=1.0)]
+    """Distance ξ between the spheres' centers; −0.2 for a fisheye."""
+    alpha: Fraction
+    """Shape α; 0.6 for a fisheye."""
     model_name = "double_sphere"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_limits(self, "alpha", 0.0, 1.0)
-        if not -1.0 < self.xi < 1.0:
-            raise OpticsError(f"camera: xi: expected more than −1 and less than 1, got {self.xi:g}")
 
     @property
     def theta_edge_rad(self) -> float:

@@ -2,12 +2,6 @@
 
 Domain: 0 ≤ θ ≤ θ_max ≤ 180°; in the image r ≤ f θ_max.
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| focal_length_px | px/rad | 100 to 1000 |
-| principal_point_px | px | image center |
-| theta_max_deg | degrees | 90 to 110; 180 sees everything |
-
 GLSL twin: `shaders/camera/equidistant.glsl`. Source: Kannala & Brandt 2006, Eq. 3.
 """
 
@@ -20,13 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras.fisheye import FisheyeCamera
+from omnisim.cameras.parametric_camera import WideTheta
 
 
 @dataclass(frozen=True)
 class EquidistantCamera(FisheyeCamera):
     """Fisheye with r = f θ; see `FisheyeCamera` for its attributes."""
 
-    theta_max_rad: float = math.pi
+    theta_max_rad: WideTheta = math.pi
+    """Angle from the axis where the domain ends."""
     model_name = "equidistant"
     largest_theta_rad = math.pi
 

@@ -6,10 +6,6 @@
 
 Domain: −0.5 ≤ u ≤ width − 0.5 and −0.5 ≤ v ≤ height − 0.5; all directions.
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| width_px, height_px | px | 2 : 1 for square pixels at the horizon |
-
 GLSL twin: `shaders/camera/equirectangular.glsl`. Source: the plate carrée of cartography; equal to
 COLMAP's EQUIRECTANGULAR, whose pixel coordinates are larger by 0.5.
 """
@@ -28,14 +24,7 @@ from omnisim.cameras.parametric_camera import ParametricCamera
 
 @dataclass(frozen=True)
 class EquirectangularCamera(ParametricCamera):
-    """Image of all directions, longitude by latitude.
-
-    Attributes:
-        width_px, height_px: image size.
-
-    Raises:
-        OpticsError: a size is not positive.
-    """
+    """Image of all directions, longitude by latitude."""
 
     model_name = "equirectangular"
 

@@ -2,12 +2,6 @@
 
 Domain: 0 ≤ θ ≤ θ_max ≤ 180°; in the image r ≤ 2 f sin(θ_max/2).
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| focal_length_px | px | 100 to 1000 |
-| principal_point_px | px | image center |
-| theta_max_deg | degrees | 90 to 110; 180 sees everything |
-
 GLSL twin: `shaders/camera/equisolid.glsl`. Source: Kannala & Brandt 2006, Eq. 4.
 """
 
@@ -20,13 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras.fisheye import FisheyeCamera
+from omnisim.cameras.parametric_camera import WideTheta
 
 
 @dataclass(frozen=True)
 class EquisolidCamera(FisheyeCamera):
     """Fisheye with r = 2 f sin(θ/2); see `FisheyeCamera` for its attributes."""
 
-    theta_max_rad: float = math.pi
+    theta_max_rad: WideTheta = math.pi
+    """Angle from the axis where the domain ends."""
     model_name = "equisolid"
     largest_theta_rad = math.pi
 

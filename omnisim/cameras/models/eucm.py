@@ -7,13 +7,6 @@ Domain, with w = α/(1 − α) for α ≤ 0.5 and w = (1 − α)/α above: z > �
 q > 0. Above, the image would fold over; it ends at m_x² + m_y² = 1/(β (2α − 1)) on the normalized
 plane. The limits are exact, because (√β x, √β y, z) turns the model into the unified model.
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| alpha | – | 0 (perspective) to 1; 0.6 for a fisheye |
-| beta | – | > 0, 1.1; 1 is the unified model |
-| focal_lengths_px | px | fx, fy |
-| principal_point_px | px | image center |
-
 GLSL twin: `shaders/camera/eucm.glsl`. Source: Khomutenko, Garcia & Martinet, "An enhanced unified
 camera model", 2016, Eq. 12 and 17; names as in Kalibr and Basalt.
 """
@@ -27,37 +20,20 @@ from numpy.typing import NDArray
 
 from omnisim.cameras.camera import Rays, Uniforms
 from omnisim.cameras.focal_camera import TwoFocalCamera
-from omnisim.cameras.model_parameters import check_limits
 from omnisim.cameras.plane_camera import PlaneCamera, PlanePoints
 from omnisim.cameras.unified_sphere import lift_alpha, plane_limit, project_alpha
-from omnisim.core.errors import OpticsError
+from omnisim.core.files.parameters import AboveZero, Fraction
 
 
 @dataclass(frozen=True)
 class EucmCamera(TwoFocalCamera, PlaneCamera):
-    """Wide-angle lens with the shape parameters α and β.
+    """Wide-angle lens with the shape parameters α and β."""
 
-    Attributes:
-        width_px, height_px: image size.
-        focal_lengths_px: (fx, fy).
-        principal_point_px: (cx, cy).
-        alpha: α, from 0 to 1.
-        beta: β, positive.
-
-    Raises:
-        OpticsError: a size or focal length is not positive, a number is not finite, or α or β is
-            outside its limits.
-    """
-
-    alpha: float
-    beta: float
+    alpha: Fraction
+    """Shape α: 0 (perspective) to 1; 0.6 for a fisheye."""
+    beta: AboveZero
+    """Shape β; typically 1.1; 1 is the unified model."""
     model_name = "eucm"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_limits(self, "alpha", 0.0, 1.0)
-        if self.beta <= 0.0:
-            raise OpticsError(f"camera: beta: expected more than 0, got {self.beta:g}")
 
     def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
         lifted = lift_alpha(plane * np.sqrt(self.beta), self.alpha)

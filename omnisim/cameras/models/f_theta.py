@@ -5,13 +5,6 @@
 Domain: 0 ≤ θ ≤ min(θ_max, θ_fold), θ_fold the first θ > 0 with dr/dθ = 0. `f_theta_inverse` is the
 opposite model, with θ as a polynomial of r.
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| principal_point_px | px | image center |
-| coefficients_px | px/radⁿ | k1 … kn, at most 8; k1 > 0 is the focal length |
-| theta_max_deg | degrees | 95 to 110 |
-| aspect_ratio | – | 1: square pixels |
-
 GLSL twin: `shaders/camera/f_theta.glsl`. Source: NVIDIA's f-theta lens with k0 = 0; WoodScape's
 calibration files (Yogamani et al., 2019), four coefficients.
 """
@@ -20,11 +13,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Field
 
 from omnisim.cameras.camera import Uniforms
-from omnisim.cameras.model_parameters import check_limits
 from omnisim.cameras.models.polynomial_lens import PolynomialLens
-from omnisim.core.errors import OpticsError
+from omnisim.cameras.parametric_camera import Coefficients, PrincipalPoint, ThetaMax
+from omnisim.core.files.parameters import Number, Typical
 
 ASPECT_RATIOS = (0.1, 10.0)
 MAX_COEFFICIENTS = 8  # u_coefficients of the GLSL twin
@@ -32,36 +28,23 @@ MAX_COEFFICIENTS = 8  # u_coefficients of the GLSL twin
 
 @dataclass(frozen=True)
 class FThetaCamera(PolynomialLens):
-    """Fisheye lens whose radius is a polynomial of the angle.
+    """Fisheye lens whose radius is a polynomial of the angle."""
 
-    Attributes:
-        width_px, height_px: image size.
-        principal_point_px: (u, v) of the optical axis in the image.
-        coefficients_px: k1 … kn.
-        theta_max_rad: angle from the axis where the domain ends, unless the fold comes first.
-        aspect_ratio: pixels along v per pixel along u at the same radius.
-
-    Raises:
-        OpticsError: a size is not positive, a number is not finite, the coefficients are missing or
-            too many, k1 ≤ 0, θ_max is outside 0 to 180°, or the aspect ratio is outside 0.1 to 10.
-    """
-
-    principal_point_px: tuple[float, float]
-    coefficients_px: tuple[float, ...]
-    theta_max_rad: float = math.pi
-    aspect_ratio: float = 1.0
+    principal_point_px: PrincipalPoint
+    """(u, v) of the optical axis in the image; typically its center."""
+    coefficients_px: Annotated[Coefficients, Field(min_length=1, max_length=MAX_COEFFICIENTS)]
+    """k1 … kn of θ, θ², …, at most 8; k1 > 0 is the focal length."""
+    theta_max_rad: Annotated[ThetaMax, Typical(math.radians(95.0), math.radians(110.0))] = math.pi
+    """Angle from the axis where the domain ends, unless the fold comes first."""
+    aspect_ratio: Annotated[Number, Field(ge=ASPECT_RATIOS[0], le=ASPECT_RATIOS[1])] = 1.0
+    """Pixels along v per pixel along u at the same radius; 1: square pixels."""
     model_name = "f_theta"
     added_later = frozenset({"aspect_ratio"})
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_limits(self, "aspect_ratio", *ASPECT_RATIOS)
-        count = len(self.coefficients_px)
-        if not 1 <= count <= MAX_COEFFICIENTS or self.coefficients_px[0] <= 0.0:
-            raise OpticsError(
-                f"camera: coefficients_px: expected 1 to {MAX_COEFFICIENTS} numbers, the first "
-                f"more than 0, got {self.coefficients_px}"
-            )
+    def _check(self) -> None:
+        super()._check()
+        if self.coefficients_px[0] <= 0.0:
+            raise self._error("coefficients_px", "numbers, the first of them more than 0")
 
     @property
     def pixels_per_plane(self) -> tuple[float, float]:

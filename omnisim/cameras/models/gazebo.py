@@ -6,15 +6,6 @@ Domain: θ_min ≤ θ ≤ θ_edge. θ_min = max(0, −c2 c3): below it, r would 
 or a smaller limit of the function: for sin, c2 (90° − c3), where the image would fold over; for
 tan, c2 (89.9° − c3), before r becomes infinite.
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| focal_length_px | px | 100 to 1000 |
-| principal_point_px | px | image center |
-| c1, c2 | – | > 0; 2, 2 with tan: stereographic; 1, 1 with id: equidistant |
-| c3 | – | ≤ 0; a positive value would leave a hole in the image |
-| function | – | "sin", "tan" or "id" |
-| theta_max_deg | degrees | 90 to 110 |
-
 GLSL twin: `shaders/camera/gazebo.glsl`. Source: SDFormat's specification,
 camera/lens/custom_function.
 """
@@ -24,15 +15,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from omnisim.cameras.camera import Uniforms
 from omnisim.cameras.focal_camera import FocalCamera
-from omnisim.cameras.model_parameters import check_limits
+from omnisim.cameras.parametric_camera import WideTheta
 from omnisim.cameras.plane_camera import RadialCamera
-from omnisim.core.errors import OpticsError
+from omnisim.core.files.parameters import Number, Positive
 
 _MAX_ARGUMENT = {"sin": 0.5 * math.pi, "tan": math.radians(89.9), "id": math.inf}
 FUNCTIONS: Mapping[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
@@ -45,37 +38,26 @@ _INVERSES = {"sin": np.arcsin, "tan": np.arctan, "id": np.positive}
 
 @dataclass(frozen=True)
 class GazeboCamera(FocalCamera, RadialCamera):
-    """Fisheye lens given by a function and three constants.
+    """Fisheye lens given by a function and three constants."""
 
-    Attributes:
-        width_px, height_px: image size.
-        focal_length_px: f.
-        principal_point_px: (u, v) of the optical axis in the image.
-        c1, c2, c3: constants; c1 and c2 are positive, c3 is not.
-        function: "sin", "tan" or "id".
-        theta_max_rad: upper limit of the angle from the axis at which the domain ends.
-
-    Raises:
-        OpticsError: a size, focal length, c1 or c2 is not positive, c3 is positive, a number is not
-            finite, the function is unknown, θ_max is outside 0 to 180°, or the domain is empty.
-    """
-
-    c1: float
-    c2: float
-    c3: float
+    c1: Positive
+    """Scale of the radius; c1 = c2 = 2 with tan: stereographic; 1 with id: equidistant."""
+    c2: Positive
+    """Scale of the angle."""
+    c3: Annotated[Number, Field(le=0.0)]
+    """Offset of the function's argument; a positive value would leave a hole in the image."""
     function: str
-    theta_max_rad: float = math.pi
+    """Function of the angle: "sin", "tan" or "id"."""
+    theta_max_rad: WideTheta = math.pi
+    """Angle from the axis where the domain ends."""
     model_name = "gazebo"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        for name in ("c1", "c2"):
-            check_limits(self, name, 1e-9, math.inf, "more than 0")
-        check_limits(self, "c3", -math.inf, 0.0, "at most 0, as above the image has a hole")
+    def _check(self) -> None:
+        super()._check()
         if self.function not in FUNCTIONS:
-            raise OpticsError(f"camera: function: expected sin, tan or id, got {self.function!r}")
+            raise self._error("function", "sin, tan or id")
         if not self.theta_min_rad < self.theta_edge_rad:
-            raise OpticsError(f"camera: c3: expected a domain that is not empty, got {self.c3:g}")
+            raise self._error("c3", "a domain that is not empty")
 
     @property
     def theta_min_rad(self) -> float:

@@ -8,13 +8,6 @@ Domain: 0 ≤ θ ≤ min(θ_max, θ_fold), where θ_fold is the first θ > 0 wit
 image would fold over itself. The model is right beyond 90°; OpenCV's own is not, because it takes θ
 from x/z.
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| focal_lengths_px | px/rad | fx, fy: 190 for 512 px and 195° |
-| principal_point_px | px | image center |
-| coefficients | – | k1 … k4, each below 0.1 |
-| theta_max_deg | degrees | 100; with 180 only the fold limits θ |
-
 GLSL twin: `shaders/camera/kannala_brandt.glsl`. Source: Kannala & Brandt, "A generic camera model
 and calibration method for conventional, wide-angle, and fish-eye lenses", 2006; OpenCV's module
 calib3d.
@@ -24,39 +17,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Field
 
 from omnisim.cameras.camera import Uniforms
 from omnisim.cameras.focal_camera import TwoFocalCamera
 from omnisim.cameras.models.polynomial_lens import PolynomialLens
-from omnisim.core.errors import OpticsError
+from omnisim.cameras.parametric_camera import Coefficients, WideTheta
+from omnisim.core.files.parameters import described
 
 
 @dataclass(frozen=True)
 class KannalaBrandtCamera(TwoFocalCamera, PolynomialLens):
-    """Fisheye lens with an odd polynomial of θ.
+    """Fisheye lens with an odd polynomial of θ."""
 
-    Attributes:
-        width_px, height_px: image size.
-        focal_lengths_px: (fx, fy).
-        principal_point_px: (cx, cy).
-        coefficients: k1, k2, k3, k4.
-        theta_max_rad: angle from the axis where the domain ends, unless the fold comes first.
-
-    Raises:
-        OpticsError: a size or focal length is not positive, a number is not finite, there are not
-            four coefficients, or θ_max is outside 0 to 180°.
-    """
-
-    coefficients: tuple[float, ...]
-    theta_max_rad: float = math.pi
+    coefficients: Annotated[
+        Coefficients, Field(min_length=4, max_length=4), described("k1, k2, k3, k4")
+    ]
+    """k1, k2, k3, k4 of θ³, θ⁵, …; typically below 0.1."""
+    theta_max_rad: WideTheta = math.pi
+    """Angle from the axis where the domain ends, unless the fold comes first."""
     model_name = "kannala_brandt"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if len(self.coefficients) != 4:
-            raise OpticsError(
-                f"camera: coefficients: expected k1, k2, k3, k4, got {self.coefficients}"
-            )
 
     @property
     def theta_polynomial(self) -> tuple[float, ...]:

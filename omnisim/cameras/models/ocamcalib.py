@@ -13,13 +13,6 @@ Domain: 0 ≤ θ ≤ θ_max, and ρ before the first ρ where dθ/dρ = (ρ F' �
 thousandth of the axis's −1/a0. Beyond it, many pixels share nearly the same ray. The inverse is
 numerical.
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| principal_point_px | px | image center |
-| polynomial | px^(1−n) | a0 < 0 (−200), a1 = 0, a2 (1e-3) … aN, N at most 7 |
-| affine | – | c, d, e: 1, 0, 0 |
-| theta_max_deg | degrees | 90 to 110 |
-
 GLSL twin: `shaders/camera/ocamcalib.glsl`. Source: Scaramuzza, Martinelli & Siegwart, "A toolbox
 for easily calibrating omnidirectional cameras", 2006.
 """
@@ -30,41 +23,39 @@ import dataclasses
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
+from pydantic import Field
 
 from omnisim.cameras.camera import Uniforms
 from omnisim.cameras.monotone import MAX_RADIUS_PX, first_root, polyval, solve_increasing
+from omnisim.cameras.parametric_camera import Coefficients, PrincipalPoint, WideTheta
 from omnisim.cameras.plane_camera import RadialCamera
-from omnisim.core.errors import OpticsError
+from omnisim.core.files.parameters import Signed, described
 
 MAX_COEFFICIENTS = 8  # u_polynomial of the GLSL twin
-MAX_COEFFICIENT = 1e9  # far beyond any lens, and its products stay finite
 MIN_SLOPE = 1e-3  # share of the slope at the axis
 
 
 @dataclass(frozen=True)
 class OcamcalibCamera(RadialCamera):
-    """Mirror or fisheye lens with a polynomial along the axis.
+    """Mirror or fisheye lens with a polynomial along the axis."""
 
-    Attributes:
-        width_px, height_px: image size.
-        principal_point_px: (u, v), that is (column, row), of the axis.
-        polynomial: a0 … aN.
-        affine: c, d, e.
-        theta_max_rad: upper limit of the angle from the axis at which the domain ends.
-
-    Raises:
-        OpticsError: a size is not positive, a number is not finite, the coefficients are missing or
-            too many, a0 ≥ 0, the affine map is not invertible, or θ_max is outside 0 to 180°.
-    """
-
-    principal_point_px: tuple[float, float]
-    polynomial: tuple[float, ...]
-    affine: tuple[float, ...] = (1.0, 0.0, 0.0)
-    theta_max_rad: float = math.pi
+    principal_point_px: PrincipalPoint
+    """(u, v) of the optical axis in the image; typically its center."""
+    polynomial: Annotated[tuple[Signed, ...], Field(min_length=1, max_length=MAX_COEFFICIENTS)]
+    """a0 … aN, N at most 7; typically a0 = −200, a1 = 0 and a2 = 1e-3."""
+    affine: Annotated[Coefficients, Field(min_length=3, max_length=3), described("c, d, e")] = (
+        1.0,
+        0.0,
+        0.0,
+    )
+    """c, d, e of the affine map; typically 1, 0, 0."""
+    theta_max_rad: WideTheta = math.pi
+    """Angle from the axis where the domain ends."""
     model_name = "ocamcalib"
     pixels_per_plane = 1.0  # the plane is in pixels
 
@@ -74,20 +65,12 @@ class OcamcalibCamera(RadialCamera):
         grown = tuple(a * scale ** (1 - n) for n, a in enumerate(self.polynomial))
         return dataclasses.replace(super().scaled(scale), polynomial=grown)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not 1 <= len(self.polynomial) <= MAX_COEFFICIENTS or self.polynomial[0] >= 0.0:
-            raise OpticsError(
-                f"camera: polynomial: expected 1 to {MAX_COEFFICIENTS} coefficients with a0 < 0, "
-                f"got {self.polynomial}"
-            )
-        if not max(map(abs, self.polynomial)) <= MAX_COEFFICIENT:
-            raise OpticsError(
-                f"camera: polynomial: expected numbers up to {MAX_COEFFICIENT:g}, got "
-                f"{self.polynomial}"
-            )
-        if len(self.affine) != 3 or self.affine[0] - self.affine[1] * self.affine[2] <= 0.0:
-            raise OpticsError(f"camera: affine: expected c, d, e with c > d e, got {self.affine}")
+    def _check(self) -> None:
+        super()._check()
+        if self.polynomial[0] >= 0.0:
+            raise self._error("polynomial", "coefficients with a0 < 0")
+        if self.affine[0] - self.affine[1] * self.affine[2] <= 0.0:
+            raise self._error("affine", "c, d, e with c > d e")
 
     @cached_property
     def radius_max_px(self) -> float:

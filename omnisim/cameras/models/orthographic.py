@@ -2,12 +2,6 @@
 
 Domain: 0 ≤ θ ≤ θ_max ≤ 90°; in the image r ≤ f sin θ_max. Beyond 90° the image would fold over.
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| focal_length_px | px | 100 to 1000 |
-| principal_point_px | px | image center |
-| theta_max_deg | degrees | 70 to 90 |
-
 GLSL twin: `shaders/camera/orthographic.glsl`. Source: Kannala & Brandt 2006, Eq. 5.
 """
 
@@ -15,18 +9,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras.fisheye import FisheyeCamera
+from omnisim.cameras.parametric_camera import ThetaMax
+from omnisim.core.files.parameters import Typical
 
 
 @dataclass(frozen=True)
 class OrthographicCamera(FisheyeCamera):
     """Fisheye with r = f sin θ; see `FisheyeCamera` for its attributes."""
 
-    theta_max_rad: float = 0.5 * math.pi
+    theta_max_rad: Annotated[ThetaMax, Typical(math.radians(70.0), math.radians(90.0))] = (
+        0.5 * math.pi
+    )
+    """Angle from the axis where the domain ends."""
     model_name = "orthographic"
     largest_theta_rad = 0.5 * math.pi
 

@@ -4,11 +4,6 @@
 
 Domain: z > 0, all pixels.
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| focal_length_px | px | half the width for 90° |
-| principal_point_px | px | image center |
-
 GLSL twin: `shaders/camera/perspective.glsl`. Source: Hartley & Zisserman, "Multiple view geometry
 in computer vision", section 6.1.
 """
@@ -28,16 +23,7 @@ from omnisim.core.errors import OpticsError
 
 @dataclass(frozen=True)
 class PerspectiveCamera(FocalCamera):
-    """Camera without a mirror or distortion: (u, v) = f (x, y)/z + center, for z > 0.
-
-    Attributes:
-        width_px, height_px: image size.
-        focal_length_px: focal length.
-        principal_point_px: (u, v) of the optical axis in the image.
-
-    Raises:
-        OpticsError: a size or focal length is not positive, or the center is not finite.
-    """
+    """Camera without a mirror or distortion: (u, v) = f (x, y)/z + center, for z > 0."""
 
     model_name = "perspective"
 

@@ -5,12 +5,6 @@ the table, without ripples in between.
 
 Domain: 0 ≤ θ ≤ the table's last angle.
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| principal_point_px | px | image center |
-| thetas_deg | degrees | 0, 5, …, 100; 2 to 64 angles, increasing from 0 |
-| radii_px | px | one radius per angle, increasing from 0 |
-
 GLSL twin: `shaders/camera/radial_table.glsl`. Source: Fritsch & Butland, "A method for constructing
 local monotone piecewise cubic interpolants", 1984.
 """
@@ -20,53 +14,44 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from omnisim.cameras.camera import Uniforms
 from omnisim.cameras.monotone import solve_increasing
+from omnisim.cameras.parametric_camera import Coefficients, PrincipalPoint
 from omnisim.cameras.plane_camera import RadialCamera
-from omnisim.core.errors import OpticsError
 
 MAX_NODES = 64  # array size in the GLSL twin
+Nodes = Annotated[Coefficients, Field(min_length=2, max_length=MAX_NODES)]
 
 
 @dataclass(frozen=True)
 class RadialTableCamera(RadialCamera):
-    """Lens given by a table of angles and radii.
+    """Lens given by a table of angles and radii."""
 
-    Attributes:
-        width_px, height_px: image size.
-        principal_point_px: (u, v) of the optical axis in the image.
-        thetas_rad: angles from the axis, increasing from 0.
-        radii_px: radii at these angles, increasing from 0.
-
-    Raises:
-        OpticsError: a size is not positive, a number is not finite, or the table does not increase
-            from 0, goes beyond 180°, or has too few or too many entries.
-    """
-
-    principal_point_px: tuple[float, float]
-    thetas_rad: tuple[float, ...]
-    radii_px: tuple[float, ...]
+    principal_point_px: PrincipalPoint
+    """(u, v) of the optical axis in the image; typically its center."""
+    thetas_rad: Nodes
+    """2 to 64 angles from the axis, increasing from 0; typically every 5°."""
+    radii_px: Nodes
+    """Radii at these angles, increasing from 0."""
     model_name = "radial_table"
     pixels_per_plane = 1.0  # the plane is in pixels
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
+        super()._check()
         if len(self.thetas_rad) != len(self.radii_px):
-            raise OpticsError("camera: radii_px: expected as many as thetas_rad")
-        if not 2 <= len(self.radii_px) <= MAX_NODES:
-            count = len(self.radii_px)
-            raise OpticsError(f"camera: radii_px: expected 2 to {MAX_NODES} values, got {count}")
+            raise self._error("radii_px", "as many as thetas_rad")
         for name in ("thetas_rad", "radii_px"):
             values = getattr(self, name)
             if values[0] != 0.0 or min(np.diff(values)) <= 0.0:
-                raise OpticsError(f"camera: {name}: expected values that rise from 0, got {values}")
-        end = self.thetas_rad[-1]
-        if end > math.pi:
-            raise OpticsError(f"camera: thetas_rad: expected at most π, got {end:g}")
+                raise self._error(name, "values that rise from 0")
+        if self.thetas_rad[-1] > math.pi:
+            raise self._error("thetas_rad", "angles of at most π")
 
     @property
     def theta_edge_rad(self) -> float:

@@ -13,12 +13,6 @@ the map is one to one: the Jacobian's symmetric part is positive definite, since
 exceed 6 |p| r + 2 |(s1, s3)| r + 4 |(s2, s4)| r³, which bounds the other terms. Unless something
 else limits it, r_max is 50 (88.9°).
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| focal_lengths_px | px | fx, fy |
-| principal_point_px | px | u0, v0 |
-| distortion | – | k1, k2, p1, p2, k3, k4, k5, k6, optionally s1, s2, s3, s4, then τx, τy |
-
 GLSL twin: `shaders/camera/rational_polynomial.glsl`. Source: OpenCV's module calib3d; ROS's
 distortion model of the same name; Azure Kinect's and OAK-D's calibrations.
 """
@@ -37,6 +31,7 @@ from omnisim.cameras.camera import Rays, Uniforms
 from omnisim.cameras.distortion_inverse import undistort
 from omnisim.cameras.focal_camera import TwoFocalCamera
 from omnisim.cameras.monotone import first_root, solve_increasing
+from omnisim.cameras.parametric_camera import Coefficients
 from omnisim.cameras.plane_camera import PlaneCamera, PlanePoints, unit_vectors
 from omnisim.core.errors import OpticsError
 
@@ -48,29 +43,17 @@ ROUNDING = 1e-13  # tolerance between a distorted point and the distortion of it
 
 @dataclass(frozen=True)
 class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
-    """Pinhole camera with OpenCV's rational distortion, thin prism and sensor tilt.
+    """Pinhole camera with OpenCV's rational distortion, thin prism and sensor tilt."""
 
-    Attributes:
-        width_px, height_px: image size.
-        focal_lengths_px: (fx, fy).
-        principal_point_px: (u0, v0).
-        distortion: k1, k2, p1, p2, k3, k4, k5, k6, and optionally s1, s2, s3, s4, then τx, τy.
-
-    Raises:
-        OpticsError: a size or focal length is not positive, a number is not finite, the number of
-            coefficients is wrong, a tilt exceeds 80°, or the lens folds at its axis.
-    """
-
-    distortion: tuple[float, ...]
+    distortion: Coefficients
+    """k1, k2, p1, p2, k3, k4, k5, k6, optionally s1, s2, s3, s4, then τx, τy."""
     model_name = "rational_polynomial"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def _check(self) -> None:
+        super()._check()
         if len(self.distortion) not in COEFFICIENT_COUNTS:
-            raise OpticsError(
-                "camera: distortion: expected k1, k2, p1, p2, k3, k4, k5, k6, optionally s1, s2, "
-                f"s3, s4, and then τx, τy, got {self.distortion}"
-            )
+            expected = "k1, k2, p1, p2, k3, k4, k5, k6, optionally s1, s2, s3, s4, and then τx, τy"
+            raise self._error("distortion", expected)
         for name, tilt in zip(("τx", "τy"), self.tilt_rad, strict=True):
             if not abs(tilt) <= MAX_TILT_RAD:
                 limit = f"{MAX_TILT_RAD:.3g}"

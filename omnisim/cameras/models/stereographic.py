@@ -3,12 +3,6 @@
 Domain: 0 ≤ θ ≤ θ_max ≤ 179°; in the image r ≤ 2 f tan(θ_max/2). At 180° the image radius is
 infinite.
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| focal_length_px | px | 100 to 1000 |
-| principal_point_px | px | image center |
-| theta_max_deg | degrees | 90 to 120 |
-
 GLSL twin: `shaders/camera/stereographic.glsl`. Source: Kannala & Brandt 2006, Eq. 2.
 """
 
@@ -16,18 +10,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras.fisheye import FisheyeCamera
+from omnisim.cameras.parametric_camera import ThetaMax
+from omnisim.core.files.parameters import Typical
+
+LIMIT_RAD = math.radians(150.0)
 
 
 @dataclass(frozen=True)
 class StereographicCamera(FisheyeCamera):
     """Fisheye with r = 2 f tan(θ/2); see `FisheyeCamera` for its attributes."""
 
-    theta_max_rad: float = math.radians(150.0)
+    theta_max_rad: Annotated[ThetaMax, Typical(math.radians(90.0), math.radians(120.0))] = LIMIT_RAD
+    """Angle from the axis where the domain ends."""
     model_name = "stereographic"
     largest_theta_rad = math.radians(179.0)
 

@@ -9,14 +9,6 @@ x_n² + y_n² ≤ r_max², the disc on which the distortion does not fold. For �
 is x_n² + y_n² ≤ 1/(ξ² − 1). Unless something else limits it, r_max is 1000: almost the limit of the
 first condition.
 
-| parameter | unit | typical |
-| --- | --- | --- |
-| xi | – | ≥ 0: 0 perspective, 1 paraboloid, 1.5 to 2.5 a fisheye |
-| focal_lengths_px | px | γu, γv: (1 + ξ) times the focal length at the axis |
-| principal_point_px | px | u0, v0 |
-| distortion | – | k1, k2, p1, p2, optionally k3 |
-| skew_px | px | s, 0 |
-
 GLSL twin: `shaders/camera/unified.glsl`. Source: Mei & Rives, "Single view point omnidirectional
 camera calibration from planar grids", 2007; OpenCV's module ccalib.
 """
@@ -33,43 +25,29 @@ from numpy.typing import NDArray
 from omnisim.cameras.camera import Rays, Uniforms
 from omnisim.cameras.focal_camera import TwoFocalCamera
 from omnisim.cameras.models.radial_tangential import RadialTangential
+from omnisim.cameras.parametric_camera import Coefficients
 from omnisim.cameras.plane_camera import EDGE_RAD, PlaneCamera, PlanePoints
-from omnisim.core.errors import OpticsError
+from omnisim.core.files.parameters import Level, Number
 
 MAX_RADIUS = 1000.0
 
 
 @dataclass(frozen=True)
 class UnifiedCamera(TwoFocalCamera, PlaneCamera):
-    """Mirror or fisheye lens as a projection from a point ξ above a unit sphere's center.
+    """Mirror or fisheye lens as a projection from a point ξ above a unit sphere's center."""
 
-    Attributes:
-        width_px, height_px: image size.
-        focal_lengths_px: (γu, γv).
-        principal_point_px: (u0, v0).
-        xi: ξ, not negative.
-        distortion: k1, k2, p1, p2, and optionally k3, as pinhole cameras (ξ = 0) have it.
-        skew_px: s.
-
-    Raises:
-        OpticsError: a size or focal length is not positive, a number is not finite, ξ < 0, or there
-            are not four or five coefficients.
-    """
-
-    xi: float
-    distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
-    skew_px: float = 0.0
+    xi: Level
+    """Distance ξ above the sphere's center: 0 perspective, 1 paraboloid, 1.5 to 2.5 a fisheye."""
+    distortion: Coefficients = (0.0, 0.0, 0.0, 0.0)
+    """k1, k2, p1, p2, and optionally k3, as pinhole cameras (ξ = 0) have it."""
+    skew_px: Number = 0.0
+    """Skew s."""
     model_name = "unified"
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.xi < 0.0:
-            raise OpticsError(f"camera: xi: expected at least 0, got {self.xi:g}")
+    def _check(self) -> None:
+        super()._check()
         if len(self.distortion) not in (4, 5):
-            raise OpticsError(
-                "camera: distortion: expected k1, k2, p1, p2 and optionally k3, "
-                f"got {self.distortion}"
-            )
+            raise self._error("distortion", "k1, k2, p1, p2 and optionally k3")
 
     @property
     def k3(self) -> float:

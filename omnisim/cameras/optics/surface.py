@@ -15,8 +15,10 @@ from omnisim.cameras.optics.media import Medium, medium_parameter
 from omnisim.cameras.optics.shapes import Shape
 from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.core.errors import OpticsError
+from omnisim.core.files.parameters import Coordinate, Length, Parameters
 from omnisim.core.poses import check_pose
 
+Place = tuple[Coordinate, Coordinate, Coordinate]
 _SHARE_OFF = 1e-9  # offset of a ray from the surface that it leaves, relative to the ray's scale
 
 
@@ -180,33 +182,25 @@ def pose_parameters(pose: NDArray[np.float64]) -> CameraParameters:
 
 
 @dataclass(frozen=True)
-class Rod:
-    """An opaque cylinder with flat ends: a stem, a needle, or a camera's body.
+class Rod(Parameters, name="obstacle"):
+    """Opaque cylinder in the path of rays: a stem, a needle, or the camera's own body."""
 
-    Attributes:
-        begin_m, end_m: centers of its ends, system frame.
-        radius_m: radius of the cylinder.
-        name: name in messages.
-
-    Raises:
-        OpticsError: the length or radius is not positive.
-    """
-
-    begin_m: tuple[float, float, float]
-    end_m: tuple[float, float, float]
-    radius_m: float
+    begin_m: Place
+    """Center of one end, meters in the system's frame."""
+    end_m: Place
+    """Center of the other end."""
+    radius_m: Length
+    """Radius in meters."""
     name: str = "obstacle"
+    """Name in messages."""
 
-    def __post_init__(self) -> None:
-        if tuple(self.begin_m) == tuple(self.end_m):
-            raise OpticsError(f"{self.name}: end_m: expected another point than begin_m")
-        if not self.radius_m > 0.0:
-            raise OpticsError(f"{self.name}: radius_m: expected more than 0, got {self.radius_m}")
+    def _check(self) -> None:
+        if self.begin_m == self.end_m:
+            raise self._error("end_m", "another point than begin_m")
 
     def parameters(self) -> CameraParameters:
         """Keys and values in an optics file."""
-        ends = {"begin_m": list(self.begin_m), "end_m": list(self.end_m)}
-        return {"name": self.name, **ends, "radius_m": self.radius_m}
+        return {"name": self.name, **self.to_table(full=True)}
 
     def hits(self, origins_m: Floats, directions: Floats) -> Floats:
         """Lengths (n,) at which rays (n, 3) enter it; 0 if they start inside, NaN: never."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -23,7 +22,7 @@ from omnisim.cameras.optics.shapes import (
     Shape,
     TabulatedProfile,
 )
-from omnisim.cameras.optics.surface import Surface
+from omnisim.cameras.optics.surface import Place, Surface
 from omnisim.core import poses
 from omnisim.core.errors import OmnisimError, OpticsError, SensorFileError
 from omnisim.core.files.parameters import (
@@ -38,7 +37,6 @@ from omnisim.core.files.parameters import (
 )
 
 _Angle = Annotated[Number, Field(ge=-360.0, le=360.0)]
-Point = tuple[Coordinate, Coordinate, Coordinate]
 _Numbers = Annotated[tuple[Number, ...], Field(max_length=1_000_000)]
 _Row = tuple[Coordinate, Coordinate, Coordinate, Coordinate]
 _Pose = Annotated[tuple[_Row, _Row, _Row, _Row], described("a pose, a 4 × 4 matrix")]
@@ -56,10 +54,10 @@ class AlignmentTable(Table):
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
-    position_m: Point | None = None
+    position_m: Place | None = None
     """Meters in the system's frame: x right, y down, z forward, from the nominal camera. Default: 0
     for a camera; for a hyperbolic mirror, the pinhole is at the focus."""
-    decenter_m: Point = (0.0, 0.0, 0.0)
+    decenter_m: Place = (0.0, 0.0, 0.0)
     """Offset from the position in meters."""
     tilt_deg: tuple[_Angle, _Angle, _Angle] = (0.0, 0.0, 0.0)
     """Rotation in degrees about its own x, y and z axes, as roll, pitch and yaw."""
@@ -83,7 +81,7 @@ class AlignmentTable(Table):
         """True if a position or pose is given."""
         return self.position_m is not None or self.pose is not None
 
-    def system_from_part(self, position_m: Point) -> NDArray[np.float64]:
+    def system_from_part(self, position_m: Place) -> NDArray[np.float64]:
         """Pose (4, 4) in the system frame; `position_m` is the default position."""
         if self.pose is not None:
             return np.array(self.pose)
@@ -183,12 +181,9 @@ ShapeName = Literal[
 ]
 
 
-def shape_schemas() -> Iterator[tuple[str, type[Table], type]]:
-    """Name of each shape, the table of its keys, and the class that documents them."""
-    for name, kind in _PARAMETRIC.items():
-        yield name, table_of(kind), kind
-    for name, table in SHAPE_TABLES.items():
-        yield name, table, table
+def shape_schemas() -> dict[str, type[Table]]:
+    """Tables of the shapes' keys, by name."""
+    return {name: table_of(kind) for name, kind in _PARAMETRIC.items()} | SHAPE_TABLES
 
 
 class SurfaceTable(AlignmentTable):

@@ -8,21 +8,16 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from omnisim.cameras import CAMERA_MODELS, CentralCamera
 from omnisim.cameras.camera_table import camera_from_calibration, camera_from_table
-from omnisim.cameras.optics.surface import Rod
-from omnisim.cameras.optics.surface_tables import (
-    AlignmentTable,
-    MediumKey,
-    Point,
-    SurfaceTable,
-)
+from omnisim.cameras.optics.surface import Place, Rod
+from omnisim.cameras.optics.surface_tables import AlignmentTable, MediumKey, SurfaceTable
 from omnisim.cameras.optics.system import ORIENTATIONS, OpticalSystem
 from omnisim.core.errors import OmnisimError, SensorFileError
 from omnisim.core.files.extended_tables import extended
-from omnisim.core.files.parameters import Flag, Length, Number, Table, described, parse_table
+from omnisim.core.files.parameters import Flag, Number, Table, described, parse_table
 from omnisim.core.files.toml_file import read_tables
 from omnisim.core.poses import POSE_TOLERANCE, is_rotation
 
@@ -65,29 +60,11 @@ class CameraTable(AlignmentTable):
         width, height = extra.get("width_px"), extra.get("height_px")
         model = CAMERA_MODELS.get(self.model or "")
         has_center = model is not None and "principal_point_px" in model.__dataclass_fields__
-        if has_center and isinstance(width, int) and isinstance(height, int):
-            middle = [0.5 * (width - 1), 0.5 * (height - 1)]
+        if has_center:
+            sizes = [one if isinstance(one, int) else 1 for one in (width, height)]
+            middle = [0.5 * (one - 1) for one in sizes]
             parameters.setdefault("principal_point_px", middle)
         return camera_from_table(parameters, source, key)
-
-
-class ObstacleTable(Table):
-    """Opaque cylinder in the path of rays: a stem, a needle, or the camera's own body."""
-
-    name: str = "obstacle"
-    """Name in messages."""
-    begin_m: Point
-    """Center of one end, meters in the system's frame."""
-    end_m: Point
-    """Center of the other end."""
-    radius_m: Length
-    """Radius in meters."""
-
-    @model_validator(mode="after")
-    def _has_length(self) -> ObstacleTable:
-        if self.begin_m == self.end_m:
-            raise ValueError(f"end_m: expected another point than begin_m, got {list(self.end_m)}")
-        return self
 
 
 class OpticsFile(Table):
@@ -98,7 +75,7 @@ class OpticsFile(Table):
     looking: _Looking | None = None
     """Direction of the camera's axis in a level rig, or the rotation from the system's frame to it;
     default: up into a mirror, else as the camera itself."""
-    origin_m: Point = (0.0, 0.0, 0.0)
+    origin_m: Place = (0.0, 0.0, 0.0)
     """Origin of the sensor's frame, meters in the system's frame; default: the camera's pinhole."""
     color: Literal["R", "G", "B"] | None = None
     """Primary whose wavelength is refracted; default: helium's d line."""
@@ -107,7 +84,7 @@ class OpticsFile(Table):
     Ground truth uses green."""
     camera: CameraTable
     surfaces: Annotated[tuple[SurfaceTable, ...], Field(min_length=1, max_length=16)]
-    obstacles: Annotated[tuple[ObstacleTable, ...], Field(max_length=64)] = ()
+    obstacles: Annotated[tuple[Rod, ...], Field(max_length=64)] = ()
 
     def orientation(self, where: str) -> NDArray[np.float64] | None:
         """Rotation (3, 3) of `looking`, or None; `where` names the key in messages.
@@ -197,7 +174,7 @@ def _make_system(file: OpticsFile, source: str, at: str = "") -> OpticalSystem:
         return OpticalSystem(
             camera,
             tuple(surfaces),
-            tuple(Rod(one.begin_m, one.end_m, one.radius_m, one.name) for one in file.obstacles),
+            file.obstacles,
             file.medium,
             file.camera.system_from_part((0.0, 0.0, 0.0)),
             file.origin_m,

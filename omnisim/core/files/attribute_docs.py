@@ -7,12 +7,21 @@ import itertools
 from functools import cache
 from importlib.util import find_spec
 
+_FOREIGN = {"abc", "builtins", "enum", "pydantic", "typing"}  # bases whose fields have no help
+
 
 def attribute_docs(model: type) -> dict[str, str]:
-    """Strings below the fields of a class and its bases, each in one line, by field name."""
+    """Strings below the fields of a class and its bases, each in one line.
+
+    They are by field name; of a table that was made of a class's fields, by key.
+    """
     docs: dict[str, str] = {}
     for kind in reversed(model.__mro__):
-        if kind.__module__.startswith("omnisim"):
+        source = kind.__dict__.get("fields_of")
+        if source is not None:
+            key_of = getattr(source, "file_key", str)
+            docs |= {key_of(name): text for name, text in attribute_docs(source).items()}
+        if kind.__module__.partition(".")[0] not in _FOREIGN:
             docs |= class_docs(kind.__module__, kind.__qualname__)
     return docs
 
@@ -25,9 +34,9 @@ def class_docs(module: str, name: str) -> dict[str, str]:
 @cache
 def _docs_in(module: str) -> dict[str, dict[str, str]]:
     """Strings below the fields of a module's classes, by class name and field name."""
-    spec = find_spec(module)
-    assert spec is not None
-    assert spec.origin is not None
+    spec = None if module == "__main__" else find_spec(module)
+    if spec is None or spec.origin is None:  # a notebook
+        return {}
     with open(spec.origin, encoding="utf-8") as file:
         classes = [one for one in ast.parse(file.read()).body if isinstance(one, ast.ClassDef)]
     return {one.name: _docs_below(one.body) for one in classes}

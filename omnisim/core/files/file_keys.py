@@ -1,19 +1,27 @@
-"""Keys of omnisim's TOML files, from the pydantic schemas that validate them.
+"""Keys of omnisim's TOML files, derived from the schemas that validate them.
 
-A key's help is the string below it in the schema's source, as in any Python class. The reference
-documentation and the controls of the live page are generated from it.
+A key's help is the string below its field in the source, as in any Python class. The reference
+documentation, JSON Schema and the controls of the live page are generated from it.
 """
 
 from __future__ import annotations
 
 import inspect
+import json
+import math
 import types
 import typing
 from collections.abc import Iterator
 from typing import Any, NamedTuple, get_args, get_origin
 
 import annotated_types
+import pydantic
 from pydantic.fields import FieldInfo
+from pydantic.json_schema import GenerateJsonSchema
+from pydantic_core import PydanticUndefined
+
+from omnisim.core.files.attribute_docs import attribute_docs
+from omnisim.core.files.parameters import InnerTable, Typical, table_in
 
 FAR = 1e9  # larger limits only keep numbers within float32
 
@@ -30,17 +38,54 @@ class Limit(NamedTuple):
     is_open: bool
 
 
+class Key(NamedTuple):
+    """Key of a table.
+
+    Attributes:
+        name: its name.
+        field: its type, rules and default.
+        help: its help, with the usual range.
+        default: its default; None: it has none.
+        inner: schema of the tables that it holds; None: it holds values.
+        low, high: tightest limits; limits far beyond any use are left out.
+        typical: usual range; None: not stated.
+    """
+
+    name: str
+    field: FieldInfo
+    help: str
+    default: Any
+    inner: InnerTable | None
+    low: Limit | None
+    high: Limit | None
+    typical: Typical | None
+
+
+def keys_of(model: type[pydantic.BaseModel]) -> Iterator[Key]:
+    """Keys of a table, in the order of their fields."""
+    docs = attribute_docs(model)
+    for name, field in model.model_fields.items():
+        rules = [*field.metadata, *_rules(field.annotation)]
+        typical = next((one for one in rules if isinstance(one, Typical)), None)
+        text = docs.get(name, "")
+        if typical is not None:
+            text = f"{text.removesuffix('.')}; {typical}."
+        default = field.get_default(call_default_factory=True)
+        yield Key(
+            field.alias or name,
+            field,
+            text,
+            None if default is PydanticUndefined else default,
+            table_in(field.annotation),
+            _tightest(rules, "gt", "ge", is_lower=True),
+            _tightest(rules, "lt", "le", is_lower=False),
+            typical,
+        )
+
+
 def summary(model: type) -> str:
     """First paragraph of a class's docstring, in one line."""
     return " ".join((inspect.getdoc(model) or "").split("\n\n")[0].split())
-
-
-def limits(field: FieldInfo) -> tuple[Limit | None, Limit | None]:
-    """Tightest lower and upper limit of a key; limits far beyond any use are left out."""
-    rules = [*field.metadata, *_rules(field.annotation)]
-    low = _tightest(rules, "gt", "ge", is_lower=True)
-    high = _tightest(rules, "lt", "le", is_lower=False)
-    return low, high
 
 
 def _tightest(rules: list[Any], strict: str, loose: str, is_lower: bool) -> Limit | None:
@@ -69,3 +114,48 @@ def _rules(annotation: Any) -> Iterator[Any]:
     elif origin in (typing.Union, types.UnionType):
         for part in parts:
             yield from _rules(part)
+
+
+class _JsonSchema(GenerateJsonSchema):
+    """JSON Schema with each key's help, for editors."""
+
+    def model_schema(self, schema: Any) -> dict[str, Any]:
+        made = super().model_schema(schema)
+        model: type[pydantic.BaseModel] = schema["cls"]
+        made["title"] = model.__name__.strip("_").removesuffix("Table")
+        made["description"] = summary(model)
+        for key in keys_of(model):
+            made["properties"][key.name]["description"] = key.help
+        return made
+
+    def nullable_schema(self, schema: Any) -> dict[str, Any]:
+        return self.generate_inner(schema["schema"])  # TOML has no null
+
+    def default_schema(self, schema: Any) -> dict[str, Any]:
+        made, default = self.generate_inner(schema["schema"]), schema.get("default")
+        is_plain = isinstance(default, bool | int | str) or _are_finite(default)
+        return made | ({"default": json.loads(json.dumps(default))} if is_plain else {})
+
+    def field_title_should_be_set(self, schema: Any) -> bool:
+        return False
+
+    def handle_invalid_for_json_schema(self, schema: Any, error_info: str) -> dict[str, Any]:
+        return {}  # any value: a type that only omnisim can check
+
+
+def _are_finite(value: Any) -> bool:
+    if isinstance(value, tuple) and value:
+        return all(map(_are_finite, value))
+    return isinstance(value, int | float) and math.isfinite(value)
+
+
+def json_schema(model: type[pydantic.BaseModel], folder: str = "") -> Any:
+    """JSON Schema of a file, as editors use it to complete and check keys.
+
+    Args:
+        model: schema of the file.
+        folder: path between `$defs` and the names of its inner tables, in references.
+    """
+    references = f"#/$defs/{folder}{{model}}"
+    schema = model.model_json_schema(ref_template=references, schema_generator=_JsonSchema)
+    return {"$schema": GenerateJsonSchema.schema_dialect, **schema}

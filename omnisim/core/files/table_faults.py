@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from typing import Any, get_args, get_origin
 
 import pydantic
 from pydantic_core import ErrorDetails
 
 from omnisim.core.errors import did_you_mean
-from omnisim.core.files.inner_tables import headers_with, table_in
+from omnisim.core.files.parameters import MIN_POSITIVE, table_in
 
-MIN_POSITIVE = 1e-9  # lower limit of positive numbers: stands for 0
 _MAX_HEADERS = 3  # number of tables with a key; more are no useful hint
 _RELATIONS = {
     "greater_than": ("a number >", "gt"),
@@ -30,8 +30,8 @@ _KINDS = {
 }
 
 
-def fault_line(fault: ErrorDetails, model: type[pydantic.BaseModel], at: str) -> str:
-    """Message line for an error: key, expected value and actual value.
+def fault_lines(fault: ErrorDetails, model: type[pydantic.BaseModel], at: str) -> Iterator[str]:
+    """Message lines for an error: key, expected value and actual value.
 
     Args:
         fault: error reported by pydantic.
@@ -39,15 +39,19 @@ def fault_line(fault: ErrorDetails, model: type[pydantic.BaseModel], at: str) ->
         at: key of the table in its file; empty: the file itself.
     """
     names = [str(part) for part in fault["loc"]]
-    key = ".".join([at, *names] if at else names) or "file"
+    key = ".".join([at, *names] if at else names)
     if fault["type"] == "extra_forbidden":
-        return f"{key}: unknown key; {_hint(model, names)}"
-    if fault["type"] == "missing":
-        return f"{key}: missing"
-    expected = _expected(fault, model, names, key)
-    if expected:
-        return f"{key}: expected {expected}, got {fault['input']!r}"
-    return f"{key}: {fault['msg'].removeprefix('Value error, ')}"
+        yield f"{key}: unknown key; {_hint(model, names)}"
+    elif fault["type"] == "missing":
+        yield f"{key}: missing"
+    elif expected := _expected(fault, model, names, key):
+        yield f"{key or 'file'}: expected {expected}, got {fault['input']!r}"
+    else:
+        own = getattr(_table_at(model, names), "model_fields", {})
+        for line in fault["msg"].removeprefix("Value error, ").split("\n"):
+            # a rule of a whole table that begins with the key at fault
+            is_of_key = re.split(r"[.:]", line, maxsplit=1)[0] in own
+            yield ".".join(filter(None, (key, line))) if is_of_key else f"{key or 'file'}: {line}"
 
 
 def _hint(model: type[pydantic.BaseModel], names: list[str]) -> str:
@@ -81,15 +85,16 @@ def _expected(
     if kind == "tuple_type":
         if _holds_tables(model, names):
             return f"tables, [[{key}]]"
-        return (
-            'a list of words, ["a", "b"]'
-            if _holds_strings(model, names)
-            else ("a list of numbers, [x, y, z]")
-        )
+        annotation = _annotation(model, names)
+        if _are_words(annotation):
+            return 'a list of words, ["a", "b"]'
+        pair = "[u, v]" if key.endswith("_px") else "[x, y]"
+        return f"a list of numbers, {pair if _is_pair(annotation) else '[x, y, z]'}"
     if kind in _RELATIONS:
         relation, name = _RELATIONS[kind]
         limit = fault["ctx"][name]
-        return "a number > 0" if limit == MIN_POSITIVE else f"{relation} {limit:g}"
+        is_positive = name == "ge" and 0.0 < limit <= MIN_POSITIVE
+        return "a number > 0" if is_positive else f"{relation} {limit:g}"
     if kind in _KINDS:
         return _KINDS[kind]
     begin = r"^(expected|Input should be|(String|Tuple) should have) "
@@ -112,6 +117,24 @@ def _table_at(model: type[pydantic.BaseModel], names: list[str]) -> type[pydanti
     return model
 
 
+def headers_with(model: type[pydantic.BaseModel], key: str, path: str = "") -> Iterator[str]:
+    """Headers of inner tables that have a key, such as `[light]` and `[[lamps]]`.
+
+    Args:
+        model: schema of the outer table.
+        key: name of the key.
+        path: path of the outer table in its file; empty: the file itself.
+    """
+    for name, field in model.model_fields.items():
+        inner = table_in(field.annotation)
+        if inner is None:
+            continue
+        below = f"{path}.{name}" if path else name
+        if key in inner.model.model_fields:
+            yield f"[[{below}]]" if inner.is_list else f"[{below}]"
+        yield from headers_with(inner.model, key, below)
+
+
 def _holds_tables(model: type[pydantic.BaseModel], names: list[str]) -> bool:
     """True if `names` is the path of a list of tables, with fixed or with arbitrary keys."""
     field = model.model_fields.get(names[-1]) if len(names) == 1 else None
@@ -119,11 +142,17 @@ def _holds_tables(model: type[pydantic.BaseModel], names: list[str]) -> bool:
     return is_open or _table_at(model, names) is not None
 
 
-def _holds_strings(model: type[pydantic.BaseModel], names: list[str]) -> bool:
-    """True if `names` is the path of a list of strings."""
+def _annotation(model: type[pydantic.BaseModel], names: list[str]) -> Any:
+    """Type of the key at the path `names`, or None."""
     table = _table_at(model, names[:-1])
     field = table.model_fields.get(names[-1]) if table else None
-    return field is not None and _are_words(field.annotation)
+    return None if field is None else field.annotation
+
+
+def _is_pair(annotation: Any) -> bool:
+    parts = get_args(annotation)
+    is_tuple = get_origin(annotation) is tuple and Ellipsis not in parts
+    return (is_tuple and len(parts) == 2) or any(map(_is_pair, parts))
 
 
 def _are_words(annotation: Any) -> bool:

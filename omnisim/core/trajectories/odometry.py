@@ -7,62 +7,56 @@ turn on the spot. Dead reckoning follows the same arcs exactly.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import AfterValidator, Field
 
 from omnisim.core.errors import TrajectoryError
+from omnisim.core.files.parameters import Number, Parameters
 from omnisim.core.poses import MAX_M, wrap_angles
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories.trajectory import Trajectory
 
+Scale = Annotated[Number, Field(gt=0.0, le=1000.0)]
+Noise = Annotated[Number, Field(ge=0.0, le=1000.0)]
+Angle = Annotated[Number, Field(ge=0.0, le=math.radians(1000.0))]
+
+
+def _check_tick(tick: float) -> float:
+    if 0.0 < tick < 1e-9:
+        raise ValueError("expected 0, or at least 1e-09")
+    return tick
+
 
 @dataclass(frozen=True)
-class OdometryErrors:
-    """Errors of wheel readings; zero by default.
+class OdometryErrors(Parameters, name="odometry", error=TrajectoryError):
+    """Errors of the wheel odometry; none by default.
 
     The noise is a random walk: its variance grows with distance, so it does not depend on the
     number of steps. All values are assumptions of omnisim: nothing is published for the paper's
     robots.
-
-    Attributes:
-        distance_scale: reported distance per meter driven (above 1 for worn, smaller wheels).
-        turn_scale: reported turn per radian turned. Wheels that skid sideways turn more than the
-            robot: above 1 for skid steering, by the error that calibration leaves.
-        drift_radpm: reported turn per meter driven straight (wheels of unequal size).
-        distance_noise_m_per_sqrt_m: standard deviation of the distance after 1 m.
-        turn_noise_rad_per_sqrt_m: standard deviation of the heading after 1 m.
-        turn_noise_rad_per_sqrt_rad: standard deviation of the heading after a turn of 1 rad.
-        distance_tick_m, turn_tick_rad: resolution of the counters; 0: unlimited.
-
-    Raises:
-        TrajectoryError: a value is not finite, a scale is not above 0, or a noise or a tick is
-            below 0.
     """
 
-    distance_scale: float = 1.0
-    turn_scale: float = 1.0
-    drift_radpm: float = 0.0
-    distance_noise_m_per_sqrt_m: float = 0.0
-    turn_noise_rad_per_sqrt_m: float = 0.0
-    turn_noise_rad_per_sqrt_rad: float = 0.0
-    distance_tick_m: float = 0.0
-    turn_tick_rad: float = 0.0
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not abs(value) <= 1e3:  # also rejects NaN
-                raise TrajectoryError(
-                    f"{field.name} = {value}: expected a finite number up to 1000"
-                )
-            if field.name.endswith("_scale") and value <= 0.0:
-                raise TrajectoryError(f"{field.name} = {value}: expected more than 0")
-            if field.name != "drift_radpm" and value < 0.0:
-                raise TrajectoryError(f"{field.name} = {value}: expected 0 or more")
-            if "tick" in field.name and 0.0 < value < 1e-9:
-                raise TrajectoryError(f"{field.name} = {value}: expected 0, or at least 1e-09")
+    distance_scale: Scale = 1.0
+    """Reported meters per meter driven; above 1 for worn, smaller wheels."""
+    turn_scale: Scale = 1.0
+    """Reported radians per radian turned; above 1 if the wheels skid, by the error that calibration
+    leaves."""
+    drift_radpm: Annotated[Number, Field(ge=-math.radians(1000.0), le=math.radians(1000.0))] = 0.0
+    """Reported turn in degrees per meter driven straight, caused by wheels of unequal size."""
+    distance_noise_m_per_sqrt_m: Noise = 0.0
+    """Standard deviation of the distance after 1 m, in meters."""
+    turn_noise_rad_per_sqrt_m: Angle = 0.0
+    """Standard deviation of the heading after 1 m, in degrees."""
+    turn_noise_rad_per_sqrt_rad: Angle = 0.0
+    """Standard deviation of the heading after a turn of 1 rad, in degrees."""
+    distance_tick_m: Annotated[Noise, AfterValidator(_check_tick)] = 0.0
+    """Resolution of the distance counter in meters; 0: unlimited."""
+    turn_tick_rad: Annotated[Angle, AfterValidator(_check_tick)] = 0.0
+    """Resolution of the turn counter in degrees; 0: unlimited."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,9 +25,8 @@ from pydantic import Field
 from omnisim.core.errors import LocalizationError
 from omnisim.core.files.atomic_file import atomic_write, check_suffix
 from omnisim.core.files.npz_file import read_arrays
-from omnisim.core.files.parameters import AboveZero, Level, Name, Point, Table, parse_table
-from omnisim.scene.files.scene_file import LinearRgb
-from omnisim.scene.model import ColorBand, Landmark
+from omnisim.core.files.parameters import Table, parse_table
+from omnisim.scene.model import Landmark
 
 BINS = 32  # along each of red, green and blue
 _SHIFT = 3  # 256 values in 32 bins
@@ -263,22 +262,8 @@ _EXPECTED = "expected the .npz file of omnisim landmarks train"
 _NO_MODEL = (KeyError, TypeError, ValueError, OverflowError, AttributeError, RecursionError)
 
 
-class _StoredBand(Table):
-    color: Name
-    linear_rgb: LinearRgb
-    bottom_m: Level
-    top_m: AboveZero
-
-
-class _StoredLandmark(Table):
-    name: Name
-    position_m: Point
-    footprint_m: tuple[AboveZero, AboveZero]
-    bands: tuple[_StoredBand, ...]
-
-
 class _StoredLandmarks(Table):
-    landmarks: tuple[_StoredLandmark, ...]
+    landmarks: tuple[Landmark, ...]
 
 
 def save_model(path: Path, model: ColorModel, landmarks: tuple[Landmark, ...]) -> None:
@@ -334,15 +319,7 @@ def _landmarks(content: object) -> tuple[Landmark, ...]:
     except LocalizationError as faults:  # one is enough: such files are not edited by hand
         first = str(faults).partition("\n")[0].removeprefix("it: ")
         raise LocalizationError(f"{first}: train it again") from None
-    return tuple(
-        Landmark(
-            each.name,
-            each.position_m,
-            each.footprint_m,
-            tuple(ColorBand(b.color, b.linear_rgb, b.bottom_m, b.top_m) for b in each.bands),
-        )
-        for each in stored.landmarks
-    )
+    return stored.landmarks
 
 
 # Training of a color model on labeled images, and its rates on other images.

@@ -121,7 +121,7 @@ class LocalizationFilter:
         start = np.array(pose, dtype=np.float64)
         if covariance is None:
             sigma_m = parameters.start.position_sigma_m
-            sigma_rad = math.radians(parameters.start.heading_sigma_deg)
+            sigma_rad = parameters.start.heading_sigma_rad
             covariance = np.diag([sigma_m**2, sigma_m**2, sigma_rad**2])
         prior = np.asarray(covariance, dtype=np.float64)
         if start.shape != (3,) or not np.all(np.isfinite((*start, time_s))):
@@ -259,8 +259,7 @@ class LocalizationFilter:
             + (extra.range_sigma_share * observation.range_m) ** 2
             + extra.range_sigma_m**2
         )
-        bearing_sigma_rad = math.radians(extra.bearing_sigma_deg)
-        variance_rad2 = observation.bearing_sigma_rad**2 + bearing_sigma_rad**2
+        variance_rad2 = observation.bearing_sigma_rad**2 + extra.bearing_sigma_rad**2
         (p00, p01, p02), (_, p11, p12), (_, _, p22) = covariance
         # the covariance times the bearing's row of the Jacobian
         q0 = p00 * b0 + p01 * b1 + p02 * b2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import KW_ONLY, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -24,13 +25,9 @@ from omnisim.rendering.camera.quality import (
     DEFAULT_NEAR_M,
     DEFAULT_PROBES,
     DEFAULT_QUALITY,
-    MAX_DENSITY,
     MAX_IMAGE_PX,
-    MAX_MIRRORS,
-    MAX_PROBES,
-    MAX_SUPERSAMPLING,
-    MIN_DENSITY,
     QUALITIES,
+    Capture,
     QualityName,
     quality_named,
 )
@@ -38,7 +35,6 @@ from omnisim.rendering.near_plane import near_plane_m
 
 if TYPE_CHECKING:
     from omnisim.cameras.calibration import CalibratedCamera, Calibration
-    from omnisim.rendering.camera.sensor_file import SensorSettings
 
 # Inputs from which `OmniCamera.of` makes a sensor; None: the paper's.
 CameraLike: TypeAlias = (
@@ -69,16 +65,8 @@ class OmniCamera:
         base_from_rig: (4, 4) pose of the sensor on its vehicle; its origin is the effective
             viewpoint.
         face_size_px: texels across the 90° of each virtual camera; None: as the image requires.
-        near_m, far_m: clipping planes of the virtual cameras; far may be infinite. The default
-            near plane is nearer in small scenes, see `seeing`.
-        samples: samples per texel of the virtual cameras, against jagged edges.
-        mirrors: maximum number of planar mirrors in view, and of panes, that reflect the scene in
-            virtual cameras.
-        reflection_probes: maximum number of probes that curved and rough surfaces of the scene
-            reflect in virtual cameras.
-        supersampling: samples per pixel side of the image, averaged in linear light.
-        texels_per_pixel: texels of the virtual cameras per side of the image's finest pixels, if no
-            size is given.
+        near_m, far_m, samples, mirrors, reflection_probes, supersampling, texels_per_pixel: see
+            `Capture`. The default near plane is nearer in small scenes, see `seeing`.
         degradation: degradation of the ideal image; by default none.
 
     Raises:
@@ -93,7 +81,7 @@ class OmniCamera:
     base_from_rig: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
     face_size_px: int | None = None
     near_m: float = DEFAULT_NEAR_M
-    far_m: float = np.inf
+    far_m: float = math.inf
     samples: int = 1
     mirrors: int = DEFAULT_MIRRORS
     reflection_probes: int = DEFAULT_PROBES
@@ -118,33 +106,17 @@ class OmniCamera:
                     f"polygons = {self.polygons}: a camera of model {self.model.model_name!r} has "
                     "no mirror with a mesh: expected 'auto' or 'exact'"
                 )
-        if not 0.0 < self.near_m < self.far_m:  # also rejects NaN
-            raise OpticsError(
-                f"near_m: expected more than 0 and less than far_m = {self.far_m:g}, "
-                f"got {self.near_m:g}"
-            )
         if self.face_size_px is not None and self.face_size_px < 1:
             raise OpticsError(
                 f"face_size_px: expected at least 1, or None, got {self.face_size_px}"
             )
-        if self.samples not in (1, 2, 4, 8):
-            raise OpticsError(f"samples: expected 1, 2, 4 or 8, got {self.samples}")
-        if self.mirrors not in range(MAX_MIRRORS + 1):
-            raise OpticsError(f"mirrors: expected 0 to {MAX_MIRRORS}, got {self.mirrors}")
-        if self.reflection_probes not in range(MAX_PROBES + 1):
-            raise OpticsError(
-                f"reflection_probes: expected 0 to {MAX_PROBES}, got {self.reflection_probes}"
-            )
-        if self.supersampling not in range(1, MAX_SUPERSAMPLING + 1):
-            raise OpticsError(
-                f"supersampling: expected 1 to {MAX_SUPERSAMPLING}, got {self.supersampling}"
-            )
-        if not MIN_DENSITY <= self.texels_per_pixel <= MAX_DENSITY:  # also rejects NaN
-            raise OpticsError(
-                f"texels_per_pixel: expected {MIN_DENSITY:g} to {MAX_DENSITY:g}, "
-                f"got {self.texels_per_pixel}"
-            )
         poses.check_pose(self.base_from_rig)
+        self.capture  # noqa: B018  # raises if a setting is out of its limits
+
+    @property
+    def capture(self) -> Capture:
+        """Settings of the virtual cameras and of the image's samples."""
+        return Capture(**{key.name: getattr(self, key.name) for key in dataclasses.fields(Capture)})
 
     def __repr__(self) -> str:
         return short_repr(
@@ -196,7 +168,7 @@ class OmniCamera:
             read_sensor_file,
         )  # the paper's camera needs none
 
-        return cls._from_settings(read_sensor_file(Path(path)))
+        return cls(**read_sensor_file(Path(path)))
 
     @classmethod
     def from_table(cls, table: dict[str, Any], source: str = "sensor") -> OmniCamera:
@@ -207,30 +179,7 @@ class OmniCamera:
         """
         from omnisim.rendering.camera.sensor_file import parse_sensor
 
-        return cls._from_settings(parse_sensor(table, source))
-
-    @classmethod
-    def _from_settings(cls, settings: SensorSettings) -> OmniCamera:
-        mounting, virtual = settings.mounting, settings.virtual_cameras
-        return cls(
-            model=settings.model,
-            polygons=settings.polygons,
-            base_from_rig=poses.pose(
-                mounting.position_m,
-                roll_deg=mounting.roll_deg,
-                pitch_deg=mounting.pitch_deg,
-                yaw_deg=mounting.yaw_deg,
-            ),
-            face_size_px=None if virtual.size_px == "auto" else virtual.size_px,
-            near_m=virtual.near_m,
-            far_m=virtual.far_m,
-            samples=virtual.samples,
-            mirrors=virtual.mirrors,
-            reflection_probes=virtual.reflection_probes,
-            supersampling=settings.quality.supersampling,
-            texels_per_pixel=settings.quality.texels_per_pixel,
-            degradation=settings.degradation,
-        )
+        return cls(**parse_sensor(table, source))
 
     def resized(self, size_px: int) -> OmniCamera:
         """The same view in an image whose shorter side has `size_px` pixels.

@@ -7,14 +7,20 @@ need more samples to be visible, and more samples more texels.
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+import math
+from dataclasses import dataclass
+from typing import Annotated, Literal, NamedTuple
+
+from pydantic import Field
 
 from omnisim.core.errors import OpticsError, did_you_mean
+from omnisim.core.files.parameters import AboveZero, Number, Parameters
 
 MAX_IMAGE_PX = 32768  # limit of current GPUs; the actual GPU may allow less
 MAX_SUPERSAMPLING = 8
 MIN_DENSITY, MAX_DENSITY = 0.25, 8.0  # texels of the virtual cameras per pixel side
 
+Size = Annotated[int, Field(strict=True, ge=1, le=MAX_IMAGE_PX)]
 QualityName = Literal["fast", "default", "fine"]
 
 
@@ -41,6 +47,38 @@ DEFAULT_MIRRORS, MAX_MIRRORS = 4, 8
 # Numbers of reflection probes, which curved and rough surfaces reflect.
 DEFAULT_PROBES, MAX_PROBES = 8, 16
 DEFAULT_QUALITY: QualityName = "default"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Capture(Parameters):
+    """Settings of the virtual cameras, and of the samples of the image that they capture."""
+
+    near_m: AboveZero = DEFAULT_NEAR_M
+    """Near plane in meters; nearer surfaces are invisible, and a note reports them. The default
+    0.05 is reduced in scenes of less than 1 m."""
+    far_m: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=True)] = math.inf
+    """Far plane in meters; farther surfaces are invisible; may be inf."""
+    samples: Literal[1, 2, 4, 8] = 1
+    """Samples per texel, against jagged edges; at most as many as the GPU supports."""
+    mirrors: Annotated[int, Field(strict=True, ge=0, le=MAX_MIRRORS)] = DEFAULT_MIRRORS
+    """Maximum number of planar mirrors and glossy floors in view that reflect the scene, largest
+    first, and of panes likewise; each costs another rendering. 0: they reflect sky and lamps."""
+    reflection_probes: Annotated[int, Field(strict=True, ge=0, le=MAX_PROBES)] = DEFAULT_PROBES
+    """Maximum number of reflection probes, by which curved and rough surfaces show the scene,
+    most prominent surfaces first; each costs a small rendering, and if objects move, another one
+    per image. 0: they reflect sky and lamps."""
+    supersampling: Annotated[int, Field(strict=True, ge=1, le=MAX_SUPERSAMPLING)] = QUALITIES[
+        DEFAULT_QUALITY
+    ].supersampling
+    """Samples per pixel side, averaged in linear light; left out: from quality."""
+    texels_per_pixel: Annotated[Number, Field(ge=MIN_DENSITY, le=MAX_DENSITY)] = QUALITIES[
+        DEFAULT_QUALITY
+    ].texels_per_pixel
+    """Texels per side of the image's finest pixels; left out: from camera.quality."""
+
+    def _check(self) -> None:
+        if not self.near_m < self.far_m:
+            raise self._error("far_m", f"more than near_m = {self.near_m:g}")
 
 
 def quality_named(name: str) -> CaptureQuality:

@@ -8,24 +8,21 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 import pydantic
+from numpy.typing import NDArray
 from pydantic import ConfigDict, Field, model_validator
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera
 from omnisim.cameras.camera_table import camera_from_calibration, camera_from_table
 from omnisim.cameras.mirrors import HyperbolicMirror
-from omnisim.cameras.mirrors.hyperbolic_mirror import (
-    DEFAULT_RIM_RAD,
-    PAPER_C,
-    PAPER_K,
-    PAPER_METERS_PER_UNIT,
-)
 from omnisim.cameras.mirrors.tessellation import sectors_and_rings
 from omnisim.cameras.models.field_of_view import field_notes
+from omnisim.core import poses
 from omnisim.core.errors import NoticeWarning, OpticsError, SensorFileError
 from omnisim.core.files.extended_tables import extended
 from omnisim.core.files.parameters import (
@@ -34,25 +31,18 @@ from omnisim.core.files.parameters import (
     Number,
     Table,
     described,
+    overriding,
     parse_table,
 )
 from omnisim.core.files.toml_file import read_tables
 from omnisim.rendering.auto_mesh import max_polygons
-from omnisim.rendering.camera.degradations.degradation import Degradation
 from omnisim.rendering.camera.degradations.degradation_file import parse_degradation
 from omnisim.rendering.camera.quality import (
-    DEFAULT_MIRRORS,
-    DEFAULT_NEAR_M,
-    DEFAULT_PROBES,
     DEFAULT_QUALITY,
-    MAX_DENSITY,
     MAX_IMAGE_PX,
-    MAX_MIRRORS,
-    MAX_PROBES,
-    MAX_SUPERSAMPLING,
-    MIN_DENSITY,
-    CaptureQuality,
+    Capture,
     QualityName,
+    Size,
     quality_named,
 )
 
@@ -65,9 +55,6 @@ _RIVALS = {
     "mirror": ("lens", "optics"),
 }
 DEFAULT_SENSOR_FILE = Path(__file__).with_name("paper.toml")
-
-
-Size = Annotated[int, Field(ge=1, le=MAX_IMAGE_PX, strict=True)]
 PolygonCount = Annotated[
     Literal["auto", "exact"] | pydantic.StrictInt,
     described("a whole number, 'auto' or 'exact'"),
@@ -91,21 +78,20 @@ class MountingTable(Table):
     yaw_deg: Number = 0.0
     """Degrees about z, counter-clockwise seen from above."""
 
+    @property
+    def base_from_mount(self) -> NDArray[np.float64]:
+        """Pose (4, 4) on the vehicle."""
+        return poses.pose(
+            self.position_m, roll_deg=self.roll_deg, pitch_deg=self.pitch_deg, yaw_deg=self.yaw_deg
+        )
 
+
+@overriding(HyperbolicMirror, defaults={})
 class MirrorTable(Table):
     """First group: the static mirror mesh."""
 
     shape: Literal["hyperbolic"] = "hyperbolic"
     """Profile of the mirror: Baker and Nayar's hyperboloid, the paper's Eq. 1."""
-    k: Annotated[Number, Field(ge=2.0)] = PAPER_K
-    """Parameter k of the profile, dimensionless."""
-    c: AboveZero = PAPER_C
-    """Distance from the effective viewpoint to the pinhole, in units of the profile."""
-    meters_per_unit: AboveZero = PAPER_METERS_PER_UNIT
-    """Meters per unit of the profile; the paper names none: an assumption."""
-    theta_max_deg: Number | None = None
-    """Incidence angle of the rim in degrees from straight down; 90 is the horizon; 105 if no rim is
-    given."""
     rim_radius_m: AboveZero | None = None
     """Radius of the rim in meters, instead of theta_max_deg."""
     polygons: PolygonCount = "auto"
@@ -115,7 +101,7 @@ class MirrorTable(Table):
 
     @model_validator(mode="after")
     def _at_most_one_rim(self) -> MirrorTable:
-        if self.theta_max_deg is not None and self.rim_radius_m is not None:
+        if "theta_max_deg" in self.model_fields_set and self.rim_radius_m is not None:
             raise ValueError(
                 "theta_max_deg and rim_radius_m both say where the rim is: expected one of them"
             )
@@ -127,22 +113,18 @@ class MirrorTable(Table):
         Raises:
             SensorFileError: the values contradict each other.
         """
-        shape = (self.k, self.c, self.meters_per_unit)
-        given = f"theta_max_deg = {math.degrees(DEFAULT_RIM_RAD):g} (default)"
-        rim_rad = DEFAULT_RIM_RAD
-        _warn_of_narrow_field(self.theta_max_deg, f"{source}: mirror")
-        if self.theta_max_deg is not None:
-            given, rim_rad = (
-                f"theta_max_deg = {self.theta_max_deg}",
-                math.radians(self.theta_max_deg),
-            )
+        keys = dict(self)  # those of the mirror among them
+        shape = {key: keys[key] for key in ("k", "c", "meters_per_unit")}
+        theta_max_deg: float = keys["theta_max_deg"]
+        _warn_of_narrow_field(theta_max_deg, f"{source}: mirror")
+        given = f"theta_max_deg = {theta_max_deg:.15g}"
         try:
             if self.rim_radius_m is not None:
                 given = f"rim_radius_m = {self.rim_radius_m}"
-                return HyperbolicMirror.with_rim_radius(self.rim_radius_m, *shape)
-            return HyperbolicMirror(*shape, rim_rad)
+                return HyperbolicMirror.with_rim_radius(self.rim_radius_m, **shape)
+            return HyperbolicMirror(**shape, theta_max_rad=math.radians(theta_max_deg))
         except OpticsError as reason:
-            raise _fault(f"{source}: mirror.{given}: ", reason, "mirror: ") from None
+            raise _fault(f"{source}: mirror.{given}: ", reason, "mirror") from None
 
     def polygon_count(self, source: str) -> Polygons:
         """Polygons of the mesh; None: exact.
@@ -153,37 +135,16 @@ class MirrorTable(Table):
         return _polygon_count(self.polygons, f"{source}: mirror")
 
 
+@overriding(Capture, "texels_per_pixel")
+@overriding(Capture, "near_m", "far_m", "samples", "mirrors", "reflection_probes", defaults={})
 class VirtualCamerasTable(Table):
     """Second group: the cameras at the effective viewpoint."""
 
     size_px: FaceSize = "auto"
     """Texels across the 90°; "auto": as texels_per_pixel requires."""
-    texels_per_pixel: Annotated[Number, Field(ge=MIN_DENSITY, le=MAX_DENSITY)] | None = None
-    """Texels per side of the image's finest pixels; left out: from camera.quality."""
-    near_m: AboveZero = DEFAULT_NEAR_M
-    """Near plane in meters; nearer surfaces are invisible, and a note reports them. The default
-    0.05 is reduced in scenes of less than 1 m."""
-    far_m: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=True)] = math.inf
-    """Far plane in meters; farther surfaces are invisible; may be inf."""
-    samples: Literal[1, 2, 4, 8] = 1
-    """Samples per texel, against jagged edges; at most as many as the GPU supports."""
-    mirrors: Annotated[int, Field(strict=True, ge=0, le=MAX_MIRRORS)] = DEFAULT_MIRRORS
-    """Maximum number of planar mirrors and glossy floors in view that reflect the scene, largest
-    first, and of panes likewise; each costs another rendering. 0: they reflect sky and lamps."""
-    reflection_probes: Annotated[int, Field(strict=True, ge=0, le=MAX_PROBES)] = DEFAULT_PROBES
-    """Maximum number of reflection probes, by which curved and rough surfaces show the scene,
-    most prominent surfaces first; each costs a small rendering, and if objects move, another one
-    per image. 0: they reflect sky and lamps."""
-
-    @model_validator(mode="after")
-    def _near_before_far(self) -> VirtualCamerasTable:
-        if not self.near_m < self.far_m:
-            raise ValueError(
-                f"far_m: expected more than near_m = {self.near_m:g}, got {self.far_m:g}"
-            )
-        return self
 
 
+@overriding(Capture, "supersampling")
 class CameraTable(Table):
     """Third group: the camera that looks at the mirror."""
 
@@ -199,8 +160,6 @@ class CameraTable(Table):
     quality: QualityName = DEFAULT_QUALITY
     """Capture quality by name: fast is supersampling 2 and texels_per_pixel 1, default 3 and 2.9,
     fine 4 and 4."""
-    supersampling: Annotated[int, Field(ge=1, le=MAX_SUPERSAMPLING, strict=True)] | None = None
-    """Samples per pixel side, averaged in linear light; left out: from quality."""
 
     def make_camera(self, mirror: HyperbolicMirror, source: str) -> HyperbolicCamera:
         """The camera below a mirror; `source` names the file in messages."""
@@ -211,7 +170,7 @@ class CameraTable(Table):
             if self.principal_point_px != "center":
                 camera = replace(camera, principal_point_px=self.principal_point_px)
         except OpticsError as reason:
-            raise _fault(f"{source}: camera.", reason, "camera: ") from None
+            raise _fault(f"{source}: camera.", reason, "camera") from None
         return camera
 
 
@@ -341,29 +300,11 @@ class SensorFile(Table):
         return self
 
 
-@dataclass(frozen=True)
-class SensorSettings:
-    """Contents of a sensor file.
+def read_sensor_file(path: Path) -> dict[str, Any]:
+    """Read a sensor file, or an optics file, which implies default settings.
 
-    Attributes:
-        model: camera model, including its mirror if it has one.
-        polygons: polygons of the mirror mesh, or "auto"; None: exact.
-        mounting: pose on the vehicle.
-        virtual_cameras: virtual cameras at the effective viewpoint.
-        quality: capture quality: the named one, overridden by individual keys.
-        degradation: degradation of the ideal image.
-    """
-
-    model: CentralCamera
-    polygons: Polygons
-    mounting: MountingTable
-    virtual_cameras: VirtualCamerasTable
-    quality: CaptureQuality
-    degradation: Degradation
-
-
-def read_sensor_file(path: Path) -> SensorSettings:
-    """Read and check a sensor file, or an optics file, which implies default settings.
+    Returns:
+        Arguments of `OmniCamera`.
 
     Raises:
         SensorFileError: names file, key, value and the expected value.
@@ -374,7 +315,7 @@ def read_sensor_file(path: Path) -> SensorSettings:
     from omnisim.cameras.optics.system_file import parse_optics  # few have one
 
     system = parse_optics(table, str(path))
-    return replace(_settings(SensorFile(), str(path)), model=system, polygons=None)
+    return {"model": system, "polygons": None}
 
 
 def extended_sensor(table: Mapping[str, Any], source: str) -> dict[str, Any]:
@@ -386,14 +327,17 @@ def extended_sensor(table: Mapping[str, Any], source: str) -> dict[str, Any]:
     return extended(table, source, SensorFileError, rivals=_RIVALS)
 
 
-def parse_sensor(table: Mapping[str, Any], source: str) -> SensorSettings:
-    """Check a table with the keys of a sensor file; `source` names it in messages.
+def parse_sensor(table: Mapping[str, Any], source: str) -> dict[str, Any]:
+    """Read a table with the keys of a sensor file; `source` names it in messages.
+
+    Returns:
+        Arguments of `OmniCamera`.
 
     Raises:
         SensorFileError: names source, key, value and the expected value.
     """
     whole = extended_sensor(table, source)
-    return _settings(parse_table(whole, SensorFile, SensorFileError, source), source)
+    return _options(parse_table(whole, SensorFile, SensorFileError, source), source)
 
 
 def _warn_of_narrow_field(theta_max_deg: object, place: str) -> None:
@@ -410,7 +354,9 @@ def _warn_of_narrow_field(theta_max_deg: object, place: str) -> None:
 
 def _fault(where: str, reason: OpticsError, prefix: str) -> SensorFileError:
     """Convert an optics error to a sensor-file error; the file's key replaces its prefix."""
-    return SensorFileError(where + str(reason).removeprefix(prefix))
+    return SensorFileError(
+        where + str(reason).removeprefix(f"{prefix}: ").removeprefix(f"{prefix}.")
+    )
 
 
 def _polygon_count(polygons: int | Literal["auto", "exact"], where: str) -> Polygons:
@@ -426,11 +372,11 @@ def _polygon_count(polygons: int | Literal["auto", "exact"], where: str) -> Poly
     try:
         sectors_and_rings(polygons)
     except OpticsError as reason:
-        raise _fault(f"{where}.polygons = {polygons}: ", reason, "mirror: ") from None
+        raise _fault(f"{where}.polygons = {polygons}: ", reason, "mirror") from None
     return polygons
 
 
-def _settings(file: SensorFile, source: str) -> SensorSettings:
+def _options(file: SensorFile, source: str) -> dict[str, Any]:
     model: CentralCamera
     other = file.lens or file.optics
     polygons: Polygons
@@ -441,10 +387,19 @@ def _settings(file: SensorFile, source: str) -> SensorSettings:
     else:
         polygons, mounting = file.mirror.polygon_count(source), file.mirror.mounting
         model = file.camera.make_camera(file.mirror.make_mirror(source), source)
-    named = quality_named(file.camera.quality)
-    quality = CaptureQuality(
-        file.camera.supersampling or named.supersampling,
-        file.virtual_cameras.texels_per_pixel or named.texels_per_pixel,
-    )
-    degradation = parse_degradation(file.degradation, source, Path(source).parent)
-    return SensorSettings(model, polygons, mounting, file.virtual_cameras, quality, degradation)
+    given = {**dict(file.virtual_cameras), **quality_named(file.camera.quality)._asdict()}
+    for table in (file.virtual_cameras, file.camera):
+        given |= {key: value for key, value in table if key in given and value is not None}
+    size_px = given.pop("size_px")
+    try:
+        Capture(**given)  # raises if they do not fit each other
+    except OpticsError as reason:
+        raise SensorFileError(f"{source}: virtual_cameras.{reason}") from None
+    return {
+        "model": model,
+        "polygons": polygons,
+        "base_from_rig": mounting.base_from_mount,
+        "face_size_px": None if size_px == "auto" else size_px,
+        "degradation": parse_degradation(file.degradation, source, Path(source).parent),
+        **given,
+    }

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,6 @@ from omnisim.cameras import HyperbolicCamera, NonCentralCamera
 from omnisim.core.files.toml_file import toml_text
 from omnisim.core.poses import roll_pitch_yaw_from_rotation
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.quality import DEFAULT_MIRRORS, DEFAULT_PROBES
 
 
 def sensor_toml(sensor: OmniCamera) -> str:
@@ -21,8 +19,13 @@ def sensor_toml(sensor: OmniCamera) -> str:
     roll, pitch, yaw = (round(float(angle), 12) + 0.0 for angle in angles)
     polygons = "exact" if sensor.polygons is None else sensor.polygons
     image: dict[str, Any] = {}
+    written, changed = sensor.capture.to_table(full=True), sensor.capture.to_table()
     if isinstance(sensor.model, HyperbolicCamera):
-        group, geometry = "mirror", {**_mirror(sensor.model), "polygons": polygons}
+        group, geometry = (
+            "mirror",
+            {"shape": "hyperbolic", **sensor.model.mirror.to_table(full=True)},
+        )
+        geometry |= {"polygons": polygons, "theta_max_deg": round(geometry["theta_max_deg"], 12)}
         image = _image(sensor.model)
     elif isinstance(sensor.model, NonCentralCamera):
         group, geometry = "optics", {**sensor.model.parameters(), "polygons": polygons}
@@ -40,30 +43,13 @@ def sensor_toml(sensor: OmniCamera) -> str:
             group: {"mounting": mounting, **geometry},
             "virtual_cameras": {
                 "size_px": "auto" if sensor.face_size_px is None else sensor.face_size_px,
-                "texels_per_pixel": sensor.texels_per_pixel,
-                "near_m": sensor.near_m,
-                "far_m": float(sensor.far_m),
-                "samples": sensor.samples,
-                "mirrors": None if sensor.mirrors == DEFAULT_MIRRORS else sensor.mirrors,
-                "reflection_probes": (
-                    None if sensor.reflection_probes == DEFAULT_PROBES else sensor.reflection_probes
-                ),
+                **{key: written[key] for key in ("texels_per_pixel", "near_m", "far_m", "samples")},
+                **{key: changed.get(key) for key in ("mirrors", "reflection_probes")},
             },
             "camera": {**image, "supersampling": sensor.supersampling},
             "degradation": sensor.degradation.tables() or None,
         }
     )
-
-
-def _mirror(camera: HyperbolicCamera) -> dict[str, Any]:
-    mirror = camera.mirror
-    return {
-        "shape": "hyperbolic",
-        "k": mirror.k,
-        "c": mirror.c,
-        "meters_per_unit": mirror.meters_per_unit,
-        "theta_max_deg": round(math.degrees(mirror.theta_max_rad), 12),
-    }
 
 
 def _image(camera: HyperbolicCamera) -> dict[str, Any]:

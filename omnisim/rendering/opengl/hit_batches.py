@@ -69,7 +69,8 @@ class HitBatches:
         visibility, context = passes.visibility, passes.pixels.context
         has_clusters = visibility.buffers.clustered_geometry is not None
         deforms = visibility.buffers.deforming.size > 0
-        if deforms or not has_clusters or not context.extensions >= EXTENSIONS:
+        is_single = deforms or not has_clusters or len(passes.parts) > 1
+        if is_single or not context.extensions >= EXTENSIONS:
             return 1
         limits, (width, height) = context.info, passes.pixels.size_px
         texels = visibility.plan.width_px * visibility.plan.height_px

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
 import moderngl
 import numpy as np
 
 from omnisim.core.errors import GraphicsError
+from omnisim.rendering.opengl.atlas.image_parts import ImagePart
 from omnisim.rendering.opengl.capture.image_pass import image_pass
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer
-from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
+from omnisim.rendering.opengl.gl.gpu_textures import fits_texture, renderbuffer, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Read
 from omnisim.rendering.readback import Pending, Readback, ScenePoses, SubFrames
@@ -29,6 +31,7 @@ class Pipeline:
         samples: pixel map of the supersampled camera.
         supersampling: samples per pixel side, averaged.
         linear_type: type of the linear image: half floats, or float32.
+        parts: parts of the image, drawn one after the other; by default a single one.
 
     Attributes:
         context: OpenGL context.
@@ -48,17 +51,15 @@ class Pipeline:
         samples: PixelMap,
         supersampling: int = 1,
         linear_type: Literal["f2", "f4"] = "f2",
+        parts: Sequence[ImagePart] | None = None,
     ):
         context, (width, height) = samples.context, samples.size_px
-        check_image_size(context, width, height)
         self.context, self._cube = context, cube
         self.readback = PixelReadback(context)
-        self.size_px = (width // supersampling, height // supersampling)
+        self.size_px = width, height = (width // supersampling, height // supersampling)
+        self._parts = parts or [ImagePart((0, 0, width, height), cube.plan)]
         self._make_pass(samples, supersampling)
-        with gpu_allocation(
-            f"a capture of {width} × {height} px",
-            "make the image or camera.supersampling smaller",
-        ):
+        with gpu_allocation(f"an image of {width} × {height} px", "make it smaller"):
             self.linear = texture_2d(context, self.size_px, 4, dtype=linear_type)
             encoded = renderbuffer(context, self.size_px, 4)
             self.encoded_target = framebuffer(context, [encoded])
@@ -67,12 +68,15 @@ class Pipeline:
         clear_target(self._both_targets)
 
     def _make_pass(self, samples: PixelMap, supersampling: int) -> None:
-        self.image_pass = image_pass(samples, self._cube.plan, supersampling)
+        self.image_pass = image_pass(samples, self._parts, supersampling)
 
     def draw(self, poses: ScenePoses, linear: bool) -> None:
         """Draw the encoded image and, on request, the linear one."""
-        atlas = self._cube.render(poses.world_from_rig, poses.world_from_objects)
-        self.image_pass.draw(atlas, self._both_targets if linear else self.encoded_target)
+        target = self._both_targets if linear else self.encoded_target
+        for part in self._parts:
+            self._cube.use_plan(part.plan)
+            atlas = self._cube.render(poses.world_from_rig, poses.world_from_objects)
+            self.image_pass.draw(atlas, target, part)
 
     def begin(self, poses: ScenePoses, linear: bool = False) -> Pending[Readback]:
         """Begin to render an image, with linear colors on request."""
@@ -127,15 +131,29 @@ class DegradedPipeline:
         )
 
 
-def check_image_size(context: moderngl.Context, width_px: int, height_px: int) -> None:
-    """Refuse an image larger than the GPU allows.
+def check_image_size(
+    context: moderngl.Context,
+    width_px: int,
+    height_px: int,
+    what: str = "an image",
+    has_half_floats: bool = False,
+) -> None:
+    """Refuse an image larger than the GPU allows, before anything is allocated.
+
+    Args:
+        context: OpenGL context.
+        width_px, height_px: size of the image.
+        what: for the message.
+        has_half_floats: its largest texture has half floats, else floats.
 
     Raises:
         GraphicsError: the message names the size and the limit.
     """
-    limit = int(context.info["GL_MAX_TEXTURE_SIZE"])
-    if max(width_px, height_px) > limit:
-        raise GraphicsError(
-            f"a capture of {width_px} × {height_px} px: this GPU takes at most {limit}; "
-            "make the image or camera.supersampling smaller"
-        )
+    limit, size = int(context.info["GL_MAX_TEXTURE_SIZE"]), (width_px, height_px)
+    if max(size) > limit:
+        reason = f"this GPU takes at most {limit}"
+    elif not fits_texture(size, has_half_floats):
+        reason = f"this GPU takes no texture of {width_px * height_px >> 16 + has_half_floats} MiB"
+    else:
+        return
+    raise GraphicsError(f"{what} of {width_px} × {height_px} px: {reason}; make it smaller")

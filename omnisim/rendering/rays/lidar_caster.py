@@ -20,7 +20,7 @@ from omnisim.rendering.rays.echoes import (
 from omnisim.rendering.rays.embree import NO_TRIANGLE
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 
-_FIRINGS_AT_ONCE = 128
+_FIRINGS_AT_ONCE, _POINTS_AT_ONCE = 128, 1 << 15
 _MAX_PATH_M = 0.002  # of an object during the firings that are cast at once
 _BESIDE = 0.01  # barycentric tolerance: a ray may just miss a triangle that deforms
 
@@ -105,9 +105,10 @@ class LidarCaster:
         """Drawn hits with the intensities of their surfaces."""
         assert hits.triangles is not None
         geometry, intensities = scene.caster.geometry, np.zeros(hits.ranges_m.shape)
+        at_once = max(1, _POINTS_AT_ONCE // len(intensities))
         for one in revolution.slices:
-            for first in range(one.first, one.last, _FIRINGS_AT_ONCE):
-                firings = slice(first, min(first + _FIRINGS_AT_ONCE, one.last))
+            for first in range(one.first, one.last, at_once):
+                firings = slice(first, min(first + at_once, one.last))
                 rays, shares = self._rays(revolution, one, firings)
                 triangles = hits.triangles[:, firings].ravel()
                 hit = np.flatnonzero(hits.draw_ids[:, firings].ravel())

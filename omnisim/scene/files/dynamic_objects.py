@@ -15,8 +15,6 @@ from omnisim.scene.files.scene_file import (
     ObjectPathTable,
     ObjectTable,
     ObjectTrajectoryTable,
-    OrbitTable,
-    ShuttleTable,
 )
 from omnisim.scene.model import DynamicObject, Scene
 from omnisim.scene.motion.object_motion import Along, FreeBody, Orbit, Rest, Rolling, Shuttle
@@ -73,10 +71,8 @@ def _motion(table: ObjectTable, folder: Path) -> Along | Orbit | Shuttle | Rest:
             from omnisim.core.trajectories import read_trajectory
 
             return Along(read_trajectory(folder / along.file), along.repeats)
-        case OrbitTable() as orbit:
-            return Orbit(**dict(orbit))
-        case ShuttleTable() as shuttle:
-            return Shuttle(**dict(shuttle))
+        case Orbit() | Shuttle() as motion:
+            return motion
         case other:
             assert_never(other)
 

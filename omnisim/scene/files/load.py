@@ -32,9 +32,7 @@ from omnisim.scene.model import (
     ColorBand,
     Landmark,
     Lighting,
-    NamedStart,
     Scene,
-    ScenePath,
     StartPose,
     bounds_m,
 )
@@ -271,8 +269,8 @@ def _load_extended(
             lighting=_lighting(base.lighting, settings),
             background=settings.background or base.background,
             start=_start(settings) or base.start,
-            starts=_starts(settings),
-            paths=_paths(settings),
+            starts=settings.starts,
+            paths=settings.paths,
             landmarks=_landmarks(settings),
             labels=label_rules(settings.labels) or base.labels,
         ),
@@ -377,8 +375,8 @@ def _scene(
         background=settings.background or background,
         start=_start(settings) or read.start or start,
         notices=tuple(printable(f"{path.name}: {notice}", MAX_NOTICE) for notice in read.notices),
-        starts=_starts(settings),
-        paths=_paths(settings),
+        starts=settings.starts,
+        paths=settings.paths,
         landmarks=_landmarks(settings),
         labels=label_rules(settings.labels) or read.labels,
         cameras=read.cameras,
@@ -406,14 +404,6 @@ def _lighting(lighting: Lighting, settings: SceneFile) -> Lighting:
 def _start(settings: SceneFile) -> StartPose | None:
     start = settings.start
     return None if start is None else StartPose(start.position_m, start.yaw_deg)
-
-
-def _starts(settings: SceneFile) -> tuple[NamedStart, ...]:
-    return tuple(NamedStart(s.name, s.position_m, s.yaw_deg) for s in settings.starts)
-
-
-def _paths(settings: SceneFile) -> tuple[ScenePath, ...]:
-    return tuple(ScenePath(p.name, p.waypoints_m, p.start_yaw_deg) for p in settings.paths)
 
 
 def _landmarks(settings: SceneFile) -> tuple[Landmark, ...]:

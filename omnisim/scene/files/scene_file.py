@@ -4,24 +4,25 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Field, ValidationInfo, field_validator, model_validator
 
 from omnisim.core.errors import did_you_mean
-from omnisim.core.files.parameters import AboveZero, Flag, Level, Name, Number, Point, Signed, Table
+from omnisim.core.files.parameters import AboveZero, Flag, Name, Number, Point, Table, overriding
 from omnisim.scene.files.material_keys import MaterialTable
 from omnisim.scene.light.light_tables import FogTable, LampTable, LightTable, SkyTable, SunTable
+from omnisim.scene.motion.object_motion import Orbit, Shuttle
+from omnisim.scene.parts import ColorBand, Landmark, LinearRgb, NamedStart, ScenePath
 
 Byte = Annotated[int, Field(ge=0, le=255, strict=True)]
 MAX_CLASS = 60_000  # channels have 16 bits; the rest is reserved for unlabeled instances
-LinearRgb = tuple[Level, Level, Level]
 
 
 def _distinct(key: str) -> AfterValidator:
     """Validator that rejects tables with equal values of a key."""
 
-    def check(tables: tuple[Table, ...]) -> tuple[Table, ...]:
+    def check(tables: tuple[Any, ...]) -> tuple[Any, ...]:
         values = [value for table in tables if (value := getattr(table, key)) is not None]
         for value in values:
             if values.count(value) > 1:
@@ -29,12 +30,6 @@ def _distinct(key: str) -> AfterValidator:
         return tables
 
     return AfterValidator(check)
-
-
-def _not_zero(value: float) -> float:
-    if value == 0.0:
-        raise ValueError("expected a number other than 0")
-    return value
 
 
 class StartTable(Table):
@@ -46,32 +41,26 @@ class StartTable(Table):
     """Heading, degrees counter-clockwise from the world's x."""
 
 
-class NamedStartTable(StartTable):
-    """Start pose of a vehicle's base."""
-
-    name: Name
-    """Name of the start pose, unique."""
-
-
+@overriding(ColorBand, "color", "top_m", defaults={})
 class ColorBandTable(Table):
-    """Color of a landmark up to a height above its base."""
+    """Color of a landmark, in [palette], up to a height above its base.
 
-    color: Name
-    """Name of a color in [palette]."""
-    top_m: AboveZero
-    """Top of the band, m above the landmark's base; each band starts at the top of the previous
-    one."""
+    Each band starts at the top of the previous one.
+    """
+
+    if TYPE_CHECKING:
+        color: str
+        top_m: float
 
 
+@overriding(Landmark, defaults={})
 class LandmarkTable(Table):
     """Object recognized by its colors: bands from bottom to top."""
 
-    name: Name
-    """Name of the landmark, unique, and prefix of its nodes' names."""
-    position_m: Point
-    """Center of its base in the world, m."""
-    footprint_m: tuple[AboveZero, AboveZero]
-    """Extents along the world's x and y, m."""
+    if TYPE_CHECKING:
+        name: str
+        position_m: Point
+        footprint_m: tuple[float, float]
     bands: Annotated[tuple[ColorBandTable, ...], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -82,17 +71,6 @@ class LandmarkTable(Table):
                     f"top_m: expected more than {lower.top_m:g} below it, got {upper.top_m:g}"
                 )
         return self
-
-
-class ScenePathTable(Table):
-    """Route of a vehicle: corners on the ground, in driving order."""
-
-    name: Name
-    """Name of the path, unique."""
-    waypoints_m: Annotated[tuple[tuple[Signed, Signed], ...], Field(min_length=2)]
-    """Corners [x, y] on the ground, world frame, m, in driving order."""
-    start_yaw_deg: Number | None = None
-    """Heading at the first corner, degrees. Default: toward the second corner."""
 
 
 class ObjectPathTable(Table):
@@ -117,31 +95,7 @@ class ObjectTrajectoryTable(Table):
     """Restart the motion at its last time."""
 
 
-class OrbitTable(Table):
-    """Motion on a horizontal circle, facing forward."""
-
-    center_m: Point
-    """Center of the circle in the world, m."""
-    radius_m: AboveZero
-    """Radius of the circle, m."""
-    period_s: Annotated[Number, AfterValidator(_not_zero)]
-    """Duration of one turn, s; negative: clockwise."""
-    start_deg: Number = 0.0
-    """Direction from the center at 0 s, degrees from the world's x."""
-
-
-class ShuttleTable(Table):
-    """Back-and-forth motion between two points, slow at both ends."""
-
-    from_m: Point
-    """Start point at 0 s in the world, m."""
-    to_m: Point
-    """Other end, which the object faces."""
-    period_s: AboveZero
-    """Duration of a round trip, s."""
-
-
-MotionTable = ObjectPathTable | ObjectTrajectoryTable | OrbitTable | ShuttleTable
+MotionTable = ObjectPathTable | ObjectTrajectoryTable | Orbit | Shuttle
 
 
 class ObjectTable(Table):
@@ -165,8 +119,8 @@ class ObjectTable(Table):
     """Radius of a ball that rolls along its motion without slipping. Default: no rolling."""
     path: ObjectPathTable | None = None
     trajectory: ObjectTrajectoryTable | None = None
-    orbit: OrbitTable | None = None
-    shuttle: ShuttleTable | None = None
+    orbit: Orbit | None = None
+    shuttle: Shuttle | None = None
 
     @model_validator(mode="after")
     def _one_motion(self) -> ObjectTable:
@@ -241,8 +195,8 @@ class SceneFile(Table):
     fog: FogTable | None = None
     materials: tuple[MaterialTable, ...] = ()
     start: StartTable | None = None
-    starts: Annotated[tuple[NamedStartTable, ...], _distinct("name")] = ()
-    paths: Annotated[tuple[ScenePathTable, ...], _distinct("name")] = ()
+    starts: Annotated[tuple[NamedStart, ...], _distinct("name")] = ()
+    paths: Annotated[tuple[ScenePath, ...], _distinct("name")] = ()
     palette: dict[Name, LinearRgb] = Field(default_factory=dict)
     """Linear RGB of the landmarks' colors, by name."""
     landmarks: Annotated[tuple[LandmarkTable, ...], _distinct("name")] = ()

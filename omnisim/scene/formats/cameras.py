@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
+from omnisim.cameras.camera import without_prefix
 from omnisim.core.errors import OmnisimError
 from omnisim.core.poses import roll_pitch_yaw_from_rotation
 from omnisim.scene.formats.imported_scene import MAX_COORDINATE
@@ -60,7 +61,7 @@ def read_lens(make: Callable[[], CentralCamera | str]) -> CentralCamera | str:
     try:
         return make()
     except (OmnisimError, ArithmeticError, ValueError) as reason:
-        return " ".join(str(reason).removeprefix("camera: ").split())
+        return " ".join(without_prefix(reason).split())
 
 
 def pinhole(

@@ -8,11 +8,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Annotated, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator
 
+from omnisim.core.files.parameters import AboveZero, Number, Parameters, Point
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw, rotation_type
 from omnisim.core.world import Pose
 
@@ -78,21 +80,24 @@ class Along:
         return self.trajectory.pose_at(time_s)
 
 
+def _not_zero(value: float) -> float:
+    if value == 0.0:
+        raise ValueError("expected a number other than 0")
+    return value
+
+
 @dataclass(frozen=True)
-class Orbit:
-    """Horizontal circle at constant speed, facing forward.
+class Orbit(Parameters, name="orbit"):
+    """Motion on a horizontal circle at constant speed, facing forward."""
 
-    Attributes:
-        center_m: center of the circle.
-        radius_m: radius of the circle.
-        period_s: duration of one turn; negative: clockwise.
-        start_deg: direction from the center at 0 s, from the world's x.
-    """
-
-    center_m: Vector
-    radius_m: float
-    period_s: float
-    start_deg: float = 0.0
+    center_m: Point
+    """Center of the circle in the world, m."""
+    radius_m: AboveZero
+    """Radius of the circle, m."""
+    period_s: Annotated[Number, AfterValidator(_not_zero)]
+    """Duration of one turn, s; negative: clockwise."""
+    start_deg: Number = 0.0
+    """Direction from the center at 0 s, degrees from the world's x."""
 
     def pose_at(self, time_s: float) -> Pose:
         """Pose (4, 4) on the circle at a time."""
@@ -107,17 +112,15 @@ class Orbit:
 
 
 @dataclass(frozen=True)
-class Shuttle:
-    """Back-and-forth motion between two points, slow at both ends: half a cosine each way.
+class Shuttle(Parameters, name="shuttle"):
+    """Back-and-forth motion between two points, slow at both ends: half a cosine each way."""
 
-    Attributes:
-        from_m, to_m: ends of the path; the object starts at the first at 0 s and faces the second.
-        period_s: duration of a round trip.
-    """
-
-    from_m: Vector
-    to_m: Vector
-    period_s: float
+    from_m: Point
+    """Start point at 0 s in the world, m."""
+    to_m: Point
+    """Other end, which the object faces."""
+    period_s: AboveZero
+    """Duration of a round trip, s."""
 
     def pose_at(self, time_s: float) -> Pose:
         """Pose (4, 4) on the straight path at a time."""

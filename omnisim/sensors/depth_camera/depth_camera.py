@@ -32,7 +32,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from omnisim.cameras.models.perspective import PerspectiveCamera
-from omnisim.core.files.parameters import Flag, NotNegative, Parameters, Positive
+from omnisim.core.files.parameters import Flag, NotNegative, Number, Parameters, Positive
 from omnisim.core.poses import pose
 from omnisim.core.random_numbers import key_of, normal, pcg4d
 from omnisim.core.short_repr import short_repr
@@ -57,33 +57,32 @@ Size = Annotated[int, Field(strict=True, ge=1, le=MAX_IMAGE_PX)]
 
 @dataclass(frozen=True, kw_only=True)
 class DepthCamera(Parameters, name="depth_camera"):
-    """Geometry and errors of a depth camera; the default is a Kinect of the first version.
-
-    Attributes:
-        width_px, height_px: image size; the optical axis passes through the center.
-        focal_length_px: focal length.
-        baseline_m: distance from the camera to the second view, to the right.
-        is_stereo: True: the second view is a camera with the same image size; points outside its
-            image are holes. False: a projector that illuminates the whole view of the camera.
-        range_min_m, range_max_m: depth limits along the optical axis; pixels outside are holes.
-        max_incidence_deg: maximum angle between a surface's normal and the ray.
-        disparity_sigma_px: standard deviation of the disparity, including rounding.
-        disparity_step_px: disparities are rounded to multiples of this step; 0: no rounding.
-        specular: depths are those behind panes and in mirrors, in scenes with such materials;
-            False: those of the first surface.
-    """
+    """Geometry and errors of a depth camera; the default is a Kinect of the first version."""
 
     width_px: Size = 640
+    """Image width in pixels. Default here and for all further keys: the device's value."""
     height_px: Size = 480
+    """Image height in pixels."""
     focal_length_px: Positive = 580.0
+    """Focal length in pixels; the optical axis passes through the image center."""
     baseline_m: Positive = 0.075
-    is_stereo: bool = False
+    """Distance in meters to the projector or the second camera, to the right."""
+    is_stereo: Flag = False
+    """True: a second camera with the same image size, outside of whose image points are holes;
+    false: a projector that lights all of it."""
     range_min_m: Positive = 0.5
-    range_max_m: Annotated[float, Field(strict=True, gt=0.0, le=MAX_RANGE_M)] = 5.0
-    max_incidence_deg: Annotated[float, Field(strict=True, gt=0.0, le=90.0)] = 80.0
+    """Minimum depth along the optical axis in meters; nearer pixels are holes."""
+    range_max_m: Annotated[Number, Field(gt=0.0, le=MAX_RANGE_M)] = 5.0
+    """Maximum depth along the optical axis in meters; farther pixels are holes."""
+    max_incidence_deg: Annotated[Number, Field(gt=0.0, le=90.0)] = 80.0
+    """Maximum angle between ray and surface normal in degrees; steeper pixels are holes."""
     disparity_sigma_px: NotNegative = 1.0 / 16.0
+    """Standard deviation of the disparity in pixels, including rounding."""
     disparity_step_px: NotNegative = 1.0 / 8.0
+    """Step of the disparity in pixels; 0: no rounding."""
     specular: Flag = True
+    """True: depths are those behind panes and in mirrors, in scenes with such materials; false:
+    those of the first surface."""
 
     def __repr__(self) -> str:
         return short_repr(self, self.summary())

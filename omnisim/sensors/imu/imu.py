@@ -27,6 +27,7 @@ import numpy as np
 import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
+from omnisim.core.files.parameters import Level, Parameters
 from omnisim.core.random_numbers import normal, pcg4d
 from omnisim.core.trajectories.body_motion import BodyMotion
 
@@ -36,22 +37,21 @@ _BLOCK = 100_000  # readings per block, which bounds memory
 
 
 @dataclass(frozen=True)
-class ImuErrors:
-    """Noise and bias of an inertial measurement unit.
+class ImuErrors(Parameters, name="imu", in_radians=True):
+    """Noise and bias of an inertial measurement unit, in radians also in files, as Kalibr's."""
 
-    Attributes:
-        gyro_noise_radps_per_sqrt_hz, accel_noise_mps2_per_sqrt_hz: densities of the white noise.
-        gyro_bias_walk_radps2_per_sqrt_hz, accel_bias_walk_mps3_per_sqrt_hz: random walks of the
-            biases.
-        gyro_bias_sigma_radps, accel_bias_sigma_mps2: standard deviations of the initial biases.
-    """
-
-    gyro_noise_radps_per_sqrt_hz: float = 0.0
-    gyro_bias_walk_radps2_per_sqrt_hz: float = 0.0
-    accel_noise_mps2_per_sqrt_hz: float = 0.0
-    accel_bias_walk_mps3_per_sqrt_hz: float = 0.0
-    gyro_bias_sigma_radps: float = 0.0
-    accel_bias_sigma_mps2: float = 0.0
+    gyro_noise_radps_per_sqrt_hz: Level = 0.0
+    """Density of the angular rate's white noise, rad/s/√Hz. Default: the device's."""
+    gyro_bias_walk_radps2_per_sqrt_hz: Level = 0.0
+    """Random walk of the angular rate's bias, rad/s²/√Hz. Default: the device's."""
+    accel_noise_mps2_per_sqrt_hz: Level = 0.0
+    """Density of the specific force's white noise, m/s²/√Hz. Default: the device's."""
+    accel_bias_walk_mps3_per_sqrt_hz: Level = 0.0
+    """Random walk of the specific force's bias, m/s³/√Hz. Default: the device's."""
+    gyro_bias_sigma_radps: Level = 0.0
+    """Standard deviation of the angular rate's initial bias, rad/s. Default: 0."""
+    accel_bias_sigma_mps2: Level = 0.0
+    """Standard deviation of the specific force's initial bias, m/s². Default: 0."""
 
     def biases(self, count: int, rate_hz: float, key: int) -> NDArray[np.float64]:
         """Biases (count, 6) of the first `count` readings: three rates, then three forces.

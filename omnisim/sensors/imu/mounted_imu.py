@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import RunError
 from omnisim.core.files.number_table import BLOCK, write_table
-from omnisim.core.files.parameters import Level
+from omnisim.core.files.parameters import Level, overriding
 from omnisim.core.files.written_files import is_written
 from omnisim.core.poses import rotation_angles
 from omnisim.core.random_numbers import key_of
@@ -147,6 +147,7 @@ class MountedImu(MountedSensor):
         return np.column_stack((times, ideal + biases[part] + noise))
 
 
+@overriding(ImuErrors)
 class ImuMount(SensorMount):
     """Inertial measurement unit that measures angular rate and specific force at its own rate."""
 
@@ -159,18 +160,6 @@ class ImuMount(SensorMount):
     """Readings per second, from the start of the drive."""
     gravity_mps2: Level = STANDARD_GRAVITY_MPS2
     """Gravity along the world's −z; at rest and level, the specific force along z equals it."""
-    gyro_noise_radps_per_sqrt_hz: Level | None = None
-    """Density of the angular rate's white noise, rad/s/√Hz. Default: the device's."""
-    gyro_bias_walk_radps2_per_sqrt_hz: Level | None = None
-    """Random walk of the angular rate's bias, rad/s²/√Hz. Default: the device's."""
-    accel_noise_mps2_per_sqrt_hz: Level | None = None
-    """Density of the specific force's white noise, m/s²/√Hz. Default: the device's."""
-    accel_bias_walk_mps3_per_sqrt_hz: Level | None = None
-    """Random walk of the specific force's bias, m/s³/√Hz. Default: the device's."""
-    gyro_bias_sigma_radps: Level = 0.0
-    """Standard deviation of the angular rate's initial bias, rad/s."""
-    accel_bias_sigma_mps2: Level = 0.0
-    """Standard deviation of the specific force's initial bias, m/s²."""
 
     def parameters(self) -> ImuErrors:
         """Build the errors, which all axes share."""

@@ -46,38 +46,32 @@ _DEVICE, _NOISE = 0, 1  # streams of random numbers
 
 @dataclass(frozen=True, kw_only=True)
 class LaserScanner(Parameters, name="scanner"):
-    """Range and error model of a scanner; the default is an LMS200 in mm mode.
-
-    Attributes:
-        field_of_view_deg: angle from the first beam to the last, symmetric about straight ahead.
-        resolution_deg: angle between beams; the last beam is the last that fits.
-        range_min_m, range_max_m: limits; nearer hits become −inf, farther ones and misses +inf
-            (REP 117). The LMS200's minimum range is an assumption.
-        step_m: ranges are rounded to multiples of this step; 0: no rounding.
-        sigma_m: standard deviation of a range's normally distributed error.
-        sigma_per_m: relative error, added to `sigma_m` as the root of the sum of squares.
-        systematic_error_m: bound of the device's constant error, which is drawn once from the seed.
-            Its uniform distribution is an assumption.
-        seed: seed of the device, which sets its constant error and all its noise.
-        specular: beams pass panes and are reflected by mirrors, in scenes with such materials, and
-            the strongest return counts; False: they end at the first surface.
-        min_intensity: see `SpinningLidar`; an assumption.
-
-    Raises:
-        OpticsError: a parameter is invalid; names it, the actual and the expected value.
-    """
+    """Range and error model of a scanner; the default is an LMS200 in mm mode."""
 
     field_of_view_deg: Annotated[Number, Field(gt=0.0, le=360.0)] = 180.0
+    """Angle from the first beam to the last, symmetric about straight ahead."""
     resolution_deg: Positive = 0.5
+    """Angle between beams; the last beam is the last that fits."""
     range_min_m: NotNegative = 0.1
+    """Minimum range; nearer hits are −inf (REP 117). That of the LMS200 is an assumption."""
     range_max_m: Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=True)] = 8.19
+    """Maximum range; farther hits and misses are +inf."""
     step_m: NotNegative = 0.001
+    """Ranges are rounded to multiples of this step; 0: no rounding."""
     sigma_m: NotNegative = 0.005
+    """Standard deviation of a range's normally distributed error."""
     sigma_per_m: NotNegative = 0.0
+    """Relative error, added to `sigma_m` as the root of the sum of squares."""
     systematic_error_m: NotNegative = 0.015
+    """Bound of the device's constant error, which is drawn once from the seed. Its uniform
+    distribution is an assumption."""
     seed: Seed = 0
+    """Seed of the device, which determines its errors."""
     specular: Flag = True
+    """True: beams pass panes and are reflected by mirrors, in scenes with such materials, and the
+    strongest return counts; false: they end at the first surface."""
     min_intensity: Fraction = 0.1
+    """See `SpinningLidar`; an assumption."""
 
     def __repr__(self) -> str:
         beams = f"{len(self.angles_deg)} beams over {self.field_of_view_deg:g}°"

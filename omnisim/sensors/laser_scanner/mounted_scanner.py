@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from typing import Annotated, ClassVar, Literal
 
 from pydantic import AfterValidator, Field
 
-from omnisim.core.files.parameters import AboveZero, Flag, Level, Number, Seed
+from omnisim.core.files.parameters import AboveZero, Flag, Level, Number, overriding
 from omnisim.sensors.laser_scanner.laser_scanner import LaserRenderer, LaserScanner
 from omnisim.sensors.sensor import (
     TABLE_SUFFIX,
@@ -42,6 +41,7 @@ def _check_resolution(resolution_deg: float) -> float:
     return resolution_deg
 
 
+@overriding(LaserScanner, "seed", "specular", defaults={})
 class Lms200Mount(SensorMount):
     """SICK LMS200 with the errors of one individual device."""
 
@@ -52,21 +52,16 @@ class Lms200Mount(SensorMount):
     """Angle between beams in degrees: 1 or 0.5 over 180°, or 0.25 over 100°."""
     mode: Literal["mm", "cm"] = "mm"
     """Range and step: "mm" up to 8.19 m by 1 mm, "cm" up to 81.9 m by 1 cm."""
-    noise: Annotated[bool, Field(strict=True)] = True
+    noise: Flag = True
     """True: the device's errors; false: ranges are exact except for rounding."""
-    seed: Seed = 0
-    """Seed of the device, which determines its errors."""
-    specular: Flag = True
-    """True: beams pass panes and are reflected by mirrors, in scenes with such materials; false:
-    they end at the first surface."""
 
     def parameters(self) -> LaserScanner:
         """Build the LMS200's parameters."""
-        scanner = LaserScanner.lms200(self.resolution_deg, self.mode, self.seed)
-        scanner = dataclasses.replace(scanner, specular=self.specular)
+        scanner = self.overriding(LaserScanner.lms200(self.resolution_deg, self.mode))
         return scanner if self.noise else scanner.without_noise()
 
 
+@overriding(LaserScanner, "seed", "specular", defaults={})
 class RangeScannerMount(SensorMount):
     """Range scanner with USARSim's parameters; the default is USARSim's SICK LMS200."""
 
@@ -83,11 +78,6 @@ class RangeScannerMount(SensorMount):
     """Minimum range in meters; nearer hits are too near: USARSim's MinRange."""
     noise_share: Level = 0.001
     """Standard deviation relative to the range: USARSim's Noise."""
-    seed: Seed = 0
-    """Seed of the device, which determines its noise."""
-    specular: Flag = True
-    """True: beams pass panes and are reflected by mirrors, in scenes with such materials; false:
-    they end at the first surface."""
 
     def parameters(self) -> LaserScanner:
         """Build the parameters of USARSim's scanner."""
@@ -98,6 +88,5 @@ class RangeScannerMount(SensorMount):
             max_range_m=self.max_range_m,
             min_range_m=self.min_range_m,
             noise=self.noise_share,
-            seed=self.seed,
         )
-        return dataclasses.replace(scanner, specular=self.specular)
+        return self.overriding(scanner)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
-from omnisim.core.files.parameters import AboveZero, Flag, Fraction, Level, Number, Seed
-from omnisim.sensors.lidar.spinning_lidar import LidarRenderer, Returns, SpinningLidar
+from omnisim.core.files.parameters import Flag, overriding
+from omnisim.sensors.lidar.spinning_lidar import LidarRenderer, SpinningLidar
 from omnisim.sensors.rate import LATE
 from omnisim.sensors.sensor import (
     DriveSettings,
@@ -72,6 +71,7 @@ class MountedLidar(RenderedSensor):
         return FileMeasurement(f".{self.file_format}", cloud.save)
 
 
+@overriding(SpinningLidar)
 class LidarMount(SensorMount):
     """Spinning 3-D lidar; missing keys default to the device's values."""
 
@@ -80,36 +80,12 @@ class LidarMount(SensorMount):
     type: Literal["lidar"]
     device: Literal["vlp16", "hdl64e"] = "vlp16"
     """Velodyne's VLP-16 (16 rings, ±15°) or HDL-64E S2 (64 rings, −24.3° to 2°)."""
-    noise: Annotated[bool, Field(strict=True)] = True
+    noise: Flag = True
     """True: the device's noise; false: ranges are exact except for rounding."""
-    seed: Seed = 0
-    """Seed of the device, which determines its noise."""
     file_format: Literal["ply", "pcd"] = "ply"
     """Binary format of the point clouds: PLY, or PCD of the Point Cloud Library."""
-    elevations_deg: tuple[Number, ...] | None = None
-    """Elevation per ring in degrees above the lidar's x-y plane, ascending. Default here and for
-    all further keys: the device's value."""
-    firings: Annotated[int, Field(strict=True)] | None = None
-    """Firings of all rings per revolution; 1800 are 0.2° apart."""
     rate_hz: Rate | None = None
     """Revolutions per second, with one cloud each. Default: the device's, with a cloud per step."""
-    range_min_m: Level | None = None
-    """Minimum range in meters; nearer hits give no point."""
-    range_max_m: AboveZero | None = None
-    """Maximum range in meters; farther hits give no point."""
-    sigma_m: Level | None = None
-    """Standard deviation of a range in meters."""
-    step_m: Level | None = None
-    """Ranges are rounded to multiples of this step in meters; 0: no rounding."""
-    specular: Flag | None = None
-    """True: beams pass panes and are reflected by mirrors, in scenes with such materials; false:
-    they end at the first surface."""
-    returns: Returns | None = None
-    """Returns per beam behind glass and mirrors: 1, the strongest; or 2, the strongest and the
-    last."""
-    min_intensity: Fraction | None = None
-    """Faintest return at the maximum range from specular surfaces, and from what is behind them; 1
-    is a white surface met perpendicularly. Nearer returns may be fainter by the squared range."""
 
     def parameters(self) -> SpinningLidar:
         """Build the lidar's parameters."""

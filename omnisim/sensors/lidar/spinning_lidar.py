@@ -56,41 +56,37 @@ Elevation = Annotated[Number, Field(ge=-MAX_ELEVATION_DEG, le=MAX_ELEVATION_DEG)
 
 @dataclass(frozen=True, kw_only=True)
 class SpinningLidar(Parameters, name="lidar"):
-    """Rings and range model of a lidar; the default is a VLP-16 at 10 revolutions per second.
-
-    Attributes:
-        elevations_deg: elevation per ring, ascending.
-        firings: number of evenly spaced firings per revolution.
-        rate_hz: revolutions per second.
-        range_min_m, range_max_m: limits; nearer and farther hits give no point.
-        step_m: ranges are rounded to multiples of this step; 0: no rounding.
-        sigma_m: standard deviation of a range's normally distributed error.
-        seed: seed of the device, which sets all its noise.
-        specular: beams pass panes and are reflected by mirrors, in scenes with such materials;
-            False: they end at the first surface.
-        returns: number of returns per beam behind glass and mirrors: 1, the strongest; or 2, the
-            strongest and the last (or the second strongest).
-        min_intensity: faintest echo at `range_max_m` that is a return, relative to a white surface
-            met perpendicularly; nearer ones may be fainter by the squared range. An assumption. It
-            applies to specular surfaces, and to what is behind them.
-
-    Raises:
-        OpticsError: a parameter is invalid; names it, the actual and the expected value.
-    """
+    """Rings and range model of a lidar; the default is a VLP-16 at 10 revolutions per second."""
 
     elevations_deg: Annotated[tuple[Elevation, ...], Field(min_length=1, max_length=MAX_RINGS)] = (
         VLP16_ELEVATIONS_DEG
     )
+    """Elevation per ring in degrees above the lidar's x-y plane, ascending. Default here and for
+    all further keys: the device's value."""
     firings: Annotated[int, Field(strict=True, ge=8, le=MAX_FIRINGS)] = 1800
+    """Firings of all rings per revolution, evenly spaced; 1800 are 0.2° apart."""
     rate_hz: Annotated[Number, Field(ge=0.01, le=1000.0)] = 10.0
+    """Revolutions per second."""
     range_min_m: NotNegative = 0.5
+    """Minimum range in meters; nearer hits give no point."""
     range_max_m: Positive = 100.0
+    """Maximum range in meters; farther hits give no point."""
     step_m: NotNegative = 0.002
+    """Ranges are rounded to multiples of this step in meters; 0: no rounding."""
     sigma_m: NotNegative = 0.03
+    """Standard deviation of a range's normally distributed error in meters."""
     seed: Seed = 0
+    """Seed of the device, which determines its noise."""
     specular: Flag = True
+    """True: beams pass panes and are reflected by mirrors, in scenes with such materials; false:
+    they end at the first surface."""
     returns: Returns = 1
+    """Returns per beam behind glass and mirrors: 1, the strongest; or 2, the strongest and the
+    last, or the second strongest."""
     min_intensity: Fraction = 0.1
+    """Faintest return at the maximum range from specular surfaces, and from what is behind them; 1
+    is a white surface met perpendicularly. Nearer returns may be fainter by the squared range. An
+    assumption."""
 
     def __repr__(self) -> str:
         rings = f"{self.rings} rings × {self.firings} firings at {self.rate_hz:g} Hz"

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from omnisim.core.files.parameters import NotNegative, Parameters, Positive, Seed
+from omnisim.core.files.parameters import NotNegative, Number, Parameters, Positive, Seed
 from omnisim.core.poses import pose
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import ObjectPart, WorldState
@@ -37,28 +37,22 @@ Count = Annotated[int, Field(strict=True, ge=1, le=360)]
 
 @dataclass(frozen=True, kw_only=True)
 class RangeSensor(Parameters, name="range_sensor"):
-    """Cone and error model of a range sensor; the default is USARSim's sonar.
+    """Cone and error model of a range sensor; the default is USARSim's sonar."""
 
-    Attributes:
-        beam_angle_deg: full opening angle of the cone; 0: one ray.
-        cones: number of ray cones about the axis.
-        rays_per_cone: number of rays per cone, evenly spaced about the axis.
-        range_min_m, range_max_m: limits; nearer hits become −inf, farther ones and misses +inf
-            (REP 117).
-        noise_share: standard deviation relative to the range.
-        seed: seed of the device, which determines its noise.
-
-    Raises:
-        OpticsError: a parameter is invalid; names it, the actual and the expected value.
-    """
-
-    beam_angle_deg: Annotated[float, Field(strict=True, ge=0.0, lt=180.0)] = 20.0
+    beam_angle_deg: Annotated[Number, Field(ge=0.0, lt=180.0)] = 20.0
+    """Full opening angle of the cone; 0: one ray."""
     cones: Count = 10
+    """Number of ray cones from the axis to the edge: USARSim's numberOfCones."""
     rays_per_cone: Count = 16
+    """Number of rays per cone, evenly spaced about the axis: USARSim's tracesPerCone."""
     range_min_m: NotNegative = 0.1
+    """Minimum range in meters; nearer hits are too near, −inf (REP 117): USARSim's MinRange."""
     range_max_m: Positive = 5.0
+    """Maximum range in meters; farther hits are out of range, +inf: USARSim's MaxRange."""
     noise_share: NotNegative = 0.001
+    """Standard deviation relative to the range: USARSim's Noise."""
     seed: Seed = 0
+    """Seed of the device, which determines its noise."""
 
     def __repr__(self) -> str:
         return short_repr(

@@ -9,6 +9,7 @@ import math
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +42,8 @@ RMS_BOUND_PX = 0.1
 MAX_FISHEYE_RAD = math.radians(80.0)  # near 90° cv2.fisheye divides by a vanishing depth
 MIN_BOARDS = 3
 # With one sample per texel the boards' edges are jagged, which alone shifts a corner by 0.1 px.
-SAMPLES, TEXELS = 4, 1.5
+SAMPLES: Final = 4
+TEXELS = 1.5
 
 
 @dataclass(frozen=True)

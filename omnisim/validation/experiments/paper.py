@@ -49,7 +49,7 @@ def run_experiments(folder: Path, device: int | None, progress: Progress) -> Rep
         "experiments. The paper does not publish its noise, gate, bins and thresholds: all "
         "parameters are ours. The paper's numbers are listed beside ours where available.",
         sections,
-        {"seeds": SEEDS, "parameters": parameters.model_dump()},
+        {"seeds": SEEDS, "parameters": parameters.to_table(full=True)},
         machine=machine,
     )
     report.write(folder)

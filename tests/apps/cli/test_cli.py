@@ -1,5 +1,6 @@
 """The command line: output, files and errors."""
 
+import json
 import platform
 import re
 import subprocess
@@ -84,6 +85,12 @@ def test_polygons_are_those_of_the_option_before_those_of_the_file(omnisim, tmp_
     assert ", 64 polygons, " in omnisim(*render, "--sensor", "s.toml")[1]
     assert ", 484 polygons (auto), " in omnisim(*render, "--sensor", "s.toml", "-n", "auto")[1]
     assert ", exact, " in omnisim(*render, "-n", "exact")[1]
+
+
+def test_schema_prints_the_json_schema_of_a_file(omnisim):
+    status, out, _ = omnisim("schema", "robot")
+    assert status == 0
+    assert json.loads(out)["properties"]["name"]["description"] == "Short name for file names."
 
 
 def test_sensor_prints_the_default_and_checks_a_file(omnisim, tmp_path):

@@ -5,8 +5,7 @@ import pytest
 from omnisim.apps.live.camera_document import CameraDocument
 from omnisim.apps.live.controls import control_groups
 from omnisim.apps.live.presets import preset_lists, with_preset
-from omnisim.core.files.inner_tables import table_in
-from omnisim.core.files.parameters import table_of
+from omnisim.core.files.parameters import table_in, table_of
 from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
 from omnisim.rendering.camera.sensor_file import CameraTable, MirrorTable, VirtualCamerasTable
 
@@ -76,7 +75,7 @@ def test_every_key_of_every_effect_has_a_control_with_help():
 def test_limits_units_and_values_are_those_of_the_schema():
     found = _controls(CameraDocument().with_value("sensor.mirror.k", 8.0))
     k, rim = found["sensor.mirror.k"], found["sensor.mirror.rim_radius_m"]
-    assert (k["low"], k["low_open"], k["high"]) == (2.0, False, None)
+    assert (k["low"], k["low_open"], k["high"]) == (2.0, False, 1e6)
     assert (k["value"], k["default"]) == (8.0, 11.546)
     assert (rim["unit"], rim["low"], rim["low_open"], rim["value"]) == ("m", 0.0, True, None)
     assert rim["effective"] == pytest.approx(CameraDocument().with_value(

@@ -183,16 +183,16 @@ def test_dead_reckoning_ends_five_percent_of_the_way_off(robot, clockwise):
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"distance_scale": 0.0}, "distance_scale = 0.0: expected more than 0"),
-        ({"turn_scale": -1.0}, "turn_scale = -1.0: expected more than 0"),
-        ({"drift_radpm": math.nan}, "drift_radpm = nan: expected a finite number"),
-        ({"drift_radpm": math.inf}, "drift_radpm = inf: expected a finite number"),
+        ({"distance_scale": 0.0}, r"odometry\.distance_scale: expected a number > 0, got 0\.0"),
+        ({"turn_scale": -1.0}, r"turn_scale: expected a number > 0, got -1\.0"),
+        ({"drift_radpm": math.nan}, "drift_radpm: expected a finite number, got nan"),
+        ({"drift_radpm": math.inf}, "drift_radpm: expected a finite number, got inf"),
         (
             {"turn_noise_rad_per_sqrt_m": -0.1},
-            "turn_noise_rad_per_sqrt_m = -0.1: expected 0 or more",
+            r"turn_noise_rad_per_sqrt_m: expected a number ≥ 0, got -0\.1",
         ),
-        ({"distance_tick_m": -0.1}, "distance_tick_m = -0.1: expected 0 or more"),
-        ({"turn_tick_rad": 1e-300}, "turn_tick_rad = 1e-300: expected 0, or at least 1e-09"),
+        ({"distance_tick_m": -0.1}, r"distance_tick_m: expected a number ≥ 0, got -0\.1"),
+        ({"turn_tick_rad": 1e-300}, "turn_tick_rad: expected 0, or at least 1e-09, got 1e-300"),
     ],
 )
 def test_bad_errors(values, words):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.errors import LocalizationError
+from omnisim.core.files.parameters import parse_table
 from omnisim.core.trajectories.odometry import Odometry
 from omnisim.perception.localization.filter import (
     LandmarkMap,
@@ -27,11 +28,11 @@ MAP = LandmarkMap(
 
 
 def _parameters(**changes):
-    tables = read_parameters().model_dump()
+    tables = read_parameters().to_table(full=True)
     for key, value in changes.items():
         table, _, name = key.partition("__")
         tables[table][name] = value
-    return FilterParameters.model_validate(tables)
+    return parse_table(tables, FilterParameters, LocalizationError)
 
 
 def _filter(covariance=None, pose=(0.1, -0.2, 0.3), **changes):
@@ -53,7 +54,7 @@ def _sigmas(parameters, observation):
             extra.range_sigma_m,
             extra.range_sigma_share * observation.range_m,
         ),
-        math.hypot(observation.bearing_sigma_rad, math.radians(extra.bearing_sigma_deg)),
+        math.hypot(observation.bearing_sigma_rad, extra.bearing_sigma_rad),
     )
 
 
@@ -164,7 +165,7 @@ def test_the_gate_keeps_out_what_is_too_far_off():
 
 
 def test_without_any_doubt_nothing_can_be_learned():
-    quiet = {f"motion__{name}": 0.0 for name in read_parameters().motion.model_dump()}
+    quiet = {f"motion__{name}": 0.0 for name in read_parameters().motion.to_table(full=True)}
     quiet |= {"measurement__range_sigma_share": 0.0, "measurement__range_sigma_m": 0.0}
     robot = _filter(np.zeros((3, 3)), measurement__bearing_sigma_deg=0.0, **quiet)
     observation = _seen_from((0.1, -0.2, 0.3), "a", sigma_m=0.0, sigma_rad=0.0)
@@ -263,7 +264,7 @@ def test_it_is_as_sure_as_it_should_be():
     low, high = mean_interval(10, runs * steps, share=0.999)
     assert low < np.mean([run[1][:, 0] for run in found]) < high
     # and a filter that takes its wheels for five times as good is found out
-    noise = {name: value / 5.0 for name, value in parameters.motion.model_dump().items()}
+    noise = {name: value / 5.0 for name, value in parameters.motion.to_table(full=True).items()}
     sure = _parameters(measurement__gate=1e9, **{f"motion__{k}": v for k, v in noise.items()})
     generator = np.random.default_rng(2)
     errors = []

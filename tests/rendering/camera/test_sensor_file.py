@@ -7,7 +7,7 @@ import pytest
 from omnisim.core.errors import OpticsError, SensorFileError
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.quality import quality_named
-from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE, read_sensor_file
+from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 
 
@@ -75,7 +75,7 @@ def test_numbers_of_mirrors_and_probes_are_written_unless_they_are_the_defaults(
 
 
 def test_a_number_of_probes_beyond_the_limits_is_refused():
-    with pytest.raises(OpticsError, match="reflection_probes: expected 0 to 16, got 17"):
+    with pytest.raises(OpticsError, match="reflection_probes: expected a number ≤ 16, got 17"):
         OmniCamera(reflection_probes=17)
 
 
@@ -104,7 +104,7 @@ def test_resizing_keeps_the_view():
         ("[mirror]\nk = 1.5", r"sensor\.toml: mirror\.k: expected a number ≥ 2.*, got 1\.5"),
         ("[mirror]\nk = 'big'", r"mirror\.k: expected a number.*, got 'big'"),
         ("[mirror]\nk = nan", r"mirror\.k: expected a finite number.*, got nan"),
-        ("[mirror]\nk = 1e200", r"k: expected 2 \(Eq\. 1\) to 1e\+06, got 1e\+200"),
+        ("[mirror]\nk = 1e200", r"mirror\.k: expected a number ≤ 1e\+06, got 1e\+200"),
         ("[mirror]\nc = 1e300", r"c · meters_per_unit: expected 1e-06 to 1e\+06 m, got 4e\+298 m"),
         ("[mirror]\nk = '11'", r"mirror\.k: expected a number.*, got '11'"),
         ("[mirror]\nc = true", r"mirror\.c: expected a number.*, got True"),
@@ -115,8 +115,8 @@ def test_resizing_keeps_the_view():
         ("[mirror]\nc = 0", r"mirror\.c: expected a number > 0.*, got 0"),
         ("[mirror]\nc = -2.3", r"mirror\.c: expected a number > 0.*, got -2\.3"),
         ("[mirror]\nthetamax_deg = 3", r"thetamax_deg: unknown key; did you mean 'theta_max_deg'"),
-        ("[mirror]\ntheta_max_deg = 156", r"theta_max_deg = 156\.0: .*asymptote .* 155\.405°"),
-        ("[mirror]\ntheta_max_deg = 0", r"theta_max_deg = 0\.0: .*expected more than 0°"),
+        ("[mirror]\ntheta_max_deg = 156", r"theta_max_deg = 156: .*asymptote .* 155\.405°"),
+        ("[mirror]\ntheta_max_deg = 0", "theta_max_deg: expected a number > 0, got 0"),
         ("[mirror]\nrim_radius_m = 0", "rim_radius_m: expected a number > 0.*, got 0"),
         ("[mirror]\ntheta_max_deg = 90\nrim_radius_m = 1", r"mirror: theta_max_deg and rim_radius"),
         (
@@ -200,11 +200,11 @@ def test_a_sensor_file_extends_another(tmp_path):
     (tmp_path / "base.toml").write_text("[camera]\nwidth_px = 120\n[mirror]\ntheta_max_deg = 110\n")
     own = tmp_path / "own.toml"
     own.write_text('extends = "base.toml"\n[camera]\nquality = "fine"\n')
-    settings = read_sensor_file(own)
-    assert settings.model == read_sensor_file(tmp_path / "base.toml").model
-    assert settings.quality == quality_named("fine")
+    camera = OmniCamera.from_file(own)
+    assert camera.model == OmniCamera.from_file(tmp_path / "base.toml").model
+    assert (camera.supersampling, camera.texels_per_pixel) == quality_named("fine")
     own.write_text(
         'extends = "base.toml"\n[lens]\nmodel = "equidistant"\nwidth_px = 90\nheight_px = 90\n'
         "focal_length_px = 30\nprincipal_point_px = [45, 45]\ntheta_max_deg = 90\n"
     )
-    assert read_sensor_file(own).model.width_px == 90
+    assert OmniCamera.from_file(own).model.width_px == 90

@@ -62,7 +62,7 @@ def test_seeds_are_averaged_over_finite_values():
 
 def test_the_real_setting_starts_without_any_doubt():
     parameters = read_parameters(REAL_PARAMETERS)
-    assert parameters.start.position_sigma_m == parameters.start.heading_sigma_deg == 0.0
+    assert parameters.start.position_sigma_m == parameters.start.heading_sigma_rad == 0.0
     camera = real_camera()
     assert {"defocus", "shutter", "exposure", "noise", "bayer", "dirt"} <= camera.parts.keys()
 

@@ -1,11 +1,11 @@
-"""Requests of `omnisim doctor`, `omnisim validate` and `omnisim experiments`."""
+"""Requests of `omnisim doctor`, `schema`, `validate` and `experiments`."""
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from omnisim.apps.cli.option_groups import DeviceOptions
-from omnisim.apps.cli.options import Option, command
+from omnisim.apps.cli.options import Argument, Option, command
 
 
 def _check_names() -> Iterable[str]:
@@ -25,6 +25,20 @@ class DoctorRequest(DeviceOptions):
 
     report: Path | None = None
     """JSON file for all results, without names of the user, the machine and their folders."""
+
+
+@command("schema", "checks.schema.run")
+class SchemaRequest:
+    """Print the JSON Schema of a TOML file, for editors.
+
+    omnisim schema robot
+    omnisim schema scene > scene.schema.json
+    """
+
+    file: Annotated[
+        Literal["robot", "sensor", "scene", "plan", "optics", "sweep", "measure"], Argument()
+    ]
+    """Kind of file."""
 
 
 @command("validate", "checks.validate.run", extra="reports")

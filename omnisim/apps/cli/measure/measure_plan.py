@@ -110,20 +110,19 @@ def _named(place: str) -> Iterator[None]:
 def _read_plan(path: Path, output: Path) -> dict[str, dict[str, Any]]:
     """Read the arguments of each part."""
     read = read_tables(path, MeasurementError)
-    kinds = {name: part.request for name, part in _PARTS.items()} | {
-        _COMPARE: MeasureCompareRequest
-    }
-    fields: dict[str, Any] = {name: (_schema(kind) | None, None) for name, kind in kinds.items()}
-    schema = pydantic.create_model("Plan", __base__=Table, **fields)
-    parsed = parse_table(_with_board(read, output), schema, MeasurementError, str(path))
-    tables = {
-        name: _below(path.parent, dict(table))
-        for name in kinds
-        if (table := getattr(parsed, name)) is not None
-    }
+    parsed = parse_table(_with_board(read, output), plan_schema(), MeasurementError, str(path))
+    tables = {name: _below(path.parent, dict(table)) for name, table in parsed if table is not None}
     if not tables.keys() & _PARTS.keys():
         raise MeasurementError(f"{path}: expected a table of {', '.join(_PARTS)}")
     return tables
+
+
+def plan_schema() -> type[Table]:
+    """Schema of a plan: a table for each part."""
+    kinds = {name: part.request for name, part in _PARTS.items()}
+    kinds[_COMPARE] = MeasureCompareRequest
+    fields: dict[str, Any] = {name: (_schema(kind) | None, None) for name, kind in kinds.items()}
+    return pydantic.create_model("Plan", __base__=Table, **fields)
 
 
 def _with_board(read: Mapping[str, Any], output: Path) -> dict[str, Any]:
@@ -151,7 +150,9 @@ def _schema(kind: type) -> type[Table]:
             default = ... if field.default is dataclasses.MISSING else field.default
             limits: dict[str, Any] = field.limits
             fields[field.name] = (field.kind, Field(default, **limits))
-    return pydantic.create_model(kind.__name__, __base__=Table, **fields)
+    made = pydantic.create_model(kind.__name__, __base__=Table, **fields)
+    made.fields_of = kind
+    return made
 
 
 def _below(folder: Path, table: dict[str, Any]) -> dict[str, Any]:

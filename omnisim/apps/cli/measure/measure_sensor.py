@@ -100,7 +100,7 @@ def response(request: MeasureResponseRequest) -> None:
     else:
         channels = _vignetting(request.flat, request, measured)
         green = channels.get("green", next(iter(channels.values())))
-        degradation["vignetting"] = green.vignetting.values()
+        degradation["vignetting"] = green.vignetting.to_table(full=True)
         if set(_NAMES) <= channels.keys():
             tint = [channels[name].middle / channels["green"].middle for name in _NAMES]
             if max(abs(value - 1.0) for value in tint) > _MIN_TINT:
@@ -224,7 +224,9 @@ def _statistics(folder: Path, title: str) -> list[FrameStatistics]:
 def _keys(measured: MeasuredNoise) -> dict[str, Any]:
     """Keys of the table `[degradation.noise]`, with no more digits than were measured."""
     digits = {one.name: round_to_sigma(one.value, one.sigma) for one in measured.quantities}
-    keys = {key: digits.get(key, value) for key, value in measured.noise.values().items()}
+    keys = {
+        key: digits.get(key, value) for key, value in measured.noise.to_table(full=True).items()
+    }
     if measured.pattern is not None:  # which has both
         keys = {key: value for key, value in keys.items() if key not in ("prnu", "dsnu_e")}
     return {key: value for key, value in keys.items() if key != "pattern_seed"}
@@ -407,7 +409,7 @@ def _with_sharpness(tables: dict[str, Any], measured: MeasuredSharpness) -> dict
     result = dict(tables)
     if measured.point_spread is not None:
         result.pop("defocus", None)
-        result["point_spread"] = measured.point_spread.values()
+        result["point_spread"] = measured.point_spread.to_table(full=True)
     if measured.chromatic_aberration is not None:
         color = measured.chromatic_aberration
         result["chromatic_aberration"] = {

@@ -38,6 +38,7 @@ from omnisim.scene.summary import (
 )
 
 SHOWN = 20  # maximum number of instances in the table
+_MIN_NAME = 20  # columns of names, before details are left out
 
 
 def show(request: SceneRequest) -> None:
@@ -146,8 +147,14 @@ def _print_tables(document: dict[str, Any], shows_all: bool) -> None:
         max([len(title), *(len(row[index]) for row in rows)])
         for index, title in enumerate(titles, 1)
     ]
-    # only names are truncated, on a narrow terminal
-    left = max(8, out.console.width - sum(widths) - len(widths)) if out.is_terminal else None
+    # a narrow terminal leaves out details, then truncates names
+    needed = min(_MIN_NAME, max((len(row[0]) for row in rows), default=0))
+    for title in ("textures", "center (m)", "size (m)"):
+        if out.is_terminal and _name_width(widths) < needed:
+            index = titles.index(title)
+            del titles[index], widths[index]
+            rows = [(*row[: index + 1], *row[index + 2 :]) for row in rows]
+    left = max(8, _name_width(widths)) if out.is_terminal else None
     table = Table(box=None, pad_edge=False, collapse_padding=True)
     table.add_column("instance", no_wrap=True, max_width=left)
     for title, width in zip(titles, widths, strict=True):
@@ -208,6 +215,11 @@ def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
         for title, key in names
         if document[key]
     ]
+
+
+def _name_width(widths: list[int]) -> int:
+    """Columns of the terminal that cells of given widths leave to names."""
+    return out.console.width - sum(widths) - len(widths)
 
 
 def _row(one: dict[str, Any]) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from omnisim.cameras import CentralCamera, RationalPolynomialCamera, UnifiedCame
 from omnisim.cameras.calibration.calibrated_camera import NamedPose
 from omnisim.cameras.calibration.documents import parse_json, parse_yaml
 from omnisim.cameras.calibration.fields import ForeignTable, short, unread_keys
+from omnisim.cameras.camera import without_prefix
 from omnisim.core.errors import CalibrationError, OpticsError
 
 LensT = TypeVar("LensT", bound=CentralCamera)
@@ -189,7 +190,7 @@ def error_context(source: str) -> Iterator[None]:
         with np.errstate(all="ignore"):
             yield
     except OpticsError as reason:
-        message = str(reason).removeprefix("camera: ")
+        message = without_prefix(reason).partition("\n")[0]
         raise CalibrationError(f"{source}: {message}") from None
     except (ArithmeticError, ValueError, RecursionError, np.linalg.LinAlgError) as reason:
         raise CalibrationError(f"{source}: expected numbers of a camera: {reason}") from None

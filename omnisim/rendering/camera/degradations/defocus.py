@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.core.files.parameters import Number
+from omnisim.core.files.parameters import Number, Typical
 from omnisim.rendering.camera.degradations.effect import OpticalEffect
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.opengl.degradation.step import Step
@@ -36,10 +36,10 @@ class Defocus(OpticalEffect, name="degradation.defocus"):
     mask are ignored, so no black bleeds in.
     """
 
-    center_defocus_px: Radius = 0.0
-    """Radius in pixels of the disc on the optical axis; typically 0 (in focus there) to 2."""
-    rim_defocus_px: Radius = 1.0
-    """Radius in pixels of the disc at half of the image's shorter side; typically 0.5 to 3."""
+    center_defocus_px: Annotated[Radius, Typical(0.0, 2.0, "in focus there")] = 0.0
+    """Radius in pixels of the disc on the optical axis."""
+    rim_defocus_px: Annotated[Radius, Typical(0.5, 3.0)] = 1.0
+    """Radius in pixels of the disc at half of the image's shorter side."""
 
     def radii_px(self, geometry: ImageGeometry) -> NDArray[np.float32]:
         """Radius (height, width) of the disc at each pixel."""

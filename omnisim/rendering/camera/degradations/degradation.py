@@ -110,7 +110,7 @@ class Degradation:
 
     def tables(self) -> dict[str, dict[str, Any]]:
         """Sensor file tables of the enabled effects."""
-        return {name: part.values() for name, part in self.parts.items()}
+        return {name: part.to_table(full=True) for name, part in self.parts.items()}
 
     def scaled(self, scale: float) -> Degradation:
         """The same degradation for an image with `scale` times the resolution."""

@@ -47,7 +47,7 @@ def _preset_table() -> type[Table]:
 
 
 @cache
-def _degradation_table() -> type[Table]:
+def degradation_table() -> type[Table]:
     """Table `[degradation]` of a sensor file."""
     return create_model("DegradationTable", __base__=_preset_table(), preset=(str | None, None))
 
@@ -78,7 +78,7 @@ def parse_degradation(table: Mapping[str, Any], source: str, folder: Path) -> De
     Raises:
         SensorFileError: names file, key, value and the expected value.
     """
-    checked = parse_table(table, _degradation_table(), SensorFileError, source, "degradation")
+    checked = parse_table(table, degradation_table(), SensorFileError, source, "degradation")
     given = checked.model_dump(exclude_unset=True)
     name = given.pop("preset", None)
     tables: dict[str, dict[str, Any]] = {}

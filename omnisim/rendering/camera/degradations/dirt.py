@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.core.files.parameters import Fraction, LongSeed, NotNegative, Number
+from omnisim.core.files.parameters import Fraction, LongSeed, NotNegative, Number, Typical
 from omnisim.core.random_numbers import key_of, normal, pcg4d, uniform
 from omnisim.rendering.camera.degradations.effect import Count, OpticalEffect
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
@@ -32,24 +32,24 @@ SPACING_PX = 0.25  # between the dots that draw a scratch
 class Dirt(OpticalEffect, name="degradation.dirt"):
     """Specks and scratches, placed by a seed."""
 
-    dust_count: Count = 60
-    """Number of specks in the image's square; typically 0 to 300."""
-    dust_radius_px: Pixels = 2.0
-    """Median radius of the specks in pixels; typically 1 to 4."""
-    dust_opacity: Fraction = 0.5
-    """Maximum share of light absorbed at the center of a speck; typically 0.2 to 0.8."""
-    scratch_count: Count = 0
-    """Number of scratches; typically 0 to 30."""
-    scratch_width_px: Pixels = 0.7
-    """Distance in pixels at which a scratch has half its effect; typically 0.5 to 1."""
-    scratch_length_px: Pixels = 80.0
-    """Length in pixels of the longest scratch; typically 20 to 200."""
-    scratch_opacity: Fraction = 0.3
-    """Maximum share of light that a scratch absorbs; typically 0.1 to 0.5."""
-    dust_glow: NotNegative = 0.05
-    """Linear light that dust scatters to the camera instead; typically 0.02 to 0.2."""
-    scratch_glow: NotNegative = 0.6
-    """Linear light that scratches scatter: they catch the lamps; typically 0.2 to 1."""
+    dust_count: Annotated[Count, Typical(0.0, 300.0)] = 60
+    """Number of specks in the image's square."""
+    dust_radius_px: Annotated[Pixels, Typical(1.0, 4.0)] = 2.0
+    """Median radius of the specks in pixels."""
+    dust_opacity: Annotated[Fraction, Typical(0.2, 0.8)] = 0.5
+    """Maximum share of light absorbed at the center of a speck."""
+    scratch_count: Annotated[Count, Typical(0.0, 30.0)] = 0
+    """Number of scratches."""
+    scratch_width_px: Annotated[Pixels, Typical(0.5, 1.0)] = 0.7
+    """Distance in pixels at which a scratch has half its effect."""
+    scratch_length_px: Annotated[Pixels, Typical(20.0, 200.0)] = 80.0
+    """Length in pixels of the longest scratch."""
+    scratch_opacity: Annotated[Fraction, Typical(0.1, 0.5)] = 0.3
+    """Maximum share of light that a scratch absorbs."""
+    dust_glow: Annotated[NotNegative, Typical(0.02, 0.2)] = 0.05
+    """Linear light that dust scatters to the camera instead."""
+    scratch_glow: Annotated[NotNegative, Typical(0.2, 1.0)] = 0.6
+    """Linear light that scratches scatter: they catch the lamps."""
     seed: LongSeed = 0
     """Seed of the specks and scratches."""
 

@@ -28,11 +28,6 @@ class Effect(Parameters):
 
     files: ClassVar[tuple[str, ...]] = ()
 
-    def values(self) -> dict[str, Any]:
-        """Keys of the table with their values, without those that are None."""
-        values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
-        return {key: value for key, value in values.items() if value is not None}
-
     def scaled(self, scale: float) -> Self:
         """Effect on an image `scale` times as large: lengths in pixels grow."""
         lengths: dict[str, Any] = {

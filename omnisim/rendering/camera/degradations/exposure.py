@@ -15,7 +15,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from omnisim.core.files.parameters import NotNegative, Number, Positive
+from omnisim.core.files.parameters import NotNegative, Number, Positive, Typical
 from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, Ev, SensorEffect, Shot
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.camera.degradations.reflectance import multiplied
@@ -38,8 +38,8 @@ class Exposure(SensorEffect, name="degradation.exposure"):
     does not raise, or their mean, which it does."""
     percentile: Annotated[Number, Field(gt=0.0, le=100.0)] = 50.0
     """Percentile that is metered, unless the mean is; 50: the median."""
-    time_constant_s: NotNegative = 0.2
-    """Time in seconds to adapt to 63 % of a change of light; typically 0.1 to 0.5."""
+    time_constant_s: Annotated[NotNegative, Typical(0.1, 0.5)] = 0.2
+    """Time in seconds to adapt to 63 % of a change of light."""
     min_ev: Ev = -4.0
     """Minimum EV of auto-exposure."""
     max_ev: Ev = 6.0

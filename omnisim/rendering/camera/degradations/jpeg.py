@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from omnisim.core.files.parameters import Typical
 from omnisim.rendering.camera.degradations.effect import Effect
 
 
@@ -19,8 +20,8 @@ from omnisim.rendering.camera.degradations.effect import Effect
 class Jpeg(Effect, name="degradation.jpeg"):
     """JPEG encoding and decoding; the image stays black outside of its mask."""
 
-    quality: Annotated[int, Field(strict=True, ge=1, le=100)] = 90
-    """Quality on libjpeg's scale; typically 75 to 95, 30 for a cheap stream."""
+    quality: Annotated[int, Field(strict=True, ge=1, le=100), Typical(75.0, 95.0)] = 90
+    """Quality on libjpeg's scale; 30 for a cheap stream."""
     subsampling: Literal["4:4:4", "4:2:2", "4:2:0"] = "4:2:0"
     """Chroma subsampling."""
 

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.core.files.parameters import Fraction, LongSeed, Name, NotNegative, Positive
+from omnisim.core.files.parameters import Fraction, LongSeed, Name, NotNegative, Positive, Typical
 from omnisim.core.random_numbers import normal, pcg4d, uniform
 from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
 from omnisim.rendering.camera.degradations.fixed_pattern import (
@@ -49,24 +49,25 @@ class Noise(SensorEffect, name="degradation.noise"):
     below 0: clipping would brighten dark regions. Outside of the mask there is no noise.
     """
 
-    full_well_e: Annotated[Positive, Field(ge=10.0, le=1e7)] = 20_000.0
-    """Full-well capacity in electrons; typically 5 000 (small CMOS) to 30 000 (large CCD)."""
+    full_well_e: Annotated[
+        Positive, Field(ge=10.0, le=1e7), Typical(5_000.0, 30_000.0, "small CMOS", "large CCD")
+    ] = 20_000.0
+    """Full-well capacity in electrons."""
     gain_e_per_dn: Positive | None = None
     """Electrons per step of the converter; left out: a full well gives the largest number."""
-    read_noise_e: NotNegative = 5.0
-    """Standard deviation in electrons; typically 2 (good CMOS) to 20 (interline CCD)."""
-    dark_current_e_per_s: NotNegative = 0.0
-    """Dark current in electrons per second; typically 1 to 100; needs shutter.exposure_s."""
+    read_noise_e: Annotated[NotNegative, Typical(2.0, 20.0, "good CMOS", "interline CCD")] = 5.0
+    """Standard deviation in electrons."""
+    dark_current_e_per_s: Annotated[NotNegative, Typical(1.0, 100.0)] = 0.0
+    """Dark current in electrons per second; needs shutter.exposure_s."""
     black_level_dn: NotNegative = 0.0
     """Steps added before the converter and subtracted after; typically 0.1 to 2 % of its range."""
-    bit_depth: Annotated[int, Field(strict=True, ge=1, le=16)] = 12
-    """Bits of the converter; typically 8 to 14."""
-    prnu: Fraction = 0.0
-    """Photo-response nonuniformity: standard deviation of the pixels' gains as a share of the mean;
-    typically 0.003 to 0.02."""
-    dsnu_e: NotNegative = 0.0
-    """Dark-signal nonuniformity: standard deviation of the pixels' dark signals in electrons;
-    typically 0.5 to 10."""
+    bit_depth: Annotated[int, Field(strict=True, ge=1, le=16), Typical(8.0, 14.0)] = 12
+    """Bits of the converter."""
+    prnu: Annotated[Fraction, Typical(0.003, 0.02)] = 0.0
+    """Photo-response nonuniformity: standard deviation of the pixels' gains as a share of the
+    mean."""
+    dsnu_e: Annotated[NotNegative, Typical(0.5, 10.0)] = 0.0
+    """Dark-signal nonuniformity: standard deviation of the pixels' dark signals in electrons."""
     pattern_seed: LongSeed = 0
     """Seed of the pixels' gains and dark signals."""
     pattern: Name | None = None

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from omnisim.core.files.parameters import NotNegative, Positive, described
+from omnisim.core.files.parameters import NotNegative, Positive, Typical, described
 from omnisim.rendering.camera.degradations.effect import Effect
 
 MAX_ERROR_PX = 0.05  # position error of a moving edge in a row
@@ -40,8 +40,8 @@ SubFrames = Annotated[
 class Shutter(Effect, name="degradation.shutter"):
     """Exposure of the rows, one by one or all at once."""
 
-    exposure_s: Annotated[Positive, Field(le=MAX_S)] | None = None
-    """Exposure time of a row in seconds, typically 0.001 to 0.03; left out: instantaneous."""
+    exposure_s: Annotated[Positive, Field(le=MAX_S), Typical(0.001, 0.03)] | None = None
+    """Exposure time of a row in seconds; left out: instantaneous."""
     readout_s: Annotated[NotNegative, Field(le=MAX_S)] = 0.0
     """Seconds from the start of the first row to that of the last; typically 0 (CCD) or 0.01 to
     0.03."""

@@ -10,8 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from omnisim.core.files.parameters import IntOrFloat, Positive, described
-from omnisim.core.files.table_faults import MIN_POSITIVE
+from omnisim.core.files.parameters import MIN_POSITIVE, IntOrFloat, Positive, described
 from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
 from omnisim.rendering.camera.degradations.reflectance import multiplied

@@ -124,7 +124,7 @@ class SamplingDensity:
         for down in (0, 1):
             for right in (0, 1):
                 seen[row + down, column + right] = True
-        return _dilate(density), _dilate(seen)
+        return dilate(density), dilate(seen)
 
 
 def density_of_camera(
@@ -201,7 +201,7 @@ def _grid() -> NDArray[np.float64]:
     return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
 
 
-def _dilate(values: NDArray[Any]) -> NDArray[Any]:
+def dilate(values: NDArray[Any]) -> NDArray[Any]:
     """Maximum over each value and its eight neighbors."""
     for axis in (0, 1):
         padded = np.pad(values, [(1, 1) if axis == own else (0, 0) for own in (0, 1)])

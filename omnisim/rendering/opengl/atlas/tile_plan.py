@@ -92,6 +92,11 @@ class TilePlan:
         """Number of texels of all tiles."""
         return sum(tile.size_px[0] * tile.size_px[1] for tile in self.tiles)
 
+    def fits(self, side_px: int, max_texels: int) -> bool:
+        """True if the atlas has no longer side and no more texels."""
+        sides_px = self.width_px, self.height_px
+        return max(sides_px) <= side_px and math.prod(sides_px) <= max_texels
+
     @property
     def rectangles_px(self) -> NDArray[np.float64]:
         """Left, top, width and height (tiles, 4) of each tile in the atlas."""
@@ -190,13 +195,15 @@ def whole_faces(plan: TilePlan) -> TilePlan:
     for tile in plan.tiles:
         sizes[tile.face] = max(tile.face_size_px, sizes.get(tile.face, 0))
     tiles = [_tile(face, size_px, WHOLE_FACE, WHOLE_FACE, 1) for face, size_px in sizes.items()]
-    return _pack(tiles, 0, 0.0)
+    return pack_tiles(tiles, 0, 0.0)
 
 
 def cube_plan(face_size_px: int) -> TilePlan:
     """Plan with all six faces whole, without mip levels."""
     faces = range(len(FACE_NAMES))
-    return _pack([_tile(face, face_size_px, WHOLE_FACE, WHOLE_FACE, 1) for face in faces], 0, 0.0)
+    return pack_tiles(
+        [_tile(face, face_size_px, WHOLE_FACE, WHOLE_FACE, 1) for face in faces], 0, 0.0
+    )
 
 
 def _plan(
@@ -223,7 +230,7 @@ def _plan(
         _tile(face, size, one.region, one.seen_region, max(1 << level, gutter_px))
         for size, (face, one) in zip(sizes, regions, strict=True)
     ]
-    return _pack(tiles, level, level_bias)
+    return pack_tiles(tiles, level, level_bias)
 
 
 def _texels(region: RegionDensity, texels_per_pixel: float) -> float:
@@ -255,7 +262,7 @@ def _tile(
     return Tile(face, face_size_px, (left, top), (width, height), corners)
 
 
-def _pack(tiles: list[Tile], level: int, level_bias: float) -> TilePlan:
+def pack_tiles(tiles: Sequence[Tile], level: int, level_bias: float) -> TilePlan:
     """Pack tiles into rows, tallest first, in a roughly square atlas."""
     widest = max(tile.size_px[0] for tile in tiles)
     texels = sum(tile.size_px[0] * tile.size_px[1] for tile in tiles)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property, partial
 from typing import Protocol
 
@@ -9,11 +10,12 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.rendering.opengl.atlas.image_parts import ImagePart
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.capture.pixel_map import RAYS_UNIT, CaptureOutput, PixelMap
+from omnisim.rendering.opengl.capture.pixel_map import CaptureOutput, PixelMap
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
-from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
+from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, within
 from omnisim.rendering.opengl.gl.functions import StorageBindings
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
@@ -22,26 +24,28 @@ from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.gl.uniforms import uniform
 
-# A larger table would dominate GPU memory. Samples of larger images are drawn anew in every frame.
+# Limit of a table, which the least storage buffers hold; larger images have textures instead.
 MAX_TABLE_BYTES = 128 * 2**20
-_UV_BYTES = 8
+# Limit of these textures: those of 12 megapixels at default quality are kept.
+MAX_KEPT_BYTES = 5 << 28
+_UV_BYTES, _PIXELS_PER_BAND = 8, 1 << 20
 _FIRST_TABLE = 5  # bindings of the UV and level tables, as in `capture/image.frag`
 
 
 class ImagePass(Protocol):
     """Pass from the atlas to the image."""
 
-    def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer) -> None:
-        """Draw the valid pixels: encoded, and linear if the target has a second attachment."""
+    def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer, part: ImagePart) -> None:
+        """Draw a part's valid pixels: encoded, and linear if there is a second attachment."""
         ...
 
 
-def image_pass(samples: PixelMap, plan: TilePlan, supersampling: int) -> ImagePass:
+def image_pass(samples: PixelMap, parts: Sequence[ImagePart], supersampling: int) -> ImagePass:
     """Image pass of a camera.
 
     Args:
         samples: pixel map of the supersampled camera.
-        plan: tiles of the atlas.
+        parts: parts of the image, each with the tiles of its atlas.
         supersampling: samples per pixel side.
 
     Raises:
@@ -51,9 +55,9 @@ def image_pass(samples: PixelMap, plan: TilePlan, supersampling: int) -> ImagePa
     with gpu_allocation(
         f"a capture of {width} × {height} px", "make the image or camera.supersampling smaller"
     ):
-        if fits_table(width * height):
-            return RemapPass(samples, plan, supersampling)
-        return SamplePass(samples, plan, supersampling)
+        if len(parts) == 1 and fits_table(width * height):
+            return RemapPass(samples, parts[0].plan, supersampling)
+        return UvPass(samples, parts, supersampling)
 
 
 def fits_table(sample_count: int) -> bool:
@@ -62,12 +66,13 @@ def fits_table(sample_count: int) -> bool:
 
 
 class RemapPass:
-    """Image pass through a UV table, which does not depend on the pose.
+    """Image pass of a whole image through a UV table, which does not depend on the pose.
 
     A frame takes the same time with all cameras, also with a mirror's mesh or an iterative model.
 
     Args:
-        samples, plan, supersampling: see `image_pass`.
+        samples, supersampling: see `image_pass`.
+        plan: tiles of the atlas.
 
     Raises:
         AllocationError: out of GPU memory.
@@ -104,8 +109,8 @@ class RemapPass:
         """Size of the UV table in bytes."""
         return self._tables.buffers[0].size
 
-    def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer) -> None:
-        """See `ImagePass`."""
+    def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer, part: ImagePart) -> None:
+        """See `ImagePass`; the part is the whole image."""
         self._state.bind_texture(0, atlas.glo)
         self._tables.bind()
         self._state.use(target)
@@ -135,49 +140,84 @@ class RemapPass:
         return self._make_batch_array()
 
 
-class SamplePass:
-    """Image pass that draws the samples into a larger image and averages them.
+class UvPass:
+    """Image pass of an image's parts through textures of their samples' UVs.
+
+    Textures are kept up to `MAX_KEPT_BYTES`. Other parts share one, drawn anew in each frame.
 
     Args:
-        samples, plan, supersampling: see `image_pass`.
+        samples, parts, supersampling: see `image_pass`.
 
     Raises:
         AllocationError: out of GPU memory.
     """
 
-    def __init__(self, samples: PixelMap, plan: TilePlan, supersampling: int):
-        context = samples.context
-        self._lookup_rays = samples.lookup_rays
-        self._colors = texture_2d(context, samples.size_px, 4, dtype="f2")
-        self._target = framebuffer(context, [self._colors])
-        self._arrays = [samples.vertex_array(CaptureOutput.COLOR, plan)]
-        if self._lookup_rays is None:
-            _, corrections = samples.draw_rays(self._target)
-            if len(corrections):
-                self._arrays.append(
-                    samples.correcting_array(CaptureOutput.COLOR, corrections, plan)
-                )
+    def __init__(self, samples: PixelMap, parts: Sequence[ImagePart], supersampling: int):
+        self._samples, self._supersampling = samples, supersampling
+        self._components = (2, 1) if parts[0].plan.max_level else (2,)
+        largest_px = np.max([part.rectangle_px[2:] for part in parts], axis=0).tolist()
+        self._largest_px = supersampling * largest_px[0], supersampling * largest_px[1]
+        self._kept: dict[tuple[int, int, int, int], moderngl.Framebuffer] = {}
+        self._kept_bytes = 0
+        self._corrections: dict[tuple[int, int, int, int], NDArray[np.float32]] = {}
+        self._uvs_array = samples.vertex_array(CaptureOutput.UV, parts[0].plan)
         width, height = (length // supersampling for length in samples.size_px)
         everything = np.ones((height, width), dtype=np.bool_)
-        self._array = image_array(context, everything, supersampling)
+        defines = ["UVS", "MIP_LEVELS"][: len(self._components)]
+        self._array = image_array(samples.context, everything, supersampling, *defines)
+        for unit, name in enumerate(("u_uvs", "u_levels")[: len(self._components)], start=1):
+            uniform(self._array.program, name).value = unit
+        self._first_px = uniform(self._array.program, "u_first_px")
 
-    def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer) -> None:
+    def draw(self, atlas: moderngl.Texture, target: moderngl.Framebuffer, part: ImagePart) -> None:
         """See `ImagePass`."""
+        uvs = self._kept.get(part.rectangle_px) or self._draw_uvs(part)
         atlas.use(0)
-        if self._lookup_rays is not None:
-            self._lookup_rays.use(RAYS_UNIT)
-        clear_target(self._target)
-        for array in self._arrays:
-            array.render()
-        self._colors.use(0)
-        use_target(target)
-        self._array.render()
+        for unit, texture in enumerate(uvs.color_attachments, start=1):
+            assert isinstance(texture, moderngl.Texture)
+            texture.use(unit)
+        self._first_px.value = part.rectangle_px[:2]
+        with within(target, part.rectangle_px):
+            self._array.render()
+
+    def _draw_uvs(self, part: ImagePart) -> moderngl.Framebuffer:
+        """Target with the UVs of a part, and with their mip levels if there are several."""
+        left, top, width, height = (self._supersampling * side for side in part.rectangle_px)
+        size_bytes = 4 * sum(self._components) * width * height
+        if self._kept_bytes + size_bytes <= MAX_KEPT_BYTES:
+            self._kept_bytes += size_bytes
+            target = self._kept[part.rectangle_px] = self._target(width, height)
+        else:
+            target = self._shared_target
+            target.viewport = (0, 0, width, height)
+        self._samples.use_part(self._uvs_array, part.plan, (left, top), (width, height))
+        clear_target(target, *[(-1.0, -1.0, 0.0, 0.0)] * len(self._components))
+        self._uvs_array.render()
+        if part.rectangle_px not in self._corrections:
+            drawn = _drawn(target, width, height)
+            self._corrections[part.rectangle_px] = (
+                self._samples.corrections(drawn, (left, top)) if drawn.any() else np.empty(0)
+            )
+        if len(corrections := self._corrections[part.rectangle_px]):
+            self._samples.correcting_array(
+                CaptureOutput.UV, corrections, part.plan, (width, height)
+            ).render()
+        return target
+
+    @cached_property
+    def _shared_target(self) -> moderngl.Framebuffer:
+        return self._target(*self._largest_px)
+
+    def _target(self, width: int, height: int) -> moderngl.Framebuffer:
+        context = self._samples.context
+        sides = [texture_2d(context, (width, height), one) for one in self._components]
+        return framebuffer(context, sides)
 
 
 def image_array(
     context: moderngl.Context, valid: NDArray[np.bool_], supersampling: int, *defines: str
 ) -> moderngl.VertexArray:
-    """Vertex array over the valid pixels (height, width), for drawn samples or tables."""
+    """Vertex array over the valid pixels (height, width), for UVs or for colors of pixels."""
     program = build_program(
         context,
         "capture/image.vert",
@@ -203,3 +243,13 @@ def _values(target: moderngl.Framebuffer, attachment: int) -> NDArray[np.float32
     values = np.empty((*target.size[::-1], (2, 1)[attachment]), dtype=np.float32)
     read_once(target.ctx, (Pixels(target, attachment), values))
     return values
+
+
+def _drawn(target: moderngl.Framebuffer, width: int, height: int) -> NDArray[np.bool_]:
+    """Mask (height, width) of the UVs that are drawn, read in bands to save memory."""
+    drawn, step = np.empty((height, width), dtype=np.bool_), max(1, _PIXELS_PER_BAND // width)
+    for first in range(0, height, step):
+        uvs = np.empty((min(step, height - first), width, 2), dtype=np.float32)
+        read_once(target.ctx, (Pixels(target, 0, (0, first, width, len(uvs))), uvs))
+        drawn[first : first + step] = uvs[..., 0] >= 0.0
+    return drawn

@@ -22,13 +22,11 @@ from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
 from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
-from omnisim.rendering.opengl.gl.memory import AllocationError
 from omnisim.rendering.opengl.gl.pixel_readback import Pixels, read_once
-from omnisim.rendering.opengl.gl.shader_files import build_program, included_files
-from omnisim.rendering.opengl.gl.uniforms import uniform
+from omnisim.rendering.opengl.gl.shader_files import build_program
+from omnisim.rendering.opengl.gl.uniforms import find_uniform
 
 RAYS_UNIT = 1  # texture unit of the rays, for programs that read them
-_ITERATIVE_INCLUDE = "camera/parts/theta_from_radius.glsl"
 _BLOCK = 8  # pixels per side of the blocks around a difference in which others are searched
 _PIXELS_PER_STEP = 1 << 18
 
@@ -38,7 +36,6 @@ class CaptureOutput(StrEnum):
 
     RAY = "capture/emit_ray.glsl"
     UV = "capture/emit_uv.glsl"
-    COLOR = "capture/emit_color.glsl"
 
 
 class PixelMap:
@@ -113,21 +110,6 @@ class PixelMap:
         drawn[rows, columns] = corrections[:, 5] > 0.5
         return drawn, corrections
 
-    @cached_property
-    def lookup_rays(self) -> moderngl.Texture | None:
-        """`rays`, if the camera model finds them by iteration and they fit; else None.
-
-        Per pixel, a fetch costs less than an iteration and more than a formula.
-        """
-        # at most as large as GPUs let buffers be
-        limit = int(self.context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
-        if not self._iterates or 16 * self.size_px[0] * self.size_px[1] > limit:
-            return None
-        try:
-            return self.rays
-        except AllocationError:
-            return None
-
     def read_rays(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Unit rays (height, width, 3) in the optical frame, and their validity (height, width)."""
         width, height = self.size_px
@@ -140,7 +122,9 @@ class PixelMap:
         """Pixels (height, width) with a ray."""
         return self.read_rays()[1]
 
-    def corrections(self, drawn: NDArray[np.bool_]) -> NDArray[np.float32]:
+    def corrections(
+        self, drawn: NDArray[np.bool_], first_px: tuple[int, int] = (0, 0)
+    ) -> NDArray[np.float32]:
         """Pixels that NumPy finds to have a ray and the GPU does not, or the other way round.
 
         Valid pixels are connected: the search begins at their edges as drawn, and goes on around
@@ -148,11 +132,13 @@ class PixelMap:
 
         Args:
             drawn: (height, width) mask of the pixels with a ray on the GPU.
+            first_px: the first of these pixels, of a rectangle of the image.
 
         Returns:
-            (n, 6): pixel, right and down; NumPy's unit ray in the optical frame, and 1 if valid.
+            (n, 6): pixel in the rectangle, right and down; NumPy's unit ray in the optical frame,
+            and 1 if valid.
         """
-        width, height = self.size_px
+        height, width = drawn.shape
         pending = _grown(drawn, False) & _grown(~drawn, True) if drawn.any() else ~drawn
         left, found = np.ones_like(drawn), [np.empty((0, 6), dtype=np.float32)]
         while pending.any():
@@ -161,7 +147,7 @@ class PixelMap:
             wrong = np.zeros((-(-height // _BLOCK), -(-width // _BLOCK)), dtype=np.bool_)
             for first in range(0, len(pixels), _PIXELS_PER_STEP):
                 some = pixels[first : first + _PIXELS_PER_STEP]
-                rays = self._reference(some.astype(np.float64))
+                rays = self._reference(some + np.array(first_px, dtype=np.float64))
                 differs = rays.valid != drawn[some[:, 1], some[:, 0]]
                 some = some[differs]
                 wrong[some[:, 1] // _BLOCK, some[:, 0] // _BLOCK] = True
@@ -172,7 +158,11 @@ class PixelMap:
         return np.concatenate(found)
 
     def correcting_array(
-        self, emit: CaptureOutput, corrections: NDArray[np.float32], plan: TilePlan | None = None
+        self,
+        emit: CaptureOutput,
+        corrections: NDArray[np.float32],
+        plan: TilePlan | None = None,
+        size_px: tuple[int, int] | None = None,
     ) -> moderngl.VertexArray:
         """Vertex array that draws the output of `corrections`; of colors and UVs, by an atlas."""
         program = build_program(
@@ -181,7 +171,7 @@ class PixelMap:
             "capture/single_rays.frag",
             includes={"EMIT": emit},
         )
-        program["u_image_size_px"] = self.size_px
+        program["u_image_size_px"] = size_px or self.size_px
         if plan is not None:
             bind_tiles(program, plan, self.camera.rig_from_optical)
         points = gpu_buffer(self.context, corrections)
@@ -190,27 +180,29 @@ class PixelMap:
         )
 
     def vertex_array(self, emit: CaptureOutput, plan: TilePlan) -> moderngl.VertexArray:
-        """Vertex array that draws each pixel's output from an atlas.
-
-        To emit colors, `lookup_rays` must be bound to `RAYS_UNIT`.
-        """
-        if emit is CaptureOutput.COLOR and self.lookup_rays is not None:
-            array = self._full_screen_array("capture/lookup_rays.frag", emit)
-            uniform(array.program, "u_rays").value = RAYS_UNIT
-        else:
-            array = self._model_array(emit)
+        """Vertex array that draws each pixel's output for an atlas, see `use_part`."""
+        array = self._model_array(emit)
         bind_tiles(array.program, plan, self.camera.rig_from_optical)
         return array
+
+    def use_part(
+        self,
+        array: moderngl.VertexArray,
+        plan: TilePlan,
+        first_px: tuple[int, int],
+        size_px: tuple[int, int],
+    ) -> None:
+        """Draw a rectangle of pixels to all of the viewport, from an atlas of its own."""
+        bind_tiles(array.program, plan, self.camera.rig_from_optical)
+        for name, value in (("u_first_px", first_px), ("u_target_size_px", size_px)):
+            if (member := find_uniform(array.program, name)) is not None:
+                member.value = value
 
     def _reference(self, pixels_px: NDArray[np.float64]) -> Rays:
         """NumPy's rays of pixels (n, 2)."""
         if self._mesh is not None and isinstance(self.camera, HyperbolicCamera):
             return mesh_rays(self.camera, self._mesh, pixels_px)
         return self.camera.ray_from_pixel(pixels_px)
-
-    @property
-    def _iterates(self) -> bool:
-        return self.polygons is None and _ITERATIVE_INCLUDE in included_files(self._model_file)
 
     @property
     def _model_file(self) -> str:
@@ -248,7 +240,7 @@ class PixelMap:
             "capture/mirror_mesh.frag",
             includes={"EMIT": emit},
         )
-        program["u_image_size_px"] = self.size_px
+        program["u_target_size_px"] = self.size_px
         program["u_focal_length_px"] = camera.focal_length_px
         program["u_principal_point_px"] = camera.principal_point_px
         positions = (mesh.vertices_m / camera.mirror.c_m).astype("<f4")

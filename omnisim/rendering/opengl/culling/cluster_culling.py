@@ -145,7 +145,7 @@ class ClusterCuller:
         self._settings = [
             [written_buffer(context, one.tobytes()) for one in row] for row in settings
         ]
-        self._written_cameras = views.cameras
+        self._written = views.cameras, views.tiles
         self._shown = written_buffer(context, buffers.all_shown)
         self._bound = StorageBindings([
             views.poses, views.clips_from_rig, views.rectangles_px, self.instances,
@@ -167,10 +167,10 @@ class ClusterCuller:
 
     def bind(self, pass_index: int = 0, slice_index: int = 0) -> None:
         """Bind the buffers of shaders/culling/views.glsl."""
-        if self.views.cameras != self._written_cameras:
-            self._written_cameras = self.views.cameras
+        if (counts := (self.views.cameras, self.views.tiles)) != self._written:
+            self._written = counts
             for settings in chain.from_iterable(self._settings):
-                settings.write(np.uint32(self.views.cameras))
+                settings.write(np.array(counts, dtype=np.uint32))
         self._settings[pass_index][slice_index].bind_to_uniform_block(0)
         if pass_index == 0 and slice_index == 0:  # drawing does not rebind these
             self._bound.bind()

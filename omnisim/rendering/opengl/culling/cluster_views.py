@@ -55,6 +55,14 @@ class Views:
         rectangles = np.tile(rectangles_px, (cameras, 1)).astype(np.float32)
         self.rectangles_px = written_buffer(context, rectangles)
 
+    def use_tiles(
+        self, clips_from_rig: NDArray[np.float64], rectangles_px: NDArray[np.float64]
+    ) -> None:
+        """Replace the tiles of a single camera by others, at most as many as at first."""
+        self.tiles = len(clips_from_rig)
+        self.clips_from_rig.write(columns_first(clips_from_rig))
+        self.rectangles_px.write(rectangles_px.astype(np.float32))
+
     @property
     def count(self) -> int:
         """Number of views."""

@@ -49,6 +49,7 @@ class CubePass:
         programs: surface programs for the scene's lights.
         plan: tiles of the atlas.
         cameras: virtual cameras.
+        whole: tiles of the whole image, if `plan` are those of a part of it.
 
     Attributes:
         plan: see the arguments.
@@ -64,9 +65,12 @@ class CubePass:
         programs: SurfacePrograms,
         plan: TilePlan,
         cameras: VirtualCameras,
+        whole: TilePlan | None = None,
     ):
         context = buffers.context
-        self._context, self._buffers, self.plan = context, buffers, plan
+        self._context, self._buffers = context, buffers
+        self.plan = self._first_plan = plan
+        self._whole = whole or plan
         self._background = cameras.background
         size = (plan.width_px, plan.height_px)
         samples = min(cameras.samples, int(context.max_samples))
@@ -95,6 +99,7 @@ class CubePass:
 
     def refresh(self) -> None:
         """Update after the buffers changed."""
+        self.use_plan(self._first_plan)
         self._probes = self._make_probes()
         shown, with_probe = self._buffers.shown(self._cameras.hidden), frozenset[int]()
         if self._probes is not None:
@@ -113,6 +118,14 @@ class CubePass:
             probes=self._probes,
         )
         self._layers: CubeLayers | None = None
+
+    def use_plan(self, plan: TilePlan) -> None:
+        """Draw other tiles, at most as many as at first, in an atlas of the same size."""
+        if plan is not self.plan:
+            self.plan = plan
+            for one in (self.tiles, self._sky, *self._mirrors):
+                if one is not None:
+                    one.use_plan(plan)
 
     @property
     def tiles(self) -> TileRenderer:
@@ -145,6 +158,7 @@ class CubePass:
                 of_panes,
                 self._programs,
                 self.plan,
+                self._whole,
                 self._cameras,
                 self._sky,
                 self._probes,

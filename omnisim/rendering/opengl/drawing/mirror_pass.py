@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.atlas.tile_views import PosedViews
+from omnisim.rendering.opengl.atlas.tile_views import PosedViews, TileViews
 from omnisim.rendering.opengl.drawing.mirror_owner_program import MirrorOwnerProgram
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
 from omnisim.rendering.opengl.drawing.scene_view import Probes, SceneView
@@ -36,7 +36,9 @@ from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_program
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.opengl.gl.uniforms import uniform
-from omnisim.scene.planar_mirrors import MirrorPlane
+from omnisim.scene.model import Material
+from omnisim.scene.planar_mirrors import MirrorPlane, is_rough_mirror
+from omnisim.scene.surface_reflectance import MIN_ROUGHNESS
 
 _OWNERS_UNIT = 0
 _NOWHERE_M = 1e9  # height above a plane without a view
@@ -51,6 +53,7 @@ class MirrorPass:
         of_panes: True for panes.
         programs: surface programs for the scene's lights.
         plan: tiles of the camera's atlas.
+        whole: tiles of the whole image, whose largest mirrors have views in all of its parts.
         cameras: virtual cameras.
         sky: pass of the visible sky; None: no sky.
         probes: reflection probes; None: no surface has one.
@@ -70,6 +73,7 @@ class MirrorPass:
         of_panes: bool,
         programs: SurfacePrograms,
         plan: TilePlan,
+        whole: TilePlan,
         cameras: VirtualCameras,
         sky: SkyPass | None,
         probes: Probes | None = None,
@@ -78,7 +82,12 @@ class MirrorPass:
         self._buffers, self._mirrors, self._state = buffers, mirrors, GlState()
         self._count = cameras.mirrors
         self._plan, self._world_from_rig = plan, np.eye(4)
+        self._whole_views = TileViews(whole, cameras.near_m, cameras.far_m)
         self._planes = np.zeros((len(mirrors), 4))
+        items = buffers.draw_items
+        self._spreads = [
+            min(_facet_slope(items[index].material) for index in one.parts) for one in mirrors
+        ]
         self._background = cameras.background
         size = (plan.width_px, plan.height_px)
         with gpu_allocation(
@@ -149,7 +158,7 @@ class MirrorPass:
         planes, sides = self._planes_at(world_from_rig[:3, 3], world_from_objects)
         transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
         views = view.tiles.views.at(world_from_rig)
-        visible = self._visible(view, sides, views, transforms)
+        visible = self._visible(sides, self._whole_views.at(world_from_rig), transforms)
         self._planes = np.full_like(planes, _NOWHERE_M)
         self._planes[visible] = planes[visible]
         self._world_from_rig = world_from_rig
@@ -160,6 +169,11 @@ class MirrorPass:
         self._state.clear([(*self._background, 1.0)], CLEAR_DEPTH)
         for number in visible:
             self._draw_view(number, world_from_rig, world_from_objects)
+
+    def use_plan(self, plan: TilePlan) -> None:
+        """Draw other tiles, at most as many as at first, in an atlas of the same size."""
+        self._plan = plan
+        self._view.tiles.use_plan(plan)
 
     def connect(self, programs: Collection[SurfaceProgram]) -> None:
         """Set the planes of the last rendered views in the programs that show them."""
@@ -205,7 +219,6 @@ class MirrorPass:
 
     def _visible(
         self,
-        view: SceneView,
         sides: NDArray[np.intp],
         views: PosedViews,
         transforms: InstanceTransforms,
@@ -239,5 +252,15 @@ class MirrorPass:
         with self._state.setting_depth():
             self._triangle.render(moderngl.TRIANGLES, vertices=3)
         self._state.use(self._target, has_depth=True)
-        plane = np.array((*normal, -height_m))
+        plane = np.array((*normal, -height_m, self._spreads[number]))
         self._view.draw(self._target, mirrored, world_from_objects, plane)
+
+
+def _facet_slope(material: Material) -> float:
+    """Squared roughness of a mirror's smoothest lobe, the mean over its map; 0: it is smooth."""
+    roughness = material.roughness
+    if material.metallic_roughness_map is not None:
+        roughness *= float(material.metallic_roughness_map.pixels[..., 1].mean()) / 255.0
+    if material.clearcoat:
+        roughness = min(roughness, material.clearcoat_roughness)
+    return roughness**2 if is_rough_mirror(material) and roughness > MIN_ROUGHNESS else 0.0

@@ -41,16 +41,21 @@ class SkyPass:
         program["u_sky"] = SKY_UNIT
         if cameras is not None:
             program["u_tiles"] = len(plan.tiles)
+        self._cameras = cameras or 1
+        self.use_plan(plan)
+        self._buffer = written_buffer(context, self._instances)
+        inputs = "in_direction_from_corner", "in_placement"
+        self._tiles = context.vertex_array(program, [(self._buffer, "9f 4f/i", *inputs)])
+
+    def use_plan(self, plan: TilePlan) -> None:
+        """Draw other tiles, at most as many as at first, in an atlas of the same size."""
         clips = clips_from_rig(plan, 1.0, np.inf)[:, [0, 1, 3], :3]
         self._rig_from_corners = np.linalg.inv(clips).astype(np.float64)
-        self._instances = np.zeros((cameras or 1, len(plan.tiles)), dtype=_INSTANCE)
+        self._instances = np.zeros((self._cameras, len(plan.tiles)), dtype=_INSTANCE)
         atlas_px = np.array([plan.width_px, plan.height_px])
         scale = plan.rectangles_px[:, 2:] / atlas_px
         self._instances["scale"] = scale
         self._instances["shift"] = 2.0 * plan.rectangles_px[:, :2] / atlas_px + scale - 1.0
-        self._buffer = written_buffer(context, self._instances)
-        inputs = "in_direction_from_corner", "in_placement"
-        self._tiles = context.vertex_array(program, [(self._buffer, "9f 4f/i", *inputs)])
 
     def draw(self, worlds_from_rigs: NDArray[np.float64]) -> None:
         """Draw from poses (cameras, 4, 4), with the state of `GlState.drawing`; keep the depth."""

@@ -35,6 +35,7 @@ from omnisim.rendering.opengl.materials.texture_array import TextureArray
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind
 from omnisim.scene.planar_mirrors import MAX_PLANES
+from omnisim.scene.slabs import normal_of_slabs
 from omnisim.scene.surface_reflectance import environment_table
 
 _ALL_DIRECTIONS = (-1.0, -2.0)  # cosines of a cone with all directions: a point light's
@@ -269,10 +270,12 @@ class SurfaceProgram:
         self._rig_from_world = find_uniform(program, "u_rig_from_world")
         self._mirror_planes = find_uniform(program, "u_mirror_planes")
         self._mirror = find_uniform(program, "u_mirror")
+        self._mirror_spread = find_uniform(program, "u_mirror_spread")
         self._probe = find_uniform(program, "u_probe")
         self._probes: Mapping[int, NDArray[np.float32]] = {}
         self._glass = find_uniform(program, "u_glass")
         self._glass_absorption = find_uniform(program, "u_glass_absorption_per_m")
+        self._slab_normal = find_uniform(program, "u_slab_normal")
         if variant.is_planar_mirror:
             for name, unit in MIRROR_UNITS.items():
                 set_sampler(program, name, unit)
@@ -314,9 +317,11 @@ class SurfaceProgram:
             self._mirror_planes.write(padded)
 
     def set_mirror(self, plane: NDArray[np.float64]) -> None:
-        """Set the plane (4,) of a mirrored view: unit normal, and the viewpoint's height."""
+        """Set the plane (5,) of a mirrored view: unit normal, viewpoint's height, facets' slope."""
         if self._mirror is not None:
-            self._mirror.write(plane.astype(np.float32))
+            self._mirror.write(plane[:4].astype(np.float32))
+        if self._mirror_spread is not None:
+            self._mirror_spread.write(plane[4:].astype(np.float32))
 
     def set_probes(self, probes: Mapping[int, NDArray[np.float32]]) -> None:
         """Set the probes (4,) of items, by their identity: center, viewpoint frame; and index."""
@@ -343,6 +348,9 @@ class SurfaceProgram:
         if self._glass is not None and self._glass_absorption is not None:
             self._glass.value = item.material.glass_transmission, item.material.ior
             self._glass_absorption.value = item.material.absorption_per_m
+        if self._slab_normal is not None:
+            normal = normal_of_slabs(item.mesh) if item.material.is_slab else np.zeros(3)
+            self._slab_normal.write(normal.astype(np.float32))
         if self._is_textured:
             item.texture.use(0)
         if self._light_rectangles is not None and item.light_rectangles:

@@ -107,12 +107,13 @@ class TileRenderer:
         self._buffers, self._items = buffers, items
         self._all_items = items
         self._state = GlState()
-        self.views = TileViews(plan, cameras.near_m, cameras.far_m)
+        self._depths_m = (cameras.near_m, cameras.far_m)
+        self.views = TileViews(plan, *self._depths_m)
         self.culler: ClusterCuller | None = None
         geometry = buffers.clustered_geometry
         if geometry is None:
             return
-        context, depths_m = buffers.context, (cameras.near_m, cameras.far_m)
+        context, depths_m = buffers.context, self._depths_m
         batches = DrawBatches(geometry, find_program, cameras.both_sides)
         self._cluster_views = Views(
             context,
@@ -141,6 +142,13 @@ class TileRenderer:
         self._shown = shown
         self.culler.show(geometry.shown_clusters(shown))
         self._clusters = ClusterDrawer(context, geometry, self.culler, batches)
+
+    def use_plan(self, plan: TilePlan) -> None:
+        """Draw other tiles, at most as many as at first, in an atlas of the same size."""
+        self.views = TileViews(plan, *self._depths_m)
+        if self.culler is not None:
+            clips_from_tiles = clips_from_rig(plan, *self._depths_m)
+            self._cluster_views.use_tiles(clips_from_tiles, plan.rectangles_px)
 
     def select(self, left_out: NDArray[np.bool_], parts: SceneParts = SceneParts.ALL) -> None:
         """Select items to draw; clusters of static items show all of them, or none.

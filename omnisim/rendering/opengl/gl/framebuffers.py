@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 import moderngl
 
@@ -79,6 +80,17 @@ def use_target(target: moderngl.Framebuffer) -> None:
     """Draw to a target, with moderngl's state of it."""
     end_pass(target.ctx)
     target.use()
+
+
+@contextmanager
+def within(target: moderngl.Framebuffer, rectangle_px: tuple[int, int, int, int]) -> Iterator[None]:
+    """Draw to a rectangle of a target only: left, top, width and height."""
+    target.scissor = rectangle_px
+    try:
+        use_target(target)
+        yield
+    finally:
+        target.scissor = None  # type: ignore[assignment]  # moderngl's stub lacks it
 
 
 def clear_target(

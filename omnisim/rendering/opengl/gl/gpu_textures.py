@@ -38,6 +38,7 @@ _RGB, _RGBA, _HALF_FLOAT, _UNSIGNED_BYTE = 0x1907, 0x1908, 0x140B, 0x1401
 _UNPACK_ALIGNMENT = 0x0CF5
 _ENUM, _INT, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p
 _LIMITS = "GL_MAX_TEXTURE_SIZE", "GL_MAX_TEXTURE_SIZE", "GL_MAX_ARRAY_TEXTURE_LAYERS"
+_PROXY_TEXTURE_2D, _WIDTH, _FLOAT, _RGBA32F = 0x8064, 0x1000, 0x1406, 0x8814
 
 
 def texture_2d(
@@ -69,6 +70,16 @@ def texture_2d(
             _allocate(texture.glo, levels, {3: _RGB16F, 4: _RGBA16F}[components], *size)
             limit_levels(texture.glo, 0, levels - 1)
     return _finished(texture, is_linear)
+
+
+def fits_texture(size: tuple[int, int], has_half_floats: bool) -> bool:
+    """Ask OpenGL, without an allocation, whether it takes an RGBA texture of floats."""
+    internal_format, width = _RGBA16F if has_half_floats else _RGBA32F, _INT()
+    describe = gl_function("glTexImage2D", _ENUM, *(_INT,) * 5, _ENUM, _ENUM, _POINTER)
+    describe(_PROXY_TEXTURE_2D, 0, internal_format, *size, 0, _RGBA, _FLOAT, None)
+    read = gl_function("glGetTexLevelParameteriv", _ENUM, _INT, _ENUM, _POINTER)
+    read(_PROXY_TEXTURE_2D, 0, _WIDTH, ctypes.addressof(width))
+    return width.value == size[0]
 
 
 def texture_3d(

@@ -61,17 +61,6 @@ def build_compute_shader(
     return shader
 
 
-def included_files(name: str) -> frozenset[str]:
-    """Names of a file of the shader folder and of all files that it includes.
-
-    Raises:
-        GraphicsError: one of them is missing.
-    """
-    files: list[str] = []
-    _expand(name, files, (), {})
-    return frozenset(files)
-
-
 def _expand(
     name: str, files: list[str], defines: Sequence[str], includes: Mapping[str, str]
 ) -> str:

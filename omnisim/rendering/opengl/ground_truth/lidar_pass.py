@@ -20,7 +20,7 @@ from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, plan_tiles
 from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.draw_item import InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl.framebuffers import framebuffer, use_target
+from omnisim.rendering.opengl.gl.framebuffers import framebuffer, within
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback
@@ -185,15 +185,10 @@ class _Sector:
         start, end = self._transforms(one.start), self._transforms(one.end)
         self._rig_from_viewpoint.write(columns_first(world_from_rig[:3, :3].T))
         self._path_m.write(one.path_m.astype("<f4"))
-        use_target(target)
-        target.viewport = (0, 0, *target.size)
-        target.scissor = (one.first, 0, one.last - one.first, target.size[1])
         self._tables.update(start, end.viewpoint_from_mesh[:, :3])
         rays.use(_RAYS_UNIT)
-        try:
+        with within(target, (one.first, 0, one.last - one.first, target.size[1])):
             self._array.render()
-        finally:
-            target.scissor = None  # type: ignore[assignment]  # moderngl's stub lacks it
 
     def _transforms(self, poses: LidarPoses) -> InstanceTransforms:
         return self._buffers.instance_transforms(poses.origin_m, poses.world_from_objects)
@@ -211,8 +206,7 @@ def _plan_part(
         camera = _plan_camera(beams, count, is_whole and count == firings)
         subdivides = count < firings or density < TEXELS_PER_BEAM
         plan = plan_tiles(camera, BASE_FROM_OPTICAL_LOOKING_AHEAD, density, subdivide=subdivides)
-        fits = max(plan.width_px, plan.height_px) <= limit_px
-        if fits and plan.width_px * plan.height_px <= MAX_TEXELS:
+        if plan.fits(limit_px, MAX_TEXELS):
             return count, plan
         width_rad = 2.0 * math.pi * count / len(beams.azimuths_rad)
         if count > 1 and width_rad > 2.0 * MARGIN_RAD:

@@ -31,7 +31,8 @@ class OcclusionPass:
 
     def __init__(self, hits: RayHitPass):
         self._hits, pixels, context = hits, hits.pixels, hits.pixels.context
-        program = build_program(context, "capture/image.vert", hits.occlusion_shader)
+        defines = ("PARTS",) if len(hits.parts) > 1 else ()
+        program = build_program(context, "capture/image.vert", hits.occlusion_shader, defines)
         hits.prepare(program, np.eye(3))
         uniform(program, "u_points").value = _POINTS_UNIT
         uniform(program, "u_hit_primitives").value = _PRIMITIVES_UNIT
@@ -60,14 +61,18 @@ class OcclusionPass:
         transforms = visibility.buffers.instance_transforms(
             world_from_rig[:3, 3], world_from_objects
         )
-        visibility.render(world_from_rig, world_from_objects)
         self._rig_from_viewpoint.write(columns_first(world_from_rig[:3, :3].T))
-        use_target(self._target)
-        self._hits.tables.update(transforms, next_from_current)
-        self._hits.bind()
-        self._hits.points.use(_POINTS_UNIT)
-        self._hits.primitives.use(_PRIMITIVES_UNIT)
-        self._vertex_array.render()
+        if len(self._hits.parts) > 1:
+            clear_target(self._target, None)
+        # each part may show the points of all pixels
+        for _ in self._hits.using_parts(self._vertex_array.program, np.eye(3)):
+            visibility.render(world_from_rig, world_from_objects)
+            use_target(self._target)
+            self._hits.tables.update(transforms, next_from_current)
+            self._hits.bind()
+            self._hits.points.use(_POINTS_UNIT)
+            self._hits.primitives.use(_PRIMITIVES_UNIT)
+            self._vertex_array.render()
         width, height = self._hits.pixels.size_px
         occluded = np.empty((height, width), dtype=np.uint8)
         reading = self._hits.readback.start((Pixels(self._target), occluded))

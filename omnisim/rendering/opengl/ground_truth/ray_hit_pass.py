@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import moderngl
@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
+from omnisim.rendering.opengl.atlas.image_parts import ImagePart
 from omnisim.rendering.opengl.capture.pixel_map import RAYS_UNIT, PixelMap
+from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
 from omnisim.rendering.opengl.geometry.triangle_windows import bind_triangles, window_defines
-from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
+from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, within
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Read
@@ -45,9 +47,10 @@ class RayHitPass:
     Args:
         visibility: pass that draws the triangle IDs.
         pixels: rays of the pixels.
+        parts: parts of the image, drawn one after the other; by default a single one.
 
     Attributes:
-        visibility, pixels: see the arguments.
+        visibility, pixels, parts: see the arguments.
         points: texture of points and ranges, see `Hits`.
         primitives: texture of 1 + draw item, and triangle in the item.
         tables: tables of the draw items.
@@ -62,10 +65,16 @@ class RayHitPass:
     shader: ClassVar[str] = "ground_truth/hits.frag"
     occlusion_shader: ClassVar[str] = "ground_truth/occlusion.frag"
 
-    def __init__(self, visibility: VisibilityPass, pixels: PixelMap):
+    def __init__(
+        self,
+        visibility: VisibilityPass,
+        pixels: PixelMap,
+        parts: Sequence[ImagePart] | None = None,
+    ):
         self.visibility, self.pixels = visibility, pixels
         visibility.buffers.check_readable("to look up what its pixels show")
         width, height = pixels.size_px
+        self.parts = parts or [ImagePart((0, 0, width, height), visibility.plan)]
         self._what = f"ground truth of {width} × {height} px"
         with gpu_allocation(self._what, "make the image smaller"):
             self._rays = pixels.rays
@@ -101,19 +110,30 @@ class RayHitPass:
         """
         visibility, buffers = self.visibility, self.visibility.buffers
         transforms = buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
-        visibility.render(world_from_rig, world_from_objects, details)
         if details not in self._variants:
             self._variants[details] = self._variant(details)
-        variant = self._variants[details]
-        viewpoint_from_optical = world_from_rig[:3, :3] @ self.pixels.camera.rig_from_optical
+        variant, rig_from_optical = self._variants[details], self.pixels.camera.rig_from_optical
+        viewpoint_from_optical = world_from_rig[:3, :3] @ rig_from_optical
         variant.viewpoint_from_optical.write(columns_first(viewpoint_from_optical))
-        use_target(variant.target)
-        self.tables.update(transforms, transforms.normal_from_mesh)
-        self.bind()
-        bind_details(visibility.detail_atlases, details)
-        self.bind_geometry()
-        variant.vertex_array.render()
+        for part in self.using_parts(variant.vertex_array.program, rig_from_optical):
+            visibility.render(world_from_rig, world_from_objects, details)
+            with within(variant.target, part.rectangle_px):
+                self.tables.update(transforms, transforms.normal_from_mesh)
+                self.bind()
+                bind_details(visibility.detail_atlases, details)
+                self.bind_geometry()
+                variant.vertex_array.render()
         return self.begin_reading(variant.target, 1, details).result()[0]
+
+    def using_parts(
+        self, program: moderngl.Program, rig_from_optical: NDArray[np.float64]
+    ) -> Iterator[ImagePart]:
+        """Yield each part, with its tiles in use by the visibility pass and by a program."""
+        for part in self.parts:
+            if len(self.parts) > 1:
+                self.visibility.use_plan(part.plan)
+                bind_tiles(program, part.plan, rig_from_optical)
+            yield part
 
     def begin_reading(
         self, target: moderngl.Framebuffer, count: int, details: HitDetails

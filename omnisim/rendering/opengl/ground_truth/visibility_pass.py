@@ -80,7 +80,8 @@ class VisibilityPass:
         details: HitDetails = NO_DETAILS,
     ):
         context = buffers.context
-        self.buffers, self.plan, self._state = buffers, plan, GlState()
+        self.buffers, self._state = buffers, GlState()
+        self.plan = self._first_plan = plan
         self.near_m, self.far_m = cameras.near_m, cameras.far_m
         self.both_sides = cameras.both_sides
         size = (plan.width_px, plan.height_px)
@@ -103,6 +104,13 @@ class VisibilityPass:
         """Update after the buffers changed."""
         self.triangle_ids.refresh(self._one_by_one())
         self._draw_by_ids()
+
+    def use_plan(self, plan: TilePlan) -> None:
+        """Draw other tiles, at most as many as at first, in an atlas of the same size."""
+        if plan is not self.plan:
+            self.plan = plan
+            for one in self._drawn.values():
+                one.tiles.use_plan(plan)
 
     def _draw_by_ids(self) -> None:
         self._drawn: dict[HitDetails, Drawers] = {}
@@ -159,7 +167,12 @@ class VisibilityPass:
     def _make_tiles(self, details: HitDetails, items: NDArray[np.intp]) -> TileRenderer:
         """Renderer of the clusters' IDs and details."""
         find_program = partial(self.bucket_program, details)
-        return TileRenderer(self.buffers, self.plan, self.cameras, items, find_program, self.depth)
+        tiles = TileRenderer(
+            self.buffers, self._first_plan, self.cameras, items, find_program, self.depth
+        )
+        if self.plan is not self._first_plan:
+            tiles.use_plan(self.plan)
+        return tiles
 
     def draw_items(
         self,

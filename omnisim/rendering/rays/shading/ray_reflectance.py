@@ -63,6 +63,7 @@ def reflected_light(
     lamps: Sequence[LampLight],
     surroundings: Floats | None = None,
     traced: Traced | None = None,
+    spreads: Floats | None = None,
 ) -> Floats:
     """Light (n, 3), linear RGB, that surfaces emit and reflect along the views.
 
@@ -74,13 +75,26 @@ def reflected_light(
         surroundings: (n, 3) baked light on white surfaces, minus the light of lamps; None: no baked
             light.
         traced: traced reflections, which replace those of sky and surroundings; None: none.
+        spreads: (n,) slopes by which highlights of lamps are wider, see `Arrivals`; None: 0.
     """
     coat = coat_fresnel(surface.coat, directions)
     total = (1.0 - coat)[:, None] * surface.emissive
     total += _environment(surface, directions, coat, lighting, surroundings, traced)
+    if spreads is not None:
+        surface = surface._replace(
+            roughness=_widened(surface.roughness, spreads),
+            coat_roughness=_widened(surface.coat_roughness, spreads),
+        )
     for lamp in lamps:
         total += _lamp(surface, directions, coat, lamp)
     return total
+
+
+def _widened(roughness: Floats, spreads: Floats) -> Floats:
+    """Roughness (n,) of facets whose slopes are spread; 0 leaves it as it is."""
+    wider = np.minimum((roughness**4 + spreads**2) ** 0.25, 1.0)
+    values: Floats = np.where(spreads > 0.0, wider, roughness)
+    return values
 
 
 def coat_fresnel(strengths: Floats, directions: SurfaceDirections) -> Floats:

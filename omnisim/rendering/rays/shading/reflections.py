@@ -4,10 +4,13 @@ The origin of a reflected ray is the mirrored viewpoint, behind the surface. Ran
 at its hit are therefore those of the whole path. A ray that frosted glass transmits is a reflected
 one, mirrored to the other side.
 
+A ray from a rough facet stands for its lobe's cone, which widens highlights of lamps where it ends.
+
 Sources: Heitz, "Sampling the GGX Distribution of Visible Normals", JCGT 7(4), 2018, with the
 estimator Fresnel's term times G2 / G1; glTF 2.0, appendix B, for the facets; Roberts, "The
 Unreasonable Effectiveness of Quasirandom Sequences", 2018, for the numbers of a pixel's rays;
-KHR_materials_transmission, for the lobe of thin, rough glass.
+KHR_materials_transmission, for the lobe of thin, rough glass; Kaplanyan and Dachsbacher, "Path
+space regularization for holistic and robust light transport", 2013, for wider highlights.
 """
 
 from __future__ import annotations
@@ -29,7 +32,7 @@ from omnisim.scene.surface_reflectance import (
 Floats = NDArray[np.floating]
 
 MAX_BOUNCES = 6  # reflections along a path; the next surface is shaded as if it were rough
-RAYS_PER_SAMPLE = 8  # at the first glossy surface of a path; further bounces take one
+RAYS_PER_SAMPLE = 8  # at the first rough surface of a path; further bounces take one
 _MIN_WEIGHT = 1.0 / 512.0  # share of a reflection in its sample: half an 8-bit step of white
 # Offset of reflected rays from their surface: a constant, and a factor of the path's length.
 _START_M, _START_SHARE = 1e-5, 1e-5
@@ -49,6 +52,8 @@ class Paths(NamedTuple):
         bounce: number of reflections so far.
         media: (n,) surfaces whose glass the paths are in, or `NO_MEDIUM`; None: all in air.
         channel: channel for whose light glass refracts; None: see `Glass.ratios`.
+        cones: (n, 2) half angles in radians, and half widths in meters at range 0, of the lobes
+            that rays from rough facets stand for; angles of 0: no rough facet so far; None: all 0.
     """
 
     pixels: NDArray[np.uint32]
@@ -58,6 +63,12 @@ class Paths(NamedTuple):
     bounce: int = 0
     media: NDArray[np.int32] | None = None
     channel: int | None = None
+    cones: Floats | None = None
+
+    @property
+    def is_split(self) -> NDArray[np.bool_]:
+        """Mask (n,) of the paths that have left a rough facet."""
+        return np.zeros(len(self.pixels), np.bool_) if self.cones is None else self.cones[:, 0] > 0
 
     def take(self, indices: NDArray[np.intp]) -> Paths:
         """Paths at indices (m,)."""
@@ -66,6 +77,7 @@ class Paths(NamedTuple):
             numbers=self.numbers[indices],
             weights=self.weights[indices],
             media=None if self.media is None else self.media[indices],
+            cones=None if self.cones is None else self.cones[indices],
         )
 
 
@@ -86,16 +98,23 @@ class Tracing(NamedTuple):
 
 
 class Arrivals(NamedTuple):
-    """Rays (n,), their hits and footprints, as in `omnisim.rendering.rays.shading.shading.View`."""
+    """Rays (n,), their hits and footprints, as in `omnisim.rendering.rays.shading.shading.View`.
+
+    Attributes:
+        rays, hits, footprints: see `View`.
+        spreads: (n,) slopes of the halfway vectors to the sides of the rays' cones.
+    """
 
     rays: Rays
     hits: RayHits
     footprints: NDArray[np.float32] | None
+    spreads: Floats
 
     def take(self, indices: NDArray[np.intp]) -> Arrivals:
         """Arrivals of the rays at indices (m,)."""
         footprints = None if self.footprints is None else self.footprints[indices]
-        return Arrivals(self.rays.take(indices), self.hits.take(indices), footprints)
+        rays, hits = self.rays.take(indices), self.hits.take(indices)
+        return Arrivals(rays, hits, footprints, self.spreads[indices])
 
 
 class Lobe(NamedTuple):
@@ -151,7 +170,7 @@ def traced_gloss(
     lobe, arrivals = lobe.take(indices), arrivals.take(indices)
     paths = paths.take(indices)._replace(weights=weights[indices].astype(np.float32))
     is_glossy = lobe.roughness > MIN_ROUGHNESS
-    counts = np.where(is_glossy & (paths.bounce == 0), RAYS_PER_SAMPLE, 1)
+    counts = np.where(is_glossy & ~paths.is_split, RAYS_PER_SAMPLE, 1)
     firsts = np.cumsum(counts) - counts
     each = np.repeat(np.arange(len(indices)), counts)
     following = paths.take(each)
@@ -160,17 +179,40 @@ def traced_gloss(
     rays, footprints, factors = _reflected(
         lobe.take(each), arrivals.take(each), following, transmits
     )
-    following = following._replace(bounce=paths.bounce + 1)
+    cones = _cones(lobe, arrivals, paths)[each]
+    following = following._replace(bounce=paths.bounce + 1, cones=cones)
     light = tracing.trace(rays, footprints, arrivals.hits.triangles[each], following)
     total = np.add.reduceat(factors * light, firsts, axis=0) / counts[:, None]
     return TracedGloss(indices, total)
+
+
+def halfway_spreads(paths: Paths, ranges_m: Floats, curvatures_per_m: Floats) -> Floats:
+    """Slopes (n,) of halfway vectors to the sides of the paths' cones, at hits of curvatures (n,).
+
+    A mirror turns the halfway vector by half of the ray's angle, and by its normal's.
+    """
+    if paths.cones is None:
+        return np.zeros(len(ranges_m))
+    angles, widths_m = paths.cones.T
+    spreads: Floats = 0.5 * angles + curvatures_per_m * (widths_m + angles * ranges_m)
+    return spreads
+
+
+def _cones(lobe: Lobe, arrivals: Arrivals, paths: Paths) -> Floats:
+    """Cones (n, 2) of the paths behind their hits, see `Paths`."""
+    ranges_m = arrivals.hits.ranges_m
+    before = np.zeros((len(ranges_m), 2)) if paths.cones is None else paths.cones
+    facets = np.where(lobe.roughness > MIN_ROUGHNESS, lobe.roughness**2, 0.0)
+    angles = 2.0 * np.hypot(arrivals.spreads, facets)
+    widths_m = before[:, 1] + (before[:, 0] - angles) * ranges_m
+    return np.stack((angles, widths_m), axis=1)
 
 
 def _reflected(
     lobe: Lobe, arrivals: Arrivals, paths: Paths, transmits: bool
 ) -> tuple[Rays, NDArray[np.float32] | None, Floats]:
     """Reflected or transmitted rays (n,), their footprints (n, 2, 3), and their factors (n, 3)."""
-    rays, hits, footprints = arrivals
+    rays, hits, footprints, _ = arrivals
     views = -rays.directions
     facets = lobe.normals.astype(np.float64)
     squared = lobe.roughness.astype(np.float64) ** 4
@@ -207,17 +249,16 @@ def _reflected(
 def _numbers(paths: Paths) -> tuple[Floats, Floats]:
     """Two random numbers (n,) in [0, 1) for each path.
 
-    At the first reflection, the numbers of a pixel's rays form one low-discrepancy sequence with a
-    random start.
+    At the first rough surface, the numbers of a pixel's rays form one low-discrepancy sequence with
+    a random start.
     """
-    if paths.bounce:
-        hashes = pcg4d(paths.pixels, paths.numbers, paths.bounce, paths.key)
-        first, second = uniform(hashes[0]), uniform(hashes[1])
-        return first.astype(np.float64), second.astype(np.float64)
-    hashes = pcg4d(paths.pixels, 0, 0, paths.key)
+    is_split, turns = paths.is_split, np.uint32(RAYS_PER_SAMPLE)
+    hashes = pcg4d(paths.pixels, np.where(is_split, paths.numbers, 0), paths.bounce, paths.key)
+    # each mirror before the surface has multiplied the number of the path
+    order = paths.numbers // turns ** np.uint32(paths.bounce + 1) * turns + paths.numbers % turns
     one, other = (
-        (hashes[axis] + paths.numbers * np.uint32(step)) * 2.0**-32
-        for axis, step in enumerate(_R2_STEPS)
+        np.where(is_split, uniform(hashed), (hashed + order * np.uint32(step)) * 2.0**-32)
+        for hashed, step in zip(hashes, _R2_STEPS, strict=False)
     )
     return one, other
 

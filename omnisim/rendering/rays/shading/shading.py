@@ -41,8 +41,10 @@ from omnisim.rendering.rays.shading.ray_textures import TextureTable
 from omnisim.rendering.rays.shading.reflections import (
     Arrivals,
     Lobe,
+    Paths,
     TracedGloss,
     Tracing,
+    halfway_spreads,
     traced_gloss,
 )
 from omnisim.rendering.rays.shading.shadows import CastShadow, Shadows
@@ -360,35 +362,53 @@ class Shading:
         mapped, coat = (self._mapped(slot, normals, view, sampled) for slot in NORMAL_SCALES)
         directions = SurfaceDirections(mapped, coat, -view.rays.directions)
         reflectance = self.table.reflectance(surfaces, colors, sampled)
-        traced = scattered = None
+        traced = scattered = spreads = None
         if tracing is not None:
             reflectance = self._of_glass(reflectance, view, directions, tracing.paths.channel)
-            traced = _traced(reflectance, directions, view, tracing)
+            arrivals = self._arrivals(view, tracing.paths)
+            traced = _traced(reflectance, directions, arrivals, tracing)
+            spreads = None if tracing.paths.cones is None else arrivals.spreads
             if self.frosted.any():
-                scattered = self._scattered(reflectance, colors, view, directions, tracing)
+                scattered = self._scattered(reflectance, colors, arrivals, directions, tracing)
                 body = reflectance.body * (1.0 - self.frosted[surfaces, None])
                 reflectance = reflectance._replace(body=body)
         light = reflected_light(
-            reflectance, directions, self._lighting, lamps, surroundings, traced
+            reflectance, directions, self._lighting, lamps, surroundings, traced, spreads
         )
         if scattered is not None:
             light[scattered.indices] += scattered.light
         return light.astype(np.float32)
 
+    def _arrivals(self, view: View, paths: Paths) -> Arrivals:
+        """Arrivals of paths (n,)."""
+        curvatures_per_m = np.zeros(len(view.rays.near_m))
+        split = np.flatnonzero(paths.is_split)
+        if len(split):
+            triangles = view.hits.triangles[split]
+            corners = self._geometry.corners_m(triangles, view.world_from_objects)
+            normals = self._geometry.corner_normals(triangles, view.world_from_objects)
+            edges, bends = (
+                np.linalg.norm(one - np.roll(one, 1, axis=1), axis=2) for one in (corners, normals)
+            )
+            curvatures_per_m[split] = (bends / np.maximum(edges, 1e-9)).max(axis=1)
+        spreads = halfway_spreads(paths, view.hits.ranges_m, curvatures_per_m)
+        return Arrivals(view.rays, view.hits, view.footprints, spreads)
+
     def _scattered(
         self,
         surface: Reflectance,
         colors: NDArray[np.float32],
-        view: View,
+        arrivals: Arrivals,
         directions: SurfaceDirections,
         tracing: Tracing,
     ) -> TracedGloss | None:
         """Light that frosted panes among surfaces (n,) transmit; None: none."""
-        shares = self.frosted[self.surfaces(view.hits)]
+        surfaces = self.surfaces(arrivals.hits)
+        shares = self.frosted[surfaces]
         indices = np.flatnonzero(shares > 0.0)
         if len(indices) == 0:
             return None
-        ior = self.panes.ior[self.surfaces(view.hits)[indices]]
+        ior = self.panes.ior[surfaces[indices]]
         passing = shares[indices] * (1.0 - pane_reflectance(np.ones(len(indices)), ior))
         lobe = Lobe(
             directions.normals[indices],
@@ -397,9 +417,7 @@ class Shading:
             np.zeros(len(indices)),  # by Schlick's term, none at grazing incidence
             (1.0 - coat_fresnel(surface.coat, directions))[indices],
         )
-        some = view.take(indices)
-        arrivals = Arrivals(some.rays, some.hits, some.footprints)
-        found = traced_gloss(lobe, arrivals, tracing.take(indices), transmits=True)
+        found = traced_gloss(lobe, arrivals.take(indices), tracing.take(indices), transmits=True)
         if found is None:
             return None
         light = lobe.strength[found.indices, None] * found.light
@@ -465,10 +483,9 @@ class Shading:
 
 
 def _traced(
-    surface: Reflectance, directions: SurfaceDirections, view: View, tracing: Tracing
+    surface: Reflectance, directions: SurfaceDirections, arrivals: Arrivals, tracing: Tracing
 ) -> Traced:
     """Trace the reflections of surfaces (n,) and of their clear coats."""
-    arrivals = Arrivals(view.rays, view.hits, view.footprints)
     strengths = np.ones(len(surface.coat))
     gloss = Lobe(directions.normals, surface.roughness, surface.f0, surface.f90, strengths)
     traced = traced_gloss(gloss, arrivals, tracing)

@@ -51,12 +51,14 @@ def test_instances_state_by_what_they_reflect(omnisim):
     assert "reflects by" not in omnisim("scene", "rings")[1]
 
 
-def test_the_table_fits_a_terminal(omnisim, monkeypatch):
+@pytest.mark.parametrize(("columns", "details"), [(100, True), (80, False)])
+def test_the_table_fits_a_terminal(columns, details, omnisim, monkeypatch):
     monkeypatch.setattr(Output, "is_terminal", True)
-    monkeypatch.setattr(out.console, "_width", 100)
+    monkeypatch.setattr(out.console, "_width", columns)
     lines = omnisim("scene", "arcade", "--all")[1].splitlines()
     header = next(number for number, one in enumerate(lines) if "reflects by" in one)
-    assert max(len(one) for one in lines[header:]) <= 100
+    assert max(len(one) for one in lines[header:]) <= columns
+    assert ("textures" in lines[header]) is details
     assert any(one.startswith("chrome_ball_05") and one.endswith("probe") for one in lines)
 
 
