@@ -36,7 +36,29 @@ def run() -> None:
     width = max(len(name) for name, _ in lines) + 2
     for name, text in lines:
         out.print(f"{name:{width}}{text}")
-    _print_devices(width)
+    require_opengl("the list of devices")
+    from omnisim.rendering.opengl.gl.context import (
+        GraphicsInfo,
+        graphics_info,
+        list_devices,
+        open_context,
+    )
+    from omnisim.rendering.opengl.gl.devices import cuda_numbers
+
+    context = open_context()  # raises with the reason
+    used = graphics_info(context)
+    context.release()
+    out.print(f"{'renderer':{width}}{used.renderer}, OpenGL {used.version}")
+    table = Table("device", "renderer", "vendor", "OpenGL", "largest texture", "samples")
+    for (number, device), cuda in zip(list_devices(), cuda_numbers(), strict=True):
+        if not isinstance(device, GraphicsInfo):
+            out.print(f"device {number} cannot be used: {device}")
+            continue
+        name = f"{number}" if cuda is None else f"{number}, cuda:{cuda}"
+        largest = f"{device.max_texture_size_px} px"
+        samples = str(device.max_samples)
+        table.add_row(name, device.renderer, device.vendor, device.version, largest, samples)
+    out.print(table)
 
 
 def installation() -> list[tuple[str, str]]:
@@ -73,30 +95,3 @@ def _versions(packages: Mapping[str, str]) -> str:
             text = "of unknown version" if is_installed(module) else "missing"
         versions.append(f"{name} {text}")
     return ", ".join(versions)
-
-
-def _print_devices(width: int) -> None:
-    """Print the device that is used by default after a name of some width, and all in a table."""
-    require_opengl("the list of devices")
-    from omnisim.rendering.opengl.gl.context import (
-        GraphicsInfo,
-        graphics_info,
-        list_devices,
-        open_context,
-    )
-    from omnisim.rendering.opengl.gl.devices import cuda_numbers
-
-    context = open_context()  # raises with the reason
-    used = graphics_info(context)
-    context.release()
-    out.print(f"{'renderer':{width}}{used.renderer}, OpenGL {used.version}")
-    table = Table("device", "renderer", "vendor", "OpenGL", "largest texture", "samples")
-    for (number, device), cuda in zip(list_devices(), cuda_numbers(), strict=True):
-        if not isinstance(device, GraphicsInfo):
-            out.print(f"device {number} cannot be used: {device}")
-            continue
-        name = f"{number}" if cuda is None else f"{number}, cuda:{cuda}"
-        largest = f"{device.max_texture_size_px} px"
-        samples = str(device.max_samples)
-        table.add_row(name, device.renderer, device.vendor, device.version, largest, samples)
-    out.print(table)
