@@ -167,7 +167,7 @@ class RequestField:
     def label(self) -> str:
         """Last flag of an option, placeholder of an argument, for messages."""
         if self.is_argument:
-            return (self.metavar or self.name).strip("[]")
+            return self.name.upper() if self.choices else (self.metavar or self.name).strip("[]")
         return self.flags[-1].partition("/")[0]
 
     @property

@@ -103,8 +103,9 @@ def test_each_number_rejects_what_is_beyond_its_limits():
 def test_each_choice_suggests_the_nearest():
     for command, field in _options():
         for choice in field.choices:
-            line = _fails(command, field.flags[-1], f"{choice}x")
-            assert line.startswith(f"{field.flags[-1]}: expected one of ")
+            flag = [] if field.is_argument else [field.flags[-1]]
+            line = _fails(command, *flag, f"{choice}x")
+            assert line.startswith(f"{field.label}: expected one of ")
             assert choice in line
 
 
