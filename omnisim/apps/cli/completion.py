@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import json
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -53,38 +54,17 @@ def complete_run_camera(ctx: click.Context, incomplete: str) -> list[str]:
         return []
 
 
-def channel_names() -> Iterable[str]:
-    """Ground-truth channels."""
-    from omnisim.ground_truth.channels import CHANNELS
-
-    return CHANNELS
-
-
-def calibration_formats() -> Iterable[str]:
-    """Formats of calibration files."""
-    from omnisim.cameras.calibration.calibration_formats import FORMATS
-
-    return FORMATS
-
-
-def export_formats() -> Iterable[str]:
-    """Formats of exported runs."""
-    from omnisim.datasets.export.export import FORMATS
-
-    return FORMATS
-
-
-def data_set_layouts() -> Iterable[str]:
-    """Layouts for converted data sets."""
-    from omnisim.datasets.export.export import LAYOUTS
-
-    return LAYOUTS
+def names_of(registry: str) -> Callable[[], Iterable[str]]:
+    """Names in a registry of `omnisim`, such as ground_truth.channels.CHANNELS, once needed."""
+    module, _, name = registry.rpartition(".")
+    return lambda: getattr(import_module(f"omnisim.{module}"), name)
 
 
 def complete_channels(ctx: click.Context, incomplete: str) -> list[str]:
     """Complete the last of comma-separated channels; channels before it are not repeated."""
     done, comma, last = incomplete.rpartition(",")
-    left = [name for name in (*channel_names(), "all") if name not in done.split(",")]
+    names = names_of("ground_truth.channels.CHANNELS")()
+    left = [name for name in (*names, "all") if name not in done.split(",")]
     return [f"{done}{comma}{name}" for name in _beginning(last, left)]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import platform
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -35,53 +36,6 @@ def run() -> None:
     width = max(len(name) for name, _ in lines) + 2
     for name, text in lines:
         out.print(f"{name:{width}}{text}")
-    _print_devices(width)
-
-
-def installation() -> list[tuple[str, str]]:
-    """Names and values of all lines except OpenGL's."""
-    lines = [
-        ("omnisim", f"{__version__}, in {PACKAGE}"),
-        ("python", f"{platform.python_version()}, {sys.executable}"),
-        ("system", f"{_system()}, {platform.machine()}"),
-        ("packages", _versions(REQUIRED)),
-    ]
-    for extra, packages in EXTRAS.items():
-        missing = missing_packages(extra)
-        versions = _versions({name: packages[name] for name in packages if name not in missing})
-        lacking = f"no {', '.join(missing)}: {install_hint(extra)}" if missing else ""
-        lines.append((extra, "; ".join(filter(None, (versions, lacking)))))
-    camera = OmniCamera()
-    lines += [
-        ("scenes", ", ".join(builtin_scenes()) or "none"),
-        ("robots", ", ".join(builtin_robots()) or "none"),
-        ("camera", f"{summary(camera.model)}, {mesh_text(camera)}"),
-    ]
-    return lines
-
-
-def _system() -> str:
-    """Operating system with its kernel: Debian GNU/Linux 12 (bookworm), Linux 6.1.0."""
-    kernel = f"{platform.system()} {platform.release()}"
-    try:
-        return f"{platform.freedesktop_os_release()['PRETTY_NAME']}, {kernel}"
-    except (OSError, KeyError):
-        return kernel
-
-
-def _versions(packages: Mapping[str, str]) -> str:
-    versions = []
-    for name, module in packages.items():
-        try:
-            text = version(name)
-        except PackageNotFoundError:  # not installed as a Python package, as is often so for OpenCV
-            text = "of unknown version" if is_installed(module) else "missing"
-        versions.append(f"{name} {text}")
-    return ", ".join(versions)
-
-
-def _print_devices(width: int) -> None:
-    """Print the device that is used by default after a name of some width, and all in a table."""
     require_opengl("the list of devices")
     from omnisim.rendering.opengl.gl.context import (
         GraphicsInfo,
@@ -105,3 +59,39 @@ def _print_devices(width: int) -> None:
         samples = str(device.max_samples)
         table.add_row(name, device.renderer, device.vendor, device.version, largest, samples)
     out.print(table)
+
+
+def installation() -> list[tuple[str, str]]:
+    """Names and values of all lines except OpenGL's."""
+    system = f"{platform.system()} {platform.release()}"
+    with suppress(OSError, KeyError):  # Debian GNU/Linux 12 (bookworm), Linux 6.1.0
+        system = f"{platform.freedesktop_os_release()['PRETTY_NAME']}, {system}"
+    lines = [
+        ("omnisim", f"{__version__}, in {PACKAGE}"),
+        ("python", f"{platform.python_version()}, {sys.executable}"),
+        ("system", f"{system}, {platform.machine()}"),
+        ("packages", _versions(REQUIRED)),
+    ]
+    for extra, packages in EXTRAS.items():
+        missing = missing_packages(extra)
+        versions = _versions({name: packages[name] for name in packages if name not in missing})
+        lacking = f"no {', '.join(missing)}: {install_hint(extra)}" if missing else ""
+        lines.append((extra, "; ".join(filter(None, (versions, lacking)))))
+    camera = OmniCamera()
+    lines += [
+        ("scenes", ", ".join(builtin_scenes()) or "none"),
+        ("robots", ", ".join(builtin_robots()) or "none"),
+        ("camera", f"{summary(camera.model)}, {mesh_text(camera)}"),
+    ]
+    return lines
+
+
+def _versions(packages: Mapping[str, str]) -> str:
+    versions = []
+    for name, module in packages.items():
+        try:
+            text = version(name)
+        except PackageNotFoundError:  # not installed as a Python package, as is often so for OpenCV
+            text = "of unknown version" if is_installed(module) else "missing"
+        versions.append(f"{name} {text}")
+    return ", ".join(versions)

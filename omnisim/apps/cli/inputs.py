@@ -69,7 +69,12 @@ class Viewpoint:
                 options, "--at-camera has a pose of its own", "at", "yaw_deg", "pitch_deg",
                 "roll_deg",
             )  # fmt: skip
-            return cls._at_camera(scene, options.at_camera)
+            name, cameras = options.at_camera, {one.name: one for one in scene.cameras}
+            if name not in cameras:
+                hint = did_you_mean(name, cameras) if cameras else "the scene's file has no cameras"
+                raise OutputError(f"--at-camera {name!r}: {hint}")
+            one = cameras[name]
+            return cls(one.position_m, one.yaw_deg, one.pitch_deg, one.roll_deg)
         start, at, yaw_deg = scene.start, options.at, options.yaw_deg
         return cls(
             position_m=start.position_m if at is None else at,
@@ -77,15 +82,6 @@ class Viewpoint:
             pitch_deg=options.pitch_deg,
             roll_deg=options.roll_deg,
         )
-
-    @classmethod
-    def _at_camera(cls, scene: Scene, name: str) -> Viewpoint:
-        cameras = {one.name: one for one in scene.cameras}
-        if name not in cameras:
-            hint = did_you_mean(name, cameras) if cameras else "the scene's file has no cameras"
-            raise OutputError(f"--at-camera {name!r}: {hint}")
-        one = cameras[name]
-        return cls(one.position_m, one.yaw_deg, one.pitch_deg, one.roll_deg)
 
     def __str__(self) -> str:
         tilts = (("pitch", self.pitch_deg), ("roll", self.roll_deg))

@@ -200,7 +200,7 @@ class TruthOptions:
         str | None,
         Option(
             metavar="CHANNELS",
-            names=completion.channel_names,
+            names=completion.names_of("ground_truth.channels.CHANNELS"),
             complete=completion.complete_channels,
         ),
     ] = None

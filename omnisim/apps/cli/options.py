@@ -24,7 +24,7 @@ from __future__ import annotations
 import dataclasses
 import operator
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib import import_module
@@ -43,10 +43,12 @@ from typing import (
 )  # fmt: skip
 
 from omnisim.core.errors import OmnisimError, OutputError, did_you_mean
-from omnisim.core.files.attribute_docs import attribute_docs, class_docs
+from omnisim.core.files.attribute_docs import attribute_docs
 
 if TYPE_CHECKING:
     import click
+
+    from omnisim.core.files.file_keys import Key
 
 T = TypeVar("T")
 UNITS = {  # placeholder, noun and example of a number, by the suffix of its field's name
@@ -81,11 +83,12 @@ class Option:
         metavar: placeholder of the value on the help page; empty: by its names, unit or type.
         names: values to complete; the help text may list them as `{names}`.
         complete: completion of values that depend on other words of the command line.
-        ge, gt, le, lt: limits of a number.
+        ge, le: limits of a number.
         parse: reader of the text of a value; None: by the field's type.
         example: value for messages; empty: by default, unit and placeholder.
         help: help of a type that several fields share, in place of a string below each.
-        owner: class in `omnisim` whose field of the same name has the limits and the help.
+        owner: class in `omnisim` whose field of the same name has the limits and the help;
+            `yaw_deg` is that of a field `yaw_rad`.
     """
 
     flags: tuple[str, ...] = ()
@@ -93,9 +96,7 @@ class Option:
     names: Callable[[], Iterable[str]] | None = None
     complete: Callable[[click.Context, str], list[str]] | None = None
     ge: float | None = None
-    gt: float | None = None
     le: float | None = None
-    lt: float | None = None
     parse: Callable[[str], object] | None = None
     example: str = ""
     help: str = ""
@@ -166,7 +167,7 @@ class RequestField:
     def label(self) -> str:
         """Last flag of an option, placeholder of an argument, for messages."""
         if self.is_argument:
-            return (self.metavar or self.name).strip("[]")
+            return self.name.upper() if self.choices else (self.metavar or self.name).strip("[]")
         return self.flags[-1].partition("/")[0]
 
     @property
@@ -206,12 +207,12 @@ class RequestField:
         """Default value; `dataclasses.MISSING`: required."""
         if self.stated is not OWN:
             return self.stated
-        return getattr(_owner(self.details.owner), self.name)
+        return _key(self.details.owner, self.name).default
 
     @cached_property
     def text(self) -> str:
         """Help, with the default."""
-        text = self.help or self.details.help or _help_of(self.details.owner, self.name)
+        text = self.help or self.details.help or _key(self.details.owner, self.name).help
         names, default = self.details.names, self.default
         if names and "{names}" in text:
             text = text.replace("{names}", " ".join(names()))
@@ -223,11 +224,14 @@ class RequestField:
     @cached_property
     def limits(self) -> dict[str, float]:
         """Limits of a number: some of ge, gt, le, lt."""
-        own = {key: getattr(self.details, key) for key in _LIMITS}
+        own = {"ge": self.details.ge, "le": self.details.le}
         limits = {key: limit for key, limit in own.items() if limit is not None}
-        if not self.details.owner:
-            return limits
-        return dict(_limits(_hints(_owner(self.details.owner))[self.name])) | limits
+        if self.details.owner:
+            key = _key(self.details.owner, self.name)
+            for one, strict, loose in ((key.low, "gt", "ge"), (key.high, "lt", "le")):
+                if one is not None:
+                    limits[strict if one.is_open else loose] = one.value
+        return limits
 
     @property
     def example(self) -> str:
@@ -405,15 +409,14 @@ def request_fields(request: type) -> list[RequestField]:
     return fields
 
 
-def _make(request: type[T], values: Mapping[str, object]) -> T:
-    kind: type = request
-    hints = _hints(kind)
+def _make(request: type, values: Mapping[str, object]) -> Any:
+    hints = _hints(request)
     return request(
         **{
             field.name: _make(hints[field.name], values)
             if dataclasses.is_dataclass(hints[field.name])
             else values[field.name]
-            for field in dataclasses.fields(request)  # type: ignore[arg-type]  # a dataclass
+            for field in dataclasses.fields(request)
         }
     )
 
@@ -463,25 +466,12 @@ def flag_of(request: type, name: str) -> str:
     return next(field.label for field in request_fields(request) if field.name == name)
 
 
-def _help_of(owner: str, name: str) -> str:
-    """Help of a field of a class in `omnisim`, which need not be imported."""
-    module, _, kind = owner.rpartition(".")
-    return class_docs(f"omnisim.{module}", kind)[name]
-
-
 @cache
-def _owner(path: str) -> Any:
-    """Class in `omnisim`, imported."""
-    module, _, kind = path.rpartition(".")
-    return getattr(import_module(f"omnisim.{module}"), kind)
+def _key(owner: str, name: str) -> Key:
+    """Help, limits and default of a field of a class in `omnisim`; angles are in degrees."""
+    from omnisim.core.files.file_keys import keys_of  # imports pydantic
+    from omnisim.core.files.parameters import table_of
 
-
-def _limits(hint: Any) -> Iterator[tuple[str, float]]:
-    """Limits in the annotations of a type, of `annotated_types` and of pydantic's fields."""
-    for part in (*getattr(hint, "__metadata__", ()), *get_args(hint)):
-        for rule in (part, *getattr(part, "metadata", ())):
-            for key in _LIMITS:
-                if isinstance(limit := getattr(rule, key, None), int | float):
-                    yield key, limit
-        if part is not hint:
-            yield from _limits(part)
+    module, _, kind = owner.rpartition(".")
+    table = table_of(getattr(import_module(f"omnisim.{module}"), kind))
+    return next(key for key in keys_of(table) if key.name == name)

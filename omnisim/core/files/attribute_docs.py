@@ -22,13 +22,8 @@ def attribute_docs(model: type) -> dict[str, str]:
             key_of = getattr(source, "file_key", str)
             docs |= {key_of(name): text for name, text in attribute_docs(source).items()}
         if kind.__module__.partition(".")[0] not in _FOREIGN:
-            docs |= class_docs(kind.__module__, kind.__qualname__)
+            docs |= _docs_in(kind.__module__).get(kind.__qualname__, {})
     return docs
-
-
-def class_docs(module: str, name: str) -> dict[str, str]:
-    """Strings below the fields of a class, without its bases; it need not be imported."""
-    return _docs_in(module).get(name, {})
 
 
 @cache

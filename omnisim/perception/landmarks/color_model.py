@@ -25,7 +25,7 @@ from pydantic import Field
 from omnisim.core.errors import LocalizationError
 from omnisim.core.files.atomic_file import atomic_write, check_suffix
 from omnisim.core.files.npz_file import read_arrays
-from omnisim.core.files.parameters import Table, parse_table
+from omnisim.core.files.parameters import Number, Parameters, Table, parse_table
 from omnisim.scene.model import Landmark
 
 BINS = 32  # along each of red, green and blue
@@ -189,12 +189,12 @@ def roc(
 
 
 @dataclass(frozen=True)
-class Costs:
+class Costs(Parameters, name="costs"):
     """Costs of errors, in any unit: only their ratio matters."""
 
-    missed: Annotated[float, Field(ge=1e-9, le=1e9)] = 1.0
+    missed: Annotated[Number, Field(ge=1e-9, le=1e9)] = 1.0
     """Cost of a false negative: a missed pixel of a landmark."""
-    false_alarm: Annotated[float, Field(ge=1e-9, le=1e9)] = 4.0
+    false_alarm: Annotated[Number, Field(ge=1e-9, le=1e9)] = 4.0
     """Cost of a false positive: a detected pixel of anything else."""
 
 

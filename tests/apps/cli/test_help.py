@@ -2,12 +2,16 @@
 
 import re
 import shlex
+from typing import Annotated
 
 import pytest
 
 from omnisim.apps.cli.app import app, command_named
 from omnisim.apps.cli.commands import COMMANDS, GROUPS
-from omnisim.apps.cli.options import ENTRIES
+from omnisim.apps.cli.options import ENTRIES, OWN, of, options, request_fields
+from omnisim.core.files.file_keys import keys_of
+from omnisim.core.files.parameters import table_of
+from omnisim.core.trajectories.odometry import OdometryErrors
 
 for _name in (name for modules in COMMANDS.values() for name in modules):
     command_named(_name)  # imports its request
@@ -107,3 +111,14 @@ def test_an_option_may_refer_to_the_field_of_a_thing():
     assert fields["texel_m"].limits == {"ge": 1e-4, "le": 100.0}
     assert fields["samples"].text == "Number of rays per texel. Default: 128."
     assert fields["seed"].default == 0
+
+
+def test_an_option_in_degrees_refers_to_a_field_in_radians():
+    @options
+    class Group:
+        turn_tick_deg: Annotated[float, of("core.trajectories.odometry.OdometryErrors")] = OWN
+
+    (field,) = request_fields(Group)
+    (key,) = (one for one in keys_of(table_of(OdometryErrors)) if one.name == "turn_tick_deg")
+    assert (field.text, field.default) == (f"{key.help} Default: 0.", key.default)
+    assert field.limits == {"ge": key.low.value, "le": key.high.value}

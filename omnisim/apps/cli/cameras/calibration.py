@@ -235,10 +235,8 @@ def _own_camera(path: Path) -> CentralCamera | None:
     suffix = path.suffix.lower()
     if suffix == ".toml":
         return OmniCamera.from_file(path).model
-    return _image_camera(path) if suffix in EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES else None
-
-
-def _image_camera(path: Path) -> CentralCamera:
+    if suffix not in EIGHT_BIT_SUFFIXES + FLOAT_SUFFIXES:
+        return None
     _, metadata = read_image(path)
     parameters = None if metadata is None else metadata.get("camera")
     if not isinstance(parameters, dict):

@@ -24,7 +24,7 @@ from omnisim.apps.cli.console import out, pluralize, table
 from omnisim.cameras import summary
 from omnisim.cameras.calibration.ray_table import write_ray_table
 from omnisim.cameras.optics.boards.board_corners import read_corners
-from omnisim.cameras.optics.boards.calibrate import SystemCalibration, calibrate_system
+from omnisim.cameras.optics.boards.calibrate import calibrate_system
 from omnisim.cameras.optics.central_view import DISTANCES_M
 from omnisim.cameras.optics.centrality import measure_centrality
 from omnisim.cameras.optics.design import Design
@@ -218,7 +218,14 @@ def calibrate(request: OpticsCalibrateRequest) -> None:
         f"{number_text(_rms(fit.errors_px), 3)} px after, at most "
         f"{number_text(np.linalg.norm(fit.errors_px, axis=1).max(), 3)} px"
     )
-    write_text(request.output, _fitted_text(request, fit, summary))
+    lines = [f"Fitted to {request.corners.name}: {summary}."]
+    lines += [
+        f"{one.name}: {number_text(one.value, 6, 9)} ± {number_text(one.sigma, 2, 9)}"
+        for one in fit.parameters
+    ]
+    tables = _beside(fit.table, request.system.parent, request.output.parent)
+    text = toml_text({f"# {line}": Comment(line) for line in lines} | tables)
+    write_text(request.output, text)
     out.print(f"{request.output}: {summary}")
     shown = table("", ">before", ">fitted", ">±")
     for one in fit.parameters:
@@ -230,17 +237,6 @@ def calibrate(request: OpticsCalibrateRequest) -> None:
 def _rms(errors_px: Floats) -> float:
     """Root mean square of errors (n, 2) along each image axis, px."""
     return float(np.sqrt(np.mean(errors_px * errors_px)))
-
-
-def _fitted_text(request: OpticsCalibrateRequest, fit: SystemCalibration, summary: str) -> str:
-    """Text of the fitted optics file."""
-    lines = [f"Fitted to {request.corners.name}: {summary}."]
-    lines += [
-        f"{one.name}: {number_text(one.value, 6, 9)} ± {number_text(one.sigma, 2, 9)}"
-        for one in fit.parameters
-    ]
-    table = _beside(fit.table, request.system.parent, request.output.parent)
-    return toml_text({f"# {line}": Comment(line) for line in lines} | table)
 
 
 def _beside(table: dict[str, Any], old: Path, new: Path) -> dict[str, Any]:

@@ -3,13 +3,14 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from omnisim.apps.cli import completion
+from omnisim.apps.cli.completion import names_of
 from omnisim.apps.cli.option_groups import CameraName, Mirrored
 from omnisim.apps.cli.options import Argument, Option, command
 
 PROFILE_POINTS = 501
 DESIGN_SIZE_PX = 720
 
+_formats = names_of("cameras.calibration.calibration_formats.FORMATS")
 SystemFile = Annotated[Path, Argument(metavar="SYSTEM", help="Optics file: .toml.")]
 Distances = Annotated[
     list[float] | None,
@@ -25,7 +26,7 @@ MoreDistances = Annotated[
 Format = Annotated[
     str | None,
     Option(
-        metavar="FORMAT", names=completion.calibration_formats,
+        metavar="FORMAT", names=_formats,
         help="Format of FILE. Default: detected.",
     ),
 ]  # fmt: skip
@@ -72,7 +73,7 @@ class ConvertRequest:
     omnisim calibration convert --optics mirror.toml --to kalibr -o kalibr.yaml
     """
 
-    to: Annotated[str, Option(metavar="FORMAT", names=completion.calibration_formats)]
+    to: Annotated[str, Option(metavar="FORMAT", names=_formats)]
     """Format to write, one of `omnisim calibration formats`."""
     output: Path
     """Calibration file to write."""

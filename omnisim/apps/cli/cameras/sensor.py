@@ -22,21 +22,17 @@ def run(request: SensorRequest) -> None:
         return
     sensor = OmniCamera.from_file(request.check)
     out.print(f"{request.check}: good")
-    lines = _model_lines(sensor)
+    named = sensor.model.parameters().items()
+    lines = [f"  {key:22} {value}" for key, value in named]
+    if isinstance(sensor.model, HyperbolicCamera):
+        lines = _mirror_lines(sensor, sensor.model)
+    elif isinstance(sensor.model, NonCentralCamera):
+        lines = [line for key, value in named for line in _part_lines(key, value)]
     for name, values in sensor.degradation.tables().items():
         pairs = ", ".join(f"{key} = {value}" for key, value in values.items())
         lines.append(f"  {name:22} {pairs}")
     for line in lines:
         out.print(line)
-
-
-def _model_lines(sensor: OmniCamera) -> list[str]:
-    if isinstance(sensor.model, HyperbolicCamera):
-        return _mirror_lines(sensor, sensor.model)
-    named = sensor.model.parameters().items()
-    if isinstance(sensor.model, NonCentralCamera):
-        return [line for key, value in named for line in _part_lines(key, value)]
-    return [f"  {key:22} {value}" for key, value in named]
 
 
 def _part_lines(key: str, value: ParameterValue) -> Iterator[str]:

@@ -125,19 +125,6 @@ def _generate(request: GenerateRequest) -> None:
     )
     for notice in generation.prepared.notices():
         print_note(notice)
-    _run(request, generation)
-    manifest = generation.finish()
-    made, existing = len(generation.missing), len(generation.shards) - len(generation.missing)
-    before = f", {existing} of them there before" if existing else ""
-    total = generation.prepared.plan.shards
-    rest = "" if manifest else f"; others of the plan's {total} are missing"
-    size = f"; {manifest.size_bytes / 1e6:.1f} MB" if manifest else ""
-    redrawn = manifest.statistics.redrawn if manifest else 0
-    again = f"; {pluralize(redrawn, 'sample')} drawn again" if redrawn else ""
-    out.print(f"{request.output}: {pluralize(made + existing, 'shard')}{before}{size}{again}{rest}")
-
-
-def _run(request: GenerateRequest, generation: Generation) -> None:
     if request.engine == "ray":
         require_extra("ray", "omnisim generate --engine ray")
         from omnisim.datasets.generate.ray_engine import make_shards_on_ray
@@ -146,8 +133,7 @@ def _run(request: GenerateRequest, generation: Generation) -> None:
     else:
         steps = generation.run()
     each = generation.prepared.plan.images_per_shard
-    total = each * len(generation.missing)
-    done: dict[int, int] = {}  # samples by shard
+    total, done = each * len(generation.missing), dict[int, int]()  # samples, in all and by shard
 
     def state() -> str:
         whole = sum(count == each for count in done.values())
@@ -163,3 +149,12 @@ def _run(request: GenerateRequest, generation: Generation) -> None:
     except OmnisimError:
         generation.give_up()
         raise
+    manifest = generation.finish()
+    made, existing = len(generation.missing), len(generation.shards) - len(generation.missing)
+    before = f", {existing} of them there before" if existing else ""
+    planned = generation.prepared.plan.shards
+    rest = "" if manifest else f"; others of the plan's {planned} are missing"
+    size = f"; {manifest.size_bytes / 1e6:.1f} MB" if manifest else ""
+    redrawn = manifest.statistics.redrawn if manifest else 0
+    again = f"; {pluralize(redrawn, 'sample')} drawn again" if redrawn else ""
+    out.print(f"{request.output}: {pluralize(made + existing, 'shard')}{before}{size}{again}{rest}")

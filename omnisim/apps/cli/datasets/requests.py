@@ -3,10 +3,11 @@
 from pathlib import Path
 from typing import Annotated, ClassVar
 
-from omnisim.apps.cli import completion
+from omnisim.apps.cli.completion import names_of
 from omnisim.apps.cli.option_groups import DeviceOptions, EngineOptions
 from omnisim.apps.cli.options import Argument, Option, command, options
 
+_LAYOUTS = names_of("datasets.export.export.LAYOUTS")
 DataSet = Annotated[Path, Argument(metavar="DIR", help="Folder of a complete data set.")]
 
 
@@ -100,7 +101,7 @@ class DatasetConvertRequest:
     folder: DataSet
     output: Annotated[Path, Option(metavar="DIR")]
     """New folder for the converted data set."""
-    to: Annotated[str, Option(metavar="FORMAT", names=completion.data_set_layouts)] = "coco"
+    to: Annotated[str, Option(metavar="FORMAT", names=_LAYOUTS)] = "coco"
     """Layout: coco, with boxes and masks; yolo, with boxes; or kitti360, nerfstudio, colmap or
     colmap-binary, with poses and calibrations."""
     coco: CocoOptions

@@ -45,7 +45,14 @@ MAX_PIXELS = 1 << 26  # an EXR file of 1 GB
 
 def run(request: UnwarpRequest) -> None:
     """Unwarp one image, write it and print a summary with the share of masked pixels."""
-    _check_options(request)
+    for kind, names in (
+        ("perspective", ("pitch_deg", "field_of_view_deg")),
+        ("cylinder", ("elevation_deg",)),
+        ("birdseye", ("height_m", "extent_m")),
+    ):
+        if request.kind != kind:
+            reason = f"requires --to {kind}, got --to {request.kind}"
+            refuse_given(request, reason, *names, error=OpticsError)
     channel_format = parse_channel_format(request.channel_format, request.also or "")
     is_float = is_float_format(request.output)
     check_target(request.output)
@@ -119,18 +126,6 @@ def _channels(
     unwarp = ChannelUnwarping(taken.camera, view.camera, camera_from_view, taken.covered)
     unwarped = unwarp(channels, metadata.get("world_from_optical"))
     return {name: unwarped[name] for name in names}, stored.labels, unwarp.valid
-
-
-def _check_options(request: UnwarpRequest) -> None:
-    """Raise an error for options of other types of views, which would have no effect."""
-    for kind, names in (
-        ("perspective", ("pitch_deg", "field_of_view_deg")),
-        ("cylinder", ("elevation_deg",)),
-        ("birdseye", ("height_m", "extent_m")),
-    ):
-        if request.kind != kind:
-            reason = f"requires --to {kind}, got --to {request.kind}"
-            refuse_given(request, reason, *names, error=OpticsError)
 
 
 def _view(request: UnwarpRequest, taken: CapturedImage) -> View:

@@ -293,31 +293,18 @@ class ComparisonSummary:
         from omnisim.report.report import ResultTable
 
         columns = (
-            "up to px",
-            "corners",
-            "lost",
-            "bias along the radius",
-            "bias across it",
-            "RMS",
-            "edge rise",
-            "twin's",
-        )
-        rows = tuple(
-            (
-                f"{ring.radius_px:.0f}",
-                str(ring.corners),
-                str(ring.lost),
-                _number(ring.bias_px[0], "+z.3f"),
-                _number(ring.bias_px[1], "+z.3f"),
-                _number(ring.rms_px, ".3f"),
-                _number(ring.rise_px, ".2f"),
-                _number(ring.twin_rise_px, ".2f"),
-            )
-            for ring in self.comparison.rings
-        )
+            "up to px", "corners", "lost", "bias along the radius", "bias across it", "RMS",
+            "edge rise", "twin's",
+        )  # fmt: skip
+        rows = []
+        for ring in self.comparison.rings:
+            errors = (_number(one, "+.3f") for one in ring.bias_px)
+            rises = (_number(one, ".2f") for one in (ring.rise_px, ring.twin_rise_px))
+            counts = f"{ring.radius_px:.0f}", str(ring.corners), str(ring.lost)
+            rows.append((*counts, *errors, _number(ring.rms_px, ".3f"), *rises))
         limit = self.subject.max_offset_px
         caption = f"Rings of the image, px. Lost: more than {limit:g} px off, or not found."
-        return ResultTable(caption, columns, rows)
+        return ResultTable(caption, columns, tuple(rows))
 
 
 def _number(value: float, form: str) -> str:

@@ -7,7 +7,7 @@ import hashlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pydantic
 from pydantic import Field
@@ -33,21 +33,14 @@ from omnisim.core.files.parameters import Table, parse_table
 from omnisim.core.files.toml_file import read_tables
 from omnisim.measurement.inputs import without_topic
 
-
-class _Part(NamedTuple):
-    """Part of a plan: the command that measures it, and the class of its request."""
-
-    measure: Callable[[Any], None]
-    request: type
-
-
-# In this order: the timing needs the transfer function, the sharpness the camera model, too.
-_PARTS = {
-    "geometry": _Part(geometry, MeasureGeometryRequest),
-    "response": _Part(response, MeasureResponseRequest),
-    "timing": _Part(timing, MeasureTimingRequest),
-    "sharpness": _Part(sharpness, MeasureSharpnessRequest),
-    "noise": _Part(noise, MeasureNoiseRequest),
+# Commands that measure the parts of a plan, and their requests, in this order: the timing needs the
+# transfer function, the sharpness the camera model, too.
+_PARTS: dict[str, tuple[Callable[[Any], None], type]] = {
+    "geometry": (geometry, MeasureGeometryRequest),
+    "response": (response, MeasureResponseRequest),
+    "timing": (timing, MeasureTimingRequest),
+    "sharpness": (sharpness, MeasureSharpnessRequest),
+    "noise": (noise, MeasureNoiseRequest),
 }
 _COMPARE = "compare"
 _OWN = ("output", "sensor")  # which the plan's command sets
@@ -72,7 +65,7 @@ def plan(request: MeasurePlanRequest) -> bool:
     check_report_target(folder)
     tables = _read_plan(request.plan, request.output)
     digest, sensor = _digest("", {"sensor": request.sensor}), request.sensor
-    for name, part in _PARTS.items():
+    for name, (measure, request_of) in _PARTS.items():
         if name not in tables:
             continue
         digest = _digest(digest, tables[name])
@@ -81,7 +74,7 @@ def plan(request: MeasurePlanRequest) -> bool:
         else:
             out.print(name, style="bold")
             with _named(f"{request.plan}: {name}"):
-                part.measure(part.request(**tables[name], output=request.output, sensor=sensor))
+                measure(request_of(**tables[name], output=request.output, sensor=sensor))
             mark_inputs(request.output, name, digest)
         sensor = request.output
     if _COMPARE in tables:
@@ -119,7 +112,7 @@ def _read_plan(path: Path, output: Path) -> dict[str, dict[str, Any]]:
 
 def plan_schema() -> type[Table]:
     """Schema of a plan: a table for each part."""
-    kinds = {name: part.request for name, part in _PARTS.items()}
+    kinds = {name: request for name, (_, request) in _PARTS.items()}
     kinds[_COMPARE] = MeasureCompareRequest
     fields: dict[str, Any] = {name: (_schema(kind) | None, None) for name, kind in kinds.items()}
     return pydantic.create_model("Plan", __base__=Table, **fields)

@@ -202,14 +202,17 @@ def noise(request: MeasureNoiseRequest) -> None:
     shutter = degradation.setdefault("shutter", {})
     shutter.setdefault("exposure_s", measured.exposure_s)  # which the dark current needs
     tables = {**tables, "degradation": degradation}
-    write_measured(
-        "noise",
-        request,
-        tables,
-        measured.quantities,
-        measured.unobservable,
-        _noise_details(measured),
-    )
+    curve = measured.curve
+    details = {
+        "photon_transfer": {
+            "mean_dn": curve.means_dn.tolist(),
+            "variance_dn2": curve.variances_dn2.tolist(),
+            "used": curve.used.tolist(),
+        },
+        "defective_pixels": measured.defects[:, ::-1].tolist(),
+    }
+    numbers = measured.quantities, measured.unobservable
+    write_measured("noise", request, tables, *numbers, details)
     if len(measured.defects):
         out.print(f"{len(measured.defects)} defective pixels")
 
@@ -227,19 +230,6 @@ def _keys(measured: MeasuredNoise) -> dict[str, Any]:
     if measured.pattern is not None:  # which has both
         keys = {key: value for key, value in keys.items() if key not in ("prnu", "dsnu_e")}
     return {key: value for key, value in keys.items() if key != "pattern_seed"}
-
-
-def _noise_details(measured: MeasuredNoise) -> dict[str, Any]:
-    """Photon transfer curve and defective pixels for the report."""
-    curve = measured.curve
-    return {
-        "photon_transfer": {
-            "mean_dn": curve.means_dn.tolist(),
-            "variance_dn2": curve.variances_dn2.tolist(),
-            "used": curve.used.tolist(),
-        },
-        "defective_pixels": measured.defects[:, ::-1].tolist(),
-    }
 
 
 def timing(request: MeasureTimingRequest) -> None:
@@ -366,14 +356,14 @@ def sharpness(request: MeasureSharpnessRequest) -> None:
     )
     degradation = _with_sharpness(tables.get("degradation", {}), measured)
     tables = {**tables, **({"degradation": degradation} if degradation else {})}
-    write_measured(
-        "sharpness",
-        request,
-        tables,
-        measured.quantities,
-        measured.unobservable,
-        _sharpness_details(measured),
-    )
+    details = {
+        "size_px": measured.size_px,
+        "center_px": measured.center_px,
+        "edges": [_edge(edge) for edge in measured.edges],
+        "edges_left_out": {flaw.name.lower(): count for flaw, count in measured.flaws.items()},
+    }
+    numbers = measured.quantities, measured.unobservable
+    write_measured("sharpness", request, tables, *numbers, details)
     for flaw, count in measured.flaws.items():
         print_note(f"{count} edges left out: {flaw.value}")
     if camera is None:
@@ -427,16 +417,6 @@ def _with_sharpness(tables: dict[str, Any], measured: MeasuredSharpness) -> dict
             "blue_offsets_px": color.blue_offsets_px,
         }
     return result
-
-
-def _sharpness_details(measured: MeasuredSharpness) -> dict[str, Any]:
-    """Size, center, edges and the number of unusable edges for the report."""
-    return {
-        "size_px": measured.size_px,
-        "center_px": measured.center_px,
-        "edges": [_edge(edge) for edge in measured.edges],
-        "edges_left_out": {flaw.name.lower(): count for flaw, count in measured.flaws.items()},
-    }
 
 
 def _edge(edge: EdgeSharpness) -> dict[str, Any]:

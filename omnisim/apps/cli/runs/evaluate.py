@@ -16,7 +16,7 @@ from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.drive_sweep import PointResult, run_sweep
 from omnisim.evaluation.estimator_registry import COMMAND, ESTIMATORS, estimator_named
 from omnisim.evaluation.run_evaluation import Outcome, estimator_folder, evaluate_estimator
-from omnisim.evaluation.sweep_plan import SweepPlan, SweepPoint, find_plan, read_plan
+from omnisim.evaluation.sweep_plan import SweepPoint, find_plan, read_plan
 
 OUTCOMES = "outcomes.json"
 POINTS, DRIVES = "points.json", "drives"
@@ -100,7 +100,25 @@ def _sweep(request: EvaluateRequest, path: Path) -> None:
     if request.address is not None and request.engine != "ray":
         raise PlanError("--address: requires --engine ray")
     plan, points = read_plan(path)
-    results = _finished_points(request, plan, points)
+    place = {_key(point): index for index, point in enumerate(points)}
+    results: list[PointResult] = []
+    folder = request.output / DRIVES
+    if request.engine == "ray":
+        require_extra("ray", "omnisim evaluate --engine ray")
+        from omnisim.evaluation.ray_sweep import run_sweep_on_ray
+
+        steps = run_sweep_on_ray(plan, points, folder, request.address)
+    else:
+        steps = run_sweep(plan, points, folder, request.processes)
+
+    def state() -> str:
+        finished = f"{len(results)} of {pluralize(len(points), 'drive')} finished"
+        return f"{request.output}: {finished}: the same command resumes"
+
+    with resumable(state):
+        for result in track(steps, "Drives", len(points)):
+            results.append(result)  # noqa: PERF402 - `state` counts them
+    results.sort(key=lambda one: place[_key(one.point)])
     sections = sweep_sections(plan, results)
     text = (
         f"{plan.robot} in {plan.scene} along {plan.path}: "
@@ -128,31 +146,6 @@ def _sweep(request: EvaluateRequest, path: Path) -> None:
     for reason in dict.fromkeys(each.reason for one in results for each in one.outcomes):
         if reason:
             print_note(reason)
-
-
-def _finished_points(
-    request: EvaluateRequest, plan: SweepPlan, points: list[SweepPoint]
-) -> list[PointResult]:
-    """Results of all points, in the plan's order, with a bar of progress."""
-    place = {_key(point): index for index, point in enumerate(points)}
-    results: list[PointResult] = []
-    folder = request.output / DRIVES
-    if request.engine == "ray":
-        require_extra("ray", "omnisim evaluate --engine ray")
-        from omnisim.evaluation.ray_sweep import run_sweep_on_ray
-
-        steps = run_sweep_on_ray(plan, points, folder, request.address)
-    else:
-        steps = run_sweep(plan, points, folder, request.processes)
-
-    def state() -> str:
-        finished = f"{len(results)} of {pluralize(len(points), 'drive')} finished"
-        return f"{request.output}: {finished}: the same command resumes"
-
-    with resumable(state):
-        for result in track(steps, "Drives", len(points)):
-            results.append(result)  # noqa: PERF402 - `state` counts them
-    return sorted(results, key=lambda one: place[_key(one.point)])
 
 
 def _key(point: SweepPoint) -> tuple[int | None, str, int]:

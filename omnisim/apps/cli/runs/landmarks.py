@@ -14,7 +14,6 @@ from omnisim.core.files.atomic_file import check_suffix, check_target
 from omnisim.perception.landmarks.color_model import (
     MODEL_SUFFIX,
     Costs,
-    Training,
     load_model,
     save_model,
 )
@@ -51,24 +50,16 @@ def train(request: TrainRequest) -> None:
     save_model(request.output, trained.model, run.landmarks)
     colors, images = len(trained.model.colors), pluralize(trained.images, "image")
     out.print(f"{request.output}: {colors} colors from {images}")
-    for line in _color_lines(trained):
-        out.print(line)
-
-
-def _color_lines(trained: Training) -> list[str]:
-    """Summary lines with the pixels, threshold and rates of each color."""
-    model, lines = trained.model, []
-    for name, theta, curve, counts in zip(
-        model.colors, model.thresholds, trained.curves, model.counts[1:], strict=True
-    ):
+    model = trained.model
+    rows = zip(model.colors, model.thresholds, trained.curves, model.counts[1:], strict=True)
+    for name, theta, curve, counts in rows:
         chosen = int(np.searchsorted(-curve.thresholds, -theta, side="right")) - 1
         hits = curve.true_positives[chosen] if chosen >= 0 else 0.0
         alarms = curve.false_positives[chosen] if chosen >= 0 else 0.0
-        lines.append(
+        out.print(
             f"  {name}: {int(counts.sum())} pixels, Θ = {theta:.4g}: finds {100.0 * hits:.1f} % of "
             f"its pixels and {100.0 * alarms:.2g} % of others; area under ROC {curve.area:.4f}"
         )
-    return lines
 
 
 def detect(request: DetectRequest) -> None:

@@ -32,7 +32,11 @@ def plot(request: PlotRequest) -> None:
         name, done = recorded.path.name if len(runs) > 1 else "", recorded.steps_done()
         truth = read_trajectory(recorded.path / GROUND_TRUTH)
         recorded.check_steps(GROUND_TRUTH, len(truth))
-        reckoned = _dead_reckoned(recorded)
+        reckoned = None
+        if not recorded.manifest.is_rig:  # which has no wheels
+            odometry = read_odometry(recorded.path / ODOMETRY)
+            reckoned = odometry.dead_reckoned().positions_m[:, :2]
+            recorded.check_steps(ODOMETRY, len(reckoned))
         if notice := recorded.unfinished():
             print_note(notice)
         images = {}
@@ -52,15 +56,6 @@ def plot(request: PlotRequest) -> None:
     scene = _scene(runs[0], request.scene)
     write_plot(target, run_figure("\n".join(titles), scene, drawings, others))
     out.print(f"{target}: {', '.join(steps)}")
-
-
-def _dead_reckoned(run: RunFolder) -> NDArray[np.float64] | None:
-    """Dead-reckoned positions (n, 2) from the wheels; None for a rig, which has no wheels."""
-    if run.manifest.is_rig:
-        return None
-    positions_m = read_odometry(run.path / ODOMETRY).dead_reckoned().positions_m[:, :2]
-    run.check_steps(ODOMETRY, len(positions_m))
-    return positions_m
 
 
 def _title(

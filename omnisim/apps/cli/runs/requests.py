@@ -24,6 +24,7 @@ from omnisim.apps.cli.option_groups import (
 from omnisim.apps.cli.options import OWN, Argument, Option, command, of, options
 from omnisim.evaluation.estimator_registry import ESTIMATORS
 
+_FORMATS = completion.names_of("datasets.export.export.FORMATS")
 _COSTS = "perception.landmarks.color_model.Costs"
 
 
@@ -213,7 +214,12 @@ class ExportRequest:
 
     run: RunFolder
     format: Annotated[
-        str, Option(flags=("--to",), metavar="FORMAT", names=completion.export_formats)
+        str,
+        Option(
+            flags=("--to",),
+            metavar="FORMAT",
+            names=_FORMATS,
+        ),
     ]
     """Format: {names}."""
     output: Annotated[Path, Option(metavar="DIR")]

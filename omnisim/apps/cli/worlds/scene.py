@@ -225,23 +225,16 @@ def _name_width(widths: list[int]) -> int:
 def _row(one: dict[str, Any]) -> tuple[str, ...]:
     """Table cells of an instance."""
     low, high = np.array(one["min_m"]), np.array(one["max_m"])
+    sizes = [f"{width}×{height}" for width, height in one["textures_px"]]
     return (
         printable(one["name"]),
         printable(one["class_name"]),
         f"{one['triangles']:,}",
         "×".join(number_text(size, 3) for size in high - low),
         " ".join(number_text(value, 3) for value in 0.5 * (low + high)),
-        _textures(one["textures_px"]),
+        " ".join([*sizes[:1], *([f"+{len(sizes) - 1}"] if len(sizes) > 1 else [])]),
         " ".join(one["reflections"]),
     )
-
-
-def _textures(sizes_px: list[tuple[int, int]]) -> str:
-    """Size of the first texture, and the number of the other ones."""
-    if not sizes_px:
-        return ""
-    width, height = sizes_px[0]
-    return f"{width}×{height}" + (f" +{len(sizes_px) - 1}" if len(sizes_px) > 1 else "")
 
 
 def _point(values: Any, decimals: int) -> str:
