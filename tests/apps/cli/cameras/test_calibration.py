@@ -275,7 +275,7 @@ def test_show_has_one_end_of_the_field(omnisim):
             "lens.heigth_px: unknown key; did you mean 'height_px'",
         ),
         ('model = "eucm"\ncamera = "cam0"', r"lens\.camera: is a name in a calibration file"),
-        ("", r"lens: model: missing; expected it, or calibration"),
+        ("", r"lens.model: missing; expected it, or calibration"),
     ],
 )
 def test_sensor_files_that_name_no_calibration(tmp_path, text, message):
