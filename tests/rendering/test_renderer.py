@@ -259,9 +259,9 @@ def test_blended_surfaces_write_no_depth():
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"near_m": 0.0}, "near_m: expected more than 0 and less than far_m"),
-        ({"near_m": float("nan")}, "near_m: expected more than 0 and less than far_m"),
-        ({"near_m": 2.0, "far_m": 1.0}, "near_m: expected more than 0 and less than far_m"),
+        ({"near_m": 0.0}, "near_m: expected a number > 0, got 0"),
+        ({"near_m": float("nan")}, "near_m: expected a finite number, got nan"),
+        ({"near_m": 2.0, "far_m": 1.0}, "far_m: expected more than near_m = 2, got 1"),
         ({"face_size_px": 0}, "face_size_px: expected at least 1, or None, got 0"),
         ({"samples": 3}, "samples: expected 1, 2, 4 or 8, got 3"),
         ({"polygons": "exact"}, "polygons: expected a whole number, 'auto' or None, got 'exact'"),
@@ -408,13 +408,13 @@ def test_supersampling_is_the_mean_of_a_finer_image(polygons):
 
 @pytest.mark.parametrize("supersampling", [0, 9, 1.5])
 def test_supersampling_has_bounds(supersampling):
-    with pytest.raises(OpticsError, match="expected 1 to 8"):
+    with pytest.raises(OpticsError, match=r"supersampling: expected a (whole )?number"):
         OmniCamera(supersampling=supersampling)
 
 
 @pytest.mark.parametrize("texels_per_pixel", [0.0, 9.0, float("nan")])
 def test_texels_per_pixel_have_bounds(texels_per_pixel):
-    with pytest.raises(OpticsError, match=r"texels_per_pixel: expected 0.25 to 8"):
+    with pytest.raises(OpticsError, match=r"texels_per_pixel: expected a (finite )?number"):
         OmniCamera(texels_per_pixel=texels_per_pixel)
 
 
