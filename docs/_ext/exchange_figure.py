@@ -6,8 +6,8 @@ import textwrap
 
 from figure_style import box, path, svg, text
 from omnisim.cameras.calibration import FORMATS as CALIBRATIONS
-from omnisim.datasets.export.export import FORMATS as EXPORTS
-from omnisim.datasets.export.export import LAYOUTS
+from omnisim.datasets.export.export_formats import FORMATS as EXPORTS
+from omnisim.datasets.export.export_formats import LAYOUTS
 
 # Suffixes of worlds; trimesh reads more of them.
 WORLDS = (

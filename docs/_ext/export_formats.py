@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from omnisim.datasets.export.export import FORMATS
+from omnisim.datasets.export.export_formats import FORMATS
 
 
 def export_formats() -> str:

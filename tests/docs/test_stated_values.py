@@ -12,8 +12,8 @@ from omnisim.cameras.calibration.calibrated_camera import MAX_GAP_M, MAX_GAP_RAD
 from omnisim.cameras.mirrors.hyperbolic_mirror import DEFAULT_RIM_RAD, PAPER_METERS_PER_UNIT
 from omnisim.cameras.mirrors.tessellation import MAX_POLYGONS
 from omnisim.core.package_files import preset_names
-from omnisim.datasets.export.export import FORMATS as EXPORTS
-from omnisim.datasets.export.export import LAYOUTS
+from omnisim.datasets.export.export_formats import FORMATS as EXPORTS
+from omnisim.datasets.export.export_formats import LAYOUTS
 from omnisim.datasets.export.ros2 import bag_format
 from omnisim.datasets.generate.plan_vary import VaryTable
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX

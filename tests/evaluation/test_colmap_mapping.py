@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from omnisim.core.poses import inverse
-from omnisim.datasets.export.export import for_format, format_named
+from omnisim.datasets.export.export import for_format
 from omnisim.datasets.export.export_format import ExportSettings
+from omnisim.datasets.export.export_formats import format_named
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimators.camera_center import camera_center_from_base
 from omnisim.evaluation.estimators.colmap_mapping import _trajectory

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from omnisim.core.errors import EstimatorError
 from omnisim.core.poses import inverse
 from omnisim.core.trajectories import Trajectory
-from omnisim.datasets.export.export import for_format, format_named
+from omnisim.datasets.export.export import for_format
 from omnisim.datasets.export.export_format import ExportSettings
+from omnisim.datasets.export.export_formats import format_named
 from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimator import Estimator

@@ -17,8 +17,9 @@ from omnisim.core.files.image_files import read_image
 from omnisim.core.poses import pose
 from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.odometry import OdometryErrors
-from omnisim.datasets.export.export import FORMATS, export_run, format_named
+from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.export_format import ExportSettings
+from omnisim.datasets.export.export_formats import FORMATS, format_named
 from omnisim.datasets.export.recorded_camera import RecordedCamera
 from omnisim.datasets.export.recording import Recording
 from omnisim.rendering.camera.omnicamera import OmniCamera

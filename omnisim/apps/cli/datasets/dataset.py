@@ -18,7 +18,7 @@ from omnisim.core.files.atomic_file import check_distinct, check_target
 from omnisim.core.files.image_files import write_image
 from omnisim.datasets.coco_folder import CocoSettings, write_coco
 from omnisim.datasets.dataset_manifest import MANIFEST, check_hashes, read_manifest
-from omnisim.datasets.export.export import LAYOUTS
+from omnisim.datasets.export.export_formats import LAYOUTS
 from omnisim.datasets.generate.samples import Shards
 from omnisim.datasets.recorded_runs import write_recordings
 from omnisim.ground_truth.coco import BoxLimits

@@ -7,7 +7,7 @@ from omnisim.apps.cli.completion import names_of
 from omnisim.apps.cli.option_groups import DeviceOptions, EngineOptions
 from omnisim.apps.cli.options import Argument, Option, command, options
 
-_LAYOUTS = names_of("datasets.export.export.LAYOUTS")
+_LAYOUTS = names_of("datasets.export.export_formats.LAYOUTS")
 DataSet = Annotated[Path, Argument(metavar="DIR", help="Folder of a complete data set.")]
 
 

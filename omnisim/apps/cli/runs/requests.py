@@ -24,7 +24,7 @@ from omnisim.apps.cli.option_groups import (
 from omnisim.apps.cli.options import OWN, Argument, Option, command, of, options
 from omnisim.evaluation.estimator_registry import ESTIMATORS
 
-_FORMATS = completion.names_of("datasets.export.export.FORMATS")
+_FORMATS = completion.names_of("datasets.export.export_formats.FORMATS")
 _COSTS = "perception.landmarks.color_model.Costs"
 
 

@@ -1,0 +1,101 @@
+"""Registry of export formats; each is imported when it is used."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, NamedTuple
+
+from omnisim.core.errors import OutputError, did_you_mean
+
+if TYPE_CHECKING:  # slow to import
+    from omnisim.datasets.export.export_format import ExportFormat
+
+
+class FormatEntry(NamedTuple):
+    """Location of a format's class, and its description before it is imported.
+
+    Attributes:
+        title: contents and readers, for lists.
+        module: module below `omnisim.datasets.export`.
+        class_name: class in the module.
+        extra: required extra; None: no extra.
+        takes_samples: True: also exports data sets, whose samples become steps of a recording.
+    """
+
+    title: str
+    module: str
+    class_name: str
+    extra: str | None = None
+    takes_samples: bool = False
+
+
+FORMATS = {
+    "ros2-mcap": FormatEntry(
+        "ROS 2 bag in an MCAP file: ROS 2, Foxglove, Rerun", "ros2.bag_format", "Ros2Mcap", "ros"
+    ),
+    "ros2-sqlite": FormatEntry(
+        "ROS 2 bag in an SQLite file: ROS 2 before Iron", "ros2.bag_format", "Ros2Sqlite", "ros"
+    ),
+    "kitti": FormatEntry(
+        "KITTI odometry: pinholes, deskewed point clouds, poses", "formats.kitti", "Kitti"
+    ),
+    "kitti360": FormatEntry(
+        "KITTI-360: fisheyes, pinholes, lidar, poses",
+        "formats.kitti360",
+        "Kitti360",
+        takes_samples=True,
+    ),
+    "tum": FormatEntry("TUM RGB-D: images, depths of a pinhole, poses", "formats.tum", "Tum"),
+    "euroc": FormatEntry(
+        "EuRoC MAV and TUM VI: cameras, IMU, true states", "formats.euroc", "Euroc"
+    ),
+    "nerfstudio": FormatEntry(
+        "nerfstudio: transforms.json, images, points",
+        "formats.nerfstudio",
+        "Nerfstudio",
+        takes_samples=True,
+    ),
+    "colmap": FormatEntry(
+        "COLMAP: reconstruction as text, images, points",
+        "formats.colmap",
+        "Colmap",
+        takes_samples=True,
+    ),
+    "colmap-binary": FormatEntry(
+        "COLMAP: reconstruction in binary files, images, points",
+        "formats.colmap",
+        "ColmapBinary",
+        takes_samples=True,
+    ),
+    "tartanair": FormatEntry(
+        "TartanAir V2: images, depths, classes, poses", "formats.tartanair", "Tartanair"
+    ),
+}
+LAYOUTS = (
+    "coco",
+    "yolo",
+    *(name for name, entry in FORMATS.items() if entry.takes_samples),
+)  # of data sets
+
+
+def check_format(name: str) -> str:
+    """Check the name of a format, and return it.
+
+    Raises:
+        OutputError: there is no such format.
+    """
+    if name not in FORMATS:
+        raise OutputError(f"--to {name}: {did_you_mean(name.lower(), FORMATS)}")
+    return name
+
+
+def format_named(name: str) -> ExportFormat:
+    """Import a format by its name, and create it.
+
+    Raises:
+        OutputError: there is no such format.
+    """
+    entry = FORMATS[check_format(name)]
+    module = import_module(f"omnisim.datasets.export.{entry.module}")
+    made: ExportFormat = getattr(module, entry.class_name)()
+    return made
