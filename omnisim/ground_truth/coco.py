@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy  # loads its submodules on first use
 from numpy.typing import NDArray
 
 from omnisim.core.files.atomic_file import write_text
@@ -166,9 +165,11 @@ def polygons_of_mask(mask: NDArray[np.bool_]) -> list[list[float]]:
     Args:
         mask: (height, width) mask.
     """
-    regions, count = scipy.ndimage.label(mask)
+    from scipy import ndimage  # slow to import, and seldom needed
+
+    regions, count = ndimage.label(mask)
     polygons: list[list[float]] = []
-    for region, (rows, columns) in enumerate(scipy.ndimage.find_objects(regions), start=1):
+    for region, (rows, columns) in enumerate(ndimage.find_objects(regions), start=1):
         outer, *holes = _loops(regions[rows, columns] == region)
         start = outer[:1] if holes else []
         outer += start

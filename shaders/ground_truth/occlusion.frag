@@ -8,6 +8,12 @@ const vec3 ray_origin = vec3(0.0);
 #include "ground_truth/intersect.glsl"
 #include "ground_truth/occluding.glsl"
 
+#ifdef PARTS
+bool is_of_another_part(vec3 ray) { return !is_drawn(ray); }
+#else
+bool is_of_another_part(vec3 ray) { return false; }
+#endif
+
 void main() {
     uvec2 primitive;
     vec3 point;
@@ -15,9 +21,7 @@ void main() {
     if (!point_of(ivec2(gl_FragCoord.xy), primitive, point)) return;
     float range = primitive.x != 0u ? length(point) : INFINITE;
     vec3 ray = normalize(point);
-#ifdef PARTS
-    if (!is_drawn(u_rig_from_viewpoint * ray)) discard;
-#endif
+    if (is_of_another_part(u_rig_from_viewpoint * ray)) discard;
     vec3 texel = texel_of_ray(u_rig_from_viewpoint * ray);
     out_occluded = occluded(texel, ray, primitive, (1.0 - NEARER) * range) ? 1u : 0u;
 }

@@ -62,6 +62,8 @@ def check_new_folder(path: Path) -> None:
             raise OutputError(f"{path}: expected the name of a new folder")
         _check_target(path)
     except OSError as reason:  # the name is too long, or permission is missing
+        if reason.filename is None:  # the working directory no longer exists
+            raise
         raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
 
 
@@ -168,4 +170,5 @@ def _check_target(path: Path) -> None:
         trial.touch()
         trial.unlink()
     except OSError:
+        Path.cwd()  # if it no longer exists, that is the fault
         raise OutputError(f"{path}: the folder {folder} cannot be written to") from None

@@ -6,12 +6,10 @@ import shutil
 from pathlib import Path
 
 import pytest
-import typer.main
 
-from omnisim.apps.cli.app import app
-from omnisim.apps.cli.command import Command
-from omnisim.apps.cli.options import Argument, request_fields
+from omnisim.apps.cli.options import ENTRIES
 from omnisim.apps.doctor import OK, Result
+from tests.apps.cli import test_usage_errors  # noqa: F401 - imports the requests of all commands
 from tests.apps.cli.measure.conftest import write_series
 from tests.datasets.plans import write_plan
 
@@ -35,6 +33,7 @@ scene convert rings -o N/s.glb
 robot import robot.ini -o N/r.toml
 drive soccer --robot superscout --path path.csv --size 64 --quality fast --step 1 -o N/run
 drive soccer --robot superscout --path path.csv --size 64 --step 1 --also semantic,instance -o run
+record rings --trajectory poses.tum --size 32 --quality fast -o N/rig
 plot run -o N/p.png
 video run -o N/v.mp4
 export run --to tum -o N/tum
@@ -64,17 +63,11 @@ WRITTEN = re.compile(
 
 def _outputs():
     """Commands with each of their options that names a file or a folder to write."""
-    groups = [typer.main.get_command(app)]
-    while groups:
-        for command in groups.pop().commands.values():
-            if not isinstance(command, Command):
-                groups.append(command)
-            elif command._request:
-                for field in request_fields(command._request):
-                    if isinstance(field.details, Argument):
-                        continue
-                    if Path in field.kinds and WRITTEN.search(" ".join(field.text.split())):
-                        yield command._path, field.flags
+    for path, entry in ENTRIES.items():
+        for field in entry.fields:
+            is_path = Path in field.kinds and not field.is_argument
+            if is_path and WRITTEN.search(" ".join(field.text.split())):
+                yield path, field.flags
 
 
 @pytest.fixture
@@ -82,6 +75,7 @@ def inputs(tmp_path):
     shutil.copy(EXAMPLES / "optics" / "sphere.toml", tmp_path / "ball.toml")
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     (tmp_path / "path.csv").write_text("x_m,y_m\n0,0\n2,0\n")
+    (tmp_path / "poses.tum").write_text("0 0 0 1 0 0 0 1\n1 0.1 0 1 0 0 0 1\n")
     write_plan(tmp_path, images_per_shard=1, shards=1, channels=["range", "instance", "semantic"])
     write_series(tmp_path / "series", lambda light: light**0.5)
     sample = Path(__file__).parents[2] / "robots" / "importers" / "usarsim" / "sample.ini"
