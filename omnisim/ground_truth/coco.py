@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy  # loads its submodules on first use
 from numpy.typing import NDArray
 
 from omnisim.core.files.atomic_file import write_text
@@ -166,6 +165,8 @@ def polygons_of_mask(mask: NDArray[np.bool_]) -> list[list[float]]:
     Args:
         mask: (height, width) mask.
     """
+    import scipy  # images without masks need none of it
+
     regions, count = scipy.ndimage.label(mask)
     polygons: list[list[float]] = []
     for region, (rows, columns) in enumerate(scipy.ndimage.find_objects(regions), start=1):
