@@ -129,7 +129,10 @@ def main() -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("always", NoticeWarning)
             _print_notices()
-            _run(sys.argv[1:])
+            if asked := os.environ.get(COMPLETE):
+                sys.exit(shell_complete(app, {}, "omnisim", COMPLETE, asked))
+            with app.make_context("omnisim", sys.argv[1:]) as ctx:
+                app.invoke(ctx)
     except click.exceptions.Exit as stopped:
         sys.exit(stopped.exit_code)
     except click.UsageError as error:
@@ -144,14 +147,6 @@ def main() -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # else flushing at exit fails again
         _fail(f"standard output: cannot be written: {error.strerror}")
     sys.exit()
-
-
-def _run(words: list[str]) -> None:
-    """Complete a command line, or run it."""
-    if asked := os.environ.get(COMPLETE):
-        sys.exit(shell_complete(app, {}, "omnisim", COMPLETE, asked))
-    with app.make_context("omnisim", words) as ctx:
-        app.invoke(ctx)
 
 
 def _print_notices() -> None:

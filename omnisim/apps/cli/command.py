@@ -64,14 +64,16 @@ class Command(click.Command):
         """
         if ctx.resilient_parsing:  # for completion
             return super().parse_args(ctx, args)
-        line = _CommandLine(self.entry, args)
+        line, words = _CommandLine(self.entry, args), tuple(args)  # click takes words away
         line.check_words()
         try:
             rest = super().parse_args(ctx, args)
         except click.NoSuchOption as error:
             raise line.unknown(error.option_name) from None
         except click.BadOptionUsage as error:
-            raise line.attached(error.option_name) from None
+            value = next(word for word in words if word.startswith(f"{error.option_name}="))
+            expected = f"expected no value, got {value.partition('=')[2]!r}"
+            raise CommandLineError(f"{error.option_name}: {expected}") from None
         given = {
             name: words
             for name, words in ctx.params.items()
@@ -305,11 +307,6 @@ class _CommandLine:
         if other := self._entry.elsewhere.get(option):
             return CommandLineError(f"{option}: {self._path} has no such option; {other} has it")
         return unknown(word, "option", self._path, (*self._by_flag, *HELP_FLAGS))
-
-    def attached(self, option: str) -> CommandLineError:
-        """Error for a flag with a value."""
-        value = next(word for word in self._words if word.startswith(f"{option}="))
-        return CommandLineError(f"{option}: expected no value, got {value.partition('=')[2]!r}")
 
     def _excess(self, word: str) -> CommandLineError:
         """Error for a word that neither an option nor an argument takes."""

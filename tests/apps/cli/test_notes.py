@@ -25,11 +25,11 @@ PAIRS = {
         "--sensor good.toml",
     ),
     "the frame of poses": (
-        f"render rings --trajectory timed.tum -o run {IMAGE}", "--trajectory-frame says otherwise",
+        f"record rings --trajectory timed.tum -o run {IMAGE}", "--trajectory-frame says otherwise",
         "--trajectory-frame camera",
     ),
     "the rate of poses": (
-        f"render rings --trajectory poses.kitti -o run {IMAGE} --trajectory-frame camera",
+        f"record rings --trajectory poses.kitti -o run {IMAGE} --trajectory-frame camera",
         "--rate says otherwise", "--rate 2",
     ),
     "axes of poses": (
@@ -98,7 +98,7 @@ max_turn_acceleration_degps2 = 90.0
 def test_a_note_is_one_line_and_quiet_where_a_key_confirms(omnisim, inputs, needs_opengl, name):
     command, words, key = PAIRS[name]
     if "recorded" in command:
-        omnisim(*shlex.split(f"render rings --trajectory timed.tum -o recorded {IMAGE}"))
+        omnisim(*shlex.split(f"record rings --trajectory timed.tum -o recorded {IMAGE}"))
     status, _, notes = omnisim(*shlex.split(command))
     assert status == 0, notes
     found = [line for line in notes.splitlines() if words in line]

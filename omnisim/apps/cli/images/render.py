@@ -98,7 +98,14 @@ def run(request: RenderRequest) -> None:
         seed=request.motion.seed,
         backend=backend,
     ) as renderer:
-        _note_viewpoint(request.world.scene, scene, camera, renderer.camera, base)
+        if renderer.camera.near_m < camera.near_m:
+            print_note(
+                f"{request.world.scene}: is small: the near plane is at "
+                f"{renderer.camera.near_m:.3g} m instead of {camera.near_m:g} m "
+                "(virtual_cameras.near_m of a sensor file)"
+            )
+        for note in viewpoint_notes(scene, camera, base):
+            print_note(f"{request.world.scene}: {note}")
         if not request.light.unlit:
             note_lighting(request.world.scene, scene, backend, [camera])
         states = {
@@ -139,18 +146,6 @@ def run(request: RenderRequest) -> None:
                 f"{sidecar_path(request.output, 'range.png')}: {1000 / steps_per_m:g} mm per step "
                 "instead of 1, to hold ranges beyond 65.534 m"
             )
-
-
-def _note_viewpoint(
-    name: str, scene: Scene, camera: OmniCamera, rendered: OmniCamera, base: NDArray[np.float64]
-) -> None:
-    if rendered.near_m < camera.near_m:
-        print_note(
-            f"{name}: is small: the near plane is at {rendered.near_m:.3g} m instead of "
-            f"{camera.near_m:g} m (virtual_cameras.near_m of a sensor file)"
-        )
-    for note in viewpoint_notes(scene, camera, base):
-        print_note(f"{name}: {note}")
 
 
 def _of_file(request: RenderRequest, scene: Scene) -> OmniCamera | None:
