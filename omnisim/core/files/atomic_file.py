@@ -62,8 +62,6 @@ def check_new_folder(path: Path) -> None:
             raise OutputError(f"{path}: expected the name of a new folder")
         _check_target(path)
     except OSError as reason:  # the name is too long, or permission is missing
-        if reason.filename is None:  # the working directory no longer exists
-            raise
         raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
 
 
@@ -92,6 +90,8 @@ def check_target(path: Path) -> None:
     try:
         _check_target(path)
     except OSError as reason:  # the name is too long, or permission is missing
+        if reason.filename is None:  # the working directory no longer exists
+            raise
         raise OutputError(f"{path}: cannot be written: {reason.strerror}") from None
 
 
