@@ -17,7 +17,7 @@ from omnisim.core.version import __version__
 if TYPE_CHECKING:  # OpenGL may be missing
     from omnisim.rendering.opengl.gl.context import GraphicsInfo
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = (
     "moderngl", "numpy", "trimesh", "OpenImageIO", "embreex", "pyrender", "mitsuba",
     "opencv-contrib-python-headless",

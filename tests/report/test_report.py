@@ -7,6 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from omnisim.core.errors import OutputError
+from omnisim.report import machine
 from omnisim.report.measure import Measure
 from omnisim.report.report import (
     CaptionedFigure,
@@ -97,3 +98,7 @@ def test_what_was_not_measured_neither_passes_nor_fails(tmp_path, value):
     assert "missed" not in page
     (_, written) = json.loads((tmp_path / "report.json").read_text())["sections"][0]["measures"]
     assert (written["passed"], written["unmeasured"]) == (None, "no noise in the file")
+
+
+def test_commits_are_looked_up_in_the_checkout():
+    assert (machine.ROOT / "pyproject.toml").is_file()
