@@ -140,7 +140,7 @@ def test_the_card_counts_all_pixels(made):
         (("generate", "PLAN", "-o", "NEW", "--shards", "2"), "--shards: expected some of 0:2"),
         (("generate", "PLAN", "-o", "NEW", "--shards", "a"), "--shards: expected FROM:TO or"),
         (("generate", "PLAN", "-o", "NEW", "--shards", "1:1"), "expected FROM less than TO"),
-        (("generate", "PLAN", "-o", "NEW", "--engine", "rya"), "--engine: expected one of local, ray, got rya; did you mean"),
+        (("generate", "PLAN", "-o", "NEW", "--engine", "rya"), "got rya; did you mean"),
         (("generate", "PLAN", "-o", "NEW", "--address", "a"), "--address: requires --engine ray"),
         (("generate", "PLAN", "--check", "--estimate"), "expected one of them"),
         (("generate", "PLAN", "--preview", "4", "-o", "NEW"), "-o: expected a .png or .jpg"),

@@ -153,7 +153,7 @@ def _seeing():
     place = {"position_m": [0.0, 0.0, 0.1]}
     imu = {"name": "imu", "type": "imu", "device": "ideal", **place}
     sonar = {"name": "sonar", "type": "usarsim_sonar", **place}
-    return dataclasses.replace(robot(), sensors=(imu, sonar))
+    return robot().model_copy(update={"sensors": (imu, sonar)})
 
 
 def test_the_imu_feels_gravity_and_the_motion_of_the_simulation(tmp_path, needs_opengl):
