@@ -157,12 +157,12 @@ def test_a_turned_image_is_found_out(fixture, monkeypatch):
 @pytest.mark.parametrize(
     ("key", "written", "bent"),
     [
-        ("markers", "gl_FragCoord.xy - 0.5, ray", "gl_FragCoord.xy, ray"),
+        ("markers", "gl_FragCoord.xy - 0.5 + u_first_px", "gl_FragCoord.xy + u_first_px"),
         ("markers", "sample_at(pixel, ivec2(column, row))", "sample_at(pixel, ivec2(column, 0))"),
         pytest.param(
             "polygons",
-            "pixel_times_depth + 0.5 * seen.z",
-            "pixel_times_depth",
+            "pixel_times_depth + (0.5 - u_first_px) * seen.z",
+            "pixel_times_depth - u_first_px * seen.z",
             marks=pytest.mark.slow,
         ),
         pytest.param(
