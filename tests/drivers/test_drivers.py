@@ -81,7 +81,8 @@ def test_every_shader_is_compiled(shaders):
     asked = re.compile(r"#ifn?def (\w+)|defined\((\w+)\)")
     names = {a or b for text in texts.values() for a, b in asked.findall(text)}
     defined = set(re.findall(r"#define (\w+)", "\n".join(sources)))
-    assert names <= defined
+    # images in parts are larger than any case; tests/rendering/test_images_in_parts.py draws them
+    assert names - {"PARTS"} <= defined
 
 
 def test_the_reference_compiler_takes_every_shader(shaders):
