@@ -1,1 +1,1 @@
-"""Figures and videos of results."""
+"""Pictures of results: figures, contact sheets, maps and videos."""

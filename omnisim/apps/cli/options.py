@@ -67,6 +67,9 @@ _EXAMPLES = {  # by the placeholder of a value
     "body|camera|NAME": "body", "srgb|GAMMA": "srgb",
 }  # fmt: skip
 
+# Suffixes of examples, where the help does not state one, by the first words of the help.
+_SUFFIXES = {"Calibration": ".yaml", "JSON": ".json", "Optics": ".toml", "Sensor": ".toml"}
+
 
 class CommandLineError(OmnisimError):
     """A command line has an unknown word, or an option has an impossible value."""
@@ -249,11 +252,12 @@ class RequestField:
             return f"{default or max(low, min(float(self._unit[2]), high)):g}"
         if isinstance(self.default, str) and self.default:
             return self.default
-        suffix = re.search(r"\.[a-z]\w+", self.text)
         if kind is Path and metavar == "DIR":
             return "folder"
+        stated = re.search(r"\.[a-z]\w+", self.text)
+        suffix = stated[0] if stated else _SUFFIXES.get(self.text.partition(" file")[0], "")
         if kind is Path or suffix:
-            return f"{self.name.removesuffix('_file')}{suffix[0] if suffix else ''}"
+            return f"{self.name.removesuffix('_file')}{suffix}"
         return next(iter(details.names()), "") if details.names else ""
 
     @property

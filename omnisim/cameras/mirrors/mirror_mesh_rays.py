@@ -16,8 +16,17 @@ from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
 def mesh_rays(camera: HyperbolicCamera, mesh: MirrorMesh, pixels_px: NDArray[np.float64]) -> Rays:
     """Rays of pixels (..., 2) through the points of the flat polygons that they see.
 
-    They are unit directions in the optical frame, valid inside the rim; beyond it, the planes of
-    the polygons at the rim go on. Source: section 2.3 of the paper.
+    Beyond the mesh's rim, pixels see the planes of its outermost polygons, and are invalid.
+
+    Args:
+        camera: camera that looks at the mirror.
+        mesh: mesh of its mirror.
+        pixels_px: (..., 2) pixels.
+
+    Returns:
+        Unit directions (..., 3) in the optical frame, and their validity (...,).
+
+    Source: section 2.3 of the paper.
     """
     offsets = (pixels_px - camera.principal_point_px) / camera.focal_length_px
     seen = np.concatenate((offsets, np.ones((*offsets.shape[:-1], 1))), axis=-1)

@@ -112,7 +112,7 @@ class MeasureResponseRequest:
     """Folder of images of a still scene, with one folder per exposure, such as 2.5ms."""
     output: Path
     """Sensor file to write: .toml; a report is written beside it."""
-    flat: Path | None = None
+    flat: Annotated[Path | None, Option(metavar="DIR")] = None
     """Folder of images of an evenly lit surface, for the vignetting. Default: none: no
     vignetting."""
     black: Annotated[float, Option(metavar="LEVEL", ge=0.0, le=65535.0)] = 0.0

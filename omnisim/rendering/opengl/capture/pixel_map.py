@@ -127,8 +127,8 @@ class PixelMap:
     ) -> NDArray[np.float32]:
         """Pixels that NumPy finds to have a ray and the GPU does not, or the other way round.
 
-        Valid pixels are connected: the search begins at their edges as drawn, and goes on around
-        each difference.
+        The search begins at the edges of what is drawn. Around each difference it continues, since
+        the differing pixels are connected.
 
         Args:
             drawn: (height, width) mask of the pixels with a ray on the GPU.
