@@ -40,8 +40,7 @@ def face_index(directions_rig: ArrayLike) -> NDArray[np.intp]:
     """Index (...,) into `FACE_NAMES` of the face that sees each direction (..., 3)."""
     directions = np.asarray(directions_rig, dtype=np.float64)
     forward = np.einsum("fj,...j->...f", FACE_FROM_RIG[:, 2], directions)
-    faces: NDArray[np.intp] = np.argmax(forward, axis=-1)
-    return faces
+    return np.argmax(forward, axis=-1)
 
 
 def face_tangents(directions_rig: ArrayLike, faces: ArrayLike) -> NDArray[np.float64]:
@@ -51,8 +50,7 @@ def face_tangents(directions_rig: ArrayLike, faces: ArrayLike) -> NDArray[np.flo
     """
     directions = np.asarray(directions_rig, dtype=np.float64)
     local = np.einsum("...ij,...j->...i", FACE_FROM_RIG[np.asarray(faces)], directions)
-    tangents: NDArray[np.float64] = local[..., :2] / local[..., 2:]
-    return tangents
+    return local[..., :2] / local[..., 2:]
 
 
 def unfolded_cube(faces: dict[str, NDArray[np.uint8]]) -> NDArray[np.uint8]:

@@ -228,8 +228,7 @@ def nearest_rotation(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     Source: Higham, Computing the polar decomposition (1986): its orthogonal factor.
     """
     u, _, vt = np.linalg.svd(matrix)
-    rotation: NDArray[np.float64] = u @ vt
-    return rotation
+    return u @ vt
 
 
 def is_rotation(matrices: NDArray[np.float64], tolerance: float) -> NDArray[np.bool_]:

@@ -46,5 +46,4 @@ def uniform(hashes: NDArray[np.uint32]) -> NDArray[np.float32]:
 def normal(first: NDArray[np.uint32], second: NDArray[np.uint32]) -> NDArray[np.float32]:
     """Normal numbers (...), mean 0 and variance 1, from two hashes each; magnitude ≤ 5.77."""
     radius = np.sqrt(np.float32(-2.0) * np.log(uniform(first)))
-    numbers: NDArray[np.float32] = radius * np.cos(np.float32(2.0 * np.pi) * uniform(second))
-    return numbers
+    return radius * np.cos(np.float32(2.0 * np.pi) * uniform(second))

@@ -32,5 +32,4 @@ def srgb8_from_linear(linear: ArrayLike) -> NDArray[np.uint8]:
 
 def linear_from_srgb8(encoded: NDArray[Any]) -> NDArray[np.float32]:
     """Decode 8-bit sRGB values (...)."""
-    values: NDArray[np.float32] = _LINEAR_F4[encoded]
-    return values
+    return _LINEAR_F4[encoded]

@@ -157,8 +157,7 @@ def _region(
         sizes = np.bincount(parts.ravel())
         sizes[0] = 0
         own = int(np.argmax(sizes))
-    region: NDArray[np.bool_] = (parts == own) & free
-    return region
+    return (parts == own) & free
 
 
 @dataclass(frozen=True, eq=False)
@@ -344,8 +343,7 @@ EDGE = 1e-9  # share of a triangle: a point on a common edge is in at least one 
 def is_flat(corners_m: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Mask (n,) of triangles (n, 3, 3) with a slope below 60°, whichever side is up."""
     normals = np.cross(corners_m[:, 1] - corners_m[:, 0], corners_m[:, 2] - corners_m[:, 0])
-    flat: NDArray[np.bool_] = np.abs(normals[:, 2]) > MIN_UP * np.linalg.norm(normals, axis=1)
-    return flat
+    return np.abs(normals[:, 2]) > MIN_UP * np.linalg.norm(normals, axis=1)
 
 
 def heights_in(

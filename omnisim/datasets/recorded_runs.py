@@ -174,10 +174,7 @@ def _recording(shards: Shards, group: _Group, files: _Files) -> Recording:
 def _mount(image: dict[str, Any]) -> NDArray[np.float64]:
     """Pose (4, 4) of an image's camera on its base."""
     world_from_base = check_pose(image["world_from_base"])
-    base_from_optical: NDArray[np.float64] = inverse(world_from_base) @ np.array(
-        image["world_from_optical"]
-    )
-    return base_from_optical
+    return inverse(world_from_base) @ np.array(image["world_from_optical"])
 
 
 def _run(shards: Shards, group: _Group, cameras: list[str]) -> RunFolder:

@@ -57,5 +57,4 @@ def estimator_named(name: str) -> Estimator:
         raise EstimatorError(f"estimator {name!r}: unknown; {hint}, or {COMMAND}…")
     module, cls = known[method]
     make = getattr(import_module(f"omnisim.evaluation.estimators.{module}"), cls)
-    estimator: Estimator = make(board) if has_board else make()
-    return estimator
+    return make(board) if has_board else make()

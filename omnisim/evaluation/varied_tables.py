@@ -76,8 +76,7 @@ def _sensor_file(sensor: Tables, where: str) -> dict[str, Any]:
         raise PlanError(f"{where}: sensor {sensor['name']!r} has no sensor file (.toml)")
     source = Path(sensor["file"])
     tables = extended(read_tables(source, PlanError), str(source), PlanError)
-    absolute: dict[str, Any] = with_absolute_files(tables, source.parent)
-    return absolute
+    return with_absolute_files(tables, source.parent)
 
 
 def with_seed(robot: Tables, seed: int) -> dict[str, Any]:

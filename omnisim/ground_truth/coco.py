@@ -106,8 +106,7 @@ def _box(instances: NDArray[np.integer[Any]], number: int, counts: list[int]) ->
     """Mask (height, columns) of an instance, cropped to its columns."""
     height = instances.shape[0]
     last = sum(counts[: len(counts) - len(counts) % 2]) - 1
-    mask: NDArray[np.bool_] = instances[:, counts[0] // height : last // height + 1] == number
-    return mask
+    return instances[:, counts[0] // height : last // height + 1] == number
 
 
 def _whole(

@@ -49,8 +49,7 @@ def _log_limits(distances: NDArray[Any]) -> NDArray[np.float64]:
     if not seen.any():
         return np.zeros(2)
     logarithms = np.log(distances[seen].astype(np.float64))
-    limits: NDArray[np.float64] = np.percentile(logarithms, (1.0, 99.0))
-    return limits
+    return np.percentile(logarithms, (1.0, 99.0))
 
 
 def signed_limit(values: NDArray[Any]) -> float:

@@ -121,8 +121,7 @@ class StoredChannels:
         dtype = np.dtype(CHANNELS[name].dtype)
         if dtype.kind == "u" and not np.all((values >= 0) & (values <= np.iinfo(dtype).max)):
             raise OutputError(f"{self._image}: channel {name!r}: expected {dtype}")
-        typed: NDArray[Any] = values.astype(dtype, copy=False)
-        return typed
+        return values.astype(dtype, copy=False)
 
     def _beside(self, name: object) -> Path:
         """Path of a file next to the image; raises a ValueError for an invalid file name."""

@@ -82,5 +82,4 @@ def _ends(free: FreeSpace) -> NDArray[np.float64]:
     """Corners (2, 2) of the free cells' bounds."""
     free_cells = free.free_cells()[:, ::-1]
     ends = np.stack((free_cells.min(axis=0), free_cells.max(axis=0) + 1))
-    corners_m: NDArray[np.float64] = free.low_m + free.cell_m * ends
-    return corners_m
+    return free.low_m + free.cell_m * ends

@@ -164,8 +164,7 @@ class SensorRenderer(Closeable, EditableScene, Generic[SensorT, Passes]):
         return given
 
     def _world_from_sensor(self, state: WorldState) -> NDArray[np.float64]:
-        pose: NDArray[np.float64] = state.world_from_object[self.vehicle] @ self._base_from_sensor
-        return pose
+        return state.world_from_object[self.vehicle] @ self._base_from_sensor
 
     @contextmanager
     def _current(self) -> Iterator[Passes]:

@@ -62,8 +62,7 @@ class Twist(Parameters, name="twist"):
 
             moved = expm(rates * time_s)
             moved[3] = (0.0, 0.0, 0.0, 1.0)  # inexact after a long way
-            pose: Pose = world_from_base @ moved
-            return pose
+            return world_from_base @ moved
 
         return at
 
@@ -184,5 +183,4 @@ def _moved(
     points_m: NDArray[np.float64], target_from_source: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Points (n, 3) in another frame."""
-    moved: NDArray[np.float64] = points_m @ target_from_source[:3, :3].T + target_from_source[:3, 3]
-    return moved
+    return points_m @ target_from_source[:3, :3].T + target_from_source[:3, 3]

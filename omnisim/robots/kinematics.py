@@ -198,8 +198,7 @@ def _exceeded(moves_m: NDArray[np.float64], allowed_m: NDArray[np.float64]) -> N
     for k, (move_m, slack_m) in enumerate(zip(moves_m, allowed_m, strict=True)):
         sums[0, k + 1] = max(0.0, sums[0, k] + move_m - slack_m)
         sums[1, k + 1] = max(0.0, sums[1, k] - move_m - slack_m)
-    exceeded: NDArray[np.float64] = sums[:, 1:].max(axis=0)
-    return exceeded
+    return sums[:, 1:].max(axis=0)
 
 
 def _first(

@@ -40,8 +40,7 @@ class Trapezoid(Generic[FloatOrArray]):
     def ramp_s(self) -> FloatOrArray:
         """Time to accelerate, which equals the time to brake."""
         a = self.acceleration
-        ramp: FloatOrArray = np.minimum(self.top_rate / a, np.sqrt(self.amount / a))
-        return ramp
+        return np.minimum(self.top_rate / a, np.sqrt(self.amount / a))
 
     @property
     def duration_s(self) -> FloatOrArray:
@@ -62,8 +61,7 @@ class Trapezoid(Generic[FloatOrArray]):
         """Rates (n,) at times (n,) since the start."""
         a = self.acceleration
         left = self.duration_s - times_s
-        rates: NDArray[np.float64] = a * np.minimum(np.minimum(times_s, left), self.ramp_s)
-        return rates
+        return a * np.minimum(np.minimum(times_s, left), self.ramp_s)
 
     def accelerations_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Accelerations (n,) at times (n,) since the start."""
@@ -130,8 +128,7 @@ class Segment:
     def poses_at(self, shares: NDArray[np.float64]) -> NDArray[np.float64]:
         """x, y, yaw (n, 3) at fractions (n,) of the motion in the floor plan."""
         change = np.array((*self.move_m, self.turn_rad))
-        poses: NDArray[np.float64] = np.array(self.start) + shares[:, None] * change
-        return poses
+        return np.array(self.start) + shares[:, None] * change
 
 
 class PlannedMotion(BodyMotion):

@@ -392,8 +392,7 @@ class PlannedDrive:
             content["channel_format"] = drive.channel_format
         if drive.boxes_3d:
             content["boxes_3d"] = True
-        as_read: dict[str, Any] = json.loads(json.dumps(content))
-        return as_read
+        return json.loads(json.dumps(content))
 
     def _timing(self, sensor: MountedSensor) -> dict[str, Any]:
         """Rate of a sensor for the manifest; empty if it measures at each step."""

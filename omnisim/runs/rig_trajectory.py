@@ -168,8 +168,7 @@ class _FilePoses:
         """Poses (n, 4, 4) in a world with z up."""
         if self.axes == "world":
             return self.file_from_posed
-        upright: NDArray[np.float64] = AHEAD @ self.file_from_posed
-        return upright
+        return AHEAD @ self.file_from_posed
 
 
 def _posed_frame(rig: Rig, frame: str | None, path: Path) -> tuple[NDArray[np.float64], str]:

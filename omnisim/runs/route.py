@@ -449,8 +449,7 @@ def _points_under(
     cos, sin = np.cos(yaw_rad)[:, None, None], np.sin(yaw_rad)[:, None, None]
     x, y = local[..., 0], local[..., 1]
     turned = np.stack((cos * x - sin * y, sin * x + cos * y), axis=-1)
-    points: NDArray[np.float64] = positions_m[:, None, None] + turned
-    return points
+    return positions_m[:, None, None] + turned
 
 
 def _nearest_to_zero(columns: NDArray[np.float64]) -> float:

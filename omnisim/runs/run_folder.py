@@ -438,7 +438,6 @@ def write_boxes(run: RunFolder, labels: Labels) -> None:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        return content
+        return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         raise RunError(f"{path}: cannot be read: remove it, and record the run again") from None

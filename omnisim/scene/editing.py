@@ -188,5 +188,4 @@ def _renumbered(count: int, dropped: set[int]) -> list[int]:
     """New index of each item once the dropped ones are removed."""
     kept = np.ones(count, dtype=np.int64)
     kept[list(dropped)] = 0
-    numbers: list[int] = (np.cumsum(kept) - kept).tolist()
-    return numbers
+    return (np.cumsum(kept) - kept).tolist()

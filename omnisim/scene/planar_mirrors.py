@@ -236,8 +236,7 @@ def _has_flat_normals(mesh: Mesh, normals: NDArray[np.float64]) -> NDArray[np.bo
     of_vertices /= np.maximum(lengths, 1e-30)
     cosines = np.abs(np.einsum("nkc,nc->nk", of_vertices[mesh.triangles], normals))
     is_missing = lengths[mesh.triangles, 0] < 1e-20  # the triangle's normal is used
-    flat: NDArray[np.bool_] = np.all(is_missing | (cosines >= _MIN_NORMAL_COSINE), axis=1)
-    return flat
+    return np.all(is_missing | (cosines >= _MIN_NORMAL_COSINE), axis=1)
 
 
 def _candidates(

@@ -51,8 +51,7 @@ def clip_ears(rings: Sequence[NDArray[np.float64]]) -> NDArray[np.int64]:
     a, b, c = (points[triangles[:, k]] for k in range(3))
     areas = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     triangles[areas < 0.0] = triangles[areas < 0.0, ::-1]
-    with_area: NDArray[np.int64] = triangles[areas != 0.0]
-    return with_area
+    return triangles[areas != 0.0]
 
 
 def surrounds(ring: NDArray[np.float64], point: NDArray[np.float64]) -> bool:

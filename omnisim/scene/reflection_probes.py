@@ -64,8 +64,7 @@ class _Box(NamedTuple):
     @property
     def center_m(self) -> NDArray[np.float64]:
         """Center (3,)."""
-        center: NDArray[np.float64] = 0.5 * (self.low_m + self.high_m)
-        return center
+        return 0.5 * (self.low_m + self.high_m)
 
     @property
     def radius_m(self) -> float:
@@ -211,10 +210,7 @@ def _place(index: int, surface: ShownSurface, box: _Box) -> tuple[ProbePlace, bo
 def _positions_m(surface: ShownSurface) -> NDArray[np.float64]:
     """Vertices (n, 3) in the object's frame."""
     matrix = surface.object_from_mesh
-    positions: NDArray[np.float64] = (
-        surface.mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
-    )
-    return positions
+    return surface.mesh.positions.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _box(surface: ShownSurface) -> _Box:

@@ -90,8 +90,7 @@ def _body(
     height, side, azimuth = np.sqrt(1.0 - first), np.sqrt(first), 2.0 * np.pi * second
     between = view[..., 0] * side * np.cos(azimuth) + view[..., 2] * height
     along = np.sqrt(np.clip(0.5 * (1.0 + between), 0.0, 1.0))
-    mean: NDArray[np.float64] = ((1.0 - along) ** 5).mean(axis=-1)
-    return mean
+    return ((1.0 - along) ** 5).mean(axis=-1)
 
 
 def smith_visibility(
@@ -103,8 +102,7 @@ def smith_visibility(
     """
     behind = light * np.sqrt(view * view * (1.0 - squared) + squared)
     before = view * np.sqrt(light * light * (1.0 - squared) + squared)
-    visibility: NDArray[np.floating] = 0.5 / np.maximum(behind + before, 1e-7)
-    return visibility
+    return 0.5 / np.maximum(behind + before, 1e-7)
 
 
 def _radical_inverse_pairs(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

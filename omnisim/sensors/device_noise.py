@@ -27,5 +27,4 @@ def round_ranges(ranges_m: NDArray[np.float64], step_m: float) -> NDArray[np.flo
         return ranges_m
     # Dividing, unlike multiplying, is exact to the last bit: 8190 steps become 8.19.
     steps_per_m = 1.0 / step_m
-    steps: NDArray[np.float64] = np.rint(ranges_m * steps_per_m) / steps_per_m
-    return steps
+    return np.rint(ranges_m * steps_per_m) / steps_per_m

@@ -213,8 +213,7 @@ class MountedSensor(ABC):
 
     def summary(self) -> str:
         """Short description of the sensor."""
-        text: str = self.sensor.summary()
-        return text
+        return self.sensor.summary()
 
     def times_s(self, step_times_s: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
         """Times (n,) of the measurements in a drive with steps at times (m,).

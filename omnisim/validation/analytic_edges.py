@@ -94,8 +94,7 @@ def edge_image(
     angle = np.radians(angle_deg)
     distance = (u - point[0]) * np.cos(angle) + (v - point[1]) * np.sin(angle)
     levels = np.interp(distance, *edge_levels(spread, angle_deg, float(width + height)))
-    image: Floats = dark + (bright - dark) * levels
-    return image
+    return dark + (bright - dark) * levels
 
 
 def true_mtf50(spread: LineSpread, angle_deg: float) -> float:

@@ -33,8 +33,7 @@ def marker_positions(
     x /= np.linalg.norm(x)
     directions = local @ np.stack((x, np.cross(z, x), z))
     ranges = 0.6 * 20.0 ** np.random.default_rng(7).random(count)
-    positions: NDArray[np.float64] = np.asarray(viewpoint_m) + directions * ranges[:, None]
-    return positions
+    return np.asarray(viewpoint_m) + directions * ranges[:, None]
 
 
 def marker_scene(positions_m: NDArray[np.float64], viewpoint_m: ArrayLike) -> Scene:
@@ -62,8 +61,7 @@ def rim_centroids_px(rims_px: NDArray[np.float64]) -> NDArray[np.float64]:
     following = np.roll(local, -1, axis=1)
     areas = local[..., 0] * following[..., 1] - local[..., 1] * following[..., 0]
     moments = ((local + following) * areas[..., None]).sum(axis=1)
-    centroids: NDArray[np.float64] = start[:, 0] + moments / (3.0 * areas.sum(axis=1))[:, None]
-    return centroids
+    return start[:, 0] + moments / (3.0 * areas.sum(axis=1))[:, None]
 
 
 def inside_valid_area(
@@ -74,8 +72,7 @@ def inside_valid_area(
     around = positions_px[:, None] + margin_px * np.stack((np.cos(angles), np.sin(angles)), axis=1)
     inside = (around >= 0.0) & (around <= (camera.width_px - 1, camera.height_px - 1))
     clear = camera.ray_from_pixel(around).valid & inside.all(axis=2)
-    surrounded: NDArray[np.bool_] = np.all(clear, axis=1)
-    return surrounded
+    return np.all(clear, axis=1)
 
 
 def centroids(brightness: NDArray[np.float64], near_px: NDArray[np.float64]) -> NDArray[np.float64]:

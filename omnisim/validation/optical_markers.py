@@ -64,10 +64,7 @@ def _sizes(
     by_pixel = ray_jacobians(system, pixels_px)
     moved = by_pixel.origins_m + ranges_m[:, None, None] * by_pixel.directions
     frames = _frames(system.rays(pixels_px).directions)
-    sizes_m: NDArray[np.float64] = np.linalg.svd(
-        np.einsum("nic,nij->ncj", frames, moved), compute_uv=False
-    )
-    return sizes_m
+    return np.linalg.svd(np.einsum("nic,nij->ncj", frames, moved), compute_uv=False)
 
 
 def _frames(directions: NDArray[np.float64]) -> NDArray[np.float64]:

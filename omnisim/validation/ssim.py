@@ -30,8 +30,7 @@ def ssim(
     )
 
     def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        means: NDArray[np.float64] = gaussian_filter(values, _SIGMA_PX, truncate=_REACH)
-        return means
+        return gaussian_filter(values, _SIGMA_PX, truncate=_REACH)
 
     mean_one, mean_other = mean(one), mean(other)
     variance_one, variance_other = mean(one**2) - mean_one**2, mean(other**2) - mean_other**2

@@ -105,8 +105,7 @@ def inside_rim(sensor: OmniCamera) -> NDArray[np.bool_]:
     else:
         raise OpticsError(f"expected a mirror or a fisheye, got model {camera.model_name!r}")
     off_axis = pixel_grid(camera.width_px, camera.height_px) - camera.principal_point_px
-    inside: NDArray[np.bool_] = np.linalg.norm(off_axis, axis=-1) < radius_px - _RIM_PX
-    return inside
+    return np.linalg.norm(off_axis, axis=-1) < radius_px - _RIM_PX
 
 
 def beside(

@@ -204,8 +204,7 @@ class Engine:
         np.maximum.at(farthest, (share * SEEN_BINS).astype(np.intp) % SEEN_BINS, distances)
         angles = (np.arange(SEEN_BINS) + 0.5) * (2.0 * math.pi / SEEN_BINS)
         outline = eye[:2] + farthest[:, None] * np.stack((np.cos(angles), np.sin(angles)), axis=1)
-        rounded: list[list[float]] = np.round(outline, 2).tolist()
-        return rounded
+        return np.round(outline, 2).tolist()
 
     def _renew_map(self, frame: LiveFrame) -> None:
         """Draw and publish the map if there is none yet, or if the viewpoint is near its edge."""

@@ -43,8 +43,7 @@ class LiveFrame:
     @property
     def world_from_optical(self) -> NDArray[np.float64]:
         """Pose (4, 4) of the camera's optical frame in the world."""
-        pose: NDArray[np.float64] = self.world_from_base @ self.base_from_optical
-        return pose
+        return self.world_from_base @ self.base_from_optical
 
     @property
     def viewpoint(self) -> Place:

@@ -24,8 +24,7 @@ MODEL_PATHS = (f"{SENSOR}.lens.model", f"{OPTICS_CAMERA}.model")
 
 @cache
 def _presets() -> dict[str, dict[str, Any]]:
-    content: dict[str, dict[str, Any]] = json.loads(PRESETS_FILE.read_text(encoding="utf-8"))
-    return content
+    return json.loads(PRESETS_FILE.read_text(encoding="utf-8"))
 
 
 def preset_lists() -> dict[str, list[str]]:

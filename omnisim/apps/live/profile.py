@@ -105,8 +105,7 @@ def _curve(surface: Surface, hits_m: Floats) -> Floats:
     x = np.linspace(-reach_m, reach_m, _POINTS)
     z = surface.shape.sag_m(np.abs(x))
     points = surface.directions_to_system(np.column_stack((x, np.zeros_like(x), z)))
-    section: Floats = (points + surface.system_from_surface[:3, 3])[:, [0, 2]]
-    return section
+    return (points + surface.system_from_surface[:3, 3])[:, [0, 2]]
 
 
 def _mapping(model: CentralCamera) -> Json:
@@ -123,5 +122,4 @@ def _mapping(model: CentralCamera) -> Json:
 def _line(points_m: Floats) -> list[list[float]]:
     """Convert points (n, 2) to millimeters, as a list without non-finite points."""
     finite = points_m[np.all(np.isfinite(points_m), axis=1)]
-    rounded: list[list[float]] = np.round(1e3 * finite, 3).tolist()
-    return rounded
+    return np.round(1e3 * finite, 3).tolist()

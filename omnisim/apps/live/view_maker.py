@@ -96,8 +96,7 @@ class ViewMaker:
                 samples=FINE_SAMPLES if is_fine else 1,
             )
             self._tables[key] = (frame.model, table)
-        image: NDArray[np.uint8] = self._tables[key][1](frame.rgb)
-        return image
+        return self._tables[key][1](frame.rgb)
 
     def _highest_rad(self, frame: LiveFrame) -> float:
         rotation = frame.base_from_optical[:3, :3]
@@ -120,8 +119,7 @@ def direction_in(view: View, u: float, v: float) -> NDArray[np.float64]:
     rays = view.camera.ray_from_pixel(pixel)
     if not rays.valid:
         raise OpticsError("no ray here: outside of the lens or the mirror")
-    direction: NDArray[np.float64] = view.base_from_view @ rays.directions
-    return direction
+    return view.base_from_view @ rays.directions
 
 
 def place_in(view: View, direction: NDArray[np.float64]) -> tuple[float, float] | None:

@@ -219,8 +219,7 @@ def pose(matrix: Sequence[Sequence[float]], source: str) -> NDArray[np.float64]:
 
 def rows(matrix: NDArray[np.float64]) -> list[list[float]]:
     """Rows of a matrix as nested lists of floats, with −0 replaced by 0."""
-    listed: list[list[float]] = (np.asarray(matrix) + 0.0).tolist()
-    return listed
+    return (np.asarray(matrix) + 0.0).tolist()
 
 
 def short(value: object) -> str:

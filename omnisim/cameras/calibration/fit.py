@@ -145,8 +145,7 @@ def samples_of(camera: CentralCamera, mirrored: bool, phase: float = 0.0) -> Sam
 def _spread_pixels(camera: CentralCamera, count: int, phase: float) -> NDArray[np.float64]:
     """Pixels (count, 2) spread evenly over an image."""
     steps = np.arange(1, count + 1)[:, None] / np.array([PLASTIC, PLASTIC**2]) + phase
-    pixels: NDArray[np.float64] = steps % 1.0 * (camera.width_px, camera.height_px) - 0.5
-    return pixels
+    return steps % 1.0 * (camera.width_px, camera.height_px) - 0.5
 
 
 def mirrored_frame(source: CentralCamera) -> NDArray[np.float64]:

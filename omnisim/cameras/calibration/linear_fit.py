@@ -140,10 +140,7 @@ def _solve(columns: list[NDArray[np.float64]], values: NDArray[np.float64]) -> N
     """Solution (columns,) of a linear least-squares problem; scales columns to equal length."""
     matrix = np.stack(columns, axis=-1)
     lengths = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
-    solution: NDArray[np.float64] = (
-        np.linalg.lstsq(matrix / lengths, values, rcond=None)[0] / lengths
-    )
-    return solution
+    return np.linalg.lstsq(matrix / lengths, values, rcond=None)[0] / lengths
 
 
 def _alpha_and_focal(profile: Profile) -> tuple[float, float]:

@@ -84,5 +84,4 @@ def _units(name: str, values: NDArray[np.float64], camera: ParametricCamera) -> 
     elif name != "polynomial":
         return np.ones(len(values))
     radius_px = 0.5 * max(camera.width_px, camera.height_px)
-    units: NDArray[np.float64] = radius_px**-powers
-    return units
+    return radius_px**-powers

@@ -187,8 +187,7 @@ def _areas(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """Areas (triangles,) of triangles in the image, in squared tangents at the pinhole."""
     seen = corners[..., :2] / (1.0 - corners[..., 2:])
     (x1, y1), (x2, y2) = (seen[:, 1] - seen[:, 0]).T, (seen[:, 2] - seen[:, 0]).T
-    areas: NDArray[np.float64] = 0.5 * np.abs(x1 * y2 - x2 * y1)
-    return areas
+    return 0.5 * np.abs(x1 * y2 - x2 * y1)
 
 
 def _rim_tangent(mirror: HyperbolicMirror) -> float:

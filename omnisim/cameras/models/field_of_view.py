@@ -149,8 +149,7 @@ def _last_seen(
         middle = 0.5 * (seen + unseen)
         inside = camera.ray_from_pixel(start + middle[:, None] * (ends - start)).valid
         seen, unseen = np.where(inside, middle, seen), np.where(inside, unseen, middle)
-    positions: NDArray[np.float64] = start + seen[:, None] * (ends - start)
-    return positions
+    return start + seen[:, None] * (ends - start)
 
 
 def _start(camera: CentralCamera) -> NDArray[np.float64]:

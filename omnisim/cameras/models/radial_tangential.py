@@ -52,8 +52,7 @@ class RadialTangential(NamedTuple):
         tangential = np.array([self.p2, self.p1])
         growth = 1.0 + squared * (self.k1 + squared * (self.k2 + squared * self.k3))
         slant = self.p2 * x + self.p1 * y
-        distorted: NDArray[np.float64] = plane * (growth + 2.0 * slant) + squared * tangential
-        return distorted
+        return plane * (growth + 2.0 * slant) + squared * tangential
 
     def undistort(self, distorted: NDArray[np.float64], limit: float) -> PlanePoints:
         """Points (..., 2) within `limit` that `distort` maps to `distorted` (..., 2).

@@ -88,8 +88,7 @@ class CentralView:
     @property
     def rig_from_optical(self) -> NDArray[np.float64]:
         """Orientation (3, 3) in a level rig."""
-        rotation: NDArray[np.float64] = self.system.rig_from_optical @ self.axes.T
-        return rotation
+        return self.system.rig_from_optical @ self.axes.T
 
     @cached_property
     def seen_rays(self) -> SeenRays:

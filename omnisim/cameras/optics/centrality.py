@@ -69,8 +69,7 @@ def common_point(origins_m: Floats, directions: Floats) -> Floats:
     across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
     middle = origins_m.mean(axis=0)
     pull = np.einsum("nij,nj->i", across, origins_m - middle)
-    point_m: Floats = middle + np.linalg.lstsq(across.sum(axis=0), pull, rcond=1e-12)[0]
-    return point_m
+    return middle + np.linalg.lstsq(across.sum(axis=0), pull, rcond=1e-12)[0]
 
 
 def measure_centrality(system: RaySource, distances_m: Sequence[float]) -> Centrality:
@@ -232,8 +231,7 @@ def pixel_jacobians(system: Tracer, pixels_px: ArrayLike, points_m: ArrayLike) -
     )
     with np.errstate(divide="ignore", invalid="ignore"):
         inverse = swapped / _determinants(moved)[..., None, None]
-    jacobians: Floats = np.einsum("...ij,...kj->...ik", inverse, across)
-    return jacobians
+    return np.einsum("...ij,...kj->...ik", inverse, across)
 
 
 def caustic_points(system: Tracer, pixels_px: ArrayLike) -> Floats:
@@ -258,16 +256,12 @@ def caustic_points(system: Tracer, pixels_px: ArrayLike) -> Floats:
         lengths = np.stack(((-linear - root) / (2.0 * square), (-linear + root) / (2.0 * square)))
     lengths = np.moveaxis(np.where(np.isfinite(lengths), lengths, np.nan), 0, -1)
     origins_m = np.where(rays.valid[..., None], rays.origins_m, np.nan)
-    points_m: Floats = origins_m[..., None, :] + lengths[..., None] * rays.directions[..., None, :]
-    return points_m
+    return origins_m[..., None, :] + lengths[..., None] * rays.directions[..., None, :]
 
 
 def _determinants(matrices: Floats) -> Floats:
     """Determinants (...,) of matrices (..., 2, 2)."""
-    determinants: Floats = (
-        matrices[..., 0, 0] * matrices[..., 1, 1] - matrices[..., 0, 1] * matrices[..., 1, 0]
-    )
-    return determinants
+    return matrices[..., 0, 0] * matrices[..., 1, 1] - matrices[..., 0, 1] * matrices[..., 1, 0]
 
 
 def _across(directions: Floats) -> Floats:

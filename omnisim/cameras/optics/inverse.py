@@ -155,8 +155,7 @@ class Inverse:
         """Squared chord (n,) between each ray's direction and the direction to its target."""
         toward = targets.points - targets.weight * self._origins_m[rays]
         toward = toward / np.maximum(np.linalg.norm(toward, axis=1, keepdims=True), 1e-300)
-        squared_chords: Floats = np.sum((toward - self._directions[rays]) ** 2, axis=1)
-        return squared_chords
+        return np.sum((toward - self._directions[rays]) ** 2, axis=1)
 
     def _misses(self, targets: Targets) -> Floats:
         """Squared chords (n, rays) between rays and the directions from them to each target."""

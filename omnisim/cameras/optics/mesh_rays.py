@@ -170,8 +170,7 @@ class MeshRays:
         if self._number > 0:
             return self._front.paths(self.pixels_of(self._vertices_m)).directions
         away = self._vertices_m - self.system.system_from_camera[:3, 3]
-        unit: Floats = away / np.linalg.norm(away, axis=1, keepdims=True)
-        return unit
+        return away / np.linalg.norm(away, axis=1, keepdims=True)
 
     def _found(self, begin_m: Floats, end_m: Floats) -> tuple[NDArray[np.int64], Floats]:
         """Triangles (n,) met by rays, −1: none, and the weights (n, 3) of their corners.
@@ -214,8 +213,7 @@ class MeshRays:
             np.cross(corners[:, (corner + 2) % 3], corners[:, (corner + 1) % 3])
             for corner in range(3)
         ]
-        volumes: Floats = np.einsum("nj,cnj->nc", along, np.stack(edges))
-        return volumes
+        return np.einsum("nj,cnj->nc", along, np.stack(edges))
 
     def _cells(self, at_m: Floats) -> NDArray[np.int64]:
         """First triangles (n,) of the cells of surface points, in the surface's frame."""
@@ -225,8 +223,7 @@ class MeshRays:
         ring = np.clip(np.searchsorted(rings_m, np.hypot(x, y)) - 1, 0, len(rings_m) - 2)
         share = np.arctan2(-y, x) / (2.0 * math.pi)
         sector = np.floor(share * mesh.sectors).astype(np.int64) % mesh.sectors
-        cells: NDArray[np.int64] = ring * mesh.sectors + sector
-        return cells
+        return ring * mesh.sectors + sector
 
 
 def has_mesh(camera: CentralCamera) -> bool:

@@ -65,8 +65,7 @@ def evenly_along(shape: Shape, radius_m: float, shares: Floats) -> Floats:
 def profile_lengths_m(shape: Shape, radii_m: Floats) -> Floats:
     """Lengths (n,) along a profile, from the first of ascending radii (n,)."""
     steps_m = np.hypot(np.diff(radii_m), np.diff(shape.sag_m(radii_m)))
-    lengths_m: Floats = np.append(0.0, steps_m.cumsum())
-    return lengths_m
+    return np.append(0.0, steps_m.cumsum())
 
 
 class SampledProfile(NamedTuple):

@@ -82,13 +82,11 @@ class Surface:
             normals = self.normals(origins_m)
             to_camera = np.einsum("nj,j->n", normals, self.system_from_surface[:3, 2]) < 0.0
             to_side_of_normal = np.einsum("nj,nj->n", normals, directions) > 0.0
-            backwards: NDArray[np.bool_] = to_camera != to_side_of_normal
-            return backwards
+            return to_camera != to_side_of_normal
         if self._is_rising:
             along = self.directions_from_system(directions)
             outward = np.sum(self.points_from_system(origins_m)[:, :2] * along[:, :2], axis=1)
-            back: NDArray[np.bool_] = (along[:, 2] > 0.0) | (outward < 0.0)
-            return back
+            return (along[:, 2] > 0.0) | (outward < 0.0)
         return np.ones(len(origins_m), dtype=np.bool_)
 
     @cached_property
@@ -120,18 +118,15 @@ class Surface:
     def points_from_system(self, points_m: Floats) -> Floats:
         """Points (n, 3) in the surface's frame, from the system frame."""
         moved = points_m - self.system_from_surface[:3, 3]
-        points: Floats = np.einsum("nj,ji->ni", moved, self.system_from_surface[:3, :3])
-        return points
+        return np.einsum("nj,ji->ni", moved, self.system_from_surface[:3, :3])
 
     def directions_from_system(self, directions: Floats) -> Floats:
         """Directions (n, 3) in the surface's frame, from the system frame."""
-        rotated: Floats = np.einsum("nj,ji->ni", directions, self.system_from_surface[:3, :3])
-        return rotated
+        return np.einsum("nj,ji->ni", directions, self.system_from_surface[:3, :3])
 
     def directions_to_system(self, directions: Floats) -> Floats:
         """Directions (n, 3) in the system frame, from the surface's frame."""
-        rotated: Floats = np.einsum("nj,ij->ni", directions, self.system_from_surface[:3, :3])
-        return rotated
+        return np.einsum("nj,ij->ni", directions, self.system_from_surface[:3, :3])
 
     def hits(self, origins_m: Floats, directions: Floats, leaving: bool = False) -> Hits:
         """First hits of rays (n, 3) inside the rim.

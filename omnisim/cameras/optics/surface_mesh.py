@@ -140,8 +140,7 @@ def _ring_radii_m(surface: Surface, rim_m: float, rings: int, camera_m: Floats) 
 def _spaced(ends: Floats, count: int) -> Floats:
     """Values (count + 1,) between two ends (2,), spaced by the ring exponent."""
     first, last = ends ** (1.0 / RING_EXPONENT)
-    values: Floats = (first + (last - first) * np.arange(count + 1) / count) ** RING_EXPONENT
-    return values
+    return (first + (last - first) * np.arange(count + 1) / count) ** RING_EXPONENT
 
 
 def _bisected(function: Callable[[Floats], Floats], values: Floats, last: float) -> Floats:

@@ -62,8 +62,7 @@ def extended(
         raise error(f"{source}: extends = {name!r}: {reason}") from None
     lost = {one for key, others in rivals.items() if key in own.keys() - base for one in others}
     base = {key: value for key, value in base.items() if key not in lost}
-    merged: dict[str, Any] = _merged(with_absolute_files(base, path.parent), own)
-    return merged
+    return _merged(with_absolute_files(base, path.parent), own)
 
 
 def with_absolute_files(value: Any, folder: Path, key: str = "") -> Any:

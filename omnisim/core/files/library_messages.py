@@ -55,8 +55,7 @@ class _ErrorStream:
         create = self._library.fmemopen
         create.argtypes = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
         create.restype = ctypes.c_void_p
-        address: int | None = create(None, _LINE_BYTES, b"w")
-        return address
+        return create(None, _LINE_BYTES, b"w")
 
     def _forget(self) -> None:
         self._lock = threading.Lock()

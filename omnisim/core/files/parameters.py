@@ -408,8 +408,7 @@ def parse_table(
         if issubclass(model, Parameters):
             if model not in _ADAPTERS:
                 _ADAPTERS[model] = pydantic.TypeAdapter(model)
-            made: Model = _ADAPTERS[model].validate_python(data)
-            return made
+            return _ADAPTERS[model].validate_python(data)
         return model.model_validate(data, context=in_python)
     except pydantic.ValidationError as reason:
         faults = reason.errors()

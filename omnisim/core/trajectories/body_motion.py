@@ -66,8 +66,7 @@ class BodyMotion(ABC):
 
     def pose_at(self, time_s: float) -> NDArray[np.float64]:
         """Pose (4, 4) at a time."""
-        pose: NDArray[np.float64] = self.at(np.array([time_s])).world_from_base[0]
-        return pose
+        return self.at(np.array([time_s])).world_from_base[0]
 
     @abstractmethod
     def _states(self, times_s: NDArray[np.float64]) -> MotionStates:

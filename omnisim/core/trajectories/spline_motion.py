@@ -94,8 +94,7 @@ def _end_slope(times_s: NDArray[np.float64], values: NDArray[np.float64]) -> NDA
     """Slope (3,) at the first of values (n, 3); 0 if it would point away from the next value."""
     chords = np.diff(values[:3], axis=0) / np.diff(times_s[:3])[:, None]
     if len(chords) == 1:
-        only: NDArray[np.float64] = chords[0]
-        return only
+        return chords[0]
     first_s, both_s = times_s[1] - times_s[0], times_s[2] - times_s[0]
     slope: NDArray[np.float64] = chords[0] - (chords[1] - chords[0]) * first_s / both_s
     return slope if slope @ chords[0] > 0.0 else np.zeros(3)
@@ -127,8 +126,7 @@ def _body_rates(vectors: NDArray[np.float64], slopes: NDArray[np.float64]) -> ND
     cosine = np.where(angle < SMALL_RAD, 0.5, (1.0 - np.cos(angle)) / square)
     sine = (np.maximum(angle, SMALL_RAD) - np.sin(np.maximum(angle, SMALL_RAD))) / square**1.5
     once = np.cross(vectors, slopes)
-    rates: NDArray[np.float64] = slopes - cosine * once + sine * np.cross(vectors, once)
-    return rates
+    return slopes - cosine * once + sine * np.cross(vectors, once)
 
 
 def _vector_rates(vectors: NDArray[np.float64], rates: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -136,5 +134,4 @@ def _vector_rates(vectors: NDArray[np.float64], rates: NDArray[np.float64]) -> N
     angle = np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), SMALL_RAD)
     twice = 1.0 / angle**2 - 1.0 / (2.0 * angle * np.tan(0.5 * angle))
     once = np.cross(vectors, rates)
-    slopes: NDArray[np.float64] = rates + 0.5 * once + twice * np.cross(vectors, once)
-    return slopes
+    return rates + 0.5 * once + twice * np.cross(vectors, once)

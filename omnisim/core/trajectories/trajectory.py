@@ -178,8 +178,7 @@ def poses_on_ground(positions_m: ArrayLike, yaw_rad: ArrayLike) -> NDArray[np.fl
 def step_lengths_m(world_from_base: NDArray[np.float64]) -> NDArray[np.float64]:
     """Straight distances (n − 1,) between the origins of successive poses (n, 4, 4)."""
     steps = np.diff(world_from_base[:, :3, 3], axis=0)
-    lengths: NDArray[np.float64] = np.linalg.norm(steps, axis=-1)
-    return lengths
+    return np.linalg.norm(steps, axis=-1)
 
 
 def check_poses(poses: NDArray[np.float64]) -> None:

@@ -158,8 +158,7 @@ def _change_axes(
     poses: NDArray[np.float64], new_from_old: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Change the axes of poses (n, 4, 4) and of their frame, without rounding errors."""
-    changed: NDArray[np.float64] = new_from_old @ poses @ inverse(new_from_old)
-    return changed
+    return new_from_old @ poses @ inverse(new_from_old)
 
 
 def _format_of(path: Path, table: TextTable) -> str:

@@ -97,5 +97,4 @@ def format_named(name: str) -> ExportFormat:
     """
     entry = FORMATS[check_format(name)]
     module = import_module(f"omnisim.datasets.export.{entry.module}")
-    made: ExportFormat = getattr(module, entry.class_name)()
-    return made
+    return getattr(module, entry.class_name)()

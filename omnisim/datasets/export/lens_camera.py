@@ -86,8 +86,7 @@ class LensCamera:
     @property
     def base_from_lens(self) -> NDArray[np.float64]:
         """Pose (4, 4) of the lens's frame: x right, y down, z forward."""
-        pose: NDArray[np.float64] = self.recorded.mount.base_from_optical @ self.optical_from_lens
-        return pose
+        return self.recorded.mount.base_from_optical @ self.optical_from_lens
 
     @cached_property
     def lens(self) -> CentralCamera:

@@ -107,8 +107,7 @@ class RecordedCamera:
         width, height = self.size_px
         if depths.shape != (height, width) or depths.dtype != np.uint16:
             raise RunError(f"{path}: expected depths of {width} × {height} px in 16 bits")
-        depths_m: NDArray[np.float32] = np.where(depths, depths / STEPS_PER_M, np.inf).astype("f4")
-        return depths_m
+        return np.where(depths, depths / STEPS_PER_M, np.inf).astype("f4")
 
     def has(self, channel: str) -> bool:
         """True if the run has a channel of ground truth."""

@@ -241,8 +241,7 @@ class Recording:
         world_from_base = self.truth.world_from_base[0]
         if time_s is not None and time_s != self.truth.times_s[0]:
             world_from_base = self.states(np.array([time_s])).world_from_base[0]
-        pose: NDArray[np.float64] = inverse(world_from_base) @ world_from_sensor
-        return pose
+        return inverse(world_from_base) @ world_from_sensor
 
     def cloud(self, name: str, step: int) -> StoredCloud:
         """Point cloud of a lidar.

@@ -104,8 +104,7 @@ class StoredCloud:
         """Intensities (n,), at most 1; 0 without intensities."""
         if self.points.dtype != POINT:
             return np.zeros(len(self.points), dtype=np.float32)
-        reflectances: NDArray[np.float32] = np.minimum(self.points["intensity"], np.float32(1.0))
-        return reflectances
+        return np.minimum(self.points["intensity"], np.float32(1.0))
 
 
 def read_cloud(path: Path) -> StoredCloud:

@@ -72,8 +72,7 @@ class Shards:
     def image(self, row: int) -> NDArray[np.uint8]:
         """Image (height, width, 3) of a sample's first camera."""
         with self.damage_named(row), self.files(row) as folder:
-            pixels: NDArray[np.uint8] = read_image(self.images(folder)[0])[0]
-            return pixels
+            return read_image(self.images(folder)[0])[0]
 
     def metadata(self, row: int) -> dict[str, Any]:
         """Camera, pose and draw of a sample.
@@ -179,8 +178,7 @@ def in_shard(message: str) -> str:
 def _metadata(folder: Path) -> dict[str, Any]:
     """Camera, pose and draw of the sample whose files are in a folder."""
     (path,) = folder.glob("?????????.json")
-    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return content
+    return json.loads(path.read_text(encoding="utf-8"))
 
 
 def _by_key(tar: tarfile.TarFile) -> dict[str, list[tarfile.TarInfo]]:

@@ -10,5 +10,4 @@ LUMA = np.array((0.299, 0.587, 0.114), dtype=np.float32)  # ITU-R BT.601, as in 
 
 def gray(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Gray image (height, width) of an sRGB image (height, width, 3)."""
-    levels: NDArray[np.uint8] = np.rint(image.astype(np.float32) @ LUMA).astype(np.uint8)
-    return levels
+    return np.rint(image.astype(np.float32) @ LUMA).astype(np.uint8)

@@ -69,5 +69,4 @@ def compensated(sweep: LidarSweep, motion: Floats) -> Floats:
     turn = scipy.spatial.transform.Rotation.from_matrix(back[:3, :3]).as_rotvec()
     left = (1.0 - sweep.share)[:, None]  # remaining share of the motion
     rotated = scipy.spatial.transform.Rotation.from_rotvec(left * turn).apply(sweep.points_m)
-    points: Floats = rotated + left * back[:3, 3]
-    return points
+    return rotated + left * back[:3, 3]

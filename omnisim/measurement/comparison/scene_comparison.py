@@ -238,7 +238,4 @@ def _normalized(image: Gray) -> Gray:
     mean: Any = cv2.GaussianBlur(levels, (0, 0), _SMOOTH_PX)
     variance: Any = cv2.GaussianBlur(np.square(levels - mean), (0, 0), _SMOOTH_PX)
     contrast = np.sqrt(variance) + _MIN_CONTRAST
-    normalized: Gray = np.clip(128.5 + 40.0 * (levels - mean) / contrast, 0.0, 255.0).astype(
-        np.uint8
-    )
-    return normalized
+    return np.clip(128.5 + 40.0 * (levels - mean) / contrast, 0.0, 255.0).astype(np.uint8)

@@ -59,8 +59,7 @@ def render_twin(
     base_from_board = sensor.base_from_rig @ rig_from_board
     with open_sensor(scene, sensor, unlit=True) as renderer:
         frame = renderer.render(np.linalg.inv(base_from_board))
-    gray: NDArray[np.uint8] = np.rint(frame.rgba[..., :3] @ LUMA).astype(np.uint8)
-    return gray
+    return np.rint(frame.rgba[..., :3] @ LUMA).astype(np.uint8)
 
 
 def board_scene(
@@ -152,8 +151,7 @@ class BoardLight(NamedTuple):
     def at(self, positions_m: Floats, is_black: NDArray[np.bool_]) -> Floats:
         """Light (...) at positions (..., 2) of ink or paper (...)."""
         terms = _terms(positions_m, self.low_m, self.high_m)
-        light: Floats = np.maximum(np.where(is_black, terms @ self.ink, terms @ self.paper), 0.0)
-        return light
+        return np.maximum(np.where(is_black, terms @ self.ink, terms @ self.paper), 0.0)
 
 
 def fit_light(patches: Patches, light: Floats, is_used: NDArray[np.bool_]) -> BoardLight:
@@ -211,8 +209,7 @@ def patch_levels(image: NDArray[np.uint8] | NDArray[np.float32], pixels_px: Floa
     levels = map_coordinates(
         image.astype(np.float64), np.moveaxis(pixels_px[..., ::-1], -1, 0), order=1, mode="nearest"
     )
-    middle: Floats = np.median(levels, axis=-1)
-    return middle
+    return np.median(levels, axis=-1)
 
 
 def patch_samples_px(patches: Patches, board: PlacedBoard) -> Floats:
@@ -426,8 +423,7 @@ def _april_grid(board: AprilGrid, quarter_turns: int) -> PrintedPattern:
 
 def _checkers(rows: int, columns: int, first: int) -> Bools:
     """Squares (rows, columns) of a chessboard; the one at the origin is black if `first` is 0."""
-    is_black: Bools = np.indices((rows, columns)).sum(axis=0) % 2 == first
-    return is_black
+    return np.indices((rows, columns)).sum(axis=0) % 2 == first
 
 
 def _rectangles(x: Floats, y: Floats) -> Floats:

@@ -345,8 +345,7 @@ def tag_cells(number: int) -> Bools:
     """Cells (n, n) of Kalibr's tag with its border, True for ink, as OpenCV draws it."""
     dictionary = _tags()
     cells = dictionary.markerSize + 2 * TAG_BORDER_BITS
-    is_black: Bools = dictionary.generateImageMarker(number, cells, borderBits=TAG_BORDER_BITS) == 0
-    return is_black
+    return dictionary.generateImageMarker(number, cells, borderBits=TAG_BORDER_BITS) == 0
 
 
 def _printed_charuco(board: CharucoBoard) -> Any:
@@ -375,10 +374,7 @@ Grid = NDArray[np.float64]  # (rows, columns, 2) positions in the image
 def cell_areas_px2(grid: Grid) -> NDArray[np.float64]:
     """Signed areas (rows - 1, columns - 1) of a grid's cells, px²; positive: front side seen."""
     first, second = grid[1:, 1:] - grid[:-1, :-1], grid[1:, :-1] - grid[:-1, 1:]
-    areas: NDArray[np.float64] = 0.5 * (
-        first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0]
-    )
-    return areas
+    return 0.5 * (first[..., 0] * second[..., 1] - first[..., 1] * second[..., 0])
 
 
 def grid_fault(grid: Grid) -> str | None:
@@ -456,16 +452,12 @@ def _square_levels(image: NDArray[np.uint8], grid: Grid) -> NDArray[np.float32]:
     """Gray levels (rows - 1, columns - 1) in the middle of a grid's squares."""
     centers = 0.25 * (grid[1:, 1:] + grid[:-1, :-1] + grid[1:, :-1] + grid[:-1, 1:])
     positions = np.moveaxis(centers[..., ::-1], -1, 0)
-    levels: NDArray[np.float32] = map_coordinates(
-        image.astype(np.float32), positions, order=1, mode="nearest"
-    )
-    return levels
+    return map_coordinates(image.astype(np.float32), positions, order=1, mode="nearest")
 
 
 def _signs(shape: tuple[int, ...]) -> NDArray[np.float64]:
     """1 and -1 alternately, as the squares of a chessboard of shape (rows, columns)."""
-    signs: NDArray[np.float64] = 1.0 - 2.0 * (np.indices(shape).sum(axis=0) % 2)
-    return signs
+    return 1.0 - 2.0 * (np.indices(shape).sum(axis=0) % 2)
 
 
 # Search for boards in image files, in parallel on all cores.
@@ -559,5 +551,4 @@ def _as_gray(pixels: NDArray[Any], path: Path) -> NDArray[np.uint8]:
     if pixels.dtype == np.uint16:
         low, high = np.percentile(gray, (_LOW, _HIGH))
         gray = (gray - low) * (255.0 / max(high - low, 1.0))
-    levels: NDArray[np.uint8] = np.clip(np.rint(gray), 0, 255).astype(np.uint8)
-    return levels
+    return np.clip(np.rint(gray), 0, 255).astype(np.uint8)

@@ -61,8 +61,7 @@ class Adjustment(NamedTuple):
         Infinite if rounding makes the variance negative.
         """
         variances = np.diagonal(self.covariance)
-        sigmas: Floats = np.sqrt(np.where(variances < 0.0, np.inf, variances))
-        return sigmas
+        return np.sqrt(np.where(variances < 0.0, np.inf, variances))
 
 
 def rms_px(errors_px: Floats) -> float:
@@ -118,8 +117,7 @@ class Corners:
             shape_m: (corners, 3) offsets from the nominal positions.
         """
         points = (self.nominal_m + shape_m)[self.label]
-        arms: Floats = np.einsum("nij,nj->ni", poses[self.image, :3, :3], points)
-        return arms
+        return np.einsum("nij,nj->ni", poses[self.image, :3, :3], points)
 
 
 class _State(NamedTuple):
@@ -270,14 +268,12 @@ def adjust(
 def _products(left: Floats, right: Floats) -> Floats:
     """Products (n, p, q) of the derivatives (n, 2, p) and (n, 2, q) of n corners."""
     first, second = (left[:, axis, :, None] * right[:, axis, None, :] for axis in (0, 1))
-    products: Floats = first + second
-    return products
+    return first + second
 
 
 def _sides(jacobian: Floats, errors_px: Floats) -> Floats:
     """Products (n, p) of the derivatives (n, 2, p) and the errors (n, 2) of n corners."""
-    sides: Floats = (errors_px[:, :, None] * jacobian).sum(axis=1)
-    return sides
+    return (errors_px[:, :, None] * jacobian).sum(axis=1)
 
 
 def _moved_poses(poses: Floats, moves: Floats) -> Floats:
@@ -320,8 +316,7 @@ def _point_jacobian(camera: ParametricCamera, points: Floats) -> Floats:
     seen = camera.pixel_from_ray(directions + steps)
     plus, minus = np.where(seen.valid[..., None], seen.positions_px, np.nan)
     rates = np.nan_to_num((plus - minus) / (2.0 * _STEP))
-    jacobian: Floats = np.einsum("tnp,tnc->npc", rates, tangents / distances)
-    return jacobian
+    return np.einsum("tnp,tnc->npc", rates, tangents / distances)
 
 
 def _solve(blocks: _Blocks, damping: float) -> tuple[Floats, Floats]:
@@ -374,8 +369,7 @@ def _scale(matrix: Floats) -> Floats:
 
 def _diagonal(matrices: Floats) -> Floats:
     """Matrices (..., n, n) with all elements off the diagonal set to 0."""
-    diagonal: Floats = np.eye(matrices.shape[-1]) * matrices
-    return diagonal
+    return np.eye(matrices.shape[-1]) * matrices
 
 
 # Initial camera and poses from corners alone: an equidistant lens, then Kannala and Brandt's.

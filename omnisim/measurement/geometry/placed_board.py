@@ -70,8 +70,7 @@ class BoardSurface:
         if not self.offsets_m.any():
             return flat
         plate = scipy.interpolate.RBFInterpolator(self.nominal_m, self.offsets_m)
-        curved: Floats = flat + plate(positions_m.reshape(-1, 2)).reshape(flat.shape)
-        return curved
+        return flat + plate(positions_m.reshape(-1, 2)).reshape(flat.shape)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,5 +142,4 @@ def _pose_before_optics(system: OpticalSystem, view: BoardView) -> Floats:
 
     table = {key: value for key, value in system.parameters().items() if key != "model"}
     boards = [BoardCorners(view.points_m, view.pixels_px)]
-    pose: Floats = calibrate_system(table, (), boards).poses[0]
-    return pose
+    return calibrate_system(table, (), boards).poses[0]

@@ -38,8 +38,7 @@ def read_photo(path: Path) -> NDArray[Any]:
     if path.suffix.lower() in RAW_SUFFIXES:
         return _demosaiced(path)
     if path.suffix == FRAME_SUFFIX:
-        frame: NDArray[Any] = np.load(path, allow_pickle=False)
-        return frame
+        return np.load(path, allow_pickle=False)
     try:
         return read_image(path)[0]
     except OutputError as reason:

@@ -308,5 +308,4 @@ def _trend(signal: NDArray[np.float64]) -> NDArray[np.float64]:
     coefficients = along_y.T @ signal @ along_x
     orders = np.add.outer(np.arange(_TREND_DEGREE + 1), np.arange(_TREND_DEGREE + 1))
     coefficients[orders > _TREND_DEGREE] = 0.0
-    trend: NDArray[np.float64] = along_y @ coefficients @ along_x.T
-    return trend
+    return along_y @ coefficients @ along_x.T

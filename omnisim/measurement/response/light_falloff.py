@@ -160,8 +160,7 @@ def _covariance(design: Floats, residuals: Floats) -> Floats:
     scale = np.linalg.norm(design, axis=0)
     inverse = np.linalg.pinv((design / scale).T @ (design / scale))
     variance = float(residuals @ residuals) / freedom
-    covariance: Floats = inverse * variance / np.outer(scale, scale)
-    return covariance
+    return inverse * variance / np.outer(scale, scale)
 
 
 # Light by image radius, fitted to blocks of a flat field, as the polynomial of a sensor file.
@@ -216,15 +215,13 @@ class RadialProfile(NamedTuple):
         """
         count = len(self.solution)
         if self.rate == 0.0:
-            powers_alone: Floats = np.eye(count)[1:] / self.solution[0]
-            return powers_alone
+            return np.eye(count)[1:] / self.solution[0]
         angles = np.pi * (np.arange(_POINTS) + 0.5) / _POINTS
         squared = 0.5 * largest_squared * (1.0 - np.cos(angles))
         powers = _terms(squared, MAX_TERMS + 1, 0.0)
         relative = self.terms(squared) - _terms(np.zeros(1), count, self.rate)
         matrix = np.linalg.lstsq(powers[:, 1:], relative, rcond=None)[0]
-        scaled: Floats = matrix / self.solution[0]
-        return scaled
+        return matrix / self.solution[0]
 
 
 def fit_profile(light: Floats, squared: Floats, offsets: Floats, brightest: float) -> RadialProfile:

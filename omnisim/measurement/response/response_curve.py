@@ -158,8 +158,7 @@ def _predicted(
     weights = used * times[:, None]
     seen = inverse(levels) * used
     per_second = seen.sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-30)
-    light: Floats = per_second * times[:, None]
-    return light
+    return per_second * times[:, None]
 
 
 def _error(

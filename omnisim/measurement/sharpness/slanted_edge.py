@@ -209,8 +209,7 @@ def modulation_transfer(spread: EdgeSpread, rise_px: float) -> Floats:
     transfer = np.hypot(line @ cosines, line @ sines) / np.abs(line.sum(axis=1, keepdims=True))
     # of the difference between next bins, and of the mean over a bin
     correction = np.sinc(2.0 * BIN_PX * FREQUENCIES) * np.sinc(BIN_PX * FREQUENCIES)
-    corrected: Floats = transfer / correction
-    return corrected
+    return transfer / correction
 
 
 @lru_cache(maxsize=64)
@@ -252,8 +251,7 @@ def half_modulation(transfer: Floats) -> Floats:
     rows = np.arange(len(transfer))
     before, after = transfer[rows, last - 1], transfer[rows, last]
     step = FREQUENCIES[1] - FREQUENCIES[0]
-    frequencies: Floats = FREQUENCIES[last] - step * (0.5 - after) / (before - after)
-    return frequencies
+    return FREQUENCIES[last] - step * (0.5 - after) / (before - after)
 
 
 def crossings(spread: EdgeSpread, level: float) -> Floats:

@@ -211,8 +211,7 @@ class _Bands(NamedTuple):
 def _without_scene(light: Floats) -> Floats:
     """Light (frames, lines), divided by each frame's mean, then by the mean frame (the scene)."""
     frames = light / light.mean(axis=1, keepdims=True)
-    profile: Floats = frames / np.maximum(frames.mean(axis=0), 1e-9)
-    return profile
+    return frames / np.maximum(frames.mean(axis=0), 1e-9)
 
 
 def _peak(profile: Floats) -> _Peak:
@@ -279,8 +278,7 @@ def _amplitudes(profile: Floats, position: Floats, frequency: float) -> Floats:
     """Amplitudes (2, frames) of cosine and sine in the bands of each frame."""
     angle = 2.0 * math.pi * frequency * position
     design = np.stack((np.ones_like(angle), np.cos(angle), np.sin(angle)), axis=1)
-    amplitudes: Floats = np.linalg.lstsq(design, profile.T, rcond=None)[0][1:]
-    return amplitudes
+    return np.linalg.lstsq(design, profile.T, rcond=None)[0][1:]
 
 
 def _exposure(

@@ -266,8 +266,7 @@ class _Problem:
         points = np.einsum("nij,nj->ni", own, turned)
         points += np.einsum("nw,nwj->nj", weights, centers[windows])
         seen = pixels_of_points(self._camera, points)
-        errors: Floats = np.where(seen.valid[:, None], self.pixels_px - seen.positions_px, 100.0)
-        return errors
+        return np.where(seen.valid[:, None], self.pixels_px - seen.positions_px, 100.0)
 
     def _moved(self, moves: Floats) -> tuple[Floats, Floats]:
         """Rotations (images, 3, 3) and centers (images, 3) after moves (images, 6)."""
@@ -295,7 +294,6 @@ def _lagrange(nodes: Floats, times: Floats) -> Floats:
 def _turns_deg(poses: Floats) -> Floats:
     """Angles (images - 1,) between the boards of neighboring images, degrees."""
     relative = poses[:-1, :3, :3].swapaxes(1, 2) @ poses[1:, :3, :3]
-    turns: Floats = np.degrees(
+    return np.degrees(
         np.linalg.norm(scipy.spatial.transform.Rotation.from_matrix(relative).as_rotvec(), axis=1)
     )
-    return turns

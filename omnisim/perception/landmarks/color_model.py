@@ -70,8 +70,7 @@ def likelihood_ratios(counts: NDArray[np.float64], smoothing: float) -> NDArray[
     shares = counts[1:] / np.maximum(counts[1:].sum(axis=1, keepdims=True), 1.0)
     spread = smoothing / counts.shape[1]
     neg = (counts[NEG] + spread) / (counts[NEG].sum() + smoothing)
-    ratios: NDArray[np.float64] = shares / neg
-    return ratios
+    return shares / neg
 
 
 @dataclass(frozen=True, eq=False)

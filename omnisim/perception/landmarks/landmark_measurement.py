@@ -254,5 +254,4 @@ def _lower_edges(
     change = inside - outside
     contrast = np.maximum((change * change).sum(axis=-1), 1e-3)
     share = np.clip(((profile - outside) * change).sum(axis=-1) / contrast, 0.0, 1.0)
-    edges: NDArray[np.float64] = bottom - 2.5 + share.sum(axis=1)
-    return edges
+    return bottom - 2.5 + share.sum(axis=1)

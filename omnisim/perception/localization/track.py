@@ -79,8 +79,7 @@ class Track:
 
 
 def _distances(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
-    distances: NDArray[np.float64] = np.linalg.norm(poses[:, :2] - others[:, :2], axis=1)
-    return distances
+    return np.linalg.norm(poses[:, :2] - others[:, :2], axis=1)
 
 
 def notices(track: Track, parameters: FilterParameters) -> list[str]:

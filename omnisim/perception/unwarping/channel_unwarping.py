@@ -102,8 +102,7 @@ class ChannelUnwarping:
 
     def _take(self, values: NDArray[Any]) -> NDArray[Any]:
         flat = values.reshape(-1, *values.shape[2:])
-        taken: NDArray[Any] = flat.take(self._nearest, axis=0)
-        return taken
+        return flat.take(self._nearest, axis=0)
 
     def _filled(self, name: str, values: NDArray[Any]) -> NDArray[Any]:
         filled = values.astype(CHANNELS[name].dtype)

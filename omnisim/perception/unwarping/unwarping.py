@@ -149,8 +149,7 @@ class Unwarping:
 
 def _encode(linear: NDArray[Any]) -> NDArray[np.uint8]:
     """Encode linear light as 8-bit sRGB."""
-    encoded: NDArray[np.uint8] = _SRGB[np.rint(np.clip(linear, 0.0, 1.0) * _STEPS).astype(np.int32)]
-    return encoded
+    return _SRGB[np.rint(np.clip(linear, 0.0, 1.0) * _STEPS).astype(np.int32)]
 
 
 def _samples_needed(

@@ -342,8 +342,7 @@ def instances_of(scene: Scene, is_chosen: NDArray[np.bool_]) -> NDArray[np.bool_
     counts = [len(scene.meshes[instance.mesh].triangles) for instance in scene.instances]
     ends = np.cumsum([0, *counts])
     before = np.concatenate(([0], np.cumsum(is_chosen)))
-    some: NDArray[np.bool_] = before[ends[1:]] > before[ends[:-1]]
-    return some
+    return before[ends[1:]] > before[ends[:-1]]
 
 
 def _closed_parts(mesh: Mesh) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:

@@ -277,7 +277,4 @@ def rounded_halves(
     """
     largest = np.abs(values).max(axis=axes, keepdims=True)
     steps = 2.0 ** (np.floor(np.log2(np.maximum(largest, _MIN_HALF))) - _BITS)
-    rounded: NDArray[np.float16] = np.clip(
-        np.round(values / steps) * steps, -_MAX_HALF, _MAX_HALF
-    ).astype(np.float16)
-    return rounded
+    return np.clip(np.round(values / steps) * steps, -_MAX_HALF, _MAX_HALF).astype(np.float16)

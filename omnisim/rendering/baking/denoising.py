@@ -133,8 +133,7 @@ def _likeness(pixels: Floats, variances: Floats, inner: Place, shifted: Place) -
     """Weights by the difference of light relative to its noise."""
     off = np.abs((pixels[shifted] - pixels[inner]) @ _LUMINANCE)
     noise = np.sqrt(variances[inner] + variances[shifted])
-    weights: Floats = np.exp(-off / (np.float32(_ALIKE) * noise + np.float32(1e-6)))
-    return weights
+    return np.exp(-off / (np.float32(_ALIKE) * noise + np.float32(1e-6)))
 
 
 def _moved(span: slice, by: int) -> slice:

@@ -20,8 +20,7 @@ def generator(seed: int, stage: int, tile: int) -> np.random.Generator:
 
 def spread_points(count: int) -> Floats:
     """Points (n, 2) of the R2 sequence in the unit square."""
-    points: Floats = ((0.5 + np.arange(1, count + 1)[:, None] * _STEPS) % 1.0).astype(np.float32)
-    return points
+    return ((0.5 + np.arange(1, count + 1)[:, None] * _STEPS) % 1.0).astype(np.float32)
 
 
 def turned(points: Floats, shifts: Floats) -> Floats:

@@ -126,8 +126,7 @@ class Transport:
             return np.zeros(len(hits.triangles), dtype=np.bool_)
         on = (hits.triangles != NO_TRIANGLE) & self.specular.of_triangles[hits.triangles]
         on &= (patches != INSIDE) | self.specular.see_through[hits.triangles]
-        continues: NDArray[np.bool_] = on
-        return continues
+        return on
 
     def _own(self, patches: NDArray[np.int32]) -> Floats:
         """Diffuse shares (n,) of patches, and more of emissive ones; 0: no patch."""
@@ -157,14 +156,12 @@ class Transport:
     def is_back(self, hits: PatchHits) -> NDArray[np.bool_]:
         """Mask (n,) of rays that hit the back of a patch."""
         on_patch = hits.patches >= 0
-        back: NDArray[np.bool_] = on_patch & (self._patches.sides[hits.patches] == BACK)
-        return back
+        return on_patch & (self._patches.sides[hits.patches] == BACK)
 
     def is_frosted(self, hits: PatchHits) -> NDArray[np.bool_]:
         """Mask (n,) of rays that hit frosted glass, from either side."""
         surfaces = self._patches.surfaces[hits.patches]
-        frosted: NDArray[np.bool_] = (hits.patches >= 0) & (self.specular.frosted[surfaces] > 0.0)
-        return frosted
+        return (hits.patches >= 0) & (self.specular.frosted[surfaces] > 0.0)
 
     def passing(self, origins_m: Floats, directions: Floats, far: Floats | None) -> Floats:
         """Shares (n, 1 or 3) of light that arrives along rays: 0 behind opaque surfaces.
@@ -177,8 +174,7 @@ class Transport:
         is_free = hits.triangles == NO_TRIANGLE
         specular = self.specular
         if not specular.any_see_through:
-            free: Floats = is_free[:, None].astype(np.float32)
-            return free
+            return is_free[:, None].astype(np.float32)
         shares = np.tile(is_free[:, None].astype(np.float32), 3)
         active = np.flatnonzero(~is_free & specular.see_through[hits.triangles])
         passed = np.ones((len(active), 3), dtype=np.float32)
@@ -231,8 +227,7 @@ class Transport:
         placed = RayHits(hits.triangles, ranges_m, weights, hits.normals)
         colors = self._shading.base_colors(Rays(nowhere, nowhere, ranges_m, ranges_m), placed)
         cutoffs = self._shading.hit_cutoff[self._surface_of_triangle[hits.triangles]]
-        hole: NDArray[np.bool_] = colors[:, 3] < cutoffs
-        return hole
+        return colors[:, 3] < cutoffs
 
     def _patch_of(
         self,
@@ -254,5 +249,4 @@ class Transport:
         without = ~patches.has_rect[surfaces]
         places[without] = width * height + surfaces[without]
         side = np.where(is_back, BACK, FRONT)
-        result: NDArray[np.int32] = patches.of_place[side, places]
-        return result
+        return patches.of_place[side, places]

@@ -67,5 +67,4 @@ class Beams:
         returns.surfaces_plus_one[0, hit] = scene.shading.surfaces(exact) + 1
         if self._limits is not None and scene.shading.is_specular.any():
             replace_specular(returns, scene, rays, objects, self._limits)
-        ranges_m: NDArray[np.float64] = returns.ranges_m[0]
-        return ranges_m
+        return returns.ranges_m[0]

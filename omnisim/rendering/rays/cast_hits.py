@@ -120,8 +120,7 @@ def cast_occlusion(
     rays = limits.aim(rig, world_from_rig)
     rays = rays._replace(origins_m=rays.origins_m + starts_m, far_m=np.minimum(rays.far_m, ends_m))
     hits = scene.first_hits(rays, objects, moved.triangles)
-    is_hit: NDArray[np.bool_] = hits.triangles != NO_TRIANGLE
-    return is_hit
+    return hits.triangles != NO_TRIANGLE
 
 
 def starts_of_rays(
@@ -137,5 +136,4 @@ def starts_of_rays(
     optical_m = np.einsum("nj,ji->ni", points_m, world_from_optical)
     rays = camera.ray_from_pixel(pixels_of_points(camera, optical_m, is_finite).positions_px)
     assert rays.origins_m is not None
-    starts_m: NDArray[np.float64] = np.einsum("nj,ij->ni", rays.origins_m, world_from_optical)
-    return starts_m
+    return np.einsum("nj,ij->ni", rays.origins_m, world_from_optical)

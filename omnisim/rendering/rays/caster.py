@@ -314,11 +314,9 @@ def _near_sphere(
 
 def _dot(one: NDArray[np.floating], other: NDArray[np.floating]) -> NDArray[np.float64]:
     """Dot products (n,) of vectors (n, 3) each."""
-    products: NDArray[np.float64] = np.einsum("nc,nc->n", one, other)
-    return products
+    return np.einsum("nc,nc->n", one, other)
 
 
 def _rotated(vectors: NDArray[np.floating], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
     """Vectors (n, 3) rotated by a matrix (3, 3); without BLAS, whose threads would keep running."""
-    rotated: NDArray[np.float64] = np.einsum("nj,ij->ni", vectors, rotation)
-    return rotated
+    return np.einsum("nj,ij->ni", vectors, rotation)

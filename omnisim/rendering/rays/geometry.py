@@ -346,5 +346,4 @@ def _turned(normals: NDArray[np.floating], linear: NDArray[np.float64]) -> NDArr
     cofactors = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
     if np.linalg.det(linear) < 0.0:
         cofactors = -cofactors
-    turned: NDArray[np.float32] = np.einsum("nj,ij->ni", normals, cofactors).astype(np.float32)
-    return turned
+    return np.einsum("nj,ij->ni", normals, cofactors).astype(np.float32)

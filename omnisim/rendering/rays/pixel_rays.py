@@ -47,8 +47,7 @@ class Band(NamedTuple):
     def world_footprints(self, world_from_optical: NDArray[np.float64]) -> NDArray[np.float32]:
         """Footprints (n, 2, 3) in the world, by the camera's rotation (3, 3)."""
         rotation = world_from_optical.astype(np.float32)
-        world: NDArray[np.float32] = np.einsum("nsj,ij->nsi", self.footprints, rotation)
-        return world
+        return np.einsum("nsj,ij->nsi", self.footprints, rotation)
 
 
 class PixelRays:

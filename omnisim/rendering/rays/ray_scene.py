@@ -259,8 +259,7 @@ class RayScene:
             hits = first(rays, triangles)
             is_free = hits.triangles == NO_TRIANGLE
             if not sees_through.any():
-                arriving: NDArray[np.float32] = is_free[:, None].astype(np.float32)
-                return arriving
+                return is_free[:, None].astype(np.float32)
             shares = np.tile(is_free[:, None].astype(np.float32), 3)
             active, passed = np.arange(len(is_free)), np.ones((len(is_free), 3), np.float32)
             for _ in range(MAX_LAYERS):

@@ -77,9 +77,8 @@ def _deformed(
     inside = points_m - before[:, 0]
     of_second = np.einsum("nc,nc->n", np.cross(inside, second), across) / squared
     of_third = np.einsum("nc,nc->n", np.cross(first, inside), across) / squared
-    moved: NDArray[np.float64] = (
+    return (
         after[:, 0]
         + of_second[:, None] * (after[:, 1] - after[:, 0])
         + of_third[:, None] * (after[:, 2] - after[:, 0])
     )
-    return moved

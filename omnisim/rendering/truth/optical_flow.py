@@ -149,5 +149,4 @@ class OpticalFlow:
 
 def _optical_from_world(poses: ScenePoses, camera: CentralCamera) -> NDArray[np.float64]:
     """Rotation (3, 3) from the world to the optical frame of a camera."""
-    rotation: NDArray[np.float64] = (poses.world_from_rig[:3, :3] @ camera.rig_from_optical).T
-    return rotation
+    return (poses.world_from_rig[:3, :3] @ camera.rig_from_optical).T

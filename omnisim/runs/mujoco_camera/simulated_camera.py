@@ -164,8 +164,7 @@ class Camera(Closeable):
             names = (one.name for one in frame.labels.instances)
             ids = [self._moving.geom_of_instance.get(name, NO_GEOM) for name in names]
             self._labels, self._geoms = frame.labels, np.array([NO_GEOM, *ids], dtype=np.int32)
-        geoms: NDArray[np.int32] = self._geoms[frame.channels["instance"]]
-        return geoms
+        return self._geoms[frame.channels["instance"]]
 
     def _deform(self) -> None:
         """Update the shapes of skins and flexible bodies."""

@@ -65,8 +65,7 @@ class Region:
     def meets(self, corners_m: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Mask (n,) of the corner sets (n, k, 3) whose bounds meet the region."""
         low, high = corners_m.min(axis=1), corners_m.max(axis=1)
-        overlapping: NDArray[np.bool_] = np.all((low <= self.high_m) & (high >= self.low_m), axis=1)
-        return overlapping
+        return np.all((low <= self.high_m) & (high >= self.low_m), axis=1)
 
 
 def convex_pieces(scene: Scene, region: Region) -> list[ConvexPiece]:
@@ -154,10 +153,7 @@ def _is_solid(
 
 
 def _inside(hull: scipy.spatial.ConvexHull, points_m: NDArray[np.float64]) -> NDArray[np.bool_]:
-    inside: NDArray[np.bool_] = np.all(
-        points_m @ hull.equations[:, :3].T + hull.equations[:, 3] < 0.0, axis=1
-    )
-    return inside
+    return np.all(points_m @ hull.equations[:, :3].T + hull.equations[:, 3] < 0.0, axis=1)
 
 
 def _slab(corners_m: NDArray[np.float64], two_sided: bool) -> NDArray[np.float64]:
@@ -189,8 +185,7 @@ Triangles = NDArray[np.intp]  # (n, 3) indices of vertices
 def area_vectors(corners_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Normals (n, 3) of triangles (n, 3, 3), scaled by their areas."""
     edges = corners_m[:, 1:] - corners_m[:, :1]
-    vectors: NDArray[np.float64] = 0.5 * np.cross(edges[:, 0], edges[:, 1])
-    return vectors
+    return 0.5 * np.cross(edges[:, 0], edges[:, 1])
 
 
 def connected_parts(triangles: Triangles, vertex_count: int) -> list[Triangles]:
@@ -260,8 +255,7 @@ def _neighbors(triangles: Triangles) -> tuple[NDArray[np.intp], NDArray[np.intp]
 def _components(first: NDArray[np.intp], second: NDArray[np.intp], count: int) -> NDArray[np.int32]:
     """Component number (count,) of each node in a graph of `count` nodes."""
     links = scipy.sparse.coo_matrix((np.ones(len(first)), (first, second)), (count, count))
-    numbers: NDArray[np.int32] = scipy.sparse.csgraph.connected_components(links, directed=False)[1]
-    return numbers
+    return scipy.sparse.csgraph.connected_components(links, directed=False)[1]
 
 
 def _grouped(triangles: Triangles, numbers: NDArray[np.int32]) -> list[Triangles]:

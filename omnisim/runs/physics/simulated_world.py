@@ -73,8 +73,7 @@ class SimulatedWorld:
     @property
     def bodies(self) -> NDArray[np.float64]:
         """Positions and quaternions wxyz (n, 7) of the robots' bases and of the free objects."""
-        bodies: NDArray[np.float64] = self._data.qpos[self._bodies]
-        return bodies
+        return self._data.qpos[self._bodies]
 
     @property
     def wheels_rad(self) -> NDArray[np.float64]:

@@ -92,8 +92,7 @@ _TESTS: Mapping[str, Callable[[str], bool]] = {
 
 @cache
 def _tables() -> dict[str, list[list[str]]]:
-    tables: dict[str, list[list[str]]] = json.loads(_TABLES.read_text(encoding="utf-8"))
-    return tables
+    return json.loads(_TABLES.read_text(encoding="utf-8"))
 
 
 TABLES = ("gltf", "sdf", "urdf", "mjcf", "usd", "obj", "mtl", "ply", "stl", "off", "dae")

@@ -62,8 +62,7 @@ class Environment:
 
     def ambient(self, normals: NDArray[np.floating]) -> NDArray[np.float64]:
         """Light (n, 3) on white surfaces with unit normals (n, 3)."""
-        light: NDArray[np.float64] = np.maximum(spherical_harmonics(normals) @ self.irradiance, 0.0)
-        return light
+        return np.maximum(spherical_harmonics(normals) @ self.irradiance, 0.0)
 
     def light(
         self, directions: NDArray[np.floating], roughness: NDArray[np.floating]
@@ -101,8 +100,7 @@ _FACTORS = np.array(
 
 def factors_of_moments(moments: NDArray[np.float64]) -> NDArray[np.float64]:
     """Coefficients (..., 9, 3) of light on white surfaces, from moments of the radiance."""
-    factors: NDArray[np.float64] = moments * _FACTORS[:, None]
-    return factors
+    return moments * _FACTORS[:, None]
 
 
 def spherical_harmonics(normals: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -133,8 +131,7 @@ def lookup(pixels: NDArray[np.float32], uv: NDArray[np.float64]) -> NDArray[np.f
         pixels[one, columns[0]] * (1 - right_share) + pixels[one, columns[1]] * right_share
         for one in rows
     )
-    values: NDArray[np.float32] = upper * (1 - down_share) + lower * down_share
-    return values
+    return upper * (1 - down_share) + lower * down_share
 
 
 def _between_levels(
@@ -185,8 +182,7 @@ def _halved(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
     weights = map_directions(height, width)[1].astype(np.float32)[:, None, None]
     rows = (pixels * weights).reshape(height // 2, 2, width, 3).sum(axis=1)
     rows /= weights.reshape(height // 2, 2, 1, 1).sum(axis=1)
-    halved: NDArray[np.float32] = 0.5 * (rows[:, 0::2] + rows[:, 1::2])
-    return halved
+    return 0.5 * (rows[:, 0::2] + rows[:, 1::2])
 
 
 def _pyramid(pixels: NDArray[np.float32]) -> list[NDArray[np.float32]]:

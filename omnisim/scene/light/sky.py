@@ -234,8 +234,7 @@ def sun_illuminance(toward_sun: NDArray[np.float64], turbidity: float) -> NDArra
     wavelengths_um = np.array([0.610, 0.550, 0.465])
     haze = 0.04608 * turbidity - 0.04586
     depth = 0.008735 * wavelengths_um**-4.08 + haze * wavelengths_um**-1.3
-    light: NDArray[np.float64] = 128_000.0 * np.exp(-mass * depth)
-    return light
+    return 128_000.0 * np.exp(-mass * depth)
 
 
 def _raised(toward_sun: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -252,10 +251,9 @@ def _perez(
     between: NDArray[np.float64] | np.float64,
 ) -> NDArray[np.float64]:
     a, b, c, d, e = coefficients
-    shape: NDArray[np.float64] = (1.0 + a * np.exp(b / np.maximum(height, 0.01))) * (
+    return (1.0 + a * np.exp(b / np.maximum(height, 0.01))) * (
         1.0 + c * np.exp(d * between) + e * np.cos(between) ** 2
     )
-    return shape
 
 
 def _zenith(sun_angle: float, turbidity: float) -> tuple[float, float, float]:
@@ -270,8 +268,7 @@ def _rgb(
     luminance: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     xyz = np.stack((x / y * luminance, luminance, (1.0 - x - y) / y * luminance), axis=-1)
-    rgb: NDArray[np.float64] = xyz @ _RGB_FROM_XYZ.T
-    return rgb
+    return xyz @ _RGB_FROM_XYZ.T
 
 
 # Position and light of the sun, by time and place.

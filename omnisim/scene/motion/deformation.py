@@ -90,8 +90,7 @@ class MorphTargets:
     def longest(self) -> Matrix:
         """Lengths (targets,) of the longest offset per target."""
         lengths: Matrix = np.linalg.norm(self.positions.astype(np.float64), axis=2)
-        longest: Matrix = lengths.max(axis=1, initial=0.0)
-        return longest
+        return lengths.max(axis=1, initial=0.0)
 
 
 class Sphere(NamedTuple):
@@ -140,8 +139,7 @@ class Deformation:
 
     def matrices_at(self, time_s: float) -> Matrix:
         """Transforms (joints, 4, 4) from the bind pose to the mesh's frame."""
-        matrices: Matrix = self.mesh_from_world @ self.skeleton.matrices_at(time_s)
-        return matrices
+        return self.mesh_from_world @ self.skeleton.matrices_at(time_s)
 
     def weights_at(self, time_s: float) -> Matrix:
         """Weights (targets,) of the morph targets at a world time."""
@@ -155,8 +153,7 @@ class Deformation:
             offsets = self.targets.positions[:, subset]
             positions += np.einsum("t,tnc->nc", self.weights_at(time_s), offsets)
         blended = self._blended(time_s, subset)
-        moved: Matrix = np.einsum("nab,nb->na", blended[:, :, :3], positions) + blended[:, :, 3]
-        return moved
+        return np.einsum("nab,nb->na", blended[:, :, :3], positions) + blended[:, :, 3]
 
     def normals_at(self, time_s: float) -> Matrix | None:
         """Unit normals (n, 3) of all vertices at a world time; None: flat shading."""
@@ -170,8 +167,7 @@ class Deformation:
         sign = np.where(np.einsum("nc,nc->n", x, cofactors[:, 0]) < 0.0, -1.0, 1.0)
         turned = np.einsum("nab,nb->na", cofactors, normals)
         lengths = sign * np.linalg.norm(turned, axis=1)
-        unit: Matrix = turned / np.where(lengths == 0.0, 1.0, lengths)[:, None]
-        return unit
+        return turned / np.where(lengths == 0.0, 1.0, lengths)[:, None]
 
     def sphere_at(self, time_s: float) -> Sphere:
         """Bounding sphere of all vertices at a world time, from one sphere per joint."""
@@ -228,7 +224,6 @@ class Deformation:
     def _blended(self, time_s: float, subset: slice | NDArray[np.intp]) -> Matrix:
         """Weighted mean of the joints' transforms (n, 3, 4) per vertex."""
         matrices = self.matrices_at(time_s)[:, :3]
-        blended: Matrix = np.einsum(
+        return np.einsum(
             "nj,njab->nab", self.shares[subset].astype(np.float64), matrices[self.joints[subset]]
         )
-        return blended

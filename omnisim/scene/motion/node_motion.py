@@ -158,8 +158,7 @@ class NodePoses:
         local[:-1] = self._before @ local[:-1]
         for level, parents in self._levels:
             local[level] = local[parents] @ local[level]
-        transforms: Matrix = local[self._index]
-        return transforms
+        return local[self._index]
 
 
 class _Tracks:
@@ -252,8 +251,7 @@ class Keyframes:
         times_s = self.times_s
         last = int(np.searchsorted(times_s, time_s, side="right")) - 1
         if last < 0 or last + 1 == len(times_s) or self.interpolation is Interpolation.STEP:
-            value: Values = self.values[max(last, 0)]
-            return value
+            return self.values[max(last, 0)]
         step_s = float(times_s[last + 1] - times_s[last])
         share = (time_s - float(times_s[last])) / step_s
         if self.interpolation is Interpolation.CUBIC_SPLINE:
@@ -263,20 +261,18 @@ class Keyframes:
             return (
                 _slerp(first, second, share) if first.ndim == 1 else _slerps(first, second, share)
             )
-        straight: Values = first + share * (second - first)
-        return straight
+        return first + share * (second - first)
 
     def _along_spline(self, last: int, t: float, step_s: float) -> Values:
         assert self.in_tangents is not None
         assert self.out_tangents is not None
         t2, t3 = t * t, t * t * t
-        value: Values = (
+        return (
             (2.0 * t3 - 3.0 * t2 + 1.0) * self.values[last]
             + step_s * (t3 - 2.0 * t2 + t) * self.out_tangents[last]
             + (3.0 * t2 - 2.0 * t3) * self.values[last + 1]
             + step_s * (t3 - t2) * self.in_tangents[last + 1]
         )
-        return value
 
 
 def _slerp(first: Values, second: Values, share: float) -> Values:
@@ -290,10 +286,9 @@ def _slerp(first: Values, second: Values, share: float) -> Values:
     )
     if angle == 0.0:
         return first
-    turned: Values = (
-        math.sin((1.0 - share) * angle) * first + math.sin(share * angle) * second
-    ) / math.sin(angle)
-    return turned
+    return (math.sin((1.0 - share) * angle) * first + math.sin(share * angle) * second) / math.sin(
+        angle
+    )
 
 
 def _slerps(first: Values, second: Values, share: float) -> Values:

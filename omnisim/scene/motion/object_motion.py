@@ -164,10 +164,7 @@ class Rolling:
             rolled_rad = -turned * motion.radius_m / self.radius_m
             start = rotation_from_yaw(motion.angle_at(0.0))
             in_turning = _rotation(np.array([rolled_rad, 0.0, -turned]))
-            rotation: NDArray[np.float64] = (
-                rotation_from_yaw(motion.angle_at(time_s)) @ in_turning @ start.T
-            )
-            return rotation
+            return rotation_from_yaw(motion.angle_at(time_s)) @ in_turning @ start.T
         return self._along_at(motion, time_s)
 
     def _along_at(self, motion: Along, time_s: float) -> NDArray[np.float64]:
@@ -201,5 +198,4 @@ def _axis(way_m: NDArray[np.float64], radius_m: float) -> NDArray[np.float64]:
 
 def _rotation(vector: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotation (3, 3) of a rotation vector (3,)."""
-    rotation: NDArray[np.float64] = rotation_type().from_rotvec(vector).as_matrix()
-    return rotation
+    return rotation_type().from_rotvec(vector).as_matrix()

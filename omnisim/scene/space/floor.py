@@ -76,10 +76,7 @@ def _heights_at(
 
 def _areas(first_m: NDArray[np.float64], second_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Twice the signed areas (...) spanned by vectors (..., 2 or 3), seen from above."""
-    areas: NDArray[np.float64] = (
-        first_m[..., 0] * second_m[..., 1] - first_m[..., 1] * second_m[..., 0]
-    )
-    return areas
+    return first_m[..., 0] * second_m[..., 1] - first_m[..., 1] * second_m[..., 0]
 
 
 # Triangles of a scene in the world, and a bounding volume hierarchy over them.

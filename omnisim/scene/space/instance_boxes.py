@@ -38,8 +38,7 @@ def _points_m(instance: Instance, mesh: Mesh, time_s: float) -> NDArray[np.float
     if mesh.deformation is not None:
         points = mesh.deformation.positions_at(time_s, used)
     matrix = instance.world_from_mesh
-    placed: NDArray[np.float64] = points @ matrix[:3, :3].T + matrix[:3, 3]
-    return placed
+    return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _axes(instance: Instance) -> NDArray[np.float64]:

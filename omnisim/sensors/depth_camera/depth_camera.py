@@ -233,8 +233,7 @@ class DepthCamera(Parameters, name="depth_camera"):
         # on a smooth surface the point's depth lies between those of two neighboring pixels
         limit_m = np.where(is_edge, nearest, farther * (1.0 + SHADOW_SHARE))
         in_image = (second_u >= -0.5) & (second_u <= self.second_width_px - 0.5)
-        seen: NDArray[np.bool_] = in_image & (z_m <= limit_m)
-        return seen
+        return in_image & (z_m <= limit_m)
 
 
 class _Views:

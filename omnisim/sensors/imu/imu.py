@@ -81,10 +81,7 @@ class ImuErrors(Parameters, name="imu", in_radians=True):
             key: key of the random numbers.
         """
         density = self._six(self.gyro_noise_radps_per_sqrt_hz, self.accel_noise_mps2_per_sqrt_hz)
-        noise: NDArray[np.float64] = (
-            density * math.sqrt(rate_hz) * _numbers(indices, _READING, key)[0]
-        )
-        return noise
+        return density * math.sqrt(rate_hz) * _numbers(indices, _READING, key)[0]
 
     @staticmethod
     def _six(gyro: float, accel: float) -> NDArray[np.float64]:

@@ -97,8 +97,7 @@ def _rotations(
     changes = np.swapaxes(knots[:-1], 1, 2) @ knots[1:]
     vectors = rotation.from_matrix(changes).as_rotvec()
     turned = rotation.from_rotvec(share[:, None] * vectors[index]).as_matrix()
-    rotations: NDArray[np.float64] = knots[index] @ turned
-    return rotations
+    return knots[index] @ turned
 
 
 def _is_same(part: LidarPoses, other: LidarPoses, boxes: MovingBoxes) -> bool:

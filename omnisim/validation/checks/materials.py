@@ -174,5 +174,4 @@ def ciede2000(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[n
     blue = np.radians(60.0 * np.exp(-(((hue - 275.0) / 25.0) ** 2)))
     rotation = -2.0 * np.sqrt(chroma**7 / (chroma**7 + _FAR)) * np.sin(blue)
     squared = of_light**2 + of_chroma**2 + of_hue**2 + rotation * of_chroma * of_hue
-    difference: NDArray[np.float64] = np.sqrt(np.maximum(squared, 0.0))
-    return difference
+    return np.sqrt(np.maximum(squared, 0.0))

@@ -74,8 +74,7 @@ class TracedSystem:
     @property
     def world_from_optical(self) -> NDArray[np.float64]:
         """Pose (4, 4) of the optical frame."""
-        world_from_optical: NDArray[np.float64] = self.pose @ self.sensor.base_from_optical
-        return world_from_optical
+        return self.pose @ self.sensor.base_from_optical
 
     @cached_property
     def optics(self) -> PhysicalOptics:
@@ -105,8 +104,7 @@ class TracedSystem:
         scene = markers_on_rays(self.system, pixels, self.world_from_optical)
         images = self.optics.image(scene, SAMPLES), self.ours(scene)
         one, other = (centroids(image[..., 1].astype(np.float64), pixels) for image in images)
-        distances_px: NDArray[np.float64] = np.linalg.norm(one - other, axis=1)
-        return distances_px
+        return np.linalg.norm(one - other, axis=1)
 
     def ray_errors_px(self) -> NDArray[np.float64]:
         """Distances (n,) between pixels and our projections of points at 1 m on Mitsuba's rays."""
@@ -116,8 +114,7 @@ class TracedSystem:
         pixels = pixels[self.system.rays(pixels).valid]
         origins_m, directions = self.optics.rays(pixels)
         seen = self.system.pixel_from_point(origins_m + directions).positions_px
-        distances_px: NDArray[np.float64] = np.linalg.norm(seen - pixels, axis=1)
-        return distances_px
+        return np.linalg.norm(seen - pixels, axis=1)
 
 
 class Result(NamedTuple):

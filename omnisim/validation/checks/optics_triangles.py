@@ -156,8 +156,7 @@ def pose_beside_nearest(
     ranges_m = rays.first_hits(Rays(origins_m, directions, near_m, far_m)).ranges_m
     nearest = int(np.argmin(np.where(ranges_m > 2.0 * BESIDE_M, ranges_m, np.inf)))
     away_m = (ranges_m[nearest] - BESIDE_M) * directions[nearest]
-    moved: NDArray[np.float64] = pose(tuple(away_m.tolist())) @ start
-    return moved
+    return pose(tuple(away_m.tolist())) @ start
 
 
 class _Triangles(NamedTuple):
@@ -176,5 +175,4 @@ class _Triangles(NamedTuple):
     def equal(self, other: _Triangles) -> NDArray[np.bool_]:
         """Mask (height, width) of pixels with equal triangles, or with none in both."""
         same = (self.numbers == other.numbers) | (self.names == "")
-        equal: NDArray[np.bool_] = same & (self.names == other.names)
-        return equal
+        return same & (self.names == other.names)

@@ -103,8 +103,7 @@ def rendered(
     with open_sensor(scene, camera, backend=backend) as renderer:
         ours = renderer.render(reflective_rooms.camera_pose(), linear=True).linear
     assert ours is not None
-    clipped: NDArray[np.float32] = np.clip(ours[..., :3], 0.0, 1.0)
-    return clipped
+    return np.clip(ours[..., :3], 0.0, 1.0)
 
 
 def traced_paths(scene: Scene, width_px: int, samples: int) -> NDArray[np.float32]:
@@ -113,7 +112,4 @@ def traced_paths(scene: Scene, width_px: int, samples: int) -> NDArray[np.float3
 
     camera, pose = reflective_rooms.camera(width_px, 1), reflective_rooms.camera_pose()
     assert isinstance(camera.model, PerspectiveCamera)
-    traced: NDArray[np.float32] = np.clip(
-        trace_reflections(scene, camera.model, pose, samples), 0.0, 1.0
-    )
-    return traced
+    return np.clip(trace_reflections(scene, camera.model, pose, samples), 0.0, 1.0)

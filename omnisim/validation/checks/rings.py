@@ -38,8 +38,7 @@ class Rings(NamedTuple):
     @property
     def mean_error_px(self) -> NDArray[np.float64]:
         """Means (n,) over azimuths of measured minus exact radii."""
-        errors: NDArray[np.float64] = self.radii_px.mean(axis=1) - self.exact_px
-        return errors
+        return self.radii_px.mean(axis=1) - self.exact_px
 
     def sector_error_px(self, sectors: int = 24) -> float:
         """Maximum error of a ring's mean radius in a sector."""
@@ -224,5 +223,4 @@ def ring_radii(
     directions = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
     profile = sample(darkness, directions[:, None] * radii[:, None] + np.asarray(center_px))
     weights = profile * np.sqrt(radii)
-    means: NDArray[np.float64] = (weights * radii).sum(axis=1) / weights.sum(axis=1)
-    return means
+    return (weights * radii).sum(axis=1) / weights.sum(axis=1)

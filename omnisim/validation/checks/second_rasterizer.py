@@ -72,5 +72,4 @@ def check(fixture: Fixture, title: str) -> Section:
 def _averaged(image: NDArray[np.float64]) -> NDArray[np.float64]:
     height, width, channels = image.shape
     blocks = image.reshape(height // AVERAGED, AVERAGED, width // AVERAGED, AVERAGED, channels)
-    means: NDArray[np.float64] = blocks.mean(axis=(1, 3))
-    return means
+    return blocks.mean(axis=(1, 3))

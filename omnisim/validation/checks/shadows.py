@@ -131,8 +131,7 @@ def lit_share(image: NDArray[np.float32], unshadowed: NDArray[np.float32]) -> ND
         image, unshadowed: linear images (height, width, 3) with and without shadows.
     """
     light, full = image.sum(axis=-1), unshadowed.sum(axis=-1)
-    share: NDArray[np.float32] = np.clip(light / np.maximum(full, 3.0 * _DARKEST), 0.0, 1.0)
-    return share
+    return np.clip(light / np.maximum(full, 3.0 * _DARKEST), 0.0, 1.0)
 
 
 def inside_surfaces(

@@ -86,17 +86,13 @@ def _offsets(
     """Offsets (n, 2) from below the effective viewpoint to corners, along the vehicle's axes."""
     cosine, sine = math.cos(pose[2]), math.sin(pose[2])
     base_from_world = np.array([[cosine, sine], [-sine, cosine]])
-    offsets: NDArray[np.float64] = (corners - pose[:2]) @ base_from_world.T - mount.position_m
-    return offsets
+    return (corners - pose[:2]) @ base_from_world.T - mount.position_m
 
 
 def _relative_directions(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
     """Directions (n,) of offsets relative to the direction of their sum."""
     x, y = offsets.sum(axis=0)
-    angles: NDArray[np.float64] = np.arctan2(
-        x * offsets[:, 1] - y * offsets[:, 0], offsets @ (x, y)
-    )
-    return angles
+    return np.arctan2(x * offsets[:, 1] - y * offsets[:, 0], offsets @ (x, y))
 
 
 def _pick(

@@ -74,8 +74,7 @@ def trace_lit_fisheye(
             column, row = (texels[on_face] - low).T
             samples_rgb[on_face] = np.array(image, dtype=np.float32)[row, column, :3]
     height, width, side = camera.height_px, camera.width_px, 2 * TEXELS
-    means: NDArray[np.float32] = samples_rgb.reshape(height, side, width, side, 3).mean(axis=(1, 3))
-    return means
+    return samples_rgb.reshape(height, side, width, side, 3).mean(axis=(1, 3))
 
 
 def _rays(camera: EquidistantCamera) -> NDArray[np.float64]:

@@ -116,8 +116,7 @@ def _facing(
         triangles = np.where(heights[:, None] < 0.0, triangles[:, ::-1], triangles)
     else:
         kept = (lengths > 0.0) & (heights > -reach_m * lengths)
-    facing: NDArray[np.uint32] = triangles[kept]
-    return facing
+    return triangles[kept]
 
 
 def _joined(parts: list[Surface]) -> Surface:

@@ -139,8 +139,7 @@ class _View:
     def at(self, time_s: float) -> NDArray[np.uint8]:
         """Latest image (height, width, 3) at `time_s` seconds; the first one if none is earlier."""
         step = max(0, int(np.searchsorted(self.times_s, time_s, side="right")) - 1)
-        image: NDArray[np.uint8] = read_image(self.run.file(self.camera, step, ".png"))[0]
-        return image
+        return read_image(self.run.file(self.camera, step, ".png"))[0]
 
 
 def side_by_side(images: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:

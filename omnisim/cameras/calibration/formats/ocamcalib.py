@@ -137,8 +137,7 @@ def inverse_polynomial(lens: OcamcalibCamera) -> list[float]:
         fitted = Chebyshev.fit(elevation, radius, degree)
         if np.abs(fitted(elevation) - radius).max() < INVERSE_WITHIN_PX:
             break
-    coefficients: list[float] = fitted.convert(kind=Polynomial).coef.tolist()
-    return coefficients
+    return fitted.convert(kind=Polynomial).coef.tolist()
 
 
 def _profile(

@@ -83,5 +83,4 @@ def move_jacobians(pose: Floats, move: Floats, points_m: Floats) -> Floats:
 
 def _cross_matrices(vectors: Floats) -> Floats:
     """Matrices (..., 3, 3) whose product with a vector is the cross product."""
-    matrices: Floats = np.cross(np.eye(3), vectors[..., None, :])
-    return matrices
+    return np.cross(np.eye(3), vectors[..., None, :])

@@ -232,8 +232,7 @@ class _Problem:
             self._check(parts > _SHARE * parts.max())
         freedom = max(len(errors) - len(sizes), 1)
         variances = np.square(directions / sizes[:, None]).sum(axis=0) * (errors @ errors) / freedom
-        sigmas: Floats = (np.sqrt(variances) / scale)[: self._count]
-        return sigmas
+        return (np.sqrt(variances) / scale)[: self._count]
 
     def _check(self, undetermined: NDArray[np.bool_]) -> None:
         """Reject parameters (n,) that the corners do not determine.

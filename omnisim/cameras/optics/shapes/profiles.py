@@ -227,8 +227,7 @@ class Profile(Shape):
 def _is_moving(steps: Floats, before: Floats, lengths: Floats) -> NDArray[np.bool_]:
     """Mask (n,) of Newton iterations to continue, given that convergence is quadratic."""
     rounding = _ROUNDING * np.abs(lengths)
-    moving: NDArray[np.bool_] = (steps > rounding) & ~(steps**3 <= rounding * before**2)
-    return moving
+    return (steps > rounding) & ~(steps**3 <= rounding * before**2)
 
 
 def _series(coefficients: tuple[float, ...], radii_m: Floats) -> tuple[Floats, Floats, Floats]:

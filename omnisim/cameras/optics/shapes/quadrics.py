@@ -94,8 +94,7 @@ class Quadric(Shape):
 
 
 def _divided(values: Floats, by: Floats) -> Floats:
-    quotients: Floats = np.divide(values, by, out=np.full(len(by), np.nan), where=by != 0.0)
-    return quotients
+    return np.divide(values, by, out=np.full(len(by), np.nan), where=by != 0.0)
 
 
 @dataclass(frozen=True)

@@ -79,8 +79,7 @@ def heading_along(positions_m: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.zeros(len(positions_m))
     headings: NDArray[np.float64] = np.arctan2(steps[moving, 1], steps[moving, 0])
     following = np.searchsorted(moving, np.arange(len(positions_m)))
-    along: NDArray[np.float64] = headings[np.minimum(following, len(moving) - 1)]
-    return along
+    return headings[np.minimum(following, len(moving) - 1)]
 
 
 def lines(trajectory: Trajectory) -> Iterator[str]:

@@ -109,8 +109,7 @@ def _camera_0(
     if cameras:
         return cameras[0].base_from_lens
     assert base_from_lidar is not None
-    pose: NDArray[np.float64] = base_from_lidar @ LIDAR_FROM_CAMERA
-    return pose
+    return base_from_lidar @ LIDAR_FROM_CAMERA
 
 
 def _calibration(
@@ -199,5 +198,4 @@ def deskewed_points_m(
     rotations = scipy.spatial.transform.Rotation.from_matrix(knots[:, :3, :3])
     turned = scipy.spatial.transform.Slerp(knots_s, rotations)(np.clip(times_s, 0.0, knots_s[-1]))
     shifts = [np.interp(times_s, knots_s, knots[:, axis, 3]) for axis in range(3)]
-    points_m: NDArray[np.float64] = turned.apply(cloud.points_m) + np.stack(shifts, axis=-1)
-    return points_m
+    return turned.apply(cloud.points_m) + np.stack(shifts, axis=-1)

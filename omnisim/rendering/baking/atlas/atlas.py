@@ -196,8 +196,7 @@ def coarseness(scene: Scene) -> NDArray[np.float64]:
         low, high = corners.min(axis=1), corners.max(axis=1)
         off = np.maximum(np.maximum(low - places[:, None], places[:, None] - high), 0.0)
         nearest_m.append(np.sqrt(np.einsum("ptc,ptc->pt", off, off).min(initial=np.inf)))
-    factors: NDArray[np.float64] = np.maximum(np.array(nearest_m) / _NEAR_M, 1.0)
-    return factors
+    return np.maximum(np.array(nearest_m) / _NEAR_M, 1.0)
 
 
 def max_texels(texels: int) -> int:

@@ -209,8 +209,7 @@ def _sample_areas_m2(
 ) -> NDArray[np.float64]:
     """Areas (n,) of samples in the atlas: the triangle's area divided evenly among them."""
     counts = np.bincount(samples.triangles, minlength=len(triangle_m2))
-    shared: NDArray[np.float64] = triangle_m2[samples.triangles] / counts[samples.triangles]
-    return shared
+    return triangle_m2[samples.triangles] / counts[samples.triangles]
 
 
 def _appearance(
@@ -371,5 +370,4 @@ def _weights(
 
 
 def _cross(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
-    product: NDArray[np.float64] = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
-    return product
+    return one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]

@@ -74,24 +74,16 @@ class Encoding(Effect, name="degradation.encoding"):
         """Levels (...) from 0 to 1 of light (...), before rounding."""
         if self.curve is not None:
             lights, levels = zip(*self.curve, strict=True)
-            curved: NDArray[np.float64] = np.interp(light, lights, levels)
-            return curved
+            return np.interp(light, lights, levels)
         values = np.clip(light, 0.0, 1.0)
-        powers: NDArray[np.float64] = (
-            srgb_from_linear(values) if self.gamma == "srgb" else values ** (1.0 / self.gamma)
-        )
-        return powers
+        return srgb_from_linear(values) if self.gamma == "srgb" else values ** (1.0 / self.gamma)
 
     def linearized(self, levels: NDArray[np.float64]) -> NDArray[np.float64]:
         """Light (...) of levels (...) from 0 to 1."""
         if self.curve is not None:
             lights, values = zip(*self.curve, strict=True)
-            light: NDArray[np.float64] = np.interp(levels, values, lights)
-            return light
-        inverse: NDArray[np.float64] = (
-            linear_from_srgb(levels) if self.gamma == "srgb" else levels**self.gamma
-        )
-        return inverse
+            return np.interp(levels, values, lights)
+        return linear_from_srgb(levels) if self.gamma == "srgb" else levels**self.gamma
 
     def step(self) -> Step:
         """GPU pass into 8 bits."""

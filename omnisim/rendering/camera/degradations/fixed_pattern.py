@@ -40,8 +40,7 @@ def random_pattern(
     hashes = pcg4d(column, row, 0, key_of("fixed pattern", seed))
     deviations = normal(hashes[0], hashes[1]), normal(hashes[2], hashes[3])
     sigmas = np.array((prnu, dsnu_e), dtype=np.float32)
-    pattern: NDArray[np.float32] = np.stack(deviations, axis=-1) * sigmas
-    return pattern
+    return np.stack(deviations, axis=-1) * sigmas
 
 
 def write_pattern(path: Path, pattern: NDArray[np.float32]) -> None:
@@ -96,5 +95,4 @@ def resampled(pattern: NDArray[np.float32], width_px: int, height_px: int) -> ND
         return pattern
     rows = (2 * np.arange(height_px) + 1) * height // (2 * height_px)
     columns = (2 * np.arange(width_px) + 1) * width // (2 * width_px)
-    nearest: NDArray[np.float32] = pattern[rows[:, None], columns]
-    return nearest
+    return pattern[rows[:, None], columns]

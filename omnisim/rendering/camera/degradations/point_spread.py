@@ -185,8 +185,7 @@ def _solve(
         weights = other * np.exp(-0.5 * (along_px / middle[:, None]) ** 2)
         is_sharp = (weights * waves).sum(axis=1) > modulation * weights.sum(axis=1)
         low, high = np.where(is_sharp, middle, low), np.where(is_sharp, high, middle)
-    widths: NDArray[np.float64] = 0.5 * (low + high)
-    return widths
+    return 0.5 * (low + high)
 
 
 def _half_modulation(widths_px: NDArray[np.float64], angle_rad: float) -> NDArray[np.float64]:
@@ -198,5 +197,4 @@ def _half_modulation(widths_px: NDArray[np.float64], angle_rad: float) -> NDArra
         pixel = np.sinc(middle * cosine) * np.sinc(middle * sine)
         is_above = pixel * np.exp(-2.0 * (np.pi * widths_px * middle) ** 2) > 0.5
         low, high = np.where(is_above, middle, low), np.where(is_above, high, middle)
-    frequencies: NDArray[np.float64] = 0.5 * (low + high)
-    return frequencies
+    return 0.5 * (low + high)

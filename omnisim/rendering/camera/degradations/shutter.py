@@ -96,5 +96,4 @@ class Shutter(Effect, name="degradation.shutter"):
         begin = np.arange(count)[:, None] * step_s
         overlap = np.minimum(begin + step_s, starts + self.exposure_s) - np.maximum(begin, starts)
         overlap = np.maximum(overlap, 0.0)
-        shares: NDArray[np.float32] = (overlap / overlap.sum(axis=0)).astype(np.float32)
-        return shares
+        return (overlap / overlap.sum(axis=0)).astype(np.float32)

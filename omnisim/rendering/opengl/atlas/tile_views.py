@@ -33,8 +33,7 @@ class PosedViews(NamedTuple):
     ) -> NDArray[np.bool_]:
         """Mask (tiles, n) of spheres (n, 3) and (n,) that are not outside of a tile's frustum."""
         inside_m = self.frustum_planes[..., :3] @ centers_m.T + self.frustum_planes[..., 3:]
-        kept: NDArray[np.bool_] = np.all(inside_m + radii_m >= 0.0, axis=1)
-        return kept
+        return np.all(inside_m + radii_m >= 0.0, axis=1)
 
 
 class TileViews:

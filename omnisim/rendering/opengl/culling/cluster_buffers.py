@@ -152,8 +152,7 @@ class ClusterBuffers:
     def masks_of_groups(self, clusters: NDArray[np.bool_]) -> NDArray[np.uint32]:
         """Bit mask per group (groups,) of the selected clusters (clusters,)."""
         bits = np.where(clusters, self._bits, np.uint32(0))
-        masks: NDArray[np.uint32] = np.bitwise_or.reduceat(bits, self._first).astype("<u4")
-        return masks
+        return np.bitwise_or.reduceat(bits, self._first).astype("<u4")
 
     @cached_property
     def shaders(self) -> CullingShaders:

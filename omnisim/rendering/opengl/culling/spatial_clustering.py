@@ -148,8 +148,7 @@ def _split_to_size(first: NDArray[np.intp], total: int, max_size: int) -> NDArra
     """First box of each cluster, after splitting those larger than `max_size`."""
     parts = -(-np.diff(first, append=total) // max_size)
     number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
-    starts: NDArray[np.intp] = np.repeat(first, parts) + max_size * number
-    return starts
+    return np.repeat(first, parts) + max_size * number
 
 
 def _order(
@@ -173,8 +172,7 @@ def _longest_run(values: NDArray[np.uint64]) -> int:
 def _half_areas(bounds: NDArray[np.float32]) -> NDArray[np.float32]:
     """Half the surface area (n,) of boxes (6, n)."""
     x, y, z = bounds[:3] + bounds[3:]
-    areas: NDArray[np.float32] = x * y + y * z + z * x
-    return areas
+    return x * y + y * z + z * x
 
 
 def _add_morton_codes(bounds: NDArray[np.float32], bits: int, codes: NDArray[np.uint64]) -> None:

@@ -225,8 +225,7 @@ class ProbePass:
         if place.object_index is None:
             return center_m
         pose = world_from_objects[place.object_index]
-        moved: NDArray[np.float64] = pose[:3, :3] @ center_m + pose[:3, 3]
-        return moved
+        return pose[:3, :3] @ center_m + pose[:3, 3]
 
     def connect(
         self,

@@ -256,8 +256,7 @@ def _anchor(items: Sequence[DrawItem]) -> NDArray[np.float64]:
     static = [item.center_m for item in items if item.object_index is None]
     if not static:
         return np.zeros(3)
-    middle: NDArray[np.float64] = 0.5 * (np.min(static, axis=0) + np.max(static, axis=0))
-    return middle
+    return 0.5 * (np.min(static, axis=0) + np.max(static, axis=0))
 
 
 def _contained(

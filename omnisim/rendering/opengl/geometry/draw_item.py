@@ -94,10 +94,7 @@ class DrawItem:
     @cached_property
     def triangle_centers(self) -> NDArray[np.float64]:
         """Centers (triangles, 3) of the triangles at rest, in the mesh's frame."""
-        centers: NDArray[np.float64] = self.mesh.positions[self.mesh.triangles].mean(
-            axis=1, dtype=np.float64
-        )
-        return centers
+        return self.mesh.positions[self.mesh.triangles].mean(axis=1, dtype=np.float64)
 
     def is_near(self, anchor_m: NDArray[np.float64]) -> bool:
         """True if float32 coordinates on the item are right to 0.1 mm.
@@ -139,8 +136,7 @@ class DrawItem:
         if self.flips_winding:
             normals = -normals
         offsets_m = -np.einsum("nc,nc->n", normals, first_m)
-        planes: NDArray[np.float64] = np.column_stack((normals, offsets_m))[lengths > 0.0]
-        return planes
+        return np.column_stack((normals, offsets_m))[lengths > 0.0]
 
     def shows(self, viewpoint_m: NDArray[np.float64]) -> bool:
         """False if nothing of the item is visible: all of its triangles turn away.

@@ -90,8 +90,7 @@ def bake_directional_light(normals: NDArray[np.float32], lighting: Lighting) -> 
 
 def _dot(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.float32]:
     """Dot products (n,) of vectors (n, 3)."""
-    products: NDArray[np.float32] = np.einsum("nc,nc->n", one, other)
-    return products
+    return np.einsum("nc,nc->n", one, other)
 
 
 def _squared(vectors: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -79,8 +79,7 @@ class VertexPalette:
         entries[:, 0], entries[:, 1] = self._texels[indices[at]], self._texels[indices[at] + 1]
         entries[:, 2] = entries[:, 0]
         entries[:, 2, :3] *= lights[at]
-        of_vertex: NDArray[np.uint32] = self._append(entries)[entry[np.cumsum(starts) - 1]]
-        return of_vertex
+        return self._append(entries)[entry[np.cumsum(starts) - 1]]
 
     def texture(self, context: moderngl.Context) -> moderngl.Texture:
         """Texture of the entries, row by row.

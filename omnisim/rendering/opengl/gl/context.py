@@ -214,8 +214,7 @@ def release_unclosed_contexts() -> None:
 
 def _current_handle() -> int | None:
     """EGL's handle of this thread's current context; None: no context is current."""
-    handle: int | None = gl_function("eglGetCurrentContext", returns=ctypes.c_void_p)()
-    return handle
+    return gl_function("eglGetCurrentContext", returns=ctypes.c_void_p)()
 
 
 def _open(device: int | None) -> moderngl.Context:

@@ -60,8 +60,7 @@ def cluster_triangle_entries(
 ) -> NDArray[np.void]:
     """Table entries (n,) of the clusters' triangles, in drawing order."""
     entries = _entries(draw_items, np.flatnonzero(geometry.contains).tolist())
-    ordered: NDArray[np.void] = entries[geometry.hierarchy.order]
-    return ordered
+    return entries[geometry.hierarchy.order]
 
 
 def _entries(draw_items: Sequence[DrawItem], items: list[int]) -> NDArray[np.void]:

@@ -63,8 +63,7 @@ class Cascades:
 
     def _steps(self, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Centers (following, 2) of the cascades that follow a viewpoint, in steps."""
-        steps: NDArray[np.float64] = np.round(self.axes[:2] @ viewpoint_m / self._steps_m)
-        return steps
+        return np.round(self.axes[:2] @ viewpoint_m / self._steps_m)
 
 
 def cascade_count(axes: NDArray[np.float64], boxes_m: NDArray[np.float64]) -> int:

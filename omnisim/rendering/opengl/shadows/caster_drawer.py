@@ -213,8 +213,7 @@ class CasterDrawer:
     ) -> NDArray[np.bool_]:
         """Mask of items (n,) whose bounding spheres are not outside of planes (k, 4)."""
         inside_m = transforms.centers_m[items] @ planes[:, :3].T + planes[:, 3]
-        kept: NDArray[np.bool_] = np.all(inside_m.T + transforms.radii_m[items] >= 0.0, axis=0)
-        return kept
+        return np.all(inside_m.T + transforms.radii_m[items] >= 0.0, axis=0)
 
     def _cluster_drawer(
         self,

@@ -225,8 +225,7 @@ def _anchor_m(buffers: SceneBuffers, boxes_m: NDArray[np.float64]) -> NDArray[np
         return buffers.clustered_geometry.anchor_m
     if not len(boxes_m):
         return np.zeros(3)
-    middle: NDArray[np.float64] = 0.5 * (boxes_m[:, 0].min(axis=0) + boxes_m[:, 1].max(axis=0))
-    return middle
+    return 0.5 * (boxes_m[:, 0].min(axis=0) + boxes_m[:, 1].max(axis=0))
 
 
 def _static_boxes_m(buffers: SceneBuffers) -> NDArray[np.float64]:

@@ -14,5 +14,4 @@ def fogged(
     """Linear colors (n, 3) seen through fog from distances (n,)."""
     left = np.exp(-np.array(fog.attenuation_per_m) * ranges_m[:, None])
     colored = np.array(fog.color)
-    seen: NDArray[np.float32] = (colored + (colors - colored) * left).astype(np.float32)
-    return seen
+    return (colored + (colors - colored) * left).astype(np.float32)

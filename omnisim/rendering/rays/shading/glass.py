@@ -87,8 +87,7 @@ class Glass(NamedTuple):
             channel: channel of the light; None: the material's own index.
         """
         indices = self.indices[_GREEN if channel is None else channel, surfaces]
-        ratios: NDArray[np.float64] = np.where(is_front, indices, 1.0 / indices)
-        return ratios
+        return np.where(is_front, indices, 1.0 / indices)
 
 
 def interface_reflectance(cosines: Floats, ratios: Floats) -> Floats:
@@ -102,8 +101,7 @@ def interface_reflectance(cosines: Floats, ratios: Floats) -> Floats:
     beyond = np.sqrt(np.maximum(1.0 - (1.0 - cosines**2) / ratios**2, 0.0))
     across = ((cosines - ratios * beyond) / (cosines + ratios * beyond)) ** 2
     along = ((beyond - ratios * cosines) / (beyond + ratios * cosines)) ** 2
-    reflected: Floats = 0.5 * (across + along)
-    return reflected
+    return 0.5 * (across + along)
 
 
 def refracted_rays(rays: Rays, hits: RayHits, normals: Floats, ratios: Floats) -> Rays:

@@ -45,8 +45,7 @@ def mapped_normals(
     bumps[:, :2] *= scales[:, None] * np.where(is_front, 1.0, -1.0)
     mapped = bumps[:, :1] * tangents + bumps[:, 1:2] * bitangents + bumps[:, 2:] * normals
     mapped /= np.maximum(np.linalg.norm(mapped, axis=1, keepdims=True), 1e-20)
-    result: Floats = np.where(lengths > 0.0, mapped, normals)
-    return result
+    return np.where(lengths > 0.0, mapped, normals)
 
 
 def _dot(one: Floats, other: Floats) -> Floats:

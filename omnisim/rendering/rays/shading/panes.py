@@ -54,8 +54,7 @@ class Panes(NamedTuple):
         """
         passing = 1.0 - pane_reflectance(cosines, self.ior[surfaces])
         passing = passing * self.transmission[surfaces]
-        shares: NDArray[np.float32] = (passing[:, None] * colors).astype(np.float32)
-        return shares
+        return (passing[:, None] * colors).astype(np.float32)
 
     def slab_colors(
         self, surfaces: NDArray[np.int32], colors: Floats, cosines: Floats
@@ -63,12 +62,10 @@ class Panes(NamedTuple):
         """Tint (n, 3) of both faces of slabs and of the glass between, see `transmitted`."""
         inside = np.sqrt(1.0 - (1.0 - cosines**2) / self.ior[surfaces] ** 2)
         left = np.exp(-self.depths[surfaces] / np.maximum(inside, 1e-4)[:, None])
-        tints: NDArray[np.float64] = colors.astype(np.float64) ** 2 * left
-        return tints
+        return colors.astype(np.float64) ** 2 * left
 
 
 def pane_reflectance(cosines: Floats, ior: Floats) -> Floats:
     """Reflectance (n,) of panes by the cosines (n,) of the angles of incidence."""
     once = interface_reflectance(cosines, ior)
-    reflected: Floats = 2.0 * once / (1.0 + once)
-    return reflected
+    return 2.0 * once / (1.0 + once)

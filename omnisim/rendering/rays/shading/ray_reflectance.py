@@ -93,15 +93,13 @@ def reflected_light(
 def _widened(roughness: Floats, spreads: Floats) -> Floats:
     """Roughness (n,) of facets whose slopes are spread; 0 leaves it as it is."""
     wider = np.minimum((roughness**4 + spreads**2) ** 0.25, 1.0)
-    values: Floats = np.where(spreads > 0.0, wider, roughness)
-    return values
+    return np.where(spreads > 0.0, wider, roughness)
 
 
 def coat_fresnel(strengths: Floats, directions: SurfaceDirections) -> Floats:
     """Schlick's reflectance (n,) of clear coats with strengths (n,)."""
     grazing = (1.0 - _cosines(directions.coat_normals, directions.views)) ** 5
-    shares: Floats = strengths * (COAT_F0 + (1.0 - COAT_F0) * grazing)
-    return shares
+    return strengths * (COAT_F0 + (1.0 - COAT_F0) * grazing)
 
 
 def _lamp(
@@ -121,8 +119,7 @@ def _lamp(
     view = _cosines(directions.coat_normals, directions.views)
     facets = microfacets(surface.coat_roughness, directions.coat_normals, halfway, light, view)
     total += (coat * light * facets)[:, None]
-    lit: Floats = lamp.levels[:, None] * lamp.color * total
-    return lit
+    return lamp.levels[:, None] * lamp.color * total
 
 
 def _environment(
@@ -153,8 +150,7 @@ def _environment(
             indices = traced.coat.indices
             reflected[indices] = coat[indices, None] * traced.coat.light
         total += reflected
-    lit: Floats = surface.occlusion[:, None] * total
-    return lit
+    return surface.occlusion[:, None] * total
 
 
 def _radiance(
@@ -203,15 +199,12 @@ def microfacets(
 
 def _between(f0: Floats, f90: Floats, grazing: Floats) -> Floats:
     """Schlick's reflectance (n, 3) between f0 (n, 3) and f90 (n,)."""
-    values: Floats = f0 + (f90[:, None] - f0) * grazing[:, None]
-    return values
+    return f0 + (f90[:, None] - f0) * grazing[:, None]
 
 
 def _cosines(normals: Floats, views: Floats) -> Floats:
-    cosines: Floats = np.clip(np.abs(_dot(normals, views)), _MIN_COSINE, 1.0)
-    return cosines
+    return np.clip(np.abs(_dot(normals, views)), _MIN_COSINE, 1.0)
 
 
 def _dot(one: Floats, other: Floats) -> Floats:
-    products: Floats = np.einsum("nc,nc->n", one, other)
-    return products
+    return np.einsum("nc,nc->n", one, other)

@@ -84,8 +84,7 @@ class TextureTable:
 
     def sizes_px(self, textures: NDArray[np.intp]) -> NDArray[np.float32]:
         """Widths and heights (n, 2) of the finest levels."""
-        sizes: NDArray[np.float32] = self._size[textures, 0].astype(np.float32)
-        return sizes
+        return self._size[textures, 0].astype(np.float32)
 
     def place(
         self,

@@ -194,8 +194,7 @@ def halfway_spreads(paths: Paths, ranges_m: Floats, curvatures_per_m: Floats) ->
     if paths.cones is None:
         return np.zeros(len(ranges_m))
     angles, widths_m = paths.cones.T
-    spreads: Floats = 0.5 * angles + curvatures_per_m * (widths_m + angles * ranges_m)
-    return spreads
+    return 0.5 * angles + curvatures_per_m * (widths_m + angles * ranges_m)
 
 
 def _cones(lobe: Lobe, arrivals: Arrivals, paths: Paths) -> Floats:
@@ -297,8 +296,7 @@ def _visible_facets(
     height = np.maximum(np.einsum("nc,nc->n", sampled, normals), 0.0)[:, None]
     sampled = alpha * (sampled - np.einsum("nc,nc->n", sampled, normals)[:, None] * normals)
     sampled += height * normals
-    facets: Floats = sampled / np.maximum(np.linalg.norm(sampled, axis=1, keepdims=True), 1e-30)
-    return facets
+    return sampled / np.maximum(np.linalg.norm(sampled, axis=1, keepdims=True), 1e-30)
 
 
 def _shadowing(normals: Floats, views: Floats, directions: Floats, squared: Floats) -> Floats:
@@ -307,15 +305,12 @@ def _shadowing(normals: Floats, views: Floats, directions: Floats, squared: Floa
     light = np.einsum("nc,nc->n", normals, directions)
     seen = 2.0 * view / (view + np.sqrt(view * view * (1.0 - squared) + squared))
     both = 4.0 * light * view * smith_visibility(np.maximum(light, 0.0), view, squared)
-    share: Floats = np.where(light > 0.0, both / seen, 0.0)
-    return share
+    return np.where(light > 0.0, both / seen, 0.0)
 
 
 def _grazing(cosines: Floats) -> Floats:
-    grazing: Floats = (1.0 - np.clip(cosines, 0.0, 1.0)) ** 5
-    return grazing
+    return (1.0 - np.clip(cosines, 0.0, 1.0)) ** 5
 
 
 def _cosines(normals: Floats, views: Floats) -> Floats:
-    cosines: Floats = np.clip(np.abs(np.einsum("nc,nc->n", normals, views)), 1e-3, 1.0)
-    return cosines
+    return np.clip(np.abs(np.einsum("nc,nc->n", normals, views)), 1e-3, 1.0)

@@ -333,8 +333,7 @@ class Shading:
     def is_front(self, hits: RayHits, world_from_objects: Poses = ()) -> NDArray[np.bool_]:
         """Mask (n,) of hits on the front of triangles; without poses, of static ones."""
         a, b, c = np.moveaxis(self._geometry.corners_m(hits.triangles, world_from_objects), 1, 0)
-        front: NDArray[np.bool_] = np.einsum("nc,nc->n", np.cross(b - a, c - a), hits.planes) > 0.0
-        return front
+        return np.einsum("nc,nc->n", np.cross(b - a, c - a), hits.planes) > 0.0
 
     def _surroundings(
         self,
@@ -476,10 +475,9 @@ class Shading:
 
     def _interpolated(self, of_vertices: NDArray[np.float32], hits: RayHits) -> NDArray[np.float32]:
         """Values (n, k) at the hits, interpolated from vertex values (vertices, k)."""
-        values: NDArray[np.float32] = np.einsum(
+        return np.einsum(
             "nk,nkc->nc", hits.weights, of_vertices[self._geometry.corners[hits.triangles]]
         )
-        return values
 
 
 def _traced(

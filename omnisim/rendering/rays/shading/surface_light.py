@@ -140,5 +140,4 @@ def _facets(roughness: NDArray[np.floating], cosines: Shares) -> Shares:
     rough = cosines * microfacets(roughness, normals, halfway, cosines, cosines)
     tangents = squares / cosines**2
     flat = np.exp(-tangents / _BEAM_SQUARED) / (4.0 * _BEAM_SQUARED * cosines**5)
-    returned: Shares = np.where(is_smooth, flat, rough)
-    return returned
+    return np.where(is_smooth, flat, rough)

@@ -542,5 +542,4 @@ def _file_from_light(light: Light) -> NDArray[np.float64]:
     if light.kind is not LightKind.DIRECTIONAL:
         matrix[:3, 3] = light.position_m
     file_from_world: NDArray[np.float64] = world_from_axes("y", 1.0).T
-    product: NDArray[np.float64] = file_from_world @ matrix
-    return product
+    return file_from_world @ matrix

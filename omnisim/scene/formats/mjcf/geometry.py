@@ -251,8 +251,7 @@ def _is_on_one_face(rays: NDArray[np.float64]) -> NDArray[np.bool_]:
     reach = np.abs(rays).max(axis=2, keepdims=True) * (1.0 - 1e-9)
     is_far = np.concatenate((rays >= reach, rays <= -reach), axis=2)  # along +x, …, −z
     most: NDArray[np.int64] = is_far.sum(axis=1).max(axis=1, initial=0)
-    on_one: NDArray[np.bool_] = most == 3
-    return on_one
+    return most == 3
 
 
 def _cut(corners: NDArray[np.float64], sides: NDArray[np.float64]) -> NDArray[np.float64]:

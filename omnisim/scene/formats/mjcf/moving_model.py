@@ -109,8 +109,7 @@ def moving_roots(model: mujoco.MjModel) -> NDArray[np.int32]:
     """Body (nbody,) to which each body is rigidly attached; 0: it never moves."""
     trees = model.body_rootid
     is_mocap = (model.body_weldid == _WORLD) & (model.body_mocapid[trees] >= 0)
-    roots: NDArray[np.int32] = np.where(is_mocap, trees, model.body_weldid)
-    return roots
+    return np.where(is_mocap, trees, model.body_weldid)
 
 
 def _scene(name: str, read: ImportedScene, instances: Iterable[Instance]) -> Scene:

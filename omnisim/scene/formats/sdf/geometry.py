@@ -292,8 +292,7 @@ def _axes(normal: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.diag((1.0, -1.0, -1.0))
     cross = np.cross(z, normal)
     skew = np.cross(np.eye(3), cross)
-    rotation: NDArray[np.float64] = np.eye(3) + skew + skew @ skew / (1.0 + cosine)
-    return rotation
+    return np.eye(3) + skew + skew @ skew / (1.0 + cosine)
 
 
 def _round(surface: Surface, radius_m: float, max_segments: int) -> Shape:
@@ -375,8 +374,7 @@ def read_levels(image: Image.Image) -> NDArray[np.float64] | None:
     if min(levels.shape) < 2:
         return None
     rows, columns = (_evenly(count) for count in levels.shape)
-    chosen: NDArray[np.float64] = levels[np.ix_(rows, columns)]
-    return chosen
+    return levels[np.ix_(rows, columns)]
 
 
 def _evenly(count: int) -> NDArray[np.intp]:

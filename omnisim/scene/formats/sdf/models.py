@@ -100,10 +100,7 @@ class Scope:
             UnplacedError: a pose relative to a missing model.
             SceneError: an unknown frame, or a frame relative to itself.
         """
-        pose: NDArray[np.float64] = (
-            self._scope_from(element.relative_to or default, element) @ element.pose()
-        )
-        return pose
+        return self._scope_from(element.relative_to or default, element) @ element.pose()
 
     def model_pose(self, name: str) -> NDArray[np.float64]:
         """Pose (4, 4) scope_from_model of a nested model."""
@@ -139,8 +136,7 @@ class Scope:
             hint = did_you_mean(name, self._frames, "there are")
             raise element.error(f"the name of a frame; {hint}", name)
         inner = frame.inner._scope_from(rest, element)
-        pose: NDArray[np.float64] = self._scope_from(outer, element) @ inner
-        return pose
+        return self._scope_from(outer, element) @ inner
 
 
 # Tree of models: nested ones, and those included from files.
@@ -393,10 +389,7 @@ class PlacedModel(NamedTuple):
             element: element with the pose.
             default: reference frame if the pose names none.
         """
-        pose: NDArray[np.float64] = self.outer_from_model @ self.model.scope.pose_of(
-            element, default
-        )
-        return pose
+        return self.outer_from_model @ self.model.scope.pose_of(element, default)
 
 
 def placed_models(

@@ -309,7 +309,4 @@ def _smooth_normals(
         axis=1,
     )
     lengths = np.linalg.norm(sums, axis=1, keepdims=True)
-    normals: NDArray[np.float64] = np.divide(
-        sums, lengths, out=np.zeros_like(sums), where=lengths > 0.0
-    )
-    return normals
+    return np.divide(sums, lengths, out=np.zeros_like(sums), where=lengths > 0.0)

@@ -168,8 +168,7 @@ class Lights:
 
     def _get(self, prim: Usd.Prim, name: str) -> object:
         attribute = prim.GetAttribute(f"inputs:{name}")
-        value: object = attribute.Get(self._time) if attribute else None
-        return value
+        return attribute.Get(self._time) if attribute else None
 
     def _number(self, prim: Usd.Prim, name: str, default: float) -> float:
         value = self._get(prim, name)
@@ -223,8 +222,7 @@ def dome_map(
 def mean_radiance(pixels: NDArray[np.float32]) -> NDArray[np.float64]:
     """Mean (3,) of a map over all directions."""
     _, solid_angles = map_directions(*pixels.shape[:2])
-    mean: NDArray[np.float64] = np.average(pixels.mean(axis=1), axis=0, weights=solid_angles)
-    return mean
+    return np.average(pixels.mean(axis=1), axis=0, weights=solid_angles)
 
 
 def _read(resolved: str) -> NDArray[np.float32] | None:

@@ -64,8 +64,7 @@ def call_isolated(function: Callable[..., Result], *arguments: object) -> Result
         raise outcome
     if isinstance(outcome, _Defect):
         raise RuntimeError(outcome.traceback)
-    result: Result = outcome
-    return result
+    return outcome
 
 
 def serve() -> None:

@@ -169,8 +169,7 @@ class Inputs:
         attribute = _source(node.GetInput(name))
         if attribute is None or _node(attribute) is not None:
             return None
-        value: object = attribute.Get(self._time)
-        return value
+        return attribute.Get(self._time)
 
     def _text(self, node: UsdShade.Shader, name: str) -> str:
         value = self._value(node, name)
@@ -342,15 +341,13 @@ def _plane(pixels: NDArray[np.uint8], source: TextureSource, channel: str) -> ND
     scale, bias = source.scale[index], source.bias[index]
     if (scale, bias) == (1.0, 0.0):
         return pixels[..., index]
-    plane: NDArray[np.uint8] = _levels(scale, bias)[pixels[..., index]]
-    return plane
+    return _levels(scale, bias)[pixels[..., index]]
 
 
 def _levels(scale: float, bias: float) -> NDArray[np.uint8]:
     """Lookup table (256,) of levels after a scale and a bias."""
     values = np.rint(np.arange(256) * scale + 255.0 * bias)
-    levels: NDArray[np.uint8] = np.clip(values, 0, 255).astype(np.uint8)
-    return levels
+    return np.clip(values, 0, 255).astype(np.uint8)
 
 
 def _resized(pixels: NDArray[np.uint8], shape: NDArray[np.integer]) -> NDArray[np.uint8]:
@@ -359,8 +356,7 @@ def _resized(pixels: NDArray[np.uint8], shape: NDArray[np.integer]) -> NDArray[n
         return pixels
     rows = np.arange(shape[0]) * pixels.shape[0] // shape[0]
     columns = np.arange(shape[1]) * pixels.shape[1] // shape[1]
-    resized: NDArray[np.uint8] = pixels[rows[:, None], columns]
-    return resized
+    return pixels[rows[:, None], columns]
 
 
 # OmniPBR, the material of Omniverse and Isaac Sim, without its gloss maps.

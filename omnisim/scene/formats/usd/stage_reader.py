@@ -348,8 +348,7 @@ class Walk:
         with np.errstate(all="ignore"):
             if form.GetResetXformStack():
                 return parent_from_prim
-            product: NDArray[np.float64] = stage_from_parent @ parent_from_prim
-            return product
+            return stage_from_parent @ parent_from_prim
 
 
 def _is_component(prim: Usd.Prim) -> bool:

@@ -186,8 +186,7 @@ class AnalyticLens:
             np.polynomial.polynomial.polyval(radii / self.unit_px, widths)
             for widths in (self.radial_px, self.tangential_px)
         )
-        widths: Floats = np.sqrt(share * radial**2 + (1.0 - share) * tangential**2)
-        return widths
+        return np.sqrt(share * radial**2 + (1.0 - share) * tangential**2)
 
     def chart(self, noise: float = 0.0, seed: int = 0) -> NDArray[np.uint16]:
         """Linear 16-bit image (height, width, 3) of patches with one edge each, randomly directed.
@@ -242,5 +241,4 @@ def _level(distances_px: Floats, widths_px: Floats, normal: Floats) -> Floats:
         x = (distances_px + offset) / widths_px
         density = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi)
         total += sign * 0.5 * widths_px**2 * ((x**2 + 1.0) * ndtr(x) + x * density)
-    levels: Floats = total / (4.0 * first * second)
-    return levels
+    return total / (4.0 * first * second)

@@ -123,8 +123,7 @@ def _marker_distances(
     ours = _linear(fixture, scene, sensor, pose)
     one = centroids(traced[..., 1].astype(np.float64), near_px[clear])
     other = centroids(ours[..., 1].astype(np.float64), near_px[clear])
-    distances: NDArray[np.float64] = np.linalg.norm(one - other, axis=1)
-    return distances
+    return np.linalg.norm(one - other, axis=1)
 
 
 def _world_from_optical(sensor: OmniCamera, pose: NDArray[np.float64]) -> NDArray[np.float64]:
