@@ -19,7 +19,7 @@ from omnisim.apps.cli.console import err
 from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_target
-from omnisim.rendering.opengl.gl.devices import device_number
+from omnisim.rendering.opengl.gl.diagnosis import device_number
 from omnisim.report.machine import machine_line
 
 # In the order of `all`; each is a module, imported when it runs.

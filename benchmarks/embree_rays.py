@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, pixel_grid
 from omnisim.core.extras import missing_packages
-from omnisim.rendering.rays.embree import EmbreeMesh
+from omnisim.rendering.rays.caster import EmbreeMesh
 from omnisim.rendering.rays.geometry import build_geometry
 from omnisim.scene import Scene
 

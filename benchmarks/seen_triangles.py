@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
 from omnisim.core.cube import FACE_FROM_RIG
-from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
+from omnisim.rendering.opengl.gl.shader_files import columns_first, uniform
 from omnisim.scene import Scene
 from omnisim.scene.model import AlphaMode
 

@@ -9,9 +9,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from omnisim.rendering.rays.caster import NO_TRIANGLE, Rays
 from omnisim.rendering.rays.caster import RayCaster as Caster
-from omnisim.rendering.rays.caster import Rays
-from omnisim.rendering.rays.embree import NO_TRIANGLE
 from omnisim.scene.model import AlphaMode
 
 

@@ -23,7 +23,7 @@ from omnisim.rendering.opengl.gl.gpu_textures import (
     DEPTH_FUNCTION,
     renderbuffer,
 )
-from omnisim.rendering.opengl.gl.uniforms import columns_first, find_uniform, uniform
+from omnisim.rendering.opengl.gl.shader_files import columns_first, find_uniform, uniform
 from omnisim.scene.model import Material, Scene
 
 SHADERS = Path(__file__).parent / "shaders"

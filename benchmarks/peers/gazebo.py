@@ -21,7 +21,7 @@ from benchmarks.peers.face_target import (
 )
 from benchmarks.peers.peer import CAMERA, ImagePeer
 from omnisim.rendering.opengl.gl.functions import gl_function
-from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
+from omnisim.rendering.opengl.gl.shader_files import columns_first, uniform
 from omnisim.scene.model import Scene
 
 FACE_PX = 512

@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 
 from benchmarks.probes.probe import Probe, repeated
-from omnisim.rendering.opengl.gl.uniforms import uniform
+from omnisim.rendering.opengl.gl.shader_files import uniform
 
 _DRAWS = 256
 _TARGET_PX = 16

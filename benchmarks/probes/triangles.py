@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.probes.probe import Probe, repeated
-from omnisim.rendering.opengl.gl.uniforms import uniform
+from omnisim.rendering.opengl.gl.shader_files import uniform
 
 _SIDE = 128  # squares of two triangles to a side
 _TARGET_PX = 192  # so nine pixels to four squares

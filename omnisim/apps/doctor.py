@@ -98,8 +98,7 @@ def _libraries(_: int | None) -> Result:
 
 def _devices(_: int | None) -> Result:
     from omnisim.rendering.opengl.gl.context import list_devices
-    from omnisim.rendering.opengl.gl.devices import cuda_numbers
-    from omnisim.rendering.opengl.gl.diagnosis import gpu_fault
+    from omnisim.rendering.opengl.gl.diagnosis import cuda_numbers, gpu_fault
 
     texts, faults, has_gpu = [], [], False
     for (number, opened), cuda in zip(list_devices(), cuda_numbers(), strict=True):

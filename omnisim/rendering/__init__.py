@@ -18,12 +18,6 @@ _MODULES = {
     "Twist": "twist",
     "open_sensor": "stage",
 }
-__all__ = [
-    "OmniCamera",
-    "Renderer",
-    "Stage",
-    "Twist",
-    "open_sensor",
-]
+__all__ = ["OmniCamera", "Renderer", "Stage", "Twist", "open_sensor"]
 
 __getattr__ = lazy_names(__name__, _MODULES)

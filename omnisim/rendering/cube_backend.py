@@ -167,8 +167,8 @@ class CubeBackend(SceneBackend):
     def beam_caster(self, beams: LidarBeams, hidden: frozenset[ObjectPart]) -> BeamCaster:
         """Beams of a spinning lidar; needs the current context, as do the pass's methods."""
         from omnisim.rendering.opengl.ground_truth.lidar_pass import LidarPass
+        from omnisim.rendering.rays.beams import LidarCaster
         from omnisim.rendering.rays.followed_beams import FollowedBeams
-        from omnisim.rendering.rays.lidar_caster import LidarCaster
 
         near_m = near_plane_m(scene_size_m(self.scene), LIDAR_NEAR_M)
 

@@ -6,8 +6,8 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float64s
 from omnisim.core.bounds import bounds_of, triangle_bounds
 from omnisim.core.short_repr import number_text, point_text
 from omnisim.rendering.camera.omnicamera import OmniCamera
@@ -24,9 +24,7 @@ _NAMES = 4  # in a note
 MIN_FIELD_DEG = 10.0  # narrower fields are noted
 
 
-def near_plane_note(
-    scene: Scene, sensor: OmniCamera, world_from_base: NDArray[np.float64]
-) -> str | None:
+def near_plane_note(scene: Scene, sensor: OmniCamera, world_from_base: Float64s) -> str | None:
     """Note on visible surfaces that are missing because they are too near; None: none.
 
     Args:
@@ -45,9 +43,7 @@ def near_plane_note(
     )
 
 
-def viewpoint_notes(
-    scene: Scene, sensor: OmniCamera, world_from_base: NDArray[np.float64]
-) -> list[str]:
+def viewpoint_notes(scene: Scene, sensor: OmniCamera, world_from_base: Float64s) -> list[str]:
     """Notes on an unusual viewpoint or field of view, one line each.
 
     The viewpoint is outside of the scene, inside an object, or nearer to a surface than the near
@@ -94,7 +90,7 @@ def viewpoint_notes(
     return notes if near is None else [*notes, near]
 
 
-def _bodies_around(scene: Scene, point_m: NDArray[np.float64]) -> list[str]:
+def _bodies_around(scene: Scene, point_m: Float64s) -> list[str]:
     """Names of closed objects around a point, but for rooms: those half as wide as the scene."""
     boxes_m = instance_bounds_m(scene.meshes, scene.instances)
     low_m, high_m = scene.bounds_m()
@@ -105,7 +101,7 @@ def _bodies_around(scene: Scene, point_m: NDArray[np.float64]) -> list[str]:
 
 
 def surfaces_too_near(
-    scene: Scene, sensor: OmniCamera, world_from_base: NDArray[np.float64]
+    scene: Scene, sensor: OmniCamera, world_from_base: Float64s
 ) -> tuple[str, ...]:
     """Names of instances with a surface before the camera's near plane.
 
@@ -146,7 +142,7 @@ def surfaces_too_near(
     return tuple(names)
 
 
-def _probe_rays(sensor: OmniCamera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _probe_rays(sensor: OmniCamera) -> tuple[Float64s, Float64s]:
     """Origins and unit directions (n, 3) of some pixels' rays, in the rig."""
     model = sensor.model
     u, v = (
@@ -161,10 +157,10 @@ def _probe_rays(sensor: OmniCamera) -> tuple[NDArray[np.float64], NDArray[np.flo
 
 
 def _is_hit(
-    corners_m: NDArray[np.float64],
-    origins_m: NDArray[np.float64],
-    directions: NDArray[np.float64],
-    ends_m: NDArray[np.float64],
+    corners_m: Float64s,
+    origins_m: Float64s,
+    directions: Float64s,
+    ends_m: Float64s,
     both_sides: bool,
 ) -> bool:
     """True if any ray (n) hits a triangle (k, 3 corners, xyz) before the end of the ray.

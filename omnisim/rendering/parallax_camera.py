@@ -19,10 +19,9 @@ from omnisim.core.extras import missing_packages
 from omnisim.ground_truth.hits import HitDetails
 from omnisim.rendering.backend import CameraSetup, SceneBackend
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.parallax_plan import parallax_tiles
-from omnisim.rendering.opengl.capture.chromatic_pass import ChromaticPass
+from omnisim.rendering.camera.parallax_plan import parallax_tiles, sample_rays
 from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
-from omnisim.rendering.opengl.capture.parallax_pass import ParallaxPass
+from omnisim.rendering.opengl.capture.parallax_pass import ChromaticPass, ParallaxPass
 from omnisim.rendering.opengl.capture.parallax_rays import ParallaxRays, SampleRays
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.gl.context import Context
@@ -31,7 +30,6 @@ from omnisim.rendering.opengl.parallax_pipeline import ParallaxPipeline
 from omnisim.rendering.opengl.pipeline import check_image_size
 from omnisim.rendering.opengl_camera import DrawnScene, OpenGLCamera
 from omnisim.rendering.readback import FrameRequest, Pending, Readback, ScenePoses
-from omnisim.rendering.truth.sample_rays import sample_rays
 
 if TYPE_CHECKING:
     from omnisim.rendering.truth.parallax_hits import ParallaxHits
@@ -120,7 +118,7 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
 
     def _cast(self, poses: ScenePoses, rays: SampleRays) -> NDArray[np.float32]:
         """Linear RGB (n, 3) along rays (n,) with their own origins, rig frame."""
-        from omnisim.rendering.rays.depth_limits import DepthLimits
+        from omnisim.rendering.rays.caster import DepthLimits
         from omnisim.rendering.rays.ray_scene import ObjectState
 
         scene, rotation = self.world.ray_scene(), poses.world_from_rig[:3, :3]

@@ -7,29 +7,22 @@ from contextlib import contextmanager
 from importlib.metadata import version
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import NonCentralCamera
+from omnisim.core.array_types import Float32s, Float64s, Mask
 from omnisim.core.errors import GraphicsError
 from omnisim.core.random_numbers import key_of
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
 from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams
 from omnisim.rendering.backend import CameraBackend, CameraSetup, SceneBackend
-from omnisim.rendering.camera.degradations.development import (
-    developed,
-    eight_bits,
-    exposed,
-)
-from omnisim.rendering.camera.degradations.encoding import Encoding
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
+from omnisim.rendering.camera.degradations.effect import ImageGeometry, LinearImage
+from omnisim.rendering.camera.degradations.encoding import Encoding, eight_bits
 from omnisim.rendering.hit_source import DeformingDraw, HitSource
-from omnisim.rendering.rays.beams import Beams
-from omnisim.rendering.rays.depth_limits import DepthLimits
-from omnisim.rendering.rays.image import RayImage
-from omnisim.rendering.rays.lidar_caster import LidarCaster
+from omnisim.rendering.rays.beams import Beams, LidarCaster
+from omnisim.rendering.rays.caster import DepthLimits
 from omnisim.rendering.rays.pixel_hits import PixelHits
-from omnisim.rendering.rays.pixel_rays import PixelRays
+from omnisim.rendering.rays.pixel_rays import PixelRays, RayImage
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.through import ThroughCaster
 from omnisim.rendering.readback import FrameRequest, Pending, Readback, ScenePoses, SubFrames
@@ -100,7 +93,7 @@ class RayBackend(SceneBackend):
 
     def range_finder(
         self,
-        angles_rad: NDArray[np.float64],
+        angles_rad: Float64s,
         max_range_m: float,
         hidden: frozenset[ObjectPart],
         limits: EchoLimits | None = None,
@@ -167,12 +160,12 @@ class RayCamera(CameraBackend):
             (self._linear(part.poses, frames.frame_number, number), part.row_weights)
             for number, part in enumerate(frames.parts)
         )
-        light = exposed(ideal, degradation, geometry)
+        light = degradation.exposed(ideal, geometry)
         luminance = None if frames.meter is None else frames.meter.of_image(light)
         exposure = frames.expose(luminance)
         noise_key = key_of("noise", self.setup.seed)
-        image = developed(
-            light, degradation, geometry, exposure.factors, noise_key, exposure.frame_number
+        image = degradation.developed(
+            light, geometry, exposure.factors, noise_key, exposure.frame_number
         )
         readback = _readback(image, degradation.encoding, frames.linear)
         return Pending(lambda: readback._replace(luminance=luminance))
@@ -183,7 +176,7 @@ class RayCamera(CameraBackend):
             self._hit_source = RayHitSource(self._ray_world.rays, self.setup, self._limits)
         return self._hit_source
 
-    def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
+    def faces(self, poses: ScenePoses) -> dict[str, Float32s]:
         """Refuse: there are no virtual cameras.
 
         Raises:
@@ -229,7 +222,7 @@ class RayHitSource(HitSource):
         self._pixels = PixelHits(rays, PixelRays(sensor.model, sensor.mesh_polygons), limits)
         self.has_ray = self._pixels.has_ray
 
-    def rays(self) -> NDArray[np.float64]:
+    def rays(self) -> Float64s:
         """Unit rays (height, width, 3), optical frame."""
         return self._pixels.rays()
 
@@ -243,8 +236,8 @@ class RayHitSource(HitSource):
         return self._through.cast(poses, hits, self._is_specular, self.draws)
 
     def begin_occlusion(
-        self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
-    ) -> Pending[NDArray[np.bool_]]:
+        self, other: ScenePoses, other_from_current: Float64s, deformed: Hits | None
+    ) -> Pending[Mask]:
         """Cast rays from another viewpoint to the points of the last hits."""
         if deformed is not None:
             self._pixels.put_points(deformed)

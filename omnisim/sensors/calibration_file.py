@@ -9,10 +9,9 @@ from typing import Any
 from omnisim.core.errors import OmnisimError, RunError
 from omnisim.core.poses import check_pose
 from omnisim.perception.unwarping.panorama import CameraMount
-from omnisim.rendering.camera.camera_parameters import camera_of_parameters
+from omnisim.rendering.camera.captured_image import camera_of_parameters, valid_mask
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.quality import MAX_IMAGE_PX
-from omnisim.rendering.camera.valid_mask import valid_mask
 
 CALIBRATION = "calibration.json"
 

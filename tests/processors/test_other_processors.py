@@ -138,18 +138,18 @@ def test_shards_of_two_processors_are_one_data_set(omnisim, tmp_path):
 BAKE = """
 import sys
 from pathlib import Path
-from omnisim.rendering.baking.atlas import bake_tiles
+from omnisim.rendering.baking.bake import TileFolder
 from omnisim.rendering.baking.baked_files import bake_scene
 from omnisim.rendering.baking.settings import BakeSettings
 from omnisim.scene import read_scene
 stored = []
-original = bake_tiles.TileFolder.store
+original = TileFolder.store
 def store(self, name, arrays):
     original(self, name, arrays)
     stored.append(name)
     if len(stored) == int(sys.argv[3]):
         raise SystemExit
-bake_tiles.TileFolder.store = store
+TileFolder.store = store
 settings = BakeSettings(texel_m=1.0, samples=2, bounces=1)
 bake_scene(read_scene(sys.argv[1], baked="none"), Path(sys.argv[2]), settings, jobs=1)
 print(len(stored))

@@ -13,8 +13,8 @@ from omnisim.cameras.optics.shapes import Plane
 from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.core.errors import OpticsError, SensorFileError
 from omnisim.core.poses import pose
+from omnisim.rendering.camera.captured_image import valid_mask
 from omnisim.rendering.camera.degradations import Degradation, Shutter
-from omnisim.rendering.camera.valid_mask import valid_mask
 from omnisim.scene.model import Material, Mesh
 from omnisim.validation.psnr import psnr_db
 from tests.cameras.optics.examples import SYSTEMS

@@ -19,8 +19,8 @@ from omnisim.rendering.camera.degradations import (
     Shutter,
     preset,
 )
-from omnisim.rendering.camera.degradations.development import developed, eight_bits, exposed
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
+from omnisim.rendering.camera.degradations.effect import ImageGeometry
+from omnisim.rendering.camera.degradations.encoding import eight_bits
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.rendering.twist import Twist
@@ -172,10 +172,10 @@ def test_presets_equal_their_reference_from_scene_to_file(name, tmp_path):
             frame = renderer.render(np.eye(4), linear=True, frame_number=2)
     alpha = perfect.valid[..., None].astype(np.float32)
     whole = np.concatenate((perfect.linear, alpha), axis=-1)
-    light = exposed([(whole, None)], degradation, geometry)
+    light = degradation.exposed([(whole, None)], geometry)
     ev = frame.metadata["degradation"]["exposure"]["ev"]
     key = key_of("noise", 3)
-    expected = developed(light, degradation, geometry, degradation.exposure_factors(ev), key, 2)
+    expected = degradation.developed(light, geometry, degradation.exposure_factors(ev), key, 2)
     # the ideal image is in half floats: 2⁻¹¹ of the light, far below a photon's noise, but
     # some electrons fall on the other side, and some pixels of the JPEG with them
     deviation = np.sqrt(np.mean((frame.linear - expected[..., :3]) ** 2))

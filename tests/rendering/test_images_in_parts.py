@@ -18,9 +18,9 @@ from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.channels import FLOWS
 from omnisim.rendering import parallax_camera
 from omnisim.rendering.camera.degradations import Degradation, PointSpread, Shutter
+from omnisim.rendering.camera.parallax_plan import sample_rays
 from omnisim.rendering.opengl.atlas import image_parts
 from omnisim.rendering.opengl.capture import image_pass
-from omnisim.rendering.truth.sample_rays import sample_rays
 from tests.cameras.optics.examples import SYSTEMS
 from tests.rendering.opengl.sheets import dynamic_object, mixed_scene
 from tests.scenes import room, scene_of

@@ -11,7 +11,7 @@ from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.mirrors.mirror_mesh_rays import inside_rim
 from omnisim.cameras.mirrors.tessellation import sectors_and_rings
 from omnisim.core.poses import pose
-from omnisim.rendering.camera.valid_mask import valid_mask
+from omnisim.rendering.camera.captured_image import valid_mask
 from omnisim.rendering.opengl.capture import image_pass
 from tests.camera_examples import POLE
 from tests.cameras.optics.examples import SYSTEMS

@@ -20,10 +20,10 @@ from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import cylinder_view
 from omnisim.rendering.camera.degradations import preset
+from omnisim.rendering.camera.parallax_plan import sample_rays
 from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.stage import Stage
-from omnisim.rendering.truth.sample_rays import sample_rays
 from omnisim.rendering.twist import moved_px
 from omnisim.scene.model import Material
 from omnisim.validation.checks.optics_triangles import pose_beside_nearest, same_triangles

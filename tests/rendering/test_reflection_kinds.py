@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from omnisim.core.poses import pose
-from omnisim.rendering.reflections.kinds import reflection_kinds
+from omnisim.rendering.reflection_kinds import reflection_kinds
 from omnisim.scene.model import Lighting, Material
 from omnisim.validation.material_chart import sphere
 from tests.scenes import scene_of, square

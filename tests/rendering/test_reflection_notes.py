@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnisim.core.poses import pose
-from omnisim.rendering.reflections.notes import frosted_notes, reflection_notes
+from omnisim.rendering.reflection_kinds import frosted_notes, reflection_notes
 from omnisim.scene.model import DynamicObject, Lighting, Material, Texture
 from omnisim.scene.motion.object_motion import Rest
 from omnisim.scene.reflection_probes import reflects_scene

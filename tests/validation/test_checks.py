@@ -120,7 +120,7 @@ def test_a_system_that_faces_aside_is_found_out(fixture, monkeypatch):
 @pytest.mark.long
 def test_rays_that_look_aside_are_found_out(fixture, monkeypatch):
     """They are turned by a quarter of a degree, a third of a pixel."""
-    from omnisim.rendering.rays.depth_limits import DepthLimits
+    from omnisim.rendering.rays.caster import DepthLimits
 
     aim, turned = DepthLimits.aim, poses.pose((0.0, 0.0, 0.0), yaw_deg=0.25)
     monkeypatch.setattr(DepthLimits, "aim", lambda self, rig, pose: aim(self, rig, pose @ turned))

@@ -43,7 +43,7 @@ def run() -> None:
         list_devices,
         open_context,
     )
-    from omnisim.rendering.opengl.gl.devices import cuda_numbers
+    from omnisim.rendering.opengl.gl.diagnosis import cuda_numbers
 
     context = open_context()  # raises with the reason
     used = graphics_info(context)

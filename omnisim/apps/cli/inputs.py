@@ -38,7 +38,7 @@ from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.baking.settings import emission_notes
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.omnicamera import OmniCamera, Polygons
-from omnisim.rendering.reflections.notes import frosted_notes, reflection_notes
+from omnisim.rendering.reflection_kinds import frosted_notes, reflection_notes
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.scene import Scene, read_scene
 from omnisim.scene.labels import find_labels, read_label_file

@@ -215,7 +215,7 @@ class TruthOptions:
 def _device_number(text: str) -> int:
     if text.isdecimal():
         return int(text)
-    from omnisim.rendering.opengl.gl.devices import device_number  # EGL is seldom needed
+    from omnisim.rendering.opengl.gl.diagnosis import device_number  # EGL is seldom needed
 
     return device_number(text)
 

@@ -16,7 +16,7 @@ from omnisim.core.files.sources import recorded_sources
 from omnisim.core.poses import pose
 from omnisim.datasets.generate.distributions import Distribution, Shares
 from omnisim.datasets.generate.plan import PlanCameraTable
-from omnisim.rendering.camera.camera_parameters import camera_of_parameters
+from omnisim.rendering.camera.captured_image import camera_of_parameters
 from omnisim.rendering.camera.degradations import Degradation, Exposure, preset
 from omnisim.rendering.camera.degradations.degradation_file import EFFECTS, parse_degradation
 from omnisim.rendering.camera.omnicamera import OmniCamera

@@ -1,38 +1,48 @@
-"""Baking of a scene's light."""
+"""Baking of a scene's light, in tiles: on its surfaces, and in free space."""
 
 from __future__ import annotations
 
+import io
+import json
 import os
+import shutil
 import time
-from collections.abc import Callable, Iterator
+import zipfile
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from pathlib import Path
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from omnisim.rendering.baking.atlas.atlas import automatic_atlas, build_atlas
-from omnisim.rendering.baking.atlas.bake_tiles import Arrays, Progress, TileFolder, in_tiles
-from omnisim.rendering.baking.atlas.patches import NO_PATCH, Patches, build_patches
+from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
+from omnisim.core.errors import OutputError
+from omnisim.core.files.atomic_file import atomic_write, write_text
+from omnisim.core.files.npz_file import read_arrays
 from omnisim.rendering.baking.denoising import TexelSurfaces, denoised
 from omnisim.rendering.baking.emitters import (
     LUMINANCE,
     Emitters,
+    Gatherer,
     Points,
+    generator,
     lamp_light,
     lamps_on,
     points_at,
+    sphere_directions,
+    spread_points,
     usable,
 )
-from omnisim.rendering.baking.gathering import Gatherer
-from omnisim.rendering.baking.probes import ProbeBaker, ProbeGrid
-from omnisim.rendering.baking.sampling import Floats, generator, spread_points
+from omnisim.rendering.baking.lightmap_atlas import automatic_atlas, build_atlas, camera_places_m
+from omnisim.rendering.baking.patches import NO_PATCH, Patches, build_patches
 from omnisim.rendering.baking.settings import BakeSettings
 from omnisim.rendering.baking.specular import SpecularSurfaces
-from omnisim.rendering.baking.transport import INSIDE, SKY, Transport
+from omnisim.rendering.baking.transport import INSIDE, SKY, PatchHits, Transport
 from omnisim.rendering.rays.ray_scene import RayScene
+from omnisim.scene.light.environment import factors_of_moments, spherical_harmonics
 from omnisim.scene.model import Mesh, Scene
 
 TILE = 4096  # patches
@@ -46,23 +56,14 @@ _DIRECT, _GATHER = range(2)  # stages of random numbers
 
 
 class BakedPatches(NamedTuple):
-    """Light on the patches of a scene.
+    """Light on the patches of a scene."""
 
-    Attributes:
-        patches: patches of the scene.
-        lamps: (p, 3) light of lamps.
-        gathered: (p, 3) all other light.
-        halves: (p, 2, 3) the same from the even and the odd rays, separately.
-        radiosity: (p, 3) reflected light.
-        is_valid: (p,) the patch has light.
-    """
-
-    patches: Patches
-    lamps: Floats
-    gathered: Floats
-    halves: Floats
-    radiosity: Floats
-    is_valid: NDArray[np.bool_]
+    patches: Patches  # patches of the scene
+    lamps: Float32s  # (p, 3) light of lamps
+    gathered: Float32s  # (p, 3) all other light
+    halves: Float32s  # (p, 2, 3) the same from the even and the odd rays, separately
+    radiosity: Float32s  # (p, 3) reflected light
+    is_valid: Mask  # (p,) the patch has light
 
 
 class Bake:
@@ -127,7 +128,7 @@ class Bake:
         self._direct(tile)
         self._gather(tile, np.zeros_like(self.patches.emission), self._coarse_emitters)
 
-    def light(self, baked: BakedPatches) -> Floats:
+    def light(self, baked: BakedPatches) -> Float32s:
         """Denoised light (p, 3) of patches.
 
         On frosted glass it is the light on an opaque surface of the same color and brightness.
@@ -152,11 +153,11 @@ class Bake:
         shape = baker.grid.shape
         return baker.grid, {key: one.reshape(*shape, *one.shape[1:]) for key, one in tiles.items()}
 
-    def prober(self, seen: Floats) -> ProbeBaker:
+    def prober(self, seen: Float32s) -> ProbeBaker:
         """Baker of the probes, from the light (p, 3) that leaves the patches."""
         return ProbeBaker(self.scene, self.transport, self.gatherer, seen, self.settings.seed)
 
-    def surfaces(self, is_valid: NDArray[np.bool_]) -> TexelSurfaces:
+    def surfaces(self, is_valid: Mask) -> TexelSurfaces:
         """Surfaces at the patches, at the first sample of each."""
         positions, normals = np.zeros((2, self.patches.count, 3), dtype=np.float32)
         for tile in range(self.tiles):
@@ -167,21 +168,21 @@ class Bake:
                 normals[first + some] = places[0].normals
         return TexelSurfaces(positions, normals, is_valid)
 
-    def _emitters(self, emission: Floats, aimed: int, gathered: int) -> Emitters:
+    def _emitters(self, emission: Float32s, aimed: int, gathered: int) -> Emitters:
         return Emitters(self.patches, self._points, emission, aimed, gathered)
 
-    def _bright(self, radiosity: Floats) -> NDArray[np.bool_]:
+    def _bright(self, radiosity: Float32s) -> Mask:
         """Mask (p,) of patches that emit, or reflect far more light than the mean."""
         luminance, areas_m2 = radiosity @ LUMINANCE, self.patches.areas_m2
         mean = np.sum(luminance * areas_m2) / max(float(areas_m2.sum()), 1e-30)
-        bright: NDArray[np.bool_] = luminance > _BRIGHT * mean
+        bright: Mask = luminance > _BRIGHT * mean
         bright |= np.any(self.patches.emission > 0.0, axis=1)
         return bright
 
     def _range(self, tile: int) -> tuple[int, int]:
         return tile * TILE, min((tile + 1) * TILE, self.patches.count)
 
-    def _places(self, first: int, last: int) -> tuple[NDArray[np.intp], list[Points]]:
+    def _places(self, first: int, last: int) -> tuple[Indices, list[Points]]:
         """Patches with samples in a range, and sets of points, each with one sample per patch.
 
         Rays use the sets in turn.
@@ -227,20 +228,20 @@ class Bake:
         tile_light = {"lamps": lamps, "other": other, "links": links}
         return tile_light if shares is None else tile_light | {"shares": shares}
 
-    def _lamps(self, places: list[Points]) -> Floats:
+    def _lamps(self, places: list[Points]) -> Float32s:
         lighting, total = self.scene.lighting, np.zeros_like(places[0].origins_m)
         for at in places:
             lamps = lamps_on(lighting, self.transport, at.origins_m, at)
             total += lamp_light(lamps, at)
         return total / np.float32(len(places))
 
-    def _focused(self, emitters: Emitters, places: list[Points], shifts: Floats) -> Emitters:
+    def _focused(self, emitters: Emitters, places: list[Points], shifts: Float32s) -> Emitters:
         """Emitters chosen by their light at these points."""
         tried = slice(None, None, _TRIED_PATCHES)
         at = Points(*(values[tried] for values in places[0]))
         return emitters.focused(self.transport, at, shifts[tried])
 
-    def _aimed(self, emitters: Emitters, places: list[Points], shifts: Floats) -> Floats:
+    def _aimed(self, emitters: Emitters, places: list[Points], shifts: Float32s) -> Float32s:
         """Light (n, 2, 3) of emitters, in two halves of the rays aimed at them.
 
         The rays are divided among the sets of points.
@@ -254,7 +255,7 @@ class Bake:
                     total[:, half] += emitters.light(self.transport, at, part, shifts)
         return total
 
-    def _solve(self, direct: Arrays) -> Floats:
+    def _solve(self, direct: Arrays) -> Float32s:
         """Radiosity (p, 3) after all bounces but the last, along the links."""
         links, shares = direct["links"], direct.get("shares")
         first = direct["lamps"] + direct["other"]
@@ -271,15 +272,15 @@ class Bake:
             radiosity = self._scattered(first + bounced / numbers)
         return radiosity
 
-    def _scattered(self, light: Floats) -> Floats:
+    def _scattered(self, light: Float32s) -> Float32s:
         """Radiosity (p, 3) of patches in light (p, 3), also through frosted glass."""
         patches = self.patches
-        radiosity: Floats = patches.albedo * light
+        radiosity: Float32s = patches.albedo * light
         some = np.flatnonzero(patches.transmitted.any(axis=1) & (patches.opposite != NO_PATCH))
         radiosity[some] += patches.transmitted[some] * light[patches.opposite[some]]
         return radiosity
 
-    def _gather(self, tile: int, radiosity: Floats, emitters: Emitters) -> Arrays:
+    def _gather(self, tile: int, radiosity: Float32s, emitters: Emitters) -> Arrays:
         first, last = self._range(tile)
         count = last - first
         light = np.zeros((count, 3), dtype=np.float32)
@@ -306,7 +307,7 @@ def _joined(tiles: Iterator[Arrays]) -> Arrays:
 # Closed parts of meshes, which count as solids: their inside is invisible.
 
 
-def hollow_triangles(scene: Scene) -> NDArray[np.bool_]:
+def hollow_triangles(scene: Scene) -> Mask:
     """Mask (m,) of triangles with a visible back: double-sided, and not part of a solid.
 
     A solid is a closed part of a mesh without a start position of a camera inside. Frosted glass is
@@ -337,7 +338,7 @@ def hollow_triangles(scene: Scene) -> NDArray[np.bool_]:
     return np.concatenate(hollow)
 
 
-def instances_of(scene: Scene, is_chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def instances_of(scene: Scene, is_chosen: Mask) -> Mask:
     """Mask (n,) of instances with at least one chosen triangle of (m,)."""
     counts = [len(scene.meshes[instance.mesh].triangles) for instance in scene.instances]
     ends = np.cumsum([0, *counts])
@@ -345,7 +346,7 @@ def instances_of(scene: Scene, is_chosen: NDArray[np.bool_]) -> NDArray[np.bool_
     return before[ends[1:]] > before[ends[:-1]]
 
 
-def _closed_parts(mesh: Mesh) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+def _closed_parts(mesh: Mesh) -> tuple[Indices, Mask]:
     """Connected part (m,) of each triangle, and mask of closed parts: two triangles per edge."""
     _, welded = np.unique(mesh.positions, axis=0, return_inverse=True)
     corners = welded.reshape(-1)[mesh.triangles]
@@ -398,3 +399,216 @@ def _seconds(compute: Callable[[int], object], tiles: int, threads: int) -> floa
         for _ in pool.map(compute, ((2 * at + 1) * tiles // (2 * count) for at in range(count))):
             pass
     return (time.monotonic() - begin_s) * tiles / max(count, 1)
+
+
+# Probes: light in free space, for dynamic objects.
+
+
+PROBE_BUDGET = 16384
+PROBE_TILE = 1024
+_MIN_SPACING_M, _MIN_SIZE_M = 0.25, 1e-3
+# Extents around cameras: the first with a small enough spacing is taken, else the last.
+_MAX_SPACING_M = 0.6
+_AROUND_M = ((np.inf, np.inf), (32.0, 16.0), (16.0, 8.0), (8.0, 4.0))  # level, upwards
+_RAYS = 256
+_MAX_INSIDE = 0.25  # share of rays that hit backs
+_PROBES = 2  # stage of random numbers
+
+
+class ProbeGrid(NamedTuple):
+    """Grid of probes in the world."""
+
+    # (3,) first probe, and spacing of neighbors
+    origin_m: Float64s
+    spacing_m: Float64s
+    shape: tuple[int, int, int]  # number of probes along x, y and z
+
+    @property
+    def size(self) -> int:
+        """Number of probes."""
+        return int(np.prod(self.shape))
+
+    def positions_m(self, first: int, last: int) -> Float64s:
+        """Positions (n, 3) of the probes from index `first` up to `last`, z fastest."""
+        indices = np.stack(np.unravel_index(np.arange(first, last), self.shape), axis=1)
+        return self.origin_m + indices * self.spacing_m
+
+
+def probe_grid(scene: Scene) -> ProbeGrid:
+    """Grid of probes within the bounds of the static surfaces, about `PROBE_BUDGET` or fewer.
+
+    In a larger scene the grid surrounds the positions of cameras and vehicles.
+    """
+    low, high = scene.bounds_m()
+    places = camera_places_m(scene)
+    for level_m, upwards_m in _AROUND_M:
+        around = np.array((level_m, level_m, upwards_m))
+        first = np.maximum(low, places.min(axis=0) - around)
+        last = np.minimum(high, places.max(axis=0) + around)
+        spacing_m, shape = _spacing(last - first)
+        if spacing_m <= _MAX_SPACING_M:
+            break
+    steps = np.maximum(last - first, _MIN_SIZE_M) / shape
+    nx, ny, nz = (int(number) for number in shape)
+    return ProbeGrid(first + 0.5 * steps, steps, (nx, ny, nz))
+
+
+def _spacing(size_m: Float64s) -> tuple[float, Indices]:
+    """Spacing of a grid within the budget, and its number of probes per axis."""
+    spacing_m = _MIN_SPACING_M
+    while True:
+        shape = np.maximum(np.ceil(size_m / spacing_m).astype(np.intp), 1)
+        if shape.prod(dtype=np.float64) <= PROBE_BUDGET:  # would overflow as int64
+            return spacing_m, shape
+        spacing_m *= 1.05
+
+
+class ProbeBaker:
+    """Bakes probes with rays in all directions.
+
+    Args:
+        scene: scene with its lamps.
+        transport: ray casting in the scene.
+        gatherer: gatherer of sky light.
+        seen: (p, 3) light leaving the patches.
+        seed: seed of the random numbers.
+    """
+
+    def __init__(
+        self, scene: Scene, transport: Transport, gatherer: Gatherer, seen: Float32s, seed: int
+    ):
+        self.grid = probe_grid(scene)
+        self.tiles = -(-self.grid.size // PROBE_TILE)
+        self._lighting, self._transport, self._gatherer = scene.lighting, transport, gatherer
+        self._seen, self._seed = seen, seed
+
+    def bake(self, tile: int) -> Arrays:
+        """Spherical harmonics (n, 9, 3) and validity (n,) of a tile's probes."""
+        first, last = tile * PROBE_TILE, min((tile + 1) * PROBE_TILE, self.grid.size)
+        positions = self.grid.positions_m(first, last) - self._transport.center_m
+        origins = positions.astype(np.float32)
+        shift = generator(self._seed, _PROBES, tile).random(2, dtype=np.float32)
+        directions = sphere_directions((spread_points(_RAYS) + shift) % 1.0)
+        moments = np.zeros((len(origins), 9, 3))
+        inside = np.zeros(len(origins), dtype=np.intp)
+        for direction, shares in zip(directions, spherical_harmonics(directions), strict=True):
+            aims = np.broadcast_to(direction, origins.shape)
+            hits = self._transport.cast(origins, np.ascontiguousarray(aims))
+            inside += (hits.patches == INSIDE) | self._transport.is_back(hits)
+            light = self._light(hits)
+            moments += shares[:, None] * light[:, None]
+        moments *= 4.0 * np.pi / _RAYS
+        self._add_lamps(moments, origins)
+        return {
+            "sh": factors_of_moments(moments).astype(np.float32),
+            "valid": inside <= _MAX_INSIDE * _RAYS,
+        }
+
+    def _light(self, hits: PatchHits) -> Float32s:
+        light = self._seen[np.maximum(hits.patches, 0)]
+        light[hits.patches < 0] = 0.0
+        free = np.flatnonzero(hits.patches == SKY)
+        light[free] = self._gatherer.sky(hits.directions[free])
+        return light * hits.shares
+
+    def _add_lamps(self, moments: Float64s, origins: Float32s) -> None:
+        """Add the light of lamps, each from a single direction."""
+        for lamp in lamps_on(self._lighting, self._transport, origins):
+            toward = np.broadcast_to(lamp.directions, origins.shape)
+            light = np.pi * lamp.levels[:, None] * lamp.color
+            moments += spherical_harmonics(toward)[:, :, None] * light[:, None]
+
+
+# Tiles of unfinished bakes, as files: an interrupted bake resumes from them.
+
+
+Arrays = dict[str, NDArray[Any]]
+Progress = Callable[[str, int], Callable[[Iterable[int]], Iterable[int]]]
+
+
+def no_progress(description: str, total: int) -> Callable[[Iterable[int]], Iterable[int]]:
+    """Progress without display."""
+    return lambda steps: steps
+
+
+def write_arrays(file: IO[bytes], arrays: Arrays, is_compressed: bool = False) -> None:
+    """Write arrays as NumPy's .npz; equal arrays make equal bytes."""
+    kind = zipfile.ZIP_DEFLATED if is_compressed else zipfile.ZIP_STORED
+    with zipfile.ZipFile(file, "w", kind) as archive:
+        for name, values in arrays.items():
+            buffer = io.BytesIO()
+            np.lib.format.write_array(buffer, np.ascontiguousarray(values), allow_pickle=False)
+            info = zipfile.ZipInfo(f"{name}.npy")
+            info.compress_type = kind
+            archive.writestr(info, buffer.getvalue())
+
+
+class TileFolder:
+    """Folder of the finished tiles, beside the bake.
+
+    Args:
+        output: folder of the bake.
+        plan: everything that determines the tiles; tiles of another plan are removed.
+
+    Raises:
+        OutputError: the folder cannot be written.
+    """
+
+    def __init__(self, output: Path, plan: Mapping[str, object]):
+        self.path = output.resolve().with_name(f".{output.name}.unfinished")
+        text = json.dumps(plan, sort_keys=True) + "\n"
+        plan_path = self.path / "plan.json"
+        try:
+            if not plan_path.is_file() or plan_path.read_text(encoding="utf-8") != text:
+                self.remove()
+                self.path.mkdir(parents=True)
+                write_text(plan_path, text)
+        except OSError as reason:
+            raise OutputError(f"{self.path}: cannot be written: {reason.strerror}") from None
+
+    def remove(self) -> None:
+        """Remove all tiles."""
+        shutil.rmtree(self.path, ignore_errors=True)
+
+    def load(self, name: str) -> Arrays | None:
+        """Arrays of a tile; None: not computed yet."""
+        path = self.path / f"{name}.npz"
+        if not path.is_file():
+            return None
+        return read_arrays(path, OutputError, "tile of a bake", f"remove {self.path}")
+
+    def store(self, name: str, arrays: Arrays) -> None:
+        """Store the arrays of a tile.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        with atomic_write(self.path / f"{name}.npz") as partial, partial.open("wb") as file:
+            write_arrays(file, arrays)
+
+
+def in_tiles(
+    folder: TileFolder,
+    stage: str,
+    compute: Callable[[int], Arrays],
+    count: int,
+    jobs: int | None,
+    progress: Progress,
+) -> Iterator[Arrays]:
+    """Arrays of tiles, in order: loaded if finished, otherwise computed in threads."""
+
+    def one(number: int) -> Arrays:
+        name = f"{stage}-{number:05d}"
+        arrays = folder.load(name)
+        if arrays is None:
+            arrays = compute(number)
+            folder.store(name, arrays)
+        return arrays
+
+    pool = ThreadPoolExecutor(jobs or os.cpu_count() or 1)
+    try:
+        results = pool.map(one, range(count))
+        for _ in progress(stage, count)(range(count)):
+            yield next(results)
+    finally:
+        pool.shutdown(cancel_futures=True)

@@ -10,22 +10,22 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, Floats, Int32s, Mask
 from omnisim.core.errors import OutputError
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import atomic_folder, check_new_folder
 from omnisim.core.files.image_files import write_radiance
 from omnisim.core.version import __version__
-from omnisim.rendering.baking.atlas.bake_tiles import (
+from omnisim.rendering.baking.bake import (
     Arrays,
+    Bake,
     Progress,
     TileFolder,
     no_progress,
     write_arrays,
 )
-from omnisim.rendering.baking.atlas.patches import NEIGHBORS, Patches
-from omnisim.rendering.baking.atlas.unwrapping import Unwrapping
-from omnisim.rendering.baking.bake import Bake
-from omnisim.rendering.baking.sampling import Floats
+from omnisim.rendering.baking.lightmap_atlas import Unwrapping
+from omnisim.rendering.baking.patches import NEIGHBORS, Patches
 from omnisim.rendering.baking.settings import BakeSettings
 from omnisim.scene.light.baked import baked_fingerprint
 from omnisim.scene.light.emissive_light import without_even_light
@@ -36,17 +36,11 @@ _UV_STEPS = np.float32(1 << 16)
 
 
 class BakeSizes(NamedTuple):
-    """Sizes of a bake.
+    """Sizes of a bake."""
 
-    Attributes:
-        atlas_px: width and height.
-        texel_m: width of a texel near the vehicles.
-        probes: number of valid probes.
-    """
-
-    atlas_px: tuple[int, int]
-    texel_m: float
-    probes: int
+    atlas_px: tuple[int, int]  # width and height
+    texel_m: float  # width of a texel near the vehicles
+    probes: int  # number of valid probes
 
 
 def bake_scene(
@@ -149,7 +143,7 @@ def _joined(unwrappings: dict[int, Unwrapping]) -> Arrays:
     }
 
 
-def _short(indices: NDArray[np.int32]) -> NDArray[np.unsignedinteger[Any]]:
+def _short(indices: Int32s) -> NDArray[np.unsignedinteger[Any]]:
     """Indices in the smallest integer type that holds them."""
     return indices.astype(np.uint16 if indices.max(initial=0) <= 0xFFFF else np.uint32)
 
@@ -219,7 +213,7 @@ def _has_settings(document: Mapping[str, Any], settings: BakeSettings) -> bool:
 _MAX_STEPS = 24  # in texels; deeper texels are inside of something and invisible
 
 
-def lightmap(patches: Patches, light: Floats, is_valid: NDArray[np.bool_]) -> Floats:
+def lightmap(patches: Patches, light: Float32s, is_valid: Mask) -> Float32s:
     """Pixels (height, width, 3): light (p, 3) of the patches in the atlas.
 
     Texels without light, and those around a chart in its rectangle, take the light of their
@@ -241,7 +235,7 @@ def lightmap(patches: Patches, light: Floats, is_valid: NDArray[np.bool_]) -> Fl
     return _spread(pixels.reshape(height, width, 3), known, patches.charts)
 
 
-def _spread(pixels: Floats, known: NDArray[np.bool_], charts: NDArray[np.int32]) -> Floats:
+def _spread(pixels: Float32s, known: Mask, charts: Int32s) -> Float32s:
     """Pixels (height, width, 3), unknown ones filled stepwise with means of known neighbors."""
     for _ in range(_MAX_STEPS):
         sums, counts = np.zeros_like(pixels), np.zeros(known.shape, dtype=np.float32)
@@ -266,9 +260,7 @@ _BITS = 7
 _MIN_HALF, _MAX_HALF = 1e-6, 65504.0
 
 
-def rounded_halves(
-    values: NDArray[np.floating], axes: int | tuple[int, ...]
-) -> NDArray[np.float16]:
+def rounded_halves(values: Floats, axes: int | tuple[int, ...]) -> NDArray[np.float16]:
     """Round to steps set by the largest value along axes, as in shared-exponent colors.
 
     Args:

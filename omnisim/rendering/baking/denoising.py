@@ -13,10 +13,9 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from omnisim.rendering.baking.atlas.patches import Patches
-from omnisim.rendering.baking.sampling import Floats
+from omnisim.core.array_types import Float32s, Mask
+from omnisim.rendering.baking.patches import Patches
 
 _STEPS = (1, 2, 4)  # texels between the samples of the filter
 _KERNEL = (1.0, 2.0 / 3.0, 1.0 / 6.0)  # by distance, from a cubic B-spline
@@ -28,28 +27,26 @@ _LUMINANCE = np.array((0.2126, 0.7152, 0.0722), dtype=np.float32)
 
 
 class TexelSurfaces(NamedTuple):
-    """Surfaces at patches.
+    """Surfaces at patches."""
 
-    Attributes:
-        positions_m, normals: (p, 3) position and normal.
-        is_valid: (p,) the patch has light.
-    """
-
-    positions_m: Floats
-    normals: Floats
-    is_valid: NDArray[np.bool_]
+    # (p, 3) position and normal
+    positions_m: Float32s
+    normals: Float32s
+    is_valid: Mask  # (p,) the patch has light
 
 
 class _Maps(NamedTuple):
     """Surfaces in the layout of the atlas, with a margin."""
 
-    positions_m: Floats
-    normals: Floats
-    spacing_m: Floats
-    known: NDArray[np.bool_]
+    positions_m: Float32s
+    normals: Float32s
+    spacing_m: Float32s
+    known: Mask
 
 
-def denoised(patches: Patches, surfaces: TexelSurfaces, light: Floats, halves: Floats) -> Floats:
+def denoised(
+    patches: Patches, surfaces: TexelSurfaces, light: Float32s, halves: Float32s
+) -> Float32s:
     """Light (p, 3) of patches with most of its noise removed.
 
     Args:
@@ -65,7 +62,7 @@ def denoised(patches: Patches, surfaces: TexelSurfaces, light: Floats, halves: F
     at = rows + margin, columns + margin
     shape = height + 2 * margin, width + 2 * margin
 
-    def spread(values: Floats) -> Floats:
+    def spread(values: Float32s) -> Float32s:
         pixels = np.zeros((*shape, *values.shape[1:]), dtype=np.float32)
         pixels[at] = values[some]
         return pixels
@@ -86,8 +83,8 @@ def denoised(patches: Patches, surfaces: TexelSurfaces, light: Floats, halves: F
 
 
 def _filtered(
-    maps: _Maps, pixels: Floats, variances: Floats | None, step: int, margin: int
-) -> tuple[Floats, Floats]:
+    maps: _Maps, pixels: Float32s, variances: Float32s | None, step: int, margin: int
+) -> tuple[Float32s, Float32s]:
     """Means of pixels and their variances; without variances, light does not affect the weights."""
     means, new_variances = np.zeros_like(pixels), np.zeros(pixels.shape[:2], dtype=np.float32)
     height = len(pixels)
@@ -111,7 +108,7 @@ def _filtered(
 Place = tuple[slice, slice]
 
 
-def _neighbors(maps: _Maps, inner: Place, step: int) -> Iterator[tuple[Place, Floats]]:
+def _neighbors(maps: _Maps, inner: Place, step: int) -> Iterator[tuple[Place, Float32s]]:
     """Shifted places of 5 × 5 neighbors, and their weights by surface."""
     normals, positions = maps.normals[inner], maps.positions_m[inner]
     spacing = maps.spacing_m[inner]
@@ -129,7 +126,7 @@ def _neighbors(maps: _Maps, inner: Place, step: int) -> Iterator[tuple[Place, Fl
             yield shifted, weight * kernel
 
 
-def _likeness(pixels: Floats, variances: Floats, inner: Place, shifted: Place) -> Floats:
+def _likeness(pixels: Float32s, variances: Float32s, inner: Place, shifted: Place) -> Float32s:
     """Weights by the difference of light relative to its noise."""
     off = np.abs((pixels[shifted] - pixels[inner]) @ _LUMINANCE)
     noise = np.sqrt(variances[inner] + variances[shifted])

@@ -1,8 +1,10 @@
-"""Light of emissive and other bright surfaces: rays aimed at points on them.
+"""Light at points of a scene: of lamps, of bright surfaces that rays are aimed at, and gathered.
 
 Aimed rays are weighted against gathering rays that hit the same emitter.
-Source of the weights: Veach and Guibas, "Optimally combining sampling techniques for Monte Carlo
-rendering", 1995, the balance heuristic.
+Sources: Veach and Guibas, "Optimally combining sampling techniques for Monte Carlo rendering",
+1995, the balance heuristic; Roberts, "The unreasonable effectiveness of quasirandom sequences",
+2018, for evenly spread points, with the random shifts of Cranley and Patterson, "Randomization of
+number theoretic methods", 1976.
 """
 
 from __future__ import annotations
@@ -11,37 +13,83 @@ import copy
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from omnisim.rendering.baking.atlas.patches import BACK, Patches
-from omnisim.rendering.baking.sampling import spread_points, turned
-from omnisim.rendering.baking.transport import INSIDE, PatchHits, Transport
+from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
+from omnisim.rendering.baking.patches import BACK, Patches
+from omnisim.rendering.baking.transport import INSIDE, SKY, PatchHits, Transport
 from omnisim.rendering.rays.caster import RayHits
 from omnisim.rendering.rays.ray_scene import RayScene
-from omnisim.rendering.rays.shading.lights import LampLight, lamps_at
-from omnisim.rendering.rays.shading.shadows import Shadows
+from omnisim.rendering.rays.shading.lights import LampLight, Shadows, lamps_at
 from omnisim.scene.model import LAMP_NEAR_M, Light, Lighting, LightKind
+
+_STEPS = np.array((0.7548776662466927, 0.5698402909980532))
+
+
+def generator(seed: int, stage: int, tile: int) -> np.random.Generator:
+    """Random number generator of one tile of one stage, independent of the others."""
+    return np.random.Generator(np.random.Philox(key=seed, counter=(0, 0, stage, tile)))
+
+
+def spread_points(count: int) -> Float32s:
+    """Points (n, 2) of the R2 sequence in the unit square."""
+    return ((0.5 + np.arange(1, count + 1)[:, None] * _STEPS) % 1.0).astype(np.float32)
+
+
+def turned(points: Float32s, shifts: Float32s) -> Float32s:
+    """Points (n, k, 2) in the unit square: points (k, 2) with wrap-around shifts (n, 2)."""
+    places = shifts[:, None] + points
+    places -= np.floor(places)
+    return places
+
+
+def cosine_directions(points: Float32s, normals: Float32s) -> tuple[Float32s, Float32s]:
+    """Directions (n, k, 3) about unit normals (n, 3) from points (n, k, 2); cosines (n, k).
+
+    Their probability density is the cosine over pi.
+    Source of the axes: Duff et al., "Building an orthonormal basis, revisited", 2017.
+    """
+    x, y, z = (normals[:, axis, None] for axis in range(3))
+    sign = np.where(z >= 0.0, np.float32(1.0), np.float32(-1.0))
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    radius = np.sqrt(points[..., 0])
+    angle = np.float32(2.0 * np.pi) * points[..., 1]
+    u, v = radius * np.cos(angle), radius * np.sin(angle)
+    cosines = np.sqrt(np.maximum(1.0 - points[..., 0], np.float32(1e-6)))
+    directions = np.empty((*cosines.shape, 3), dtype=np.float32)
+    directions[..., 0] = u * (1.0 + sign * x * x * a) + v * b + cosines * x
+    directions[..., 1] = u * (sign * b) + v * (sign + y * y * a) + cosines * y
+    directions[..., 2] = -u * (sign * x) - v * y + cosines * z
+    return directions, cosines
+
+
+def sphere_directions(points: Float32s) -> Float32s:
+    """Unit directions (n, 3), uniform over the sphere, from points (n, 2)."""
+    z = 1.0 - 2.0 * points[:, 0]
+    side = np.sqrt(np.maximum(1.0 - z * z, 0.0))
+    angle = np.float32(2.0 * np.pi) * points[:, 1]
+    return np.stack((side * np.cos(angle), side * np.sin(angle), z), axis=1).astype(np.float32)
+
+
+# Light of emissive and other bright surfaces: rays aimed at points on them.
+#
+# Aimed rays are weighted against gathering rays that hit the same emitter.
+# Source of the weights: Veach and Guibas, "Optimally combining sampling techniques for Monte Carlo
+# rendering", 1995, the balance heuristic.
+
 
 LUMINANCE = np.array((0.2126, 0.7152, 0.0722), dtype=np.float32)
 _MIN_M2 = 1e-8
 _TRIED = 64  # rays per place that find the emitters that light it
 _MIN_SHARE = 0.2  # share of rays spread over all emitters
 
-Floats = NDArray[np.float32]
-
 
 class _AimedRays(NamedTuple):
-    """Rays that reach emitters.
+    """Rays that reach emitters."""
 
-    Attributes:
-        numbers: (r,) ray numbers, place after place.
-        picked: (r,) chosen emitters.
-        light: (r, 3) along the rays, on white surfaces, weighted against gathering rays.
-    """
-
-    numbers: NDArray[np.intp]
-    picked: NDArray[np.intp]
-    light: Floats
+    numbers: Indices  # (r,) ray numbers, place after place
+    picked: Indices  # (r,) chosen emitters
+    light: Float32s  # (r, 3) along the rays, on white surfaces, weighted against gathering rays
 
 
 class Emitters:
@@ -56,7 +104,7 @@ class Emitters:
     """
 
     def __init__(
-        self, patches: Patches, points: Points, emission: Floats, aimed: int, gathered: int
+        self, patches: Patches, points: Points, emission: Float32s, aimed: int, gathered: int
     ):
         power = (emission @ LUMINANCE) * patches.areas_m2
         power[np.diff(patches.first) == 0] = 0.0
@@ -78,14 +126,14 @@ class Emitters:
         evenly = powers / of_sides[self._side_of] / max(len(of_sides), 1)
         self._choose_by(0.5 * (powers / max(total, 1e-300) + evenly))
 
-    def _choose_by(self, shares: NDArray[np.float64]) -> None:
+    def _choose_by(self, shares: Float64s) -> None:
         """Set the shares of rays that the emitters get."""
         self._shares, self._ends = shares, np.cumsum(shares)
         density = np.zeros(len(self._emission))
         density[self._by_power] = shares / np.maximum(self._areas_m2[self._by_power], 1e-12)
         self._density = density.astype(np.float32)  # per square meter
 
-    def focused(self, transport: Transport, at: Points, shifts: Floats) -> Emitters:
+    def focused(self, transport: Transport, at: Points, shifts: Float32s) -> Emitters:
         """Emitters chosen by the light that reaches places (n,), with shifts (n, 2)."""
         if not self.aimed:
             return self
@@ -104,7 +152,9 @@ class Emitters:
         )
         return focused
 
-    def light(self, transport: Transport, at: Points, points: Floats, shifts: Floats) -> Floats:
+    def light(
+        self, transport: Transport, at: Points, points: Float32s, shifts: Float32s
+    ) -> Float32s:
         """Light (n, 3) on white surfaces, by rays to emitters.
 
         Args:
@@ -124,7 +174,9 @@ class Emitters:
             )
         return total
 
-    def _aim(self, transport: Transport, at: Points, points: Floats, shifts: Floats) -> _AimedRays:
+    def _aim(
+        self, transport: Transport, at: Points, points: Float32s, shifts: Float32s
+    ) -> _AimedRays:
         chosen, rays = turned(points, shifts), len(points)
         picked = np.searchsorted(self._ends, chosen[..., 0].ravel() * self._ends[-1], side="right")
         picked = np.minimum(picked, len(self._by_power) - 1)
@@ -149,7 +201,7 @@ class Emitters:
         light = self._emission[patches[some]] * weights[:, None] * passed
         return _AimedRays(some, picked[some], light)
 
-    def seen(self, hits: PatchHits, cosines: Floats) -> Floats:
+    def seen(self, hits: PatchHits, cosines: Float32s) -> Float32s:
         """Emission (n, 3) of patches hit by gathering rays, weighted against `light`.
 
         Rays aimed at emitters pass glass, but do not find them by mirrors.
@@ -172,7 +224,7 @@ class Emitters:
 
 
 def lamps_on(
-    lighting: Lighting, transport: Transport, origins_m: Floats, at: Points | None = None
+    lighting: Lighting, transport: Transport, origins_m: Float32s, at: Points | None = None
 ) -> list[LampLight]:
     """Light of each lamp, straight or through glass, at points (n, 3).
 
@@ -190,7 +242,7 @@ def lamps_on(
     ]
 
 
-def lamp_light(lamps: list[LampLight], points: Points) -> Floats:
+def lamp_light(lamps: list[LampLight], points: Points) -> Float32s:
     """Light (n, 3) of lamps on white surfaces at points."""
     total = np.zeros_like(points.origins_m)
     for lamp in lamps:
@@ -199,16 +251,12 @@ def lamp_light(lamps: list[LampLight], points: Points) -> Floats:
     return total
 
 
-def _all(lamp: LampLight, points: Floats) -> Floats:
+def _all(lamp: LampLight, points: Float32s) -> Float32s:
     return np.broadcast_to(lamp.directions, points.shape)
 
 
 def _shadowed(
-    light: Light,
-    lamp: LampLight,
-    transport: Transport,
-    origins_m: Floats,
-    at: Points | None,
+    light: Light, lamp: LampLight, transport: Transport, origins_m: Float32s, at: Points | None
 ) -> LampLight:
     directions, levels = _all(lamp, origins_m), lamp.levels.copy()
     for sides in () if at is None else (at.normals, at.planes):
@@ -252,17 +300,12 @@ _MAX_INSIDE = 1  # maximum number of probing rays inside of a solid
 
 
 class Points(NamedTuple):
-    """Points on patches.
+    """Points on patches."""
 
-    Attributes:
-        origins_m: (n, 3) relative to `Transport.center_m`, beside the surface, on the patch's side.
-        normals: (n, 3) unit, interpolated, on the patch's side.
-        planes: (n, 3) unit, triangle normals, on the patch's side.
-    """
-
-    origins_m: Floats
-    normals: Floats
-    planes: Floats
+    # (n, 3) relative to `Transport.center_m`, beside the surface, on the patch's side
+    origins_m: Float32s
+    normals: Float32s  # (n, 3) unit, interpolated, on the patch's side
+    planes: Float32s  # (n, 3) unit, triangle normals, on the patch's side
 
 
 def points_at(
@@ -308,3 +351,97 @@ def usable(rays: RayScene, transport: Transport, patches: Patches) -> Patches:
             inside += (hits.patches == INSIDE) | (is_back & (hits.ranges_m < near_m))
         kept.append(inside <= _MAX_INSIDE)
     return patches.kept(np.concatenate(kept))
+
+
+# Light gathered at points from patches, emissive surfaces and the sky.
+
+
+_RAYS_AT_ONCE = 1 << 17
+
+
+class GatheredLight(NamedTuple):
+    """Gathered light at points, on white surfaces."""
+
+    light: Float32s  # (n, 3) mean of rays: light of emissive patches and sky, and `radiosity`
+    halves: Float32s  # (n, 2, 3) the same from the even and the odd rays, separately
+    is_valid: Mask  # (n,) at least one ray did not hit the inside of a solid
+
+
+class Gatherer:
+    """Gathers light with cosine-distributed rays.
+
+    Args:
+        lighting: lighting of the scene, with the sky.
+        transport: ray casting in the scene.
+        samples: rays per place.
+    """
+
+    def __init__(self, lighting: Lighting, transport: Transport, samples: int):
+        self._transport, self._samples = transport, samples
+        self._ambient = np.array(lighting.ambient, dtype=np.float32)
+        self._environment = lighting.environment
+        self._points = spread_points(samples)
+
+    def sky(self, directions: Float32s) -> Float32s:
+        """Sky light (n, 3) along directions (n, 3)."""
+        if self._environment is None:
+            return np.broadcast_to(self._ambient, directions.shape)
+        return self._ambient + self._environment.seen(directions)
+
+    def hits(
+        self, places: list[Points], shifts: Float32s, first: int, last: int
+    ) -> tuple[PatchHits, Float32s]:
+        """Hits and cosines of the rays `first` to `last` from origins (n,).
+
+        Args:
+            places: origins (n,) for the rays, used in turn.
+            shifts: (n, 2) shifts of the directions, one per place.
+            first, last: range of rays.
+        """
+        count = last - first
+        origins = np.empty((len(shifts), count, 3), dtype=np.float32)
+        directions = np.empty_like(origins)
+        cosines = np.empty((len(shifts), count), dtype=np.float32)
+        points = turned(self._points[first:last], shifts)
+        for number, at in enumerate(places):
+            part = slice((number - first) % len(places), None, len(places))
+            origins[:, part] = at.origins_m[:, None]
+            toward, cosines[:, part] = cosine_directions(points[:, part], at.normals)
+            below = np.einsum("nkc,nc->nk", toward, at.planes)
+            toward -= 2.0 * np.minimum(below, 0.0)[..., None] * at.planes[:, None]
+            directions[:, part] = toward
+        aims = directions.reshape(-1, 3)
+        return self._transport.cast(origins.reshape(-1, 3), aims), cosines.ravel()
+
+    def gather(
+        self, places: list[Points], shifts: Float32s, radiosity: Float32s, emitters: Emitters
+    ) -> GatheredLight:
+        """Light at places (n,) from patches of radiosity (p, 3), emitters and sky."""
+        count = len(shifts)
+        halves = np.zeros((count, 2, 3), dtype=np.float32)
+        numbers = np.zeros((count, 2), dtype=np.float32)
+        step = max(2, _RAYS_AT_ONCE // max(count, 1) // 2 * 2)
+        for first in range(0, self._samples, step):
+            last = min(first + step, self._samples)
+            hits, cosines = self.hits(places, shifts, first, last)
+            light = self.seen(hits, cosines, radiosity, emitters)
+            light = light.reshape(count, -1, 3)
+            valid = (hits.patches != INSIDE).reshape(count, -1)
+            for half in (0, 1):
+                halves[:, half] += light[:, half::2].sum(axis=1)
+                numbers[:, half] += valid[:, half::2].sum(axis=1)
+        light = halves.sum(axis=1) / np.maximum(numbers.sum(axis=1), 1.0)[:, None]
+        halves /= np.maximum(numbers, 1.0)[..., None]
+        return GatheredLight(light, halves, numbers.sum(axis=1) > 0.0)
+
+    def seen(
+        self, hits: PatchHits, cosines: Float32s, radiosity: Float32s, emitters: Emitters
+    ) -> Float32s:
+        """Light (n, 3) along rays."""
+        light = np.zeros((len(cosines), 3), dtype=np.float32)
+        free = np.flatnonzero(hits.patches == SKY)
+        light[free] = self.sky(hits.directions[free])
+        some = np.flatnonzero(hits.patches >= 0)
+        on_patches = hits.take(some)
+        light[some] = radiosity[on_patches.patches] + emitters.seen(on_patches, cosines[some])
+        return light * hits.shares

@@ -8,15 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
 from omnisim.core.random_numbers import pcg4d, uniform
-from omnisim.rendering.baking.sampling import Floats
-from omnisim.rendering.rays.caster import RayHits, Rays
-from omnisim.rendering.rays.embree import EmbreeHits
+from omnisim.rendering.rays.caster import EmbreeHits, RayHits, Rays
 from omnisim.rendering.rays.ray_scene import RayScene
-from omnisim.rendering.rays.shading.panes import pane_reflectance
+from omnisim.rendering.rays.shading.glass import pane_reflectance
 from omnisim.rendering.rays.shading.shading import View
-from omnisim.rendering.rays.shading.straight_passage import straight_shares
-from omnisim.rendering.rays.shading.surface_light import mirrored_shares
+from omnisim.rendering.rays.shading.surface_light import mirrored_shares, straight_shares
 from omnisim.scene.planar_mirrors import is_smooth
 from omnisim.scene.surface_reflectance import COAT_F0, MIN_ROUGHNESS
 
@@ -32,26 +30,23 @@ class Way(IntEnum):
 
 
 class Ways(NamedTuple):
-    """Ways on for rays (n,) from specular surfaces.
+    """Ways on for rays (n,) from specular surfaces."""
 
-    Attributes:
-        reflected, passed: (n, 3) shares of the light from each way, linear RGB.
-        is_invisible: (n,) mask of the backs of single-sided panes, which only pass light.
-        normals, planes: (n, 3) unit normals, interpolated and of the triangle, facing the rays.
-    """
+    # (n, 3) shares of the light from each way, linear RGB
+    reflected: Float32s
+    passed: Float32s
+    # (n,) mask of the backs of single-sided panes, which only pass light
+    is_invisible: Mask
+    # (n, 3) unit normals, interpolated and of the triangle, facing the rays
+    normals: Float32s
+    planes: Float32s
 
-    reflected: Floats
-    passed: Floats
-    is_invisible: NDArray[np.bool_]
-    normals: Floats
-    planes: Floats
-
-    def take(self, indices: NDArray[np.intp]) -> Ways:
+    def take(self, indices: Indices) -> Ways:
         """The selected rays."""
         return Ways._make(values[indices] for values in self)
 
 
-def chosen(ways: Ways, own: Floats, numbers: Floats) -> tuple[NDArray[np.int8], Floats]:
+def chosen(ways: Ways, own: Float32s, numbers: Float32s) -> tuple[NDArray[np.int8], Float32s]:
     """Ways (n,) at random, see `Way`, and the factors (n, 3) of their light.
 
     Args:
@@ -81,12 +76,8 @@ def chosen(ways: Ways, own: Floats, numbers: Floats) -> tuple[NDArray[np.int8], 
 
 
 def onward(
-    points_m: Floats,
-    directions: Floats,
-    ways: Ways,
-    is_mirrored: NDArray[np.bool_],
-    start_m: float,
-) -> tuple[Floats, Floats]:
+    points_m: Float32s, directions: Float32s, ways: Ways, is_mirrored: Mask, start_m: float
+) -> tuple[Float32s, Float32s]:
     """Origins and directions (n, 3) of rays from specular surfaces, mirrored or straight on.
 
     Args:
@@ -106,7 +97,7 @@ def onward(
     return origins_m.astype(np.float32), aims.astype(np.float32)
 
 
-def random_numbers(origins_m: Floats, directions: Floats, number: int) -> Floats:
+def random_numbers(origins_m: Float32s, directions: Float32s, number: int) -> Float32s:
     """Random numbers (n,) in (0, 1) for rays (n, 3), hashes of their bits and a number."""
     (x, y, z), (u, v, w) = (
         np.ascontiguousarray(values, dtype=np.float32).view(np.uint32).reshape(-1, 3).T
@@ -122,7 +113,7 @@ def random_numbers(origins_m: Floats, directions: Floats, number: int) -> Floats
 # panes and bodies of glass straight. Frosted glass scatters what it transmits by Lambert's law.
 #
 # Sources: `omnisim.rendering.rays.shading.surface_light` for mirrors,
-# `omnisim.rendering.rays.shading.straight_passage` for glass; the mean of Schlick's Fresnel over
+# `omnisim.rendering.rays.shading.surface_light` for glass; the mean of Schlick's Fresnel over
 # Lambertian light is f0 + (f90 − f0) / 21.
 
 
@@ -135,8 +126,8 @@ _ANGLES = 64  # at which a pane's reflectance is averaged
 class DiffuseShares(NamedTuple):
     """Shares (n, 3) of Lambertian light that surfaces scatter, linear RGB."""
 
-    reflected: Floats
-    transmitted: Floats
+    reflected: Float32s
+    transmitted: Float32s
 
 
 class SpecularSurfaces:
@@ -166,7 +157,7 @@ class SpecularSurfaces:
         self.frosted = np.array(frosted, dtype=np.float32)
         self._continues = continues
 
-    def ways(self, hits: EmbreeHits, directions: Floats) -> Ways:
+    def ways(self, hits: EmbreeHits, directions: Float32s) -> Ways:
         """Ways on from specular surfaces hit by rays (n,) with unit directions (n, 3)."""
         weights = np.stack((1.0 - hits.u - hits.v, hits.u, hits.v), axis=1)
         is_back = np.einsum("nc,nc->n", hits.normals, directions) > 0.0
@@ -193,7 +184,7 @@ class SpecularSurfaces:
         passed = straight_shares(shading, view, colors)
         return Ways(reflected.astype(np.float32), passed, is_invisible, normals, planes)
 
-    def diffuse(self, hits: RayHits, colors: Floats) -> DiffuseShares:
+    def diffuse(self, hits: RayHits, colors: Float32s) -> DiffuseShares:
         """Diffuse shares of surfaces (n,) with base colors (n, 3), besides the specular ones."""
         shading, surfaces = self._shading, self._shading.surfaces(hits)
         reflected, transmitted = colors.copy(), np.zeros_like(colors)
@@ -222,7 +213,7 @@ class SpecularSurfaces:
         return DiffuseShares(reflected, transmitted)
 
 
-def _mean_reflectance(ior: NDArray[np.float64]) -> NDArray[np.float64]:
+def _mean_reflectance(ior: Float64s) -> Float64s:
     """Reflectance (n,) of panes for Lambertian light."""
     squares = (np.arange(_ANGLES) + 0.5) / _ANGLES
     means = {

@@ -8,15 +8,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from omnisim.rendering.baking.atlas.patches import BACK, FRONT, Patches
+from omnisim.core.array_types import Float32s, Indices, Int32s, Mask
+from omnisim.rendering.baking.patches import BACK, FRONT, Patches
 from omnisim.rendering.baking.specular import SpecularSurfaces, Way, chosen, onward, random_numbers
-from omnisim.rendering.rays.caster import RayHits, Rays
-from omnisim.rendering.rays.embree import NO_TRIANGLE, EmbreeHits, put_rows
+from omnisim.rendering.rays.caster import NO_TRIANGLE, EmbreeHits, RayHits, Rays, put_rows
 from omnisim.rendering.rays.ray_scene import MAX_LAYERS, RayScene
 
-Floats = NDArray[np.float32]
 SKY, INSIDE = -1, -2
 # Offset of rays from their surface: a constant, and a share of the scene's size.
 _START_M, _START_SHARE = 1e-4, 1e-6
@@ -25,29 +23,20 @@ _EMISSIVE_SHARE = 0.5  # minimum share of the rays that end on an emissive, spec
 
 
 class PatchHits(NamedTuple):
-    """Patches hit by rays.
+    """Patches hit by rays."""
 
-    Attributes:
-        patches: (n,) patch, or `SKY`; `INSIDE`: the ray hit the inside of a solid.
-        ranges_m: (n,) lengths of the rays.
-        cosines: (n,) between the rays and the planes' normals.
-        directions: (n, 3) directions at the hits.
-        shares: (n, 3) factors of the light, or (n, 1) ones.
-        is_straight: (n,) mask of the rays that no mirror has deflected.
-    """
+    patches: Int32s  # (n,) patch, or `SKY`; `INSIDE`: the ray hit the inside of a solid
+    ranges_m: Float32s  # (n,) lengths of the rays
+    cosines: Float32s  # (n,) between the rays and the planes' normals
+    directions: Float32s  # (n, 3) directions at the hits
+    shares: Float32s  # (n, 3) factors of the light, or (n, 1) ones
+    is_straight: Mask  # (n,) mask of the rays that no mirror has deflected
 
-    patches: NDArray[np.int32]
-    ranges_m: Floats
-    cosines: Floats
-    directions: Floats
-    shares: Floats
-    is_straight: NDArray[np.bool_]
-
-    def take(self, indices: NDArray[np.intp]) -> PatchHits:
+    def take(self, indices: Indices) -> PatchHits:
         """The selected hits."""
         return PatchHits._make(values[indices] for values in self)
 
-    def put(self, indices: NDArray[np.intp], hits: PatchHits) -> None:
+    def put(self, indices: Indices, hits: PatchHits) -> None:
         """Overwrite the selected hits."""
         put_rows(self, indices, hits)
 
@@ -78,7 +67,7 @@ class Transport:
         self._has_holes = cutoffs > 0.0
         self._has_any_holes = bool(self._has_holes.any())
 
-    def cast(self, origins_m: Floats, directions: Floats) -> PatchHits:
+    def cast(self, origins_m: Float32s, directions: Float32s) -> PatchHits:
         """Patches hit by rays (n, 3) with unit directions, also by mirrors and through glass."""
         hits = self._hits(origins_m, directions, None)
         found = self._on_patches(hits, directions)
@@ -120,7 +109,7 @@ class Transport:
                 break
         return found
 
-    def _continues(self, hits: EmbreeHits, patches: NDArray[np.int32]) -> NDArray[np.bool_]:
+    def _continues(self, hits: EmbreeHits, patches: Int32s) -> Mask:
         """Mask (n,) of hits on patches (n,) where rays continue: not inside of opaque solids."""
         if not self.specular.any:
             return np.zeros(len(hits.triangles), dtype=np.bool_)
@@ -128,15 +117,15 @@ class Transport:
         on &= (patches != INSIDE) | self.specular.see_through[hits.triangles]
         return on
 
-    def _own(self, patches: NDArray[np.int32]) -> Floats:
+    def _own(self, patches: Int32s) -> Float32s:
         """Diffuse shares (n,) of patches, and more of emissive ones; 0: no patch."""
-        own: Floats = self._patches.albedo[patches].mean(axis=1)
+        own: Float32s = self._patches.albedo[patches].mean(axis=1)
         shining = self._patches.emission[patches].any(axis=1)
         own = np.where(shining, np.maximum(own, np.float32(_EMISSIVE_SHARE)), own)
         own[patches < 0] = 0.0
         return own
 
-    def _on_patches(self, hits: EmbreeHits, directions: Floats) -> PatchHits:
+    def _on_patches(self, hits: EmbreeHits, directions: Float32s) -> PatchHits:
         """Patches at hits of rays (n,)."""
         count = len(directions)
         is_hit = np.flatnonzero(hits.triangles != NO_TRIANGLE)
@@ -153,17 +142,17 @@ class Transport:
         ones, straight = np.ones((count, 1), dtype=np.float32), np.ones(count, dtype=np.bool_)
         return PatchHits(patches, hits.ranges_m, cosines, directions, ones, straight)
 
-    def is_back(self, hits: PatchHits) -> NDArray[np.bool_]:
+    def is_back(self, hits: PatchHits) -> Mask:
         """Mask (n,) of rays that hit the back of a patch."""
         on_patch = hits.patches >= 0
         return on_patch & (self._patches.sides[hits.patches] == BACK)
 
-    def is_frosted(self, hits: PatchHits) -> NDArray[np.bool_]:
+    def is_frosted(self, hits: PatchHits) -> Mask:
         """Mask (n,) of rays that hit frosted glass, from either side."""
         surfaces = self._patches.surfaces[hits.patches]
         return (hits.patches >= 0) & (self.specular.frosted[surfaces] > 0.0)
 
-    def passing(self, origins_m: Floats, directions: Floats, far: Floats | None) -> Floats:
+    def passing(self, origins_m: Float32s, directions: Float32s, far: Float32s | None) -> Float32s:
         """Shares (n, 1 or 3) of light that arrives along rays: 0 behind opaque surfaces.
 
         Args:
@@ -197,7 +186,7 @@ class Transport:
             origins_m, ends = origins_m[on], None if ends is None else ends[on]
         return shares
 
-    def _hits(self, origins_m: Floats, directions: Floats, far: Floats | None) -> EmbreeHits:
+    def _hits(self, origins_m: Float32s, directions: Float32s, far: Float32s | None) -> EmbreeHits:
         """Nearest triangles along rays, ignoring holes of masked surfaces."""
         hits = self._caster.static_hits(origins_m, directions, far)
         if not self._has_any_holes:
@@ -219,7 +208,7 @@ class Transport:
             active = active[(triangles != NO_TRIANGLE) & self._has_holes[triangles]]
         return hits
 
-    def _is_hole(self, hits: EmbreeHits) -> NDArray[np.bool_]:
+    def _is_hole(self, hits: EmbreeHits) -> Mask:
         """Mask (n,) of hits in a hole of a masked surface, or on a mostly clear blended one."""
         weights = np.stack((1.0 - hits.u - hits.v, hits.u, hits.v), axis=1)
         nowhere = np.zeros((len(hits.u), 3))
@@ -229,13 +218,7 @@ class Transport:
         cutoffs = self._shading.hit_cutoff[self._surface_of_triangle[hits.triangles]]
         return colors[:, 3] < cutoffs
 
-    def _patch_of(
-        self,
-        triangles: NDArray[np.int32],
-        u: Floats,
-        v: Floats,
-        is_back: NDArray[np.bool_],
-    ) -> NDArray[np.int32]:
+    def _patch_of(self, triangles: Int32s, u: Float32s, v: Float32s, is_back: Mask) -> Int32s:
         patches = self._patches
         width, height = patches.size_px
         corners = patches.corners_px[triangles]

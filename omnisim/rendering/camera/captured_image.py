@@ -1,9 +1,10 @@
-"""Image files, read with their cameras."""
+"""Image files with their cameras, and the masks of pixels that show the scene."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,36 +12,103 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras import CentralCamera, NonCentralCamera, summary
-from omnisim.core.errors import OmnisimError, OpticsError, OutputError
+from omnisim.cameras import (
+    CentralCamera,
+    HyperbolicCamera,
+    NonCentralCamera,
+    camera_from_parameters,
+    pixel_grid,
+    summary,
+)
+from omnisim.cameras.mirrors.mirror_mesh_rays import inside_rim
+from omnisim.cameras.mirrors.tessellation import sectors_and_rings
+from omnisim.core.array_types import Float64s, Mask
+from omnisim.core.errors import OmnisimError, OpticsError, OutputError, SensorFileError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.poses import check_pose
 from omnisim.core.short_repr import short_repr
-from omnisim.rendering.camera.camera_parameters import camera_of_parameters
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.valid_mask import valid_mask
+
+
+def camera_of_parameters(parameters: Mapping[str, Any]) -> CentralCamera:
+    """Camera described by the `parameters()` of any camera, including an optical system.
+
+    Raises:
+        OpticsError: names the first faulty key, with the expected and the actual value.
+    """
+    if not isinstance(parameters, Mapping) or parameters.get("model") != "optics":
+        return camera_from_parameters(parameters)
+    from omnisim.cameras.optics.system_file import parse_optics  # few cameras need it
+
+    _check_whole(parameters)
+    try:
+        return parse_optics(parameters, "camera")
+    except SensorFileError as faults:
+        raise OpticsError(str(faults).partition("\n")[0]) from None
+
+
+def _check_whole(parameters: Mapping[str, Any]) -> None:
+    """Refuse references to other files: an image or a run contains its whole camera."""
+    surfaces = parameters.get("surfaces")
+    tables = list(surfaces) if isinstance(surfaces, list | tuple) else []
+    for table in (parameters.get("camera"), *tables):
+        for key in ("calibration", "file"):
+            if isinstance(table, Mapping) and key in table:
+                raise OpticsError(f"camera: {key}: expected its content, got {table[key]!r}")
+
+
+# Mask of an image's pixels that show the scene.
+
+
+BLOCK_PIXELS = 1 << 20  # pixels per step, to bound the memory of intermediate arrays
+
+
+def valid_mask(camera: CentralCamera, polygons: int | None) -> Mask:
+    """Mask (height, width) of the pixels whose center shows the scene.
+
+    Args:
+        camera: camera of the image.
+        polygons: polygons of the mirror mesh; None: exact.
+
+    Raises:
+        OpticsError: the polygon count does not make a mesh.
+    """
+    if polygons is not None and isinstance(camera, NonCentralCamera):
+        from omnisim.cameras.optics.mesh_rays import MeshRays  # imported late: few cameras need it
+
+        pixels = pixel_grid(camera.width_px, camera.height_px)
+        return MeshRays(camera, polygons).ray_from_pixel(pixels).valid
+    sectors = None
+    if polygons is not None and isinstance(camera, HyperbolicCamera):
+        sectors, _ = sectors_and_rings(polygons)
+    mask = np.empty((camera.height_px, camera.width_px), dtype=np.bool_)
+    step = max(1, BLOCK_PIXELS // camera.width_px)
+    for first in range(0, camera.height_px, step):
+        rows = mask[first : first + step]
+        pixels = pixel_grid(camera.width_px, len(rows)) + (0.0, first)
+        if sectors is not None and isinstance(camera, HyperbolicCamera):
+            rows[:] = inside_rim(camera, sectors, pixels)
+        else:
+            rows[:] = camera.ray_from_pixel(pixels).valid
+    return mask
+
+
+# Image files, read with their cameras.
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class CapturedImage:
-    """Image with its camera and poses.
+    """Image with its camera and poses."""
 
-    Attributes:
-        pixels: (height, width, 3) uint8 sRGB, or float32 linear.
-        covered: (height, width) mask of pixels that show the scene.
-        camera: camera of the image.
-        base_from_optical: (3, 3) rotation from the camera's optical frame to the vehicle's base.
-        world_from_base, world_from_optical: (4, 4) poses, if the image has them.
-        metadata: metadata of the image file; empty if there is none.
-    """
-
-    pixels: NDArray[Any]
-    covered: NDArray[np.bool_]
-    camera: CentralCamera
-    base_from_optical: NDArray[np.float64]
-    world_from_base: NDArray[np.float64] | None
-    world_from_optical: NDArray[np.float64] | None
-    metadata: dict[str, Any]
+    pixels: NDArray[Any]  # (height, width, 3) uint8 sRGB, or float32 linear
+    covered: Mask  # (height, width) mask of pixels that show the scene
+    camera: CentralCamera  # camera of the image
+    # (3, 3) rotation from the camera's optical frame to the vehicle's base
+    base_from_optical: Float64s
+    # (4, 4) poses, if the image has them
+    world_from_base: Float64s | None
+    world_from_optical: Float64s | None
+    metadata: dict[str, Any]  # metadata of the image file; empty if there is none
 
     def __repr__(self) -> str:
         return short_repr(self, summary(self.camera), str(self.pixels.dtype))
@@ -143,7 +211,7 @@ def _three_channels(stored: NDArray[Any]) -> NDArray[Any]:
     return np.array(colors, order="C")
 
 
-def _pose(metadata: dict[str, Any], key: str, path: Path) -> NDArray[np.float64] | None:
+def _pose(metadata: dict[str, Any], key: str, path: Path) -> Float64s | None:
     if key not in metadata:
         return None
     try:

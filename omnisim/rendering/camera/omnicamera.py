@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, summary
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.cameras.mirrors.tessellation import sectors_and_rings
 from omnisim.core import poses
+from omnisim.core.array_types import Float64s
 from omnisim.core.errors import OpticsError
 from omnisim.core.short_repr import short_repr
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons, max_polygons, mesh_error_px
@@ -78,7 +79,7 @@ class OmniCamera:
     model: CentralCamera = field(default_factory=_paper_camera)
     _: KW_ONLY
     polygons: Polygons = "default"
-    base_from_rig: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    base_from_rig: Float64s = field(default_factory=lambda: np.eye(4))
     face_size_px: int | None = None
     near_m: float = DEFAULT_NEAR_M
     far_m: float = math.inf
@@ -254,7 +255,7 @@ class OmniCamera:
         return self.model.scaled(self.supersampling)
 
     @property
-    def base_from_optical(self) -> NDArray[np.float64]:
+    def base_from_optical(self) -> Float64s:
         """Pose (4, 4) of the camera's optical frame on its vehicle."""
         pose = self.base_from_rig.copy()
         pose[:3, :3] = pose[:3, :3] @ self.model.rig_from_optical
@@ -304,7 +305,7 @@ class OmniCamera:
         yaw_deg: float = 0.0,
         pitch_deg: float = 0.0,
         roll_deg: float = 0.0,
-    ) -> NDArray[np.float64]:
+    ) -> Float64s:
         """Pose (4, 4) world_from_base that puts the effective viewpoint at a position.
 
         Args:

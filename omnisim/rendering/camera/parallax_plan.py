@@ -1,14 +1,16 @@
-"""Tiles for non-central rays: all directions in which their points are seen."""
+"""Rays of non-central cameras, and the tiles in which their points are seen."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.cameras import CentralCamera, NonCentralCamera, Rays, pixel_grid
+from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
 from omnisim.core.cube import FACE_FROM_RIG
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.atlas.sampling_density import (
@@ -17,7 +19,7 @@ from omnisim.rendering.opengl.atlas.sampling_density import (
     density_of_rays,
 )
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, plan_densities
-from omnisim.rendering.opengl.capture.parallax_rays import ParallaxRays
+from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays
 from omnisim.rendering.sensor_tiles import ONE_SAMPLE_BIAS, SUPERSAMPLED_BIAS
 
 # Maximum stretch of pixels; more stretched ones are drawn with this stretch.
@@ -31,9 +33,9 @@ _STEP = 2.0 * GRID_STEP  # tangents between points: neighborhoods of points coun
 class _SeenRays(NamedTuple):
     """Rays of pixels with valid neighbors, and directions of the points on them."""
 
-    directions: NDArray[np.float64]  # (n, 3)
-    along: NDArray[np.float64]  # (n,) radians between samples, in the longer direction
-    points: list[tuple[NDArray[np.float64], NDArray[np.float64]]]  # (m, 3), samples per radian (m,)
+    directions: Float64s  # (n, 3)
+    along: Float64s  # (n,) radians between samples, in the longer direction
+    points: list[tuple[Float64s, Float64s]]  # (m, 3), samples per radian (m,)
 
 
 def parallax_tiles(
@@ -94,7 +96,7 @@ def _seen_rays(
     return _SeenRays(centers, along, points)
 
 
-def _densities(places: NDArray[np.float64], densest: NDArray[np.float64]) -> list[SamplingDensity]:
+def _densities(places: Float64s, densest: Float64s) -> list[SamplingDensity]:
     """Density of each face, from directions of points (n, 3) and samples per radian (n,)."""
     densities = []
     for on_it, tangents in _on_faces(places):
@@ -104,9 +106,7 @@ def _densities(places: NDArray[np.float64], densest: NDArray[np.float64]) -> lis
     return densities
 
 
-def _on_faces(
-    directions: NDArray[np.float64],
-) -> Iterator[tuple[NDArray[np.intp], NDArray[np.float64]]]:
+def _on_faces(directions: Float64s) -> Iterator[tuple[Indices, Float64s]]:
     """Indices of the directions (n, 3) on each face, and their tangents (m, 2).
 
     Equivalent to `face_index` and `face_tangents`, but faster: a face's axes are the rig's.
@@ -122,9 +122,7 @@ def _on_faces(
         yield on_it, local[:, :2] / local[:, 2:]
 
 
-def _mip_level(
-    plan: TilePlan, directions: NDArray[np.float64], along: NDArray[np.float64]
-) -> float:
+def _mip_level(plan: TilePlan, directions: Float64s, along: Float64s) -> float:
     """Level at which texels are as wide as the spacing of samples at directions (n, 3), radians.
 
     A percentile: beyond a rim's last pixels, and at poles, the spacing is unbounded.
@@ -141,9 +139,107 @@ def _mip_level(
     return float(np.log2(np.percentile(np.concatenate(texels), _PERCENTILE)))
 
 
-def _singular_values(steps: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _singular_values(steps: Float64s) -> tuple[Float64s, Float64s]:
     """Larger and smaller singular values (n,) of matrices (n, 3, 2), in closed form."""
     gram = np.einsum("nji,njk->nik", steps, steps)
     mean = 0.5 * (gram[:, 0, 0] + gram[:, 1, 1])
     spread = np.hypot(0.5 * (gram[:, 0, 0] - gram[:, 1, 1]), gram[:, 0, 1])
     return np.sqrt(mean + spread), np.sqrt(np.maximum(mean - spread, 0.0))
+
+
+# Rays of a supersampled image, interpolated between pixels where they vary smoothly.
+
+
+# Distance within which all pixels must have a ray for a pixel's samples to be interpolated without
+# a test: rays bend strongly near a rim. At most the margin.
+_SMOOTH_PX = 2
+_MISS_PX = 0.02  # maximum error of interpolated rays
+
+
+def sample_rays(
+    camera: CentralCamera, supersampling: int, polygons: int | None = None
+) -> ParallaxRays:
+    """Rays of the samples of a camera's pixels, in the rig frame.
+
+    Rays of the pixel centers are traced. The rays of all samples are traced near the edges of the
+    visible region, and everywhere for a mesh; they are stored where interpolation would fail.
+
+    Args:
+        camera: camera with pixels.
+        supersampling: samples per pixel side.
+        polygons: number of polygons of the mirror mesh; None: exact.
+    """
+    width, height = camera.width_px, camera.height_px
+    trace = _tracer(camera, polygons)
+    around = pixel_grid(width + 2 * MARGIN_PX, height + 2 * MARGIN_PX) - MARGIN_PX
+    directions, origins_m, valid = trace(around)
+    inner = slice(MARGIN_PX, -MARGIN_PX), slice(MARGIN_PX, -MARGIN_PX)
+    smooth, near = _all_around(valid, _SMOOTH_PX)[inner], ~_all_around(~valid, 1)[inner]
+    beside = _all_around(valid, 1)[inner]  # pixels with all neighbors valid: interpolation possible
+    rays = ParallaxRays.interpolated(supersampling, directions, origins_m, smooth)
+    rim = np.argwhere(near if polygons is not None else near & ~smooth)
+    offsets = (pixel_grid(supersampling, supersampling).reshape(-1, 2) + 0.5) / supersampling - 0.5
+    own = trace(rim[:, None, ::-1] + offsets)
+    bent = ~beside[tuple(rim.T)] | ~own[2].all(axis=1) | _bent(rays, rim, own[0])
+    rays.smooth[tuple(rim.T)] = ~bent
+    kept = bent & own[2].any(axis=1)
+    rim = rim[kept]
+    rays.rim_numbers[tuple(rim.T)] = np.arange(len(rim))
+    return replace(
+        rays, rim_directions=own[0][kept], rim_origins_m=own[1][kept], rim_valid=own[2][kept]
+    )
+
+
+def _bent(rays: ParallaxRays, pixels: Indices, own: Float32s) -> Mask:
+    """Mask of pixels (n, 2), row and column, whose sample directions cannot be interpolated.
+
+    The directions (n, samples, 3) differ from those interpolated between neighboring pixels.
+    """
+    count = rays.supersampling**2
+    rows, columns = np.repeat(pixels, count, axis=0).T
+    between = rays.of(rows, columns, np.tile(np.arange(count), len(pixels)))
+    misses = np.linalg.norm(between.directions.reshape(own.shape) - own, axis=-1).max(axis=1)
+    steps = rays.supersampling * np.linalg.norm(between.footprints, axis=-1)
+    return np.asarray(misses > _MISS_PX * steps.reshape(len(pixels), 2 * count).min(axis=1))
+
+
+_Traced = tuple[Float32s, Float32s, Mask]
+
+
+def _tracer(camera: CentralCamera, polygons: int | None) -> Callable[[Float64s], _Traced]:
+    """Function from pixels (..., 2) to directions and origins (..., 3), rig frame, and validity.
+
+    Directions are 0 where invalid.
+    """
+    ray_from_pixel: Callable[[Float64s], Rays] = camera.ray_from_pixel
+    if polygons is not None and isinstance(camera, NonCentralCamera):
+        from omnisim.cameras.optics.mesh_rays import MeshRays
+
+        ray_from_pixel = MeshRays(camera, polygons).ray_from_pixel
+
+    def trace(pixels: Float64s) -> _Traced:
+        rays = ray_from_pixel(pixels)
+        assert rays.origins_m is not None
+        found = []
+        for part in (rays.directions, rays.origins_m):
+            values = np.where(rays.valid[..., None], part, 0.0)
+            rig = np.einsum("...j,ij->...i", values, camera.rig_from_optical)
+            found.append(rig.astype(np.float32))
+        return found[0], found[1], rays.valid
+
+    return trace
+
+
+def _all_around(valid: Mask, distance_px: int) -> Mask:
+    """Mask of pixels with only valid ones within a distance; those outside of the image count."""
+    for axis in (0, 1):
+        padded = np.pad(
+            valid,
+            [(distance_px,) * 2 if axis == own else (0, 0) for own in (0, 1)],
+            constant_values=True,
+        )
+        size = valid.shape[axis]
+        valid = np.logical_and.reduce(
+            [padded.take(range(step, step + size), axis) for step in range(2 * distance_px + 1)]
+        )
+    return valid

@@ -25,15 +25,10 @@ QualityName = Literal["fast", "default", "fine"]
 
 
 class CaptureQuality(NamedTuple):
-    """Texels and samples of a capture.
+    """Texels and samples of a capture."""
 
-    Attributes:
-        supersampling: samples per pixel side of the image.
-        texels_per_pixel: texels of the virtual cameras per side of the image's finest pixels.
-    """
-
-    supersampling: int
-    texels_per_pixel: float
+    supersampling: int  # samples per pixel side of the image
+    texels_per_pixel: float  # texels of the virtual cameras per side of the image's finest pixels
 
 
 QUALITIES: dict[str, CaptureQuality] = {

@@ -9,12 +9,12 @@ import numpy as np
 
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.rendering.opengl.batch_pipeline import MAX_SLICE_BYTES
-from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
+from omnisim.rendering.opengl.capture.pixel_map import valid_pixels_array
 from omnisim.rendering.opengl.drawing.cube_layers import EXTENSIONS
 from omnisim.rendering.opengl.gl.framebuffers import use_target
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
-from omnisim.rendering.opengl.gl.uniforms import uniform
+from omnisim.rendering.opengl.gl.shader_files import uniform
 from omnisim.rendering.opengl.ground_truth.ray_hit_pass import (
     RayHitPass,
     bind_details,

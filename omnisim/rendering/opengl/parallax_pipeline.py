@@ -7,8 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.capture.chromatic_pass import ChromaticPass
-from omnisim.rendering.opengl.capture.parallax_pass import ParallaxPass
+from omnisim.rendering.opengl.capture.parallax_pass import ChromaticPass, ParallaxPass
 from omnisim.rendering.opengl.capture.parallax_rays import SampleRays
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass

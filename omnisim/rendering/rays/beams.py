@@ -1,17 +1,17 @@
-"""Ranges of a scanner's beams, by ray casting."""
+"""Beams of laser scanners and spinning lidars, by ray casting."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float64s, Indices
 from omnisim.core.world import ObjectPart
-from omnisim.ground_truth.lidar_beams import EchoLimits
-from omnisim.rendering.rays.caster import Rays
-from omnisim.rendering.rays.echoes import no_returns, replace_specular
-from omnisim.rendering.rays.embree import NO_TRIANGLE
+from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution, Slice
+from omnisim.rendering.backend import BeamCaster
+from omnisim.rendering.rays.caster import NO_TRIANGLE, RayHits, Rays
+from omnisim.rendering.rays.echoes import Returns, direct_intensities, no_returns, replace_specular
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 
 
@@ -32,7 +32,7 @@ class Beams:
     def __init__(
         self,
         scene: Callable[[], RayScene],
-        angles_rad: NDArray[np.float64],
+        angles_rad: Float64s,
         max_range_m: float,
         hidden: frozenset[ObjectPart],
         limits: EchoLimits | None = None,
@@ -46,10 +46,8 @@ class Beams:
         """Do nothing: each cast uses the current scene."""
 
     def cast(
-        self,
-        world_from_scanner: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]] = (),
-    ) -> NDArray[np.float64]:
+        self, world_from_scanner: Float64s, world_from_objects: Sequence[Float64s] = ()
+    ) -> Float64s:
         """Ranges (n,) in meters from a pose (4, 4), with objects at their poses; +inf: no hit."""
         scene, count = self._scene(), len(self._directions)
         rays = Rays(
@@ -68,3 +66,190 @@ class Beams:
         if self._limits is not None and scene.shading.is_specular.any():
             replace_specular(returns, scene, rays, objects, self._limits)
         return returns.ranges_m[0]
+
+
+# Hits and intensities of a spinning lidar's beams, each from the lidar's pose at its time.
+
+
+_FIRINGS_AT_ONCE, _POINTS_AT_ONCE = 128, 1 << 15
+_MAX_PATH_M = 0.002  # of an object during the firings that are cast at once
+_BESIDE = 0.01  # barycentric tolerance: a ray may just miss a triangle that deforms
+
+
+class LidarCaster:
+    """Casts the beams of a lidar into a scene.
+
+    Surfaces reflect on both sides. The surface that a beam hits is found with the dynamic objects
+    at their poses in the middle of a slice, or of a part of it in which they move by at most 2 mm;
+    its range is computed with the object at its pose at the time of firing. Beams that hit glass or
+    mirrors first are followed with the objects as in that middle, if the beams have `EchoLimits`.
+
+    Args:
+        scene: scene to cast at, in its current state; earlier states are not kept.
+        beams: beams of the lidar.
+        hidden: parts of dynamic objects that beams pass through.
+        drawn: caster that finds the triangles instead of the scene's; None: the scene does.
+    """
+
+    def __init__(
+        self,
+        scene: Callable[[], RayScene],
+        beams: LidarBeams,
+        hidden: frozenset[ObjectPart],
+        drawn: BeamCaster | None = None,
+    ):
+        self._scene, self._beams, self._hidden, self._drawn = scene, beams, hidden, drawn
+        self._directions = beams.directions
+
+    @property
+    def draws(self) -> Sequence[ObjectPart]:
+        """Dynamic object and name of each instance, indexed by `BeamHits.draw_ids` − 1."""
+        return self._scene().caster.geometry.draws if self._drawn is None else self._drawn.draws
+
+    def refresh(self) -> None:
+        """Adapt to the scene; each cast uses the current one."""
+        if self._drawn is not None:
+            self._drawn.refresh()
+
+    def cast(self, revolution: Revolution) -> BeamHits:
+        """Hits of all beams of a revolution."""
+        scene = self._scene()
+        if self._drawn is not None:
+            return self._lit(scene, revolution, self._drawn.cast(revolution))
+        size = self._directions.shape[:2]
+        limits = self._beams.echo_limits if scene.shading.is_specular.any() else None
+        hits = _no_hits(size)
+        if limits is not None and limits.returns > 1:
+            hits = hits._replace(second=_no_hits(size))
+        targets = [hits] if hits.second is None else [hits, hits.second]
+        parts = [part for one in revolution.slices for part in self._parts(scene, one)]
+
+        def cast_part(part: tuple[Slice, int, int]) -> None:
+            one, first, last = part
+            firings = slice(first, last)
+            rays, shares = self._rays(revolution, one, firings)
+            returns = self._cast_slice(scene, one, rays, shares, limits)
+            for number, target in enumerate(targets):
+                target.ranges_m[:, firings] = returns.ranges_m[number].reshape(size[0], -1)
+                target.draw_ids[:, firings] = returns.surfaces_plus_one[number].reshape(size[0], -1)
+                assert target.intensities is not None
+                values = returns.intensities[number].reshape(size[0], -1)
+                target.intensities[:, firings] = values
+
+        scene.in_threads(cast_part, parts)
+        return hits
+
+    def _rays(self, revolution: Revolution, one: Slice, firings: slice) -> tuple[Rays, Float64s]:
+        """Rays (n,) of some firings of a slice, ring by ring, and their times as shares of it."""
+        directions = np.einsum(
+            "fij,rfj->rfi", revolution.rotations[firings], self._directions[:, firings]
+        )
+        elapsed = (np.arange(firings.start, firings.stop) - one.first) / (one.last - one.first)
+        shares = np.broadcast_to(elapsed, directions.shape[:2]).ravel()
+        origins_m = one.start.origin_m + shares[:, None] * one.path_m
+        far_m = np.full(len(shares), self._beams.max_range_m)
+        return Rays(origins_m, directions.reshape(-1, 3), np.zeros(len(shares)), far_m), shares
+
+    def _lit(self, scene: RayScene, revolution: Revolution, hits: BeamHits) -> BeamHits:
+        """Drawn hits with the intensities of their surfaces."""
+        assert hits.triangles is not None
+        geometry, intensities = scene.caster.geometry, np.zeros(hits.ranges_m.shape)
+        at_once = max(1, _POINTS_AT_ONCE // len(intensities))
+        for one in revolution.slices:
+            for first in range(one.first, one.last, at_once):
+                firings = slice(first, min(first + at_once, one.last))
+                rays, shares = self._rays(revolution, one, firings)
+                triangles = hits.triangles[:, firings].ravel()
+                hit = np.flatnonzero(hits.draw_ids[:, firings].ravel())
+                rays, triangles = rays.take(hit), triangles[hit].astype(np.int32)
+                _follow_objects(rays, one, geometry.part_of_triangles(triangles), shares[hit])
+                poses, unknown = one.middle.world_from_objects, np.zeros((len(hit), 3), np.float32)
+                found = RayHits(triangles, np.zeros(len(hit)), unknown, unknown)
+                with np.errstate(divide="ignore", invalid="ignore"):  # triangles seen edge-on
+                    exact = scene.caster.exact(rays, found, poses)
+                weights = np.nan_to_num(exact.weights, nan=1.0 / 3.0, posinf=1.0, neginf=0.0)
+                exact = exact._replace(weights=weights.clip(0.0, 1.0))
+                values = np.zeros(len(shares))
+                values[hit] = direct_intensities(scene.shading, rays, exact, poses)
+                intensities[:, firings] = values.reshape(len(intensities), -1)
+        return hits._replace(intensities=intensities)
+
+    def _parts(self, scene: RayScene, one: Slice) -> list[tuple[Slice, int, int]]:
+        """Ranges of firings that are cast at once, each with its slice or part of a slice."""
+        at_once = _FIRINGS_AT_ONCE
+        path_m = scene.caster.longest_path_m(
+            one.start.world_from_objects, one.end.world_from_objects, self._hidden
+        )
+        is_cut = path_m > _MAX_PATH_M
+        if is_cut:
+            at_once = max(1, min(at_once, int((one.last - one.first) * _MAX_PATH_M / path_m)))
+        parts = []
+        for first in range(one.first, one.last, at_once):
+            last = min(first + at_once, one.last)
+            parts.append((one.part(first, last) if is_cut else one, first, last))
+        return parts
+
+    def _cast_slice(
+        self, scene: RayScene, one: Slice, rays: Rays, shares: Float64s, limits: EchoLimits | None
+    ) -> Returns:
+        """Returns of rays (n,) in a slice; without limits, rays end at the first surface."""
+        poses = one.middle.world_from_objects
+        objects = ObjectState(poses, self._hidden)
+        beams = rays
+        hits = scene.first_hits(rays, objects, both_sides=True)
+        hit = np.flatnonzero(hits.triangles != NO_TRIANGLE)
+        hits, rays = hits.take(hit), rays.take(hit)
+        geometry = scene.caster.geometry
+        bent = [(moving, rays.take(moving)) for moving, _ in geometry.deformed(hits.triangles)]
+        _follow_objects(rays, one, geometry.part_of_triangles(hits.triangles), shares[hit])
+        returns = no_returns(1 if limits is None else limits.returns, len(shares))
+        exact = scene.caster.exact(rays, hits, poses)
+        ranges_m = exact.ranges_m
+        for moving, some in bent:
+            share = shares[hit[moving], None, None]
+            start_m, end_m = (
+                geometry.corners_m(hits.triangles[moving], pose.world_from_objects)
+                for pose in (one.start, one.end)
+            )
+            corners_m = start_m + share * (end_m - start_m)
+            moved = scene.caster.exact_at(corners_m, some, hits.take(moving))
+            # a ray that misses the triangle at its own time keeps the hit of the slice's middle
+            inside = np.flatnonzero(moved.weights.min(axis=1) > -_BESIDE)
+            ranges_m[moving[inside]] = moved.ranges_m[inside]
+        returns.ranges_m[0, hit] = ranges_m
+        returns.surfaces_plus_one[0, hit] = geometry.surface_of_triangle[hits.triangles] + 1
+        returns.intensities[0, hit] = direct_intensities(scene.shading, rays, exact, poses)
+        if limits is not None:
+            replace_specular(returns, scene, beams, objects, limits)
+        return returns
+
+
+def _no_hits(size: tuple[int, int]) -> BeamHits:
+    return BeamHits(np.full(size, np.inf), np.zeros(size, dtype=np.uint32), np.zeros(size))
+
+
+def _follow_objects(rays: Rays, one: Slice, parts: Indices, shares: Float64s) -> None:
+    """Move rays (n,) at the moving ones of the parts (n,) into the frames of their middle poses."""
+    poses = (state.world_from_objects for state in (one.start, one.middle, one.end))
+    for part, (start, middle, end) in enumerate(zip(*poses, strict=True), start=1):
+        if not np.array_equal(start, end):
+            moving = np.flatnonzero(parts == part)
+            _follow(rays, moving, shares[moving], start, middle, end)
+
+
+def _follow(
+    rays: Rays, indices: Indices, shares: Float64s, start: Float64s, middle: Float64s, end: Float64s
+) -> None:
+    """Move rays into the frame of a moving object's middle pose.
+
+    Args:
+        rays: rays of the slice, which are changed.
+        indices: indices of the rays to move.
+        shares: times of these rays, as shares of the slice.
+        start, middle, end: (4, 4) poses of the object during the slice.
+    """
+    world_from_object = start + shares[:, None, None] * (end - start)
+    moves = middle @ np.linalg.inv(world_from_object)
+    origins_m, directions = rays.origins_m[indices], rays.directions[indices]
+    rays.origins_m[indices] = np.einsum("nij,nj->ni", moves[:, :3, :3], origins_m) + moves[:, :3, 3]
+    rays.directions[indices] = np.einsum("nij,nj->ni", moves[:, :3, :3], directions)

@@ -1,17 +1,19 @@
-"""Ray casting at a scene and its dynamic objects, each at its own pose."""
+"""Ray casting by Embree at a scene and its dynamic objects, each at its own pose."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, Float64s, Floats, Indices, Int32s, Mask
 from omnisim.core.bounds import bounds_of
+from omnisim.core.extras import require_extra
 from omnisim.core.world import ObjectPart, ObjectPoses, time_of
-from omnisim.rendering.rays.embree import NO_TRIANGLE, EmbreeHits, EmbreeMesh, put_rows
 from omnisim.rendering.rays.geometry import Poses, build_geometry
 from omnisim.scene.model import Scene
 
@@ -21,18 +23,18 @@ _BEYOND = 1e-6
 _MIN_STEP_M = 1e-7
 _MESHES_KEPT = 8
 
-Sides = bool | NDArray[np.bool_]  # of all surfaces, or of each (surfaces,)
+Sides = bool | Mask  # of all surfaces, or of each (surfaces,)
 
 
 class Rays(NamedTuple):
     """Rays in the world, each with its own origin."""
 
-    origins_m: NDArray[np.float64]  # (n, 3)
-    directions: NDArray[np.float64]  # (n, 3), unit
-    near_m: NDArray[np.float64]  # (n,): nearer surfaces are ignored
-    far_m: NDArray[np.float64]  # (n,): farther surfaces are ignored; may be infinite
+    origins_m: Float64s  # (n, 3)
+    directions: Float64s  # (n, 3), unit
+    near_m: Float64s  # (n,): nearer surfaces are ignored
+    far_m: Float64s  # (n,): farther surfaces are ignored; may be infinite
 
-    def take(self, indices: NDArray[np.intp]) -> Rays:
+    def take(self, indices: Indices) -> Rays:
         """The selected rays."""
         return Rays(*(values[indices] for values in self))
 
@@ -40,16 +42,16 @@ class Rays(NamedTuple):
 class RayHits(NamedTuple):
     """Nearest triangles along rays, on their visible side."""
 
-    triangles: NDArray[np.int32]  # (n,) indices into the geometry; `NO_TRIANGLE`: none
-    ranges_m: NDArray[np.float64]  # (n,); +inf: none
-    weights: NDArray[np.float32]  # (n, 3) barycentric
-    planes: NDArray[np.float32]  # (n, 3) normals of the visible side, world, not of unit length
+    triangles: Int32s  # (n,) indices into the geometry; `NO_TRIANGLE`: none
+    ranges_m: Float64s  # (n,); +inf: none
+    weights: Float32s  # (n, 3) barycentric
+    planes: Float32s  # (n, 3) normals of the visible side, world, not of unit length
 
-    def take(self, indices: NDArray[np.intp]) -> RayHits:
+    def take(self, indices: Indices) -> RayHits:
         """The selected hits."""
         return RayHits._make(values[indices] for values in self)
 
-    def put(self, indices: NDArray[np.intp], hits: RayHits) -> None:
+    def put(self, indices: Indices, hits: RayHits) -> None:
         """Overwrite the selected hits."""
         put_rows(self, indices, hits)
 
@@ -58,8 +60,8 @@ class _PartMesh(NamedTuple):
     """BVH of a part's triangles, centered on the middle of their bounds, in the part's frame."""
 
     mesh: EmbreeMesh
-    triangles: NDArray[np.intp]  # indices into the geometry
-    center_m: NDArray[np.float64]
+    triangles: Indices  # indices into the geometry
+    center_m: Float64s
     radius_m: float
 
 
@@ -97,7 +99,7 @@ class RayCaster:
         rays: Rays,
         world_from_objects: Poses = (),
         hidden: frozenset[ObjectPart] = frozenset(),
-        behind: NDArray[np.int32] | None = None,
+        behind: Int32s | None = None,
         both_sides: Sides = False,
     ) -> RayHits:
         """Find the nearest triangles that face the rays or are double-sided.
@@ -146,15 +148,12 @@ class RayCaster:
         return max(paths_m)
 
     @property
-    def static_center_m(self) -> NDArray[np.float64]:
+    def static_center_m(self) -> Float64s:
         """Middle (3,) of the static surfaces' bounds, world."""
         return self._part_mesh(0, frozenset()).center_m
 
     def static_hits(
-        self,
-        origins_m: NDArray[np.float32],
-        directions: NDArray[np.float32],
-        far: NDArray[np.float32] | None = None,
+        self, origins_m: Float32s, directions: Float32s, far: Float32s | None = None
     ) -> EmbreeHits:
         """Nearest static triangles along rays (n, 3), either side, as Embree finds them.
 
@@ -169,7 +168,7 @@ class RayCaster:
         triangles = part.triangles.take(hits.triangles, mode="clip").astype(np.int32)
         return hits._replace(triangles=np.where(is_hit, triangles, np.int32(NO_TRIANGLE)))
 
-    def behind(self, rays: Rays, ranges_m: NDArray[np.float64]) -> Rays:
+    def behind(self, rays: Rays, ranges_m: Float64s) -> Rays:
         """Rays (n,) continued just behind surfaces at ranges (n,).
 
         The step exceeds the rounding of a triangle's position, so that a ray along an edge does not
@@ -184,7 +183,7 @@ class RayCaster:
         return self.exact_at(corners_m, rays, hits)
 
     @staticmethod
-    def exact_at(corners_m: NDArray[np.float64], rays: Rays, hits: RayHits) -> RayHits:
+    def exact_at(corners_m: Float64s, rays: Rays, hits: RayHits) -> RayHits:
         """The same hits (n,) of triangles with corners (n, 3, 3), world; see `exact`."""
         a, b, c = np.moveaxis(corners_m - rays.origins_m[:, None], 1, 0)
         planes = np.cross(b - a, c - a)
@@ -208,8 +207,8 @@ class RayCaster:
         self,
         part: _PartMesh,
         rays: Rays,
-        world_from_part: NDArray[np.float64],
-        behind: NDArray[np.int32] | None,
+        world_from_part: Float64s,
+        behind: Int32s | None,
         both_sides: Sides,
     ) -> RayHits:
         """Cast rays (n,) at one part, and continue them behind triangles that are not hit."""
@@ -274,9 +273,7 @@ class RayCaster:
         return _part_mesh_of(corners_m.reshape(-1, 3), np.arange(3 * len(triangles)), triangles)
 
 
-def _part_mesh_of(
-    positions_m: NDArray[np.float64], corners: NDArray[np.intp], triangles: NDArray[np.intp]
-) -> _PartMesh:
+def _part_mesh_of(positions_m: Float64s, corners: Indices, triangles: Indices) -> _PartMesh:
     """BVH of triangles with corners (3 n,) that index vertices (k, 3)."""
     bounds = bounds_of(positions_m) if len(positions_m) else np.zeros((2, 3))
     center_m = bounds.mean(axis=0)
@@ -286,9 +283,9 @@ def _part_mesh_of(
     return _PartMesh(mesh, triangles, center_m, radius_m)
 
 
-def _beyond_m(origins_m: NDArray[np.float64], ranges_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def _beyond_m(origins_m: Float64s, ranges_m: Float64s) -> Float64s:
     """Ranges (n,) just behind surfaces at ranges (n,) along rays from origins (n, 3)."""
-    size_m: NDArray[np.float64] = np.abs(origins_m).max(axis=1) + ranges_m
+    size_m: Float64s = np.abs(origins_m).max(axis=1) + ranges_m
     return ranges_m + _BEYOND * size_m + _MIN_STEP_M
 
 
@@ -301,9 +298,7 @@ def _no_hits(count: int) -> RayHits:
     )
 
 
-def _near_sphere(
-    rays: Rays, part: _PartMesh, world_from_part: NDArray[np.float64]
-) -> NDArray[np.intp]:
+def _near_sphere(rays: Rays, part: _PartMesh, world_from_part: Float64s) -> Indices:
     """Indices of the rays that pass the bounding sphere of a part within its radius."""
     center_m = world_from_part[:3, :3] @ part.center_m + world_from_part[:3, 3]
     to_center = center_m - rays.origins_m
@@ -312,11 +307,132 @@ def _near_sphere(
     return np.flatnonzero(_dot(away, away) <= part.radius_m**2)
 
 
-def _dot(one: NDArray[np.floating], other: NDArray[np.floating]) -> NDArray[np.float64]:
+def _dot(one: Floats, other: Floats) -> Float64s:
     """Dot products (n,) of vectors (n, 3) each."""
     return np.einsum("nc,nc->n", one, other)
 
 
-def _rotated(vectors: NDArray[np.floating], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rotated(vectors: Floats, rotation: Float64s) -> Float64s:
     """Vectors (n, 3) rotated by a matrix (3, 3); without BLAS, whose threads would keep running."""
     return np.einsum("nj,ij->ni", vectors, rotation)
+
+
+# Embree, through embreex: nearest triangles along rays, in float32.
+
+
+NO_TRIANGLE = -1
+_FAR_M = np.float32(1e37)  # Embree's own limit
+
+
+def put_rows(
+    columns: tuple[NDArray[Any], ...], rows: Indices, values: tuple[NDArray[Any], ...]
+) -> None:
+    """Overwrite some rows of columns (n, …)."""
+    for column, new_values in zip(columns, values, strict=True):
+        column[rows] = new_values
+
+
+class EmbreeHits(NamedTuple):
+    """Nearest triangles along rays."""
+
+    triangles: Int32s  # (n,) indices; `NO_TRIANGLE`: none
+    ranges_m: Float32s  # (n,) in lengths of the direction
+    u: Float32s  # (n,) weight of the second corner
+    v: Float32s  # (n,) weight of the third corner
+    normals: Float32s  # (n, 3) plane normals on the front side, not of unit length
+
+    def take(self, indices: Indices) -> EmbreeHits:
+        """The selected hits."""
+        return EmbreeHits._make(values[indices] for values in self)
+
+    def put(self, indices: Indices, hits: EmbreeHits) -> None:
+        """Overwrite the selected hits."""
+        put_rows(self, indices, hits)
+
+
+class EmbreeMesh:
+    """Bounding volume hierarchy of triangles; embreex frees the GIL while it casts.
+
+    Args:
+        positions_m: (n, 3) vertices.
+        triangles: (m, 3) indices of the corners.
+
+    Raises:
+        OmnisimError: embreex is not installed.
+    """
+
+    def __init__(self, positions_m: Float32s, triangles: Int32s):
+        check_embree()
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene
+
+        self._scene = EmbreeScene()
+        positions_m = np.ascontiguousarray(positions_m, dtype=np.float32)
+        # embreex needs at least one triangle
+        self._is_empty = len(triangles) == 0
+        if not self._is_empty:
+            triangles = np.ascontiguousarray(triangles, dtype=np.int32)
+            self._mesh = TriangleMesh(self._scene, positions_m, triangles)  # owns the vertices
+
+    @classmethod
+    def of_corners(cls, corners_m: Floats) -> EmbreeMesh:
+        """Mesh of triangles (m, 3, 3) without shared vertices."""
+        positions = corners_m.reshape(-1, 3).astype(np.float32)
+        return cls(positions, np.arange(len(positions), dtype=np.int32).reshape(-1, 3))
+
+    def triangles_hit(self, origins_m: Float32s, directions: Float32s) -> Int32s:
+        """Indices (n,) of the nearest triangles along rays (n, 3); `NO_TRIANGLE`: none."""
+        if self._is_empty:
+            return np.full(len(origins_m), NO_TRIANGLE, dtype=np.int32)
+        return self._scene.run(origins_m, directions)
+
+    def hits(
+        self, origins_m: Float32s, directions: Float32s, far: Float32s | None = None
+    ) -> EmbreeHits:
+        """Nearest triangles along rays (n, 3), hit on either side.
+
+        Args:
+            origins_m: (n, 3) origins of the rays.
+            directions: (n, 3) directions of any length.
+            far: (n,) ends of the rays, in lengths of the direction; None: unlimited.
+        """
+        if self._is_empty:
+            none = np.zeros(len(origins_m), dtype=np.float32)
+            missed = np.full(len(none), NO_TRIANGLE, dtype=np.int32)
+            return EmbreeHits(missed, none, none, none, np.zeros((len(none), 3), np.float32))
+        ends = None if far is None else np.minimum(far, _FAR_M)
+        columns = self._scene.run(origins_m, directions, dists=ends, output=True)
+        return EmbreeHits(
+            columns["primID"], columns["tfar"], columns["u"], columns["v"], columns["Ng"]
+        )
+
+
+def check_embree(feature: str = "casting rays") -> None:
+    """Check that embreex, an optional package, is installed for a feature.
+
+    Raises:
+        OmnisimError: embreex is missing; names the command that installs it.
+    """
+    require_extra("rays", feature)
+
+
+# Depth limits of rays.
+
+
+@dataclass(frozen=True)
+class DepthLimits:
+    """Depth limits equal to the clipping planes of the virtual cameras: faces of two cubes."""
+
+    # half the side lengths of the cubes
+    near_m: float
+    far_m: float
+
+    def aim(self, rig: Float64s, world_from_rig: Float64s) -> Rays:
+        """Rays in the world along unit directions (n, 3), rig frame, from a pose (4, 4)."""
+        depths = np.abs(rig).max(axis=1)
+        return Rays(
+            np.tile(world_from_rig[:3, 3], (len(rig), 1)),
+            np.einsum("nj,ij->ni", rig, world_from_rig[:3, :3]),
+            self.near_m / depths,
+            self.far_m / depths,
+        )

@@ -11,16 +11,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float64s, Indices, Int32s, Mask, UInt32s
 from omnisim.ground_truth.lidar_beams import EchoLimits
-from omnisim.rendering.rays.caster import RayHits, Rays
-from omnisim.rendering.rays.embree import NO_TRIANGLE
+from omnisim.rendering.rays.caster import NO_TRIANGLE, RayHits, Rays
 from omnisim.rendering.rays.geometry import Poses
-from omnisim.rendering.rays.mirrored_rays import mirrored_rays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.shading.shading import Shading, View
-from omnisim.rendering.rays.shading.surface_light import SurfaceLight, surface_light
+from omnisim.rendering.rays.shading.surface_light import SurfaceLight, mirrored_rays, surface_light
 
 MAX_SURFACES = 16  # panes and mirrors along a path
 # Dynamic range of a receiver, an assumption: fainter paths are not followed, and fainter echoes are
@@ -30,40 +28,28 @@ LASER = 0  # color whose reflectance is taken for the laser's infrared: red
 
 
 class Echoes(NamedTuple):
-    """Echoes (m,) of beams.
+    """Echoes (m,) of beams."""
 
-    Attributes:
-        beams: (m,) indices of the beams.
-        ranges_m: (m,) half of the lengths of the paths.
-        intensities: (m,) relative to a white Lambertian surface that is met perpendicularly at the
-            same range without panes and mirrors.
-        surfaces: (m,) indices into the geometry's surfaces.
-        is_certain: (m,) mask of echoes of surfaces that are not specular and directly hit.
-    """
+    beams: Indices  # (m,) indices of the beams
+    ranges_m: Float64s  # (m,) half of the lengths of the paths
+    # (m,) relative to a white Lambertian surface that is met perpendicularly at the same range
+    # without panes and mirrors
+    intensities: Float64s
+    surfaces: Int32s  # (m,) indices into the geometry's surfaces
+    # (m,) mask of echoes of surfaces that are not specular and directly hit
+    is_certain: Mask
 
-    beams: NDArray[np.intp]
-    ranges_m: NDArray[np.float64]
-    intensities: NDArray[np.float64]
-    surfaces: NDArray[np.int32]
-    is_certain: NDArray[np.bool_]
-
-    def take(self, indices: NDArray[np.intp]) -> Echoes:
+    def take(self, indices: Indices) -> Echoes:
         """The selected echoes."""
         return Echoes._make(values[indices] for values in self)
 
 
 class Returns(NamedTuple):
-    """Measured returns of beams (returns, n), the strongest first.
+    """Measured returns of beams (returns, n), the strongest first."""
 
-    Attributes:
-        ranges_m: +inf: no return.
-        intensities: see `Echoes`; 0: no return.
-        surfaces_plus_one: 1 + index into the geometry's surfaces; 0: no return.
-    """
-
-    ranges_m: NDArray[np.float64]
-    intensities: NDArray[np.float64]
-    surfaces_plus_one: NDArray[np.uint32]
+    ranges_m: Float64s  # +inf: no return
+    intensities: Float64s  # see `Echoes`; 0: no return
+    surfaces_plus_one: UInt32s  # 1 + index into the geometry's surfaces; 0: no return
 
 
 def no_returns(returns: int, beams: int) -> Returns:
@@ -77,7 +63,7 @@ def no_returns(returns: int, beams: int) -> Returns:
 
 def direct_intensities(
     shading: Shading, rays: Rays, hits: RayHits, world_from_objects: Poses
-) -> NDArray[np.float64]:
+) -> Float64s:
     """Intensities (n,) of the surfaces that beams hit first; all must hit."""
     return surface_light(shading, View(rays, hits, world_from_objects, None)).returned[:, LASER]
 
@@ -133,7 +119,7 @@ def select_returns(echoes: Echoes, beams: int, limits: EchoLimits) -> Returns:
     return returns
 
 
-def _put(returns: Returns, number: int, echoes: Echoes, indices: NDArray[np.intp]) -> None:
+def _put(returns: Returns, number: int, echoes: Echoes, indices: Indices) -> None:
     some = echoes.take(indices)
     returns.ranges_m[number, some.beams] = some.ranges_m
     returns.intensities[number, some.beams] = some.intensities
@@ -141,27 +127,17 @@ def _put(returns: Returns, number: int, echoes: Echoes, indices: NDArray[np.intp
 
 
 class _Front(NamedTuple):
-    """Beams (n,) on their way.
+    """Beams (n,) on their way."""
 
-    Attributes:
-        beams: (n,) indices of the beams.
-        rays: rays from the mirrored origins.
-        behind: (n,) triangles at which they start.
-        shares: (n,) light left, out and back.
-    """
+    beams: Indices  # (n,) indices of the beams
+    rays: Rays  # rays from the mirrored origins
+    behind: Int32s  # (n,) triangles at which they start
+    shares: Float64s  # (n,) light left, out and back
 
-    beams: NDArray[np.intp]
-    rays: Rays
-    behind: NDArray[np.int32]
-    shares: NDArray[np.float64]
-
-    def take(self, indices: NDArray[np.intp]) -> _Front:
+    def take(self, indices: Indices) -> _Front:
         """The selected beams."""
         return _Front(
-            self.beams[indices],
-            self.rays.take(indices),
-            self.behind[indices],
-            self.shares[indices],
+            self.beams[indices], self.rays.take(indices), self.behind[indices], self.shares[indices]
         )
 
 

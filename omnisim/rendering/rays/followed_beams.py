@@ -9,9 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Generic, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
+from omnisim.core.array_types import Float64s
 from omnisim.core.world import ObjectPart
 from omnisim.rendering.backend import BeamCaster, RangeFinder
 
@@ -51,10 +49,8 @@ class FollowedRanges(_Followed[RangeFinder]):
     """Beams of a scanner."""
 
     def cast(
-        self,
-        world_from_scanner: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]] = (),
-    ) -> NDArray[np.float64]:
+        self, world_from_scanner: Float64s, world_from_objects: Sequence[Float64s] = ()
+    ) -> Float64s:
         """Ranges (n,) in m from a pose (4, 4), with the objects at their poses; +inf: no hit."""
         return self._caster.cast(world_from_scanner, world_from_objects)
 

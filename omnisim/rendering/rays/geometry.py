@@ -8,34 +8,25 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, Float64s, Floats, Indices, Int32s, Mask
 from omnisim.core.world import ObjectPart, time_of
 from omnisim.scene.model import Instance, Material, Mesh, Scene, Texture
 
-Poses = Sequence[NDArray[np.float64]]  # (4, 4) each, world_from_object
+Poses = Sequence[Float64s]  # (4, 4) each, world_from_object
 
 
 class Surface(NamedTuple):
-    """Instance of a mesh in the scene or in a dynamic object.
+    """Instance of a mesh in the scene or in a dynamic object."""
 
-    Attributes:
-        name: name of the instance.
-        object_index: index of the dynamic object; None: static.
-        material: material of the mesh.
-        is_textured: the mesh has texture coordinates.
-        has_second_coordinates: the mesh has a second set of texture coordinates.
-        is_lightmapped: the instance has a region in the lightmap.
-        object_from_mesh: (4, 4) pose of the instance, in the world or the dynamic object's frame.
-    """
-
-    name: str
-    object_index: int | None
-    material: Material
-    is_textured: bool
-    has_second_coordinates: bool = False
-    is_lightmapped: bool = False
-    object_from_mesh: NDArray[np.float64] = np.eye(4)
+    name: str  # name of the instance
+    object_index: int | None  # index of the dynamic object; None: static
+    material: Material  # material of the mesh
+    is_textured: bool  # the mesh has texture coordinates
+    has_second_coordinates: bool = False  # the mesh has a second set of texture coordinates
+    is_lightmapped: bool = False  # the instance has a region in the lightmap
+    # (4, 4) pose of the instance, in the world or the dynamic object's frame
+    object_from_mesh: Float64s = np.eye(4)
 
     def is_placed(self, texture: Texture) -> bool:
         """True if the mesh has the texture coordinates that a texture uses."""
@@ -57,22 +48,17 @@ _TIMES_KEPT = 8  # deformed vertices: an image, its neighbors, and several slice
 class _DeformedVertices(NamedTuple):
     """Vertices of a surface at a time, in the frame of its part."""
 
-    positions_m: NDArray[np.float64]
-    normals: NDArray[np.float32] | None
+    positions_m: Float64s
+    normals: Float32s | None
 
 
 @dataclass(frozen=True, eq=False)
 class DeformingSurface:
-    """Surface with a deforming mesh.
+    """Surface with a deforming mesh."""
 
-    Attributes:
-        number: index of the surface.
-        first_vertex: first vertex in the geometry.
-        instance, mesh: instance and mesh of the surface.
-    """
-
-    number: int
-    first_vertex: int
+    number: int  # index of the surface
+    first_vertex: int  # first vertex in the geometry
+    # instance and mesh of the surface
     instance: Instance
     mesh: Mesh
 
@@ -95,37 +81,22 @@ class DeformingSurface:
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """Triangles of a scene and its dynamic objects, each object in its own frame, at 0 s.
+    """Triangles of a scene and its dynamic objects, each object in its own frame, at 0 s."""
 
-    Attributes:
-        surfaces: all instances, first the scene's, then each object's.
-        corners: (m, 3) int32 vertex indices, counter-clockwise seen from the front.
-        surface_of_triangle: (m,) int32 surface index.
-        first_of_surface: (surfaces + 1,) first triangle of each surface.
-        positions_m: (n, 3) float64 vertices.
-        normals: (n, 3) float32, not of unit length; zero: flat.
-        texture_coordinates: (n, 2) float32.
-        second_coordinates: (n, 2) float32; None: no mesh has a second set.
-        light_coordinates: (n, 4) float32 lightmap coordinates of front and back; None: no lightmap.
-        colors: (n, 4) float32 linear RGBA; None: all are white.
-        part_of_surface: (surfaces,) 0: the scene; 1 + index of the dynamic object.
-        is_double_sided: (surfaces,) True for double-sided materials.
-        deforming: surfaces whose vertices change over time.
-    """
-
-    surfaces: tuple[Surface, ...]
-    corners: NDArray[np.int32]
-    surface_of_triangle: NDArray[np.int32]
-    first_of_surface: NDArray[np.intp]
-    positions_m: NDArray[np.float64]
-    normals: NDArray[np.float32]
-    texture_coordinates: NDArray[np.float32]
-    second_coordinates: NDArray[np.float32] | None
-    light_coordinates: NDArray[np.float32] | None
-    colors: NDArray[np.float32] | None
-    part_of_surface: NDArray[np.intp]
-    is_double_sided: NDArray[np.bool_]
-    deforming: tuple[DeformingSurface, ...] = ()
+    surfaces: tuple[Surface, ...]  # all instances, first the scene's, then each object's
+    corners: Int32s  # (m, 3) int32 vertex indices, counter-clockwise seen from the front
+    surface_of_triangle: Int32s  # (m,) int32 surface index
+    first_of_surface: Indices  # (surfaces + 1,) first triangle of each surface
+    positions_m: Float64s  # (n, 3) float64 vertices
+    normals: Float32s  # (n, 3) float32, not of unit length; zero: flat
+    texture_coordinates: Float32s  # (n, 2) float32
+    second_coordinates: Float32s | None  # (n, 2) float32; None: no mesh has a second set
+    # (n, 4) float32 lightmap coordinates of front and back; None: no lightmap
+    light_coordinates: Float32s | None
+    colors: Float32s | None  # (n, 4) float32 linear RGBA; None: all are white
+    part_of_surface: Indices  # (surfaces,) 0: the scene; 1 + index of the dynamic object
+    is_double_sided: Mask  # (surfaces,) True for double-sided materials
+    deforming: tuple[DeformingSurface, ...] = ()  # surfaces whose vertices change over time
 
     @property
     def draws(self) -> list[ObjectPart]:
@@ -134,7 +105,7 @@ class Geometry:
 
     def triangles_of_part(
         self, part: int, hidden: frozenset[ObjectPart], deforming: bool = False
-    ) -> NDArray[np.intp]:
+    ) -> Indices:
         """Indices (n,) of a part's triangles, rigid or deforming, without hidden instances."""
         deform = {one.number for one in self.deforming}
         shown = np.array(
@@ -150,7 +121,7 @@ class Geometry:
         )
         return np.flatnonzero(np.repeat(shown, np.diff(self.first_of_surface)))
 
-    def first_triangles(self, placed: Iterable[PlacedMesh]) -> NDArray[np.int32]:
+    def first_triangles(self, placed: Iterable[PlacedMesh]) -> Int32s:
         """First triangle of each of some instances; 0 for those that are not in the geometry."""
         numbers = {
             PlacedMesh(
@@ -162,13 +133,11 @@ class Geometry:
         }
         return np.array([numbers.get(one, 0) for one in placed], dtype=np.int32)
 
-    def part_of_triangles(self, triangles: NDArray[np.int32]) -> NDArray[np.intp]:
+    def part_of_triangles(self, triangles: Int32s) -> Indices:
         """Parts (n,) of triangles (n,)."""
         return self.part_of_surface[self.surface_of_triangle[triangles]]
 
-    def corners_m(
-        self, triangles: NDArray[np.int32], world_from_objects: Poses = ()
-    ) -> NDArray[np.float64]:
+    def corners_m(self, triangles: Int32s, world_from_objects: Poses = ()) -> Float64s:
         """Corners (n, 3, 3) of triangles (n,), world, with the dynamic objects at poses (4, 4)."""
         corners_m = self.positions_m[self.corners[triangles]]
         for selected, one in self.deformed(triangles):
@@ -179,11 +148,9 @@ class Geometry:
             corners_m[selected] = rotated + pose[:3, 3]
         return corners_m
 
-    def corner_normals(
-        self, triangles: NDArray[np.int32], world_from_objects: Poses = ()
-    ) -> NDArray[np.float32]:
+    def corner_normals(self, triangles: Int32s, world_from_objects: Poses = ()) -> Float32s:
         """Normals (n, 3, 3) at the corners of triangles (n,), each in the frame of its part."""
-        normals: NDArray[np.float32] = self.normals[self.corners[triangles]]
+        normals: Float32s = self.normals[self.corners[triangles]]
         for selected, one in self.deformed(triangles):
             deformed_normals = one.at(time_of(world_from_objects)).normals
             if deformed_normals is not None:
@@ -192,9 +159,7 @@ class Geometry:
                 ]
         return normals
 
-    def deformed(
-        self, triangles: NDArray[np.int32]
-    ) -> Iterator[tuple[NDArray[np.intp], DeformingSurface]]:
+    def deformed(self, triangles: Int32s) -> Iterator[tuple[Indices, DeformingSurface]]:
         """Indices of the deforming ones among triangles (n,), with their surface."""
         if not self.deforming:
             return
@@ -205,8 +170,8 @@ class Geometry:
                 yield selected, one
 
     def moved(
-        self, triangles: NDArray[np.int32], world_from_objects: Poses
-    ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.float64]]]:
+        self, triangles: Int32s, world_from_objects: Poses
+    ) -> Iterator[tuple[Indices, Float64s]]:
         """Indices of the triangles (n,) of each dynamic object, with its pose (4, 4)."""
         if not world_from_objects:
             return
@@ -264,7 +229,7 @@ def build_geometry(scene: Scene, dynamic_objects: Sequence[Scene] = ()) -> Geome
     )
 
 
-def _second_coordinates(meshes: Sequence[Mesh]) -> NDArray[np.float32] | None:
+def _second_coordinates(meshes: Sequence[Mesh]) -> Float32s | None:
     if all(mesh.second_texture_coordinates is None for mesh in meshes):
         return None
     return np.concatenate(
@@ -281,9 +246,7 @@ def _is_lightmapped(scene: Scene, instance: Instance) -> bool:
     return has_rectangle and scene.meshes[instance.mesh].light_coordinates is not None
 
 
-def _light_coordinates(
-    scene: Scene, dynamic_objects: Sequence[Scene]
-) -> NDArray[np.float32] | None:
+def _light_coordinates(scene: Scene, dynamic_objects: Sequence[Scene]) -> Float32s | None:
     """Lightmap coordinates (n, 4) of all vertices; None: the scene has no lightmap."""
     if scene.lighting.baked is None:
         return None
@@ -307,14 +270,14 @@ def _light_coordinates(
 class _Vertices(NamedTuple):
     """Triangles and vertices of one instance, in the frame of its scene."""
 
-    corners: NDArray[np.int32]
-    positions_m: NDArray[np.float64]
-    normals: NDArray[np.float32]
-    texture_coordinates: NDArray[np.float32]
-    colors: NDArray[np.float32]
+    corners: Int32s
+    positions_m: Float64s
+    normals: Float32s
+    texture_coordinates: Float32s
+    colors: Float32s
 
 
-def _floats(rows: int, columns: int, value: float = 0.0) -> NDArray[np.float32]:
+def _floats(rows: int, columns: int, value: float = 0.0) -> Float32s:
     return np.full((rows, columns), value, dtype=np.float32)
 
 
@@ -341,7 +304,7 @@ def _vertices(instance: Instance, mesh: Mesh) -> _Vertices:
     )
 
 
-def _turned(normals: NDArray[np.floating], linear: NDArray[np.float64]) -> NDArray[np.float32]:
+def _turned(normals: Floats, linear: Float64s) -> Float32s:
     """Normals (n, 3) transformed by the cofactors of a matrix (3, 3), which keep them outward."""
     cofactors = np.cross(linear[[1, 2, 0]], linear[[2, 0, 1]])
     if np.linalg.det(linear) < 0.0:

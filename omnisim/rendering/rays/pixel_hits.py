@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras import CentralCamera, NonCentralCamera, pixels_of_points
+from omnisim.core.array_types import Float32s, Float64s, Indices, Int32s, Mask, UInt32s
 from omnisim.ground_truth.hits import HitDetails, Hits
-from omnisim.rendering.rays.cast_hits import (
-    CastHits,
-    SeenPoints,
-    cast_hits,
-    cast_occlusion,
-    moved_points,
-    starts_of_rays,
-)
-from omnisim.rendering.rays.depth_limits import DepthLimits
+from omnisim.rendering.rays.caster import NO_TRIANGLE, DepthLimits, Rays
 from omnisim.rendering.rays.pixel_rays import PixelRays
-from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
+from omnisim.rendering.rays.ray_scene import MAX_LAYERS, ObjectState, RayScene
+from omnisim.rendering.rays.shading.shading import View
 
 _POINTS_PER_BATCH = 1 << 14
 
@@ -46,16 +42,11 @@ class PixelHits:
         self._draws_plus_one = np.empty(0, dtype=np.uint32)
         self._triangles = np.empty(0, dtype=np.int32)
 
-    def rays(self) -> NDArray[np.float64]:
+    def rays(self) -> Float64s:
         """Unit rays (height, width, 3), optical frame."""
         return self._placed([self._pixels.band(number).directions for number in self._bands], 0.0)
 
-    def cast(
-        self,
-        world_from_rig: NDArray[np.float64],
-        objects: ObjectState,
-        details: HitDetails,
-    ) -> Hits:
+    def cast(self, world_from_rig: Float64s, objects: ObjectState, details: HitDetails) -> Hits:
         """Cast all rays from a pose (4, 4)."""
 
         def of_band(number: int) -> CastHits:
@@ -82,11 +73,8 @@ class PixelHits:
         self._points_m = hits.points_m[self.has_ray].astype(np.float64)
 
     def occluded(
-        self,
-        world_from_rig: NDArray[np.float64],
-        objects: ObjectState,
-        other_from_current: NDArray[np.float64],
-    ) -> NDArray[np.bool_]:
+        self, world_from_rig: Float64s, objects: ObjectState, other_from_current: Float64s
+    ) -> Mask:
         """Mask (height, width) of the last hits' points that are occluded from another pose.
 
         Args:
@@ -96,7 +84,7 @@ class PixelHits:
                 frame of the last hits to the other one.
         """
 
-        def of_batch(first: int) -> NDArray[np.bool_]:
+        def of_batch(first: int) -> Mask:
             batch = slice(first, first + _POINTS_PER_BATCH)
             return self._occluded(batch, world_from_rig, objects, other_from_current)
 
@@ -105,11 +93,7 @@ class PixelHits:
         return self._placed([none, *self._scene.in_threads(of_batch, firsts)], False)
 
     def _cast_band(
-        self,
-        number: int,
-        world_from_rig: NDArray[np.float64],
-        objects: ObjectState,
-        details: HitDetails,
+        self, number: int, world_from_rig: Float64s, objects: ObjectState, details: HitDetails
     ) -> CastHits:
         band, camera = self._pixels.band(number), self._pixels.camera
         world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
@@ -125,10 +109,10 @@ class PixelHits:
     def _occluded(
         self,
         batch: slice,
-        world_from_rig: NDArray[np.float64],
+        world_from_rig: Float64s,
         objects: ObjectState,
-        other_from_current: NDArray[np.float64],
-    ) -> NDArray[np.bool_]:
+        other_from_current: Float64s,
+    ) -> Mask:
         seen = SeenPoints(
             self._points_m[batch], self._draws_plus_one[batch], self._triangles[batch]
         )
@@ -145,3 +129,184 @@ class PixelHits:
         image[:] = otherwise
         image[self.has_ray] = values
         return image
+
+
+# Ray hits in the form of ground truth, and occlusion of their points from another viewpoint.
+
+
+# A hit that is nearer than the point by more than this share occludes it, as in occlusion.frag.
+_NEARER = 1e-3
+
+
+class CastHits(NamedTuple):
+    """Hits (n,) of rays, as in `Hits`, and the triangles they hit in the geometry."""
+
+    hits: Hits
+    triangles: Int32s
+
+
+class SeenPoints(NamedTuple):
+    """Points hit by rays."""
+
+    points_m: Float64s  # (n, 3) viewpoint frame; directions for rays without a hit
+    surfaces_plus_one: UInt32s  # (n,) 1 + index into the geometry's surfaces; 0: no hit
+    triangles: Int32s  # (n,) indices into the geometry
+
+
+def cast_hits(
+    scene: RayScene,
+    rays: Rays,
+    footprints: Float32s,
+    viewpoint_m: Float64s,
+    objects: ObjectState,
+    details: HitDetails,
+) -> CastHits:
+    """Cast rays (n,) and return hits with points relative to a viewpoint (3,).
+
+    Args:
+        scene: scene to cast at.
+        rays: (n,) world.
+        footprints: (n, 2, 3), see `RayScene.radiance`.
+        viewpoint_m: (3,) world.
+        objects: state of the dynamic objects.
+        details: surface details to compute; the others are empty.
+    """
+    poses, geometry, shading = objects.world_from_objects, scene.caster.geometry, scene.shading
+    first = scene.first_hits(rays, objects, footprints=footprints)
+    hit = np.flatnonzero(first.triangles != NO_TRIANGLE)
+    some = rays.take(hit)
+    exact = scene.caster.exact(some, first.take(hit), poses)
+    points = np.empty((len(first.triangles), 4), dtype=np.float32)
+    points[:, :3], points[:, 3] = rays.directions, np.inf
+    from_viewpoint_m = some.origins_m - viewpoint_m
+    points[hit, :3] = from_viewpoint_m + exact.ranges_m[:, None] * some.directions
+    points[hit, 3] = exact.ranges_m
+    draw_ids, triangles = np.zeros((2, len(points)), dtype=np.uint32)
+    surfaces = shading.surfaces(exact)
+    draw_ids[hit] = surfaces + 1
+    triangles[hit] = exact.triangles - geometry.first_of_surface[surfaces]
+    view = View(some, exact, poses, footprints[hit])
+    find: dict[str, Callable[[], Float32s]] = {
+        "normals": lambda: shading.normals(exact, poses),
+        "albedos": lambda: shading.base_colors(*view)[:, :3],
+        "materials": lambda: shading.materials(view),
+    }
+    values = {name: np.empty((0, 0), dtype=np.float32) for name in find}
+    for name, numbers in details.components.items():
+        values[name] = np.zeros((len(points), numbers), dtype=np.float32)
+        values[name][hit] = find[name]()
+    return CastHits(Hits(points, draw_ids, triangles, **values), first.triangles)
+
+
+def moved_points(seen: SeenPoints, other_from_current: Float64s) -> Float64s:
+    """Points (n, 3) moved to another viewpoint frame by (surfaces, 3, 4); directions stay."""
+    points_m, hit = seen.points_m.copy(), np.flatnonzero(seen.surfaces_plus_one)
+    moves = other_from_current[seen.surfaces_plus_one[hit] - 1]
+    points_m[hit] = np.einsum("nij,nj->ni", moves[..., :3], points_m[hit]) + moves[..., 3]
+    return points_m
+
+
+def cast_occlusion(
+    scene: RayScene,
+    limits: DepthLimits,
+    moved: SeenPoints,
+    starts_m: Float64s,
+    world_from_rig: Float64s,
+    objects: ObjectState,
+) -> Mask:
+    """Mask (n,) of points that are occluded along rays from starts (n, 3), viewpoint frame.
+
+    Args:
+        scene: scene to cast at.
+        limits: depth limits of the rays.
+        moved: points at the time and in the frame of the viewpoint.
+        starts_m: (n, 3) ray origins.
+        world_from_rig: (4, 4) pose of the viewpoint.
+        objects: state of the dynamic objects at that time.
+    """
+    hit, ways_m = np.flatnonzero(moved.surfaces_plus_one), moved.points_m.copy()
+    ways_m[hit] -= starts_m[hit]
+    ends_m, lengths_m = np.full(len(ways_m), np.inf), np.linalg.norm(ways_m, axis=1)
+    ends_m[hit] = (1.0 - _NEARER) * lengths_m[hit]
+    rig = np.einsum("nj,ji->ni", ways_m / lengths_m[:, None], world_from_rig[:3, :3])
+    rays = limits.aim(rig, world_from_rig)
+    rays = rays._replace(origins_m=rays.origins_m + starts_m, far_m=np.minimum(rays.far_m, ends_m))
+    hits = scene.first_hits(rays, objects, moved.triangles)
+    return hits.triangles != NO_TRIANGLE
+
+
+def starts_of_rays(
+    camera: CentralCamera, points_m: Float64s, is_finite: Mask, world_from_rig: Float64s
+) -> Float64s:
+    """Origins (n, 3), viewpoint frame, of the camera rays through its points (n, 3)."""
+    if not isinstance(camera, NonCentralCamera):
+        return np.zeros((1, 3)).repeat(len(points_m), axis=0)
+    world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
+    optical_m = np.einsum("nj,ji->ni", points_m, world_from_optical)
+    rays = camera.ray_from_pixel(pixels_of_points(camera, optical_m, is_finite).positions_px)
+    assert rays.origins_m is not None
+    return np.einsum("nj,ij->ni", rays.origins_m, world_from_optical)
+
+
+# Pixel counts of instances as if nothing occluded them.
+
+
+def whole_areas_px(
+    scene: RayScene,
+    pixels: PixelRays,
+    limits: DepthLimits,
+    world_from_rig: Float64s,
+    objects: ObjectState,
+    instance_of_surface: NDArray[np.integer],
+    instances: NDArray[np.integer],
+) -> NDArray[np.int64]:
+    """Number of pixels (n,) whose rays pass through each instance, by ID; 0 is no instance.
+
+    Rays continue through all surfaces, up to the extent of the scene. Surfaces count as in
+    `RayScene.first_hits`. A pixel that shows an instance always counts for it.
+
+    Args:
+        scene: scene to cast at.
+        pixels: pixel rays of the camera.
+        limits: depth limits of the rays.
+        world_from_rig: (4, 4) pose of the camera's rig.
+        objects: state of the dynamic objects.
+        instance_of_surface: (surfaces,) ID of each surface of the geometry.
+        instances: (height, width) ID shown in each pixel, the channel `instance`.
+    """
+    count = 1 + int(max(instance_of_surface.max(initial=0), instances.max(initial=0)))
+    camera = pixels.camera
+    world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
+
+    def of_band(number: int) -> NDArray[np.int64]:
+        band = pixels.band(number)
+        rays = band.aim(limits, camera.rig_from_optical, world_from_rig)
+        layers = _surfaces_along(scene, rays, band.world_footprints(world_from_optical), objects)
+        # one number per pair of pixel and instance
+        pairs = [row * count + instance_of_surface[surface] for row, surface in layers]
+        shown = instances[band.rows][band.valid]
+        pairs.append(np.arange(len(shown)) * count + shown)
+        return np.bincount(np.unique(np.concatenate(pairs)) % count, minlength=count)
+
+    of_bands = scene.in_threads(of_band, range(len(pixels.bands)))
+    areas: NDArray[np.int64] = np.stack(of_bands).sum(axis=0)
+    areas[0] = 0
+    return areas
+
+
+def _surfaces_along(
+    scene: RayScene, rays: Rays, footprints: Float32s, objects: ObjectState
+) -> list[tuple[Indices, NDArray[np.integer]]]:
+    """Rays and the surfaces they meet, layer by layer, nearest first."""
+    layers: list[tuple[Indices, NDArray[np.integer]]] = []
+    active, behind = np.arange(len(rays.near_m)), None
+    for _ in range(MAX_LAYERS):
+        hits = scene.first_hits(rays, objects, behind, footprints[active])
+        kept = np.flatnonzero(hits.triangles != NO_TRIANGLE)
+        if len(kept) == 0:
+            break
+        active, rays, hits = active[kept], rays.take(kept), hits.take(kept)
+        layers.append((active, scene.shading.surfaces(hits)))
+        behind = hits.triangles
+        rays = scene.caster.behind(rays, hits.ranges_m)
+    return layers

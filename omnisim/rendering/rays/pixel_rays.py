@@ -1,4 +1,4 @@
-"""Rays of a camera's samples, in bands of rows."""
+"""Rays of a camera's samples, in bands of rows, and images by them."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, pixel_grid
 from omnisim.cameras import Rays as CameraRays
 from omnisim.cameras.mirrors import tessellate
 from omnisim.cameras.mirrors.mirror_mesh_rays import mesh_rays
+from omnisim.core.array_types import Float32s, Float64s, Mask
 from omnisim.core.world import Pose
-from omnisim.rendering.rays.caster import Rays
-from omnisim.rendering.rays.depth_limits import DepthLimits
+from omnisim.rendering.rays.caster import DepthLimits, Rays
+from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
+from omnisim.rendering.rays.shading.reflections import Paths
 
 # Approximate number of samples per band: intermediate arrays stay in the cache, and threads have
 # enough work between Python's own steps.
@@ -27,14 +28,12 @@ class Band(NamedTuple):
     """Rays of some rows of samples: the valid ones, row by row."""
 
     rows: slice
-    valid: NDArray[np.bool_]  # (rows, width)
-    directions: NDArray[np.float64]  # (n, 3), unit, optical frame
-    origins_m: NDArray[np.float64] | None  # (n, 3), optical frame; None: at the viewpoint
-    footprints: NDArray[np.float32]  # (n, 2, 3): steps to the next sample to the right and below
+    valid: Mask  # (rows, width)
+    directions: Float64s  # (n, 3), unit, optical frame
+    origins_m: Float64s | None  # (n, 3), optical frame; None: at the viewpoint
+    footprints: Float32s  # (n, 2, 3): steps to the next sample to the right and below
 
-    def aim(
-        self, limits: DepthLimits, rig_from_optical: NDArray[np.float64], world_from_rig: Pose
-    ) -> Rays:
+    def aim(self, limits: DepthLimits, rig_from_optical: Float64s, world_from_rig: Pose) -> Rays:
         """Rays (n,) in the world, from a camera orientation (3, 3) in the rig and a pose (4, 4)."""
         rig = np.einsum("nj,ij->ni", self.directions, rig_from_optical)
         rays = limits.aim(rig, world_from_rig)
@@ -44,7 +43,7 @@ class Band(NamedTuple):
         offsets_m = np.einsum("nj,ij->ni", self.origins_m, world_from_optical)
         return rays._replace(origins_m=rays.origins_m + offsets_m)
 
-    def world_footprints(self, world_from_optical: NDArray[np.float64]) -> NDArray[np.float32]:
+    def world_footprints(self, world_from_optical: Float64s) -> Float32s:
         """Footprints (n, 2, 3) in the world, by the camera's rotation (3, 3)."""
         rotation = world_from_optical.astype(np.float32)
         return np.einsum("nsj,ij->nsi", self.footprints, rotation)
@@ -64,7 +63,7 @@ class PixelRays:
 
     def __init__(self, camera: CentralCamera, polygons: int | None, rows_per_pixel: int = 1):
         self.camera = camera
-        self._ray_from_pixel: Callable[[NDArray[np.float64]], CameraRays] = camera.ray_from_pixel
+        self._ray_from_pixel: Callable[[Float64s], CameraRays] = camera.ray_from_pixel
         if polygons is not None and isinstance(camera, HyperbolicCamera):
             self._ray_from_pixel = partial(mesh_rays, camera, tessellate(camera.mirror, polygons))
         elif polygons is not None and isinstance(camera, NonCentralCamera):
@@ -105,9 +104,7 @@ class PixelRays:
         return Band(rows, valid, inside, origins_m, footprints.astype(np.float32))
 
 
-def _steps(
-    directions: NDArray[np.float64], valid: NDArray[np.bool_], axis: int
-) -> NDArray[np.float64]:
+def _steps(directions: Float64s, valid: Mask, axis: int) -> Float64s:
     """Steps (height, width, 3) from each direction to its neighbor along an axis.
 
     The step to the next direction, else from the previous one; 0 without a valid neighbor.
@@ -116,3 +113,82 @@ def _steps(
     has_next, has_last = np.roll(valid, -1, axis), np.roll(valid, 1, axis)
     back = np.roll(ahead, 1, axis)
     return np.where(has_next[..., None], ahead, np.where(has_last[..., None], back, 0.0))
+
+
+# Images by ray casting: a camera's samples, averaged over its pixels.
+
+
+class RayImage:
+    """Image of an ideal camera; constant data is computed once.
+
+    Args:
+        scene: scene to cast at.
+        samples: camera whose pixels are the samples.
+        polygons: number of polygons of the mirror mesh; None: exact mirror.
+        supersampling: samples per pixel side, averaged in linear light.
+        limits: depth limits of the rays.
+        unlit: render plain base colors.
+    """
+
+    def __init__(
+        self,
+        scene: RayScene,
+        samples: CentralCamera,
+        polygons: int | None,
+        supersampling: int,
+        limits: DepthLimits,
+        unlit: bool = False,
+    ):
+        self._scene, self._limits, self._unlit = scene, limits, unlit
+        self._supersampling = supersampling
+        self._rays = PixelRays(samples, polygons, supersampling)
+
+    def render(self, world_from_rig: Float64s, objects: ObjectState, key: int = 0) -> Float32s:
+        """Render the image (height, width, 4) from a pose (4, 4): linear RGB, and validity.
+
+        A pixel is valid if at least half of its samples are. The key is that of the random numbers
+        of glossy reflections.
+        """
+
+        def rows_of(number: int) -> Float32s:
+            band = self._rays.band(number)
+            return self._average(self._sampled(band, world_from_rig, objects, key))
+
+        return np.concatenate(self._scene.in_threads(rows_of, range(len(self._rays.bands))))
+
+    def _sampled(
+        self, band: Band, world_from_rig: Float64s, objects: ObjectState, key: int
+    ) -> Float32s:
+        """Samples (rows, width, 4) of a band: linear RGB, and validity."""
+        camera = self._rays.camera
+        rays = band.aim(self._limits, camera.rig_from_optical, world_from_rig)
+        world_from_optical = world_from_rig[:3, :3] @ camera.rig_from_optical
+        footprints = band.world_footprints(world_from_optical)
+        samples = np.zeros((*band.valid.shape, 4), dtype=np.float32)
+        samples[band.valid, :3] = self._scene.radiance(
+            rays, footprints, objects, self._unlit, self._paths(band, key)
+        )
+        samples[band.valid, 3] = 1.0
+        return samples
+
+    def _paths(self, band: Band, key: int) -> Paths:
+        """Pixels of a band's samples, and the samples' numbers in them."""
+        rows, columns = np.nonzero(band.valid)
+        rows, side = rows + band.rows.start, self._supersampling
+        pixels = rows // side * (self._rays.camera.width_px // side + 1) + columns // side
+        numbers = rows % side * side + columns % side
+        ones = np.ones(len(rows), dtype=np.float32)
+        return Paths(pixels.astype(np.uint32), numbers.astype(np.uint32), ones, key)
+
+    def _average(self, samples: Float32s) -> Float32s:
+        """Pixels (height, width, 4): averages of the samples that cover them."""
+        side = self._supersampling
+        height, width = (size // side for size in samples.shape[:2])
+        covering = samples[: height * side, : width * side].reshape(height, side, width, side, 4)
+        total: Float32s = covering.sum(axis=(1, 3))
+        counts = total[..., 3]
+        valid = 2.0 * counts >= side * side
+        pixels = np.zeros_like(total)
+        pixels[valid, :3] = total[valid, :3] / counts[valid, None]
+        pixels[valid, 3] = 1.0
+        return pixels

@@ -8,20 +8,18 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, Float64s, Indices, Int32s
 from omnisim.core.world import ObjectPart
-from omnisim.rendering.rays.caster import RayCaster, RayHits, Rays
-from omnisim.rendering.rays.embree import NO_TRIANGLE
+from omnisim.rendering.rays.caster import NO_TRIANGLE, RayCaster, RayHits, Rays
 from omnisim.rendering.rays.geometry import Poses
-from omnisim.rendering.rays.glass_passage import GlassPassage
-from omnisim.rendering.rays.shading.fog import fogged
+from omnisim.rendering.rays.shading.glass import NO_MEDIUM
+from omnisim.rendering.rays.shading.lights import CastShadow
 from omnisim.rendering.rays.shading.reflections import Paths, Tracing
 from omnisim.rendering.rays.shading.shading import Shading, View
-from omnisim.rendering.rays.shading.shadows import CastShadow
-from omnisim.rendering.rays.shading.straight_passage import straight_shares
+from omnisim.rendering.rays.shading.surface_light import straight_shares
 from omnisim.scene.light.environment import Environment
-from omnisim.scene.model import Scene
+from omnisim.scene.model import Fog, Scene
 
 # Maximum number of surfaces that a ray passes through; it ends at the last one.
 MAX_LAYERS = 256
@@ -32,15 +30,10 @@ Result = TypeVar("Result")
 
 
 class ObjectState(NamedTuple):
-    """Dynamic objects at one time, with the instances hidden from one sensor.
+    """Dynamic objects at one time, with the instances hidden from one sensor."""
 
-    Attributes:
-        world_from_objects: (4, 4) each, poses of the objects.
-        hidden: instances to ignore.
-    """
-
-    world_from_objects: Poses = ()
-    hidden: frozenset[ObjectPart] = frozenset()
+    world_from_objects: Poses = ()  # (4, 4) each, poses of the objects
+    hidden: frozenset[ObjectPart] = frozenset()  # instances to ignore
 
 
 _NO_OBJECTS = ObjectState()
@@ -82,12 +75,12 @@ class RayScene:
     def radiance(
         self,
         rays: Rays,
-        footprints: NDArray[np.float32] | None = None,
+        footprints: Float32s | None = None,
         objects: ObjectState = _NO_OBJECTS,
         unlit: bool = False,
         paths: Paths | None = None,
-        behind: NDArray[np.int32] | None = None,
-    ) -> NDArray[np.float32]:
+        behind: Int32s | None = None,
+    ) -> Float32s:
         """Linear RGB (n, 3) along rays (n,).
 
         Args:
@@ -167,11 +160,11 @@ class RayScene:
     def _by_channel(
         self,
         rays: Rays,
-        footprints: NDArray[np.float32] | None,
+        footprints: Float32s | None,
         objects: ObjectState,
         paths: Paths,
-        behind: NDArray[np.int32] | None,
-    ) -> NDArray[np.float32]:
+        behind: Int32s | None,
+    ) -> Float32s:
         """Radiance along rays that dispersive glass refracts differently in each channel."""
         channels = [
             self.radiance(
@@ -185,8 +178,8 @@ class RayScene:
         self,
         rays: Rays,
         objects: ObjectState = _NO_OBJECTS,
-        behind: NDArray[np.int32] | None = None,
-        footprints: NDArray[np.float32] | None = None,
+        behind: Int32s | None = None,
+        footprints: Float32s | None = None,
         both_sides: bool = False,
         of_shadows: bool = False,
     ) -> RayHits:
@@ -203,7 +196,7 @@ class RayScene:
         geometry, shading = self.caster.geometry, self.shading
         limits = shading.shadow_cutoff if of_shadows else shading.hit_cutoff
 
-        def cast(rays: Rays, behind: NDArray[np.int32] | None) -> RayHits:
+        def cast(rays: Rays, behind: Int32s | None) -> RayHits:
             return self.caster.cast(
                 rays, objects.world_from_objects, objects.hidden, behind, both_sides
             )
@@ -227,18 +220,13 @@ class RayScene:
             active = active[further.triangles != NO_TRIANGLE]
         return first
 
-    def _tracing(
-        self, paths: Paths, some: NDArray[np.intp], shares: NDArray[np.float32], poses: Poses
-    ) -> Tracing:
+    def _tracing(self, paths: Paths, some: Indices, shares: Float32s, poses: Poses) -> Tracing:
         """Continuation of paths with shares (n, 1 or 3) of light left; hidden instances show."""
         everything = ObjectState(poses)
 
         def trace(
-            rays: Rays,
-            footprints: NDArray[np.float32] | None,
-            triangles: NDArray[np.int32],
-            following: Paths,
-        ) -> NDArray[np.float32]:
+            rays: Rays, footprints: Float32s | None, triangles: Int32s, following: Paths
+        ) -> Float32s:
             return self.radiance(rays, footprints, everything, paths=following, behind=triangles)
 
         taken = paths.take(some)
@@ -252,10 +240,10 @@ class RayScene:
         everything, shading = ObjectState(poses), self.shading
         sees_through = shading.is_pane | shading.is_glass
 
-        def first(rays: Rays, triangles: NDArray[np.int32]) -> RayHits:
+        def first(rays: Rays, triangles: Int32s) -> RayHits:
             return self.first_hits(rays, everything, triangles, both_sides=True, of_shadows=True)
 
-        def cast(rays: Rays, triangles: NDArray[np.int32]) -> NDArray[np.float32]:
+        def cast(rays: Rays, triangles: Int32s) -> Float32s:
             hits = first(rays, triangles)
             is_free = hits.triangles == NO_TRIANGLE
             if not sees_through.any():
@@ -285,9 +273,7 @@ class RayScene:
         with ThreadPoolExecutor(self._threads) as pool:
             return list(pool.map(function, items))
 
-    def _opacity(
-        self, hits: RayHits, alphas: NDArray[np.float32], layer: int
-    ) -> NDArray[np.float32]:
+    def _opacity(self, hits: RayHits, alphas: Float32s, layer: int) -> Float32s:
         """Share (n,) of light that surfaces block: 0 in holes, alpha if blended, otherwise 1."""
         shading = self.shading
         surfaces = shading.surfaces(hits)
@@ -301,12 +287,71 @@ class RayScene:
 
 
 def _sky(
-    environment: Environment,
-    directions: NDArray[np.float64],
-    footprints: NDArray[np.float32] | None,
-    missed: NDArray[np.intp],
-) -> NDArray[np.float32]:
+    environment: Environment, directions: Float64s, footprints: Float32s | None, missed: Indices
+) -> Float32s:
     """Radiance (n, 3) of the sky along the directions (n, 3) of the rays that missed."""
     if footprints is None:
         return environment.seen(directions)
     return environment.seen(directions, np.linalg.norm(footprints[missed], axis=-1).max(axis=-1))
+
+
+# Passage of rays through bodies of glass: their media and directions.
+
+
+class GlassPassage:
+    """Follows rays (n,) through glass, surface by surface.
+
+    Args:
+        shading: appearance of the surfaces.
+        paths: (n,) paths of the rays.
+        world_from_objects: poses of the dynamic objects.
+
+    Attributes:
+        sides: (surfaces,) mask of glass, whose back is hit from inside.
+        paths: (n,) paths, in the media that their rays are in.
+    """
+
+    def __init__(self, shading: Shading, paths: Paths, world_from_objects: Poses):
+        self._shading, self._poses = shading, world_from_objects
+        air = np.full(len(paths.pixels), NO_MEDIUM, dtype=np.int32)
+        self._media = air if paths.media is None else paths.media.copy()
+        self.sides, self.paths = shading.is_glass, paths._replace(media=self._media)
+
+    def attenuation(self, indices: Indices, rays: Rays, hits: RayHits) -> Float32s:
+        """Attenuation (m, 3) of light by glass before the hits of rays at indices (m,)."""
+        hit = np.flatnonzero(hits.triangles != NO_TRIANGLE)
+        media = self._media[indices]
+        media[hit] = self._shading.media(hits.take(hit), media[hit], self._poses)
+        self._media[indices] = media
+        return self._shading.glass.attenuation(media, hits.ranges_m - rays.near_m)
+
+    def refract(
+        self, indices: Indices, view: View, colors: Float32s, opacity: Float32s
+    ) -> tuple[Rays, Float32s]:
+        """Rays behind their hits, and transmitted shares (m, 3); 0 at all surfaces but glass.
+
+        Args:
+            indices: (m,) indices of the rays.
+            view: rays (m,) and their hits; all rays must hit.
+            colors: (m, 3 or more) base colors.
+            opacity: (m,) opacity of the surfaces; 0: holes, which refract nothing.
+        """
+        shares = np.zeros((len(indices), 3), dtype=np.float32)
+        is_glass = self._shading.is_glass[self._shading.surfaces(view.hits)]
+        some = np.flatnonzero(is_glass & (opacity > 0.0))
+        passed = self._shading.refracted(view.take(some), colors[some], self.paths.channel)
+        shares[some] = passed.shares
+        self._media[indices[some]] = passed.media
+        rays = Rays(*(values.copy() for values in view.rays))
+        rays.origins_m[some], rays.directions[some] = passed.rays.origins_m, passed.rays.directions
+        return rays, shares
+
+
+# Fog along rays, in NumPy: the twin of shaders/scene/fog.glsl.
+
+
+def fogged(fog: Fog, colors: Float32s, ranges_m: Float64s) -> Float32s:
+    """Linear colors (n, 3) seen through fog from distances (n,)."""
+    left = np.exp(-np.array(fog.attenuation_per_m) * ranges_m[:, None])
+    colored = np.array(fog.color)
+    return (colored + (colors - colored) * left).astype(np.float32)

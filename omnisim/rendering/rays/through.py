@@ -11,20 +11,17 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, Float64s, Mask, UInt32s
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import Hits, ThroughHits
 from omnisim.rendering.backend import CameraSetup
-from omnisim.rendering.rays.caster import RayHits, Rays
-from omnisim.rendering.rays.depth_limits import DepthLimits
-from omnisim.rendering.rays.embree import NO_TRIANGLE
-from omnisim.rendering.rays.mirrored_rays import mirrored_rays
+from omnisim.rendering.rays.caster import NO_TRIANGLE, DepthLimits, RayHits, Rays
 from omnisim.rendering.rays.pixel_rays import PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.shading.reflections import MAX_BOUNCES
 from omnisim.rendering.rays.shading.shading import View
-from omnisim.rendering.rays.shading.surface_light import SurfaceLight, surface_light
+from omnisim.rendering.rays.shading.surface_light import SurfaceLight, mirrored_rays, surface_light
 from omnisim.rendering.readback import ScenePoses
 
 MAX_PANES = 32  # along a path, with its mirrors
@@ -34,10 +31,10 @@ MIN_REFLECTED = 0.5  # reflected share of the light, mean of linear RGB, of a mi
 class Arrivals(NamedTuple):
     """Surfaces (n,) at the ends of rays, as in `ThroughHits`."""
 
-    ranges_m: NDArray[np.float64]
-    surfaces_plus_one: NDArray[np.uint32]
-    cosines: NDArray[np.float64]
-    shares: NDArray[np.float64]
+    ranges_m: Float64s
+    surfaces_plus_one: UInt32s
+    cosines: Float64s
+    shares: Float64s
 
 
 class ThroughCaster:
@@ -57,11 +54,7 @@ class ThroughCaster:
         return PixelRays(self._setup.sensor.model, self._setup.sensor.mesh_polygons)
 
     def cast(
-        self,
-        poses: ScenePoses,
-        hits: Hits,
-        is_specular: NDArray[np.bool_],
-        draws: Sequence[ObjectPart],
+        self, poses: ScenePoses, hits: Hits, is_specular: Mask, draws: Sequence[ObjectPart]
     ) -> ThroughHits:
         """Surfaces of all pixels.
 
@@ -103,7 +96,7 @@ class ThroughCaster:
 
 
 def cast_through(
-    scene: RayScene, rays: Rays, objects: ObjectState, footprints: NDArray[np.float32]
+    scene: RayScene, rays: Rays, objects: ObjectState, footprints: Float32s
 ) -> Arrivals:
     """Surfaces at the ends of rays (n,) with footprints (n, 2, 3), see `RayScene.first_hits`."""
     poses, shading, count = objects.world_from_objects, scene.shading, len(rays.near_m)
@@ -147,9 +140,9 @@ def _continued(
     rays: Rays,
     hits: RayHits,
     light: SurfaceLight,
-    mirrors: NDArray[np.bool_],
-    footprints: NDArray[np.float32],
-) -> tuple[Rays, NDArray[np.float32]]:
+    mirrors: Mask,
+    footprints: Float32s,
+) -> tuple[Rays, Float32s]:
     """Rays (n,) and footprints behind their hits, or after them at mirrors (n,)."""
     some = np.flatnonzero(mirrors)
     following = scene.caster.behind(rays, hits.ranges_m)

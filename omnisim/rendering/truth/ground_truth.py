@@ -9,15 +9,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, Float64s, Mask, UInt32s
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.channels import CHANNELS, FLOWS, THROUGH
 from omnisim.ground_truth.hits import HitDetails, Hits, ThroughHits
 from omnisim.ground_truth.label_names import Labels
 from omnisim.rendering.hit_source import HitSource
 from omnisim.rendering.readback import ScenePoses
-from omnisim.rendering.truth.deformed_points import deformed_hits
-from omnisim.rendering.truth.optical_flow import OpticalFlow
-from omnisim.rendering.truth.scene_flow import in_optical, in_world, scene_flow
+from omnisim.rendering.truth.flow import (
+    OpticalFlow,
+    deformed_hits,
+    in_optical,
+    in_world,
+    scene_flow,
+)
 
 
 class GroundTruth:
@@ -94,11 +99,7 @@ class GroundTruth:
             yield self._channels_of(image_hits, names, one, other_poses)
 
     def _channels_of(
-        self,
-        hits: Hits,
-        names: Sequence[str],
-        current: ScenePoses,
-        poses: Mapping[str, ScenePoses],
+        self, hits: Hits, names: Sequence[str], current: ScenePoses, poses: Mapping[str, ScenePoses]
     ) -> dict[str, NDArray[Any]]:
         """Channels of an image from its hits."""
         rig_from_optical = self._source.camera.rig_from_optical
@@ -149,9 +150,9 @@ class GroundTruth:
         hits: Hits,
         current: ScenePoses,
         other: ScenePoses,
-        transforms: NDArray[np.float64],
-        axes_from_viewpoint: NDArray[np.float64],
-    ) -> NDArray[np.float32]:
+        transforms: Float64s,
+        axes_from_viewpoint: Float64s,
+    ) -> Float32s:
         """Scene flow along axes, by transforms (objects, 3, 4) from points to their motions."""
         deformed = deformed_hits(self._source, hits, current, other)
         if deformed is None:
@@ -160,7 +161,7 @@ class GroundTruth:
         return flow + (deformed.points_m - hits.points_m) @ axes_from_viewpoint.T.astype(np.float32)
 
     @property
-    def has_ray(self) -> NDArray[np.bool_]:
+    def has_ray(self) -> Mask:
         """Mask (height, width) of pixels whose center has a ray."""
         return self._source.has_ray
 
@@ -171,7 +172,7 @@ class GroundTruth:
 
 def instances_of_draws(
     labels: Labels, draws: Sequence[ObjectPart], object_names: Sequence[str]
-) -> NDArray[np.uint32]:
+) -> UInt32s:
     """Instance IDs (n + 1,) of draws (n,), starting with draw −1, no draw: 0."""
     ids = {(label.object_name, label.name): label.id for label in labels.instances}
     instances = [
@@ -182,13 +183,13 @@ def instances_of_draws(
     return np.array([0, *instances], dtype=np.uint32)
 
 
-def _depths_m(hits: Hits, axis: NDArray[np.float64]) -> NDArray[np.float32]:
+def _depths_m(hits: Hits, axis: Float64s) -> Float32s:
     """Coordinates (height, width) of the points along an axis (3,) of the world; +inf: no hit."""
     depths_m = hits.points_m @ axis.astype(np.float32)
     return np.where(hits.draw_ids == 0, np.float32(np.inf), depths_m)
 
 
-def _positions_m(hits: Hits, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def _positions_m(hits: Hits, viewpoint_m: Float64s) -> Float64s:
     """Points (height, width, 3) in the world; NaN: no hit."""
     points_m = np.empty(hits.points_m.shape)
     for axis in range(3):  # axis by axis, which avoids a copy of the points

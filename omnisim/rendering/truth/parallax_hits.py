@@ -28,8 +28,8 @@ from omnisim.rendering.opengl.ground_truth.parallax_hit_pass import (
 )
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl_camera import DrawnHits
-from omnisim.rendering.rays.cast_hits import SeenPoints, cast_hits, cast_occlusion, starts_of_rays
-from omnisim.rendering.rays.depth_limits import DepthLimits
+from omnisim.rendering.rays.caster import DepthLimits
+from omnisim.rendering.rays.pixel_hits import SeenPoints, cast_hits, cast_occlusion, starts_of_rays
 from omnisim.rendering.rays.pixel_rays import Band, PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState
 from omnisim.rendering.readback import Pending, ScenePoses

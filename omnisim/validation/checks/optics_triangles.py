@@ -17,8 +17,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.hit_source import HitSource
 from omnisim.rendering.parallax_camera import ParallaxCamera
 from omnisim.rendering.ray_backend import RayHitSource
-from omnisim.rendering.rays.caster import Rays
-from omnisim.rendering.rays.depth_limits import DepthLimits
+from omnisim.rendering.rays.caster import DepthLimits, Rays
 from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.stage import Stage

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.rays.embree import NO_TRIANGLE, EmbreeMesh
+from omnisim.rendering.rays.caster import NO_TRIANGLE, EmbreeMesh
 from omnisim.rendering.stage import open_sensor
 from omnisim.report.measure import Measure
 from omnisim.scene import Scene

@@ -18,9 +18,9 @@ from omnisim.cameras.optics.surface_mesh import tessellate_surface
 from omnisim.core.errors import OmnisimError, OpticsError
 from omnisim.core.poses import pose
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons
+from omnisim.rendering.camera.captured_image import valid_mask
+from omnisim.rendering.camera.parallax_plan import sample_rays
 from omnisim.rendering.camera.sensor_toml import sensor_toml
-from omnisim.rendering.camera.valid_mask import valid_mask
-from omnisim.rendering.truth.sample_rays import sample_rays
 from omnisim.validation.psnr import psnr_of_levels_db
 from tests.cameras.optics.examples import EXAMPLES, SYSTEMS, at, port
 from tests.cameras.optics.samples import all_samples
@@ -72,7 +72,7 @@ def test_of_a_central_mirror_it_is_the_papers(polygons):
 @pytest.mark.parametrize("polygons", [8, 16, 64, 1024])
 def test_rays_of_the_papers_mesh_pass_what_embree_hits(polygons):
     pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
-    from omnisim.rendering.rays.embree import NO_TRIANGLE, EmbreeMesh
+    from omnisim.rendering.rays.caster import NO_TRIANGLE, EmbreeMesh
 
     camera, pixels = OmniCamera().resized(81).model, pixel_grid(81, 81).reshape(-1, 2)
     mesh = tessellate(camera.mirror, polygons)
@@ -95,7 +95,7 @@ def test_rays_of_the_papers_mesh_pass_what_embree_hits(polygons):
 @pytest.mark.parametrize("name", ["sphere", "misaligned hyperbola", "cone", "tilted camera"])
 def test_rays_start_where_embree_hits_the_polygons(name):
     pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
-    from omnisim.rendering.rays.embree import NO_TRIANGLE, EmbreeMesh
+    from omnisim.rendering.rays.caster import NO_TRIANGLE, EmbreeMesh
 
     system, polygons = SYSTEMS[name], 256
     surface, eye_m = system.surfaces[0], system.system_from_camera[:3, 3]

@@ -14,7 +14,7 @@ from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.core import poses
 from omnisim.core.errors import OmnisimError, OpticsError
 from omnisim.core.files.fingerprint import fingerprint
-from omnisim.rendering.camera.camera_parameters import camera_of_parameters
+from omnisim.rendering.camera.captured_image import camera_of_parameters
 from tests.cameras.optics.examples import EXAMPLES, SYSTEMS, pinhole
 
 TILTED = poses.pose((0.01, -0.02, 0.003), roll_deg=0.3, pitch_deg=0.2, yaw_deg=0.1)

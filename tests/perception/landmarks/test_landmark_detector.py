@@ -13,7 +13,7 @@ from omnisim.perception.landmarks.landmark_detector import LandmarkDetector
 from omnisim.perception.localization.filter import LandmarkMap, predict_measurement
 from omnisim.perception.regions import find_regions
 from omnisim.perception.unwarping.panorama import CameraMount, Panorama
-from omnisim.rendering.camera.valid_mask import valid_mask
+from omnisim.rendering.camera.captured_image import valid_mask
 
 PLACES = [(-0.6, 0.4, 25.0), (1.9, -1.2, 130.0), (-2.2, 1.3, -100.0)]
 HEIGHT_M = 0.65

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from omnisim.rendering.baking.atlas.bake_tiles import TileFolder, no_progress
-from omnisim.rendering.baking.bake import Bake
+from omnisim.rendering.baking.bake import Bake, TileFolder, no_progress
 from omnisim.rendering.baking.settings import BakeSettings
 
 

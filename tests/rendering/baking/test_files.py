@@ -102,9 +102,7 @@ def test_tiles_of_other_settings_are_not_taken(tmp_path):
 
 
 def test_damaged_tile_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr(
-        "omnisim.rendering.baking.atlas.bake_tiles.TileFolder.remove", lambda self: None
-    )
+    monkeypatch.setattr("omnisim.rendering.baking.bake.TileFolder.remove", lambda self: None)
     bake_scene(room(), tmp_path / "x", SETTINGS)
     (tmp_path / ".x.unfinished" / "bounces-00000.npz").write_bytes(b"damaged")
     (tmp_path / "x").rename(tmp_path / "y")

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from omnisim.rendering.baking.probes import PROBE_BUDGET, probe_grid
+from omnisim.rendering.baking.bake import PROBE_BUDGET, probe_grid
 from omnisim.scene.model import StartPose
 from tests.scenes import scene_of, square
 

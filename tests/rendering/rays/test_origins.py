@@ -13,10 +13,9 @@ from tests.scenes import room, room_color, room_hit, scene_of
 
 pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing")
 
-from omnisim.rendering.rays.depth_limits import DepthLimits
-from omnisim.rendering.rays.image import RayImage
+from omnisim.rendering.rays.caster import DepthLimits
 from omnisim.rendering.rays.pixel_hits import PixelHits
-from omnisim.rendering.rays.pixel_rays import PixelRays
+from omnisim.rendering.rays.pixel_rays import PixelRays, RayImage
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 
 

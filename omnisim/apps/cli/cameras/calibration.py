@@ -33,7 +33,7 @@ from omnisim.core.errors import CalibrationError, OmnisimError
 from omnisim.core.files.atomic_file import check_distinct, check_target
 from omnisim.core.files.image_files import EIGHT_BIT_SUFFIXES, FLOAT_SUFFIXES, read_image
 from omnisim.core.short_repr import number_text, point_text
-from omnisim.rendering.camera.camera_parameters import camera_of_parameters
+from omnisim.rendering.camera.captured_image import camera_of_parameters
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
 if TYPE_CHECKING:  # seldom needed at run time

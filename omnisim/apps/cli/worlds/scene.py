@@ -20,8 +20,8 @@ from omnisim.core.errors import OutputError, printable
 from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import atomic_write, check_distinct, check_suffix, check_target
 from omnisim.core.short_repr import number_text
-from omnisim.rendering.opengl.geometry.memory_estimate import gpu_bytes
-from omnisim.rendering.reflections.kinds import reflection_kinds
+from omnisim.rendering.opengl.geometry.vertex_records import gpu_bytes
+from omnisim.rendering.reflection_kinds import reflection_kinds
 from omnisim.scene import Scene
 from omnisim.scene.files.load import NO_BAKED_LIGHT
 from omnisim.scene.files.source import resolve_source

@@ -10,11 +10,17 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
-from omnisim.rendering.opengl.degradation.step import Step, UniformValue
+from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
+from omnisim.rendering.camera.degradations.effect import (
+    DEFAULT_SHOT,
+    ImageGeometry,
+    LinearImage,
+    SensorEffect,
+    Shot,
+    Step,
+    UniformValue,
+)
 
 RED_XY = {"RGGB": (0, 0), "GRBG": (1, 0), "GBRG": (0, 1), "BGGR": (1, 1)}  # column, row
 # Malvar's filters, in eighths: for green at red or blue; for red at green in red's row; for red
@@ -74,7 +80,7 @@ class Bayer(SensorEffect, name="degradation.bayer"):
         result[~valid, :3] = raw[~valid, None]
         return result
 
-    def colors(self, geometry: ImageGeometry) -> NDArray[np.intp]:
+    def colors(self, geometry: ImageGeometry) -> Indices:
         """Color index (height, width) of each pixel: 0 red, 1 green, 2 blue."""
         column, row = RED_XY[self.pattern]
         right = (np.arange(geometry.width_px)[None, :] + column) % 2
@@ -83,11 +89,11 @@ class Bayer(SensorEffect, name="degradation.bayer"):
 
     def _demosaicked(
         self,
-        raw: NDArray[np.float32],
-        colors: NDArray[np.intp],
+        raw: Float32s,
+        colors: Indices,
         color: int,
-        valid: NDArray[np.bool_],
-    ) -> NDArray[np.float32]:
+        valid: Mask,
+    ) -> Float32s:
         known = colors == color
         near = valid & known
         total, count = np.zeros(raw.shape, np.float32), np.zeros(raw.shape, np.float32)
@@ -110,9 +116,7 @@ class Bayer(SensorEffect, name="degradation.bayer"):
             guess = np.where(whole, filtered, guess)
         return np.where(known, raw, guess)
 
-    def _malvar(
-        self, raw: NDArray[np.float32], colors: NDArray[np.intp], color: int
-    ) -> NDArray[np.float32]:
+    def _malvar(self, raw: Float32s, colors: Indices, color: int) -> Float32s:
         row_filter = np.array(_ROW)
         cross = _filtered(raw, np.array(_CROSS))
         if color == 1:
@@ -130,7 +134,7 @@ def _support() -> list[tuple[int, int]]:
     return [*near, (-2, 0), (2, 0), (0, -2), (0, 2)]
 
 
-def _filtered(raw: NDArray[np.float32], eighths: NDArray[np.float64]) -> NDArray[np.float32]:
+def _filtered(raw: Float32s, eighths: Float64s) -> Float32s:
     total = np.zeros(raw.shape, dtype=np.float32)
     for down in range(-2, 3):
         for right in range(-2, 3):
@@ -140,7 +144,7 @@ def _filtered(raw: NDArray[np.float32], eighths: NDArray[np.float64]) -> NDArray
     return total
 
 
-def _neighbor(values: NDArray[np.float32], right: int, down: int) -> NDArray[np.float32]:
+def _neighbor(values: Float32s, right: int, down: int) -> Float32s:
     """Values at an offset from each pixel; 0 outside of the image."""
     padded = np.pad(values, 2)
     height, width = values.shape

@@ -11,14 +11,17 @@ from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from omnisim.core.array_types import Float32s, Float64s
 from omnisim.core.bilinear import corner_and_weights, interpolate
 from omnisim.core.files.parameters import Number
-from omnisim.rendering.camera.degradations.effect import OpticalEffect
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
-from omnisim.rendering.opengl.degradation.step import Step
+from omnisim.rendering.camera.degradations.effect import (
+    ImageGeometry,
+    LinearImage,
+    OpticalEffect,
+    Step,
+)
 
 MAX_COEFFICIENTS, MAX_OFFSET_PX = 4, 64.0
 Scale = Annotated[Number, Field(ge=0.9, le=1.1)]
@@ -86,9 +89,7 @@ def _relative(offsets_px: tuple[float, ...], geometry: ImageGeometry) -> tuple[f
     return tuple(offset / geometry.radius_unit_px for offset in (*offsets_px, *missing))
 
 
-def _sample_valid(
-    values: NDArray[np.float32], valid: NDArray[np.float32], positions_px: NDArray[np.float32]
-) -> NDArray[np.float64]:
+def _sample_valid(values: Float32s, valid: Float32s, positions_px: Float32s) -> Float64s:
     """Values (height, width) interpolated between valid neighbors of positions; NaN: none."""
     weight = np.pad((valid > 0.5).astype(np.float32), 1)  # pixels beyond the border are invalid
     corner, weights, _ = corner_and_weights(positions_px + np.float32(1.0), weight.shape)

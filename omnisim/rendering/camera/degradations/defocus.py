@@ -17,10 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from omnisim.core.array_types import Float32s
 from omnisim.core.files.parameters import Number, Typical
-from omnisim.rendering.camera.degradations.effect import OpticalEffect
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
-from omnisim.rendering.opengl.degradation.step import Step
+from omnisim.rendering.camera.degradations.effect import (
+    ImageGeometry,
+    LinearImage,
+    OpticalEffect,
+    Step,
+)
 
 MAX_PX = 32.0  # 4225 samples per pixel
 MIN_PX = 0.5  # a disc of this radius lies within one pixel
@@ -41,7 +45,7 @@ class Defocus(OpticalEffect, name="degradation.defocus"):
     rim_defocus_px: Annotated[Radius, Typical(0.5, 3.0)] = 1.0
     """Radius in pixels of the disc at half of the image's shorter side."""
 
-    def radii_px(self, geometry: ImageGeometry) -> NDArray[np.float32]:
+    def radii_px(self, geometry: ImageGeometry) -> Float32s:
         """Radius (height, width) of the disc at each pixel."""
         first, last = np.float32(self.center_defocus_px), np.float32(self.rim_defocus_px)
         radii = first + (last - first) * geometry.squared_radii()
@@ -80,7 +84,7 @@ class Defocus(OpticalEffect, name="degradation.defocus"):
         return result
 
 
-def covered_share(right_px: int, down_px: int, radius_px: NDArray[np.float32]) -> NDArray[Any]:
+def covered_share(right_px: int, down_px: int, radius_px: Float32s) -> NDArray[Any]:
     """Fraction (...) of a pixel that lies in a disc around another pixel.
 
     The pixel is cut into strips along its shorter offset; the chord across them is exact.

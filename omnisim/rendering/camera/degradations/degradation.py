@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from omnisim.core.array_types import Float32s
 from omnisim.core.errors import OpticsError
 from omnisim.core.short_repr import short_repr
 from omnisim.rendering.camera.metering import Metering
@@ -16,10 +18,16 @@ if TYPE_CHECKING:  # an ideal camera needs none of them
     from omnisim.rendering.camera.degradations.chromatic_aberration import ChromaticAberration
     from omnisim.rendering.camera.degradations.defocus import Defocus
     from omnisim.rendering.camera.degradations.dirt import Dirt
-    from omnisim.rendering.camera.degradations.effect import Effect, OpticalEffect, SensorEffect
+    from omnisim.rendering.camera.degradations.effect import (
+        Effect,
+        ImageGeometry,
+        LinearImage,
+        OpticalEffect,
+        SensorEffect,
+        Step,
+    )
     from omnisim.rendering.camera.degradations.encoding import Encoding
     from omnisim.rendering.camera.degradations.exposure import Exposure
-    from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
     from omnisim.rendering.camera.degradations.jpeg import Jpeg
     from omnisim.rendering.camera.degradations.noise import Noise
     from omnisim.rendering.camera.degradations.point_spread import PointSpread
@@ -27,7 +35,6 @@ if TYPE_CHECKING:  # an ideal camera needs none of them
     from omnisim.rendering.camera.degradations.shutter import Shutter
     from omnisim.rendering.camera.degradations.vignetting import Vignetting
     from omnisim.rendering.camera.degradations.white_balance import WhiteBalance
-    from omnisim.rendering.opengl.degradation.step import Step
 
 
 # Modules by effect, imported at first use: an ideal camera needs none of them.
@@ -163,6 +170,59 @@ class Degradation:
         response = self.white_balance.response if self.white_balance else (1.0, 1.0, 1.0)
         red, green, blue = (2.0**ev * part for part in response)
         return red, green, blue
+
+    def exposed(
+        self,
+        sub_frames: Iterable[tuple[LinearImage, Float32s | None]],
+        geometry: ImageGeometry,
+    ) -> LinearImage:
+        """Light (height, width, 4) collected by the sensor, in NumPy.
+
+        Args:
+            sub_frames: at least one ideal image, each with its share (height,) of the rows'
+                exposure; None: the whole frame.
+            geometry: geometry of the image.
+
+        Raises:
+            ValueError: there is no sub-frame.
+        """
+        total: LinearImage | None = None
+        for image, row_weights in sub_frames:
+            for effect in self.optics:
+                image = effect.apply(image, geometry)
+            if row_weights is not None:
+                image = image.copy()
+                image[..., :3] *= row_weights[:, None, None]
+                if total is not None:
+                    image[..., :3] += total[..., :3]
+            total = image
+        if total is None:
+            raise ValueError("expected a sub-frame, got none")
+        return total
+
+    def developed(
+        self,
+        image: LinearImage,
+        geometry: ImageGeometry,
+        factors: tuple[float, float, float],
+        noise_key: int,
+        frame_number: int,
+    ) -> LinearImage:
+        """Linear image (height, width, 4) that the sensor makes from collected light, in NumPy.
+
+        Args:
+            image: collected light.
+            geometry: geometry of the image.
+            factors: exposure factors of red, green and blue light.
+            noise_key: key of the camera's random numbers.
+            frame_number: frame number of the image.
+        """
+        from omnisim.rendering.camera.degradations.effect import Shot
+
+        shot = Shot(factors, self.exposure_s, noise_key, frame_number)
+        for effect in self.electronics:
+            image = effect.apply(image, geometry, shot)
+        return image
 
 
 def effect_classes() -> dict[str, Any]:

@@ -13,14 +13,18 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from omnisim.core.array_types import Float32s, Float64s
 from omnisim.core.files.parameters import Fraction, LongSeed, NotNegative, Number, Typical
 from omnisim.core.random_numbers import key_of, normal, pcg4d, uniform
-from omnisim.rendering.camera.degradations.effect import Count, OpticalEffect
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
-from omnisim.rendering.opengl.degradation.step import Step
+from omnisim.rendering.camera.degradations.effect import (
+    Count,
+    ImageGeometry,
+    LinearImage,
+    OpticalEffect,
+    Step,
+)
 
 Pixels = Annotated[Number, Field(gt=0.0, le=10_000.0)]
 RADIUS_SPREAD = 0.5  # standard deviation of the logarithm of the specks' radii
@@ -53,7 +57,7 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
     seed: LongSeed = 0
     """Seed of the specks and scratches."""
 
-    def map(self, geometry: ImageGeometry) -> NDArray[np.float32]:
+    def map(self, geometry: ImageGeometry) -> Float32s:
         """Dirt map (height, width, 2): share of light absorbed, and light added."""
         dust, scratches = np.ones((2, geometry.height_px, geometry.width_px))
         self._dust(dust, geometry)
@@ -72,7 +76,7 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
         result[..., :3] = image[..., :3] * (np.float32(1.0) - dirt[..., :1]) + dirt[..., 1:]
         return result
 
-    def _random(self, stream: str, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _random(self, stream: str, count: int) -> tuple[Float64s, Float64s]:
         """Uniform random numbers (count, 12) and normal ones (count, 4), one row per item."""
         key = key_of("dirt", stream, self.seed)
         items = np.arange(count)[:, None]
@@ -81,14 +85,12 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
         pairs = hashes[:, 3:].reshape(count, 8)
         return plain, normal(pairs[:, :4], pairs[:, 4:]).astype(np.float64)
 
-    def _positions(
-        self, fractions: NDArray[np.float64], geometry: ImageGeometry
-    ) -> NDArray[np.float64]:
+    def _positions(self, fractions: Float64s, geometry: ImageGeometry) -> Float64s:
         """Positions (..., 2) in the square of the image's shorter side around the axis."""
         middle = np.array(geometry.center_px)
         return middle + (2.0 * fractions - 1.0) * geometry.radius_unit_px
 
-    def _dust(self, clear: NDArray[np.float64], geometry: ImageGeometry) -> None:
+    def _dust(self, clear: Float64s, geometry: ImageGeometry) -> None:
         plain, spread = self._random("dust", self.dust_count)
         positions = self._positions(plain[:, :2], geometry)
         radii = self.dust_radius_px * np.exp(RADIUS_SPREAD * spread[:, 0])
@@ -109,7 +111,7 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
             inside = np.clip(0.5 + (edge - np.hypot(right, down)) / (2.0 * soft), 0.0, 1.0)
             window *= 1.0 - opacity * inside * inside * (3.0 - 2.0 * inside)
 
-    def _scratches(self, clear: NDArray[np.float64], geometry: ImageGeometry) -> None:
+    def _scratches(self, clear: Float64s, geometry: ImageGeometry) -> None:
         plain, spread = self._random("scratches", self.scratch_count)
         positions = self._positions(plain[:, :2], geometry)
         reach = 3.0 * self.scratch_width_px + 1.0
@@ -144,8 +146,8 @@ class Dirt(OpticalEffect, name="degradation.dirt"):
 
 
 def _window(
-    values: NDArray[np.float64], center_px: NDArray[np.float64], reach_px: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    values: Float64s, center_px: Float64s, reach_px: float
+) -> tuple[Float64s, Float64s, Float64s]:
     """View of values (height, width) around a position; offsets right and down from it."""
     height, width = values.shape
     first = np.floor(center_px - reach_px).astype(int)

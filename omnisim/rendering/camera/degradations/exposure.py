@@ -16,11 +16,17 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from omnisim.core.files.parameters import NotNegative, Number, Positive, Typical
-from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, Ev, SensorEffect, Shot
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
+from omnisim.rendering.camera.degradations.effect import (
+    DEFAULT_SHOT,
+    Ev,
+    ImageGeometry,
+    LinearImage,
+    SensorEffect,
+    Shot,
+    Step,
+)
 from omnisim.rendering.camera.degradations.reflectance import multiplied
 from omnisim.rendering.camera.metering import Metering
-from omnisim.rendering.opengl.degradation.step import Step
 
 
 @dataclass(frozen=True, kw_only=True)

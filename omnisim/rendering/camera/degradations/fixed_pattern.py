@@ -9,22 +9,22 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s
 from omnisim.core.errors import OutputError, SensorFileError
 from omnisim.core.random_numbers import key_of, normal, pcg4d
 
 GAIN, OFFSET = "prnu", "dsnu_e"  # channels of a pattern's file
 
 
-def no_pattern() -> NDArray[np.float32]:
+def no_pattern() -> Float32s:
     """Pattern (1, 1, 2) of a uniform sensor."""
     return np.zeros((1, 1, 2), dtype=np.float32)
 
 
 def random_pattern(
     width_px: int, height_px: int, prnu: float, dsnu_e: float, seed: int
-) -> NDArray[np.float32]:
+) -> Float32s:
     """Normally distributed pattern without rows or columns.
 
     Args:
@@ -43,7 +43,7 @@ def random_pattern(
     return np.stack(deviations, axis=-1) * sigmas
 
 
-def write_pattern(path: Path, pattern: NDArray[np.float32]) -> None:
+def write_pattern(path: Path, pattern: Float32s) -> None:
     """Write a pattern (height, width, 2) as an EXR file with the channels `prnu` and `dsnu_e`.
 
     Raises:
@@ -54,7 +54,7 @@ def write_pattern(path: Path, pattern: NDArray[np.float32]) -> None:
     write_channels(path, {GAIN: pattern[..., 0], OFFSET: pattern[..., 1]})
 
 
-def read_pattern(path: Path) -> NDArray[np.float32]:
+def read_pattern(path: Path) -> Float32s:
     """Pattern (height, width, 2) of a file, see `write_pattern`.
 
     Raises:
@@ -68,7 +68,7 @@ def read_pattern(path: Path) -> NDArray[np.float32]:
 
 
 @lru_cache(maxsize=2)  # the reference reads it for each image
-def _read(path: Path, changed_ns: int) -> NDArray[np.float32]:
+def _read(path: Path, changed_ns: int) -> Float32s:
     from omnisim.core.files.image_files import read_channels  # slow to import
 
     try:
@@ -85,7 +85,7 @@ def _read(path: Path, changed_ns: int) -> NDArray[np.float32]:
     return pattern
 
 
-def resampled(pattern: NDArray[np.float32], width_px: int, height_px: int) -> NDArray[np.float32]:
+def resampled(pattern: Float32s, width_px: int, height_px: int) -> Float32s:
     """Pattern (height, width, 2) of an image of another size: that of the nearest pixels.
 
     Neighbors are not averaged, which would make the pattern weaker.

@@ -20,20 +20,25 @@ from pathlib import Path
 from typing import Annotated, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 
+from omnisim.core.array_types import Float32s, UInt32s
 from omnisim.core.files.parameters import Fraction, LongSeed, Name, NotNegative, Positive, Typical
 from omnisim.core.random_numbers import normal, pcg4d, uniform
-from omnisim.rendering.camera.degradations.effect import DEFAULT_SHOT, SensorEffect, Shot
+from omnisim.rendering.camera.degradations.effect import (
+    DEFAULT_SHOT,
+    ImageGeometry,
+    LinearImage,
+    SensorEffect,
+    Shot,
+    Step,
+)
 from omnisim.rendering.camera.degradations.fixed_pattern import (
     no_pattern,
     random_pattern,
     read_pattern,
     resampled,
 )
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
-from omnisim.rendering.opengl.degradation.step import Step
 
 NORMAL_FROM_E = 32.0  # mean number of electrons from which the normal approximation suffices
 MAX_COUNTED = 128  # a mean below NORMAL_FROM_E gives no larger count
@@ -145,7 +150,7 @@ class Noise(SensorEffect, name="degradation.noise"):
         result[seen, :3] = ((numbers[seen] - black) * gain - dark_e) / white_e
         return result
 
-    def _fixed_pattern(self, geometry: ImageGeometry) -> NDArray[np.float32]:
+    def _fixed_pattern(self, geometry: ImageGeometry) -> Float32s:
         """Pattern (height, width, 2), or (1, 1, 2) of a uniform sensor."""
         size = geometry.width_px, geometry.height_px
         if self.pattern is not None:
@@ -155,9 +160,7 @@ class Noise(SensorEffect, name="degradation.noise"):
         return random_pattern(*size, self.prnu, self.dsnu_e, self.pattern_seed)
 
 
-def poisson(
-    mean: NDArray[np.float32], first: NDArray[np.uint32], second: NDArray[np.uint32]
-) -> NDArray[np.float32]:
+def poisson(mean: Float32s, first: UInt32s, second: UInt32s) -> Float32s:
     """Poisson-distributed integers (...) with means (...) ≥ 0, from two hashes each."""
     z = normal(first, second)
     large = np.maximum(mean, np.float32(NORMAL_FROM_E))
@@ -168,7 +171,7 @@ def poisson(
     return counts
 
 
-def _quantiles(mean: NDArray[np.float32], fraction: NDArray[np.float32]) -> NDArray[np.float32]:
+def _quantiles(mean: Float32s, fraction: Float32s) -> Float32s:
     """Quantiles (n,) of the Poisson distribution with means (n,), by summation."""
     term = np.exp(-mean)
     total = term.copy()

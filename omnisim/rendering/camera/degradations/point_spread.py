@@ -18,10 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
+from omnisim.core.array_types import Float32s, Float64s
 from omnisim.core.files.parameters import NotNegative, Number
-from omnisim.rendering.camera.degradations.effect import OpticalEffect
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
-from omnisim.rendering.opengl.degradation.step import Step, UniformValue
+from omnisim.rendering.camera.degradations.effect import (
+    ImageGeometry,
+    LinearImage,
+    OpticalEffect,
+    Step,
+    UniformValue,
+)
 
 MAX_WIDTH_PX = 8.0  # 4225 samples per pixel
 MAX_ROWS = 64
@@ -52,7 +57,7 @@ class PointSpread(OpticalEffect, name="degradation.point_spread"):
         if any(after <= before for before, after in pairwise(radii)):
             raise self._error("widths_px", "rows in order of their radii")
 
-    def table(self) -> tuple[float, NDArray[np.float32]]:
+    def table(self) -> tuple[float, Float32s]:
         """Largest radius, and the widths (ANGLES, STEPS, 2) of sampled kernels up to it.
 
         Rows: angle between radius and the nearer of rows and columns, by its tangent from 0 to 1.
@@ -90,7 +95,7 @@ class PointSpread(OpticalEffect, name="degradation.point_spread"):
         return _weighted_mean(image, outward, widths, reach)
 
 
-def _entry(at: NDArray[np.float32], count: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+def _entry(at: Float32s, count: int) -> tuple[NDArray[np.int64], Float32s]:
     """Indices (...) of the table entries below positions, and weights (..., 1) of the next."""
     within = np.minimum(at, np.float32(count - 1))
     entry = np.minimum(within.astype(np.int64), count - 2)
@@ -99,8 +104,8 @@ def _entry(at: NDArray[np.float32], count: int) -> tuple[NDArray[np.int64], NDAr
 
 def _weighted_mean(
     image: LinearImage,
-    outward: NDArray[np.float32],
-    widths_px: NDArray[np.float32],
+    outward: Float32s,
+    widths_px: Float32s,
     reach_px: NDArray[np.int64],
 ) -> LinearImage:
     """Mean of the valid pixels, weighted by each pixel's own normal distribution."""
@@ -123,7 +128,7 @@ def _weighted_mean(
 
 
 @lru_cache(maxsize=8)  # the reference reads it for each image
-def _table(widths_px: tuple[Row, ...]) -> tuple[float, NDArray[np.float32]]:
+def _table(widths_px: tuple[Row, ...]) -> tuple[float, Float32s]:
     radii, *widths = np.array(widths_px, dtype=np.float64).T
     largest = max(float(radii[-1]), 1.0)
     at = np.linspace(0.0, largest, STEPS)
@@ -133,7 +138,7 @@ def _table(widths_px: tuple[Row, ...]) -> tuple[float, NDArray[np.float32]]:
     return largest, table.astype(np.float32)
 
 
-def sampled_widths_px(widths_px: NDArray[np.float64], angle_rad: float) -> NDArray[np.float64]:
+def sampled_widths_px(widths_px: Float64s, angle_rad: float) -> Float64s:
     """Widened widths (n, 2) of normal distributions, so that samples at pixels keep the blur.
 
     Samples of a narrow distribution miss most of it. The widened one halves the modulation of an
@@ -163,12 +168,12 @@ def sampled_widths_px(widths_px: NDArray[np.float64], angle_rad: float) -> NDArr
 
 
 def _solve(
-    modulation: NDArray[np.float64],
-    frequencies: NDArray[np.float64],
-    along_px: NDArray[np.float64],
-    across_px: NDArray[np.float64],
-    other_px: NDArray[np.float64],
-) -> NDArray[np.float64]:
+    modulation: Float64s,
+    frequencies: Float64s,
+    along_px: Float64s,
+    across_px: Float64s,
+    other_px: Float64s,
+) -> Float64s:
     """Widths (n,) along an axis for which the samples have the target modulation.
 
     Args:
@@ -188,7 +193,7 @@ def _solve(
     return 0.5 * (low + high)
 
 
-def _half_modulation(widths_px: NDArray[np.float64], angle_rad: float) -> NDArray[np.float64]:
+def _half_modulation(widths_px: Float64s, angle_rad: float) -> Float64s:
     """Frequencies (n, 2), cycles per px, at which spread and square pixel halve the modulation."""
     low, high = np.zeros_like(widths_px), np.ones_like(widths_px)
     cosine, sine = np.cos(angle_rad), np.sin(angle_rad)

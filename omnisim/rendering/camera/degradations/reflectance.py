@@ -12,9 +12,13 @@ import numpy as np
 from pydantic import Field
 
 from omnisim.core.files.parameters import Number
-from omnisim.rendering.camera.degradations.effect import OpticalEffect, Rgb
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
-from omnisim.rendering.opengl.degradation.step import Step
+from omnisim.rendering.camera.degradations.effect import (
+    ImageGeometry,
+    LinearImage,
+    OpticalEffect,
+    Rgb,
+    Step,
+)
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,12 @@ from pydantic import Field
 
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.parameters import Signed
-from omnisim.rendering.camera.degradations.effect import OpticalEffect
-from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry, LinearImage
-from omnisim.rendering.opengl.degradation.step import Step
+from omnisim.rendering.camera.degradations.effect import (
+    ImageGeometry,
+    LinearImage,
+    OpticalEffect,
+    Step,
+)
 
 MAX_TERMS = 6
 Coefficients = Annotated[

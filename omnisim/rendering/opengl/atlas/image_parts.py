@@ -11,9 +11,9 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
+from omnisim.core.array_types import Float64s, Floats, Indices
 from omnisim.core.cube import FACE_FROM_RIG
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.atlas.sampling_density import dilate
@@ -35,15 +35,10 @@ _MIN_DEPTH = 0.3  # of unit rays that a face's plane shows: its tiles end at 0.5
 
 
 class ImagePart(NamedTuple):
-    """Rectangle of an image, drawn from an atlas of its own.
+    """Rectangle of an image, drawn from an atlas of its own."""
 
-    Attributes:
-        rectangle_px: left, top, width and height in the image.
-        plan: tiles of the atlas.
-    """
-
-    rectangle_px: tuple[int, int, int, int]
-    plan: TilePlan
+    rectangle_px: tuple[int, int, int, int]  # left, top, width and height in the image
+    plan: TilePlan  # tiles of the atlas
 
 
 def image_parts(
@@ -158,22 +153,20 @@ class _Lookups:
 class _SeenCells(NamedTuple):
     """Cells (n,) that look up a tile, and what of it."""
 
-    columns: NDArray[np.intp]
-    rows: NDArray[np.intp]
-    first: NDArray[np.floating]  # (n, 2), tangents
-    last: NDArray[np.floating]  # (n, 2)
+    columns: Indices
+    rows: Indices
+    first: Floats  # (n, 2), tangents
+    last: Floats  # (n, 2)
 
 
-def _within(tile: Tile, first: NDArray[np.floating], last: NDArray[np.floating]) -> _SeenCells:
+def _within(tile: Tile, first: Floats, last: Floats) -> _SeenCells:
     """Cells within a tile, from the bounds (rows, columns, 2) of all cells on its face."""
     first, last = np.maximum(first, tile.region[0]), np.minimum(last, tile.region[1])
     rows, columns = np.nonzero(np.all(first < last, axis=-1))
     return _SeenCells(columns, rows, first[rows, columns], last[rows, columns])
 
 
-def _bounds(
-    local: NDArray[np.floating], wider_at_rim: float
-) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+def _bounds(local: Floats, wider_at_rim: float) -> tuple[Floats, Floats]:
     """Lower and upper tangents (rows, columns, 2) of cells; inverted where a face shows nothing.
 
     Args:
@@ -199,7 +192,7 @@ def _bounds(
     return first - wider, last + wider
 
 
-def _cut(tile: Tile, bounds: NDArray[np.float64], step: int) -> Tile:
+def _cut(tile: Tile, bounds: Float64s, step: int) -> Tile:
     """Tile cut to tangents (2, 2), with a gutter of two of the largest mip texels of `step`."""
     block = max(step, _STEP_PX)
     origin = np.array(tile.origin_px)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
+from omnisim.core.array_types import Float64s, Mask
 
 # Samples per face edge, corners included: a rim first reaches a face at the middle of an edge or at
 # a corner.
@@ -18,24 +19,21 @@ GRID_STEP = 2.0 / (GRID - 1)
 # along counts as four times, and no pixel counts as wider than 32 of the smallest.
 MAX_ANISOTROPY = 4.0
 MIN_DENSITY_SHARE = 1.0 / 32.0
-WHOLE_FACE: NDArray[np.float64] = np.array([[-1.0, -1.0], [1.0, 1.0]])
+WHOLE_FACE: Float64s = np.array([[-1.0, -1.0], [1.0, 1.0]])
 _STEP = 1e-5  # step of a tangent for derivatives: far above rounding errors, far below a texel
 
 
 class RegionDensity(NamedTuple):
-    """Sampling density of the image in a region of a face.
+    """Sampling density of the image in a region of a face."""
 
-    Attributes:
-        min_px_per_tan, max_px_per_tan: pixels per tangent of 1.
-        region: (2, 2) lower and upper bounds of the region's tangents (right, down); regions of a
-            face do not overlap.
-        seen_region: (2, 2) bounds of the part of the region that the image samples.
-    """
-
+    # pixels per tangent of 1
     min_px_per_tan: float
     max_px_per_tan: float
-    region: NDArray[np.float64]
-    seen_region: NDArray[np.float64]
+    # (2, 2) lower and upper bounds of the region's tangents (right, down); regions of a face do
+    # not overlap
+    region: Float64s
+    # (2, 2) bounds of the part of the region that the image samples
+    seen_region: Float64s
 
 
 class SamplingDensity:
@@ -49,11 +47,7 @@ class SamplingDensity:
     """
 
     def __init__(
-        self,
-        tangents: NDArray[np.float64],
-        seen: NDArray[np.bool_],
-        max_px_per_tan: NDArray[np.float64],
-        min_px_per_tan: NDArray[np.float64],
+        self, tangents: Float64s, seen: Mask, max_px_per_tan: Float64s, min_px_per_tan: Float64s
     ):
         self._tangents, self._seen, self._max, self._min = (
             tangents,
@@ -85,11 +79,11 @@ class SamplingDensity:
         cells = _cut_cell(density * texels_per_pixel, seen, tile_texels, *whole)
         return self._densities([-1.0 + GRID_STEP * np.array(cell, dtype=float) for cell in cells])
 
-    def _densities(self, regions: list[NDArray[np.float64]]) -> list[RegionDensity]:
+    def _densities(self, regions: list[Float64s]) -> list[RegionDensity]:
         """Densities within tangent bounds (2, 2), for the regions that the image sees."""
         return [density for one in regions if (density := self._density(one)) is not None]
 
-    def _density(self, region: NDArray[np.float64]) -> RegionDensity | None:
+    def _density(self, region: Float64s) -> RegionDensity | None:
         # the visible part may begin anywhere between two samples
         near = np.all(
             (self._tangents >= region[0] - GRID_STEP) & (self._tangents <= region[1] + GRID_STEP),
@@ -110,7 +104,7 @@ class SamplingDensity:
         sparsest = max(sparsest, MIN_DENSITY_SHARE * densest, 1e-6)
         return RegionDensity(sparsest, densest, region, seen_region)
 
-    def _on_grid(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    def _on_grid(self) -> tuple[Float64s, Mask]:
         """Maximum density in pixels per tangent of 1, and visibility, (GRID, GRID), rows down.
 
         A cell between samples takes their larger density, and is seen if one of them is.
@@ -128,7 +122,7 @@ class SamplingDensity:
 
 
 def density_of_camera(
-    camera: CentralCamera, face_from_optical: NDArray[np.float64], seen: NDArray[np.float64]
+    camera: CentralCamera, face_from_optical: Float64s, seen: Float64s
 ) -> SamplingDensity:
     """Density of a camera's image.
 
@@ -140,7 +134,7 @@ def density_of_camera(
     grid = _grid()
     tangents = np.concatenate((grid, seen))
 
-    def pixels(right: float, down: float) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    def pixels(right: float, down: float) -> tuple[Float64s, Mask]:
         local = np.ones((len(tangents), 3))
         local[:, :2] = tangents + np.array([right, down])
         return camera.pixel_from_ray(local @ face_from_optical)
@@ -166,9 +160,7 @@ def density_of_camera(
     return SamplingDensity(tangents, valid, max_px_per_tan, min_px_per_tan)
 
 
-def density_of_rays(
-    tangents: NDArray[np.float64], px_per_tan: NDArray[np.float64]
-) -> SamplingDensity:
+def density_of_rays(tangents: Float64s, px_per_tan: Float64s) -> SamplingDensity:
     """Density of an image from its rays on a face.
 
     Args:
@@ -184,9 +176,7 @@ def density_of_rays(
     return SamplingDensity(_grid(), flat > 0.0, flat, np.where(flat > 0.0, flat, np.inf))
 
 
-def _singular_values(
-    matrices: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _singular_values(matrices: Float64s) -> tuple[Float64s, Float64s]:
     """Largest and smallest singular values (n,) of matrices (n, 2, 2).
 
     Their sum and difference are the lengths of the matrices' conformal and anticonformal parts.
@@ -196,7 +186,7 @@ def _singular_values(
     return 0.5 * (conformal + anticonformal), 0.5 * np.abs(conformal - anticonformal)
 
 
-def _grid() -> NDArray[np.float64]:
+def _grid() -> Float64s:
     line = np.linspace(-1.0, 1.0, GRID)
     return np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
 
@@ -216,11 +206,7 @@ Cell = tuple[tuple[int, int], tuple[int, int]]  # column and row of the first an
 
 
 def _cut_cell(
-    density: NDArray[np.float64],
-    seen: NDArray[np.bool_],
-    tile_texels: float,
-    first: tuple[int, int],
-    last: tuple[int, int],
+    density: Float64s, seen: Mask, tile_texels: float, first: tuple[int, int], last: tuple[int, int]
 ) -> list[Cell]:
     """Cells of a range between two samples after the best cuts, without unseen cells."""
     rows, columns = slice(first[1], last[1] + 1), slice(first[0], last[0] + 1)
@@ -246,9 +232,7 @@ def _cut_cell(
     return [cell for half in halves for cell in _cut_cell(density, seen, tile_texels, *half)]
 
 
-def _prefix_texels(
-    density: NDArray[np.float64], seen: NDArray[np.bool_], tile_texels: float
-) -> NDArray[np.float64]:
+def _prefix_texels(density: Float64s, seen: Mask, tile_texels: float) -> Float64s:
     """Cost in texels of a tile of rows 0 to i, per i."""
     count = np.arange(len(seen))
     any_row = seen.any(axis=1)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
+from omnisim.core.array_types import Float64s, Mask
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES, face_index, face_tangents
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.atlas.sampling_density import (
@@ -32,24 +33,18 @@ TILE_SHARE = 0.005
 
 @dataclass(frozen=True)
 class Tile:
-    """Virtual camera: a rectangle of a cube face, and its place in the atlas.
+    """Virtual camera: a rectangle of a cube face, and its place in the atlas."""
 
-    Attributes:
-        face: index into `omnisim.core.cube.FACE_NAMES`.
-        face_size_px: texels across the 90° of the whole face.
-        origin_px: first texel (right, down) from the face's top left corner; negative if the tile
-            begins outside of the face.
-        size_px: width and height, gutter included.
-        region: tangents (right, down) of the top left and the bottom right corner of the region
-            that is looked up in this tile only.
-        left_px, top_px: position in the atlas.
-    """
-
-    face: int
-    face_size_px: int
+    face: int  # index into `omnisim.core.cube.FACE_NAMES`
+    face_size_px: int  # texels across the 90° of the whole face
+    # first texel (right, down) from the face's top left corner; negative if the tile begins
+    # outside of the face
     origin_px: tuple[int, int]
-    size_px: tuple[int, int]
+    size_px: tuple[int, int]  # width and height, gutter included
+    # tangents (right, down) of the top left and the bottom right corner of the region that is
+    # looked up in this tile only
     region: tuple[tuple[float, float], tuple[float, float]]
+    # position in the atlas
     left_px: int = 0
     top_px: int = 0
 
@@ -64,7 +59,7 @@ class Tile:
         return self.left_px - self.origin_px[0], self.top_px - self.origin_px[1]
 
     @property
-    def padded_region(self) -> NDArray[np.float64]:
+    def padded_region(self) -> Float64s:
         """Tangents (2, 2) of the top left and the bottom right corner, gutter included."""
         origin = np.array(self.origin_px, dtype=np.float64)
         return -1.0 + 2.0 * np.stack((origin, origin + self.size_px)) / self.face_size_px
@@ -72,18 +67,12 @@ class Tile:
 
 @dataclass(frozen=True)
 class TilePlan:
-    """Virtual cameras of a sensor, and the atlas that holds them.
+    """Virtual cameras of a sensor, and the atlas that holds them."""
 
-    Attributes:
-        tiles: tiles of the atlas, sorted by face.
-        max_level: highest mip level that lookups reach.
-        level_bias: offset from the mip level whose texels are as wide as a lookup's footprint.
-        width_px, height_px: size of the atlas.
-    """
-
-    tiles: tuple[Tile, ...]
-    max_level: int
-    level_bias: float
+    tiles: tuple[Tile, ...]  # tiles of the atlas, sorted by face
+    max_level: int  # highest mip level that lookups reach
+    level_bias: float  # offset from the mip level whose texels are as wide as a lookup's footprint
+    # size of the atlas
     width_px: int
     height_px: int
 
@@ -98,18 +87,18 @@ class TilePlan:
         return max(sides_px) <= side_px and math.prod(sides_px) <= max_texels
 
     @property
-    def rectangles_px(self) -> NDArray[np.float64]:
+    def rectangles_px(self) -> Float64s:
         """Left, top, width and height (tiles, 4) of each tile in the atlas."""
         return np.array([(one.left_px, one.top_px, *one.size_px) for one in self.tiles], np.float64)
 
 
 def plan_tiles(
     camera: CentralCamera,
-    rig_from_optical: NDArray[np.float64],
+    rig_from_optical: Float64s,
     texels_per_pixel: float = 1.0,
     *,
     face_size_px: int | None = None,
-    also_seen: NDArray[np.float64] | None = None,
+    also_seen: Float64s | None = None,
     subdivide: bool = False,
     level_bias: float = 0.0,
 ) -> TilePlan:
@@ -239,13 +228,7 @@ def _texels(region: RegionDensity, texels_per_pixel: float) -> float:
     return float(np.prod(extent * texels_per_pixel * region.max_px_per_tan))
 
 
-def _tile(
-    face: int,
-    face_size_px: int,
-    region: NDArray[np.float64],
-    seen_region: NDArray[np.float64],
-    step: int,
-) -> Tile:
+def _tile(face: int, face_size_px: int, region: Float64s, seen_region: Float64s, step: int) -> Tile:
     """Tile around visible tangents (2, 2), without a position in the atlas.
 
     Tiles, and their faces, begin at multiples of `step`, and the gutter is one whole step: no mip
@@ -280,7 +263,7 @@ def pack_tiles(tiles: Sequence[Tile], level: int, level_bias: float) -> TilePlan
     return TilePlan(tuple(packed), level, level_bias, used_px, top_px + row_px)
 
 
-def _image_rays(camera: CentralCamera) -> NDArray[np.float64]:
+def _image_rays(camera: CentralCamera) -> Float64s:
     """Directions (n, 3), optical frame, that the image sees, edges and corners included.
 
     A small image from a long lens falls between the samples of a face's grid.
@@ -289,3 +272,86 @@ def _image_rays(camera: CentralCamera) -> NDArray[np.float64]:
     v = np.linspace(-0.5, camera.height_px - 0.5, min(GRID, camera.height_px + 2))
     rays = camera.ray_from_pixel(np.stack(np.meshgrid(u, v), axis=-1))
     return rays.directions[rays.valid]
+
+
+# Views of the tiles from a pose: matrices and frustum planes of the virtual cameras.
+
+
+_MIN_LENGTH = 1e-30  # of a normal: an infinitely far plane has a normal of 0
+
+
+class PosedViews(NamedTuple):
+    """Views of all tiles in one frame, in the viewpoint frame."""
+
+    tiles: tuple[Tile, ...]  # the tiles
+    # (tiles, 4, 4) projections from the viewpoint frame to clip space
+    clips_from_viewpoint: Float64s
+    # (tiles, 6, 4), inward unit normals and distances of left, right, top, bottom, near and far.
+    # A point is inside if n · (x, y, z) + d ≥ 0
+    frustum_planes: Float64s
+
+    def cull(self, centers_m: Float64s, radii_m: Float64s) -> Mask:
+        """Mask (tiles, n) of spheres (n, 3) and (n,) that are not outside of a tile's frustum."""
+        inside_m = self.frustum_planes[..., :3] @ centers_m.T + self.frustum_planes[..., 3:]
+        return np.all(inside_m + radii_m >= 0.0, axis=1)
+
+
+class TileViews:
+    """Projections of all tiles of a plan.
+
+    Args:
+        plan: the tiles.
+        near_m, far_m: clip planes of the virtual cameras.
+    """
+
+    def __init__(self, plan: TilePlan, near_m: float, far_m: float):
+        self._tiles = plan.tiles
+        self._faces_from_rig = FACE_FROM_RIG[[tile.face for tile in plan.tiles]]
+        self._clips_from_face = np.stack([_projection(one, near_m, far_m) for one in plan.tiles])
+        self._planes_in_rig = frustum_planes(clips_from_rig(plan, near_m, far_m))
+
+    def at(self, world_from_rig: Float64s) -> PosedViews:
+        """Views from a pose (4, 4)."""
+        rig_from_viewpoint = world_from_rig[:3, :3].T
+        clips, planes = self._clips_from_face.copy(), self._planes_in_rig.copy()
+        clips[..., :3] = clips[..., :3] @ (self._faces_from_rig @ rig_from_viewpoint)
+        planes[..., :3] = planes[..., :3] @ rig_from_viewpoint
+        return PosedViews(self._tiles, clips, planes)
+
+
+def frustum_planes(clips: Float64s) -> Float64s:
+    """Frustum planes (n, 6, 4), see `PosedViews`, of matrices (n, 4, 4) to clip space."""
+    x, y, z, w = np.moveaxis(clips, 1, 0)
+    planes: Float64s = np.stack((w + x, w - x, w + y, w - y, w - z, z), axis=1)
+    lengths = np.linalg.norm(planes[..., :3], axis=-1, keepdims=True)
+    planes /= np.maximum(lengths, _MIN_LENGTH)
+    return planes
+
+
+def clips_from_rig(plan: TilePlan, near_m: float, far_m: float) -> Float64s:
+    """Matrices (tiles, 4, 4) from rig axes at the viewpoint to each tile's clip space."""
+    clips = np.stack([_projection(one, near_m, far_m) for one in plan.tiles])
+    clips[..., :3] = clips[..., :3] @ FACE_FROM_RIG[[tile.face for tile in plan.tiles]]
+    return clips
+
+
+def _projection(tile: Tile, near_m: float, far_m: float) -> Float64s:
+    """Matrix (4, 4) clip_from_face of a tile; clip-space y points down the image.
+
+    Depth is 1 at the near plane and 0 at the far plane, which may be infinite.
+    """
+    first, last = tile.padded_region
+    (x_scale, y_scale), (x_shift, y_shift) = 2.0 / (last - first), -(last + first) / (last - first)
+    if math.isinf(far_m):
+        z_scale, z_shift = 0.0, near_m
+    else:
+        z_scale = -near_m / (far_m - near_m)
+        z_shift = far_m * near_m / (far_m - near_m)
+    return np.array(
+        [
+            [x_scale, 0.0, x_shift, 0.0],
+            [0.0, y_scale, y_shift, 0.0],
+            [0.0, 0.0, z_scale, z_shift],
+            [0.0, 0.0, 1.0, 0.0],
+        ]
+    )

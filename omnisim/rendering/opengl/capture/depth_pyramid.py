@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
 from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer
 from omnisim.rendering.opengl.gl.functions import StorageBindings
 from omnisim.rendering.opengl.gl.gpu_textures import copy_textures, depth_texture, texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
-from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
-from omnisim.rendering.opengl.gl.uniforms import columns_first, find_uniform, uniform
+from omnisim.rendering.opengl.gl.memory import gpu_allocation, gpu_buffer
+from omnisim.rendering.opengl.gl.shader_files import (
+    build_compute_shader,
+    columns_first,
+    find_uniform,
+    uniform,
+)
 
 _CELLS = 64  # per face side; tiles end at cell edges; as in first_surface.glsl
 _BLOCK, _BLOCKS_PER_GROUP = 8, 8  # per side, as in depth_bounds.comp
@@ -102,7 +105,7 @@ class DepthPyramid:
         )
 
 
-def _cell_tiles(plan: TilePlan) -> NDArray[np.float32]:
+def _cell_tiles(plan: TilePlan) -> Float32s:
     """Offset and scale from tangents to texels (cells, faces × cells, 4); 0: not in any tile."""
     cell_tiles = np.zeros((_CELLS, len(FACE_NAMES), _CELLS, 4), dtype=np.float32)
     for tile in plan.tiles:

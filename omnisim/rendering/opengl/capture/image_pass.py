@@ -8,21 +8,18 @@ from typing import Protocol
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, Mask
 from omnisim.rendering.opengl.atlas.image_parts import ImagePart
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.capture.pixel_map import CaptureOutput, PixelMap
-from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer
+from omnisim.rendering.opengl.capture.pixel_map import CaptureOutput, PixelMap, valid_pixels_array
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, within
 from omnisim.rendering.opengl.gl.functions import StorageBindings
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.memory import gpu_allocation, gpu_buffer
 from omnisim.rendering.opengl.gl.pixel_readback import Pixels, read_once
-from omnisim.rendering.opengl.gl.shader_files import build_program
+from omnisim.rendering.opengl.gl.shader_files import build_program, uniform
 from omnisim.rendering.opengl.gl.state import GlState
-from omnisim.rendering.opengl.gl.uniforms import uniform
 
 # Limit of a table, which the least storage buffers hold; larger images have textures instead.
 MAX_TABLE_BYTES = 128 * 2**20
@@ -81,8 +78,7 @@ class RemapPass:
     def __init__(self, samples: PixelMap, plan: TilePlan, supersampling: int):
         context = samples.context
         target = framebuffer(
-            context,
-            [renderbuffer(context, samples.size_px, parts, dtype="f4") for parts in (2, 1)],
+            context, [renderbuffer(context, samples.size_px, parts, dtype="f4") for parts in (2, 1)]
         )
         context.disable(moderngl.BLEND | moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         clear_target(target, *[(-1.0, -1.0, 0.0, 0.0)] * 2)
@@ -97,7 +93,7 @@ class RemapPass:
             tables.append(gpu_buffer(context, _by_pixel(target, 1, supersampling)))
             defines.append("MIP_LEVELS")
         self._tables, self._state = StorageBindings(tables, _FIRST_TABLE), GlState()
-        valid: NDArray[np.bool_] = np.any(uvs[..., 0] >= 0.0, axis=-1)
+        valid: Mask = np.any(uvs[..., 0] >= 0.0, axis=-1)
         self._array = image_array(context, valid, supersampling, *defines)
         self._make_batch_array = partial(
             image_array, context, valid, supersampling, *defines, "BATCH"
@@ -159,7 +155,7 @@ class UvPass:
         self._largest_px = supersampling * largest_px[0], supersampling * largest_px[1]
         self._kept: dict[tuple[int, int, int, int], moderngl.Framebuffer] = {}
         self._kept_bytes = 0
-        self._corrections: dict[tuple[int, int, int, int], NDArray[np.float32]] = {}
+        self._corrections: dict[tuple[int, int, int, int], Float32s] = {}
         self._uvs_array = samples.vertex_array(CaptureOutput.UV, parts[0].plan)
         width, height = (length // supersampling for length in samples.size_px)
         everything = np.ones((height, width), dtype=np.bool_)
@@ -217,7 +213,7 @@ class UvPass:
 
 
 def image_array(
-    context: moderngl.Context, valid: NDArray[np.bool_], supersampling: int, *defines: str
+    context: moderngl.Context, valid: Mask, supersampling: int, *defines: str
 ) -> moderngl.VertexArray:
     """Vertex array over the valid pixels (height, width), for UVs or for colors of pixels."""
     program = build_program(
@@ -229,9 +225,7 @@ def image_array(
     return valid_pixels_array(context, program, valid)
 
 
-def _by_pixel(
-    target: moderngl.Framebuffer, attachment: int, supersampling: int
-) -> NDArray[np.float32]:
+def _by_pixel(target: moderngl.Framebuffer, attachment: int, supersampling: int) -> Float32s:
     """Values (height, width, supersampling², parts) of an attachment, grouped by pixel."""
     samples = _values(target, attachment)
     height, width = (length // supersampling for length in samples.shape[:2])
@@ -240,14 +234,14 @@ def _by_pixel(
     return np.ascontiguousarray(by_pixel).reshape(height, width, supersampling**2, -1)
 
 
-def _values(target: moderngl.Framebuffer, attachment: int) -> NDArray[np.float32]:
+def _values(target: moderngl.Framebuffer, attachment: int) -> Float32s:
     """Values (height, width, parts) of an attachment: two parts of the first, one of the other."""
     values = np.empty((*target.size[::-1], (2, 1)[attachment]), dtype=np.float32)
     read_once(target.ctx, (Pixels(target, attachment), values))
     return values
 
 
-def _drawn(target: moderngl.Framebuffer, width: int, height: int) -> NDArray[np.bool_]:
+def _drawn(target: moderngl.Framebuffer, width: int, height: int) -> Mask:
     """Mask (height, width) of the UVs that are drawn, read in bands to save memory."""
     drawn, step = np.empty((height, width), dtype=np.bool_), max(1, _PIXELS_PER_BAND // width)
     for first in range(0, height, step):

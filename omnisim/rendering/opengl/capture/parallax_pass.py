@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, Indices, Mask
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
 from omnisim.rendering.opengl.capture.image_pass import image_array
 from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays, SampleRays
-from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
+from omnisim.rendering.opengl.capture.pixel_map import valid_pixels_array
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels
-from omnisim.rendering.opengl.gl.shader_files import build_program
-from omnisim.rendering.opengl.gl.uniforms import find_uniform, uniform, write_fog
+from omnisim.rendering.opengl.gl.shader_files import build_program, find_uniform, uniform, write_fog
 from omnisim.scene.model import Fog
 
 # texture units
@@ -30,7 +29,7 @@ _PARTS = 64  # maximum samples per pixel, as in capture/parallax_samples.frag
 _LEFT = 1  # attachment
 
 # Linear RGB (n, 3) along rays (n,).
-CastSamples = Callable[[SampleRays], NDArray[np.float32]]
+CastSamples = Callable[[SampleRays], Float32s]
 
 
 class RayTextures(NamedTuple):
@@ -70,7 +69,7 @@ class ParallaxPass:
         rays: ParallaxRays,
         plan: TilePlan,
         pyramid: DepthPyramid,
-        shown: NDArray[np.bool_] | None = None,
+        shown: Mask | None = None,
         fog: Fog | None = None,
     ):
         self._context, self._sample_rays, self._plan = context, rays, plan
@@ -186,7 +185,7 @@ class ParallaxPass:
             colors[pixels, channel] += share * sums
         self._colors.write(colors)
 
-    def _samples_left(self) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]:
+    def _samples_left(self) -> tuple[Indices, Indices, Indices]:
         """Undecided samples.
 
         Returns:
@@ -208,7 +207,7 @@ class ParallaxPass:
         )
         return pixels, at, parts
 
-    def _draw_samples(self, samples: NDArray[np.intp]) -> NDArray[np.float32]:
+    def _draw_samples(self, samples: Indices) -> Float32s:
         """Linear RGB (n, 4) of samples (n,), with alpha 1 where the surface hit is known."""
         rows = -(-len(samples) // _SAMPLE_ROW)
         if rows > self._samples.height:
@@ -258,3 +257,64 @@ def ray_textures(context: moderngl.Context, rays: ParallaxRays) -> RayTextures:
     texels[1:count:2, :3] = rays.rim_origins_m.reshape(-1, 3)
     size = _RIM_ROW, len(texels) // _RIM_ROW
     return RayTextures(textures[0], textures[1], texture_2d(context, size, 4, texels))
+
+
+# Image pass with separate rays for red, green and blue.
+
+
+_GREEN = 1  # its rays decide which pixels are valid
+
+
+class ChromaticPass:
+    """Image pass of a refracting camera: one pass per channel, from one atlas.
+
+    Args:
+        context: OpenGL context.
+        rays: sample rays of R, G and B from the viewpoint, rig frame.
+        plan: tiles of the atlas.
+        pyramid: hierarchical depth of the atlas.
+        fog: see `ParallaxPass`.
+
+    Attributes:
+        undecided_samples: number of undecided samples in the last image, all channels.
+
+    Raises:
+        GraphicsError: out of GPU memory.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        rays: Sequence[ParallaxRays],
+        plan: TilePlan,
+        pyramid: DepthPyramid,
+        fog: Fog | None = None,
+    ):
+        self._pyramid, self.undecided_samples = pyramid, 0
+        shown = rays[_GREEN].valid_shares() >= 0.5
+        self._passes = [ParallaxPass(context, one, plan, pyramid, shown, fog) for one in rays]
+
+    def draw(
+        self,
+        atlas: moderngl.Texture,
+        depth: moderngl.Texture,
+        target: moderngl.Framebuffer,
+        cast: CastSamples | None,
+    ) -> None:
+        """Draw the pixels that are valid in green, see `ParallaxPass.draw`."""
+        self._pyramid.update(depth)
+        self.undecided_samples = 0
+        for channel, one in enumerate(self._passes):
+            _write_only(target, [channel == color for color in range(3)] + [channel == _GREEN])
+            try:
+                one.draw_again(atlas, target, cast)
+            finally:
+                _write_only(target, [True] * 4)
+            self.undecided_samples += one.undecided_samples
+
+
+def _write_only(target: moderngl.Framebuffer, channels: Sequence[bool]) -> None:
+    """Set the RGBA channels that drawing writes, in all attachments."""
+    mask, count = tuple(channels), len(target.color_attachments)
+    masks = mask if count == 1 else (mask,) * count
+    setattr(target, "color_mask", masks)  # noqa: B010  moderngl's stubs know one attachment only

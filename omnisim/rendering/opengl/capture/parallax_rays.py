@@ -9,47 +9,36 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
+
 MARGIN_PX = 2  # around the image, as in capture/parallax.frag
 
 
 class SampleRays(NamedTuple):
     """Rays (n,) of samples, in the frame of the image's rays."""
 
-    directions: NDArray[np.float64]  # (n, 3), unit
-    origins_m: NDArray[np.float64]  # (n, 3)
-    footprints: NDArray[np.float32]  # (n, 2, 3) changes of the direction to the next samples
+    directions: Float64s  # (n, 3), unit
+    origins_m: Float64s  # (n, 3)
+    footprints: Float32s  # (n, 2, 3) changes of the direction to the next samples
 
 
 @dataclass(frozen=True, eq=False)
 class ParallaxRays:
-    """Rays of pixel centers, from which those of samples are interpolated, or sample rays.
+    """Rays of pixel centers, from which those of samples are interpolated, or sample rays."""
 
-    Attributes:
-        supersampling: samples per pixel side.
-        directions: (height + 2 margins, width + 2 margins, 3) unit; 0: no ray.
-        origins_m: origins of these rays, same shape.
-        smooth: (height, width) pixels whose sample rays are interpolated.
-        rim_numbers: (height, width) row of each other pixel in the arrays below; −1: no ray.
-        rim_directions: (n, samples, 3), samples row by row.
-        rim_origins_m: origins of these, same shape.
-        rim_valid: (n, samples) mask of the samples with a ray.
-    """
-
-    supersampling: int
-    directions: NDArray[np.float32]
-    origins_m: NDArray[np.float32]
-    smooth: NDArray[np.bool_]
-    rim_numbers: NDArray[np.intp]
-    rim_directions: NDArray[np.float32]
-    rim_origins_m: NDArray[np.float32]
-    rim_valid: NDArray[np.bool_]
+    supersampling: int  # samples per pixel side
+    directions: Float32s  # (height + 2 margins, width + 2 margins, 3) unit; 0: no ray
+    origins_m: Float32s  # origins of these rays, same shape
+    smooth: Mask  # (height, width) pixels whose sample rays are interpolated
+    # (height, width) row of each other pixel in the arrays below; −1: no ray
+    rim_numbers: Indices
+    rim_directions: Float32s  # (n, samples, 3), samples row by row
+    rim_origins_m: Float32s  # origins of these, same shape
+    rim_valid: Mask  # (n, samples) mask of the samples with a ray
 
     @staticmethod
     def interpolated(
-        supersampling: int,
-        directions: NDArray[np.float32],
-        origins_m: NDArray[np.float32],
-        smooth: NDArray[np.bool_],
+        supersampling: int, directions: Float32s, origins_m: Float32s, smooth: Mask
     ) -> ParallaxRays:
         """Rays whose samples are all interpolated; the arguments are the attributes."""
         own = np.zeros((0, supersampling**2, 3), dtype=np.float32)
@@ -60,7 +49,7 @@ class ParallaxRays:
         )
 
     @property
-    def shown(self) -> NDArray[np.bool_]:
+    def shown(self) -> Mask:
         """Pixels (height, width) with at least one sample ray."""
         return self.smooth | (self.rim_numbers >= 0)
 
@@ -73,7 +62,7 @@ class ParallaxRays:
         bits[rim] = (self.rim_valid * powers).sum(axis=1)[self.rim_numbers[rim]]
         return bits.ravel()
 
-    def valid_shares(self) -> NDArray[np.float32]:
+    def valid_shares(self) -> Float32s:
         """Share (height, width) of each pixel's samples that have a ray."""
         shares = self.smooth.astype(np.float32)
         rim = self.rim_numbers >= 0
@@ -81,7 +70,7 @@ class ParallaxRays:
         return shares
 
     @cached_property
-    def valid(self) -> NDArray[np.bool_]:
+    def valid(self) -> Mask:
         """Pixels (height, width) whose center has a ray."""
         inner = slice(MARGIN_PX, -MARGIN_PX)
         return np.asarray(self.directions[inner, inner].any(axis=-1))
@@ -98,7 +87,7 @@ class ParallaxRays:
             longest = max(longest, float(lengths_m.max(initial=0.0)))
         return longest
 
-    def centers(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def centers(self) -> tuple[Float64s, Float64s]:
         """Directions and origins (n, 3) of the valid pixel centers, row by row."""
         inner = slice(MARGIN_PX, -MARGIN_PX)
         return (
@@ -106,18 +95,14 @@ class ParallaxRays:
             self.origins_m[inner, inner][self.valid].astype(np.float64),
         )
 
-    def seen_from(self, viewpoint_m: NDArray[np.float64]) -> ParallaxRays:
+    def seen_from(self, viewpoint_m: Float64s) -> ParallaxRays:
         """The same rays, origins relative to a point (3,)."""
         offset_m = viewpoint_m.astype(np.float32)
         return replace(
-            self,
-            origins_m=self.origins_m - offset_m,
-            rim_origins_m=self.rim_origins_m - offset_m,
+            self, origins_m=self.origins_m - offset_m, rim_origins_m=self.rim_origins_m - offset_m
         )
 
-    def of(
-        self, rows: NDArray[np.intp], columns: NDArray[np.intp], parts: NDArray[np.intp]
-    ) -> SampleRays:
+    def of(self, rows: Indices, columns: Indices, parts: Indices) -> SampleRays:
         """Rays of samples (n,) by row, column and sample number in the pixel (n,)."""  # fmt: skip
         side = self.supersampling
         offsets = (np.stack((parts % side, parts // side), axis=1) + 0.5) / side - 0.5
@@ -146,13 +131,9 @@ class ParallaxRays:
         return SampleRays(directions, origins_m, footprints)
 
 
-def _parabolas(offsets: NDArray[np.float64]) -> NDArray[np.float64]:
+def _parabolas(offsets: Float64s) -> Float64s:
     """Weights (n, 3, 2) of the previous, own and next pixel, for offsets (n, 2) in pixels."""
     return np.stack(
-        (
-            0.5 * offsets * (offsets - 1.0),
-            1.0 - offsets * offsets,
-            0.5 * offsets * (offsets + 1.0),
-        ),
+        (0.5 * offsets * (offsets - 1.0), 1.0 - offsets * offsets, 0.5 * offsets * (offsets + 1.0)),
         axis=1,
     )

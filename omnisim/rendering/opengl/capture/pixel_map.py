@@ -12,19 +12,96 @@ from functools import cached_property
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, MirroredCamera, Rays
 from omnisim.cameras.mirrors import MirrorMesh, tessellate
 from omnisim.cameras.mirrors.mirror_mesh_rays import mesh_rays
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer
+from omnisim.core.array_types import Float32s, Float64s, Mask
+from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES
+from omnisim.rendering.opengl.atlas.tile_plan import MAX_TILES, TilePlan
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
+from omnisim.rendering.opengl.gl.memory import gpu_buffer
 from omnisim.rendering.opengl.gl.pixel_readback import Pixels, read_once
-from omnisim.rendering.opengl.gl.shader_files import build_program
-from omnisim.rendering.opengl.gl.uniforms import find_uniform
+from omnisim.rendering.opengl.gl.shader_files import (
+    build_program,
+    columns_first,
+    find_uniform,
+    uniform,
+)
+
+
+def bind_tiles(program: moderngl.Program, plan: TilePlan, rig_from_optical: Float64s) -> None:
+    """Set a program's uniforms of tiles, mip levels, and rig_from_optical (3, 3)."""
+    regions, padded, uv_from_tangent = (
+        np.zeros((MAX_TILES, 4), dtype=np.float32) for _ in range(3)
+    )
+    px_per_tan = np.zeros(MAX_TILES, dtype=np.float32)
+    atlas_px = np.array([plan.width_px, plan.height_px], dtype=np.float64)
+    for index, tile in enumerate(plan.tiles):
+        half_px = 0.5 * tile.face_size_px
+        middle_px = np.array(tile.face_corner_px) + half_px
+        uv_from_tangent[index] = np.concatenate((middle_px / atlas_px, half_px / atlas_px))
+        regions[index] = np.ravel(tile.region)
+        padded[index] = tile.padded_region.ravel()
+        px_per_tan[index] = half_px
+    face_of_tile = [tile.face for tile in plan.tiles]
+    first_tiles = np.searchsorted(face_of_tile, np.arange(len(FACE_NAMES) + 1))
+    for name, values in (
+        ("u_max_level", np.float32(plan.max_level)),
+        ("u_level_bias", np.float32(plan.level_bias)),
+        ("u_atlas_px", atlas_px.astype("<f4")),
+        ("u_rig_from_optical", columns_first(rig_from_optical)),
+        ("u_face_from_rig", columns_first(FACE_FROM_RIG)),
+        ("u_first_tile", first_tiles.astype("<i4")),
+        ("u_tile_region", regions),
+        ("u_tile_padded_region", padded),
+        ("u_uv_from_tangent", uv_from_tangent),
+        ("u_tile_px_per_tan", px_per_tan),
+    ):
+        uniform = find_uniform(program, name)
+        if uniform is not None:
+            uniform.write(values)
+
+
+# Triangles that cover an image's valid pixels, so that nothing outside a mirror is drawn.
+
+
+STRIP_PX = 8  # height of a rectangle
+
+
+def covering_triangles(valid: Mask) -> Float32s:
+    """Corners (n, 2) in px (right, down) of triangles that cover all valid pixels.
+
+    Three corners form a triangle. The image's first corner is (0, 0).
+
+    Args:
+        valid: (height, width) mask.
+    """
+    height = len(valid)
+    triangles = []
+    for top in range(0, height, STRIP_PX):
+        columns = np.flatnonzero(valid[top : top + STRIP_PX].any(axis=0))
+        if not columns.size:
+            continue
+        left, right = int(columns[0]), int(columns[-1]) + 1
+        bottom = min(top + STRIP_PX, height)
+        triangles += [(left, top), (right, top), (left, bottom)]
+        triangles += [(left, bottom), (right, top), (right, bottom)]
+    return np.array(triangles, dtype=np.float32).reshape(-1, 2)
+
+
+def valid_pixels_array(
+    context: moderngl.Context, program: moderngl.Program, valid: Mask
+) -> moderngl.VertexArray:
+    """Vertex array over the valid pixels (height, width) for `capture/image.vert`."""
+    corners = covering_triangles(valid)
+    if not corners.size:
+        corners = np.zeros((3, 2), dtype=np.float32)  # OpenGL has no empty buffer
+    height, width = valid.shape
+    uniform(program, "u_image_size_px").value = (width, height)
+    return context.vertex_array(program, [(gpu_buffer(context, corners), "2f4", "in_corner_px")])
+
 
 RAYS_UNIT = 1  # texture unit of the rays, for programs that read them
 _BLOCK = 8  # pixels per side of the blocks around a difference in which others are searched
@@ -85,9 +162,7 @@ class PixelMap:
             self.correcting_array(CaptureOutput.RAY, corrections).render()
         return rays
 
-    def draw_rays(
-        self, target: moderngl.Framebuffer
-    ) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
+    def draw_rays(self, target: moderngl.Framebuffer) -> tuple[Mask, Float32s]:
         """Draw the rays to a target of four components.
 
         Returns:
@@ -110,7 +185,7 @@ class PixelMap:
         drawn[rows, columns] = corrections[:, 5] > 0.5
         return drawn, corrections
 
-    def read_rays(self) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    def read_rays(self) -> tuple[Float32s, Mask]:
         """Unit rays (height, width, 3) in the optical frame, and their validity (height, width)."""
         width, height = self.size_px
         rays = np.empty((height, width, 4), dtype=np.float32)
@@ -118,13 +193,11 @@ class PixelMap:
         return rays[..., :3], rays[..., 3] > 0.5
 
     @cached_property
-    def valid(self) -> NDArray[np.bool_]:
+    def valid(self) -> Mask:
         """Pixels (height, width) with a ray."""
         return self.read_rays()[1]
 
-    def corrections(
-        self, drawn: NDArray[np.bool_], first_px: tuple[int, int] = (0, 0)
-    ) -> NDArray[np.float32]:
+    def corrections(self, drawn: Mask, first_px: tuple[int, int] = (0, 0)) -> Float32s:
         """Pixels that NumPy finds to have a ray and the GPU does not, or the other way round.
 
         The search begins at the edges of what is drawn. Around each difference it continues, since
@@ -160,7 +233,7 @@ class PixelMap:
     def correcting_array(
         self,
         emit: CaptureOutput,
-        corrections: NDArray[np.float32],
+        corrections: Float32s,
         plan: TilePlan | None = None,
         size_px: tuple[int, int] | None = None,
     ) -> moderngl.VertexArray:
@@ -198,7 +271,7 @@ class PixelMap:
             if (member := find_uniform(array.program, name)) is not None:
                 member.value = value
 
-    def _reference(self, pixels_px: NDArray[np.float64]) -> Rays:
+    def _reference(self, pixels_px: Float64s) -> Rays:
         """NumPy's rays of pixels (n, 2)."""
         if self._mesh is not None and isinstance(self.camera, HyperbolicCamera):
             return mesh_rays(self.camera, self._mesh, pixels_px)
@@ -252,7 +325,7 @@ class PixelMap:
         )
 
 
-def _grown(mask: NDArray[np.bool_], outside: bool) -> NDArray[np.bool_]:
+def _grown(mask: Mask, outside: bool) -> Mask:
     """Mask (rows, columns) of the cells that are set, or have a neighbor that is."""
     padded = np.pad(mask, 1, constant_values=outside)
     padded = padded[:-2] | padded[1:-1] | padded[2:]

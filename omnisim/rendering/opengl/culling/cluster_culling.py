@@ -8,18 +8,21 @@ slice by slice, which bounds the memory for any scene.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from functools import cached_property
 from itertools import chain
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.culling.cluster_buffers import BOUNDS_UNIT, DEPTH_UNIT, ClusterBuffers
-from omnisim.rendering.opengl.culling.cluster_views import Views
-from omnisim.rendering.opengl.culling.command_slices import BANDS, command_slices
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
+from omnisim.core.array_types import Float64s, Indices, Mask, UInt32s
+from omnisim.rendering.opengl.culling.clusters import ClusterHierarchy
 from omnisim.rendering.opengl.gl.functions import COMMAND_BYTES, StorageBindings
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
+from omnisim.rendering.opengl.gl.memory import gpu_allocation, gpu_buffer, written_buffer
+from omnisim.rendering.opengl.gl.shader_files import build_compute_shader, columns_first
 from omnisim.rendering.opengl.gl.state import GlState
 
 # A GPU rounds the position of an edge to a sixteenth of a texel at worst.
@@ -161,7 +164,7 @@ class ClusterCuller:
         """Size of the buffers for all cameras, bytes."""
         return self._bound.size
 
-    def show(self, shown: NDArray[np.bool_]) -> None:
+    def show(self, shown: Mask) -> None:
         """Show only the selected clusters (clusters,)."""
         self._shown.write(self._buffers.masks_of_groups(shown))
 
@@ -220,3 +223,322 @@ class ClusterCuller:
             | context.COMMAND_BARRIER_BIT
             | context.VERTEX_ATTRIB_ARRAY_BARRIER_BIT
         )
+
+
+# GPU buffers of clusters and their groups, laid out as in shaders/culling/views.glsl.
+
+
+# Texture of bounds: entries of four words, see shaders/culling/bounds.glsl.
+_GROUP = np.dtype(
+    [("aabb_min", "<f4", 3), ("first_cluster", "<u4"), ("aabb_max", "<f4", 3), ("object", "<u4")]
+)
+_CLUSTER = np.dtype(
+    [
+        ("aabb_min", "<f4", 3),
+        ("width", "<f4"),
+        ("aabb_max", "<f4", 3),
+        ("unused", "<u4"),
+        ("cone_axis", "<f4", 3),
+        ("cone_sine", "<f4"),
+    ]
+)
+_BLOCK = np.dtype(
+    [("aabb_min", "<f4", 3), ("first_group", "<u4"), ("aabb_max", "<f4", 3), ("groups", "<u4")]
+)
+_MAX_GROUPS = 8  # per block: software drivers test eight blocks at once
+_ENTRY, _ROW = np.dtype("<u4, <u4, <u4, <u4"), 1 << 12  # entries per row
+# Texture units that no drawing program uses: its own textures stay bound during culling.
+DEPTH_UNIT, BOUNDS_UNIT = 16, 17
+
+
+class CullingShaders:
+    """Compute shaders of culling, each compiled when it is first needed.
+
+    Args:
+        context: OpenGL context.
+    """
+
+    def __init__(self, context: moderngl.Context):
+        self._context = context
+        self._cull: dict[int, moderngl.ComputeShader] = {}
+
+    @cached_property
+    def instances(self) -> moderngl.ComputeShader:
+        """Shader that writes the matrices of objects in views."""
+        return build_compute_shader(self._context, "culling/instances.comp")
+
+    @cached_property
+    def groups(self) -> moderngl.ComputeShader:
+        """Shader that culls groups; remaining groups become candidates of the first pass."""
+        return self._with_bounds("groups.comp")
+
+    def cull(self, number: int) -> moderngl.ComputeShader:
+        """Shader that culls clusters in the only pass (0), the first (1) or a later one (2)."""
+        if number not in self._cull:
+            self._cull[number] = self._with_bounds("cull.comp", f"PASS {number}")
+        return self._cull[number]
+
+    @cached_property
+    def commands(self) -> moderngl.ComputeShader:
+        """Shader that writes the draw commands of visible clusters."""
+        return self._with_bounds("commands.comp")
+
+    @cached_property
+    def hi_z(self) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
+        """Shaders of hierarchical depth between two passes, for fine and coarse levels."""
+        return self._hi_z()
+
+    @cached_property
+    def layered_hi_z(self) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
+        """Shaders of hierarchical depth for cameras with one layer each."""
+        return self._hi_z("LAYERED")
+
+    def _with_bounds(self, name: str, *defines: str) -> moderngl.ComputeShader:
+        shader = build_compute_shader(self._context, f"culling/{name}", defines)
+        shader["u_bounds"] = BOUNDS_UNIT
+        return shader
+
+    def _hi_z(self, *defines: str) -> tuple[moderngl.ComputeShader, moderngl.ComputeShader]:
+        fine = build_compute_shader(self._context, "culling/hi_z.comp", defines)
+        fine["u_atlas_depth"] = DEPTH_UNIT
+        return fine, build_compute_shader(self._context, "culling/hi_z.comp", ("COARSE", *defines))
+
+
+class ClusterBuffers:
+    """Cluster buffers that all cameras share.
+
+    Args:
+        context: OpenGL context.
+        hierarchy: clusters and groups.
+        double_sided: (clusters,) draw back faces, too.
+        objects: (groups,) index of each group's object.
+        buckets: (groups,) bucket of each group, ascending.
+
+    Attributes:
+        index_ranges: buffer with the first index of each cluster and its number of indices.
+        bounds: texture of the groups' bounds, then the clusters', then the blocks'.
+        clusters_of_group: (groups,) number of clusters per group.
+        groups_of_bucket: (buckets,) number of groups per bucket.
+        cluster_count, group_count, block_count: total numbers.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        hierarchy: ClusterHierarchy,
+        double_sided: Mask,
+        objects: Indices,
+        buckets: Indices,
+    ):
+        self._context = context
+        clusters, groups = hierarchy.clusters, hierarchy.groups
+        self.cluster_count, self.group_count = len(clusters.first), len(groups.first)
+        self._first = groups.first
+        group = np.repeat(np.arange(self.group_count), groups.children)
+        self._bits = np.uint32(1) << (np.arange(self.cluster_count) - groups.first[group]).astype(
+            np.uint32
+        )
+        index_ranges = np.stack((3 * clusters.first, 3 * clusters.triangles), axis=1)
+        self.index_ranges = gpu_buffer(context, index_ranges.astype("<u4"))
+        of_groups = np.zeros(self.group_count, dtype=_GROUP)
+        of_groups["first_cluster"], of_groups["object"] = groups.first, objects
+        of_clusters = np.zeros(self.cluster_count, dtype=_CLUSTER)
+        for name in ("aabb_min", "aabb_max"):
+            of_groups[name], of_clusters[name] = getattr(groups, name), getattr(clusters, name)
+        of_clusters["width"], of_clusters["cone_axis"] = clusters.widths, clusters.cone_axes
+        of_clusters["cone_sine"] = np.where(double_sided, np.float32(2.0), clusters.cone_sines)
+        of_blocks = _blocks(of_groups, buckets)
+        self.block_count = len(of_blocks)
+        entries = [one.view(_ENTRY) for one in (of_groups, of_clusters, of_blocks)]
+        self.bounds = _table(context, np.concatenate(entries))
+        self.clusters_of_group, self.groups_of_bucket = groups.children, np.bincount(buckets)
+        self.all_shown = self.masks_of_groups(np.ones(self.cluster_count, dtype=np.bool_))
+
+    def masks_of_groups(self, clusters: Mask) -> UInt32s:
+        """Bit mask per group (groups,) of the selected clusters (clusters,)."""
+        bits = np.where(clusters, self._bits, np.uint32(0))
+        return np.bitwise_or.reduceat(bits, self._first).astype("<u4")
+
+    @cached_property
+    def shaders(self) -> CullingShaders:
+        """Shaders of all cullers."""
+        return CullingShaders(self._context)
+
+
+def _blocks(groups: NDArray[np.void], buckets: Indices) -> NDArray[np.void]:
+    """Blocks of consecutive groups of one object and bucket, which mostly are neighbors."""
+    numbers = np.arange(len(groups))
+    keys = np.stack((groups["object"], buckets))
+    starts_run = np.append(True, (keys[:, 1:] != keys[:, :-1]).any(axis=0))
+    start_of_run = np.maximum.accumulate(np.where(starts_run, numbers, 0))
+    first = np.flatnonzero((numbers - start_of_run) % _MAX_GROUPS == 0)
+    blocks = np.zeros(len(first), dtype=_BLOCK)
+    blocks["first_group"], blocks["groups"] = first, np.diff(first, append=len(groups))
+    blocks["aabb_min"] = np.minimum.reduceat(groups["aabb_min"], first)
+    blocks["aabb_max"] = np.maximum.reduceat(groups["aabb_max"], first)
+    return blocks
+
+
+def _table(context: moderngl.Context, entries: NDArray[np.void]) -> moderngl.Texture:
+    """Texture that holds entries row by row."""
+    rows = max(1, -(-len(entries) // _ROW))
+    padded = np.zeros(rows * _ROW, dtype=_ENTRY)
+    padded[: len(entries)] = entries
+    return texture_2d(context, (_ROW, rows), 4, padded, dtype="u4")
+
+
+# Partition of the clusters into slices whose draw commands fit into one buffer.
+
+
+BANDS = 2  # distance bands, in shaders/culling/views.glsl
+RANGE = np.dtype(  # as in shaders/culling/commands.comp
+    [("first_group", "<u4"), ("groups", "<u4"), ("first_command", "<u4"), ("max_count", "<u4")]
+)
+
+
+class CommandRange(NamedTuple):
+    """Draw commands of one batch in a slice, near band and far band."""
+
+    number: int  # index over all slices
+    batch: int  # batch of buckets that one draw call draws
+    # offset of the near band in the command buffer; the far band begins `max_count` later
+    first: int
+    max_count: int  # maximum number of commands per band
+
+
+class CommandSlices(NamedTuple):
+    """Slices that use the same command buffer in turn."""
+
+    slices: tuple[tuple[CommandRange, ...], ...]  # ranges of each slice, batch by batch
+    table: NDArray[np.void]  # (ranges,) rows of type `RANGE`
+    max_commands: int  # maximum number per slice
+
+
+def command_slices(
+    clusters_of_group: NDArray[np.integer],
+    groups_of_batch: NDArray[np.integer],
+    views: int,
+    max_commands: int,
+) -> CommandSlices:
+    """Split the groups into as few slices as possible; each group stays whole.
+
+    Args:
+        clusters_of_group: (groups,) number of clusters, batch by batch.
+        groups_of_batch: (batches,) number of groups.
+        views: number of views; each may show every cluster, in either band.
+        max_commands: maximum number per slice; a single group may exceed it.
+    """
+    clusters = np.concatenate(([0], np.cumsum(clusters_of_group)))
+    of_batch = np.concatenate(([0], np.cumsum(groups_of_batch)))
+    max_clusters = max_commands // (BANDS * views)
+    slices, rows, most_used = [], list[tuple[int, int, int, int]](), 0
+    start = 0
+    while start < len(clusters) - 1:
+        end = int(np.searchsorted(clusters, clusters[start] + max_clusters, side="right")) - 1
+        end = max(end, start + 1)
+        slices.append(tuple(_ranges(clusters, of_batch, (start, end), views, rows)))
+        most_used = max(most_used, BANDS * views * int(clusters[end] - clusters[start]))
+        start = end
+    return CommandSlices(tuple(slices), np.array(rows, dtype=RANGE), most_used)
+
+
+def _ranges(
+    clusters: NDArray[np.integer],
+    of_batch: NDArray[np.integer],
+    groups: tuple[int, int],
+    views: int,
+    rows: list[tuple[int, int, int, int]],
+) -> list[CommandRange]:
+    """Ranges of the groups in the interval `groups`; appends their rows to the table."""
+    ranges = []
+    start, end = groups
+    first = 0
+    batch = int(np.searchsorted(of_batch, start, side="right")) - 1
+    while start < end:
+        last = min(end, int(of_batch[batch + 1]))
+        max_count = views * int(clusters[last] - clusters[start])
+        ranges.append(CommandRange(len(rows), batch, first, max_count))
+        rows.append((start, last - start, first, max_count))
+        first += BANDS * max_count
+        start, batch = last, batch + 1
+    return ranges
+
+
+# Views of cameras for culling: one per atlas tile, with the objects in their frames.
+#
+# Per frame the CPU writes the poses of cameras and objects; the GPU computes a matrix per object
+# and view. A view is one tile of one camera, numbered camera by camera. Object 0 is the static
+# geometry, relative to its anchor; the dynamic objects follow.
+
+
+class Views:
+    """Poses on the GPU: cameras that share a tile plan, and the objects.
+
+    Args:
+        context: OpenGL context.
+        clips_from_rig: (tiles, 4, 4) per tile of a camera, see `tile_views.clips_from_rig`.
+        rectangles_px: (tiles, 4) left, top, width and height of each tile in the atlas.
+        anchor_m: (3,) origin of the static geometry, world.
+        objects: number of objects, static geometry included.
+        cameras: maximum number of cameras.
+
+    Attributes:
+        cameras: number of cameras in the current poses.
+        tiles, objects: number of tiles per camera, and of objects.
+        poses: buffer, float32 (cameras, 1 + objects, 3, 4): rows of rig_from_viewpoint, then of
+            viewpoint_from_object per object.
+        clips_from_rig: buffer, (tiles, 4, 4), column-major.
+        rectangles_px: buffer, (views, 4): left, top, width and height in the atlas.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        clips_from_rig: Float64s,
+        rectangles_px: Float64s,
+        anchor_m: Float64s,
+        objects: int,
+        cameras: int = 1,
+    ):
+        self.cameras, self.tiles, self.objects = cameras, len(clips_from_rig), objects
+        self._anchor_m = anchor_m
+        self._poses = np.zeros((self.cameras, 1 + objects, 3, 4), dtype=np.float32)
+        self._poses[:, 1, :, :3] = np.eye(3)
+        self.poses = written_buffer(context, self._poses)
+        self.clips_from_rig = written_buffer(context, columns_first(clips_from_rig))
+        rectangles = np.tile(rectangles_px, (cameras, 1)).astype(np.float32)
+        self.rectangles_px = written_buffer(context, rectangles)
+
+    def use_tiles(self, clips_from_rig: Float64s, rectangles_px: Float64s) -> None:
+        """Replace the tiles of a single camera by others, at most as many as at first."""
+        self.tiles = len(clips_from_rig)
+        self.clips_from_rig.write(columns_first(clips_from_rig))
+        self.rectangles_px.write(rectangles_px.astype(np.float32))
+
+    @property
+    def count(self) -> int:
+        """Number of views."""
+        return self.cameras * self.tiles
+
+    def write(
+        self, worlds_from_rigs: Float64s, worlds_from_objects: Float64s | Sequence[Float64s] = ()
+    ) -> None:
+        """Write the poses of one frame.
+
+        Args:
+            worlds_from_rigs: (cameras, 4, 4), or (4, 4) of one camera.
+            worlds_from_objects: (cameras, dynamic objects, 4, 4), or (dynamic objects, 4, 4) for
+                all cameras.
+        """
+        rigs = worlds_from_rigs.reshape(-1, 4, 4)
+        self.cameras = len(rigs)
+        poses = self._poses[: self.cameras]
+        viewpoints_m = rigs[:, :3, 3]
+        poses[:, 0, :, :3] = rigs[:, :3, :3].transpose(0, 2, 1)
+        # in float64, which keeps precision far from the origin
+        poses[:, 1, :, 3] = self._anchor_m - viewpoints_m
+        if self.objects > 1:
+            objects = np.asarray(worlds_from_objects)[..., :3, :]
+            poses[:, 2:, :, :3] = objects[..., :3]
+            poses[:, 2:, :, 3] = objects[..., 3] - viewpoints_m[:, None]
+        self.poses.write(poses)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.culling.spatial_clustering import spatial_clusters
+from omnisim.core.array_types import Float32s, Indices, UInt32s
 
 # Triangles per cluster, see `spatial_clusters`. Smaller clusters are culled more tightly, but each
 # has to be tested, and in a large scene most are invisible.
@@ -25,59 +25,42 @@ WIDTHS = 17  # classes of the widths of clusters
 
 
 class Clusters(NamedTuple):
-    """Clusters of consecutive triangles.
+    """Clusters of consecutive triangles."""
 
-    Attributes:
-        first: (n,) first triangle.
-        triangles: (n,) number of triangles.
-        aabb_min, aabb_max: (n, 3) corners of the bounding boxes.
-        cone_axes: (n, 3) unit, mean normal.
-        cone_sines: (n,) sine of the largest angle between the axis and a normal; above 1 for angles
-            of 90° or more.
-        widths: (n,) side of a square as large as the mean triangle; reduced for clusters
-            of many triangles, since a wall of two occludes more than a bush of twenty.
-    """
-
-    first: NDArray[np.int64]
-    triangles: NDArray[np.int64]
-    aabb_min: NDArray[np.float32]
-    aabb_max: NDArray[np.float32]
-    cone_axes: NDArray[np.float32]
-    cone_sines: NDArray[np.float32]
-    widths: NDArray[np.float32]
+    first: NDArray[np.int64]  # (n,) first triangle
+    triangles: NDArray[np.int64]  # (n,) number of triangles
+    # (n, 3) corners of the bounding boxes
+    aabb_min: Float32s
+    aabb_max: Float32s
+    cone_axes: Float32s  # (n, 3) unit, mean normal
+    # (n,) sine of the largest angle between the axis and a normal; above 1 for angles of 90° or
+    # more
+    cone_sines: Float32s
+    # (n,) side of a square as large as the mean triangle; reduced for clusters of many triangles,
+    # since a wall of two occludes more than a bush of twenty
+    widths: Float32s
 
 
 class ClusterGroups(NamedTuple):
-    """Groups of consecutive clusters.
+    """Groups of consecutive clusters."""
 
-    Attributes:
-        first: (n,) first cluster.
-        children: (n,) number of clusters.
-        aabb_min, aabb_max: (n, 3) corners of the bounding boxes.
-    """
-
-    first: NDArray[np.int64]
-    children: NDArray[np.int64]
-    aabb_min: NDArray[np.float32]
-    aabb_max: NDArray[np.float32]
+    first: NDArray[np.int64]  # (n,) first cluster
+    children: NDArray[np.int64]  # (n,) number of clusters
+    # (n, 3) corners of the bounding boxes
+    aabb_min: Float32s
+    aabb_max: Float32s
 
 
 class ClusterHierarchy(NamedTuple):
-    """Clusters of triangles and their groups.
+    """Clusters of triangles and their groups."""
 
-    Attributes:
-        order: (n,) triangle indices sorted by cluster.
-        clusters: clusters of the triangles, sorted by group.
-        groups: groups of consecutive clusters.
-    """
-
-    order: NDArray[np.uint32]
-    clusters: Clusters
-    groups: ClusterGroups
+    order: UInt32s  # (n,) triangle indices sorted by cluster
+    clusters: Clusters  # clusters of the triangles, sorted by group
+    groups: ClusterGroups  # groups of consecutive clusters
 
 
 def build_clusters(
-    corners: NDArray[np.float32], keys: NDArray[np.integer], group_keys: NDArray[np.integer]
+    corners: Float32s, keys: NDArray[np.integer], group_keys: NDArray[np.integer]
 ) -> ClusterHierarchy:
     """Cluster triangles, and group the clusters.
 
@@ -125,10 +108,7 @@ def ranges(first: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int
 
 
 def _bound_in_order(
-    corners: NDArray[np.float32],
-    order: NDArray[np.intp],
-    first: NDArray[np.intp],
-    min_triangles: int,
+    corners: Float32s, order: Indices, first: Indices, min_triangles: int
 ) -> Clusters:
     """Bound the clusters of triangles in an order, see `bound_clusters`."""
     ends = np.append(first, len(order))
@@ -143,7 +123,7 @@ def _bound_in_order(
 
 
 def bound_clusters(
-    corners: NDArray[np.float32], first: NDArray[np.intp], min_triangles: int = MIN_TRIANGLES
+    corners: Float32s, first: Indices, min_triangles: int = MIN_TRIANGLES
 ) -> Clusters:
     """Clusters of consecutive triangles, with their bounding boxes and normal cones.
 
@@ -171,7 +151,7 @@ def bound_clusters(
     )  # fmt: skip
 
 
-def _bounds(corners: NDArray[np.float32]) -> NDArray[np.float32]:
+def _bounds(corners: Float32s) -> Float32s:
     """Bounds (6, n) of triangles: negated minimum corners, then maximum corners."""
     bounds = np.empty((6, len(corners)), dtype=np.float32)
     for start in range(0, len(corners), _BOUND_AT_ONCE):
@@ -180,3 +160,188 @@ def _bounds(corners: NDArray[np.float32]) -> NDArray[np.float32]:
         np.negative(np.minimum(np.minimum(one, two), three).T, out=bounds[:3, own])
         bounds[3:, own] = np.maximum(np.maximum(one, two), three).T
     return bounds
+
+
+# Spatial clustering: sorts boxes so that neighbors are adjacent, and splits the order into runs.
+#
+# Boxes are sorted along a Morton curve. Its cells, each half of a larger one, are visited bottom
+# up: two halves stay together if one box around both is hardly larger than a box around each.
+# Source: cells of the curve as a tree, Lauterbach et al. 2009, "Fast BVH construction on GPUs";
+# the surface area heuristic, Goldsmith & Salmon 1987, "Automatic creation of object hierarchies".
+
+
+# Bits per axis; all that a code has if more boxes share a cell than a cluster may hold.
+MORTON_BITS, MAX_MORTON_BITS = 12, 20
+_AT_ONCE = 1 << 18  # boxes; keeps intermediate arrays small
+# Shifts and masks that spread a number's bits, so that the bits of two others fit in between.
+_SPREAD_STEPS = (
+    (32, 0x1F00000000FFFF),
+    (16, 0x1F0000FF0000FF),
+    (8, 0x100F00F00F00F00F),
+    (4, 0x10C30C30C30C30C3),
+    (2, 0x1249249249249249),
+)
+
+
+def spatial_clusters(
+    bounds: Float32s, keys: NDArray[np.integer], min_size: int, max_size: int, split_factor: float
+) -> tuple[Indices, Indices]:
+    """Order boxes so that neighbors are adjacent, key by key, and split the order into clusters.
+
+    Args:
+        bounds: (6, n) negated minimum corners, then maximum corners. The maximum of several columns
+            bounds all of their boxes.
+        keys: (n,) from 0; a cluster's boxes have equal keys.
+        min_size: cells with at most this many boxes are not split.
+        max_size: maximum number of boxes per cluster.
+        split_factor: split a cell if the best split divides surface area times content by this
+            factor. Fewer clusters cost less to test; more clusters cull more tightly.
+
+    Returns:
+        The order (n,), and the position of each cluster's first box in it.
+    """
+    total = bounds.shape[1]
+    order, codes, bits = _order(bounds, keys, MORTON_BITS)
+    if _longest_run(codes) > max_size:
+        keys = np.unique(keys, return_inverse=True)[1]  # leaves more bits for the codes
+        order, codes, bits = _order(bounds, keys, MAX_MORTON_BITS)
+    levels, last_level = _levels(codes, bits, min_size, max_size)
+    first, levels = _merge_small_cells(levels, last_level, min_size)
+    cell_bounds = np.stack([np.maximum.reduceat(one[order], first) for one in bounds])
+    starts, counts = _merge_cells(
+        cell_bounds, first, levels, total, last_level, max_size, split_factor
+    )
+    # merged boxes are not split after their first, whatever was merged before
+    merged = np.bincount(starts + 1, minlength=total + 1)
+    merged -= np.bincount(starts + counts, minlength=total + 1)
+    first = first[np.cumsum(merged)[first] == 0]
+    return order, _split_to_size(first, total, max_size)
+
+
+def _levels(
+    codes: NDArray[np.uint64], bits: int, min_size: int, max_size: int
+) -> tuple[NDArray[np.int8], int]:
+    """Level (n,) at which each box begins, by its sorted code; and the last level.
+
+    It is the level of the smallest cell that a box shares with its predecessor. Boxes in the same
+    smallest cell form runs of `min_size` and then `max_size`, which count as the lowest levels.
+    """
+    total, last_level = len(codes), 3 * bits + 1
+    # the first box shares no cell, nor do boxes of different keys
+    levels = np.full(total, last_level + 1, dtype=np.int8)
+    for start in range(0, total - 1, _AT_ONCE):
+        some = codes[start : start + _AT_ONCE + 1]
+        differing = (some[1:] ^ some[:-1]).astype(np.float64)
+        exponents = np.minimum(np.frexp(differing)[1] + 1, last_level + 1)
+        levels[start + 1 : start + len(some)] = np.where(differing > 0.0, exponents, 0)
+    numbers = np.arange(total, dtype=np.uint32)
+    in_cell = numbers - np.maximum.accumulate(np.where(levels > 0, numbers, 0))
+    for level, size in ((1, min_size), (2, max_size)):
+        levels[(in_cell > 0) & (in_cell % size == 0)] = level
+    return levels, last_level
+
+
+def _merge_small_cells(
+    levels: NDArray[np.int8], last_level: int, min_size: int
+) -> tuple[Indices, NDArray[np.int8]]:
+    """First box of each maximal cell of at most `min_size` boxes, and its first level."""
+    first, total = np.arange(len(levels)), len(levels)
+    for level in range(last_level + 1):
+        heads = np.flatnonzero(levels > level)
+        if len(heads) == len(levels):
+            continue
+        counts = np.diff(first[heads], append=total)
+        stays = np.repeat(counts > min_size, np.diff(heads, append=len(levels)))
+        stays[heads] = True
+        if counts.min() > min_size:
+            break
+        first, levels = first[stays], levels[stays]
+    return first, levels
+
+
+def _merge_cells(
+    bounds: Float32s,
+    first: Indices,
+    levels: NDArray[np.int8],
+    total: int,
+    last_level: int,
+    max_size: int,
+    split_factor: float,
+) -> tuple[Indices, Indices]:
+    """First box and size of each undivided cell, at any level: splitting it brings no gain.
+
+    Args:
+        bounds: (6, n) bounds of small cells, in order.
+        first: (n,) first box of each small cell.
+        levels: (n,) level at which each small cell begins.
+        total: number of boxes.
+        last_level: highest level.
+        max_size, split_factor: see `spatial_clusters`.
+    """
+    counts = np.diff(first, append=total)
+    costs = _half_areas(bounds) * counts
+    starts, sizes = [first[:0]], [counts[:0]]
+    for level in range(last_level + 1):
+        heads = np.flatnonzero(levels > level)
+        if len(heads) == len(levels):
+            continue
+        children = np.diff(heads, append=len(levels))
+        bounds = np.maximum.reduceat(bounds, heads, axis=1)
+        counts, costs = np.add.reduceat(counts, heads), np.add.reduceat(costs, heads)
+        first, levels = first[heads], levels[heads]
+        whole = _half_areas(bounds) * counts
+        better = (children > 1) & (counts <= max_size) & (whole <= split_factor * costs)
+        costs = np.minimum(whole, costs)
+        starts.append(first[better])
+        sizes.append(counts[better])
+        if counts.min() > max_size:
+            break
+    return np.concatenate(starts), np.concatenate(sizes)
+
+
+def _split_to_size(first: Indices, total: int, max_size: int) -> Indices:
+    """First box of each cluster, after splitting those larger than `max_size`."""
+    parts = -(-np.diff(first, append=total) // max_size)
+    number = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    return np.repeat(first, parts) + max_size * number
+
+
+def _order(
+    bounds: Float32s, keys: NDArray[np.integer], max_bits: int
+) -> tuple[Indices, NDArray[np.uint64], int]:
+    """Order of boxes (6, n) by key and Morton code, the sorted codes, and bits per axis."""
+    bits = min(max_bits, (64 - int(keys.max()).bit_length()) // 3)
+    codes = keys.astype(np.uint64)
+    codes <<= np.uint64(3 * bits)
+    _add_morton_codes(bounds, bits, codes)
+    order = np.argsort(codes, kind="stable")
+    return order, codes[order], bits
+
+
+def _longest_run(values: NDArray[np.uint64]) -> int:
+    """Length of the longest run of equal sorted values (n,)."""
+    starts = np.flatnonzero(np.append(True, values[1:] != values[:-1]))
+    return int(np.diff(starts, append=len(values)).max())
+
+
+def _half_areas(bounds: Float32s) -> Float32s:
+    """Half the surface area (n,) of boxes (6, n)."""
+    x, y, z = bounds[:3] + bounds[3:]
+    return x * y + y * z + z * x
+
+
+def _add_morton_codes(bounds: Float32s, bits: int, codes: NDArray[np.uint64]) -> None:
+    """Add Morton codes of the centers of boxes (6, n) to `codes` (n,), with `bits` per axis."""
+    slices = [slice(at, at + _AT_ONCE) for at in range(0, bounds.shape[1], _AT_ONCE)]
+    centers = [0.5 * (bounds[3:, own] - bounds[:3, own]) for own in slices]
+    starts = np.min([one.min(axis=1) for one in centers], axis=0)
+    ends = np.max([one.max(axis=1) for one in centers], axis=0)
+    extent = max(float((ends - starts).max()), 1e-9)
+    scale = ((1 << bits) - 1) / extent
+    for own, some in zip(slices, centers, strict=True):
+        for axis in range(3):
+            cell = ((some[axis] - starts[axis]) * scale).astype(np.uint64)
+            for shift, mask in _SPREAD_STEPS:
+                cell |= cell << np.uint64(shift)
+                cell &= np.uint64(mask)
+            codes[own] |= cell << np.uint64(axis)

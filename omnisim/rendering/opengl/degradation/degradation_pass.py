@@ -11,10 +11,10 @@ from functools import cached_property
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s
+from omnisim.rendering.camera.degradations.effect import Step, UniformValue
 from omnisim.rendering.camera.metering import Metering
-from omnisim.rendering.opengl.degradation.step import Step, UniformValue
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
 from omnisim.rendering.opengl.gl.functions import flush
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
@@ -60,7 +60,7 @@ class DegradationPass:
         self._current = self._spare[0].texture
         self._is_first = True
 
-    def add(self, linear: moderngl.Texture, row_weights: NDArray[np.float32] | None = None) -> None:
+    def add(self, linear: moderngl.Texture, row_weights: Float32s | None = None) -> None:
         """Add a sub-frame.
 
         Args:
@@ -179,7 +179,7 @@ class _Shutter:
         self._accumulate = _FullScreenPass(context, Step("accumulate"))
 
     def add(
-        self, image: moderngl.Texture, row_weights: NDArray[np.float32], is_first: bool
+        self, image: moderngl.Texture, row_weights: Float32s, is_first: bool
     ) -> moderngl.Texture:
         """Add a sub-frame to the frame's sum (the first one starts it); return the sum."""
         flush()  # virgl uploads before pending draws, unless they are submitted

@@ -11,8 +11,7 @@ from omnisim.rendering.opengl.gl.framebuffers import (
     use_target,
 )
 from omnisim.rendering.opengl.gl.gpu_textures import limit_levels
-from omnisim.rendering.opengl.gl.shader_files import build_program
-from omnisim.rendering.opengl.gl.uniforms import uniform
+from omnisim.rendering.opengl.gl.shader_files import build_program, uniform
 
 _LAYERED = "GL_ARB_shader_viewport_layer_array"  # lets a vertex shader choose the layer
 

@@ -12,20 +12,24 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float64s, Mask
 from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller
-from omnisim.rendering.opengl.geometry.cluster_triangles import object_triangles
 from omnisim.rendering.opengl.geometry.clustered_geometry import (
     ClusteredGeometry,
     item_light_coordinates,
+    object_triangles,
 )
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
-from omnisim.rendering.opengl.geometry.vertex_format import cluster_vertex_array
-from omnisim.rendering.opengl.geometry.vertex_palette import PALETTE_UNIT, VertexPalette
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer
+from omnisim.rendering.opengl.geometry.vertex_format import (
+    PALETTE_UNIT,
+    VertexPalette,
+    cluster_vertex_array,
+)
 from omnisim.rendering.opengl.gl.functions import IndirectDraws, StorageBindings
+from omnisim.rendering.opengl.gl.memory import gpu_buffer
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 from omnisim.rendering.opengl.gl.state import GlState
-from omnisim.rendering.opengl.materials.texture_array import TextureArray
+from omnisim.rendering.opengl.materials.scene_textures import TextureArray
 
 # Limits of one program, and of a sort that compares all pairs.
 MAX_ARRAYS, MAX_TRIANGLES_OF_ITEM, MAX_ITEMS = 4, 1024, 1024
@@ -50,7 +54,7 @@ def arrays_of(items: Sequence[DrawItem]) -> list[TextureArray]:
     return [array for array in arrays.values() if array is not None]
 
 
-def can_sort(items: Sequence[DrawItem], geometry: ClusteredGeometry | None) -> NDArray[np.bool_]:
+def can_sort(items: Sequence[DrawItem], geometry: ClusteredGeometry | None) -> Mask:
     """Mask (n,) of blended items to sort and draw at once: matte, rigid, small and near ones."""
     fits = [
         geometry is not None
@@ -145,7 +149,7 @@ class BlendedDrawer:
         return number + _UNLIT * item.material.unlit + _DOUBLE_SIDED * item.material.double_sided
 
 
-def _packed(items: Sequence[DrawItem], anchor_m: NDArray[np.float64]) -> NDArray[np.void]:
+def _packed(items: Sequence[DrawItem], anchor_m: Float64s) -> NDArray[np.void]:
     """Items (n,) as the shader reads them."""
     packed = np.zeros(len(items), dtype=_ITEM)
     packed["triangles"] = [item.triangles for item in items]

@@ -9,44 +9,32 @@ from typing import NamedTuple
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller
-from omnisim.rendering.opengl.culling.command_slices import BANDS, CommandRange
+from omnisim.core.array_types import Indices
+from omnisim.rendering.opengl.culling.cluster_culling import BANDS, ClusterCuller, CommandRange
 from omnisim.rendering.opengl.drawing.material_units import map_units
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
-from omnisim.rendering.opengl.geometry.vertex_format import cluster_vertex_array
-from omnisim.rendering.opengl.geometry.vertex_palette import PALETTE_UNIT
+from omnisim.rendering.opengl.geometry.vertex_format import PALETTE_UNIT, cluster_vertex_array
 from omnisim.rendering.opengl.gl.functions import IndirectDraws, constant_call
 from omnisim.rendering.opengl.gl.state import GlState
 
 
 class BucketProgram(NamedTuple):
-    """Program that draws a bucket.
+    """Program that draws a bucket."""
 
-    Attributes:
-        program: program for vertices of type `CLUSTER_VERTEX`.
-        sampler: sampler of its textures; None: the textures' own settings.
-        first_command: uniform for the index of the first command; None: not used.
-    """
-
-    program: moderngl.Program
+    program: moderngl.Program  # program for vertices of type `CLUSTER_VERTEX`
+    # sampler of its textures; None: the textures' own settings
     sampler: moderngl.Sampler | None = None
+    # uniform for the index of the first command; None: not used
     first_command: moderngl.Uniform | None = None
 
 
 class DrawState(NamedTuple):
-    """State of a draw call.
+    """State of a draw call."""
 
-    Attributes:
-        shader: program shared by all of its buckets.
-        shows_back: draw back faces, too.
-        textures: names of the textures that the program reads, by unit.
-    """
-
-    shader: BucketProgram
-    shows_back: bool
-    textures: tuple[tuple[int, int], ...]
+    shader: BucketProgram  # program shared by all of its buckets
+    shows_back: bool  # draw back faces, too
+    textures: tuple[tuple[int, int], ...]  # names of the textures that the program reads, by unit
 
 
 class DrawBatches:
@@ -74,7 +62,7 @@ class DrawBatches:
         self.states = [state for state, _ in runs]
         ends = np.cumsum([length for _, length in runs])
         groups = np.concatenate(([0], np.cumsum(geometry.buffers.groups_of_bucket)[ends - 1]))
-        self.groups: NDArray[np.intp] = np.diff(groups)
+        self.groups: Indices = np.diff(groups)
 
 
 def _state(bucket: Bucket, shader: BucketProgram, both_sides: bool, palette: int) -> DrawState:

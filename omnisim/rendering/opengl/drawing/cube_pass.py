@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, Float64s
 from omnisim.core.errors import GraphicsError
 from omnisim.core.short_repr import counted
 from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
@@ -25,12 +25,7 @@ from omnisim.rendering.opengl.gl.framebuffers import (
     framebuffer,
     resolve,
 )
-from omnisim.rendering.opengl.gl.gpu_textures import (
-    DEPTH,
-    depth_texture,
-    renderbuffer,
-    texture_2d,
-)
+from omnisim.rendering.opengl.gl.gpu_textures import DEPTH, depth_texture, renderbuffer, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import Pixels, read_once
 
@@ -168,9 +163,7 @@ class CubePass:
         ]
 
     def render(
-        self,
-        world_from_rig: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]] = (),
+        self, world_from_rig: Float64s, world_from_objects: Sequence[Float64s] = ()
     ) -> moderngl.Texture:
         """Render all tiles from a pose (4, 4) with the objects at their poses; return the atlas."""
         self._draw(world_from_rig, world_from_objects)
@@ -179,7 +172,7 @@ class CubePass:
 
     def render_layers(
         self,
-        poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]],
+        poses: Sequence[tuple[Float64s, Sequence[Float64s]]],
         atlases: moderngl.TextureArray,
         levels: AtlasLevels,
     ) -> None:
@@ -204,9 +197,7 @@ class CubePass:
         return _LAYER_TEXEL_BYTES * texels + self.tiles.culling_bytes + sorted_bytes
 
     def _layers_of(
-        self,
-        poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]],
-        atlases: moderngl.TextureArray,
+        self, poses: Sequence[tuple[Float64s, Sequence[Float64s]]], atlases: moderngl.TextureArray
     ) -> CubeLayers | None:
         """Drawer of all layers together; None: this scene needs one layer after the other."""
         has_drawers = self.tiles.culler is not None and not self.tiles.has_items
@@ -226,9 +217,7 @@ class CubePass:
         return self._layers
 
     def _draw_each(
-        self,
-        poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]],
-        atlases: moderngl.TextureArray,
+        self, poses: Sequence[tuple[Float64s, Sequence[Float64s]]], atlases: moderngl.TextureArray
     ) -> None:
         """Draw the layers one after the other."""
         target = self._resolved if self._is_multisampled else self._target
@@ -239,9 +228,7 @@ class CubePass:
         finally:
             attach_texture(target.glo, self.atlas.glo)
 
-    def _draw(
-        self, world_from_rig: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
-    ) -> None:
+    def _draw(self, world_from_rig: Float64s, world_from_objects: Sequence[Float64s]) -> None:
         target = self._target
         self._buffers.deform(world_from_objects)
         if self._probes is not None:
@@ -260,10 +247,7 @@ class CubePass:
             resolve(self._resolved, target)
 
     def _seen_in_probes(
-        self,
-        probes: ProbePass,
-        world_from_rig: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
+        self, probes: ProbePass, world_from_rig: Float64s, world_from_objects: Sequence[Float64s]
     ) -> frozenset[int]:
         """Indices of items with a probe that are in view, or may be so in a mirror."""
         if self._mirrors:
@@ -287,7 +271,7 @@ class CubePass:
             raise GraphicsError("virtual_cameras.samples: expected 1 to read depth, got more")
         return self._depth
 
-    def read_face(self, tile: Tile) -> NDArray[np.float32]:
+    def read_face(self, tile: Tile) -> Float32s:
         """Read the 90° of a face as last rendered: linear RGB (size, size, 3), top row first.
 
         The tile must cover the whole face.

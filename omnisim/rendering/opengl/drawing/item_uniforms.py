@@ -5,12 +5,11 @@ from __future__ import annotations
 import struct
 
 import moderngl
-import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
-from omnisim.rendering.opengl.gl.uniforms import find_uniform
-from omnisim.rendering.opengl.materials.texture_array import bind_maps
+from omnisim.rendering.opengl.gl.shader_files import find_uniform
+from omnisim.rendering.opengl.materials.scene_textures import bind_maps
 
 
 class ItemUniforms:
@@ -26,7 +25,7 @@ class ItemUniforms:
         self._alpha_cutoff = find_uniform(program, "u_alpha_cutoff")
         self._record = find_uniform(program, "u_record")
 
-    def set_clip_from_mesh(self, clip_from_mesh: NDArray[np.float32]) -> None:
+    def set_clip_from_mesh(self, clip_from_mesh: Float32s) -> None:
         """Set the matrix (4, 4), column-major."""
         if self._clip_from_mesh is not None:
             self._clip_from_mesh.write(clip_from_mesh)

@@ -8,8 +8,8 @@ import moderngl
 
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.gpu_textures import AnyTexture
-from omnisim.rendering.opengl.gl.uniforms import set_sampler
-from omnisim.rendering.opengl.materials.texture_array import MAP_UNITS
+from omnisim.rendering.opengl.gl.shader_files import set_sampler
+from omnisim.rendering.opengl.materials.scene_textures import MAP_UNITS
 
 MAPS = (  # in the order of `Material.maps`
     "metallic_roughness_map", "normal_map", "occlusion_map", "emissive_map",

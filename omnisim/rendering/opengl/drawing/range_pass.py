@@ -8,17 +8,16 @@ from itertools import pairwise
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float64s, Mask
 from omnisim.core.world import ObjectPart
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.geometry.triangle_windows import bind_triangles, window_defines
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
+from omnisim.rendering.opengl.geometry.triangle_table import bind_triangles, window_defines
+from omnisim.rendering.opengl.gl.memory import gpu_buffer, written_buffer
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback
-from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
-from omnisim.rendering.opengl.gl.uniforms import columns_first
-from omnisim.rendering.opengl.materials.texture_array import TextureArray
+from omnisim.rendering.opengl.gl.shader_files import build_compute_shader, columns_first
+from omnisim.rendering.opengl.materials.scene_textures import TextureArray
 from omnisim.scene.model import AlphaMode
 
 _GROUP_SIZE = 256  # triangles, as in range.comp
@@ -62,7 +61,7 @@ class RangePass:
     def __init__(
         self,
         buffers: SceneBuffers,
-        angles_rad: NDArray[np.float64],
+        angles_rad: Float64s,
         max_range_m: float = math.inf,
         hidden: Collection[ObjectPart] = (),
     ):
@@ -112,10 +111,8 @@ class RangePass:
         self._items = written_buffer(context, self._table.nbytes)
 
     def cast(
-        self,
-        world_from_scanner: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]] = (),
-    ) -> NDArray[np.float64]:
+        self, world_from_scanner: Float64s, world_from_objects: Sequence[Float64s] = ()
+    ) -> Float64s:
         """Ranges (n,) in m from a pose (4, 4), with the objects at their poses; +inf: no hit."""
         buffers = self._buffers
         buffers.deform(world_from_objects)
@@ -145,9 +142,7 @@ class RangePass:
         self._readback.read((self._ranges, ranges_m))
         return ranges_m.astype(np.float64)
 
-    def _may_hit(
-        self, centers_m: NDArray[np.float64], radii_m: NDArray[np.float64]
-    ) -> NDArray[np.bool_]:
+    def _may_hit(self, centers_m: Float64s, radii_m: Float64s) -> Mask:
         """Mask of spheres (n,) that beams may hit; centers (n, 3) in the scanner's frame."""
         kept = np.abs(centers_m[:, 2]) <= radii_m
         kept &= np.linalg.norm(centers_m, axis=1) - radii_m <= self._max_range_m

@@ -7,13 +7,13 @@ from typing import Generic, Protocol, TypeVar
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, Indices
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_format import vertex_array
+from omnisim.rendering.opengl.gl.shader_files import columns_first
 from omnisim.rendering.opengl.gl.state import GlState
-from omnisim.rendering.opengl.gl.uniforms import columns_first
 
 
 class DrawProgram(Protocol):
@@ -24,10 +24,7 @@ class DrawProgram(Protocol):
         """OpenGL program."""
 
     def set_matrices(
-        self,
-        clip_from_mesh: NDArray[np.float32],
-        viewpoint_from_mesh: NDArray[np.float32],
-        normal_from_mesh: NDArray[np.float32],
+        self, clip_from_mesh: Float32s, viewpoint_from_mesh: Float32s, normal_from_mesh: Float32s
     ) -> None:
         """Set the matrices (4, 4) and (3, 3), column-major, for the next draw calls."""
 
@@ -60,7 +57,7 @@ class SceneDrawer(Generic[P]):
     def __init__(
         self,
         buffers: SceneBuffers,
-        items: NDArray[np.intp],
+        items: Indices,
         find_program: Callable[[DrawItem], P],
         id_of_item: Mapping[int, int],
         both_sides: bool = False,
@@ -95,7 +92,7 @@ class SceneDrawer(Generic[P]):
             columns_first(transforms.normal_from_mesh),
         )
 
-    def draw_item(self, index: int, clip_from_mesh: NDArray[np.float32]) -> None:
+    def draw_item(self, index: int, clip_from_mesh: Float32s) -> None:
         """Draw an item with its matrix (4, 4), column-major."""
         item, program = self._items[index], self._programs[index]
         viewpoint_from_mesh, normal_from_mesh = self._transforms

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import moderngl
-import numpy as np
-from numpy.typing import NDArray
+
+from omnisim.core.array_types import Float64s
 
 
 class ShadowSource(Protocol):
@@ -18,22 +18,16 @@ class ShadowSource(Protocol):
         """Defines of programs that look up shadows."""
 
     @property
-    def anchor_m(self) -> NDArray[np.float64]:
+    def anchor_m(self) -> Float64s:
         """Origin (3,) of the maps, world."""
 
-    def are_shared(
-        self, poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]]
-    ) -> bool:
+    def are_shared(self, poses: Sequence[tuple[Float64s, Sequence[Float64s]]]) -> bool:
         """Tell whether poses of rigs and of the dynamic objects all share their maps."""
 
     def connect(self, program: moderngl.Program) -> None:
         """Set the samplers and blocks of a program that looks up shadows."""
 
-    def prepare(
-        self,
-        viewpoint_m: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
-    ) -> None:
+    def prepare(self, viewpoint_m: Float64s, world_from_objects: Sequence[Float64s]) -> None:
         """Draw the maps that a frame needs, and bind them.
 
         Args:

@@ -9,11 +9,12 @@ from typing import NamedTuple
 
 import moderngl
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from omnisim.core.array_types import Float32s, Float64s
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
+from omnisim.rendering.opengl.capture.pixel_map import bind_tiles
 from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
 from omnisim.rendering.opengl.drawing.material_units import (
     connect_material,
@@ -26,12 +27,21 @@ from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
 from omnisim.rendering.opengl.geometry.light_baking import Shading
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.gpu_textures import bind_textures, texture_2d
-from omnisim.rendering.opengl.gl.shader_files import build_program
+from omnisim.rendering.opengl.gl.shader_files import (
+    build_program,
+    columns_first,
+    find_uniform,
+    set_sampler,
+    write_fog,
+)
 from omnisim.rendering.opengl.gl.state import GlState
-from omnisim.rendering.opengl.gl.uniforms import columns_first, find_uniform, set_sampler, write_fog
-from omnisim.rendering.opengl.materials import baked_textures
-from omnisim.rendering.opengl.materials.environment_textures import filtered_texture, sky_texture
-from omnisim.rendering.opengl.materials.texture_array import TextureArray
+from omnisim.rendering.opengl.materials.scene_textures import (
+    BakedTextures,
+    TextureArray,
+    connect_baked_light,
+    filtered_texture,
+    sky_texture,
+)
 from omnisim.scene.light.environment import Environment
 from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind
 from omnisim.scene.planar_mirrors import MAX_PLANES
@@ -49,45 +59,28 @@ PROBE_UNIT = 18
 
 
 class SurfaceVariant(NamedTuple):
-    """Compiled version of the surface shader.
+    """Compiled version of the surface shader."""
 
-    Attributes:
-        lit, alpha_mode, textured: properties of the material.
-        shading: shading of the triangles.
-        clustered: True: draws clusters; False: single items.
-        layered: each camera has a layer.
-        blended_arrays: number of texture arrays of blended clusters.
-        maps: True for each map of the material, in the order of `Material.maps`; None: matte.
-        second_coordinates: True if a map uses the second texture coordinates.
-        in_fog: True if drawn with the scene's fog, if it has one.
-        light: source of the light on lit surfaces.
-        both_sides: each side has its own light in the lightmap.
-        is_pane: the surface is a pane of glass.
-        is_planar_mirror: shows the mirrored views of `MirrorPass`.
-        is_rough_mirror: shows them through rough gloss, too.
-        in_mirror: drawn from a mirrored rig, clipped at the mirror.
-        has_probe: reflects a probe of `ProbePass`.
-        is_glass: body of thick glass, which shows its probe.
-    """
-
+    # properties of the material
     lit: bool
     alpha_mode: AlphaMode
     textured: bool
-    shading: Shading = Shading.UNKNOWN
-    clustered: bool = False
-    layered: bool = False
-    blended_arrays: int | None = None
+    shading: Shading = Shading.UNKNOWN  # shading of the triangles
+    clustered: bool = False  # True: draws clusters; False: single items
+    layered: bool = False  # each camera has a layer
+    blended_arrays: int | None = None  # number of texture arrays of blended clusters
+    # True for each map of the material, in the order of `Material.maps`; None: matte
     maps: tuple[bool, ...] | None = None
-    second_coordinates: bool = False
-    in_fog: bool = True
-    light: LightSource = LightSource.COMPUTED
-    both_sides: bool = False
-    is_pane: bool = False
-    is_planar_mirror: bool = False
-    is_rough_mirror: bool = False
-    in_mirror: bool = False
-    has_probe: bool = False
-    is_glass: bool = False
+    second_coordinates: bool = False  # True if a map uses the second texture coordinates
+    in_fog: bool = True  # True if drawn with the scene's fog, if it has one
+    light: LightSource = LightSource.COMPUTED  # source of the light on lit surfaces
+    both_sides: bool = False  # each side has its own light in the lightmap
+    is_pane: bool = False  # the surface is a pane of glass
+    is_planar_mirror: bool = False  # shows the mirrored views of `MirrorPass`
+    is_rough_mirror: bool = False  # shows them through rough gloss, too
+    in_mirror: bool = False  # drawn from a mirrored rig, clipped at the mirror
+    has_probe: bool = False  # reflects a probe of `ProbePass`
+    is_glass: bool = False  # body of thick glass, which shows its probe
 
     @property
     def computes_light(self) -> bool:
@@ -168,9 +161,7 @@ def variant_of(item: DrawItem, unlit: bool) -> SurfaceVariant:
         variant
         if reflectance is None
         else _reflective(
-            variant._replace(is_pane=item.is_pane),
-            reflectance.maps,
-            reflectance.second_coordinates,
+            variant._replace(is_pane=item.is_pane), reflectance.maps, reflectance.second_coordinates
         )
     )
 
@@ -246,7 +237,7 @@ class SurfaceProgram:
         self._light_rectangles = find_uniform(program, "u_light_rectangles")
         self._baked = lighting.baked
         if lighting.baked is not None:
-            baked_textures.connect(program, lighting.baked)
+            connect_baked_light(program, lighting.baked)
         if shadows is not None:
             shadows.connect(program)
         self._is_textured, self.is_pane = variant.textured, variant.is_pane
@@ -272,7 +263,7 @@ class SurfaceProgram:
         self._mirror = find_uniform(program, "u_mirror")
         self._mirror_spread = find_uniform(program, "u_mirror_spread")
         self._probe = find_uniform(program, "u_probe")
-        self._probes: Mapping[int, NDArray[np.float32]] = {}
+        self._probes: Mapping[int, Float32s] = {}
         self._glass = find_uniform(program, "u_glass")
         self._glass_absorption = find_uniform(program, "u_glass_absorption_per_m")
         self._slab_normal = find_uniform(program, "u_slab_normal")
@@ -286,7 +277,7 @@ class SurfaceProgram:
             if lighting.environment is not None:
                 _write_environment(program, lighting.environment)
 
-    def set_viewpoint(self, viewpoint_m: NDArray[np.float64]) -> None:
+    def set_viewpoint(self, viewpoint_m: Float64s) -> None:
         """Set the viewpoint (3,), world: positions of lights and shadow maps are relative to it."""
         if self._light_positions is not None:
             positions_m = self._light_positions_m - viewpoint_m
@@ -298,9 +289,7 @@ class SurfaceProgram:
             offset_m = viewpoint_m - self._baked.probes.origin_m
             self._probes_viewpoint.write(offset_m.astype(np.float32))
 
-    def set_mirrors(
-        self, planes: NDArray[np.float64], plan: TilePlan, world_from_rig: NDArray[np.float64]
-    ) -> None:
+    def set_mirrors(self, planes: Float64s, plan: TilePlan, world_from_rig: Float64s) -> None:
         """Set the mirrors of a rig's pose (4, 4).
 
         Args:
@@ -316,22 +305,19 @@ class SurfaceProgram:
             padded[: len(planes)] = planes
             self._mirror_planes.write(padded)
 
-    def set_mirror(self, plane: NDArray[np.float64]) -> None:
+    def set_mirror(self, plane: Float64s) -> None:
         """Set the plane (5,) of a mirrored view: unit normal, viewpoint's height, facets' slope."""
         if self._mirror is not None:
             self._mirror.write(plane[:4].astype(np.float32))
         if self._mirror_spread is not None:
             self._mirror_spread.write(plane[4:].astype(np.float32))
 
-    def set_probes(self, probes: Mapping[int, NDArray[np.float32]]) -> None:
+    def set_probes(self, probes: Mapping[int, Float32s]) -> None:
         """Set the probes (4,) of items, by their identity: center, viewpoint frame; and index."""
         self._probes = probes
 
     def set_matrices(
-        self,
-        clip_from_mesh: NDArray[np.float32],
-        viewpoint_from_mesh: NDArray[np.float32],
-        normal_from_mesh: NDArray[np.float32],
+        self, clip_from_mesh: Float32s, viewpoint_from_mesh: Float32s, normal_from_mesh: Float32s
     ) -> None:
         """Set the matrices (4, 4) and (3, 3), column-major, for the next draw call."""
         self._item.set_clip_from_mesh(clip_from_mesh)
@@ -396,7 +382,7 @@ class SurfacePrograms:
         self._programs: dict[tuple[SurfaceVariant, tuple[str, ...]], SurfaceProgram] = {}
 
     @property
-    def positions_m(self) -> NDArray[np.float64]:
+    def positions_m(self) -> Float64s:
         """Positions (n, 3) that are set relative to the viewpoint, in world axes.
 
         The punctual lights, the origin of the shadow maps, and the first probe of baked light.
@@ -434,9 +420,9 @@ class SurfacePrograms:
         return None if environment is None else filtered_texture(self._context, environment)
 
     @cached_property
-    def _baked_textures(self) -> baked_textures.BakedTextures | None:
+    def _baked_textures(self) -> BakedTextures | None:
         baked = self._lighting.baked
-        return None if baked is None else baked_textures.BakedTextures(self._context, baked)
+        return None if baked is None else BakedTextures(self._context, baked)
 
     @cached_property
     def _environment_table(self) -> moderngl.Texture:

@@ -8,14 +8,16 @@ from enum import Enum
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float64s, Indices, Mask
 from omnisim.core.world import ObjectPart
 from omnisim.rendering.camera.quality import DEFAULT_MIRRORS, DEFAULT_PROBES
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
-from omnisim.rendering.opengl.atlas.tile_views import PosedViews, TileViews, clips_from_rig
-from omnisim.rendering.opengl.culling.cluster_culling import MIN_TRIANGLES_OF_PASSES, ClusterCuller
-from omnisim.rendering.opengl.culling.cluster_views import Views
+from omnisim.rendering.opengl.atlas.tile_plan import PosedViews, TilePlan, TileViews, clips_from_rig
+from omnisim.rendering.opengl.culling.cluster_culling import (
+    MIN_TRIANGLES_OF_PASSES,
+    ClusterCuller,
+    Views,
+)
 from omnisim.rendering.opengl.drawing.cluster_drawer import (
     BucketProgram,
     ClusterDrawer,
@@ -26,8 +28,8 @@ from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH
+from omnisim.rendering.opengl.gl.shader_files import columns_first
 from omnisim.rendering.opengl.gl.state import GlState
-from omnisim.rendering.opengl.gl.uniforms import columns_first
 
 
 class SceneParts(Enum):
@@ -37,7 +39,7 @@ class SceneParts(Enum):
     STATIC = "static"
     MOVING = "moving"
 
-    def mask(self, items: Sequence[DrawItem]) -> NDArray[np.bool_]:
+    def mask(self, items: Sequence[DrawItem]) -> Mask:
         """Mask (items,) of the parts' items."""
         if self is SceneParts.ALL:
             return np.ones(len(items), dtype=np.bool_)
@@ -46,27 +48,19 @@ class SceneParts(Enum):
 
 @dataclass(frozen=True)
 class VirtualCameras:
-    """Settings of the virtual cameras.
+    """Settings of the virtual cameras."""
 
-    Attributes:
-        near_m, far_m: depth range; far_m may be infinite.
-        samples: samples per texel.
-        unlit: show plain base colors.
-        background: linear RGB of rays that hit nothing.
-        hidden: parts of dynamic objects to leave out.
-        both_sides: draw back faces, too.
-        mirrors: maximum number of planar mirrors in view, and of panes, that reflect the scene.
-        reflection_probes: maximum number of probes that curved and rough surfaces reflect.
-    """
-
+    # depth range; far_m may be infinite
     near_m: float
     far_m: float
-    samples: int = 1
-    unlit: bool = False
-    background: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    hidden: frozenset[ObjectPart] = frozenset()
-    both_sides: bool = False
+    samples: int = 1  # samples per texel
+    unlit: bool = False  # show plain base colors
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0)  # linear RGB of rays that hit nothing
+    hidden: frozenset[ObjectPart] = frozenset()  # parts of dynamic objects to leave out
+    both_sides: bool = False  # draw back faces, too
+    # maximum number of planar mirrors in view, and of panes, that reflect the scene
     mirrors: int = DEFAULT_MIRRORS
+    # maximum number of probes that curved and rough surfaces reflect
     reflection_probes: int = DEFAULT_PROBES
 
 
@@ -97,7 +91,7 @@ class TileRenderer:
         buffers: SceneBuffers,
         plan: TilePlan,
         cameras: VirtualCameras,
-        items: NDArray[np.intp],
+        items: Indices,
         find_program: Callable[[Bucket], BucketProgram],
         depth: moderngl.Texture | moderngl.TextureArray | None,
         samples: int = 1,
@@ -150,7 +144,7 @@ class TileRenderer:
             clips_from_tiles = clips_from_rig(plan, *self._depths_m)
             self._cluster_views.use_tiles(clips_from_tiles, plan.rectangles_px)
 
-    def select(self, left_out: NDArray[np.bool_], parts: SceneParts = SceneParts.ALL) -> None:
+    def select(self, left_out: Mask, parts: SceneParts = SceneParts.ALL) -> None:
         """Select items to draw; clusters of static items show all of them, or none.
 
         Args:
@@ -190,8 +184,8 @@ class TileRenderer:
     def draw(
         self,
         target: moderngl.Framebuffer,
-        world_from_rig: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
+        world_from_rig: Float64s,
+        world_from_objects: Sequence[Float64s],
         drawer: SceneDrawer[P],
     ) -> None:
         """Draw the clusters of all tiles, then the items.
@@ -208,8 +202,8 @@ class TileRenderer:
     def draw_one_by_one(
         self,
         target: moderngl.Framebuffer,
-        world_from_rig: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
+        world_from_rig: Float64s,
+        world_from_objects: Sequence[Float64s],
         drawer: SceneDrawer[P],
     ) -> None:
         """Draw the items of all tiles, after the clusters."""
@@ -223,8 +217,8 @@ class TileRenderer:
     def draw_clusters(
         self,
         target: moderngl.Framebuffer,
-        worlds_from_rigs: NDArray[np.float64],
-        worlds_from_objects: NDArray[np.float64] | Sequence[NDArray[np.float64]],
+        worlds_from_rigs: Float64s,
+        worlds_from_objects: Float64s | Sequence[Float64s],
     ) -> None:
         """Draw the clusters of all tiles, for one camera or several, see `Views.write`."""
         if self.culler is not None:
@@ -238,7 +232,7 @@ class TileRenderer:
         target: moderngl.Framebuffer,
         views: PosedViews,
         transforms: InstanceTransforms,
-        order: NDArray[np.intp],
+        order: Indices,
         drawer: SceneDrawer[P],
     ) -> None:
         """Draw items in order of their indices (n,), each in the tiles that may show it."""

@@ -6,7 +6,7 @@ that one call draws all clusters of a bucket, which share program and texture ar
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -15,87 +15,75 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.culling.cluster_buffers import ClusterBuffers
+from omnisim.core.array_types import Float32s, Float64s, Indices, Int32s, Mask, UInt32s
+from omnisim.rendering.opengl.culling.cluster_culling import ClusterBuffers
 from omnisim.rendering.opengl.culling.clusters import (
     MAX_COPIED_TRIANGLES,
     ClusterHierarchy,
     Clusters,
     build_clusters,
 )
-from omnisim.rendering.opengl.geometry.cluster_triangles import shaded_triangles
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
-from omnisim.rendering.opengl.geometry.light_baking import Shading
-from omnisim.rendering.opengl.geometry.vertex_records import light_coordinates
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer, read_buffer, written_buffer
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
-from omnisim.rendering.opengl.materials.material_table import vertex_details
-from omnisim.rendering.opengl.materials.texture_array import TextureArray
+from omnisim.rendering.opengl.geometry.light_baking import Shading, bake_directional_light, shadings
+from omnisim.rendering.opengl.geometry.vertex_format import VertexPalette
+from omnisim.rendering.opengl.geometry.vertex_records import (
+    CLUSTER_VERTEX,
+    NORMAL_BYTES,
+    light_coordinates,
+)
+from omnisim.rendering.opengl.gl.memory import (
+    gpu_allocation,
+    gpu_buffer,
+    read_buffer,
+    written_buffer,
+)
+from omnisim.rendering.opengl.materials.scene_textures import TextureArray, vertex_details
 from omnisim.scene.model import AlphaMode, Lighting
 
 
 class Bucket(NamedTuple):
-    """Kind of clusters that one call can draw.
+    """Kind of clusters that one call can draw."""
 
-    Attributes:
-        unlit, alpha_mode, double_sided: properties of their materials.
-        cutoff: their materials discard low alpha.
-        shading: shading of their triangles.
-        array: array of their textures; None: untextured.
-        maps: arrays of their maps, see `Reflectance`; None: matte.
-        second_coordinates: True if a map uses the second texture coordinates.
-        light: source of the light on them.
-    """
-
+    # properties of their materials
     unlit: bool
     alpha_mode: AlphaMode
     double_sided: bool
-    cutoff: bool
-    shading: Shading
-    array: TextureArray | None
+    cutoff: bool  # their materials discard low alpha
+    shading: Shading  # shading of their triangles
+    array: TextureArray | None  # array of their textures; None: untextured
+    # arrays of their maps, see `Reflectance`; None: matte
     maps: tuple[TextureArray | None, ...] | None = None
-    second_coordinates: bool = False
-    light: LightSource = LightSource.COMPUTED
+    second_coordinates: bool = False  # True if a map uses the second texture coordinates
+    light: LightSource = LightSource.COMPUTED  # source of the light on them
 
 
 @dataclass(frozen=True, eq=False)
 class ClusteredGeometry:
-    """Instances of opaque and masked materials, see `build_clustered_geometry`.
+    """Instances of opaque and masked materials, see `build_clustered_geometry`."""
 
-    Attributes:
-        buckets: buckets in the order of the hierarchy.
-        anchor_m: (3,) float64 world position of the origin of object 0, the static geometry.
-        objects: number of objects: the static one and the dynamic ones.
-        hierarchy: clusters of one bucket and one object each; it orders the triangles of all
-            contained draw items.
-        contains: (items,), mask of the scene's draw items in here.
-        vertices: buffer of `CLUSTER_VERTEX`, in the frames of their objects.
-        normals: buffer of their normals, 3 floats each; None: no mesh has any.
-        palette: texture of their palette.
-        bucket_of_cluster: (clusters,) bucket index.
-        triangles_of_item: number of triangles of each contained draw item.
-        indices: index buffer of the triangles, cluster by cluster; degenerate for hidden items.
-        buffers: buffers of clusters and groups, for culling.
-        details: vertex details, see `vertex_details`; None: all materials are matte.
-        light_coordinates: lightmap coordinates of the vertices; None: no baked light.
-    """
-
-    buckets: tuple[Bucket, ...]
-    anchor_m: NDArray[np.float64]
-    objects: int
+    buckets: tuple[Bucket, ...]  # buckets in the order of the hierarchy
+    # (3,) float64 world position of the origin of object 0, the static geometry
+    anchor_m: Float64s
+    objects: int  # number of objects: the static one and the dynamic ones
+    # clusters of one bucket and one object each; it orders the triangles of all contained draw
+    # items
     hierarchy: ClusterHierarchy
-    contains: NDArray[np.bool_]
-    vertices: moderngl.Buffer
-    normals: moderngl.Buffer | None
-    palette: moderngl.Texture
-    bucket_of_cluster: NDArray[np.intp]
-    triangles_of_item: NDArray[np.intp]
+    contains: Mask  # (items,), mask of the scene's draw items in here
+    vertices: moderngl.Buffer  # buffer of `CLUSTER_VERTEX`, in the frames of their objects
+    normals: moderngl.Buffer | None  # buffer of their normals, 3 floats each; None: no mesh has any
+    palette: moderngl.Texture  # texture of their palette
+    bucket_of_cluster: Indices  # (clusters,) bucket index
+    triangles_of_item: Indices  # number of triangles of each contained draw item
+    # index buffer of the triangles, cluster by cluster; degenerate for hidden items
     indices: moderngl.Buffer
-    buffers: ClusterBuffers
+    buffers: ClusterBuffers  # buffers of clusters and groups, for culling
+    # vertex details, see `vertex_details`; None: all materials are matte
     details: moderngl.Texture | None
+    # lightmap coordinates of the vertices; None: no baked light
     light_coordinates: moderngl.Buffer | None
 
     @cached_property
-    def triangles(self) -> NDArray[np.uint32]:
+    def triangles(self) -> UInt32s:
         """Vertex indices (m, 3) of all triangles, cluster by cluster, hidden or not."""
         return np.frombuffer(read_buffer(self.indices), dtype="<u4").reshape(-1, 3)
 
@@ -105,19 +93,19 @@ class ClusteredGeometry:
         return len(self.hierarchy.order)
 
     @cached_property
-    def item_of_triangle(self) -> NDArray[np.int32]:
+    def item_of_triangle(self) -> Int32s:
         """Draw item (m,) of each triangle, cluster by cluster."""
         items = np.flatnonzero(self.contains).astype(np.int32)
         return np.repeat(items, self.triangles_of_item)[self.hierarchy.order]
 
     @cached_property
-    def item_of_cluster(self) -> NDArray[np.intp]:
+    def item_of_cluster(self) -> Indices:
         """Draw item (clusters,) of each cluster's first triangle."""
         ends = np.cumsum(self.triangles_of_item)
         number = np.searchsorted(ends, self.hierarchy.order[self.clusters.first], side="right")
         return np.flatnonzero(self.contains)[number]
 
-    def show(self, shown: NDArray[np.bool_]) -> None:
+    def show(self, shown: Mask) -> None:
         """Show the selected draw items (items,) only."""
         is_shown = shown[self.item_of_triangle]
         self.indices.write(np.where(is_shown[:, None], self.triangles, np.uint32(0)))
@@ -127,7 +115,7 @@ class ClusteredGeometry:
         """Clusters of the hierarchy."""
         return self.hierarchy.clusters
 
-    def shown_clusters(self, shown: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def shown_clusters(self, shown: Mask) -> Mask:
         """Mask (clusters,) of the clusters of shown draw items (items,); static items stay."""
         return shown[self.item_of_cluster]
 
@@ -215,10 +203,8 @@ def _details(context: moderngl.Context, items: Sequence[DrawItem]) -> moderngl.T
 
 
 def _buckets(
-    items: Sequence[DrawItem],
-    item_of_triangle: NDArray[np.int32],
-    shading_of_triangle: NDArray[np.int8],
-) -> tuple[tuple[Bucket, ...], NDArray[np.int32]]:
+    items: Sequence[DrawItem], item_of_triangle: Int32s, shading_of_triangle: NDArray[np.int8]
+) -> tuple[tuple[Bucket, ...], Int32s]:
     """Buckets, and the bucket index of each triangle (n,)."""
     kinds = len(Shading) * item_of_triangle + shading_of_triangle
     of_kind: dict[int, Bucket] = {}
@@ -251,7 +237,7 @@ def _state_order(bucket: Bucket) -> tuple[object, ...]:
     )  # fmt: skip
 
 
-def _anchor(items: Sequence[DrawItem]) -> NDArray[np.float64]:
+def _anchor(items: Sequence[DrawItem]) -> Float64s:
     """Center (3,) of the static items, world."""
     static = [item.center_m for item in items if item.object_index is None]
     if not static:
@@ -259,9 +245,7 @@ def _anchor(items: Sequence[DrawItem]) -> NDArray[np.float64]:
     return 0.5 * (np.min(static, axis=0) + np.max(static, axis=0))
 
 
-def _contained(
-    items: Sequence[DrawItem], anchor_m: NDArray[np.float64], alone: Collection[int]
-) -> NDArray[np.bool_]:
+def _contained(items: Sequence[DrawItem], anchor_m: Float64s, alone: Collection[int]) -> Mask:
     contained = np.zeros(len(items), dtype=np.bool_)
     meshes = set[int]()  # ids of those that are contained
     copied = 0
@@ -288,3 +272,199 @@ def item_light_coordinates(
         (base, item.mesh, item.light_rectangles) for base, item in zip(bases, items, strict=False)
     ]
     return gpu_buffer(context, light_coordinates(parts, bases[-1]))
+
+
+# Triangles of draw items for clusters: in the frames of their objects, with baked light.
+#
+# They are made batch by batch, so that intermediate arrays stay small.
+
+
+# Relative to white: a third of an 8-bit step in the dark, where steps are finest; a hundredth at
+# white.
+_SAME_LIGHT = 1e-4
+_VERTEX_BYTES = CLUSTER_VERTEX.itemsize
+# Share of the vertices that are expected to need copies at most; more of them cost another buffer.
+_ROOM_FOR_COPIES = 64
+_BATCH_VERTICES = 1 << 18  # keeps intermediate arrays small
+
+
+class ShadedTriangles(NamedTuple):
+    """Triangles of draw items, item by item."""
+
+    vertices: moderngl.Buffer  # buffer of `CLUSTER_VERTEX`
+    normals: moderngl.Buffer | None  # buffer of the vertices' normals; None: no mesh has any
+    palette: VertexPalette  # palette of the vertices
+    triangles: UInt32s  # (m, 3) indices of the vertices
+    corners: Float32s  # (m, 3, 3) positions of the three corners per triangle
+    shading: NDArray[np.int8]  # (m,) values of `Shading`
+
+
+def shaded_triangles(
+    context: moderngl.Context, items: Sequence[DrawItem], anchor_m: Float64s, lighting: Lighting
+) -> ShadedTriangles:
+    """Triangles of items, with light baked into those whose shading allows it.
+
+    Args:
+        context: OpenGL context.
+        items: draw items.
+        anchor_m: (3,) world position that static vertices are relative to.
+        lighting: lighting of the scene.
+    """
+    total = sum(item.triangles for item in items)
+    next_copy = sum(len(item.mesh.positions) for item in items)
+    room = next_copy + next_copy // _ROOM_FOR_COPIES
+    has_normals = any(item.mesh.normals is not None for item in items)
+    made = ShadedTriangles(
+        written_buffer(context, _VERTEX_BYTES * room),
+        written_buffer(context, NORMAL_BYTES * room) if has_normals else None,
+        VertexPalette(),
+        np.empty((total, 3), dtype="<u4"),
+        np.empty((total, 3, 3), dtype=np.float32),
+        np.empty(total, dtype=np.int8),
+    )
+    first, base, copies = 0, 0, []
+    for batch in _batches(items):
+        vertices, vertex_normals, triangles = object_triangles(batch, anchor_m, made.palette)
+        own = slice(first, first + len(triangles))
+        made.corners[own] = np.ascontiguousarray(vertices["in_position"])[triangles]
+        shading, normals = _shading(batch, vertices, vertex_normals, triangles, lighting)
+        baked = shading == Shading.BAKED.value
+        lights = bake_directional_light(normals[baked], lighting)
+        # copies follow the vertices of all items
+        copies.append(_bake(vertices, triangles, baked, lights, next_copy - base, made.palette))
+        made.vertices.write(vertices, offset=base * _VERTEX_BYTES)
+        if made.normals is not None:
+            made.normals.write(vertex_normals, offset=base * NORMAL_BYTES)
+        np.add(triangles, np.uint32(base), out=made.triangles[own])
+        made.shading[own] = shading
+        first, base = own.stop, base + len(vertices)
+        next_copy += len(copies[-1])
+    vertices = np.concatenate(copies)
+    made = made._replace(vertices=_appended(made.vertices, _VERTEX_BYTES * base, vertices))
+    if made.normals is None:
+        return made
+    none = np.zeros((len(vertices), 3), dtype=np.float32)  # copies are baked: none is needed
+    return made._replace(normals=_appended(made.normals, NORMAL_BYTES * base, none))
+
+
+def _appended(buffer: moderngl.Buffer, used: int, values: NDArray[np.generic]) -> moderngl.Buffer:
+    """Buffer with more values behind its used bytes; a larger one if it has no room."""
+    if used + values.nbytes > buffer.size:
+        larger = written_buffer(buffer.ctx, used + values.nbytes)
+        buffer.ctx.copy_buffer(larger, buffer, size=used)
+        buffer = larger
+    if values.nbytes:
+        buffer.write(values, offset=used)
+    return buffer
+
+
+def _batches(items: Sequence[DrawItem]) -> Iterator[list[DrawItem]]:
+    """Consecutive items with about `_BATCH_VERTICES` vertices."""
+    batch, vertices = list[DrawItem](), 0
+    for item in items:
+        batch.append(item)
+        vertices += len(item.mesh.positions)
+        if vertices >= _BATCH_VERTICES:
+            yield batch
+            batch, vertices = [], 0
+    if batch:
+        yield batch
+
+
+def _shading(
+    items: Sequence[DrawItem],
+    vertices: NDArray[np.void],
+    vertex_normals: Float32s,
+    triangles: UInt32s,
+    lighting: Lighting,
+) -> tuple[NDArray[np.int8], Float32s]:
+    """Values (m,) of `Shading`, and unit normals (m, 3), valid for baked triangles."""
+    item_of_triangle = np.repeat(
+        np.arange(len(items), dtype=np.int32), [item.triangles for item in items]
+    )
+    is_static = np.array([item.object_index is None for item in items])
+    is_bakeable = is_static & (lighting.baked is None)
+    static = is_bakeable[item_of_triangle]
+    shading, normals = shadings(vertices, vertex_normals, triangles, lighting, static)
+    # double-sided or unlit: facts about the front face do not apply
+    ignores = [item.material.double_sided or item.material.unlit for item in items]
+    shading[np.array(ignores)[item_of_triangle]] = Shading.UNKNOWN.value
+    # view-dependent light cannot be baked
+    reflective = np.array([item.texture_layer.reflectance is not None for item in items])
+    shading[reflective[item_of_triangle] & (shading == Shading.BAKED.value)] = Shading.UNKNOWN.value
+    # the lightmap holds all light of matte surfaces, for any normals
+    in_lightmap = np.array([item.light is LightSource.LIGHTMAP for item in items])
+    shading[(in_lightmap & ~reflective)[item_of_triangle]] = Shading.UNKNOWN.value
+    return shading, normals
+
+
+def object_triangles(
+    items: Sequence[DrawItem],
+    anchor_m: Float64s,
+    palette: VertexPalette,
+    kinds: Sequence[float] = (),
+) -> tuple[NDArray[np.void], Float32s, UInt32s]:
+    """Vertices (n,) of type `CLUSTER_VERTEX`, their normals (n, 3), and triangles (m, 3) of items.
+
+    Vertices of dynamic objects are in the object's frame, static ones relative to the anchor.
+    Normals have any length; zero: flat. All triangles have the same winding.
+
+    Args:
+        items: draw items.
+        anchor_m: (3,) anchor, world.
+        palette: palette that gets the materials of the vertices.
+        kinds: kinds of blended materials, in place of alpha cutoffs.
+    """
+    vertices = np.zeros(sum(len(item.mesh.positions) for item in items), dtype=CLUSTER_VERTEX)
+    normals = np.zeros((len(vertices), 3), dtype=np.float32)
+    triangles = []
+    base = 0
+    cutoffs = kinds or [item.material.hit_cutoff for item in items]
+    for item, cutoff in zip(items, cutoffs, strict=True):
+        mesh, matrix = item.mesh, item.object_from_mesh
+        part = vertices[base : base + len(mesh.positions)]
+        origin_m = anchor_m if item.object_index is None else np.zeros(3)
+        part["in_position"] = mesh.positions @ matrix[:3, :3].T + (matrix[:3, 3] - origin_m)
+        if mesh.normals is not None:
+            normals[base : base + len(part)] = mesh.normals @ item.normal_from_mesh.T
+        if mesh.texture_coordinates is not None:
+            part["in_texture_coordinate"] = mesh.texture_coordinates
+        part["in_material"] = palette.add(
+            mesh.colors, item.material.base_color, item.texture_layer.layer, cutoff
+        )
+        own = mesh.triangles[:, (0, 2, 1)] if item.flips_winding else mesh.triangles
+        triangles.append(own + np.uint32(base))
+        base += len(part)
+    joined = np.ascontiguousarray(np.concatenate(triangles))  # flipped ones are not
+    return vertices, normals, joined
+
+
+def _bake(
+    vertices: NDArray[np.void],
+    triangles: UInt32s,
+    baked: Mask,
+    lights: Float32s,
+    first_copy: int,
+    palette: VertexPalette,
+) -> NDArray[np.void]:
+    """Bake lights (k, 3) into the vertices of the triangles that `baked` (m,) selects.
+
+    Vertices and triangles are changed in place.
+
+    Returns:
+        Copies of those vertices that need two lights; `first_copy` is the index of the first.
+    """
+    own = triangles[baked].ravel()
+    lights = np.repeat(lights, 3, axis=0)
+    light_at_vertex = np.zeros((len(vertices), 3), dtype=np.float32)
+    light_at_vertex[own] = lights  # of one of the triangles that share the vertex
+    fits = (np.abs(np.take(light_at_vertex, own, axis=0) - lights) < _SAME_LIGHT).all(axis=1)
+    copies: NDArray[np.void] = vertices[own[~fits]]
+    copies["in_material"] = palette.lit(copies["in_material"], lights[~fits])
+    is_lit = np.zeros(len(vertices), dtype=np.bool_)
+    is_lit[own] = True
+    lit = palette.lit(vertices["in_material"][is_lit], light_at_vertex[is_lit])
+    vertices["in_material"][is_lit] = lit
+    own[~fits] = np.arange(first_copy, first_copy + len(copies))
+    triangles[baked] = own.reshape(-1, 3)
+    return copies

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float64s, Indices, Mask
 from omnisim.core.bounds import bounds_of
-from omnisim.rendering.opengl.atlas.tile_views import PosedViews
+from omnisim.rendering.opengl.atlas.tile_plan import PosedViews
 from omnisim.rendering.opengl.materials.scene_textures import MaterialTexture
 from omnisim.scene.model import Material, Mesh
 from omnisim.scene.motion.deformation import Sphere
@@ -52,38 +52,27 @@ class LightSource(Enum):
 
 @dataclass(frozen=True, eq=False)
 class DrawItem:
-    """Instance of one mesh, ready to draw.
+    """Instance of one mesh, ready to draw."""
 
-    Attributes:
-        name: name of the instance.
-        object_index: index of its dynamic object; None: static.
-        mesh: mesh of the instance.
-        first, count: range in the index buffer.
-        base: first vertex of its mesh in the vertex buffer.
-        material: material of the mesh.
-        texture_layer: textures of the material on this mesh.
-        object_from_mesh: (4, 4) float64, to the world or the dynamic object's frame.
-        normal_from_mesh: (3, 3) cofactors of its linear part, signed to keep normals outward.
-        flips_winding: True if the transform reverses the winding of triangles.
-        center_m, radius_m: bounding sphere in the world or the dynamic object's frame.
-        light: source of the light on it.
-        light_rectangles: lightmap rectangles of front and back; empty without a lightmap.
-    """
-
-    name: str
-    object_index: int | None
-    mesh: Mesh
+    name: str  # name of the instance
+    object_index: int | None  # index of its dynamic object; None: static
+    mesh: Mesh  # mesh of the instance
+    # range in the index buffer
     first: int
     count: int
-    base: int
-    material: Material
-    texture_layer: MaterialTexture
-    object_from_mesh: NDArray[np.float64]
-    normal_from_mesh: NDArray[np.float64]
-    flips_winding: bool
-    center_m: NDArray[np.float64]
+    base: int  # first vertex of its mesh in the vertex buffer
+    material: Material  # material of the mesh
+    texture_layer: MaterialTexture  # textures of the material on this mesh
+    # (4, 4) float64, to the world or the dynamic object's frame
+    object_from_mesh: Float64s
+    # (3, 3) cofactors of its linear part, signed to keep normals outward
+    normal_from_mesh: Float64s
+    flips_winding: bool  # True if the transform reverses the winding of triangles
+    # bounding sphere in the world or the dynamic object's frame
+    center_m: Float64s
     radius_m: float
-    light: LightSource = LightSource.COMPUTED
+    light: LightSource = LightSource.COMPUTED  # source of the light on it
+    # lightmap rectangles of front and back; empty without a lightmap
     light_rectangles: tuple[LightRectangle, ...] = ()
 
     @property
@@ -92,11 +81,11 @@ class DrawItem:
         return self.count // 3
 
     @cached_property
-    def triangle_centers(self) -> NDArray[np.float64]:
+    def triangle_centers(self) -> Float64s:
         """Centers (triangles, 3) of the triangles at rest, in the mesh's frame."""
         return self.mesh.positions[self.mesh.triangles].mean(axis=1, dtype=np.float64)
 
-    def is_near(self, anchor_m: NDArray[np.float64]) -> bool:
+    def is_near(self, anchor_m: Float64s) -> bool:
         """True if float32 coordinates on the item are right to 0.1 mm.
 
         Positions are relative to its object's origin; for static items, to the anchor (3,).
@@ -122,7 +111,7 @@ class DrawItem:
         return Sphere(linear @ center + self.object_from_mesh[:3, 3], scale * radius)
 
     @cached_property
-    def _front_planes(self) -> NDArray[np.float64]:
+    def _front_planes(self) -> Float64s:
         """Planes (n, 4) of the triangles: unit normals of their fronts, and offsets.
 
         They are those of the world, or of the dynamic object's frame.
@@ -138,7 +127,7 @@ class DrawItem:
         offsets_m = -np.einsum("nc,nc->n", normals, first_m)
         return np.column_stack((normals, offsets_m))[lengths > 0.0]
 
-    def shows(self, viewpoint_m: NDArray[np.float64]) -> bool:
+    def shows(self, viewpoint_m: Float64s) -> bool:
         """False if nothing of the item is visible: all of its triangles turn away.
 
         True for large meshes, whatever they show, since the search takes time in each frame.
@@ -183,19 +172,14 @@ class DrawItem:
 
 
 class InstanceTransforms(NamedTuple):
-    """Transforms of all draw items to the viewpoint frame, for one image.
+    """Transforms of all draw items to the viewpoint frame, for one image."""
 
-    Attributes:
-        viewpoint_from_mesh: (n, 4, 4) matrices.
-        normal_from_mesh: (n, 3, 3), see `DrawItem`.
-        centers_m, radii_m: (n, 3) and (n,) bounding spheres.
-    """
+    viewpoint_from_mesh: Float64s  # (n, 4, 4) matrices
+    normal_from_mesh: Float64s  # (n, 3, 3), see `DrawItem`
+    # (n, 3) and (n,) bounding spheres
+    centers_m: Float64s
+    radii_m: Float64s
 
-    viewpoint_from_mesh: NDArray[np.float64]
-    normal_from_mesh: NDArray[np.float64]
-    centers_m: NDArray[np.float64]
-    radii_m: NDArray[np.float64]
-
-    def seen_in(self, views: PosedViews, items: NDArray[np.intp]) -> NDArray[np.bool_]:
+    def seen_in(self, views: PosedViews, items: Indices) -> Mask:
         """Mask (tiles, n) of the items (n,) whose bounding spheres may be in view."""
         return views.cull(self.centers_m[items], self.radii_m[items])

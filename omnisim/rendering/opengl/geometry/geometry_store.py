@@ -12,14 +12,14 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.array_types import UInt32s
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.vertex_records import (
     VERTEX,
     fill_vertices,
     light_coordinates,
 )
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.memory import gpu_allocation, gpu_buffer, written_buffer
 from omnisim.scene.model import Mesh, Scene
 
 # Vertices and indices that edits may append beyond the initial number.
@@ -29,19 +29,12 @@ GeometryKey = tuple[int, ...]
 
 
 class IndexRange(NamedTuple):
-    """Indices of a mesh in the index buffer.
+    """Indices of a mesh in the index buffer."""
 
-    Attributes:
-        mesh: mesh that owns the triangles.
-        first: first index.
-        base: first vertex of the mesh.
-        is_blended: True for the range of one blended item, which re-sorts it in every frame.
-    """
-
-    mesh: Mesh
-    first: int
-    base: int
-    is_blended: bool
+    mesh: Mesh  # mesh that owns the triangles
+    first: int  # first index
+    base: int  # first vertex of the mesh
+    is_blended: bool  # True for the range of one blended item, which re-sorts it in every frame
 
 
 def geometry_key(mesh: Mesh) -> GeometryKey:
@@ -193,7 +186,7 @@ def _vertices(mesh: Mesh) -> NDArray[np.void]:
     return vertices
 
 
-def _indices(one: IndexRange) -> NDArray[np.uint32]:
+def _indices(one: IndexRange) -> UInt32s:
     """Indices of a range, as indices into the vertex buffer."""
     return (one.mesh.triangles.ravel() + np.uint32(one.base)).astype("<u4")
 

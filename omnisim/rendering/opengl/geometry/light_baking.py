@@ -11,6 +11,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, Mask, UInt32s
 from omnisim.scene.model import Lighting, LightKind
 
 # Unit normals that differ by less count as equal: light then differs by less than a tenth of an
@@ -28,11 +29,11 @@ class Shading(Enum):
 
 def shadings(
     vertices: NDArray[np.void],
-    vertex_normals: NDArray[np.float32],
-    triangles: NDArray[np.uint32],
+    vertex_normals: Float32s,
+    triangles: UInt32s,
     lighting: Lighting,
-    static: NDArray[np.bool_],
-) -> tuple[NDArray[np.int8], NDArray[np.float32]]:
+    static: Mask,
+) -> tuple[NDArray[np.int8], Float32s]:
     """Classify triangles by shading; compute the normals of those whose light can be baked.
 
     Args:
@@ -49,7 +50,7 @@ def shadings(
     units = _units(vertex_normals)
     corners = triangles.T
     origins, seconds, thirds = (np.take(positions, corner, axis=0) for corner in corners)
-    fronts: NDArray[np.float32] = np.cross(seconds - origins, thirds - origins)
+    fronts: Float32s = np.cross(seconds - origins, thirds - origins)
     normals, second, third = (np.take(units, corner, axis=0) for corner in corners)
     agree = _dot(normals, fronts) > 0.0
     agree &= _dot(second, fronts) > 0.0
@@ -59,7 +60,7 @@ def shadings(
         return values, normals
     bend = np.maximum(_squared(second - normals), _squared(third - normals))
     baked = agree & (bend < _SAME_NORMAL**2)
-    has_normal: NDArray[np.bool_] = np.any(units, axis=1)
+    has_normal: Mask = np.any(units, axis=1)
     if not has_normal.all():
         none = ~has_normal[triangles].any(axis=1)
         normals[none] = _units(fronts[none])
@@ -74,7 +75,7 @@ def shadings(
     return values, normals
 
 
-def bake_directional_light(normals: NDArray[np.float32], lighting: Lighting) -> NDArray[np.float32]:
+def bake_directional_light(normals: Float32s, lighting: Lighting) -> Float32s:
     """Light on white surfaces, linear RGB (n, 3), for unit world normals (n, 3).
 
     Twin of shaders/scene/lighting.glsl without punctual lights.
@@ -88,16 +89,16 @@ def bake_directional_light(normals: NDArray[np.float32], lighting: Lighting) -> 
     return total.astype(np.float32)
 
 
-def _dot(one: NDArray[np.float32], other: NDArray[np.float32]) -> NDArray[np.float32]:
+def _dot(one: Float32s, other: Float32s) -> Float32s:
     """Dot products (n,) of vectors (n, 3)."""
     return np.einsum("nc,nc->n", one, other)
 
 
-def _squared(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
+def _squared(vectors: Float32s) -> Float32s:
     return _dot(vectors, vectors)
 
 
-def _units(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
+def _units(vectors: Float32s) -> Float32s:
     """Normalize vectors (n, 3); zero vectors stay zero."""
     lengths = np.sqrt(_squared(vectors))[:, None]
     return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0)

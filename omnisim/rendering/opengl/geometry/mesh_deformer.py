@@ -8,11 +8,11 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, UInt32s
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.geometry.geometry_store import IndexRange
 from omnisim.rendering.opengl.geometry.triangle_table import TriangleTable
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer, written_buffer
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.memory import gpu_allocation, gpu_buffer, written_buffer
 from omnisim.rendering.opengl.gl.shader_files import build_compute_shader
 from omnisim.scene.motion.deformation import Deformation
 
@@ -107,7 +107,7 @@ class MeshDeformer:
         )
         self._copied = table, time_s
 
-    def _state(self, time_s: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def _state(self, time_s: float) -> tuple[Float32s, Float32s]:
         """Rows (joints, 3, 4) of all joint transforms, and weights (n,) of all morph targets."""
         matrices = [one.matrices_at(time_s)[:, :3] for one in self._deformations]
         weights = [np.zeros(1), *(one.weights_at(time_s) for one in self._deformations)]
@@ -160,7 +160,7 @@ def _tables(
     return np.concatenate(bounds), np.concatenate(offsets)
 
 
-def _corners(one: IndexRange) -> NDArray[np.uint32]:
+def _corners(one: IndexRange) -> UInt32s:
     """Entries (n, 2) of a range in the table of triangles, and their vertices."""
     vertices = one.mesh.triangles.ravel() + np.uint32(one.base)
     entries = one.first + np.arange(len(vertices))

@@ -11,8 +11,8 @@ from functools import cached_property
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float64s, Indices, Mask
 from omnisim.core.bounds import bounds_of
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import ObjectPart, time_of
@@ -24,18 +24,19 @@ from omnisim.rendering.opengl.geometry.clustered_geometry import (
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms, LightSource
 from omnisim.rendering.opengl.geometry.geometry_store import GeometryStore, geometry_key
 from omnisim.rendering.opengl.geometry.mesh_deformer import MeshDeformer
-from omnisim.rendering.opengl.geometry.triangle_table import TriangleTable
-from omnisim.rendering.opengl.geometry.triangle_windows import MAX_WINDOWS, window_bytes
-from omnisim.rendering.opengl.materials.material_table import MaterialTable, placed_details
-from omnisim.rendering.opengl.materials.scene_textures import MaterialTextures
+from omnisim.rendering.opengl.geometry.triangle_table import (
+    MAX_WINDOWS,
+    TriangleTable,
+    window_bytes,
+)
+from omnisim.rendering.opengl.materials.scene_textures import (
+    MaterialTable,
+    MaterialTextures,
+    placed_details,
+)
 from omnisim.scene.model import Instance, Scene
 from omnisim.scene.parts import LightRectangle
-from omnisim.scene.planar_mirrors import (
-    MirrorPlane,
-    find_mirrors,
-    is_clear_pane,
-    is_planar_mirror,
-)
+from omnisim.scene.planar_mirrors import MirrorPlane, find_mirrors, is_clear_pane, is_planar_mirror
 from omnisim.scene.reflection_probes import ProbePlace, find_probes
 
 # Extensions of OpenGL 4.5 that are part of 4.6.
@@ -88,7 +89,7 @@ class SceneBuffers:
                 (part.materials[part.meshes[one.mesh].material], part.meshes[one.mesh])
                 for part in parts
                 for one in part.instances
-            ],
+            ]
         )
         self._store = GeometryStore(self.context, parts)
         items = [
@@ -114,7 +115,7 @@ class SceneBuffers:
             self.__dict__.pop(name, None)
         self._find_mirrors(np.ones(len(items), dtype=np.bool_))
 
-    def _find_mirrors(self, possible: NDArray[np.bool_]) -> None:
+    def _find_mirrors(self, possible: Mask) -> None:
         """Find planar mirrors and panes among the possible items (n,)."""
         self.mirrors: tuple[MirrorPlane, ...] = ()
         self.pane_mirrors: tuple[MirrorPlane, ...] = ()
@@ -125,7 +126,7 @@ class SceneBuffers:
             self.pane_mirrors = find_mirrors(surfaces, is_clear_pane)
         self.probe_places = self._find_probes(possible)
 
-    def _find_probes(self, possible: NDArray[np.bool_]) -> tuple[ProbePlace, ...]:
+    def _find_probes(self, possible: Mask) -> tuple[ProbePlace, ...]:
         """Find the reflection probes of the possible items (n,)."""
         if self._lighting.is_matte:
             return ()
@@ -149,7 +150,7 @@ class SceneBuffers:
         self.deforming = np.flatnonzero([item.mesh.deformation is not None for item in items])
         self._deformer: MeshDeformer | None = None
         self._posed: tuple[bytes, InstanceTransforms] | None = None  # poses of objects, and world
-        self._deformed_spheres: tuple[float, NDArray[np.float64], NDArray[np.float64]] | None = None
+        self._deformed_spheres: tuple[float, Float64s, Float64s] | None = None
 
     @property
     def is_matte(self) -> bool:
@@ -194,7 +195,7 @@ class SceneBuffers:
         """Indices of all draw items, for lookups."""
         return self._store.upload_all()[1]
 
-    def buffers_of(self, items: NDArray[np.intp]) -> tuple[moderngl.Buffer, moderngl.Buffer]:
+    def buffers_of(self, items: Indices) -> tuple[moderngl.Buffer, moderngl.Buffer]:
         """Buffers of vertices and indices that have at least those of some items (n,)."""
         return self._store.upload([self.draw_items[index] for index in items.tolist()])
 
@@ -238,9 +239,7 @@ class SceneBuffers:
             del self.triangles
 
     def instance_transforms(
-        self,
-        viewpoint_m: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]] = (),
+        self, viewpoint_m: Float64s, world_from_objects: Sequence[Float64s] = ()
     ) -> InstanceTransforms:
         """Transforms of the items to the frame of a viewpoint (3,), world.
 
@@ -255,9 +254,7 @@ class SceneBuffers:
             viewpoint_from_mesh=viewpoint_from_mesh, centers_m=posed.centers_m - viewpoint_m
         )
 
-    def _world_transforms(
-        self, world_from_objects: Sequence[NDArray[np.float64]]
-    ) -> InstanceTransforms:
+    def _world_transforms(self, world_from_objects: Sequence[Float64s]) -> InstanceTransforms:
         """Transforms of the items to the world, kept until objects move."""
         poses = np.array(world_from_objects)
         key = poses.tobytes()
@@ -284,7 +281,7 @@ class SceneBuffers:
         self._posed = key, transforms
         return transforms
 
-    def _spheres_at(self, time_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _spheres_at(self, time_s: float) -> tuple[Float64s, Float64s]:
         """Centers (n, 3) and radii (n,) of deforming items, in their objects' frames."""
         cached = self._deformed_spheres
         if cached is None or cached[0] != time_s:
@@ -294,9 +291,7 @@ class SceneBuffers:
             self._deformed_spheres = cached = time_s, centers_m, radii_m
         return cached[1], cached[2]
 
-    def deform(
-        self, world_from_objects: Sequence[NDArray[np.float64]], *, triangles: bool = False
-    ) -> None:
+    def deform(self, world_from_objects: Sequence[Float64s], *, triangles: bool = False) -> None:
         """Write the vertices of deforming meshes for the time of the poses, before drawing.
 
         Args:
@@ -312,10 +307,7 @@ class SceneBuffers:
         self._deformer.run(time_of(world_from_objects), self._store.allocated[0], table)
 
     def showing(
-        self,
-        items: NDArray[np.intp],
-        viewpoint_m: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
+        self, items: Indices, viewpoint_m: Float64s, world_from_objects: Sequence[Float64s]
     ) -> Iterator[int]:
         """Items, among indices (n,), that show something to a viewpoint (3,), world, anywhere."""
         for index in items.tolist():
@@ -326,24 +318,22 @@ class SceneBuffers:
             if item.shows(place_m):
                 yield index
 
-    def front_to_back(
-        self, items: NDArray[np.intp], transforms: InstanceTransforms
-    ) -> NDArray[np.intp]:
+    def front_to_back(self, items: Indices, transforms: InstanceTransforms) -> Indices:
         """Sort items (n,) front to back, those around the viewpoint last, to reduce overdraw."""
         far_m = np.linalg.norm(transforms.centers_m[items], axis=1) + transforms.radii_m[items]
         return items[np.argsort(far_m, kind="stable")]
 
-    def shown(self, hidden: Collection[ObjectPart] = ()) -> NDArray[np.bool_]:
+    def shown(self, hidden: Collection[ObjectPart] = ()) -> Mask:
         """Mask (n,) of the items, without hidden parts of dynamic objects."""
         parts = [(item.object_index, item.name) for item in self.draw_items]
         return self._is_drawn & np.array([part not in hidden for part in parts], dtype=np.bool_)
 
-    def shown_one_by_one(self, hidden: Collection[ObjectPart] = ()) -> NDArray[np.bool_]:
+    def shown_one_by_one(self, hidden: Collection[ObjectPart] = ()) -> Mask:
         """Mask (n,) of visible items outside of the clustered geometry."""
         return self.shown(hidden) & ~self._static_mask
 
     @property
-    def _static_mask(self) -> NDArray[np.bool_]:
+    def _static_mask(self) -> Mask:
         """Mask (n,) of items inside the clustered geometry."""
         mask = np.zeros(len(self.draw_items), dtype=np.bool_)
         if self.clustered_geometry is not None:
@@ -383,7 +373,7 @@ class SceneBuffers:
             )
 
     def sort_triangles(
-        self, item: DrawItem, viewpoint_from_mesh: NDArray[np.float64], time_s: float = 0.0
+        self, item: DrawItem, viewpoint_from_mesh: Float64s, time_s: float = 0.0
     ) -> None:
         """Sort the indices of a blended item's triangles back to front.
 
@@ -404,9 +394,7 @@ class SceneBuffers:
         )
 
 
-def _changed(
-    scene: Scene, items: Sequence[DrawItem], static: NDArray[np.bool_]
-) -> tuple[list[Instance], NDArray[np.bool_]]:
+def _changed(scene: Scene, items: Sequence[DrawItem], static: Mask) -> tuple[list[Instance], Mask]:
     """Instances without an item, and the mask (n,) of items without an instance."""
     unmatched: dict[tuple[object, ...], list[Instance]] = {}
     for instance in scene.instances:

@@ -8,11 +8,10 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.geometry.adjacency import NO_NEIGHBOR, neighbors
+from omnisim.core.array_types import Float32s, UInt32s
 from omnisim.rendering.opengl.geometry.geometry_store import IndexRange
-from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.memory import gpu_allocation, written_buffer
 
 ROW_BITS = 12  # log2 of the entries per row, as in shaders/ground_truth/tables.glsl
 _ENTRIES_AT_ONCE = 1 << 18  # keeps intermediate arrays small
@@ -30,7 +29,7 @@ class TriangleTable:
     Attributes:
         corners: texture with four integers per corner: its position in the mesh's frame as float
             bits, and the triangle beyond the opposite edge, counted within the mesh
-            (`omnisim.rendering.opengl.geometry.adjacency`). Blended items have no adjacency.
+            (`omnisim.rendering.opengl.geometry.triangle_table`). Blended items have no adjacency.
         indices: vertex index per corner: the scene's index buffer, or a copy if blended items
             re-sort that in every frame.
 
@@ -60,7 +59,7 @@ class TriangleTable:
         return True
 
     def _write(self, ranges: Sequence[IndexRange]) -> None:
-        neighbors_of_mesh: dict[int, NDArray[np.uint32]] = {}
+        neighbors_of_mesh: dict[int, UInt32s] = {}
         # whole rows only: the rest of the previous ranges waits
         waiting, row = [self._rest], self._row
         for mesh, first, base, is_blended in ranges:
@@ -116,3 +115,79 @@ def _write_rows(
         written = flat[: rows * texture.width]
         texture.write(written, viewport=(0, first_row, texture.width, rows))
     return first_row + rows, flat[rows * texture.width :]
+
+
+# Vertex and index buffers for shaders, in windows if they exceed the size of a binding.
+#
+# The bindings are those of shaders/scene/vertex_words.glsl.
+
+
+MAX_WINDOWS = 3
+_FIRST_BINDINGS = (0, 1)
+_MORE_BINDINGS = (8, 10)
+
+
+def window_bytes(context: moderngl.Context) -> int:
+    """Size of a window: the largest power of two that a shader may read."""
+    limit = int(context.info["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"])
+    return 1 << (limit.bit_length() - 1)
+
+
+def window_defines(context: moderngl.Context, *buffers: moderngl.Buffer) -> tuple[str, ...]:
+    """Defines of shaders that read buffers; empty if each fits into one binding."""
+    size = window_bytes(context)
+    if all(one.size <= size for one in buffers):
+        return ()
+    return (f"WINDOW_WORD_BITS {size.bit_length() - 3}",)
+
+
+def bind_triangles(
+    context: moderngl.Context, vertices: moderngl.Buffer, indices: moderngl.Buffer
+) -> None:
+    """Bind vertices and indices, in at most `MAX_WINDOWS` windows each."""
+    size = window_bytes(context)
+    for buffer, first, more in zip(
+        (vertices, indices), _FIRST_BINDINGS, _MORE_BINDINGS, strict=True
+    ):
+        if buffer.size <= size:
+            buffer.bind_to_storage_buffer(first)
+            continue
+        for number in range(MAX_WINDOWS):
+            # windows past the end are never read, but must be bound, because shaders declare them
+            start = number * size if number * size < buffer.size else 0
+            binding = more + number - 1 if number else first
+            buffer.bind_to_storage_buffer(binding, start, min(size, buffer.size - start))
+
+
+# Adjacency of a mesh's triangles by the positions of their corners.
+
+
+NO_NEIGHBOR = np.uint32(0xFFFFFFFF)
+
+
+def neighbors(positions: Float32s, triangles: UInt32s) -> UInt32s:
+    """Adjacent triangles (m, 3) beyond the edges opposite to each triangle's corners.
+
+    Corners at the same place count as one, even if normals or texture coordinates differ. If more
+    than two triangles share an edge, each gets the next one; `NO_NEIGHBOR`: an open edge.
+
+    Args:
+        positions: (n, 3) positions of the vertices.
+        triangles: (m, 3) vertex indices.
+    """
+    if not len(triangles):
+        return np.empty((0, 3), dtype=np.uint32)
+    points = np.ascontiguousarray(positions + np.float32(0.0))  # turns −0 into 0
+    _, corners = np.unique(points.view("V12").ravel(), return_inverse=True)
+    edges = corners[triangles][:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
+    edges = np.sort(edges, axis=1).astype(np.int64)
+    keys = edges[:, 0] * len(positions) + edges[:, 1]
+    order = np.argsort(keys, kind="stable")
+    starts = np.flatnonzero(np.diff(keys[order], prepend=-1))
+    counts = np.diff(starts, append=len(keys))
+    following = np.arange(1, len(keys) + 1)
+    following[starts + counts - 1] = starts  # the last one gets the first
+    adjacent = np.full(len(keys), NO_NEIGHBOR)
+    is_shared = np.repeat(counts > 1, counts)
+    adjacent[order[is_shared]] = order[following[is_shared]] // 3
+    return adjacent.reshape(-1, 3)

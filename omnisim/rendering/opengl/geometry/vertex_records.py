@@ -1,4 +1,7 @@
-"""NumPy record types of the scene's vertex buffers; using them opens no OpenGL."""
+"""NumPy record types of the scene's vertex buffers, and the memory that they take.
+
+Using them opens no OpenGL.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.scene.model import Mesh
+from omnisim.core.array_types import Float32s
+from omnisim.rendering.opengl.culling.clusters import MAX_COPIED_TRIANGLES
+from omnisim.scene.model import Mesh, Scene
 from omnisim.scene.parts import LightRectangle
+from omnisim.scene.summary import memory_bytes
 
 VERTEX = np.dtype(  # read word by word in shaders/scene/vertex_words.glsl
     [
@@ -50,7 +56,7 @@ def fill_vertices(vertices: NDArray[np.void], mesh: Mesh) -> None:
 
 def light_coordinates(
     parts: Sequence[tuple[int, Mesh, Sequence[LightRectangle]]], count: int
-) -> NDArray[np.float32]:
+) -> Float32s:
     """Lightmap coordinates (count, 4) of vertices, front and back; negative: none.
 
     Args:
@@ -65,3 +71,43 @@ def light_coordinates(
                 within = mesh.light_coordinates * np.array(rectangle[2:])
                 of_mesh[:, 2 * side : 2 * side + 2] = np.array(rectangle[:2]) + within
     return places
+
+
+# Estimate of the GPU memory that a scene takes, made before it is drawn.
+
+
+_TRIANGLE_BYTES = 12  # in an index buffer
+_MIPMAPPED = 4.0 / 3.0
+
+
+def gpu_bytes(scene: Scene) -> int:
+    """Bytes of a scene's vertices, triangles and textures on the GPU, for images.
+
+    Clusters have all opaque and masked meshes once, and further instances' copies of them, up to
+    `MAX_COPIED_TRIANGLES`. If instances remain that are drawn one by one, buffers for all meshes
+    are added, as they are for ground truth. The palette of the clusters' vertices is small, unless
+    vertices have many colors. Cameras add their images, and at most 128 MiB of draw
+    commands each.
+    """
+    vertices = np.array([len(mesh.positions) for mesh in scene.meshes], dtype=np.int64)
+    triangles = np.array([len(mesh.triangles) for mesh in scene.meshes], dtype=np.int64)
+    is_single = np.array(
+        [
+            scene.materials[mesh.material].is_see_through or mesh.deformation is not None
+            for mesh in scene.meshes
+        ],
+        dtype=np.bool_,
+    )
+    used = np.array([one.mesh for one in scene.instances], dtype=np.intp)
+    is_copy = np.ones(len(used), dtype=np.bool_)
+    is_copy[np.unique(used, return_index=True)[1]] = False
+    copied = np.cumsum(triangles[used] * is_copy)
+    is_clustered = ~is_single[used] & (~is_copy | (copied <= MAX_COPIED_TRIANGLES))
+    clustered = used[is_clustered]
+    has_normals = any(scene.meshes[index].normals is not None for index in set(clustered.tolist()))
+    vertex_bytes = CLUSTER_VERTEX.itemsize + (NORMAL_BYTES if has_normals else 0)
+    kept = vertex_bytes * vertices[clustered].sum()
+    kept += _TRIANGLE_BYTES * triangles[clustered].sum()
+    if not is_clustered.all():
+        kept += VERTEX.itemsize * vertices.sum() + _TRIANGLE_BYTES * triangles.sum()
+    return int(kept + _MIPMAPPED * memory_bytes(scene)[1])

@@ -20,16 +20,16 @@ from moderngl import Context as Context  # re-exported
 
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl import debug
-from omnisim.rendering.opengl.gl.devices import cuda_numbers, device_number
 from omnisim.rendering.opengl.gl.diagnosis import (
     LIBRARIES,
     check_libraries,
+    cuda_numbers,
+    device_number,
     open_fault,
     version_fault,
 )
-from omnisim.rendering.opengl.gl.fences import Fences
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer
-from omnisim.rendering.opengl.gl.functions import gl_function
+from omnisim.rendering.opengl.gl.functions import Fences, gl_function
 from omnisim.rendering.opengl.gl.gpu_textures import delete_texture, renderbuffer
 from omnisim.rendering.opengl.gl.state import set_constants
 
@@ -41,21 +41,14 @@ _MAX_IDLE = 2  # an idle context may still hold driver memory
 
 
 class _ContextResources(NamedTuple):
-    """Device of a context, and the objects with the context's lifetime.
+    """Device of a context, and the objects with the context's lifetime."""
 
-    Attributes:
-        device: requested number of the device; None: the default.
-        handle: EGL's handle of the context.
-        dropped_textures: names of textures to delete that moderngl does not own.
-        lasting_target: target that is never deleted: moderngl rebinds the last one it used.
-        fences: fences of readbacks and, by llvmpipe, of the last passes.
-    """
-
-    device: int | None
-    handle: int | None
-    dropped_textures: list[int]
+    device: int | None  # requested number of the device; None: the default
+    handle: int | None  # EGL's handle of the context
+    dropped_textures: list[int]  # names of textures to delete that moderngl does not own
+    # target that is never deleted: moderngl rebinds the last one it used
     lasting_target: moderngl.Framebuffer
-    fences: Fences
+    fences: Fences  # fences of readbacks and, by llvmpipe, of the last passes
 
 
 class GraphicsInfo(NamedTuple):

@@ -9,8 +9,7 @@ from contextlib import contextmanager
 import moderngl
 
 from omnisim.rendering.opengl.gl import debug
-from omnisim.rendering.opengl.gl.fences import end_pass
-from omnisim.rendering.opengl.gl.functions import gl_function
+from omnisim.rendering.opengl.gl.functions import end_pass, gl_function
 from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH, depth_array
 from omnisim.rendering.opengl.gl.memory import AllocationError
 from omnisim.rendering.opengl.gl.state import GlState

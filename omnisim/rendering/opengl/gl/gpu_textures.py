@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.rendering.opengl.gl import debug
-from omnisim.rendering.opengl.gl.fences import end_pass
-from omnisim.rendering.opengl.gl.functions import gl_function
+from omnisim.rendering.opengl.gl.functions import end_pass, gl_function
 from omnisim.rendering.opengl.gl.memory import AllocationError, check_allocation
 
 AnyTexture = moderngl.Texture | moderngl.Texture3D | moderngl.TextureArray

@@ -17,10 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.gl.buffers import copy_buffer, immutable_buffer
-from omnisim.rendering.opengl.gl.fences import Fences, end_pass
-from omnisim.rendering.opengl.gl.functions import flush, gl_function
-from omnisim.rendering.opengl.gl.memory import check_allocation, gpu_allocation
+from omnisim.rendering.opengl.gl.functions import Fences, end_pass, flush, gl_function
+from omnisim.rendering.opengl.gl.memory import (
+    check_allocation,
+    copy_buffer,
+    gpu_allocation,
+    immutable_buffer,
+)
 
 LENGTH = 3  # one buffer is drawn, one read, one copied
 
@@ -37,17 +40,11 @@ _ENUM, _INT, _SIZE, _POINTER = ctypes.c_uint, ctypes.c_int, ctypes.c_ssize_t, ct
 
 
 class Pixels(NamedTuple):
-    """Pixels of a framebuffer.
+    """Pixels of a framebuffer."""
 
-    Attributes:
-        target: already drawn; not multisampled.
-        attachment: number of a color attachment.
-        region: left, top, width and height; None: all.
-    """
-
-    target: moderngl.Framebuffer
-    attachment: int = 0
-    region: tuple[int, int, int, int] | None = None
+    target: moderngl.Framebuffer  # already drawn; not multisampled
+    attachment: int = 0  # number of a color attachment
+    region: tuple[int, int, int, int] | None = None  # left, top, width and height; None: all
 
 
 Source = Pixels | moderngl.Texture | moderngl.Buffer

@@ -1,4 +1,4 @@
-"""Shader files: includes, defines, and compiler messages that name file and line."""
+"""Shader files: includes, defines, compiler messages that name file and line, and uniforms."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ from functools import cache
 from pathlib import Path
 
 import moderngl
+import numpy as np
 
+from omnisim.core.array_types import Float32s, Float64s
 from omnisim.core.errors import GraphicsError
 from omnisim.core.package_files import SHADERS
 from omnisim.rendering.opengl.gl import debug
+from omnisim.scene.model import Fog
 
 _INCLUDE = re.compile(r"^\s*#include\s+(\S+)\s*$")
 # The second number of #line should be the file, but Mesa forgets it inside expressions. The line
@@ -108,3 +111,48 @@ def _file_names() -> Iterator[list[str]]:
         yield files
     except moderngl.Error as reason:
         raise GraphicsError(f"shader: {_LOCATION.sub(locate, str(reason)).strip()}") from None
+
+
+# Uniforms of programs, set from NumPy arrays.
+
+
+def find_uniform(
+    program: moderngl.Program | moderngl.ComputeShader, name: str
+) -> moderngl.Uniform | None:
+    """Uniform of a program; None if the compiler removed it."""
+    member = program.get(name, None)
+    return member if isinstance(member, moderngl.Uniform) else None
+
+
+def uniform(program: moderngl.Program | moderngl.ComputeShader, name: str) -> moderngl.Uniform:
+    """Uniform of a program.
+
+    Raises:
+        KeyError: no uniform of that name.
+    """
+    member = find_uniform(program, name)
+    if member is None:
+        raise KeyError(name)
+    return member
+
+
+def set_sampler(program: moderngl.Program, name: str, unit: int) -> None:
+    """Set the texture unit of a sampler, unless the compiler removed it."""
+    member = find_uniform(program, name)
+    if member is not None:
+        member.value = unit
+
+
+def write_fog(program: moderngl.Program, fog: Fog) -> None:
+    """Set the uniforms of shaders/scene/fog.glsl, if a program has them."""
+    for name, value in (
+        ("u_fog_color", fog.color), ("u_fog_attenuation_per_m", fog.attenuation_per_m)
+    ):  # fmt: skip
+        member = find_uniform(program, name)
+        if member is not None:
+            member.value = value
+
+
+def columns_first(matrices: Float64s) -> Float32s:
+    """Matrices (..., n, n) as float32 in OpenGL's column-major order."""
+    return np.ascontiguousarray(np.swapaxes(matrices, -1, -2), dtype=np.float32)

@@ -13,8 +13,7 @@ from contextlib import contextmanager
 
 import moderngl
 
-from omnisim.rendering.opengl.gl.fences import end_pass
-from omnisim.rendering.opengl.gl.functions import constant_call, gl_function
+from omnisim.rendering.opengl.gl.functions import constant_call, end_pass, gl_function
 
 _FRAMEBUFFER, _COLOR, _DEPTH = 0x8D40, 0x1800, 0x1801
 _PACK_ALIGNMENT = 0x0D05

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
+from omnisim.core.array_types import Float64s
+from omnisim.rendering.opengl.capture.pixel_map import bind_tiles
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.triangle_table import table_texture, write_table
-from omnisim.rendering.opengl.gl.uniforms import uniform
+from omnisim.rendering.opengl.gl.shader_files import uniform
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
 
 _DRAW_ITEM = np.dtype(  # as in shaders/ground_truth/tables.glsl
@@ -50,9 +50,7 @@ class HitTables:
         self._texture = table_texture(visibility.buffers.context, entries, "the scene's instances")
         self._batch: moderngl.Texture | None = None
 
-    def bind_program(
-        self, program: moderngl.Program, rig_from_optical: NDArray[np.float64]
-    ) -> None:
+    def bind_program(self, program: moderngl.Program, rig_from_optical: Float64s) -> None:
         """Set the constant uniforms of a program, with rig_from_optical (3, 3)."""
         visibility = self._visibility
         bind_tiles(program, visibility.plan, rig_from_optical)
@@ -61,7 +59,7 @@ class HitTables:
         depth_limits_m = (visibility.near_m, min(visibility.far_m, 3e38))
         uniform(program, "u_depth_limits_m").value = depth_limits_m
 
-    def update(self, transforms: InstanceTransforms, second_matrices: NDArray[np.float64]) -> None:
+    def update(self, transforms: InstanceTransforms, second_matrices: Float64s) -> None:
         """Write each draw item's transform and second matrix (n, 3, 3) or (n, 3, 4), and bind."""
         self._draw_items["viewpoint_from_mesh"] = transforms.viewpoint_from_mesh[:, :3]
         self._draw_items["second_matrix"][..., : second_matrices.shape[-1]] = second_matrices
@@ -72,7 +70,7 @@ class HitTables:
         self,
         ids: moderngl.TextureArray,
         transforms: Sequence[InstanceTransforms],
-        viewpoints_from_optical: NDArray[np.float64],
+        viewpoints_from_optical: Float64s,
     ) -> None:
         """Write draw items, normal matrices and camera rotation of each image, and bind the tables.
 

@@ -9,9 +9,9 @@ from functools import lru_cache
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import CylindricalCamera
+from omnisim.core.array_types import Int32s
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.core.world import ObjectPart
@@ -24,8 +24,7 @@ from omnisim.rendering.opengl.gl.framebuffers import framebuffer, within
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback
-from omnisim.rendering.opengl.gl.shader_files import build_program
-from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
+from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first, uniform
 from omnisim.rendering.opengl.ground_truth.hit_tables import HitTables
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
 from omnisim.rendering.rays.geometry import Geometry, PlacedMesh
@@ -70,7 +69,7 @@ class LidarPass:
         geometry: Callable[[], Geometry] | None = None,
     ):
         self._buffers, self._beams, self._geometry = buffers, beams, geometry
-        self._first_triangles: tuple[Geometry, NDArray[np.int32]] | None = None
+        self._first_triangles: tuple[Geometry, Int32s] | None = None
         self._cameras = VirtualCameras(
             near_m, beams.max_range_m, hidden=frozenset(hidden), both_sides=True
         )
@@ -171,11 +170,7 @@ class _Sector:
         self._path_m = uniform(program, "u_path_m")
 
     def render(
-        self,
-        one: Slice,
-        target: moderngl.Framebuffer,
-        rays: moderngl.Texture,
-        heading_rad: float,
+        self, one: Slice, target: moderngl.Framebuffer, rays: moderngl.Texture, heading_rad: float
     ) -> None:
         """Draw the hits of a slice's beams."""
         world_from_rig = one.middle.world_from_lidar @ pose_from_rotation(

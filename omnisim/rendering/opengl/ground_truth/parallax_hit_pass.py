@@ -10,7 +10,7 @@ from omnisim.ground_truth.hits import Hits
 from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
-from omnisim.rendering.opengl.gl.uniforms import uniform
+from omnisim.rendering.opengl.gl.shader_files import uniform
 from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
 

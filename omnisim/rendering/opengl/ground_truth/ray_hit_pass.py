@@ -11,19 +11,20 @@ from numpy.typing import NDArray
 
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.rendering.opengl.atlas.image_parts import ImagePart
-from omnisim.rendering.opengl.capture.pixel_map import RAYS_UNIT, PixelMap
-from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
-from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
-from omnisim.rendering.opengl.geometry.triangle_windows import bind_triangles, window_defines
+from omnisim.rendering.opengl.capture.pixel_map import (
+    RAYS_UNIT,
+    PixelMap,
+    bind_tiles,
+    valid_pixels_array,
+)
+from omnisim.rendering.opengl.geometry.triangle_table import bind_triangles, window_defines
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, within
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer, texture_2d
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Read
-from omnisim.rendering.opengl.gl.shader_files import build_program
-from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
+from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first, uniform
 from omnisim.rendering.opengl.ground_truth.hit_tables import HitTables
-from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
-from omnisim.rendering.opengl.ground_truth.visibility_program import atlas_formats
+from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass, atlas_formats
 from omnisim.rendering.readback import Pending
 
 _UNITS = {"u_albedos": 4, "u_gloss": 5, "u_emission": 7}

@@ -1,42 +1,188 @@
-"""Material textures on the GPU, with mip levels; each is uploaded once.
-
-Textures of equal size and wrapping are layers of one array, so that a call draws many materials.
-"""
+"""Materials on the GPU: textures of their maps, of baked light and environment, and factors."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+import weakref
+from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.materials.material_table import MaterialTable, Reflectance
-from omnisim.rendering.opengl.materials.texture_array import TextureArray
+from omnisim.rendering.opengl.gl.gpu_textures import (
+    RGBA8,
+    SRGB8_ALPHA8,
+    AnyTexture,
+    bind_texture,
+    byte_textures,
+    texture_2d,
+    texture_3d,
+    upload,
+)
+from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.shader_files import find_uniform, set_sampler
+from omnisim.scene.light.baked_light import BakedLight, Probes
+from omnisim.scene.light.environment import Environment
 from omnisim.scene.masked_mipmaps import masked_mipmaps
 from omnisim.scene.mipmaps import mipmaps
 from omnisim.scene.model import AlphaMode, Material, Mesh, Texture, Wrap
+from omnisim.scene.surface_reflectance import dielectric_f0, tinted_reflectance
+
+MAP_UNITS = 1, 2, 3, 4, 9, 14, 15  # in the order of `Material.maps`
+
+
+class TextureArray:
+    """Array of equally sized RGBA textures with mip levels, stored as sRGB or linear.
+
+    Args:
+        context: OpenGL context.
+        layers: mip levels (height, width, 4) of each, from full size to one texel.
+        repeats: repeat to the right and down; otherwise clamp to the edge.
+        is_linear: linear values instead of sRGB colors.
+
+    Attributes:
+        array: texture array.
+        layers: each layer as a texture view, without a copy.
+    """
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        layers: Sequence[Sequence[NDArray[np.uint8]]],
+        repeats: tuple[bool, bool],
+        is_linear: bool = False,
+    ):
+        stored = RGBA8 if is_linear else SRGB8_ALPHA8
+        height, width = layers[0][0].shape[:2]
+        levels = len(layers[0])
+        with gpu_allocation(
+            f"{len(layers)} textures of {width} × {height} texels", "make the scene smaller"
+        ):
+            size = width, height, len(layers)
+            self.array, self.layers = byte_textures(context, size, levels, stored)
+        for layer, pixels in enumerate(layers):
+            for level, texels in enumerate(pixels):
+                upload(self.array.glo, level, texels, layer)
+        textures: list[moderngl.Texture | moderngl.TextureArray] = [self.array, *self.layers]
+        for texture in textures:
+            texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+            texture.repeat_x, texture.repeat_y = repeats
+        # moderngl does not free the layers, and they hold the array's memory
+        names = [layer.glo for layer in self.layers]
+        dropped = weakref.finalize(self, context.extra.dropped_textures.extend, names)
+        dropped.atexit = False  # the end of the process frees them
+
+
+def bind_maps(maps: Sequence[TextureArray | None]) -> None:
+    """Bind the arrays of a material's maps, after that of its base color."""
+    for unit, one in zip(MAP_UNITS, maps, strict=True):
+        if one is not None:
+            bind_texture(unit, one.array.glo)
+
+
+# Textures of baked light: the lightmap, and the probes as blocks of four numbers along z.
+
+
+_LIGHTMAP_UNIT, _PROBES_UNIT = 7, 8
+_BLOCK = 4  # as in shaders/scene/baked_light.glsl
+
+
+class BakedTextures:
+    """Textures of a scene's baked light.
+
+    Args:
+        context: OpenGL context.
+        baked: baked light of the scene.
+
+    Raises:
+        GraphicsError: larger than the GPU allows.
+    """
+
+    def __init__(self, context: moderngl.Context, baked: BakedLight):
+        self._lightmap = _lightmap(context, baked)
+        self._probes = _probes(context, baked.probes)
+
+    @property
+    def units(self) -> dict[int, AnyTexture]:
+        """Textures by unit, for connected programs."""
+        return {_LIGHTMAP_UNIT: self._lightmap, _PROBES_UNIT: self._probes}
+
+
+def connect_baked_light(program: moderngl.Program, baked: BakedLight) -> None:
+    """Set the samplers and uniforms of a program that looks up baked light."""
+    set_sampler(program, "u_lightmap", _LIGHTMAP_UNIT)
+    set_sampler(program, "u_probes", _PROBES_UNIT)
+    scale = find_uniform(program, "u_probes_per_m")
+    if scale is not None:
+        scale.write((1.0 / baked.probes.spacing_m).astype(np.float32))
+
+
+def _lightmap(context: moderngl.Context, baked: BakedLight) -> moderngl.Texture:
+    height, width = baked.irradiance.shape[:2]
+    # four numbers per texel, which are fetched faster than three
+    texels = np.ones((height, width, 4), dtype=np.float16)
+    texels[..., :3] = baked.irradiance
+    with gpu_allocation(f"baked light of {width} × {height} texels", "bake it coarser"):
+        return texture_2d(context, (width, height), 4, texels, dtype="f2", is_linear=True)
+
+
+def _probes(context: moderngl.Context, probes: Probes) -> moderngl.Texture3D:
+    columns, rows, layers, numbers = probes.texels.shape
+    blocks = probes.texels.reshape(columns, rows, layers, numbers // _BLOCK, _BLOCK)
+    ordered = np.ascontiguousarray(blocks.transpose(3, 2, 1, 0, 4))
+    size = (columns, rows, layers * len(ordered))
+    with gpu_allocation(f"{probes.valid.size} probes of baked light", "bake it coarser"):
+        return texture_3d(context, size, ordered)
+
+
+# Textures of environment maps: the visible sky, and its filtered reflections.
+
+
+_MAX_HALF = 65504.0  # largest half float
+
+
+def sky_texture(context: moderngl.Context, environment: Environment) -> moderngl.Texture:
+    """Texture of the visible sky, with mip levels."""
+    return _map(context, environment.pyramid)
+
+
+def filtered_texture(context: moderngl.Context, environment: Environment) -> moderngl.Texture:
+    """Texture of the filtered map, one mip level per roughness."""
+    return _map(context, environment.filtered)
+
+
+def _map(context: moderngl.Context, levels: tuple[Float32s, ...]) -> moderngl.Texture:
+    height, width = levels[0].shape[:2]
+    with gpu_allocation(f"an environment map of {width} × {height} texels", "make it smaller"):
+        texture = texture_2d(context, (width, height), 3, dtype="f2", levels=len(levels))
+    for level, pixels in enumerate(levels):
+        half = np.minimum(pixels, _MAX_HALF).astype(np.float16)
+        upload(texture.glo, level, half)
+    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+    texture.repeat_x, texture.repeat_y = True, False
+    return texture
+
+
+# Material textures on the GPU, with mip levels; each is uploaded once.
+#
+# Textures of equal size and wrapping are layers of one array, so that a call draws many materials.
+
 
 # Identity of a texture's pixels, alpha cutoff of its mip levels, storage and wrapping.
 _Key = tuple[int, float | None, bool, tuple[bool, bool]]
 
 
 class MaterialTexture(NamedTuple):
-    """Texture of a material as a layer of an array, and its reflectance.
+    """Texture of a material as a layer of an array, and its reflectance."""
 
-    Attributes:
-        array: array shared with textures of the same size; None: an untextured material.
-        layer: index in the array.
-        texture: the layer as a texture; white for untextured materials.
-        reflectance: reflectance on its mesh; None: matte.
-    """
-
+    # array shared with textures of the same size; None: an untextured material
     array: TextureArray | None
-    layer: int
-    texture: moderngl.Texture
-    reflectance: Reflectance | None = None
+    layer: int  # index in the array
+    texture: moderngl.Texture  # the layer as a texture; white for untextured materials
+    reflectance: Reflectance | None = None  # reflectance on its mesh; None: matte
 
     @property
     def arrays(self) -> tuple[TextureArray | None, ...]:
@@ -170,3 +316,102 @@ def _levels(texture: Texture, cutoff: float | None) -> list[NDArray[np.uint8]]:
     if cutoff is None:
         return [pixels, *mipmaps(pixels, texture.is_linear)]
     return [pixels, *masked_mipmaps(pixels, cutoff)]
+
+
+# Reflectance tables for shaders: records of materials, and details of vertices.
+
+
+# As in shaders/scene/reflective_material.glsl.
+_TEXELS, _FIRST_MAP, _IN_ROW = 20, 5, 256
+_ROW_VERTICES = 4096
+
+
+class Reflectance(NamedTuple):
+    """Reflectance of a glossy, metallic or mapped material on a mesh."""
+
+    record: int  # index of its record in the table
+    # arrays of its maps, in the order of `Material.maps`; None for missing maps
+    maps: tuple[TextureArray | None, ...]
+    second_coordinates: bool  # True if a map uses the second texture coordinates
+
+
+class MaterialTable:
+    """Records of materials; grows with new materials.
+
+    Args:
+        context: OpenGL context.
+    """
+
+    def __init__(self, context: moderngl.Context):
+        self._context = context
+        self._records: list[Float32s] = []
+        self._uploaded = 0
+        self._texture: moderngl.Texture | None = None
+
+    def append(self, material: Material, layers: Sequence[int | None]) -> int:
+        """Append a material, given the array layers of its maps; return the index of its record."""
+        self._records.append(_record(material, layers))
+        return len(self._records) - 1
+
+    @property
+    def texture(self) -> moderngl.Texture | None:
+        """Texture of the table; None while it is empty."""
+        if self._uploaded != len(self._records):
+            rows = -(-len(self._records) // _IN_ROW)
+            values = np.zeros((rows * _IN_ROW, _TEXELS, 4), dtype=np.float32)
+            values[: len(self._records)] = self._records
+            size = (_IN_ROW * _TEXELS, rows)
+            self._texture = texture_2d(self._context, size, 4, values)
+            self._uploaded = len(self._records)
+        return self._texture
+
+
+def vertex_details(
+    context: moderngl.Context, meshes: Sequence[tuple[Mesh, int]]
+) -> moderngl.Texture:
+    """Second texture coordinates and material record of each vertex, mesh after mesh.
+
+    Args:
+        context: OpenGL context.
+        meshes: meshes, each with its material's record.
+    """
+    bases = np.cumsum([0, *(len(mesh.positions) for mesh, _ in meshes)]).tolist()
+    placed = [(mesh, record, base) for (mesh, record), base in zip(meshes, bases, strict=False)]
+    return placed_details(context, placed)
+
+
+def placed_details(
+    context: moderngl.Context, meshes: Sequence[tuple[Mesh, int, int]]
+) -> moderngl.Texture:
+    """Details as from `vertex_details`, with the first vertex of each mesh."""
+    count = max(base + len(mesh.positions) for mesh, _, base in meshes)
+    rows = max(1, -(-count // _ROW_VERTICES))
+    values = np.zeros((rows * _ROW_VERTICES, 4), dtype=np.float32)
+    for mesh, record, base in meshes:
+        part = values[base : base + len(mesh.positions)]
+        if mesh.second_texture_coordinates is not None:
+            part[:, :2] = mesh.second_texture_coordinates
+        part[:, 2] = record
+    return texture_2d(context, (_ROW_VERTICES, rows), 4, values)
+
+
+def _record(material: Material, layers: Sequence[int | None]) -> Float32s:
+    record = np.zeros((_TEXELS, 4), dtype=np.float32)
+    f0 = dielectric_f0(material.ior, material.specular, material.specular_color)
+    record[0] = *f0, material.specular
+    record[1] = (
+        material.metallic, material.roughness, material.normal_scale, material.occlusion_strength
+    )  # fmt: skip
+    record[2] = *material.emissive, material.pane_transmission
+    record[3] = (
+        material.clearcoat, material.clearcoat_roughness, material.clearcoat_normal_scale,
+        material.ior,
+    )  # fmt: skip
+    record[4] = *tinted_reflectance(material.ior, material.specular_color), material.is_slab
+    record[19, :3] = material.optical_depths
+    for number, (texture, layer) in enumerate(zip(material.maps, layers, strict=True)):
+        if texture is not None and layer is not None:
+            across, down = texture.uv_transform
+            record[_FIRST_MAP + 2 * number] = *across, layer
+            record[_FIRST_MAP + 2 * number + 1] = *down, texture.uv_set
+    return record

@@ -8,24 +8,23 @@ from typing import NamedTuple
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.atlas.tile_views import frustum_planes
-from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller
-from omnisim.rendering.opengl.culling.cluster_views import Views
+from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
+from omnisim.rendering.opengl.atlas.tile_plan import frustum_planes
+from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller, Views
 from omnisim.rendering.opengl.drawing.cluster_drawer import (
     BucketProgram,
     ClusterDrawer,
     DrawBatches,
 )
+from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_records import INSTANCE
+from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first
 from omnisim.rendering.opengl.gl.state import GlState
-from omnisim.rendering.opengl.gl.uniforms import columns_first
-from omnisim.rendering.opengl.shadows.caster_program import CasterProgram, CasterVariant
 from omnisim.scene.model import LAMP_NEAR_M
 
 # For maps that are not drawn: every point is nearer than the near plane.
@@ -34,19 +33,12 @@ _NOWHERE[3, 3] = -1.0
 
 
 class MapPart(NamedTuple):
-    """Part of a map.
+    """Part of a map."""
 
-    Attributes:
-        clip: (4, 4) clip_from_anchor matrix of the whole map.
-        part_clip: (4, 4) clip_from_anchor matrix of the part alone.
-        map_px: left, top, width and height of the map in the target.
-        part_px: those of the part.
-    """
-
-    clip: NDArray[np.float64]
-    part_clip: NDArray[np.float64]
-    map_px: tuple[int, int, int, int]
-    part_px: tuple[int, int, int, int]
+    clip: Float64s  # (4, 4) clip_from_anchor matrix of the whole map
+    part_clip: Float64s  # (4, 4) clip_from_anchor matrix of the part alone
+    map_px: tuple[int, int, int, int]  # left, top, width and height of the map in the target
+    part_px: tuple[int, int, int, int]  # those of the part
 
 
 class CasterDrawer:
@@ -69,8 +61,8 @@ class CasterDrawer:
     def __init__(
         self,
         buffers: SceneBuffers,
-        anchor_m: NDArray[np.float64],
-        rectangles_px: NDArray[np.float64],
+        anchor_m: Float64s,
+        rectangles_px: Float64s,
         size_px: tuple[int, int],
         has_parts: bool,
     ):
@@ -103,11 +95,7 @@ class CasterDrawer:
             False: np.flatnonzero(single & static), True: np.flatnonzero(single & dynamic)
         }  # fmt: skip
         self._drawer = SceneDrawer(
-            buffers,
-            np.flatnonzero(single),
-            self._program_of,
-            id_of_item={},
-            both_sides=True,
+            buffers, np.flatnonzero(single), self._program_of, id_of_item={}, both_sides=True
         )
         if buffers.clustered_geometry is not None:
             # hidden static items have no triangles
@@ -120,9 +108,9 @@ class CasterDrawer:
     def draw(
         self,
         target: moderngl.Framebuffer,
-        clips: NDArray[np.float64],
-        active: NDArray[np.bool_],
-        world_from_objects: Sequence[NDArray[np.float64]],
+        clips: Float64s,
+        active: Mask,
+        world_from_objects: Sequence[Float64s],
         dynamic: bool,
     ) -> None:
         """Draw the static casters, or the dynamic ones on top.
@@ -157,10 +145,7 @@ class CasterDrawer:
                 self._draw_items(target, maps, world_from_objects, self._items[dynamic])
 
     def draw_part(
-        self,
-        target: moderngl.Framebuffer,
-        part: MapPart,
-        world_from_objects: Sequence[NDArray[np.float64]],
+        self, target: moderngl.Framebuffer, part: MapPart, world_from_objects: Sequence[Float64s]
     ) -> None:
         """Draw the static casters into a part of a map: the same bytes as in the whole map."""
         self._state.use(target, has_depth=True)
@@ -193,8 +178,8 @@ class CasterDrawer:
         self,
         target: moderngl.Framebuffer,
         parts: Sequence[MapPart],
-        world_from_objects: Sequence[NDArray[np.float64]],
-        items: NDArray[np.intp],
+        world_from_objects: Sequence[Float64s],
+        items: Indices,
     ) -> None:
         """Draw items one by one."""
         transforms = self._buffers.instance_transforms(self.anchor_m, world_from_objects)
@@ -208,18 +193,13 @@ class CasterDrawer:
                 for index, clip_from_mesh in zip(seen.tolist(), matrices, strict=True):
                     self._drawer.draw_item(index, clip_from_mesh)
 
-    def _in_frustum(
-        self, planes: NDArray[np.float64], transforms: InstanceTransforms, items: NDArray[np.intp]
-    ) -> NDArray[np.bool_]:
+    def _in_frustum(self, planes: Float64s, transforms: InstanceTransforms, items: Indices) -> Mask:
         """Mask of items (n,) whose bounding spheres are not outside of planes (k, 4)."""
         inside_m = transforms.centers_m[items] @ planes[:, :3].T + planes[:, 3]
         return np.all(inside_m.T + transforms.radii_m[items] >= 0.0, axis=0)
 
     def _cluster_drawer(
-        self,
-        geometry: ClusteredGeometry,
-        rectangles_px: NDArray[np.float64],
-        size_px: tuple[int, int],
+        self, geometry: ClusteredGeometry, rectangles_px: Float64s, size_px: tuple[int, int]
     ) -> tuple[ClusterCuller, ClusterDrawer]:
         context = self._context
         nowhere = np.tile(_NOWHERE, (len(rectangles_px), 1, 1))
@@ -247,3 +227,56 @@ class CasterDrawer:
         if variant not in self._programs:
             self._programs[variant] = CasterProgram(self._context, variant)
         return self._programs[variant]
+
+
+# Caster programs: shaders that draw the depth of shadow casters.
+
+
+class CasterVariant(NamedTuple):
+    """Compiled version of the shader."""
+
+    holes: bool  # discard fragments with alpha below a cutoff
+    textured: bool  # alpha comes from a texture
+    clustered: bool = False  # True: draws clusters; False: single items
+
+    @property
+    def defines(self) -> tuple[str, ...]:
+        """Defines of the shaders."""
+        defined = {
+            "ALPHA_MASK": self.holes,
+            "TEXTURED": self.holes and self.textured,
+            "CLUSTERED": self.clustered,
+        }
+        return tuple(name for name, is_defined in defined.items() if is_defined)
+
+
+class CasterProgram:
+    """Compiled variant with its uniforms.
+
+    Attributes:
+        program: compiled OpenGL program.
+    """
+
+    def __init__(self, context: moderngl.Context, variant: CasterVariant):
+        files = "scene/caster.vert", "scene/caster.frag"
+        self.program = program = build_program(context, *files, variant.defines)
+        self._item = ItemUniforms(program)
+        self._is_textured = "TEXTURED" in variant.defines
+        if self._is_textured:
+            program["u_textures" if variant.clustered else "u_texture"] = 0
+
+    def set_matrices(
+        self, clip_from_mesh: Float32s, viewpoint_from_mesh: Float32s, normal_from_mesh: Float32s
+    ) -> None:
+        """Set the matrix (4, 4), column-major, for the next draw calls; depth needs no others."""
+        self._item.set_clip_from_mesh(clip_from_mesh)
+
+    def bind_material(self, item: DrawItem) -> None:
+        """Bind an item's material for the next draw calls."""
+        self._item.bind_material(item)
+        if self._is_textured:
+            item.texture.use(0)
+
+    def draw(self, array: moderngl.VertexArray, first: int, count: int, first_id: int) -> None:
+        """Draw `count` indices of a vertex array; depth needs no IDs."""
+        array.render(moderngl.TRIANGLES, vertices=count, first=first)

@@ -8,45 +8,47 @@ separates them, as clipping would move edges.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.gl.framebuffers import use_target
-from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH
-from omnisim.rendering.opengl.shadows.cascades import CELLS, Cascades
+from omnisim.core.array_types import Float64s
+from omnisim.rendering.opengl.gl.framebuffers import depth_target, use_target
+from omnisim.rendering.opengl.gl.gpu_textures import (
+    CLEAR_DEPTH,
+    DEPTH_FUNCTION,
+    copy_region,
+    depth_texture,
+    limit_levels,
+)
+from omnisim.rendering.opengl.gl.shader_files import build_program, uniform
 from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer, MapPart
-from omnisim.rendering.opengl.shadows.depth_levels import DepthLevels
-from omnisim.rendering.opengl.shadows.lamp_views import orthographic_clip
-from omnisim.rendering.opengl.shadows.shadow_plan import ShadowPlan
-from omnisim.rendering.opengl.shadows.torus import Cells, TorusPart, entered_cells, torus_parts
+from omnisim.rendering.opengl.shadows.shadow_plan import (
+    CELLS,
+    Cascades,
+    ShadowPlan,
+    orthographic_clip,
+)
 
 
 @dataclass(frozen=True, eq=False)
 class _Kept:
-    """Cascade that follows the viewpoint.
+    """Cascade that follows the viewpoint."""
 
-    Attributes:
-        cascades: cascades of its light.
-        level: its number among them.
-        map_px: left, top and size of its map.
-        kept_px: left and top of its torus.
-    """
-
-    cascades: Cascades
-    level: int
-    map_px: tuple[int, int, int]
-    kept_px: tuple[int, int]
+    cascades: Cascades  # cascades of its light
+    level: int  # its number among them
+    map_px: tuple[int, int, int]  # left, top and size of its map
+    kept_px: tuple[int, int]  # left and top of its torus
 
     @property
     def cell_px(self) -> int:
         """Width of a grid cell."""
         return self.map_px[2] // CELLS
 
-    def clip(self, period: tuple[int, int]) -> NDArray[np.float64]:
+    def clip(self, period: tuple[int, int]) -> Float64s:
         """Matrix (4, 4) clip_from_anchor of a period of the torus."""
         half_m = self.cascades.halves_m[self.level]
         middle_m = (2.0 * np.array(period) + 1.0) * half_m
@@ -105,9 +107,9 @@ class KeptCascades:
     def update(
         self,
         maps: DepthLevels,
-        viewpoint_m: NDArray[np.float64],
+        viewpoint_m: Float64s,
         drawer: CasterDrawer,
-        world_from_objects: Sequence[NDArray[np.float64]],
+        world_from_objects: Sequence[Float64s],
     ) -> None:
         """Bring the maps of cascades that have moved up to date.
 
@@ -143,7 +145,7 @@ class KeptCascades:
         parts: Sequence[MapPart],
         is_clear: bool,
         drawer: CasterDrawer,
-        world_from_objects: Sequence[NDArray[np.float64]],
+        world_from_objects: Sequence[Float64s],
     ) -> None:
         target = self.levels.target
         for part in parts:
@@ -168,3 +170,175 @@ def _kept(plan: ShadowPlan) -> list[_Kept]:
         for light, (cascades, block) in enumerate(zip(lights, plan.blocks, strict=False))
         for level in range(plan.cascade_count - 1)
     ]
+
+
+# Squares of a world grid on a torus: cell p is kept at p modulo the side of the square.
+#
+# While a square moves over the grid, only the cells that enter it are new. They take the places of
+# those that leave it. Periods are repetitions of the torus over the grid.
+# Source: Losasso and Hoppe, "Geometry Clipmaps", SIGGRAPH 2004, toroidal access.
+
+
+class Cells(NamedTuple):
+    """Rectangle of grid cells."""
+
+    # first cell
+    left: int
+    top: int
+    # number of cells
+    width: int
+    height: int
+
+
+class TorusPart(NamedTuple):
+    """Rectangle within one period of the torus."""
+
+    period: tuple[int, int]  # column and row of the period
+    place: Cells  # cells on the torus
+    cells: Cells  # the same cells on the grid
+
+
+def entered_cells(old: tuple[int, int] | None, new: tuple[int, int], side: int) -> list[Cells]:
+    """Cells of a square that were not in its old place, as at most two rectangles.
+
+    Args:
+        old: first cell of the square's old place; None: it had none.
+        new: first cell of its new place.
+        side: cells per side.
+    """
+    left, top = new
+    shift_x, shift_y = (0, side) if old is None else (left - old[0], top - old[1])
+    if max(abs(shift_x), abs(shift_y)) >= side:
+        return [Cells(left, top, side, side)]
+    # the new columns, then the new rows of the other columns
+    columns, rows = abs(shift_x), abs(shift_y)
+    column = left + side - columns if shift_x > 0 else left
+    row = top + side - rows if shift_y > 0 else top
+    rest = left if shift_x > 0 else left + columns
+    entered = [Cells(column, top, columns, side), Cells(rest, row, side - columns, rows)]
+    return [one for one in entered if one.width and one.height]
+
+
+def torus_parts(cells: Cells, side: int) -> list[TorusPart]:
+    """Split a rectangle, at most as large as the torus, where the torus is closed.
+
+    Args:
+        cells: rectangle of the grid.
+        side: cells per side of the torus.
+    """
+    return [
+        TorusPart(
+            (left // side, top // side),
+            Cells(left % side, top % side, width, height),
+            Cells(left, top, width, height),
+        )
+        for top, height in _intervals(cells.top, cells.height, side)
+        for left, width in _intervals(cells.left, cells.width, side)
+    ]
+
+
+def _intervals(first: int, count: int, side: int) -> Iterator[tuple[int, int]]:
+    """First and number of the cells in each period."""
+    end = first + count
+    while first < end:
+        last = min(end, (first // side + 1) * side)
+        yield first, last - first
+        first = last
+
+
+# Depth of all shadow maps in one texture, with coarser levels for distant surfaces.
+#
+# Where one image texel covers many texels of a map, lookups in the finest level would be scattered:
+# slow, with flickering shadows. A texel of a coarser level is one of the finest texels that it
+# covers, not their mean, so that it holds a depth that the lamp sees.
+
+
+LEVELS = 4  # as in shaders/scene/shadow.glsl
+
+
+class DepthLevels:
+    """Depth texture with its levels.
+
+    Args:
+        context: OpenGL context.
+        size_px: size of the finest level, multiples of the coarsest level's texels.
+        like: other depth in the context, whose program is used, too; None: the first.
+
+    Attributes:
+        size_px: see the arguments.
+        texture: texture for samplers that compare.
+        target: the finest level as a render target.
+    """
+
+    def __init__(
+        self, context: moderngl.Context, size_px: tuple[int, int], like: DepthLevels | None = None
+    ):
+        self._context, self.size_px = context, size_px
+        self.texture = depth_texture(context, size_px, LEVELS)
+        self.texture.compare_func = ">="
+        self.texture.filter = (moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR)
+        self.target, *self._coarser = (
+            depth_target(context, self.texture, size_px, level) for level in range(LEVELS)
+        )
+        limit_levels(self.texture.glo, 0, LEVELS - 1)
+        self._sampler = context.sampler(filter=(moderngl.NEAREST, moderngl.NEAREST))
+        self._sampler.compare_func = ""
+        self._triangle: moderngl.VertexArray = (
+            _coarser_triangle(context) if like is None else like._triangle
+        )
+
+    def coarsen(self, rectangles_px: Sequence[Sequence[int]]) -> None:
+        """Draw the coarser levels of rectangles of the finest: left, top, width and height."""
+        if not rectangles_px:
+            return
+        context, texture = self._context, self.texture
+        context.enable_only(moderngl.DEPTH_TEST)
+        context.depth_func = "1"
+        texture.use(0)
+        self._sampler.use(0)
+        for level, target in enumerate(self._coarser, start=1):
+            limit_levels(texture.glo, level - 1, level - 1)
+            use_target(target)
+            for rectangle_px in rectangles_px:
+                target.viewport = _halved(rectangle_px, level)
+                self._triangle.render(moderngl.TRIANGLES, vertices=3)
+        limit_levels(texture.glo, 0, LEVELS - 1)
+        self._sampler.clear(0)
+        context.depth_func = DEPTH_FUNCTION
+        context.disable(moderngl.DEPTH_TEST)
+
+    def copy(
+        self,
+        source: DepthLevels,
+        rectangle_px: Sequence[int],
+        first_px: tuple[int, int] | None = None,
+    ) -> None:
+        """Copy a rectangle of all levels.
+
+        Args:
+            source: where to copy from.
+            rectangle_px: left, top, width and height of the target in the finest level.
+            first_px: left and top in the source, by which the rectangle moves multiples of the
+                coarsest level's texels; None: the same place.
+        """
+        left_px, top_px = rectangle_px[:2] if first_px is None else first_px
+        names = source.texture.glo, self.texture.glo
+        for level in range(LEVELS):
+            to_left, to_top, *size_px = _halved(rectangle_px, level)
+            first = left_px >> level, top_px >> level
+            copy_region(*names, level, first, (to_left, to_top), (size_px[0], size_px[1]))
+
+
+def _coarser_triangle(context: moderngl.Context) -> moderngl.VertexArray:
+    """Triangle over the whole target, with the program of the coarser levels."""
+    program = build_program(context, "common/full_screen.vert", "scene/coarser_depth.frag")
+    uniform(program, "u_finer").value = 0
+    return context.vertex_array(program, [])
+
+
+def _halved(rectangle_px: Sequence[int], level: int) -> tuple[int, int, int, int]:
+    """Rectangle of a level's texels that covers one of the finest level."""
+    left, top, width, height = rectangle_px
+    first = left >> level, top >> level
+    last = -(-(left + width) >> level), -(-(top + height) >> level)
+    return *first, last[0] - first[0], last[1] - first[1]

@@ -12,35 +12,30 @@ from typing import NamedTuple
 
 import moderngl
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float64s, Indices, Mask
 from omnisim.core.bounds import bounds_of
 from omnisim.core.world import time_of
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl.buffers import written_buffer
 from omnisim.rendering.opengl.gl.framebuffers import use_target
-from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.gpu_textures import (
+    CLEAR_DEPTH,
+)
+from omnisim.rendering.opengl.gl.memory import gpu_allocation, written_buffer
 from omnisim.rendering.opengl.shadows.caster_drawer import CasterDrawer
-from omnisim.rendering.opengl.shadows.depth_levels import DepthLevels
-from omnisim.rendering.opengl.shadows.kept_cascades import KeptCascades
-from omnisim.rendering.opengl.shadows.map_regions import covered_px
-from omnisim.rendering.opengl.shadows.shadow_plan import make_shadow_plan
+from omnisim.rendering.opengl.shadows.kept_cascades import DepthLevels, KeptCascades
+from omnisim.rendering.opengl.shadows.shadow_plan import covered_px, make_shadow_plan
 from omnisim.scene.model import LAMP_NEAR_M, Lighting
 
 _UNIT, _BLOCK_BINDING = 13, 1  # as in shaders/scene/shadow.glsl
 
 
 class _Views(NamedTuple):
-    """Views of all maps.
+    """Views of all maps."""
 
-    Attributes:
-        middles_m: (lights, cascades, 2) centers of the cascades, on which the matrices depend.
-        clips: (maps, 4, 4) clip_from_anchor matrices.
-    """
-
-    middles_m: NDArray[np.float64]
-    clips: NDArray[np.float64]
+    # (lights, cascades, 2) centers of the cascades, on which the matrices depend
+    middles_m: Float64s
+    clips: Float64s  # (maps, 4, 4) clip_from_anchor matrices
 
 
 class ShadowMaps:
@@ -92,8 +87,8 @@ class ShadowMaps:
         at_anchor, _ = self._views(self.anchor_m)
         # empty if all casters have cubes
         self._block = written_buffer(context, plan.block_data(at_anchor.clips))
-        self._posed: tuple[float, NDArray[np.float64]] | None = None  # when, and where
-        self._covered: NDArray[np.intp] = np.empty((0, 4), dtype=np.intp)
+        self._posed: tuple[float, Float64s] | None = None  # when, and where
+        self._covered: Indices = np.empty((0, 4), dtype=np.intp)
         objects = np.array(
             [-1 if one.object_index is None else one.object_index for one in buffers.draw_items]
         )
@@ -107,9 +102,7 @@ class ShadowMaps:
         """Defines of programs that look up shadows."""
         return (*self._plan.defines, f"LAMP_NEAR_M {LAMP_NEAR_M}")
 
-    def are_shared(
-        self, poses: Sequence[tuple[NDArray[np.float64], Sequence[NDArray[np.float64]]]]
-    ) -> bool:
+    def are_shared(self, poses: Sequence[tuple[Float64s, Sequence[Float64s]]]) -> bool:
         """Tell whether poses of rigs and of the dynamic objects all share their maps."""
         if self._drawer.has_dynamic and not _at_rest([objects for _, objects in poses]):
             return False
@@ -123,11 +116,7 @@ class ShadowMaps:
         if "u_shadow_maps" in program:
             program["u_shadow_maps"] = _UNIT
 
-    def prepare(
-        self,
-        viewpoint_m: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]],
-    ) -> None:
+    def prepare(self, viewpoint_m: Float64s, world_from_objects: Sequence[Float64s]) -> None:
         """Draw the maps that a frame needs, and bind them; see `ShadowSource`."""
         views, stale = self._views(viewpoint_m)
         clips = views.clips
@@ -144,7 +133,7 @@ class ShadowMaps:
         self._maps[-1].texture.use(_UNIT)
         self._block.bind_to_uniform_block(_BLOCK_BINDING)
 
-    def _views(self, viewpoint_m: NDArray[np.float64]) -> tuple[_Views, NDArray[np.bool_]]:
+    def _views(self, viewpoint_m: Float64s) -> tuple[_Views, Mask]:
         """Views for a viewpoint (3,), world, and the mask (maps,) of those not yet drawn."""
         middles_m, drawn = self._middles_m(viewpoint_m), self._drawn
         if drawn is not None and np.array_equal(middles_m, drawn.middles_m):
@@ -154,12 +143,10 @@ class ShadowMaps:
             return _Views(middles_m, clips), np.ones(len(clips), dtype=np.bool_)
         return _Views(middles_m, clips), np.any(clips != drawn.clips, axis=(1, 2))
 
-    def _middles_m(self, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _middles_m(self, viewpoint_m: Float64s) -> Float64s:
         return self._plan.middles_m(viewpoint_m - self.anchor_m)
 
-    def _draw_fixed(
-        self, clips: NDArray[np.float64], world_from_objects: Sequence[NDArray[np.float64]]
-    ) -> None:
+    def _draw_fixed(self, clips: Float64s, world_from_objects: Sequence[Float64s]) -> None:
         """Draw the static casters into the maps that do not follow the viewpoint."""
         fixed = ~self._follows
         target = self._maps[0].target
@@ -169,10 +156,7 @@ class ShadowMaps:
         self._maps[0].coarsen(self._rectangles_px[fixed].astype(int).tolist())
 
     def _draw_dynamic(
-        self,
-        clips: NDArray[np.float64],
-        stale: NDArray[np.bool_],
-        world_from_objects: Sequence[NDArray[np.float64]],
+        self, clips: Float64s, stale: Mask, world_from_objects: Sequence[Float64s]
     ) -> None:
         """Draw the dynamic casters, and restore the static map where they were before."""
         poses, time_s = np.array(world_from_objects), 0.0
@@ -204,7 +188,7 @@ class ShadowMaps:
         self._posed = time_s, poses
 
 
-def _at_rest(worlds: Sequence[Sequence[NDArray[np.float64]]]) -> bool:
+def _at_rest(worlds: Sequence[Sequence[Float64s]]) -> bool:
     """Tell whether all worlds have the time and object poses of the first."""
     first = worlds[0]
     return all(
@@ -219,7 +203,7 @@ def _allocation(size_px: tuple[int, int]) -> AbstractContextManager[None]:
     )
 
 
-def _anchor_m(buffers: SceneBuffers, boxes_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def _anchor_m(buffers: SceneBuffers, boxes_m: Float64s) -> Float64s:
     """Origin (3,) of the maps, world: the clusters' anchor, or the static geometry's center."""
     if buffers.clustered_geometry is not None:
         return buffers.clustered_geometry.anchor_m
@@ -228,7 +212,7 @@ def _anchor_m(buffers: SceneBuffers, boxes_m: NDArray[np.float64]) -> NDArray[np
     return 0.5 * (boxes_m[:, 0].min(axis=0) + boxes_m[:, 1].max(axis=0))
 
 
-def _static_boxes_m(buffers: SceneBuffers) -> NDArray[np.float64]:
+def _static_boxes_m(buffers: SceneBuffers) -> Float64s:
     """Minimum and maximum corners (n, 2, 3) of the static geometry, world."""
     boxes_m = []
     for item in buffers.draw_items:

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from omnisim.rendering.opengl.shadows.cascades import Cascades, cascade_count
-from omnisim.rendering.opengl.shadows.lamp_views import (
-    is_cube,
-    light_axes,
-    orthographic_clip,
-    perspective_clips,
-    punctual_view,
-)
-from omnisim.scene.model import Light, Lighting, LightKind
+from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
+from omnisim.scene.model import LAMP_NEAR_M, Light, Lighting, LightKind
 
 # Texels per map side, if they fit: of a single parallel map and of several, of a spot's map and of
 # a cube face's.
@@ -29,22 +22,18 @@ _MAX_VERTEX_PLACES = 8  # varyings for map positions: every GPU has as many
 
 
 class Block(NamedTuple):
-    """Maps of one lamp, in a grid.
+    """Maps of one lamp, in a grid."""
 
-    Attributes:
-        left_px, top_px: position in the texture.
-        size_px: texels per side of each map.
-        columns, rows: size of the grid.
-    """
-
+    # position in the texture
     left_px: int
     top_px: int
-    size_px: int
+    size_px: int  # texels per side of each map
+    # size of the grid
     columns: int
     rows: int
 
     @property
-    def rectangles_px(self) -> NDArray[np.float64]:
+    def rectangles_px(self) -> Float64s:
         """Left, top, width and height (maps, 4)."""
         row, column = np.divmod(np.arange(self.columns * self.rows), self.columns)
         size = np.full(len(row), self.size_px)
@@ -54,21 +43,16 @@ class Block(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ShadowPlan:
-    """Shadow maps of the lamps that cast shadows.
+    """Shadow maps of the lamps that cast shadows."""
 
-    Attributes:
-        directional, punctual: lights of each kind, in the order of the scene.
-        cascades: cascades of each directional light; None: it casts no shadow.
-        cascade_count: number of cascades per directional light.
-        blocks: maps of each caster, directional ones first.
-        width_px, height_px: size of the texture.
-    """
-
+    # lights of each kind, in the order of the scene
     directional: tuple[Light, ...]
     punctual: tuple[Light, ...]
+    # cascades of each directional light; None: it casts no shadow
     cascades: tuple[Cascades | None, ...]
-    cascade_count: int
-    blocks: tuple[Block, ...]
+    cascade_count: int  # number of cascades per directional light
+    blocks: tuple[Block, ...]  # maps of each caster, directional ones first
+    # size of the texture
     width_px: int
     height_px: int
 
@@ -78,12 +62,12 @@ class ShadowPlan:
         return self.cascade_count > 1
 
     @property
-    def rectangles_px(self) -> NDArray[np.float64]:
+    def rectangles_px(self) -> Float64s:
         """Left, top, width and height (maps, 4) of all maps."""
         return np.concatenate([block.rectangles_px for block in self.blocks])
 
     @property
-    def maps_that_follow(self) -> NDArray[np.bool_]:
+    def maps_that_follow(self) -> Mask:
         """Mask (maps,) of the maps that follow the viewpoint."""
         follow = np.zeros(sum(block.columns * block.rows for block in self.blocks), dtype=np.bool_)
         casting = sum(one is not None for one in self.cascades)
@@ -92,7 +76,7 @@ class ShadowPlan:
         return follow
 
     @property
-    def kept_places_px(self) -> NDArray[np.intp]:
+    def kept_places_px(self) -> Indices:
         """Left and top (n, 2) of a square in another texture for each map that follows."""
         count, size_px = int(np.count_nonzero(self.maps_that_follow)), self.blocks[0].size_px
         row, column = np.divmod(np.arange(count), self.width_px // size_px)
@@ -109,7 +93,7 @@ class ShadowPlan:
         """Point and spot lights that cast shadows."""
         return tuple(light for light in self.punctual if light.casts_shadow)
 
-    def middles_m(self, viewpoint_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    def middles_m(self, viewpoint_m: Float64s) -> Float64s:
         """Centers (lights, cascades, 2) of the directional casters' cascades.
 
         Args:
@@ -117,9 +101,7 @@ class ShadowPlan:
         """
         return np.array([one.middles_m(viewpoint_m) for one in self.cascades if one is not None])
 
-    def clips(
-        self, middles_m: NDArray[np.float64], anchor_m: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def clips(self, middles_m: Float64s, anchor_m: Float64s) -> Float64s:
         """Matrices (maps, 4, 4) clip_from_anchor, given the cascades' centers."""
         casting = [one for one in self.cascades if one is not None]
         clips = [
@@ -170,7 +152,7 @@ class ShadowPlan:
             scales.append(1.0 / punctual_view(light, block.size_px).tangent)
         return scales
 
-    def block_data(self, clips: NDArray[np.float64]) -> NDArray[np.float32]:
+    def block_data(self, clips: Float64s) -> Float32s:
         """Values (n, 4) of the uniform block of shaders/scene/shadow_places.glsl.
 
         Args:
@@ -197,11 +179,7 @@ class ShadowPlan:
         return np.concatenate((*places, *cascades)).astype(np.float32)
 
 
-def make_shadow_plan(
-    lighting: Lighting,
-    boxes_m: NDArray[np.float64],
-    max_size_px: int,
-) -> ShadowPlan:
+def make_shadow_plan(lighting: Lighting, boxes_m: Float64s, max_size_px: int) -> ShadowPlan:
     """Plan the maps of all lamps that cast shadows, at least one.
 
     If the maps of many lamps exceed the memory limit, all become smaller.
@@ -257,9 +235,7 @@ def _on_shelves(
     return tuple(placed[index] for index in range(len(shapes))), (right, top + shelf)
 
 
-def _regions(
-    rectangles_px: NDArray[np.float64], texture_px: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _regions(rectangles_px: Float64s, texture_px: Float64s) -> Float64s:
     """Centers and half sizes (n, 4) of rectangles in texture coordinates."""
     half = 0.5 * rectangles_px[:, 2:] / texture_px
     return np.concatenate((rectangles_px[:, :2] / texture_px + half, half), axis=1)
@@ -268,3 +244,205 @@ def _regions(
 def _bits(flags: Sequence[bool]) -> str:
     """Bit mask in GLSL."""
     return f"{sum(1 << number for number, flag in enumerate(flags) if flag)}u"
+
+
+# Views of lamps: axes and matrices of their shadow maps.
+#
+# Positions are relative to an anchor, in world axes. Depth is reversed, as for the virtual cameras:
+# 1 is near the lamp. A map's x and y are two axes of its view, in either handedness, because both
+# sides of all surfaces cast shadows.
+
+
+# Axes of cube faces as rows of x, y and forward: +z, +x, +y, then the opposite faces.
+_CUBE_AXES = np.eye(3)[[[0, 1, 2], [1, 2, 0], [2, 0, 1]] * 2]
+_CUBE_AXES[3:, 2] *= -1.0
+_MAX_SPOT_RAD = math.radians(62.0)  # a cube resolves wider spots better
+_SPOT_MARGIN = 1.02
+_GUTTER_PX = 3.0  # beyond the 90° of a face, because lookups are offset from the surface
+
+
+class PunctualView(NamedTuple):
+    """Views of a point or spot light."""
+
+    # (faces, 3, 3), rows x, y and forward; one face, or the six of a cube
+    axes: Float64s
+    tangent: float  # tangent of half of each face's field of view
+
+
+def is_cube(light: Light) -> bool:
+    """Tell whether a light needs a whole cube, as point lights and wide spots do."""
+    is_wide = math.acos(light.cone_cosines[1]) > _MAX_SPOT_RAD
+    return light.kind is LightKind.POINT or (light.kind is LightKind.SPOT and is_wide)
+
+
+def punctual_view(light: Light, size_px: int) -> PunctualView:
+    """Views of a point or spot light, for maps of `size_px` × `size_px` texels."""
+    if is_cube(light):
+        return PunctualView(_CUBE_AXES, size_px / (size_px - 2.0 * _GUTTER_PX))
+    tangent = math.tan(math.acos(light.cone_cosines[1]))
+    return PunctualView(light_axes(light.direction)[None], _SPOT_MARGIN * tangent)
+
+
+def light_axes(direction: Float64s) -> Float64s:
+    """Axes (3, 3), rows x, y and forward, of a view along a unit direction (3,)."""
+    helper = np.eye(3)[0 if abs(direction[2]) > 0.9 else 2]
+    x = np.cross(helper, direction)
+    x /= np.linalg.norm(x)
+    return np.stack((x, np.cross(direction, x), direction))
+
+
+def perspective_clips(view: PunctualView, position_m: Float64s) -> Float64s:
+    """Matrices (faces, 4, 4) clip_from_anchor of views from a position (3,)."""
+    projection = np.zeros((4, 3))
+    projection[0, 0] = projection[1, 1] = 1.0 / view.tangent
+    projection[3, 2] = 1.0
+    clips = np.zeros((len(view.axes), 4, 4))
+    clips[:, :, :3] = projection @ view.axes
+    clips[:, :, 3] = -clips[:, :, :3] @ position_m
+    clips[:, 2, 3] = LAMP_NEAR_M
+    return clips
+
+
+def orthographic_clip(
+    axes: Float64s, middle_m: Float64s, half_m: float, depths_m: tuple[float, float]
+) -> Float64s:
+    """Matrix (4, 4) clip_from_anchor of a parallel view.
+
+    Args:
+        axes: (3, 3), rows x, y and forward.
+        middle_m: (2,) center of the map along x and y.
+        half_m: half the map's width.
+        depths_m: minimum and maximum z along the axes.
+    """
+    near_m, far_m = depths_m
+    clip = np.eye(4)
+    clip[:3, :3] = axes / np.array([half_m, half_m, near_m - far_m])[:, None]
+    clip[:3, 3] = *(-middle_m / half_m), far_m / (far_m - near_m)
+    return clip
+
+
+# Cascades of directional lights: square regions of the scene, smaller ones near the viewpoint.
+#
+# The largest region contains all static geometry. The others follow the viewpoint in whole texels,
+# so that shadow edges do not crawl, and so rarely that most frames reuse them.
+# Source: Engel, "Cascaded Shadow Maps", ShaderX5, 2006.
+
+
+# Half the width of a single map, meters: its texels are 12 mm.
+_MAX_SINGLE_M = 24.0
+_RATIO = 4.0  # between the widths of two cascades
+MAX_CASCADES = 4
+STEPS = 4  # of the viewpoint per half width
+CELLS = 2 * STEPS  # grid cells per side of a cascade that follows the viewpoint
+_BEYOND = 4.0  # half widths beyond the scene, for flying objects
+
+
+class Cascades:
+    """Cascades of one directional light.
+
+    Args:
+        axes: (3, 3) axes of the light: rows x, y and forward.
+        boxes_m: (n, 2, 3), minimum and maximum corners of the static geometry, from the anchor.
+        count: number of cascades, at most `MAX_CASCADES`.
+
+    Attributes:
+        axes: see the arguments.
+        halves_m: half widths, ascending.
+        depths_m: minimum and maximum z along the axes.
+        depth_scale: half the largest width as a share of the depth.
+    """
+
+    def __init__(self, axes: Float64s, boxes_m: Float64s, count: int):
+        self.axes = axes
+        low_m, high_m = _extent_m(axes, boxes_m)
+        self._middle_m = 0.5 * (low_m + high_m)[:2]
+        half_m = _half_m(low_m, high_m)
+        self.halves_m = tuple(half_m / _RATIO**level for level in reversed(range(count)))
+        self._steps_m = np.array(self.halves_m)[:-1, None] / STEPS  # of those that follow
+        depth_m = 2.0 * _BEYOND * half_m + 3.0 * float(high_m[2] - low_m[2])
+        # a power of two, as a constant of the shaders
+        self.depth_scale = 2.0 ** -math.ceil(math.log2(depth_m / half_m))
+        near_m = 0.5 * float(low_m[2] + high_m[2] - half_m / self.depth_scale)
+        self.depths_m = near_m, near_m + half_m / self.depth_scale
+
+    def middles_m(self, viewpoint_m: Float64s) -> Float64s:
+        """Centers (cascades, 2) along the axes, for a viewpoint (3,) relative to the anchor."""
+        near: Float64s = self._steps(viewpoint_m) * self._steps_m
+        return np.concatenate((near, self._middle_m[None]))
+
+    def first_cells(self, viewpoint_m: Float64s) -> Indices:
+        """First grid cells (following, 2) of the cascades that follow a viewpoint (3,).
+
+        Cells are a step wide; a cascade has `CELLS` per side. Cell 0 begins at the anchor.
+        """
+        return self._steps(viewpoint_m).astype(np.intp) - STEPS
+
+    def _steps(self, viewpoint_m: Float64s) -> Float64s:
+        """Centers (following, 2) of the cascades that follow a viewpoint, in steps."""
+        return np.round(self.axes[:2] @ viewpoint_m / self._steps_m)
+
+
+def cascade_count(axes: Float64s, boxes_m: Float64s) -> int:
+    """Number of cascades that a light needs."""
+    half_m, count = _half_m(*_extent_m(axes, boxes_m)), 1
+    while half_m > _MAX_SINGLE_M and count < MAX_CASCADES:
+        half_m /= _RATIO
+        count += 1
+    return count
+
+
+def _extent_m(axes: Float64s, boxes_m: Float64s) -> tuple[Float64s, Float64s]:
+    """Minimum and maximum coordinates (3,) of boxes (n, 2, 3) along axes."""
+    if not len(boxes_m):
+        return np.zeros(3), np.zeros(3)
+    centers = boxes_m.mean(axis=1) @ axes.T
+    extents = 0.5 * (boxes_m[:, 1] - boxes_m[:, 0]) @ np.abs(axes).T
+    return (centers - extents).min(axis=0), (centers + extents).max(axis=0)
+
+
+def _half_m(low_m: Float64s, high_m: Float64s) -> float:
+    return max(0.5 * float((high_m - low_m)[:2].max()), 0.01) * 1.01
+
+
+# Rectangles of shadow maps that dynamic objects may cover.
+
+
+_MARGIN_PX = 1.0
+
+
+def covered_px(
+    clips: Float64s,
+    rectangles_px: Float64s,
+    centers_m: Float64s,
+    radii_m: Float64s,
+    starts: Indices,
+) -> Indices:
+    """Non-empty rectangles (n, 4), left, top, width and height, that bound objects in maps.
+
+    Args:
+        clips: (maps, 4, 4) clip_from_anchor matrices.
+        rectangles_px: (maps, 4) rectangles of the maps in the texture.
+        centers_m: (items, 3) centers of bounding spheres, relative to the anchor, by object.
+        radii_m: (items,) their radii.
+        starts: (objects,) first item of each object.
+    """
+    rows = clips[:, (0, 1, 3)]  # x, y, w
+    middle = np.einsum("mkc,ic->mik", rows[..., :3], centers_m) + rows[:, None, :, 3]
+    reach = np.linalg.norm(rows[..., :3], axis=-1)[:, None] * radii_m[:, None]
+    nearest, farthest = middle[..., 2] - reach[..., 2], middle[..., 2] + reach[..., 2]
+    crosses = nearest <= 1e-6
+    depths = np.stack((np.where(crosses, 1.0, nearest), np.where(crosses, 1.0, farthest)))
+    low = np.min((middle - reach)[None, ..., :2] / depths[..., None], axis=0)
+    high = np.max((middle + reach)[None, ..., :2] / depths[..., None], axis=0)
+    low[crosses], high[crosses] = -1.0, 1.0  # the whole map
+    behind = farthest <= 0.0
+    low[behind], high[behind] = np.inf, -np.inf
+    low = np.minimum.reduceat(low, starts, axis=1)
+    high = np.maximum.reduceat(high, starts, axis=1)
+    corner_px, size_px = rectangles_px[:, None, :2], rectangles_px[:, None, 2:]
+    low_px = np.floor(np.clip(0.5 * (low + 1.0), 0.0, 1.0) * size_px - _MARGIN_PX)
+    high_px = np.ceil(np.clip(0.5 * (high + 1.0), 0.0, 1.0) * size_px + _MARGIN_PX)
+    low_px, high_px = np.maximum(low_px, 0.0), np.minimum(high_px, size_px)
+    is_seen = np.all((low < 1.0) & (high > -1.0), axis=-1)
+    covered = np.concatenate((corner_px + low_px, high_px - low_px), axis=-1)[is_seen]
+    return covered.astype(np.intp)

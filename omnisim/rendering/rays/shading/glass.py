@@ -1,4 +1,4 @@
-"""Refraction by bodies of glass: closed meshes of materials with KHR_materials_volume.
+"""Refraction by bodies of glass, which are closed meshes with KHR_materials_volume; and panes.
 
 A ray enters glass at the front of a triangle and leaves it at the back, always from or to a medium
 of index 1. Light that is not reflected is multiplied by `transmission` and the base color at each
@@ -14,12 +14,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, Float64s, Floats, Int32s, Mask
 from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.scene.model import Material
-
-Floats = NDArray[np.floating]
 
 NO_MEDIUM = -1  # air, among the indices of surfaces
 _GREEN = 1  # channel whose index is the material's
@@ -29,33 +27,23 @@ _BELOW = 1e-3  # minimum cosine between a refracted ray and the triangle's plane
 
 
 class Refracted(NamedTuple):
-    """Rays (m,) that pass surfaces of glass.
+    """Rays (m,) that pass surfaces of glass."""
 
-    Attributes:
-        rays: (m,) with virtual origins: ranges are those of the whole path.
-        shares: (m, 3) transmitted share of the light, linear RGB; 0: total reflection.
-        media: (m,) surfaces whose glass the rays are in, or `NO_MEDIUM`.
-    """
-
-    rays: Rays
-    shares: NDArray[np.float32]
-    media: NDArray[np.int32]
+    rays: Rays  # (m,) with virtual origins: ranges are those of the whole path
+    # (m, 3) transmitted share of the light, linear RGB; 0: total reflection
+    shares: Float32s
+    media: Int32s  # (m,) surfaces whose glass the rays are in, or `NO_MEDIUM`
 
 
 class Glass(NamedTuple):
-    """Glass parameters of a scene's surfaces.
+    """Glass parameters of a scene's surfaces."""
 
-    Attributes:
-        transmission: (surfaces,) transmitted share of the light that is not reflected; 0: no glass.
-        indices: (3, surfaces) refractive indices, for each channel.
-        absorption: (surfaces, 3) absorption coefficients of Beer and Lambert's law, 1/m.
-        is_dispersive: True if indices differ among the channels.
-    """
-
-    transmission: NDArray[np.float64]
-    indices: NDArray[np.float64]
-    absorption: NDArray[np.float64]
-    is_dispersive: bool
+    # (surfaces,) transmitted share of the light that is not reflected; 0: no glass
+    transmission: Float64s
+    indices: Float64s  # (3, surfaces) refractive indices, for each channel
+    # (surfaces, 3) absorption coefficients of Beer and Lambert's law, 1/m
+    absorption: Float64s
+    is_dispersive: bool  # True if indices differ among the channels
 
     @classmethod
     def of(cls, materials: list[Material], is_matte: bool) -> Glass:
@@ -67,7 +55,7 @@ class Glass(NamedTuple):
         indices = np.maximum(np.stack((ior - spreads, ior, ior + spreads)), 1.0)
         return cls(shares, indices, absorption, bool(spreads[shares > 0.0].any()))
 
-    def attenuation(self, media: NDArray[np.int32], lengths_m: Floats) -> NDArray[np.float32]:
+    def attenuation(self, media: Int32s, lengths_m: Floats) -> Float32s:
         """Shares (n, 3) of light that remain after lengths (n,), up to infinity, in media (n,)."""
         shares = np.ones((len(media), 3), dtype=np.float32)
         inside = np.flatnonzero(media != NO_MEDIUM)
@@ -76,9 +64,7 @@ class Glass(NamedTuple):
         shares[inside] = np.exp(-absorption * lengths_m)
         return shares
 
-    def ratios(
-        self, surfaces: NDArray[np.int32], is_front: NDArray[np.bool_], channel: int | None
-    ) -> NDArray[np.float64]:
+    def ratios(self, surfaces: Int32s, is_front: Mask, channel: int | None) -> Float64s:
         """Refractive indices (n,) behind surfaces (n,), relative to before them.
 
         Args:
@@ -124,3 +110,54 @@ def refracted_rays(rays: Rays, hits: RayHits, normals: Floats, ratios: Floats) -
     ranges_m = hits.ranges_m[:, None]
     origins_m = rays.origins_m + ranges_m * (rays.directions - directions)
     return rays._replace(origins_m=origins_m, directions=directions)
+
+
+# Reflectance and transmittance of thin panes of glass.
+#
+# One surface represents both interfaces of a pane. They are parallel and close together, so rays
+# pass straight through.
+#
+# Sources: Fresnel's equations for unpolarized light, at each interface, with reflectance r; all
+# reflections between the two sum to 2 r / (1 + r) (Pharr, Jakob and Humphreys, "Physically Based
+# Rendering", 4th edition, section 11.5.4, "thin dielectrics"); KHR_materials_transmission, for
+# the tint.
+
+
+class Panes(NamedTuple):
+    """Pane parameters of a scene's surfaces."""
+
+    # (surfaces,) transmitted share of the light that is not reflected; 0: no pane
+    transmission: Float64s
+    ior: Float64s  # (surfaces,) refractive index
+    depths: Float64s  # (surfaces, 3) optical depths of slabs, see `SlabMaterial`
+
+    @classmethod
+    def of(cls, materials: list[Material]) -> Panes:
+        """Pane parameters of materials, one per surface; metal transmits nothing."""
+        shares = [material.pane_transmission for material in materials]
+        depths = np.array([material.optical_depths for material in materials]).reshape(-1, 3)
+        return cls(np.array(shares), np.array([material.ior for material in materials]), depths)
+
+    def transmitted(self, surfaces: Int32s, colors: Floats, cosines: Floats) -> Float32s:
+        """Transmittance (n, 3), linear RGB.
+
+        Args:
+            surfaces: (n,) surface indices.
+            colors: (n, 3) base colors, linear RGB.
+            cosines: (n,) cosines of the angles of incidence.
+        """
+        passing = 1.0 - pane_reflectance(cosines, self.ior[surfaces])
+        passing = passing * self.transmission[surfaces]
+        return (passing[:, None] * colors).astype(np.float32)
+
+    def slab_colors(self, surfaces: Int32s, colors: Floats, cosines: Floats) -> Float64s:
+        """Tint (n, 3) of both faces of slabs and of the glass between, see `transmitted`."""
+        inside = np.sqrt(1.0 - (1.0 - cosines**2) / self.ior[surfaces] ** 2)
+        left = np.exp(-self.depths[surfaces] / np.maximum(inside, 1e-4)[:, None])
+        return colors.astype(np.float64) ** 2 * left
+
+
+def pane_reflectance(cosines: Floats, ior: Floats) -> Floats:
+    """Reflectance (n,) of panes by the cosines (n,) of the angles of incidence."""
+    once = interface_reflectance(cosines, ior)
+    return 2.0 * once / (1.0 + once)

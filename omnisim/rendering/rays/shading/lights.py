@@ -1,31 +1,30 @@
-"""Lighting of a scene's surfaces, in NumPy: the twin of shaders/scene/lighting.glsl."""
+"""Light of lamps and sky on surfaces, with ray-cast shadows, in NumPy.
+
+The twin of shaders/scene/lighting.glsl, and the reference for the shadow maps.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from omnisim.rendering.rays.shading.shadows import Shadows
-from omnisim.scene.model import Light, Lighting, LightKind
+from omnisim.core.array_types import Float32s, Float64s, Indices, Int32s, Mask
+from omnisim.rendering.rays.caster import RayHits, Rays
+from omnisim.scene.model import LAMP_NEAR_M, Light, Lighting, LightKind
 
 
 class LampLight(NamedTuple):
-    """Light of one lamp at points.
+    """Light of one lamp at points."""
 
-    Attributes:
-        color: (3,) or (n, 3) linear RGB on a surface that faces the lamp, at level 1.
-        levels: (n,) factors of the color.
-        directions: (n, 3) unit, toward the lamp; or (1, 3), the same for all points.
-    """
+    # (3,) or (n, 3) linear RGB on a surface that faces the lamp, at level 1
+    color: Float32s
+    levels: Float32s  # (n,) factors of the color
+    # (n, 3) unit, toward the lamp; or (1, 3), the same for all points
+    directions: Float32s
 
-    color: NDArray[np.float32]
-    levels: NDArray[np.float32]
-    directions: NDArray[np.float32]
-
-    def take(self, indices: NDArray[np.intp]) -> LampLight:
+    def take(self, indices: Indices) -> LampLight:
         """Light at the selected points."""
         color, directions = self.color, self.directions
         return LampLight(
@@ -34,17 +33,14 @@ class LampLight(NamedTuple):
             directions if len(directions) == 1 else directions[indices],
         )
 
-    def facing(self, normals: NDArray[np.float32]) -> LampLight:
+    def facing(self, normals: Float32s) -> LampLight:
         """Light on surfaces with unit normals (n, 3) before normal maps: none from behind them."""
         is_facing = np.einsum("nc,nc->n", normals, self.directions) > 0.0
         return self._replace(levels=self.levels * is_facing)
 
 
 def lamps_at(
-    lighting: Lighting,
-    points_m: NDArray[np.float64],
-    normals: NDArray[np.float32],
-    shadows: Shadows,
+    lighting: Lighting, points_m: Float64s, normals: Float32s, shadows: Shadows
 ) -> list[LampLight]:
     """Light of each lamp at points (n, 3) of surfaces with unit normals (n, 3)."""
     lamps = []
@@ -67,7 +63,7 @@ def lamps_at(
     return lamps
 
 
-def ambient_light(lighting: Lighting, normals: NDArray[np.float32]) -> NDArray[np.float32]:
+def ambient_light(lighting: Lighting, normals: Float32s) -> Float32s:
     """Environment light (n, 3) on white surfaces with unit normals (n, 3)."""
     total = np.tile(np.array(lighting.ambient, dtype=np.float32), (len(normals), 1))
     if lighting.environment is not None:
@@ -76,38 +72,82 @@ def ambient_light(lighting: Lighting, normals: NDArray[np.float32]) -> NDArray[n
 
 
 def light_on_surfaces(
-    lighting: Lighting, lamps: Sequence[LampLight], normals: NDArray[np.float32]
-) -> NDArray[np.float32]:
+    lighting: Lighting, lamps: Sequence[LampLight], normals: Float32s
+) -> Float32s:
     """Linear RGB light (n, 3) of lamps and environment on white surfaces, by normals (n, 3)."""
     return _with_lamps(ambient_light(lighting, normals), lamps, normals)
 
 
-def light_of_lamps(lamps: Sequence[LampLight], normals: NDArray[np.float32]) -> NDArray[np.float32]:
+def light_of_lamps(lamps: Sequence[LampLight], normals: Float32s) -> Float32s:
     """Linear RGB light (n, 3) of lamps alone on white surfaces with unit normals (n, 3)."""
     return _with_lamps(np.zeros((len(normals), 3), dtype=np.float32), lamps, normals)
 
 
-def _with_lamps(
-    total: NDArray[np.float32], lamps: Sequence[LampLight], normals: NDArray[np.float32]
-) -> NDArray[np.float32]:
+def _with_lamps(total: Float32s, lamps: Sequence[LampLight], normals: Float32s) -> Float32s:
     for lamp in lamps:
         cosines = np.maximum(np.einsum("nc,nc->n", normals, lamp.directions), np.float32(0.0))
         total += (cosines * lamp.levels)[:, None] * lamp.color
     return total
 
 
-def _punctual(
-    light: Light, points_m: NDArray[np.float64]
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _punctual(light: Light, points_m: Float64s) -> tuple[Float32s, Float32s]:
     """Levels (n,) divided by squared distance, within range and cone; directions (n, 3)."""
     away = (points_m - light.position_m).astype(np.float32)
     distance_m = np.maximum(np.sqrt(np.einsum("nc,nc->n", away, away)), np.float32(1e-3))
     away /= distance_m[:, None]
     window = np.clip(1.0 - (distance_m / light.range_m) ** 4, 0.0, 1.0)
-    levels: NDArray[np.float32] = (window / distance_m**2).astype(np.float32)
+    levels: Float32s = (window / distance_m**2).astype(np.float32)
     if light.kind is LightKind.SPOT:
         inner, outer = light.cone_cosines
         along = np.einsum("nc,c->n", away, light.direction.astype(np.float32))
         inside = np.clip((along - outer) / max(inner - outer, 1e-3), 0.0, 1.0)
         levels *= (inside * inside).astype(np.float32)
     return levels, -away
+
+
+# Ray-cast shadows: light of lamps at a surface point. The reference for the shadow maps.
+
+
+# Offset of shadow rays from their surface: a constant, and a share of its distance.
+_START_M, _START_SHARE = 1e-4, 1e-5
+
+# Function of rays (n,) from triangles (n,); it returns the shares (n, 1 or 3) of light that arrive.
+CastShadow = Callable[[Rays, Int32s], Float32s]
+
+
+class Shadows(NamedTuple):
+    """Shadows on surfaces."""
+
+    hits: RayHits  # (n,) hits to shade
+    cast: CastShadow  # function that casts shadow rays
+
+    def share(self, light: Light, points_m: Float64s, lit: Mask) -> Float32s:
+        """Shares (n, 1 or 3) of a light that reach points (n, 3): 0 where a surface blocks it.
+
+        Args:
+            light: light that casts shadows.
+            points_m: (n, 3) points of the hits, world.
+            lit: (n,) mask of points that the light can reach if unblocked; others need no ray.
+        """
+        share = lit.astype(np.float32)[:, None]
+        indices = np.flatnonzero(lit)
+        if not len(indices):
+            return share
+        hits = self.hits.take(indices)
+        planes = hits.planes.astype(np.float64)
+        planes /= np.maximum(np.linalg.norm(planes, axis=1), 1e-30)[:, None]
+        starts_m = _START_M + _START_SHARE * hits.ranges_m
+        origins_m = points_m[indices] + starts_m[:, None] * planes
+        if light.kind is LightKind.DIRECTIONAL:
+            directions = np.tile(-light.direction, (len(indices), 1))
+            far_m = np.full(len(indices), np.inf)
+        else:
+            directions = light.position_m - origins_m
+            lengths_m = np.linalg.norm(directions, axis=1)
+            directions /= np.maximum(lengths_m, 1e-9)[:, None]
+            far_m = lengths_m - LAMP_NEAR_M
+        rays = Rays(origins_m, directions, np.zeros(len(indices)), far_m)
+        passed = self.cast(rays, hits.triangles)
+        share = np.tile(share, passed.shape[1])
+        share[indices] = passed
+        return share

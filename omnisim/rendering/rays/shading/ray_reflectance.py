@@ -9,15 +9,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Floats
 from omnisim.core.bilinear import sample
 from omnisim.rendering.rays.shading.lights import LampLight, ambient_light
 from omnisim.rendering.rays.shading.reflections import TracedGloss
 from omnisim.scene.model import Lighting
 from omnisim.scene.surface_reflectance import COAT_F0, environment_table, smith_visibility
 
-Floats = NDArray[np.floating]
 _MIN_COSINE = 1e-3
 
 
@@ -37,16 +36,12 @@ class Reflectance(NamedTuple):
 
 
 class SurfaceDirections(NamedTuple):
-    """Normals and view directions at visible surfaces.
+    """Normals and view directions at visible surfaces."""
 
-    Attributes:
-        normals, coat_normals: (n, 3) normal-mapped unit normals of the surface and its clear coat.
-        views: (n, 3) unit directions toward the origins of the rays.
-    """
-
+    # (n, 3) normal-mapped unit normals of the surface and its clear coat
     normals: Floats
     coat_normals: Floats
-    views: Floats
+    views: Floats  # (n, 3) unit directions toward the origins of the rays
 
 
 class Traced(NamedTuple):

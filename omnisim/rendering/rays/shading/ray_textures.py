@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
 from omnisim.core.srgb import LINEAR_FROM_SRGB8
 from omnisim.rendering.rays.geometry import Surface
 from omnisim.scene.masked_mipmaps import masked_mipmaps
@@ -82,29 +83,19 @@ class TextureTable:
         # one lookup of four bytes is faster
         self._texels = np.ascontiguousarray(np.concatenate(texels)).view(np.uint32).ravel()
 
-    def sizes_px(self, textures: NDArray[np.intp]) -> NDArray[np.float32]:
+    def sizes_px(self, textures: Indices) -> Float32s:
         """Widths and heights (n, 2) of the finest levels."""
         return self._size[textures, 0].astype(np.float32)
 
-    def place(
-        self,
-        textures: NDArray[np.intp],
-        first: NDArray[np.float32],
-        second: NDArray[np.float32] | None,
-    ) -> NDArray[np.float32]:
+    def place(self, textures: Indices, first: Float32s, second: Float32s | None) -> Float32s:
         """Coordinates (n, k, 2) of textures (n,), from both coordinate sets (n, k, 2)."""
         if second is not None:
             first = np.where((self._uv_set[textures] == 1)[:, None, None], second, first)
         matrices = self._transforms[textures]
-        directions: NDArray[np.float32] = np.einsum("nkj,nij->nki", first, matrices[:, :, :2])
+        directions: Float32s = np.einsum("nkj,nij->nki", first, matrices[:, :, :2])
         return directions + matrices[:, None, :, 2]
 
-    def lookup(
-        self,
-        textures: NDArray[np.intp],
-        coordinates: NDArray[np.float32],
-        levels: NDArray[np.float32],
-    ) -> NDArray[np.float32]:
+    def lookup(self, textures: Indices, coordinates: Float32s, levels: Float32s) -> Float32s:
         """Linear RGBA (n, 4), interpolated trilinearly: four nearest texels of two nearest levels.
 
         Args:
@@ -122,13 +113,11 @@ class TextureTable:
             total[between] += share[between, None] * (coarse - total[between])
         return total
 
-    def _bilinear(
-        self, textures: NDArray[np.intp], coordinates: NDArray[np.float32], levels: NDArray[np.intp]
-    ) -> NDArray[np.float32]:
+    def _bilinear(self, textures: Indices, coordinates: Float32s, levels: Indices) -> Float32s:
         first, clamps = self._first[textures, levels], self._clamps[textures]
         size = self._size[textures, levels]
         position = coordinates.astype(np.float64) * size - 0.5
-        low: NDArray[np.float64] = np.floor(position)
+        low: Float64s = np.floor(position)
         weights = (position - low).astype(np.float32)
         low_px = low.astype(np.intp)
         total = np.zeros((len(textures), 4), dtype=np.float32)
@@ -147,9 +136,7 @@ class TextureTable:
         return total
 
 
-def _wrapped(
-    texels: NDArray[np.intp], sizes: NDArray[np.intp], clamps: NDArray[np.bool_]
-) -> NDArray[np.intp]:
+def _wrapped(texels: Indices, sizes: Indices, clamps: Mask) -> Indices:
     if (texels >= 0).all() and (texels < sizes).all():  # the common case, and faster
         return texels
     return np.where(clamps, np.clip(texels, 0, sizes - 1), texels % sizes)

@@ -19,17 +19,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, Floats, Indices, Int32s, Mask, UInt32s
 from omnisim.core.random_numbers import pcg4d, uniform
 from omnisim.rendering.rays.caster import RayHits, Rays
-from omnisim.scene.surface_reflectance import (
-    MAX_TRACED_ROUGHNESS,
-    MIN_ROUGHNESS,
-    smith_visibility,
-)
-
-Floats = NDArray[np.floating]
+from omnisim.scene.surface_reflectance import MAX_TRACED_ROUGHNESS, MIN_ROUGHNESS, smith_visibility
 
 MAX_BOUNCES = 6  # reflections along a path; the next surface is shaded as if it were rough
 RAYS_PER_SAMPLE = 8  # at the first rough surface of a path; further bounces take one
@@ -42,35 +36,26 @@ _R2_STEPS = tuple(round(2.0**32 * 1.32471795724474602596**-power) for power in (
 
 
 class Paths(NamedTuple):
-    """Paths (n,) of light: the seeds of their random numbers, and their weights.
+    """Paths (n,) of light: the seeds of their random numbers, and their weights."""
 
-    Attributes:
-        pixels: (n,) uint32 indices of the paths' pixels.
-        numbers: (n,) uint32 indices of the paths within their pixel.
-        weights: (n,) shares of the paths' light in their samples.
-        key: key of the camera's random numbers.
-        bounce: number of reflections so far.
-        media: (n,) surfaces whose glass the paths are in, or `NO_MEDIUM`; None: all in air.
-        channel: channel for whose light glass refracts; None: see `Glass.ratios`.
-        cones: (n, 2) half angles in radians, and half widths in meters at range 0, of the lobes
-            that rays from rough facets stand for; angles of 0: no rough facet so far; None: all 0.
-    """
-
-    pixels: NDArray[np.uint32]
-    numbers: NDArray[np.uint32]
-    weights: NDArray[np.float32]
-    key: int
-    bounce: int = 0
-    media: NDArray[np.int32] | None = None
-    channel: int | None = None
+    pixels: UInt32s  # (n,) uint32 indices of the paths' pixels
+    numbers: UInt32s  # (n,) uint32 indices of the paths within their pixel
+    weights: Float32s  # (n,) shares of the paths' light in their samples
+    key: int  # key of the camera's random numbers
+    bounce: int = 0  # number of reflections so far
+    # (n,) surfaces whose glass the paths are in, or `NO_MEDIUM`; None: all in air
+    media: Int32s | None = None
+    channel: int | None = None  # channel for whose light glass refracts; None: see `Glass.ratios`
+    # (n, 2) half angles in radians, and half widths in meters at range 0, of the lobes that rays
+    # from rough facets stand for; angles of 0: no rough facet so far; None: all 0
     cones: Floats | None = None
 
     @property
-    def is_split(self) -> NDArray[np.bool_]:
+    def is_split(self) -> Mask:
         """Mask (n,) of the paths that have left a rough facet."""
         return np.zeros(len(self.pixels), np.bool_) if self.cones is None else self.cones[:, 0] > 0
 
-    def take(self, indices: NDArray[np.intp]) -> Paths:
+    def take(self, indices: Indices) -> Paths:
         """Paths at indices (m,)."""
         return self._replace(
             pixels=self.pixels[indices],
@@ -83,7 +68,7 @@ class Paths(NamedTuple):
 
 # Function of rays (n,), footprints (n, 2, 3), starting triangles (n,) and paths (n,); it returns
 # the radiance (n, 3) along the rays.
-Trace = Callable[[Rays, NDArray[np.float32] | None, NDArray[np.int32], Paths], NDArray[np.float32]]
+Trace = Callable[[Rays, Float32s | None, Int32s, Paths], Float32s]
 
 
 class Tracing(NamedTuple):
@@ -92,25 +77,21 @@ class Tracing(NamedTuple):
     paths: Paths
     trace: Trace
 
-    def take(self, indices: NDArray[np.intp]) -> Tracing:
+    def take(self, indices: Indices) -> Tracing:
         """Tracing of the paths at indices (m,)."""
         return Tracing(self.paths.take(indices), self.trace)
 
 
 class Arrivals(NamedTuple):
-    """Rays (n,), their hits and footprints, as in `omnisim.rendering.rays.shading.shading.View`.
+    """Rays (n,), their hits and footprints, as in `omnisim.rendering.rays.shading.shading.View`."""
 
-    Attributes:
-        rays, hits, footprints: see `View`.
-        spreads: (n,) slopes of the halfway vectors to the sides of the rays' cones.
-    """
-
+    # see `View`
     rays: Rays
     hits: RayHits
-    footprints: NDArray[np.float32] | None
-    spreads: Floats
+    footprints: Float32s | None
+    spreads: Floats  # (n,) slopes of the halfway vectors to the sides of the rays' cones
 
-    def take(self, indices: NDArray[np.intp]) -> Arrivals:
+    def take(self, indices: Indices) -> Arrivals:
         """Arrivals of the rays at indices (m,)."""
         footprints = None if self.footprints is None else self.footprints[indices]
         rays, hits = self.rays.take(indices), self.hits.take(indices)
@@ -118,23 +99,15 @@ class Arrivals(NamedTuple):
 
 
 class Lobe(NamedTuple):
-    """Specular lobes of surfaces (n,).
+    """Specular lobes of surfaces (n,)."""
 
-    Attributes:
-        normals: (n, 3) unit normals, world.
-        roughness: (n,) glTF roughness, 0 to 1.
-        f0: (n, 3) reflectance at normal incidence.
-        f90: (n,) reflectance at grazing incidence.
-        strength: (n,) factor of the reflected light; only the paths' weights use it.
-    """
+    normals: Floats  # (n, 3) unit normals, world
+    roughness: Floats  # (n,) glTF roughness, 0 to 1
+    f0: Floats  # (n, 3) reflectance at normal incidence
+    f90: Floats  # (n,) reflectance at grazing incidence
+    strength: Floats  # (n,) factor of the reflected light; only the paths' weights use it
 
-    normals: Floats
-    roughness: Floats
-    f0: Floats
-    f90: Floats
-    strength: Floats
-
-    def take(self, indices: NDArray[np.intp]) -> Lobe:
+    def take(self, indices: Indices) -> Lobe:
         """Lobes at indices (m,)."""
         return Lobe._make(values[indices] for values in self)
 
@@ -142,7 +115,7 @@ class Lobe(NamedTuple):
 class TracedGloss(NamedTuple):
     """Reflected light (m, 3), linear RGB, of the surfaces at indices (m,)."""
 
-    indices: NDArray[np.intp]
+    indices: Indices
     light: Floats
 
 
@@ -209,7 +182,7 @@ def _cones(lobe: Lobe, arrivals: Arrivals, paths: Paths) -> Floats:
 
 def _reflected(
     lobe: Lobe, arrivals: Arrivals, paths: Paths, transmits: bool
-) -> tuple[Rays, NDArray[np.float32] | None, Floats]:
+) -> tuple[Rays, Float32s | None, Floats]:
     """Reflected or transmitted rays (n,), their footprints (n, 2, 3), and their factors (n, 3)."""
     rays, hits, footprints, _ = arrivals
     views = -rays.directions

@@ -11,25 +11,27 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, Float64s, Indices, Int32s, Mask
 from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.rendering.rays.geometry import Geometry, Poses
 from omnisim.rendering.rays.shading.glass import (
     NO_MEDIUM,
     Glass,
+    Panes,
     Refracted,
     interface_reflectance,
+    pane_reflectance,
     refracted_rays,
 )
 from omnisim.rendering.rays.shading.lights import (
+    CastShadow,
     LampLight,
+    Shadows,
     lamps_at,
     light_of_lamps,
     light_on_surfaces,
 )
-from omnisim.rendering.rays.shading.normal_maps import mapped_normals
-from omnisim.rendering.rays.shading.panes import Panes, pane_reflectance
 from omnisim.rendering.rays.shading.ray_reflectance import (
     Reflectance,
     SurfaceDirections,
@@ -47,12 +49,12 @@ from omnisim.rendering.rays.shading.reflections import (
     halfway_spreads,
     traced_gloss,
 )
-from omnisim.rendering.rays.shading.shadows import CastShadow, Shadows
 from omnisim.rendering.rays.shading.surface_table import (
     NORMAL,
     NORMAL_SCALES,
     Sampler,
     SurfaceTable,
+    mapped_normals,
 )
 from omnisim.scene.light.baked_light import BakedLight
 from omnisim.scene.model import AlphaMode, Lighting
@@ -70,9 +72,9 @@ class View(NamedTuple):
     rays: Rays
     hits: RayHits
     world_from_objects: Poses
-    footprints: NDArray[np.float32] | None
+    footprints: Float32s | None
 
-    def take(self, indices: NDArray[np.intp]) -> View:
+    def take(self, indices: Indices) -> View:
         """View of the rays at indices (m,)."""
         footprints = None if self.footprints is None else self.footprints[indices]
         return View(
@@ -121,7 +123,7 @@ class Shading:
         self.hit_cutoff = np.array([m.hit_cutoff for m in materials], dtype=np.float32)
         self.shadow_cutoff = np.array([m.shadow_cutoff for m in materials], dtype=np.float32)
 
-    def surfaces(self, hits: RayHits) -> NDArray[np.int32]:
+    def surfaces(self, hits: RayHits) -> Int32s:
         """Surfaces (n,) of the hits."""
         return self._geometry.surface_of_triangle[hits.triangles]
 
@@ -130,8 +132,8 @@ class Shading:
         rays: Rays,
         hits: RayHits,
         world_from_objects: Poses = (),
-        footprints: NDArray[np.float32] | None = None,
-    ) -> NDArray[np.float32]:
+        footprints: Float32s | None = None,
+    ) -> Float32s:
         """Linear RGBA (n, 4) base colors, before lighting.
 
         Args:
@@ -151,9 +153,7 @@ class Shading:
             colors[textured] *= self._sampled(self._textures, textures[textured], view, textured)
         return colors
 
-    def transmitted(
-        self, rays: Rays, hits: RayHits, colors: NDArray[np.float32], poses: Poses
-    ) -> NDArray[np.float32]:
+    def transmitted(self, rays: Rays, hits: RayHits, colors: Float32s, poses: Poses) -> Float32s:
         """Transmittance (n, 3) of panes with base colors (n, 3 or more); 0 at other surfaces."""
         surfaces = self.surfaces(hits)
         shares = np.zeros((len(surfaces), 3), dtype=np.float32)
@@ -166,9 +166,7 @@ class Shading:
             )
         return shares
 
-    def media(
-        self, hits: RayHits, media: NDArray[np.int32], world_from_objects: Poses
-    ) -> NDArray[np.int32]:
+    def media(self, hits: RayHits, media: Int32s, world_from_objects: Poses) -> Int32s:
         """Media (n,) before hits of rays that started in media (n,), see `Refracted`.
 
         The back of glass is hit from its inside.
@@ -180,7 +178,7 @@ class Shading:
         media[leaving] = surfaces[leaving]
         return media
 
-    def refracted(self, view: View, colors: NDArray[np.float32], channel: int | None) -> Refracted:
+    def refracted(self, view: View, colors: Float32s, channel: int | None) -> Refracted:
         """Rays that pass surfaces of thick glass.
 
         Args:
@@ -202,7 +200,7 @@ class Shading:
             np.where(is_front, surfaces, np.int32(NO_MEDIUM)),
         )
 
-    def emitted(self, hits: RayHits) -> NDArray[np.float32]:
+    def emitted(self, hits: RayHits) -> Float32s:
         """Light (n, 3), linear RGB, that surfaces emit; all rays must hit."""
         nowhere = np.zeros((len(hits.triangles), 3))
         rays = Rays(nowhere, nowhere, hits.ranges_m, hits.ranges_m)
@@ -212,12 +210,8 @@ class Shading:
         return light
 
     def _sampled(
-        self,
-        table: TextureTable,
-        textures: NDArray[np.intp],
-        view: View,
-        indices: NDArray[np.intp],
-    ) -> NDArray[np.float32]:
+        self, table: TextureTable, textures: Indices, view: View, indices: Indices
+    ) -> Float32s:
         """Texels (m, 4) of textures (m,) at the hits with indices (m,)."""
         hits, geometry = view.hits.take(indices), self._geometry
         corners = self._corner_coordinates(table, textures, hits)
@@ -233,8 +227,8 @@ class Shading:
         return table.lookup(textures, coordinates, levels)
 
     def _corner_coordinates(
-        self, table: TextureTable, textures: NDArray[np.intp], hits: RayHits
-    ) -> NDArray[np.float32]:
+        self, table: TextureTable, textures: Indices, hits: RayHits
+    ) -> Float32s:
         """Texture coordinates (n, 3, 2) of the hit triangles' corners."""
         geometry = self._geometry
         vertices = geometry.corners[hits.triangles]
@@ -245,10 +239,10 @@ class Shading:
             None if second is None else second[vertices],
         )
 
-    def normals(self, hits: RayHits, world_from_objects: Poses = ()) -> NDArray[np.float32]:
+    def normals(self, hits: RayHits, world_from_objects: Poses = ()) -> Float32s:
         """Unit normals (n, 3) of the visible side, world: interpolated, or of the triangle."""
         of_corners = self._geometry.corner_normals(hits.triangles, world_from_objects)
-        normals: NDArray[np.float32] = np.einsum("nk,nkc->nc", hits.weights, of_corners)
+        normals: Float32s = np.einsum("nk,nkc->nc", hits.weights, of_corners)
         for moved, pose in self._geometry.moved(hits.triangles, world_from_objects):
             normals[moved] = np.einsum("nj,ij->ni", normals[moved], pose[:3, :3])
         is_flat = ~normals.any(axis=1)
@@ -259,7 +253,7 @@ class Shading:
         normals /= np.maximum(lengths, np.float32(_DARKEST))[:, None]
         return normals
 
-    def materials(self, view: View) -> NDArray[np.float32]:
+    def materials(self, view: View) -> Float32s:
         """Roughness, metalness and emission (n, 5), see `Hits.materials`."""
         surfaces = self.surfaces(view.hits)
         materials = np.zeros((len(surfaces), 5), dtype=np.float32)
@@ -273,14 +267,14 @@ class Shading:
 
     def lit(
         self,
-        colors: NDArray[np.float32],
+        colors: Float32s,
         rays: Rays,
         hits: RayHits,
         cast_shadow: CastShadow,
         world_from_objects: Poses = (),
-        footprints: NDArray[np.float32] | None = None,
+        footprints: Float32s | None = None,
         tracing: Tracing | None = None,
-    ) -> NDArray[np.float32]:
+    ) -> Float32s:
         """Light (n, 3), linear RGB, from surfaces of base colors (n, 3 or more) toward the rays.
 
         With `tracing`, smooth surfaces reflect the scene; without it, only sky and lamps.
@@ -311,12 +305,8 @@ class Shading:
         return light
 
     def _baked_light(
-        self,
-        baked: BakedLight,
-        hits: RayHits,
-        points_m: NDArray[np.float64],
-        normals: NDArray[np.float32],
-    ) -> NDArray[np.float32]:
+        self, baked: BakedLight, hits: RayHits, points_m: Float64s, normals: Float32s
+    ) -> Float32s:
         """Baked light (n, 3) on white surfaces at points (n, 3) with unit normals (n, 3)."""
         light = np.empty((len(points_m), 3), dtype=np.float32)
         is_lightmapped = self._is_lightmapped[self.surfaces(hits)]
@@ -330,32 +320,29 @@ class Shading:
             light[others] = baked.probes.light(points_m[others], normals[others])
         return light
 
-    def is_front(self, hits: RayHits, world_from_objects: Poses = ()) -> NDArray[np.bool_]:
+    def is_front(self, hits: RayHits, world_from_objects: Poses = ()) -> Mask:
         """Mask (n,) of hits on the front of triangles; without poses, of static ones."""
         a, b, c = np.moveaxis(self._geometry.corners_m(hits.triangles, world_from_objects), 1, 0)
         return np.einsum("nc,nc->n", np.cross(b - a, c - a), hits.planes) > 0.0
 
     def _surroundings(
-        self,
-        baked: NDArray[np.float32],
-        normals: NDArray[np.float32],
-        lamps: Sequence[LampLight],
-    ) -> NDArray[np.float32] | None:
+        self, baked: Float32s, normals: Float32s, lamps: Sequence[LampLight]
+    ) -> Float32s | None:
         """Baked light (n, 3) minus the light of lamps, at least 0; None: no baked light."""
         if self._lighting.baked is None:
             return None
-        beyond: NDArray[np.float32] = baked - light_of_lamps(lamps, normals)
+        beyond: Float32s = baked - light_of_lamps(lamps, normals)
         return np.maximum(beyond, np.float32(0.0), out=beyond)
 
     def _reflected(
         self,
-        colors: NDArray[np.float32],
+        colors: Float32s,
         view: View,
         lamps: Sequence[LampLight],
-        normals: NDArray[np.float32],
-        surroundings: NDArray[np.float32] | None,
+        normals: Float32s,
+        surroundings: Float32s | None,
         tracing: Tracing | None,
-    ) -> NDArray[np.float32]:
+    ) -> Float32s:
         """Light (n, 3), linear RGB, from surfaces of which some are not matte."""
         surfaces, sampled = self.surfaces(view.hits), self.sampler(view)
         mapped, coat = (self._mapped(slot, normals, view, sampled) for slot in NORMAL_SCALES)
@@ -396,7 +383,7 @@ class Shading:
     def _scattered(
         self,
         surface: Reflectance,
-        colors: NDArray[np.float32],
+        colors: Float32s,
         arrivals: Arrivals,
         directions: SurfaceDirections,
         tracing: Tracing,
@@ -449,15 +436,13 @@ class Shading:
         """Function that looks up textures at hits by their indices."""
         surfaces = self.surfaces(view.hits)
 
-        def sampled(slot: int, indices: NDArray[np.intp]) -> NDArray[np.float32]:
+        def sampled(slot: int, indices: Indices) -> Float32s:
             table = self.table.maps[slot]
             return self._sampled(table, table.texture_of_surface[surfaces[indices]], view, indices)
 
         return sampled
 
-    def _mapped(
-        self, slot: int, normals: NDArray[np.float32], view: View, sampled: Sampler
-    ) -> NDArray[np.float32]:
+    def _mapped(self, slot: int, normals: Float32s, view: View, sampled: Sampler) -> Float32s:
         """Normals (n, 3) after applying the normal maps in a slot."""
         surfaces = self.surfaces(view.hits)
         indices, textures = self.table.textured(slot, surfaces)
@@ -473,7 +458,7 @@ class Shading:
         )  # fmt: skip
         return normals
 
-    def _interpolated(self, of_vertices: NDArray[np.float32], hits: RayHits) -> NDArray[np.float32]:
+    def _interpolated(self, of_vertices: Float32s, hits: RayHits) -> Float32s:
         """Values (n, k) at the hits, interpolated from vertex values (vertices, k)."""
         return np.einsum(
             "nk,nkc->nc", hits.weights, of_vertices[self._geometry.corners[hits.triangles]]
@@ -503,11 +488,8 @@ def _traced(
 
 
 def _mip_levels(
-    corners_m: NDArray[np.float64],
-    corners_px: NDArray[np.float32],
-    directions: NDArray[np.float64],
-    steps_m: NDArray[np.float64],
-) -> NDArray[np.float32]:
+    corners_m: Float64s, corners_px: Float32s, directions: Float64s, steps_m: Float64s
+) -> Float32s:
     """Mip levels (n,) at which a texel is as wide as a footprint.
 
     Args:
@@ -531,5 +513,5 @@ def _mip_levels(
     weights = np.stack((second, third), axis=-1) / squared[:, None, None]
     steps_px = np.einsum("nse,nec->nsc", weights, edges_px)
     longest = np.einsum("nsc,nsc->ns", steps_px, steps_px).max(axis=1)
-    levels: NDArray[np.float32] = (0.5 * np.log2(longest + _DARKEST)).astype(np.float32)
+    levels: Float32s = (0.5 * np.log2(longest + _DARKEST)).astype(np.float32)
     return levels + np.float32(LEVEL_BIAS)

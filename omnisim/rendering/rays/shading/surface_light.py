@@ -7,7 +7,7 @@ perpendicularly, to within the beam's divergence, for which 3.2 mrad are assumed
 (Velodyne, VLS-128 User Manual, table F-1).
 
 Sources: glTF 2.0, appendix B, for facets and Schlick's Fresnel; Walter et al., "Microfacet Models
-for Refraction through Rough Surfaces", 2007, for Beckmann's; `panes` for thin panes; Höfle and
+for Refraction through Rough Surfaces", 2007, for Beckmann's; `glass` for thin panes; Höfle and
 Pfeifer, "Correction of laser scanning intensity data", ISPRS Journal 62 (2007), for the returned
 share, which is relative to a white Lambertian surface met perpendicularly at the same range.
 """
@@ -17,14 +17,14 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from omnisim.rendering.rays.shading.panes import pane_reflectance
+from omnisim.core.array_types import Float32s, Float64s, Floats, Indices, Mask
+from omnisim.rendering.rays.caster import RayCaster, RayHits, Rays
+from omnisim.rendering.rays.shading.glass import pane_reflectance
 from omnisim.rendering.rays.shading.ray_reflectance import Reflectance, microfacets
 from omnisim.rendering.rays.shading.shading import Shading, View
 from omnisim.scene.surface_reflectance import COAT_F0, MIN_ROUGHNESS
 
-Shares = NDArray[np.float64]
 # Interpolated normals within 0.1° of the triangle's are those of a planar mirror.
 _MIN_FLAT_COSINE = float(np.cos(np.radians(0.1)))
 _SMOOTH = MIN_ROUGHNESS + 1e-6
@@ -34,25 +34,16 @@ _BEAM_SQUARED = MIN_ROUGHNESS**4
 
 
 class SurfaceLight(NamedTuple):
-    """Shares of the light that arrives at surfaces (n,), linear RGB.
+    """Float64s of the light that arrives at surfaces (n,), linear RGB."""
 
-    Attributes:
-        passed: (n, 3) share that passes straight through panes; 0 elsewhere.
-        reflected: (n, 3) share that is reflected in the mirror's direction; 0 unless smooth.
-        returned: (n, 3) intensity that returns to the source, see the module.
-        normals: (n, 3) unit normals of the visible side.
-        is_flat: (n,) mask of surfaces that reflect like a plane.
-        cosines: (n,) cosines of the angles of incidence.
-    """
+    passed: Float64s  # (n, 3) share that passes straight through panes; 0 elsewhere
+    reflected: Float64s  # (n, 3) share that is reflected in the mirror's direction; 0 unless smooth
+    returned: Float64s  # (n, 3) intensity that returns to the source, see the module
+    normals: Float64s  # (n, 3) unit normals of the visible side
+    is_flat: Mask  # (n,) mask of surfaces that reflect like a plane
+    cosines: Float64s  # (n,) cosines of the angles of incidence
 
-    passed: Shares
-    reflected: Shares
-    returned: Shares
-    normals: Shares
-    is_flat: NDArray[np.bool_]
-    cosines: Shares
-
-    def take(self, indices: NDArray[np.intp]) -> SurfaceLight:
+    def take(self, indices: Indices) -> SurfaceLight:
         """The selected surfaces."""
         return SurfaceLight._make(values[indices] for values in self)
 
@@ -97,8 +88,8 @@ def surface_light(shading: Shading, view: View) -> SurfaceLight:
     return SurfaceLight(passed, reflected, returned, normals, is_flat, cosines)
 
 
-def mirrored_shares(surface: Reflectance, cosines: Shares) -> Shares:
-    """Shares (n, 3) that smooth gloss and smooth clear coats reflect like mirrors.
+def mirrored_shares(surface: Reflectance, cosines: Float64s) -> Float64s:
+    """Float64s (n, 3) that smooth gloss and smooth clear coats reflect like mirrors.
 
     Args:
         surface: reflectance of the surfaces (n,).
@@ -108,12 +99,12 @@ def mirrored_shares(surface: Reflectance, cosines: Shares) -> Shares:
     coat = surface.coat * (COAT_F0 + (1.0 - COAT_F0) * grazing)
     gloss = surface.f0 + (surface.f90[:, None] - surface.f0) * grazing[:, None]
     below = (1.0 - coat)[:, None]
-    mirrored: Shares = np.where((surface.roughness <= _SMOOTH)[:, None], below * gloss, 0.0)
+    mirrored: Float64s = np.where((surface.roughness <= _SMOOTH)[:, None], below * gloss, 0.0)
     mirrored += np.where(surface.coat_roughness <= _SMOOTH, coat, 0.0)[:, None]
     return mirrored
 
 
-def _of_gloss(surface: Reflectance, cosines: Shares) -> tuple[Shares, Shares]:
+def _of_gloss(surface: Reflectance, cosines: Float64s) -> tuple[Float64s, Float64s]:
     """Mirrored and returned shares (n, 3) of surfaces with gloss and clear coat."""
     grazing = (1.0 - cosines) ** 5
     below = (1.0 - surface.coat * (COAT_F0 + (1.0 - COAT_F0) * grazing))[:, None]
@@ -127,7 +118,7 @@ def _of_gloss(surface: Reflectance, cosines: Shares) -> tuple[Shares, Shares]:
     return mirrored_shares(surface, cosines), below**2 * (body + facets) + of_coat[:, None]
 
 
-def _facets(roughness: NDArray[np.floating], cosines: Shares) -> Shares:
+def _facets(roughness: Floats, cosines: Float64s) -> Float64s:
     """Light (n,) that facets of reflectance 1 return, by the cosines (n,) of incidence.
 
     Smooth surfaces are flat. The beam's divergence takes the place of their facets: a Gaussian, as
@@ -141,3 +132,61 @@ def _facets(roughness: NDArray[np.floating], cosines: Shares) -> Shares:
     tangents = squares / cosines**2
     flat = np.exp(-tangents / _BEAM_SQUARED) / (4.0 * _BEAM_SQUARED * cosines**5)
     return np.where(is_smooth, flat, rough)
+
+
+# Light that passes glass straight: of shadow rays, and of the rays of bakes.
+#
+# A body of glass counts as a slab: its front reflects what both interfaces reflect, each surface
+# tints the rest, and the way between them absorbs. The back of a single-sided pane does not
+# count, as in images.
+
+
+def straight_shares(shading: Shading, view: View, colors: Float32s) -> Float32s:
+    """Float64s (n, 3) of light that pass hits straight, linear RGB; 0 for all but panes and glass.
+
+    Args:
+        shading: appearance of the surfaces.
+        view: rays (n,) and their hits on either side; all rays must hit.
+        colors: (n, 3 or more) base colors.
+    """
+    shares = np.zeros((len(colors), 3), dtype=np.float32)
+    surfaces = shading.surfaces(view.hits)
+    some = np.flatnonzero(shading.is_pane[surfaces] | shading.is_glass[surfaces])
+    if len(some) == 0:
+        return shares
+    rays, hits, poses, _ = view.take(some)
+    surfaces, colors = surfaces[some], colors[some, :3]
+    is_back, is_glass = ~shading.is_front(hits, poses), shading.is_glass[surfaces]
+    cosines = np.abs(np.einsum("nc,nc->n", shading.normals(hits, poses), rays.directions))
+    reflected = pane_reflectance(cosines, shading.panes.ior[surfaces])
+    reflected[is_back & is_glass] = 0.0
+    transmission = np.maximum(shading.panes.transmission, shading.glass.transmission)[surfaces]
+    passed = ((1.0 - reflected) * transmission)[:, None] * colors
+    leaving = np.flatnonzero(is_back & is_glass)
+    inside_m = (hits.ranges_m - rays.near_m)[leaving]
+    passed[leaving] *= shading.glass.attenuation(surfaces[leaving], inside_m)
+    passed[is_back & ~is_glass & ~shading.is_double_sided[surfaces]] = 1.0
+    shares[some] = passed
+    return shares
+
+
+# Rays after mirrors, from the mirrored origin: ranges along them are those of the whole path.
+
+
+_MIN_LEAVING_COSINE = 0.02  # a ray that grazes a mirror starts at most 50 steps behind its hit
+
+
+def mirrored_rays(caster: RayCaster, rays: Rays, hits: RayHits, light: SurfaceLight) -> Rays:
+    """Rays (n,) reflected at their hits.
+
+    A plane reflects the origin; a curved mirror reflects like its tangent plane. The first step
+    leaves the plane by more than a triangle's rounding, also at grazing incidence.
+    """
+    normals, directions = light.normals, rays.directions
+    along = np.einsum("nc,nc->n", directions, normals)
+    directions = directions - 2.0 * along[:, None] * normals
+    points_m = rays.origins_m + hits.ranges_m[:, None] * rays.directions
+    origins_m = points_m - hits.ranges_m[:, None] * directions
+    behind = caster.behind(rays, hits.ranges_m)
+    steps_m = (behind.near_m - hits.ranges_m) / np.maximum(np.abs(along), _MIN_LEAVING_COSINE)
+    return Rays(origins_m, directions, hits.ranges_m + steps_m, rays.far_m)

@@ -1,4 +1,4 @@
-"""Reflectance of hit surfaces: material factors times maps.
+"""Reflectance of hit surfaces: material factors times maps; and their mapped normals.
 
 The twin of shaders/scene/reflective_material.glsl.
 Source: glTF 2.0, section 3.9.
@@ -10,10 +10,10 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, Float64s, Floats, Indices, Int32s
 from omnisim.rendering.rays.geometry import Surface
-from omnisim.rendering.rays.shading.ray_reflectance import Floats, Reflectance
+from omnisim.rendering.rays.shading.ray_reflectance import Reflectance
 from omnisim.rendering.rays.shading.ray_textures import TextureTable
 from omnisim.scene.model import Material, Texture
 from omnisim.scene.surface_reflectance import MIN_ROUGHNESS, dielectric_f0, tinted_reflectance
@@ -21,7 +21,7 @@ from omnisim.scene.surface_reflectance import MIN_ROUGHNESS, dielectric_f0, tint
 # In the order of `Material.maps`.
 METALLIC_ROUGHNESS, NORMAL, OCCLUSION, EMISSIVE, SPECULAR, CLEARCOAT, CLEARCOAT_NORMAL = range(7)
 NORMAL_SCALES = {NORMAL: "normal_scale", CLEARCOAT_NORMAL: "clearcoat_normal_scale"}
-Sampler = Callable[[int, NDArray[np.intp]], NDArray[np.float32]]
+Sampler = Callable[[int, Indices], Float32s]
 
 
 def _map_of(slot: int) -> Callable[[Material], Texture | None]:
@@ -56,7 +56,7 @@ class SurfaceTable:
         shown = [] if self.is_matte.all() else surfaces
         self.maps = tuple(TextureTable(shown, _map_of(slot)) for slot in range(7))
 
-        def column(values: Sequence[object]) -> NDArray[np.float32]:
+        def column(values: Sequence[object]) -> Float32s:
             return np.array(values, dtype=np.float32)
 
         self._metallic = column([one.metallic for one in materials])
@@ -77,16 +77,14 @@ class SurfaceTable:
             for slot, name in NORMAL_SCALES.items()
         }
 
-    def textured(
-        self, slot: int, surfaces: NDArray[np.int32]
-    ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def textured(self, slot: int, surfaces: Int32s) -> tuple[Indices, Indices]:
         """Indices of the surfaces (n,) with a given map, and their textures in it."""
         of_surface = self.maps[slot].texture_of_surface
         textures = of_surface[surfaces] if len(of_surface) else np.full(len(surfaces), -1)
         indices = np.flatnonzero(textures >= 0)
         return indices, textures[indices]
 
-    def values(self, surfaces: NDArray[np.int32], sampled: Sampler) -> SurfaceValues:
+    def values(self, surfaces: Int32s, sampled: Sampler) -> SurfaceValues:
         """Values at hits of surfaces (n,); `sampled` looks up a map at selected hits."""
         metallic, roughness = self._metallic[surfaces], self._roughness[surfaces]
         occlusion = np.ones(len(surfaces), dtype=np.float32)
@@ -105,9 +103,7 @@ class SurfaceTable:
             emissive[indices] *= sampled(EMISSIVE, indices)[:, :3]
         return SurfaceValues(np.clip(metallic, 0.0, 1.0), roughness, occlusion, emissive)
 
-    def reflectance(
-        self, surfaces: NDArray[np.int32], colors: Floats, sampled: Sampler
-    ) -> Reflectance:
+    def reflectance(self, surfaces: Int32s, colors: Floats, sampled: Sampler) -> Reflectance:
         """Reflectance at hits of surfaces (n,) with base colors (n, 3)."""
         values = self.values(surfaces, sampled)
         metallic, (f0, f90) = values.metallic, self._gloss(surfaces, sampled)
@@ -126,7 +122,7 @@ class SurfaceTable:
             emissive=values.emissive,
         )
 
-    def _gloss(self, surfaces: NDArray[np.int32], sampled: Sampler) -> tuple[Floats, Floats]:
+    def _gloss(self, surfaces: Int32s, sampled: Sampler) -> tuple[Floats, Floats]:
         """Reflectance of dielectrics at normal (n, 3) and at grazing incidence (n,)."""
         f0, f90 = self._f0[surfaces], self._f90[surfaces]
         indices, _ = self.textured(SPECULAR, surfaces)
@@ -137,7 +133,7 @@ class SurfaceTable:
             f0[indices] = f90[indices, None] * tinted
         return f0, f90
 
-    def _clear_coat(self, surfaces: NDArray[np.int32], sampled: Sampler) -> tuple[Floats, Floats]:
+    def _clear_coat(self, surfaces: Int32s, sampled: Sampler) -> tuple[Floats, Floats]:
         """Strengths and roughnesses (n,) of clear coats."""
         coat, roughness = self._coat[surfaces], self._coat_roughness[surfaces]
         indices, _ = self.textured(CLEARCOAT, surfaces)
@@ -146,3 +142,50 @@ class SurfaceTable:
             coat[indices] *= texels[:, 0]
             roughness[indices] *= texels[:, 1]
         return coat, roughness
+
+
+# Normal mapping with the tangents of the triangles.
+#
+# The twin of shaders/scene/reflective_material.glsl.
+
+
+def mapped_normals(
+    normals: Float32s,
+    corners_m: Float64s,
+    coordinates: Float32s,
+    planes: Float32s,
+    texels: Float32s,
+    scales: Float32s,
+) -> Floats:
+    """Apply normal maps: unit normals (n, 3).
+
+    Args:
+        normals: (n, 3) unit, before mapping, on the visible side.
+        corners_m: (n, 3, 3) triangle corners, counter-clockwise seen from the front.
+        coordinates: (n, 3, 2) texture coordinates at the corners.
+        planes: (n, 3) plane normals on the visible side.
+        texels: (n, 4) texels of the normal maps.
+        scales: (n,) scales of the normal maps.
+    """
+    edges_m, edges = corners_m[:, 1:] - corners_m[:, :1], coordinates[:, 1:] - coordinates[:, :1]
+    (u1, v1), (u2, v2) = edges[:, 0].T, edges[:, 1].T
+    sign = np.sign(u1 * v2 - u2 * v1)[:, None]
+    along_u = sign * (edges_m[:, 0] * v2[:, None] - edges_m[:, 1] * v1[:, None])
+    along_v = sign * (edges_m[:, 1] * u1[:, None] - edges_m[:, 0] * u2[:, None])
+    along_u -= normals * _dot(normals, along_u)
+    lengths = np.linalg.norm(along_u, axis=1, keepdims=True)
+    tangents = along_u / np.where(lengths > 0.0, lengths, 1.0)
+    bitangents = np.cross(normals, tangents)
+    # v points down in a texture
+    bitangents *= np.where(_dot(bitangents, along_v) > 0.0, -1.0, 1.0)
+    is_front = _dot(np.cross(edges_m[:, 0], edges_m[:, 1]), planes) > 0.0
+    bumps = 2.0 * texels[:, :3] - 1.0
+    bumps[:, :2] *= scales[:, None] * np.where(is_front, 1.0, -1.0)
+    mapped = bumps[:, :1] * tangents + bumps[:, 1:2] * bitangents + bumps[:, 2:] * normals
+    mapped /= np.maximum(np.linalg.norm(mapped, axis=1, keepdims=True), 1e-20)
+    return np.where(lengths > 0.0, mapped, normals)
+
+
+def _dot(one: Floats, other: Floats) -> Floats:
+    products: Floats = np.einsum("nc,nc->n", one, other)
+    return products[:, None]

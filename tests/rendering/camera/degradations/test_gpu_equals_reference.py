@@ -21,7 +21,6 @@ from omnisim.rendering.camera.degradations import (
     WhiteBalance,
     preset,
 )
-from omnisim.rendering.camera.degradations.development import developed, exposed
 from omnisim.rendering.camera.degradations.effect import Shot
 from omnisim.rendering.camera.degradations.encoding import neutral
 from omnisim.rendering.camera.metering import Metering
@@ -137,7 +136,7 @@ def test_sub_frames_add_up_by_rows(context):
     images = [random_image(seed=seed) for seed in range(5)]
     weights = shutter.row_weights(5, GEOMETRY.height_px)
     drawn = on_gpu(context, images, weights=weights)
-    expected = exposed(zip(images, weights, strict=True), Degradation(), GEOMETRY)
+    expected = Degradation().exposed(zip(images, weights, strict=True), GEOMETRY)
     assert np.abs(drawn - expected).max() <= 5 * ULP
     np.testing.assert_allclose(weights.sum(axis=0), 1.0, atol=4 * ULP)
 
@@ -169,8 +168,8 @@ def test_whole_chain_of_a_preset_equals_the_reference(context, name):
         sensor=degradation.sensor_steps(GEOMETRY, key),
         uniforms={"u_frame": 2, "u_exposure_factors": degradation.exposure_factors(-0.3)},
     )
-    light = exposed([(image, None)], degradation, GEOMETRY)
-    expected = developed(light, degradation, GEOMETRY, degradation.exposure_factors(-0.3), key, 2)
+    light = degradation.exposed([(image, None)], GEOMETRY)
+    expected = degradation.developed(light, GEOMETRY, degradation.exposure_factors(-0.3), key, 2)
     # electrons that fall on the other side reach 5 × 5 pixels through demosaicking
     assert np.mean(np.abs(drawn - expected) > 2e-5) < 0.02
     assert np.sqrt(np.mean((drawn - expected) ** 2)) < 1e-3

@@ -6,10 +6,8 @@ import pytest
 from omnisim.core.cube import FACE_FROM_RIG
 from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles
-from omnisim.rendering.opengl.atlas.tile_views import TileViews, clips_from_rig
-from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller
-from omnisim.rendering.opengl.culling.cluster_views import Views
+from omnisim.rendering.opengl.atlas.tile_plan import TileViews, clips_from_rig, plan_tiles
+from omnisim.rendering.opengl.culling.cluster_culling import ClusterCuller, Views
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.scene.model import AlphaMode, Material, Mesh
 from tests.rendering.opengl.cluster_readback import read_vertices

@@ -8,7 +8,7 @@ import pytest
 from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.culling import cluster_culling
-from omnisim.rendering.opengl.culling.command_slices import BANDS, command_slices
+from omnisim.rendering.opengl.culling.cluster_culling import BANDS, command_slices
 from omnisim.rendering.opengl.drawing import tile_renderer
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from omnisim.rendering.opengl.geometry.adjacency import NO_NEIGHBOR, neighbors
+from omnisim.rendering.opengl.geometry.triangle_table import NO_NEIGHBOR, neighbors
 from tests.vehicles import box
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from omnisim.core.poses import pose as make_pose
-from omnisim.rendering.opengl.geometry import cluster_triangles, clustered_geometry
+from omnisim.rendering.opengl.geometry import clustered_geometry
 from omnisim.rendering.opengl.geometry.draw_item import MAX_DISTANCE_M
 from omnisim.rendering.opengl.geometry.light_baking import Shading, bake_directional_light
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.gl.buffers import read_buffer
+from omnisim.rendering.opengl.gl.memory import read_buffer
 from omnisim.scene.model import AlphaMode, Lighting, Material, Mesh
 from tests.rendering.opengl.cluster_readback import lights_of, read_vertices
 from tests.rendering.opengl.sheets import SUN, sheet
@@ -128,7 +128,7 @@ def test_vertices_with_two_lights_get_copies_in_every_batch(context, monkeypatch
     poses = [make_pose((float(number), 0.0, 0.0), yaw_deg=40.0 * number) for number in range(5)]
     scene = scene_of([mesh] * 5, [Material()], poses, lighting=Lighting((0.1,) * 3, (SUN,)))
     whole = SceneBuffers(context, scene).clustered_geometry
-    monkeypatch.setattr(cluster_triangles, "_BATCH_VERTICES", 8)  # two items
+    monkeypatch.setattr(clustered_geometry, "_BATCH_VERTICES", 8)  # two items
     geometry = SceneBuffers(context, scene).clustered_geometry
     assert [one.shading for one in geometry.buckets] == [Shading.BAKED]
     np.testing.assert_array_equal(corners_m(geometry), corners_m(whole))

@@ -4,8 +4,8 @@ import dataclasses
 
 import pytest
 
-from omnisim.rendering.opengl.geometry.memory_estimate import gpu_bytes
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.geometry.vertex_records import gpu_bytes
 from omnisim.scene import load_scene
 from omnisim.scene.model import AlphaMode
 

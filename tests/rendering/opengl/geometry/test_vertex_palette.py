@@ -7,7 +7,7 @@ import pytest
 
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
-from omnisim.rendering.opengl.geometry.vertex_palette import VertexPalette
+from omnisim.rendering.opengl.geometry.vertex_format import VertexPalette
 from omnisim.scene.model import Material
 from tests.rendering.opengl.cluster_readback import read_palette, read_vertices
 from tests.rendering.opengl.sheets import sheet

@@ -5,9 +5,9 @@ import ctypes
 import pytest
 
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.gl import devices
+from omnisim.rendering.opengl.gl import diagnosis
 from omnisim.rendering.opengl.gl.context import list_devices
-from omnisim.rendering.opengl.gl.devices import cuda_numbers, device_number
+from omnisim.rendering.opengl.gl.diagnosis import cuda_numbers, device_number
 
 
 def test_every_device_is_counted(needs_opengl):
@@ -19,13 +19,13 @@ def test_every_device_is_counted(needs_opengl):
     [(0, 0), ("2", 2), ("cuda:0", 2), ("cuda:1", 0)],
 )
 def test_cuda_s_numbers_are_looked_up(monkeypatch, device, number):
-    monkeypatch.setattr(devices, "cuda_numbers", lambda: [1, None, 0])
+    monkeypatch.setattr(diagnosis, "cuda_numbers", lambda: [1, None, 0])
     assert device_number(device) == number
 
 
 @pytest.mark.parametrize("device", [-1, 64, True, "x", "cuda:2", "cuda:-1", "cuda:x", "cuda", 1.5])
 def test_other_devices_are_refused(monkeypatch, device):
-    monkeypatch.setattr(devices, "cuda_numbers", lambda: [1])
+    monkeypatch.setattr(diagnosis, "cuda_numbers", lambda: [1])
     with pytest.raises(GraphicsError, match=f"device {device}: there is no such device: expected"):
         device_number(device)
 
@@ -51,5 +51,5 @@ def test_cuda_s_number_is_the_driver_s_answer(monkeypatch):
         "eglQueryDeviceAttribEXT": attribute,
         "eglQueryDeviceStringEXT": text,
     }
-    monkeypatch.setattr(devices, "_function", lambda name, *types, **returns: stubs[name])
+    monkeypatch.setattr(diagnosis, "_function", lambda name, *types, **returns: stubs[name])
     assert cuda_numbers() == [None, 3]

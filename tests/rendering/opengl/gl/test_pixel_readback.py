@@ -9,9 +9,9 @@ import pytest
 
 import omnisim
 from omnisim.core.errors import GraphicsError
-from omnisim.rendering.opengl.gl import debug, fences
-from omnisim.rendering.opengl.gl.buffers import gpu_buffer
+from omnisim.rendering.opengl.gl import debug, functions
 from omnisim.rendering.opengl.gl.functions import gl_function
+from omnisim.rendering.opengl.gl.memory import gpu_buffer
 from omnisim.rendering.opengl.gl.pixel_readback import (
     LENGTH,
     PixelReadback,
@@ -154,19 +154,19 @@ def test_a_gpu_that_does_not_finish_is_an_error(context, monkeypatch, status, wo
         with pytest.raises(GraphicsError, match=words) as error:
             reading.finish()
     assert "\n" not in str(error.value)
-    assert len(waits) == (fences._MAX_WAIT_STEPS if status == 0x911B else 1)
+    assert len(waits) == (functions._MAX_WAIT_STEPS if status == 0x911B else 1)
     reading.finish()
 
 
 @pytest.mark.parametrize("keeps_passes", [False, True])
 def test_fences_are_deleted_at_once_or_when_no_thread_uses_them(context, keeps_passes):
-    own = fences.Fences(keeps_passes)
+    own = functions.Fences(keeps_passes)
     is_sync = gl_function("glIsSync", ctypes.c_void_p, returns=ctypes.c_ubyte)
     first = own.create()
     own.wait(first)
     own.release(first)
     assert is_sync(first) == keeps_passes
-    for _ in range(fences._MAX_FENCES):
+    for _ in range(functions._MAX_FENCES):
         own.release(own.create())
     assert not is_sync(first)
     while own._kept:

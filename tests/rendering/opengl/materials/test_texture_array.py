@@ -6,8 +6,7 @@ import gc
 import numpy as np
 
 from omnisim.rendering.opengl.gl.context import collect_garbage
-from omnisim.rendering.opengl.materials.scene_textures import MaterialTextures
-from omnisim.rendering.opengl.materials.texture_array import TextureArray
+from omnisim.rendering.opengl.materials.scene_textures import MaterialTextures, TextureArray
 
 
 def _exists(name):

@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("xatlas")
 
 MANY = """
-from omnisim.rendering.baking.atlas.unwrapping import atlas_of_sleeping_threads
+from omnisim.rendering.baking.lightmap_atlas import atlas_of_sleeping_threads
 for _ in range(10_000):
     with atlas_of_sleeping_threads() as atlas:
         pass

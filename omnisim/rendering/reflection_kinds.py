@@ -1,19 +1,88 @@
-"""Notices on reflective and transparent materials that are drawn approximately."""
+"""Kinds of reflections of a scene's instances in the back end `cube`, and notices of them."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 
 from omnisim.core.short_repr import counted
 from omnisim.rendering.camera.quality import DEFAULT_MIRRORS, DEFAULT_PROBES
-from omnisim.rendering.reflections.kinds import Reflectors, find_reflectors
-from omnisim.scene import Scene
-from omnisim.scene.planar_mirrors import MirrorPlane
-from omnisim.scene.reflection_probes import reflects_scene
-from omnisim.scene.scene_surfaces import SceneSurface, scene_surfaces
+from omnisim.scene.model import Scene
+from omnisim.scene.planar_mirrors import MirrorPlane, find_mirrors, is_clear_pane, is_planar_mirror
+from omnisim.scene.reflection_probes import ProbePlace, find_probes, reflects_scene
+from omnisim.scene.scene_surfaces import SceneSurface, is_surface_planar, scene_surfaces
+
+
+class ReflectionKind(StrEnum):
+    """Kind of an instance's reflection, see the chapter on reflections in rendering.md."""
+
+    MIRROR = "mirror"  # the scene, from a mirrored viewpoint
+    PANE = "pane"  # likewise, and it is transparent
+    PROBE = "probe"  # the scene, approximately
+    SKY = "sky"  # sky and lamps, not the scene
+
+
+class Reflectors(NamedTuple):
+    """Surfaces of a scene that reflect it, and what they show."""
+
+    # surfaces of the scene, then those of its dynamic objects, by number
+    surfaces: dict[int, SceneSurface]
+    # planes of the planar mirrors and of the panes
+    mirrors: tuple[MirrorPlane, ...]
+    panes: tuple[MirrorPlane, ...]
+    places: tuple[ProbePlace, ...]  # reflection probes, most prominent first
+
+    def probed(self, probes: int) -> set[int]:
+        """Numbers of the surfaces that reflect the first probes."""
+        return {number for place in self.places[:probes] for number in place.surfaces}
+
+
+def find_reflectors(scene: Scene) -> Reflectors:
+    """Find the mirrors, panes and probes of a scene that is not matte."""
+    surfaces = scene_surfaces(scene, [one.shape for one in scene.objects])
+    mirrors = find_mirrors(surfaces, is_planar_mirror)
+    panes = find_mirrors(surfaces, is_clear_pane)
+    return Reflectors(surfaces, mirrors, panes, find_probes(surfaces, (*mirrors, *panes)))
+
+
+def reflection_kinds(
+    scene: Scene, probes: int = DEFAULT_PROBES
+) -> dict[str, tuple[ReflectionKind, ...]]:
+    """Kinds of reflections by the names of the static instances that reflect.
+
+    An instance has several if its parts or faces differ. Of mirrors and panes, a camera draws the
+    largest in view.
+
+    Args:
+        scene: scene.
+        probes: number of reflection probes of the camera.
+    """
+    if scene.lighting.is_matte:
+        return {}
+    found = find_reflectors(scene)
+    probed = found.probed(probes)
+    planes = (ReflectionKind.MIRROR, found.mirrors), (ReflectionKind.PANE, found.panes)
+    kinds: dict[str, set[ReflectionKind]] = {}
+    for number, instance in enumerate(scene.instances):
+        if not reflects_scene(found.surfaces[number].material):
+            continue
+        own = kinds.setdefault(instance.name, set())
+        own.update(kind for kind, some in planes if any(number in one.parts for one in some))
+        if number in probed:
+            own.add(ReflectionKind.PROBE)
+        elif not is_surface_planar(number, (*found.mirrors, *found.panes)):
+            own.add(ReflectionKind.SKY)
+    return {
+        name: tuple(kind for kind in ReflectionKind if kind in own) for name, own in kinds.items()
+    }
+
+
+# Notices on reflective and transparent materials that are drawn approximately.
+
 
 # PSNR against rays within the objects of the rooms of `omnisim validate --only reflections`.
 _ACCURACY = "26 dB within a chrome ball in a room"

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.rendering.baking.atlas.atlas import Atlas, corner_pixels
+from omnisim.core.array_types import Float32s, Float64s, Indices, Int32s, Mask
+from omnisim.rendering.baking.lightmap_atlas import Atlas, corner_pixels
 from omnisim.rendering.baking.specular import SpecularSurfaces
 from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.rendering.rays.ray_scene import RayScene
@@ -28,45 +29,29 @@ NEIGHBORS = tuple(
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Patches of a scene: sides of texels, and of instances without texels.
+    """Patches of a scene: sides of texels, and of instances without texels."""
 
-    Attributes:
-        samples: sample points of the patches.
-        of_sample: (k,) indices of the samples, patch after patch.
-        first: (p + 1,) first entry of each patch in `of_sample`.
-        sides: (p,) `FRONT` or `BACK`.
-        surfaces: (p,) instance of each patch.
-        places: (p,) texel; outside of the atlas: atlas size + instance.
-        areas_m2: (p,) areas.
-        albedo: (p, 3) diffuse reflectance, linear RGB.
-        transmitted: (p, 3) diffuse transmittance of frosted glass, from the opposite patch.
-        emission: (p, 3) emitted light, as seen.
-        spacing_m: (p,) texel width.
-        of_place: (2, places) int32 patch on each side of each place; `NO_PATCH`: none.
-        corners_px: (m, 3, 2) triangle corners in the atlas.
-        is_hollow: (m,) the back of the triangle faces open space, not the inside of a solid.
-        has_rect: (surfaces,) instances with a rectangle in the atlas.
-        back_shift: (surfaces,) texels from the place of a front to that of its back; 0: no back.
-        charts: (height, width) chart of each texel of the atlas; -1: none.
-    """
-
-    samples: Samples
-    of_sample: NDArray[np.intp]
-    first: NDArray[np.intp]
-    sides: NDArray[np.int8]
-    surfaces: NDArray[np.int32]
-    places: NDArray[np.intp]
-    areas_m2: NDArray[np.float32]
-    albedo: NDArray[np.float32]
-    transmitted: NDArray[np.float32]
-    emission: NDArray[np.float32]
-    spacing_m: NDArray[np.float32]
-    of_place: NDArray[np.int32]
-    corners_px: NDArray[np.float32]
-    is_hollow: NDArray[np.bool_]
-    has_rect: NDArray[np.bool_]
-    back_shift: NDArray[np.intp]
-    charts: NDArray[np.int32]
+    samples: Samples  # sample points of the patches
+    of_sample: Indices  # (k,) indices of the samples, patch after patch
+    first: Indices  # (p + 1,) first entry of each patch in `of_sample`
+    sides: NDArray[np.int8]  # (p,) `FRONT` or `BACK`
+    surfaces: Int32s  # (p,) instance of each patch
+    places: Indices  # (p,) texel; outside of the atlas: atlas size + instance
+    areas_m2: Float32s  # (p,) areas
+    albedo: Float32s  # (p, 3) diffuse reflectance, linear RGB
+    # (p, 3) diffuse transmittance of frosted glass, from the opposite patch
+    transmitted: Float32s
+    emission: Float32s  # (p, 3) emitted light, as seen
+    spacing_m: Float32s  # (p,) texel width
+    # (2, places) int32 patch on each side of each place; `NO_PATCH`: none
+    of_place: Int32s
+    corners_px: Float32s  # (m, 3, 2) triangle corners in the atlas
+    # (m,) the back of the triangle faces open space, not the inside of a solid
+    is_hollow: Mask
+    has_rect: Mask  # (surfaces,) instances with a rectangle in the atlas
+    # (surfaces,) texels from the place of a front to that of its back; 0: no back
+    back_shift: Indices
+    charts: Int32s  # (height, width) chart of each texel of the atlas; -1: none
 
     @property
     def size_px(self) -> tuple[int, int]:
@@ -80,24 +65,24 @@ class Patches:
         return len(self.sides)
 
     @property
-    def atlas_places(self) -> NDArray[np.intp]:
+    def atlas_places(self) -> Indices:
         """Texels (p,) in the atlas; backs have a rectangle of their own."""
         shifts = np.where(self.sides == BACK, self.back_shift[self.surfaces], 0)
         return self.places + shifts
 
     @property
-    def opposite(self) -> NDArray[np.int32]:
+    def opposite(self) -> Int32s:
         """Patches (p,) on the other side of each; `NO_PATCH`: none."""
         return self.of_place[1 - self.sides, self.places]
 
-    def kept(self, is_kept: NDArray[np.bool_]) -> Patches:
+    def kept(self, is_kept: Mask) -> Patches:
         """The same patches with only the selected entries of `of_sample`."""
         counts = np.concatenate(([0], np.cumsum(is_kept)))
         return replace(self, of_sample=self.of_sample[is_kept], first=counts[self.first])
 
 
 def build_patches(
-    rays: RayScene, specular: SpecularSurfaces, atlas: Atlas, is_hollow: NDArray[np.bool_]
+    rays: RayScene, specular: SpecularSurfaces, atlas: Atlas, is_hollow: Mask
 ) -> Patches:
     """Patches of all static instances, ordered by place, fronts first.
 
@@ -125,7 +110,7 @@ def build_patches(
     areas = _sample_areas_m2(triangle_m2, samples, corners_px, has_rect, surfaces)
     areas[samples.texels >= width * height] = 0.0
 
-    def means(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    def means(values: Float32s) -> Float32s:
         sums = np.add.reduceat(values, first, axis=0) if len(first) else values[:0]
         return (sums / counts[:, None]).astype(np.float32)
 
@@ -175,10 +160,7 @@ def _joined(one: Samples, other: Samples) -> Samples:
 
 
 def _spread_samples(
-    triangle_m2: NDArray[np.float64],
-    first_of_surface: NDArray[np.intp],
-    is_taken: NDArray[np.bool_],
-    first_place: int,
+    triangle_m2: Float64s, first_of_surface: Indices, is_taken: Mask, first_place: int
 ) -> Samples:
     """Samples of surfaces without texels, spread evenly by area."""
     count = _SAMPLES_WITHOUT_TEXELS
@@ -201,12 +183,8 @@ def _spread_samples(
 
 
 def _sample_areas_m2(
-    triangle_m2: NDArray[np.float64],
-    samples: Samples,
-    corners_px: NDArray[np.float32],
-    has_rect: NDArray[np.bool_],
-    surfaces: NDArray[np.int32],
-) -> NDArray[np.float64]:
+    triangle_m2: Float64s, samples: Samples, corners_px: Float32s, has_rect: Mask, surfaces: Int32s
+) -> Float64s:
     """Areas (n,) of samples in the atlas: the triangle's area divided evenly among them."""
     counts = np.bincount(samples.triangles, minlength=len(triangle_m2))
     return triangle_m2[samples.triangles] / counts[samples.triangles]
@@ -214,7 +192,7 @@ def _sample_areas_m2(
 
 def _appearance(
     rays: RayScene, specular: SpecularSurfaces, samples: Samples
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+) -> tuple[Float32s, Float32s, Float32s]:
     """Diffuse reflectance, diffuse transmittance and emission (n, 3) at samples."""
     count = len(samples.triangles)
     nowhere = np.zeros((count, 3))
@@ -229,7 +207,7 @@ def _appearance(
     return diffuse.reflected, diffuse.transmitted, emission
 
 
-def _spread_to_empty(of_texel: NDArray[np.int32], charts: NDArray[np.int32]) -> NDArray[np.int32]:
+def _spread_to_empty(of_texel: Int32s, charts: Int32s) -> Int32s:
     """Patches (2, texels), with empty texels filled from covered neighbors.
 
     Texels take patches of their own chart if any are near.
@@ -258,26 +236,18 @@ _BATCH = 1 << 21  # candidates at once
 
 
 class Samples(NamedTuple):
-    """Points of surfaces, each in a texel.
+    """Points of surfaces, each in a texel."""
 
-    Attributes:
-        texels: (n,) row · width + column in the atlas.
-        triangles: (n,) int32 triangle indices.
-        weights: (n, 3) float32 barycentric weights.
-    """
+    texels: Indices  # (n,) row · width + column in the atlas
+    triangles: Int32s  # (n,) int32 triangle indices
+    weights: Float32s  # (n, 3) float32 barycentric weights
 
-    texels: NDArray[np.intp]
-    triangles: NDArray[np.int32]
-    weights: NDArray[np.float32]
-
-    def take(self, indices: NDArray[np.intp]) -> Samples:
+    def take(self, indices: Indices) -> Samples:
         """The selected samples."""
         return Samples(self.texels[indices], self.triangles[indices], self.weights[indices])
 
 
-def rasterize(
-    corners_px: NDArray[np.float32], triangles: NDArray[np.intp], width_px: int
-) -> Samples:
+def rasterize(corners_px: Float32s, triangles: Indices, width_px: int) -> Samples:
     """Samples of triangles on a grid of `GRID` × `GRID` in each texel.
 
     A slim triangle also has samples along its middle line, so that its whole length is covered.
@@ -317,10 +287,7 @@ def rasterize(
 
 
 def _slim_samples(
-    corners_px: NDArray[np.float32],
-    triangles: NDArray[np.intp],
-    has_sample: NDArray[np.bool_],
-    width_px: int,
+    corners_px: Float32s, triangles: Indices, has_sample: Mask, width_px: int
 ) -> Samples:
     """Samples of slim triangles, from a corner to the middle of the shortest edge."""
     corners = corners_px[triangles].astype(np.float64)
@@ -344,9 +311,7 @@ def _slim_samples(
     )
 
 
-def _candidates(
-    low: NDArray[np.intp], spans: NDArray[np.intp]
-) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _candidates(low: Indices, spans: Indices) -> tuple[Indices, Indices]:
     """Triangles (n,) and grid points (n, 2) within the triangles' bounds."""
     counts = spans.prod(axis=1)
     owner = np.repeat(np.arange(len(low)), counts)
@@ -355,9 +320,7 @@ def _candidates(
     return owner, low[owner] + np.stack((within % wide, within // wide), axis=1)
 
 
-def _weights(
-    corners: NDArray[np.float64], points: NDArray[np.intp]
-) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+def _weights(corners: Float64s, points: Indices) -> tuple[Indices, Float64s]:
     """Indices of the points (n, 2) inside their triangles (n, 3, 2), and barycentric weights."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     area = _cross(b - a, c - a)
@@ -369,5 +332,5 @@ def _weights(
     return inside, np.column_stack((first[inside], weights[inside]))
 
 
-def _cross(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cross(one: Float64s, other: Float64s) -> Float64s:
     return one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]

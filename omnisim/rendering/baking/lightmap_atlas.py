@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+import os
+import time
+from collections.abc import Iterator, Sequence, Set
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from omnisim.core.array_types import Float32s, Float64s, Indices, Int32s, Mask
 from omnisim.core.errors import SceneError
-from omnisim.rendering.baking.atlas.unwrapping import Unwrapping, pack, unwrap
-from omnisim.scene.model import Scene
+from omnisim.scene.model import Mesh, Scene
+
+if TYPE_CHECKING:
+    import xatlas
+
 
 MAX_SIDE_PX = 8192
 _FINE_STEPS = 20  # before texels double: only very wide ones make needles shorter
@@ -20,23 +27,17 @@ MAX_GIVEN_TEXELS = 1 << 21  # per instance, if the texel size is given
 
 
 class Atlas(NamedTuple):
-    """Layout of instances in an atlas.
+    """Layout of instances in an atlas."""
 
-    Attributes:
-        unwrappings: unwrapping by index of the mesh.
-        rects_px: (n, 4) int rectangles of the instances: left, top, width, height; zeros: none.
-        back_rects_px: (n, 4) rectangles of the backs, for instances with a visible back.
-        texels_m: (n,) texel width of each instance.
-        size_px: width and height.
-    """
+    unwrappings: dict[int, Unwrapping]  # unwrapping by index of the mesh
+    # (n, 4) int rectangles of the instances: left, top, width, height; zeros: none
+    rects_px: Indices
+    # (n, 4) rectangles of the backs, for instances with a visible back
+    back_rects_px: Indices
+    texels_m: Float64s  # (n,) texel width of each instance
+    size_px: tuple[int, int]  # width and height
 
-    unwrappings: dict[int, Unwrapping]
-    rects_px: NDArray[np.intp]
-    back_rects_px: NDArray[np.intp]
-    texels_m: NDArray[np.float64]
-    size_px: tuple[int, int]
-
-    def shares(self, rects_px: NDArray[np.intp]) -> dict[int, list[float]]:
+    def shares(self, rects_px: Indices) -> dict[int, list[float]]:
         """Rectangles by index of the instance, as shares of the atlas."""
         whole = np.array((*self.size_px, *self.size_px), dtype=np.float64)
         return {
@@ -44,7 +45,7 @@ class Atlas(NamedTuple):
             for index in np.flatnonzero(rects_px[:, 2])
         }
 
-    def charts(self, mesh_of: Sequence[int]) -> NDArray[np.int32]:
+    def charts(self, mesh_of: Sequence[int]) -> Int32s:
         """Chart (height, width) of each texel; -1: none.
 
         Args:
@@ -61,7 +62,7 @@ class Atlas(NamedTuple):
         return charts
 
 
-def automatic_atlas(scene: Scene, has_back: NDArray[np.bool_], texels: int) -> tuple[float, Atlas]:
+def automatic_atlas(scene: Scene, has_back: Mask, texels: int) -> tuple[float, Atlas]:
     """Finest texel width, of two digits, with at most `texels` texels; and its atlas."""
     texel_m, attempts = first_texel_m(scene, has_back, texels), 0
     while True:
@@ -75,10 +76,7 @@ def automatic_atlas(scene: Scene, has_back: NDArray[np.bool_], texels: int) -> t
 
 
 def build_atlas(
-    scene: Scene,
-    texel_m: float,
-    has_back: NDArray[np.bool_],
-    limit: int = MAX_GIVEN_TEXELS,
+    scene: Scene, texel_m: float, has_back: Mask, limit: int = MAX_GIVEN_TEXELS
 ) -> Atlas:
     """Unwrap the meshes of static instances, and pack a rectangle for each instance.
 
@@ -121,7 +119,7 @@ def build_atlas(
     return Atlas(unwrappings, rects_px, back_rects_px, texels_m, size_px)
 
 
-def _scale(matrix: NDArray[np.float64]) -> float:
+def _scale(matrix: Float64s) -> float:
     """Mean scale factor of lengths."""
     return float(np.abs(np.linalg.det(matrix[:3, :3])) ** (1.0 / 3.0))
 
@@ -134,7 +132,7 @@ def _too_fine(texel_m: float, scene: Scene, texels: float) -> SceneError:
     )
 
 
-def corner_pixels(scene: Scene, atlas: Atlas, swapped: Sequence[bool]) -> NDArray[np.float32]:
+def corner_pixels(scene: Scene, atlas: Atlas, swapped: Sequence[bool]) -> Float32s:
     """Corners (m, 3, 2) of all triangles in the atlas, in texels; zeros outside of the atlas.
 
     Args:
@@ -164,7 +162,7 @@ MAX_LENGTH = 4096  # of an instance, in texels; a needle has few texels and a lo
 _FINEST_M = 0.01
 
 
-def areas_m2(scene: Scene) -> NDArray[np.float64]:
+def areas_m2(scene: Scene) -> Float64s:
     """Areas (n,) of the instances."""
     areas = []
     for instance in scene.instances:
@@ -175,7 +173,7 @@ def areas_m2(scene: Scene) -> NDArray[np.float64]:
     return np.array(areas)
 
 
-def lengths_m(scene: Scene) -> NDArray[np.float64]:
+def lengths_m(scene: Scene) -> Float64s:
     """Diagonals (n,) of the instances' bounding boxes."""
     lengths = []
     for instance in scene.instances:
@@ -185,7 +183,7 @@ def lengths_m(scene: Scene) -> NDArray[np.float64]:
     return np.array(lengths)
 
 
-def coarseness(scene: Scene) -> NDArray[np.float64]:
+def coarseness(scene: Scene) -> Float64s:
     """Factors (n,) of the texel size, by the distance of the instance's triangles from cameras."""
     places = camera_places_m(scene)
     nearest_m = []
@@ -204,7 +202,7 @@ def max_texels(texels: int) -> int:
     return texels // 16
 
 
-def first_texel_m(scene: Scene, has_back: NDArray[np.bool_], texels: int) -> float:
+def first_texel_m(scene: Scene, has_back: Mask, texels: int) -> float:
     """Texel size whose charts fill an atlas of `texels` texels without gaps."""
     areas, factors = areas_m2(scene) * (1 + has_back), coarseness(scene)
     lengths, most = lengths_m(scene), max_texels(texels)
@@ -217,27 +215,153 @@ def first_texel_m(scene: Scene, has_back: NDArray[np.bool_], texels: int) -> flo
     return texel_m
 
 
-def texel_sizes_m(
-    scene: Scene, texel_m: float, has_back: NDArray[np.bool_], limit: int
-) -> NDArray[np.float64]:
+def texel_sizes_m(scene: Scene, texel_m: float, has_back: Mask, limit: int) -> Float64s:
     """Texel sizes (n,) of the instances; instances with a back have twice as many texels."""
     areas = areas_m2(scene) * (1 + has_back)
     return _limited(areas, lengths_m(scene), coarseness(scene) * texel_m, limit)
 
 
-def _limited(
-    areas: NDArray[np.float64],
-    lengths: NDArray[np.float64],
-    texels_m: NDArray[np.float64],
-    limit: int,
-) -> NDArray[np.float64]:
-    sizes: NDArray[np.float64] = np.maximum(texels_m, np.sqrt(areas / limit))
+def _limited(areas: Float64s, lengths: Float64s, texels_m: Float64s, limit: int) -> Float64s:
+    sizes: Float64s = np.maximum(texels_m, np.sqrt(areas / limit))
     return np.maximum(sizes, lengths / MAX_LENGTH)
 
 
-def camera_places_m(scene: Scene) -> NDArray[np.float64]:
+def camera_places_m(scene: Scene) -> Float64s:
     """Positions (n, 3) of cameras and vehicles."""
     height_m = scene.start.position_m[2]
     places = [scene.start.position_m, *(start.position_m for start in scene.starts)]
     places += [(x, y, height_m) for path in scene.paths for x, y in path.waypoints_m]
     return np.array(places, dtype=np.float64)
+
+
+# Unwrapping of meshes by xatlas into charts, each in a rectangle of texels on a page.
+#
+# The edges of a chart lie at the centers of the outermost texels of its rectangle. A lookup between
+# texels therefore stays within the rectangle, and rectangles need no gap between them.
+
+
+class Unwrapping(NamedTuple):
+    """Mesh with one texture coordinate per vertex; vertices on seams are split."""
+
+    vertex_of: Int32s  # (v,) int32 original vertex of each split vertex
+    triangles: Int32s  # (t, 3) int32 split vertices, in the mesh's order
+    uv: Float32s  # (v, 2) float32 on the page, from 0 to 1
+    charts_px: Indices  # (c, 4) chart rectangles: left, top, width, height
+    size_px: tuple[int, int]  # width and height of the page, in texels
+
+
+def unwrap(mesh: Mesh, texels_from_mesh: Float64s) -> Unwrapping | None:
+    """Unwrap a mesh into charts that do not overlap.
+
+    Args:
+        mesh: mesh to unwrap.
+        texels_from_mesh: (3, 3) linear map from mesh coordinates to lengths in texels.
+
+    Returns:
+        Unwrapping; None: the mesh has no surface area.
+    """
+    import xatlas
+
+    positions = mesh.positions.astype(np.float64) @ texels_from_mesh.T
+    options = xatlas.PackOptions()
+    options.texels_per_unit, options.rotate_charts_to_axis = 1.0, True
+    with atlas_of_sleeping_threads() as atlas:
+        atlas.add_mesh(positions.astype(np.float32), mesh.triangles)
+        atlas.generate(xatlas.ChartOptions(), options)
+        if atlas.width == 0 or atlas.height == 0:
+            return None
+        vertex_of, triangles, uv = atlas[0]
+        places_px = uv.astype(np.float64) * (atlas.width, atlas.height)
+        _, chart_of = np.unique(atlas.get_mesh_vertex_assignment(0)[1], return_inverse=True)
+    rects_px, size_px = _pack_charts(places_px, chart_of)
+    return Unwrapping(
+        vertex_of.astype(np.int32),
+        triangles.astype(np.int32),
+        (places_px / size_px).astype(np.float32),
+        rects_px,
+        size_px,
+    )
+
+
+def _pack_charts(places_px: Float64s, chart_of: Indices) -> tuple[Indices, tuple[int, int]]:
+    """Rectangles (c, 4) of charts and the page size; moves the vertices into the rectangles."""
+    count = int(chart_of.max(initial=-1)) + 1
+    low, high = (np.full((count, 2), sign * np.inf) for sign in (1, -1))
+    np.minimum.at(low, chart_of, places_px)
+    np.maximum.at(high, chart_of, places_px)
+    steps = np.rint(high - low).astype(np.intp)  # between centers of the outermost texels
+    rects_px, size_px = pack(steps + 1)
+    scales = steps / np.maximum(high - low, 1e-9)
+    offsets = rects_px[:, :2] + 0.5
+    places_px[:] = offsets[chart_of] + (places_px - low[chart_of]) * scales[chart_of]
+    return rects_px, size_px
+
+
+# Atlases of xatlas that end safely.
+#
+# An atlas has threads of its own. At its end, it wakes them without holding their lock. A thread
+# that is just about to sleep misses that, and the process waits for it forever: 1 of about 1600
+# atlases that ended at once, on two cores.
+
+
+_THREADS = Path("/proc/self/task")
+_MAX_WAIT_S = 1.0
+
+
+@contextmanager
+def atlas_of_sleeping_threads() -> Iterator[xatlas.Atlas]:
+    """Atlas whose threads sleep at the end of the context, after which it may be deleted."""
+    import xatlas
+
+    others = _threads()
+    atlas = xatlas.Atlas()
+    try:
+        yield atlas
+    finally:
+        _wait_until_asleep(_threads() - others)
+
+
+def _threads() -> Set[str]:
+    """Numbers of this process's threads; empty: not on Linux."""
+    return set(os.listdir(_THREADS)) if _THREADS.is_dir() else set()
+
+
+def _wait_until_asleep(threads: Set[str]) -> None:
+    """Wait until threads sleep, at most a second: some may be other libraries', and work on."""
+    end_s = time.monotonic() + _MAX_WAIT_S
+    for thread in threads:
+        while _is_awake(thread) and time.monotonic() < end_s:
+            time.sleep(0)  # lets it run
+
+
+def _is_awake(thread: str) -> bool:
+    try:
+        stat = (_THREADS / thread / "stat").read_text(encoding="ascii", errors="replace")
+    except OSError:  # the thread has ended
+        return False
+    return stat.rpartition(")")[2].split()[0] != "S"
+
+
+# Packing of rectangles of texels.
+
+
+def pack(sizes_px: Indices) -> tuple[Indices, tuple[int, int]]:
+    """Place rectangles of sizes (n, 2) side by side; return them (n, 4) and the page's size.
+
+    Taller rectangles are placed first; each is as near to the top as earlier ones allow.
+    """
+    rects = np.zeros((len(sizes_px), 4), dtype=np.intp)
+    used = np.flatnonzero(sizes_px.min(axis=1, initial=1))
+    if not len(used):
+        return rects, (1, 1)
+    sizes = sizes_px[used]
+    width = max(int(sizes[:, 0].max()), int(np.ceil(np.sqrt(sizes.prod(axis=1).sum()))))
+    ends = np.zeros(width, dtype=np.intp)  # bottom of the occupied part of each column
+    for at in np.lexsort((used, -sizes[:, 0], -sizes[:, 1])):
+        wide, high = sizes[at]
+        tops = np.lib.stride_tricks.sliding_window_view(ends, wide).max(axis=1)
+        left = int(tops.argmin())
+        top = int(tops[left])
+        ends[left : left + wide] = top + high
+        rects[used[at]] = left, top, wide, high
+    return rects, (width, int(ends.max()))

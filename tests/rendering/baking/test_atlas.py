@@ -8,15 +8,16 @@ import pytest
 pytest.importorskip("xatlas")
 
 from omnisim.core.errors import SceneError
-from omnisim.rendering.baking.atlas.atlas import (
+from omnisim.rendering.baking.bake import hollow_triangles, instances_of
+from omnisim.rendering.baking.lightmap_atlas import (
     MAX_LENGTH,
     automatic_atlas,
     build_atlas,
     coarseness,
+    pack,
+    unwrap,
 )
-from omnisim.rendering.baking.atlas.patches import GRID, rasterize
-from omnisim.rendering.baking.atlas.unwrapping import pack, unwrap
-from omnisim.rendering.baking.bake import hollow_triangles, instances_of
+from omnisim.rendering.baking.patches import GRID, rasterize
 from omnisim.scene import Scene, load_scene
 from tests.rendering.baking.rooms import box, lit_by
 
@@ -89,7 +90,7 @@ def test_texels_grow_with_the_distance():
 
 
 def test_texels_too_small_are_refused(monkeypatch):
-    monkeypatch.setattr("omnisim.rendering.baking.atlas.atlas.MAX_SIDE_PX", 128)
+    monkeypatch.setattr("omnisim.rendering.baking.lightmap_atlas.MAX_SIDE_PX", 128)
     scene = lit_by(box("hall", (10.0, 10.0, 3.0)))
     with pytest.raises(SceneError, match=r"texel_m = 0.1: expected an atlas of at most 128 px"):
         build_atlas(scene, 0.1, NO_BACKS)

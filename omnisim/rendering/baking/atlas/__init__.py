@@ -1,1 +1,0 @@
-"""Atlas of lightmaps: unwrapping, packing, texels."""

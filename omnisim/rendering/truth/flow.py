@@ -1,0 +1,322 @@
+"""Motion of the points that pixels see: scene flow, and optical flow to another image.
+
+Points are those of the hits, in the viewpoint frame: world axes, with the origin in the
+effective viewpoint. Object 0 is the static scene, 1 the first dynamic object, and so on.
+Source: Vedula et al., "Three-dimensional scene flow", 1999.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.cameras import (
+    CentralCamera,
+    NonCentralCamera,
+    Pixels,
+    period_px,
+    pixel_grid,
+    pixels_of_points,
+)
+from omnisim.core.array_types import Float32s, Float64s, Indices, Mask, UInt32s
+from omnisim.core.world import time_of
+from omnisim.ground_truth.hits import Hits
+from omnisim.rendering.hit_source import DeformingDraw, HitSource
+from omnisim.rendering.readback import ScenePoses
+
+# Points per step: intermediate arrays stay in the cache, and BLAS stays on one thread. It runs
+# larger products on threads that keep spinning and occupy cores afterwards.
+POINTS_PER_BATCH = 1 << 14
+
+
+def moved_from_current(current: ScenePoses, other: ScenePoses) -> Float64s:
+    """Motions (objects, 4, 4) of the objects from one time to another, in the viewpoint frame."""
+    viewpoint_m = current.world_from_rig[:3, 3]
+    transforms = np.tile(np.eye(4), (1 + len(current.world_from_objects), 1, 1))
+    for index, (before, then) in enumerate(
+        zip(current.world_from_objects, other.world_from_objects, strict=True), start=1
+    ):
+        moved = then @ np.linalg.inv(before)
+        transforms[index, :3, :3] = moved[:3, :3]
+        # a point at the current viewpoint, minus that viewpoint
+        transforms[index, :3, 3] = moved[:3, :3] @ viewpoint_m + (moved[:3, 3] - viewpoint_m)
+    return transforms
+
+
+def other_from_current(current: ScenePoses, other: ScenePoses) -> Float64s:
+    """Transforms (objects, 3, 4) of each object's points to the viewpoint frame of another time."""
+    transforms = moved_from_current(current, other)
+    transforms[:, :3, 3] += current.world_from_rig[:3, 3] - other.world_from_rig[:3, 3]
+    return transforms
+
+
+def transform_points(points: Float64s, objects: Indices | None, transforms: Float64s) -> Float64s:
+    """Transform each point by its object's matrix.
+
+    Args:
+        points: (n, 4), last component 1, or 0 for a direction.
+        objects: (n,) object of each point; None: all on the static scene.
+        transforms: (objects, 3, 4) matrices.
+
+    Returns:
+        Transformed points (n, 3).
+    """
+    moved: Float64s = points @ transforms[0].T
+    if objects is not None:
+        for index in np.unique(objects):
+            on_it = np.flatnonzero(objects == index)
+            moved[on_it] = points[on_it] @ transforms[index].T
+    return moved
+
+
+def scene_flow(hits: Hits, objects_of_draws: Indices, transforms: Float64s) -> Float32s:
+    """Scene flow (height, width, 3) in meters; NaN: no hit.
+
+    Args:
+        hits: hits at the current pose.
+        objects_of_draws: (n + 1,), see `HitSource.objects_of_draws`.
+        transforms: (objects, 3, 4) from a point to its motion, see `in_world` and `in_optical`.
+    """
+    points = hits.points_and_ranges_m.reshape(-1, 4)
+    # float32 like the points; without a hit the range is infinite and makes the motion NaN
+    matrices = np.zeros((len(transforms), 4, 3), dtype=np.float32)
+    matrices[:, :3] = np.swapaxes(transforms[:, :, :3], 1, 2)
+    offsets = transforms[:, :, 3].astype(np.float32)
+    flow = np.empty((len(points), 3), dtype=np.float32)
+    draw_ids = hits.draw_ids.ravel()
+    with np.errstate(invalid="ignore"):
+        for first in range(0, len(points), POINTS_PER_BATCH):
+            batch = slice(first, first + POINTS_PER_BATCH)
+            flow[batch] = points[batch] @ matrices[0] + offsets[0]
+            if len(transforms) == 1:
+                continue
+            objects = objects_of_draws.take(draw_ids[batch])
+            for index in np.unique(objects[objects > 0]).tolist():
+                on_it = np.flatnonzero(objects == index)
+                flow[first + on_it] = points[batch][on_it] @ matrices[index] + offsets[index]
+    return flow.reshape(hits.points_m.shape)
+
+
+def in_world(current: ScenePoses, other: ScenePoses) -> Float64s:
+    """Transforms (objects, 3, 4) from points to their motions along the world's axes.
+
+    The static scene's transforms are exactly 0.
+    """
+    return moved_from_current(current, other)[:, :3] - np.eye(4)[:3]
+
+
+def in_optical(current: ScenePoses, other: ScenePoses, rig_from_optical: Float64s) -> Float64s:
+    """Transforms (objects, 3, 4) from points to their motions relative to the camera.
+
+    A motion is the point in the other time's optical frame minus the point in the current one.
+    """
+    transforms = other_from_current(current, other)[:, :3]
+    transforms = (other.world_from_rig[:3, :3] @ rig_from_optical).T @ transforms
+    transforms[:, :, :3] -= (current.world_from_rig[:3, :3] @ rig_from_optical).T
+    return transforms
+
+
+# Points of deforming surfaces at another time, by their position in the triangle hit.
+
+
+_MIN_AREA = 1e-300  # squared area below which a triangle is degenerate
+
+
+def deformed_hits(
+    source: HitSource, hits: Hits, current: ScenePoses, other: ScenePoses
+) -> Hits | None:
+    """Hits with points deformed as at another time, with objects and camera at the current poses.
+
+    Rigid motion is applied separately. Ranges keep their current values.
+
+    Args:
+        source: source of the hits.
+        hits: hits at the current poses.
+        current, other: poses and times of the two images.
+
+    Returns:
+        Deformed hits; None: nothing deforms.
+    """
+    times_s = time_of(current.world_from_objects), time_of(other.world_from_objects)
+    if not source.deforming or times_s[0] == times_s[1]:
+        return None
+    points = hits.points_and_ranges_m.copy()
+    flat, draw_ids = points.reshape(-1, 4), hits.draw_ids.ravel()
+    for draw, one in source.deforming.items():
+        seen = np.flatnonzero(draw_ids == draw + 1)
+        if len(seen):
+            triangles = hits.triangles.ravel()[seen]
+            viewpoint_from_mesh = _viewpoint_from_mesh(one, current)
+            flat[seen, :3] = _deformed(
+                flat[seen, :3].astype(np.float64), one, triangles, viewpoint_from_mesh, times_s
+            )
+    return hits._replace(points_and_ranges_m=points)
+
+
+def _viewpoint_from_mesh(one: DeformingDraw, poses: ScenePoses) -> Float64s:
+    matrix = one.object_from_mesh.copy()
+    if one.object_index is not None:
+        matrix = poses.world_from_objects[one.object_index] @ matrix
+    matrix[:3, 3] -= poses.world_from_rig[:3, 3]
+    return matrix
+
+
+def _deformed(
+    points_m: Float64s,
+    one: DeformingDraw,
+    triangles: UInt32s,
+    viewpoint_from_mesh: Float64s,
+    times_s: tuple[float, float],
+) -> Float64s:
+    """Points (n, 3) on triangles (n,) of a mesh, moved from its shape at one time to another."""
+    deformation = one.mesh.deformation
+    assert deformation is not None
+    hit = one.mesh.triangles[triangles].astype(np.intp)
+    used, corners = np.unique(hit, return_inverse=True)
+    before, after = (
+        (
+            deformation.positions_at(time_s, used) @ viewpoint_from_mesh[:3, :3].T
+            + viewpoint_from_mesh[:3, 3]
+        )[corners.reshape(-1, 3)]
+        for time_s in times_s
+    )
+    first, second = before[:, 1] - before[:, 0], before[:, 2] - before[:, 0]
+    across = np.cross(first, second)
+    squared = np.maximum(np.einsum("nc,nc->n", across, across), _MIN_AREA)
+    inside = points_m - before[:, 0]
+    of_second = np.einsum("nc,nc->n", np.cross(inside, second), across) / squared
+    of_third = np.einsum("nc,nc->n", np.cross(first, inside), across) / squared
+    return (
+        after[:, 0]
+        + of_second[:, None] * (after[:, 1] - after[:, 0])
+        + of_third[:, None] * (after[:, 2] - after[:, 0])
+    )
+
+
+# Optical flow from a camera's image to another one, by exact reprojection, and occlusion.
+#
+# The other image is the next one; for backward flow, the previous one.
+
+
+VISIBLE, OCCLUDED, OUTSIDE, INVALID = 0, 1, 2, 255
+
+
+class OpticalFlow:
+    """Optical flow of one camera; constant data is computed once.
+
+    The point seen by a pixel moves with its surface, also on dynamic objects and deforming meshes.
+    It is projected from the other viewpoint in float64. Without a hit the point is infinitely far:
+    only the camera's rotation moves it.
+
+    The point is occluded if the ray from the other viewpoint to it hits something nearer. An
+    optical system projects it by its exact inverse; that ray starts at the system's ray origin.
+
+    Flow through a mirror mesh follows the exact model, from the pixel where the exact camera sees
+    the point to the pixel where it sees it at the other time. The error of the mesh is nearly the
+    same in both images, and is not motion.
+
+    In an image that covers all directions, flow across the seam takes the short way and leaves the
+    image by that distance.
+
+    Args:
+        source: source of the hits.
+    """
+
+    def __init__(self, source: HitSource):
+        self._camera, self._source = source.camera, source
+        self._shape = source.has_ray.shape
+        self._valid = np.flatnonzero(source.has_ray)
+        # pixels where the exact camera sees the points: the pixels themselves, except with a mesh
+        self._by_points = source.polygons is not None and isinstance(self._camera, NonCentralCamera)
+        self._positions_px = (
+            pixel_grid(*self._shape[::-1])[source.has_ray]
+            if source.polygons is None or self._by_points
+            else self._camera.pixel_from_ray(source.rays()[source.has_ray]).positions_px
+        )
+        self.refresh()
+        self._period_px = period_px(self._camera)
+
+    def refresh(self) -> None:
+        """Update the draw items from the source."""
+        self._object_of_draw = self._source.objects_of_draws()
+
+    def begin(self, hits: Hits, current: ScenePoses, other: ScenePoses) -> Float64s:
+        """Start to render the occlusion of the latest hits; return the argument of `end`.
+
+        Returns:
+            (1 + objects, 3, 4), from the current viewpoint frame to the other optical frame: for
+            static points, and for points on each dynamic object.
+        """
+        transforms = other_from_current(current, other)
+        self._deformed = deformed_hits(self._source, hits, current, other)
+        moves = transforms[self._object_of_draw[1:], :3]
+        self._occluded = self._source.begin_occlusion(other, moves, self._deformed)
+        self._optical_from_current = _optical_from_world(current, self._camera)
+        return _optical_from_world(other, self._camera) @ transforms[:, :3]
+
+    def end(
+        self, hits: Hits, other_optical_from_current: Float64s
+    ) -> tuple[Float32s, NDArray[np.uint8]]:
+        """Compute the flow.
+
+        Args:
+            hits: hits from the current viewpoint.
+            other_optical_from_current: result of `begin`.
+
+        Returns:
+            Flow (height, width, 2) in pixels, NaN where the lens cannot see the point at the other
+            time; and (height, width) of `VISIBLE`, `OCCLUDED`, `OUTSIDE`, `INVALID`: the pixel has
+            no ray.
+        """
+        projected = self._pixels_of(self._deformed or hits, other_optical_from_current)
+        positions_px = self._positions_px
+        if self._by_points:
+            still = np.zeros_like(other_optical_from_current)
+            still[:, :, :3] = self._optical_from_current
+            positions_px = self._pixels_of(hits, still).positions_px
+        motion_px = projected.positions_px - positions_px
+        if self._period_px is not None:
+            motion_px[:, 0] -= self._period_px * np.round(motion_px[:, 0] / self._period_px)
+        motion_px[np.flatnonzero(~projected.valid)] = np.nan
+        flow = np.full((self._shape[0] * self._shape[1], 2), np.nan, dtype=np.float32)
+        # both components of a pixel at once
+        flow.view(np.uint64)[self._valid] = motion_px.astype(np.float32).view(np.uint64)
+        status = np.full(len(flow), INVALID, dtype=np.uint8)
+        occluded = self._occluded.result().ravel()[self._valid]
+        status[self._valid] = np.where(
+            self._is_inside(projected), occluded * np.uint8(OCCLUDED), np.uint8(OUTSIDE)
+        )
+        return flow.reshape(*self._shape, 2), status.reshape(self._shape)
+
+    def _pixels_of(self, hits: Hits, optical_from_current: Float64s) -> Pixels:
+        """Project the points (n,) of the valid pixels into an image."""
+        points_m = np.take(hits.points_and_ranges_m.reshape(-1, 4), self._valid, axis=0).astype(
+            np.float64
+        )
+        draw_ids = hits.draw_ids.ravel()[self._valid]
+        points_m[:, 3] = draw_ids > 0  # 0: a direction, unaffected by translation
+        has_objects = len(optical_from_current) > 1
+        objects = self._object_of_draw[draw_ids] if has_objects else None
+        positions_px, valid = np.empty((len(points_m), 2)), np.empty(len(points_m), dtype=np.bool_)
+        for first in range(0, len(points_m), POINTS_PER_BATCH):
+            batch = slice(first, first + POINTS_PER_BATCH)
+            optical_m = transform_points(
+                points_m[batch], None if objects is None else objects[batch], optical_from_current
+            )
+            positions_px[batch], valid[batch] = pixels_of_points(
+                self._camera, optical_m, points_m[batch, 3] > 0.0
+            )
+        return Pixels(positions_px, valid)
+
+    def _is_inside(self, pixels: Pixels) -> Mask:
+        """Mask (n,) of positions in the image."""
+        u, v = pixels.positions_px.T
+        camera = self._camera
+        inside: Mask = pixels.valid & (u >= -0.5) & (u < camera.width_px - 0.5)
+        inside &= (v >= -0.5) & (v < camera.height_px - 0.5)
+        return inside
+
+
+def _optical_from_world(poses: ScenePoses, camera: CentralCamera) -> Float64s:
+    """Rotation (3, 3) from the world to the optical frame of a camera."""
+    return (poses.world_from_rig[:3, :3] @ camera.rig_from_optical).T
