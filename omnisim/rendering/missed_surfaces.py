@@ -28,7 +28,6 @@ def near_plane_note(scene: Scene, sensor: OmniCamera, world_from_base: Float64s)
     """Note on visible surfaces that are missing because they are too near; None: none.
 
     Args:
-        scene: visible scene.
         sensor: camera before it takes the scene's near plane.
         world_from_base: (4, 4) pose of its vehicle.
     """
@@ -50,7 +49,6 @@ def viewpoint_notes(scene: Scene, sensor: OmniCamera, world_from_base: Float64s)
     plane; the field is narrower than `MIN_FIELD_DEG`. The scene's own viewpoints are not outside.
 
     Args:
-        scene: visible scene.
         sensor: camera before it takes the scene's near plane.
         world_from_base: (4, 4) pose of its vehicle.
     """
@@ -109,7 +107,6 @@ def surfaces_too_near(
     vehicle bodies and holes in textures are ignored.
 
     Args:
-        scene: visible scene.
         sensor: camera with its near plane in the scene.
         world_from_base: (4, 4) pose of its vehicle.
     """

@@ -32,13 +32,6 @@ from omnisim.scene import Scene
 class RayBackend(SceneBackend):
     """Triangle hierarchies and textures of a scene.
 
-    Args:
-        scene: static scene.
-        objects: bodies and dynamic objects by name.
-
-    Attributes:
-        rays: scene to cast rays at.
-
     Raises:
         OmnisimError: embreex is not installed.
     """
@@ -197,13 +190,7 @@ class RayCamera(CameraBackend):
 
 
 class RayHitSource(HitSource):
-    """Exact hits of the pixels' rays by Embree, in float64.
-
-    Args:
-        rays: scene to cast rays at.
-        setup: camera and its settings.
-        limits: range limits of the rays.
-    """
+    """Exact hits of the pixels' rays by Embree, in float64."""
 
     def __init__(self, rays: RayScene, setup: CameraSetup, limits: DepthLimits):
         sensor = setup.sensor

@@ -58,7 +58,6 @@ def reflection_kinds(
     largest in view.
 
     Args:
-        scene: scene.
         probes: number of reflection probes of the camera.
     """
     if scene.lighting.is_matte:
@@ -96,7 +95,6 @@ def reflection_notes(
     """Notices on materials that reflect or refract the scene exactly with `--backend rays` only.
 
     Args:
-        scene: scene.
         mirrors: number of planar mirrors, and of panes, that virtual cameras show.
         probes: number of reflection probes that they show.
     """
@@ -189,7 +187,6 @@ def frosted_notes(scene: Scene, is_traced: bool) -> list[str]:
     """Notice on frosted glass that is drawn opaque.
 
     Args:
-        scene: scene.
         is_traced: True for the ray back end, which draws frosted panes.
     """
     if scene.lighting.is_matte:

@@ -24,7 +24,6 @@ def sensor_tiles(
     """Plan the tiles of a sensor.
 
     Args:
-        sensor: omnidirectional camera.
         camera: its camera model, or that of its supersampled image.
         texels_per_pixel: texels per side of that camera's smallest pixels.
         face_size_px: texels across the 90° of every face; None: as the image requires.

@@ -71,7 +71,6 @@ class Bake:
 
     Args:
         scene: scene to bake; its dynamic objects are ignored.
-        settings: settings of the bake.
 
     Raises:
         OmnisimError: a package is missing, or texels are too small.
@@ -467,9 +466,6 @@ class ProbeBaker:
     """Bakes probes with rays in all directions.
 
     Args:
-        scene: scene with its lamps.
-        transport: ray casting in the scene.
-        gatherer: gatherer of sky light.
         seen: (p, 3) light leaving the patches.
         seed: seed of the random numbers.
     """
@@ -547,7 +543,6 @@ class TileFolder:
     """Folder of the finished tiles, beside the bake.
 
     Args:
-        output: folder of the bake.
         plan: everything that determines the tiles; tiles of another plan are removed.
 
     Raises:

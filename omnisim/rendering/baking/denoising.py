@@ -51,7 +51,6 @@ def denoised(
 
     Args:
         patches: patches of the scene; those outside of the atlas are unchanged.
-        surfaces: surfaces at the patches.
         light: (p, 3) gathered light.
         halves: (p, 2, 3) the same from the even and the odd rays, separately.
     """

@@ -96,7 +96,6 @@ class Emitters:
     """Bright patches, chosen by power, and equally often from each emitting side.
 
     Args:
-        patches: patches of the scene.
         points: points of all entries in `Patches.of_sample`.
         emission: (p, 3) light of the patches to aim at; 0 elsewhere.
         aimed: rays to emitters per place.
@@ -158,7 +157,6 @@ class Emitters:
         """Light (n, 3) on white surfaces, by rays to emitters.
 
         Args:
-            transport: ray casting in the scene.
             at: (n,) places.
             points: (k, 2) in the unit square, one per ray.
             shifts: (n, 2) shifts of the points, one per place.
@@ -229,8 +227,6 @@ def lamps_on(
     """Light of each lamp, straight or through glass, at points (n, 3).
 
     Args:
-        lighting: lighting with the lamps.
-        transport: ray casting in the scene.
         origins_m: (n, 3) points, relative to the transport's center.
         at: surface points, which receive no light from behind; None: points in free space.
     """
@@ -368,13 +364,7 @@ class GatheredLight(NamedTuple):
 
 
 class Gatherer:
-    """Gathers light with cosine-distributed rays.
-
-    Args:
-        lighting: lighting of the scene, with the sky.
-        transport: ray casting in the scene.
-        samples: rays per place.
-    """
+    """Gathers light with a number of cosine-distributed rays per place."""
 
     def __init__(self, lighting: Lighting, transport: Transport, samples: int):
         self._transport, self._samples = transport, samples

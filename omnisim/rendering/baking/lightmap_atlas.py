@@ -81,7 +81,6 @@ def build_atlas(
     """Unwrap the meshes of static instances, and pack a rectangle for each instance.
 
     Args:
-        scene: scene to bake.
         texel_m: width of the finest texels.
         has_back: (n,) instances with two visible sides, which get two rectangles.
         limit: approximate maximum number of texels per instance; larger ones get wider texels.
@@ -137,7 +136,6 @@ def corner_pixels(scene: Scene, atlas: Atlas, swapped: Sequence[bool]) -> Float3
 
     Args:
         scene: scene whose instances are taken in order.
-        atlas: atlas of the scene.
         swapped: (n,) instances with swapped second and third corners.
     """
     corners = [np.empty((0, 3, 2), np.float32)]
@@ -254,7 +252,6 @@ def unwrap(mesh: Mesh, texels_from_mesh: Float64s) -> Unwrapping | None:
     """Unwrap a mesh into charts that do not overlap.
 
     Args:
-        mesh: mesh to unwrap.
         texels_from_mesh: (3, 3) linear map from mesh coordinates to lengths in texels.
 
     Returns:

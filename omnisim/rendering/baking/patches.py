@@ -87,8 +87,6 @@ def build_patches(
     """Patches of all static instances, ordered by place, fronts first.
 
     Args:
-        rays: ray scene.
-        specular: its specular surfaces.
         atlas: atlas of the scene's instances.
         is_hollow: (m,) mask of triangles, see `Patches`.
     """

@@ -133,9 +133,6 @@ class DiffuseShares(NamedTuple):
 class SpecularSurfaces:
     """Specular surfaces of a scene.
 
-    Args:
-        rays: ray scene.
-
     Attributes:
         of_triangles: (m,) mask of triangles where rays continue.
         see_through: (m,) mask of those of panes and bodies of glass.

@@ -44,11 +44,6 @@ class PatchHits(NamedTuple):
 class Transport:
     """Casts rays at the static surfaces of a scene.
 
-    Args:
-        rays: ray scene.
-        specular: its specular surfaces.
-        patches: patches of the scene.
-
     Attributes:
         start_m: offset of ray origins from a surface.
         center_m: (3,) world, reference point of ray origins.

@@ -67,7 +67,6 @@ def valid_mask(camera: CentralCamera, polygons: int | None) -> Mask:
     """Mask (height, width) of the pixels whose center shows the scene.
 
     Args:
-        camera: camera of the image.
         polygons: polygons of the mirror mesh; None: exact.
 
     Raises:

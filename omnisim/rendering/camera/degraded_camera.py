@@ -26,14 +26,7 @@ from omnisim.scene.motion.deformation import Deformation
 
 
 class DegradedCamera:
-    """Takes the images of a non-ideal camera.
-
-    Args:
-        sensor: camera sensor.
-        seed: seed of its noise.
-        begin: function that begins to render an image from sub-frames.
-        boxes: bounding boxes of the moving parts.
-    """
+    """Takes the images of a non-ideal camera."""
 
     def __init__(
         self,
@@ -123,10 +116,6 @@ class _JointBox(NamedTuple):
 
 class MovingBoxes:
     """Bounding boxes in moving frames.
-
-    Args:
-        scene: static scene.
-        objects: dynamic objects.
 
     Attributes:
         corners_m: (8, 3) corners of each box, in its own frame; (0, 3) for an empty box.

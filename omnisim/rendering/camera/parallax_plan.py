@@ -165,8 +165,6 @@ def sample_rays(
     visible region, and everywhere for a mesh; they are stored where interpolation would fail.
 
     Args:
-        camera: camera with pixels.
-        supersampling: samples per pixel side.
         polygons: number of polygons of the mirror mesh; None: exact.
     """
     width, height = camera.width_px, camera.height_px

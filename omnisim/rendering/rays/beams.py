@@ -86,7 +86,6 @@ class LidarCaster:
 
     Args:
         scene: scene to cast at, in its current state; earlier states are not kept.
-        beams: beams of the lidar.
         hidden: parts of dynamic objects that beams pass through.
         drawn: caster that finds the triangles instead of the scene's; None: the scene does.
     """

@@ -73,7 +73,6 @@ class RayCaster:
 
     Args:
         scene: the static part of the world.
-        dynamic_objects: objects, each in its own frame.
         casts: False: no more than `exact` is needed, and no embreex.
 
     Attributes:
@@ -105,9 +104,6 @@ class RayCaster:
         """Find the nearest triangles that face the rays or are double-sided.
 
         Args:
-            rays: (n,) rays in the world.
-            world_from_objects: (4, 4) each, poses of the dynamic objects.
-            hidden: instances to ignore.
             behind: (n,) triangles that the rays have passed and that are not hit again.
             both_sides: treat all triangles as double-sided, or those of the surfaces in a mask.
         """

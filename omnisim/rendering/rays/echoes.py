@@ -75,10 +75,7 @@ def replace_specular(
 
     Args:
         returns: first returns of the beams, without panes and mirrors.
-        scene: scene to cast at.
         rays: (n,) beams.
-        objects: state of the dynamic objects.
-        limits: limits of the receiver.
     """
     is_specular = np.concatenate(([False], scene.shading.is_specular))
     specular = np.flatnonzero(is_specular[returns.surfaces_plus_one[0]])

@@ -24,11 +24,6 @@ T = TypeVar("T", bound=np.generic)
 class PixelHits:
     """Hits of the rays of all pixels; constant data is computed once.
 
-    Args:
-        scene: scene to cast at.
-        pixels: pixel rays of the camera.
-        limits: depth limits of the rays.
-
     Attributes:
         has_ray: (height, width) mask of pixels with a ray.
     """
@@ -164,11 +159,9 @@ def cast_hits(
     """Cast rays (n,) and return hits with points relative to a viewpoint (3,).
 
     Args:
-        scene: scene to cast at.
         rays: (n,) world.
         footprints: (n, 2, 3), see `RayScene.radiance`.
         viewpoint_m: (3,) world.
-        objects: state of the dynamic objects.
         details: surface details to compute; the others are empty.
     """
     poses, geometry, shading = objects.world_from_objects, scene.caster.geometry, scene.shading
@@ -217,8 +210,6 @@ def cast_occlusion(
     """Mask (n,) of points that are occluded along rays from starts (n, 3), viewpoint frame.
 
     Args:
-        scene: scene to cast at.
-        limits: depth limits of the rays.
         moved: points at the time and in the frame of the viewpoint.
         starts_m: (n, 3) ray origins.
         world_from_rig: (4, 4) pose of the viewpoint.
@@ -266,11 +257,7 @@ def whole_areas_px(
     `RayScene.first_hits`. A pixel that shows an instance always counts for it.
 
     Args:
-        scene: scene to cast at.
-        pixels: pixel rays of the camera.
-        limits: depth limits of the rays.
         world_from_rig: (4, 4) pose of the camera's rig.
-        objects: state of the dynamic objects.
         instance_of_surface: (surfaces,) ID of each surface of the geometry.
         instances: (height, width) ID shown in each pixel, the channel `instance`.
     """

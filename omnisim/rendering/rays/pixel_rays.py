@@ -122,12 +122,9 @@ class RayImage:
     """Image of an ideal camera; constant data is computed once.
 
     Args:
-        scene: scene to cast at.
         samples: camera whose pixels are the samples.
         polygons: number of polygons of the mirror mesh; None: exact mirror.
         supersampling: samples per pixel side, averaged in linear light.
-        limits: depth limits of the rays.
-        unlit: render plain base colors.
     """
 
     def __init__(

@@ -46,8 +46,6 @@ class RayScene:
     except in their holes. Blended ones transmit light in order of distance.
 
     Args:
-        scene: scene with its lights and background.
-        dynamic_objects: objects, each in its own frame.
         threads: number of threads for casting; None: one per core.
         casts: False: its surfaces are looked up only, without embreex.
 
@@ -84,10 +82,8 @@ class RayScene:
         """Linear RGB (n, 3) along rays (n,).
 
         Args:
-            rays: (n,) rays in the world.
             footprints: (n, 2, 3) changes of direction to the next samples, world, over which
                 textures are filtered; None: rays without width.
-            objects: state of the dynamic objects.
             unlit: return plain base colors.
             paths: (n,) identities of the rays: smooth surfaces reflect the scene; None: they
                 reflect its sky and lamps only.
@@ -186,8 +182,6 @@ class RayScene:
         """Nearest surfaces along rays (n,), ignoring holes and blended surfaces below half opacity.
 
         Args:
-            rays: (n,) rays in the world.
-            objects: state of the dynamic objects.
             behind: (n,) triangles to ignore.
             footprints: (n, 2, 3) for filtering the textures' holes, see `radiance`.
             both_sides: treat all surfaces as double-sided.
@@ -302,7 +296,6 @@ class GlassPassage:
     """Follows rays (n,) through glass, surface by surface.
 
     Args:
-        shading: appearance of the surfaces.
         paths: (n,) paths of the rays.
         world_from_objects: poses of the dynamic objects.
 

@@ -42,7 +42,6 @@ class ThroughCaster:
 
     Args:
         scene: scene to cast at, in its current state.
-        setup: camera and its settings.
     """
 
     def __init__(self, scene: Callable[[], RayScene], setup: CameraSetup):
@@ -59,8 +58,6 @@ class ThroughCaster:
         """Surfaces of all pixels.
 
         Args:
-            poses: poses of the camera and the objects.
-            hits: first hits of the pixels.
             is_specular: (draws,) mask of the instances that are glass or mirrors.
             draws: dynamic object and name of each instance.
         """

@@ -73,7 +73,6 @@ def scene_flow(hits: Hits, objects_of_draws: Indices, transforms: Float64s) -> F
     """Scene flow (height, width, 3) in meters; NaN: no hit.
 
     Args:
-        hits: hits at the current pose.
         objects_of_draws: (n + 1,), see `HitSource.objects_of_draws`.
         transforms: (objects, 3, 4) from a point to its motion, see `in_world` and `in_optical`.
     """
@@ -128,11 +127,6 @@ def deformed_hits(
     """Hits with points deformed as at another time, with objects and camera at the current poses.
 
     Rigid motion is applied separately. Ranges keep their current values.
-
-    Args:
-        source: source of the hits.
-        hits: hits at the current poses.
-        current, other: poses and times of the two images.
 
     Returns:
         Deformed hits; None: nothing deforms.
@@ -217,9 +211,6 @@ class OpticalFlow:
 
     In an image that covers all directions, flow across the seam takes the short way and leaves the
     image by that distance.
-
-    Args:
-        source: source of the hits.
     """
 
     def __init__(self, source: HitSource):
@@ -260,7 +251,6 @@ class OpticalFlow:
         """Compute the flow.
 
         Args:
-            hits: hits from the current viewpoint.
             other_optical_from_current: result of `begin`.
 
         Returns:

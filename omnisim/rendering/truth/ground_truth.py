@@ -26,13 +26,7 @@ from omnisim.rendering.truth.flow import (
 
 
 class GroundTruth:
-    """Channels of one camera; constant data is computed once.
-
-    Args:
-        source: source of the hits.
-        labels: names of classes and instances, by ID.
-        object_names: names of the dynamic objects.
-    """
+    """Channels of one camera; constant data is computed once."""
 
     def __init__(self, source: HitSource, labels: Labels, object_names: Sequence[str]):
         self._source, self._object_names = source, object_names
@@ -60,7 +54,6 @@ class GroundTruth:
 
         Args:
             names: channel names from `check_channels`, whose details the source provides.
-            current: poses of the camera and the dynamic objects.
             others: poses of the "next" and the "previous" image, for names whose `Channel.other`
                 needs them.
         """
@@ -74,7 +67,6 @@ class GroundTruth:
 
         Args:
             names: see `channels`; without flow, scene flow, and channels through glass.
-            current: poses of the camera and the dynamic objects.
         """
         hits = self._source.hits(current, HitDetails.of_channels(names))
         channels = self._channels_of(hits, names, current, {})

@@ -86,7 +86,6 @@ class Exposure(SensorEffect, name="degradation.exposure"):
 
         Args:
             ev: exposure of this image.
-            metered_ev: metered exposure of this image.
             later_s: time from this image to the next one.
         """
         if not self.auto:

@@ -28,7 +28,6 @@ def random_pattern(
     """Normally distributed pattern without rows or columns.
 
     Args:
-        width_px, height_px: size of the image.
         prnu: standard deviation of the pixels' gains, as a share of the mean gain.
         dsnu_e: standard deviation of the pixels' dark signals, electrons.
         seed: seed of the pattern.

@@ -51,8 +51,6 @@ def image_parts(
     """Cut an image into parts whose atlases fit into one texture; usually it is a single part.
 
     Args:
-        camera: camera model.
-        plan: tiles of the whole image.
         side_px: longest side of a texture.
         supersampling: samples per pixel side, which are drawn before they are averaged.
         mesh_error_px: largest distance of a pixel's ray from the camera model's.

@@ -127,7 +127,6 @@ def density_of_camera(
     """Density of a camera's image.
 
     Args:
-        camera: camera model.
         face_from_optical: (3, 3) rotation from the optical frame to the face.
         seen: tangents (n, 2) that the image looks up.
     """

@@ -108,7 +108,6 @@ def plan_tiles(
     so that nothing is magnified except at an image's poles (`sampling_density`).
 
     Args:
-        camera: camera model.
         rig_from_optical: (3, 3) rotation from the optical frame to the rig.
         texels_per_pixel: texels per side of the image's smallest pixels.
         face_size_px: texels across the 90° of every face; None: as the density requires.
@@ -149,7 +148,6 @@ def plan_densities(
     """Plan the tiles of each cube face, in the order of `omnisim.core.cube.FACE_NAMES`.
 
     Args:
-        densities: density of the image on each face.
         texels_per_pixel, face_size_px, subdivide, level_bias: see `plan_tiles`.
         max_level: highest mip level; None: as the densities require.
         gutter_px: minimum gutter around tiles.
@@ -300,7 +298,6 @@ class TileViews:
     """Projections of all tiles of a plan.
 
     Args:
-        plan: the tiles.
         near_m, far_m: clip planes of the virtual cameras.
     """
 

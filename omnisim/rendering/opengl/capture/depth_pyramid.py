@@ -28,7 +28,6 @@ class DepthPyramid:
     """Depth textures for programs that include `capture/first_surface.glsl`.
 
     Args:
-        context: OpenGL context.
         plan: tiles of the atlas, whose regions end at multiples of 1/32.
         near_m, far_m: clip planes of the virtual cameras; far may be infinite.
         longest_m: maximum distance of the rays' origins from the viewpoint.

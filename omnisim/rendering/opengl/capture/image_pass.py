@@ -43,7 +43,6 @@ def image_pass(samples: PixelMap, parts: Sequence[ImagePart], supersampling: int
     Args:
         samples: pixel map of the supersampled camera.
         parts: parts of the image, each with the tiles of its atlas.
-        supersampling: samples per pixel side.
 
     Raises:
         GraphicsError: out of GPU memory.
@@ -69,7 +68,6 @@ class RemapPass:
 
     Args:
         samples, supersampling: see `image_pass`.
-        plan: tiles of the atlas.
 
     Raises:
         AllocationError: out of GPU memory.

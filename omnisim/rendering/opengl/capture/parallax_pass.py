@@ -49,10 +49,7 @@ class ParallaxPass:
     """Image pass of a camera whose rays do not pass through one point.
 
     Args:
-        context: OpenGL context.
         rays: sample rays from the viewpoint, rig frame.
-        plan: tiles of the atlas.
-        pyramid: hierarchical depth of the atlas.
         shown: pixels (height, width) to draw; None: all with samples.
         fog: fog in the atlas, as seen from the viewpoint; None: clear air.
 
@@ -141,8 +138,6 @@ class ParallaxPass:
 
         Args:
             atlas: atlas rendered from the viewpoint.
-            depth: depth of its texels.
-            target: framebuffer for the image.
             cast: function that colors undecided samples by rays; None: treat occluders as thin.
         """
         self._pyramid.update(depth)
@@ -269,10 +264,7 @@ class ChromaticPass:
     """Image pass of a refracting camera: one pass per channel, from one atlas.
 
     Args:
-        context: OpenGL context.
         rays: sample rays of R, G and B from the viewpoint, rig frame.
-        plan: tiles of the atlas.
-        pyramid: hierarchical depth of the atlas.
         fog: see `ParallaxPass`.
 
     Attributes:

@@ -121,14 +121,12 @@ class PixelMap:
     Rays do not depend on the pose: they are computed on first use, and kept.
 
     Args:
-        context: OpenGL context.
         camera: camera; for supersampling, the one of the larger image.
         polygons: polygon count of the mirror's mesh; None: exact, by the camera model's GLSL file.
         traced: rays of an optical system's pixels (height, width), which has no such file.
 
     Attributes:
         context, camera, polygons: see the arguments.
-        size_px: width and height of the image.
     """
 
     def __init__(

@@ -60,22 +60,17 @@ class ClusterCuller:
     """Culls clusters for the views of cameras, and writes draw commands for the visible ones.
 
     Args:
-        context: OpenGL context.
-        buffers: cluster buffers.
         groups_of_batch: (batches,) number of groups per draw call, in order.
-        views: views of all cameras.
         depth: atlas depth for occlusion tests between passes, one layer per camera if there may be
             several; None: a single pass.
         passes: number of passes if depth can be read.
         atlas_px: width and height of the atlas.
         depths_m: distances of the near and the far plane.
-        samples: samples per texel.
         both_sides: keep clusters seen from behind, too.
         blended_items: number of blended items with commands of their own in all views.
 
     Attributes:
         views: see the arguments.
-        passes: number of passes.
         slices: command ranges of each slice. Each pass rewrites them: the previous pass is drawn
             before its depth is read.
         ranges: number of ranges in all slices.
@@ -183,7 +178,6 @@ class ClusterCuller:
         """Write the commands of a pass's first slice, for the current poses.
 
         Args:
-            pass_index: number of the pass.
             target: bound target, whose depth is that of all previous passes; None: first pass.
         """
         context, shaders, views = self._context, self._shaders, self.views
@@ -252,11 +246,7 @@ DEPTH_UNIT, BOUNDS_UNIT = 16, 17
 
 
 class CullingShaders:
-    """Compute shaders of culling, each compiled when it is first needed.
-
-    Args:
-        context: OpenGL context.
-    """
+    """Compute shaders of culling, each compiled when it is first needed."""
 
     def __init__(self, context: moderngl.Context):
         self._context = context
@@ -308,8 +298,6 @@ class ClusterBuffers:
     """Cluster buffers that all cameras share.
 
     Args:
-        context: OpenGL context.
-        hierarchy: clusters and groups.
         double_sided: (clusters,) draw back faces, too.
         objects: (groups,) index of each group's object.
         buckets: (groups,) bucket of each group, ascending.
@@ -475,7 +463,6 @@ class Views:
     """Poses on the GPU: cameras that share a tile plan, and the objects.
 
     Args:
-        context: OpenGL context.
         clips_from_rig: (tiles, 4, 4) per tile of a camera, see `tile_views.clips_from_rig`.
         rectangles_px: (tiles, 4) left, top, width and height of each tile in the atlas.
         anchor_m: (3,) origin of the static geometry, world.

@@ -34,8 +34,6 @@ class DegradationPass:
     Call order: `add` per sub-frame, `draw_meter` for auto-exposure, `finish`, then `encode`.
 
     Args:
-        context: OpenGL context.
-        size: width and height of the image.
         optics: steps before the shutter, in the order of the light.
         sensor: steps after the shutter.
         encoding: step from linear values to those of the file.
@@ -152,7 +150,6 @@ class _FullScreenPass:
         """Draw to a target.
 
         Args:
-            target: framebuffer of the image's size.
             image: input image, `u_image`.
             uniforms: values of this frame; names that the shader does not use are ignored.
             textures: additional textures by sampler name.

@@ -72,7 +72,6 @@ class BlendedDrawer:
     """Sorts and draws a scene's blended items.
 
     Args:
-        context: OpenGL context.
         geometry: clusters of the scene; their objects carry the items.
         culler: culler of the clusters, with room for the items' commands; its matrices place them.
         items: items that can be sorted, see `can_sort`.

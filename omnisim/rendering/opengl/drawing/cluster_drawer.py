@@ -41,7 +41,6 @@ class DrawBatches:
     """Batches of a geometry's buckets: consecutive buckets with equal state.
 
     Args:
-        geometry: clusters.
         find_program: function from a bucket to its program.
         both_sides: draw back faces, too.
 
@@ -81,9 +80,6 @@ class ClusterDrawer:
     """Draws visible clusters with the programs of one pass.
 
     Args:
-        context: OpenGL context.
-        geometry: clusters.
-        culler: culler of the views, batch by batch.
         batches: states of the batches.
 
     Attributes:

@@ -36,10 +36,7 @@ class CubeLayers:
     A layer has the viewport and matrices of a single atlas, and therefore the same bytes.
 
     Args:
-        buffers: scene and dynamic objects.
-        programs: surface programs for the scene's lights.
         plan: tiles per camera.
-        cameras: virtual cameras.
         blended: items that the GPU sorts, see `blended_drawer.can_sort`; may be empty.
         atlases: texture array with one atlas layer per camera.
 

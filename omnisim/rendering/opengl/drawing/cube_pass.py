@@ -40,10 +40,6 @@ class CubePass:
     """Renders the tiles into one atlas texture.
 
     Args:
-        buffers: scene and dynamic objects; other passes may share them.
-        programs: surface programs for the scene's lights.
-        plan: tiles of the atlas.
-        cameras: virtual cameras.
         whole: tiles of the whole image, if `plan` are those of a part of it.
 
     Attributes:

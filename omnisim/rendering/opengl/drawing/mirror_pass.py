@@ -46,13 +46,9 @@ class MirrorPass:
     """Draws a camera's views in mirrors, or in panes; of no use once the buffers have changed.
 
     Args:
-        buffers: scene and dynamic objects.
         mirrors: planes of the mirrors, or of the panes.
         of_panes: True for panes.
-        programs: surface programs for the scene's lights.
-        plan: tiles of the camera's atlas.
         whole: tiles of the whole image, whose largest mirrors have views in all of its parts.
-        cameras: virtual cameras.
         sky: pass of the visible sky; None: no sky.
         probes: reflection probes; None: no surface has one.
 
@@ -266,7 +262,6 @@ class MirrorOwnerProgram:
     """Program that draws the numbers of mirrors.
 
     Args:
-        context: OpenGL context.
         numbers: (n,) number of each triangle's mirror; 0: none.
     """
 

@@ -80,8 +80,6 @@ class ProbePass:
     """Draws the reflection probes of a scene; of no use once the buffers have changed.
 
     Args:
-        buffers: scene and dynamic objects.
-        programs: surface programs for the scene's lights.
         places: probes to draw.
         background: linear RGB of rays that hit nothing.
 
@@ -297,7 +295,6 @@ class ProbeMaps:
     """Array of cube maps: light and inverse distance, then light filtered for roughness.
 
     Args:
-        context: OpenGL context.
         plan: atlas of six whole faces that probes are drawn into.
         near_m: near plane of the atlas's depth.
         cubes: number of probes.

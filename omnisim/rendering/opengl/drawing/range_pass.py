@@ -48,7 +48,6 @@ class RangePass:
     through blended ones with alpha below one half.
 
     Args:
-        buffers: scene and dynamic objects; other passes may share them.
         angles_rad: (n,) beam angles in the scanner's frame, counter-clockwise from its x axis,
             equally spaced, within [−π, π].
         max_range_m: range beyond which surfaces may be missed; may be infinite.

@@ -42,16 +42,12 @@ class SceneDrawer(Generic[P]):
     """Draws items, each with the program of its material.
 
     Args:
-        buffers: scene and dynamic objects.
         items: (n,) drawable items.
         find_program: function from an item to its program.
         id_of_item: function from an item to the ID of its first triangle.
         both_sides: draw back faces, too.
         is_mirrored: the rig is mirrored, see `GlState.mirrored`.
         indices: another index buffer of the items than the scene's.
-
-    Attributes:
-        programs: all programs in use.
     """
 
     def __init__(

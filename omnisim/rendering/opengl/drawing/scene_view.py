@@ -71,22 +71,15 @@ class SceneView:
     """Drawers of a scene for the tiles of an atlas; of no use once the buffers have changed.
 
     Args:
-        buffers: scene and dynamic objects; other passes may share them.
-        programs: surface programs for the scene's lights.
-        plan: tiles of the atlas.
-        cameras: virtual cameras.
         depth: depth of the atlas; None if shaders cannot read it.
-        samples: samples per texel.
         sky: pass of the visible sky; None: no sky.
         mirrors: views in mirrors, and in panes.
         is_mirrored: draw from mirrored rigs, clipped at the mirror.
         probes: reflection probes; None: all surfaces without mirrors reflect sky and lamps.
 
     Attributes:
-        tiles: renderer of the tiles.
         sorted_items: blended items that the GPU sorts.
         blended_drawer: drawer of these items; None: there are none.
-        programs: surface programs in use.
     """
 
     def __init__(

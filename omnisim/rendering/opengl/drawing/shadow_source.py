@@ -32,5 +32,4 @@ class ShadowSource(Protocol):
 
         Args:
             viewpoint_m: (3,) position of the viewpoint, world.
-            world_from_objects: (4, 4) each, poses of the dynamic objects.
         """

@@ -21,9 +21,7 @@ class SkyPass:
     """Draws the sky where nothing opaque is, before blended surfaces.
 
     Args:
-        context: OpenGL context.
         sky: texture of the environment map.
-        plan: tiles of the atlas.
         cameras: number of cameras drawn together, one layer each; None: one camera, no layers.
     """
 

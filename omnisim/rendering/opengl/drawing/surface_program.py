@@ -212,13 +212,9 @@ class SurfaceProgram:
     """Compiled variant with its uniforms.
 
     Args:
-        context: OpenGL context.
-        variant: variant to compile.
-        lighting: lighting of the scene.
         shadows: shadow maps of its lights; None: no shadows.
 
     Attributes:
-        program: compiled OpenGL program.
         is_pane: see `SurfaceVariant`.
     """
 
@@ -294,7 +290,6 @@ class SurfaceProgram:
 
         Args:
             planes: (n, 4) unit normals, and the viewpoint's heights.
-            plan: tiles of the atlas.
             world_from_rig: (4, 4) pose.
         """
         if self._rig_from_world is not None:
@@ -356,8 +351,6 @@ class SurfacePrograms:
     frame.
 
     Args:
-        buffers: scene and dynamic objects.
-        lighting: lighting of the scene.
         shadows: shadow maps of its lights; None: no shadows.
 
     Attributes:

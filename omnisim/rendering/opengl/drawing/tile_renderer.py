@@ -71,18 +71,14 @@ class TileRenderer:
     and programs.
 
     Args:
-        buffers: scene and dynamic objects.
-        plan: tiles of the atlas.
         cameras: virtual cameras; only depth range and sides matter here.
         items: (n,) items to draw one by one, front to back.
         find_program: function from a bucket of clusters to its program.
         depth: depth of the atlas; None if shaders cannot read it.
-        samples: samples per texel.
         max_cameras: maximum number of cameras drawn together, one target layer each.
         blended_items: number of blended items that the GPU sorts.
 
     Attributes:
-        views: views of the tiles.
         culler: culler of the clusters; None without clusters.
     """
 
@@ -193,8 +189,6 @@ class TileRenderer:
         Args:
             target: framebuffer, cleared by `begin`.
             world_from_rig: (4, 4) pose of the camera's rig.
-            world_from_objects: (4, 4) each, poses of the dynamic objects.
-            drawer: drawer of the items.
         """
         self.draw_clusters(target, world_from_rig, world_from_objects)
         self.draw_one_by_one(target, world_from_rig, world_from_objects, drawer)

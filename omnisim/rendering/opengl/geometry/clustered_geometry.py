@@ -130,9 +130,6 @@ def build_clustered_geometry(
     """Build the clustered geometry of a scene; None if no instance qualifies.
 
     Args:
-        context: OpenGL context.
-        items: all draw items.
-        lighting: lighting of the scene.
         dynamic_objects: number of dynamic objects.
         alone: indices of items to draw one by one.
     """
@@ -305,10 +302,7 @@ def shaded_triangles(
     """Triangles of items, with light baked into those whose shading allows it.
 
     Args:
-        context: OpenGL context.
-        items: draw items.
         anchor_m: (3,) world position that static vertices are relative to.
-        lighting: lighting of the scene.
     """
     total = sum(item.triangles for item in items)
     next_copy = sum(len(item.mesh.positions) for item in items)
@@ -410,7 +404,6 @@ def object_triangles(
     Normals have any length; zero: flat. All triangles have the same winding.
 
     Args:
-        items: draw items.
         anchor_m: (3,) anchor, world.
         palette: palette that gets the materials of the vertices.
         kinds: kinds of blended materials, in place of alpha cutoffs.

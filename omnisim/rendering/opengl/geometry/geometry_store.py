@@ -49,10 +49,6 @@ class GeometryStore:
 
     Instances share the indices of their mesh, except blended ones, which are sorted individually.
 
-    Args:
-        context: OpenGL context.
-        parts: scenes to place.
-
     Attributes:
         ranges: consecutive ranges of all indices.
         offsets: first index and first vertex of each scene's instances.

@@ -40,7 +40,6 @@ def shadings(
         vertices: (n,) records of type `CLUSTER_VERTEX`, static ones in world axes.
         vertex_normals: (n, 3) normals of any length; zero: flat.
         triangles: (m, 3) vertex indices.
-        lighting: lighting of the scene.
         static: (m,) mask; light on dynamic triangles changes with their pose.
 
     Returns:

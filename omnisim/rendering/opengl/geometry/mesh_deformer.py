@@ -39,10 +39,6 @@ _OFFSET = np.dtype([("position", "<f4", 4), ("normal", "<f4", 4)])
 class MeshDeformer:
     """Deforms a scene's meshes by world time; a frame uploads only joints and weights.
 
-    Args:
-        context: OpenGL context.
-        ranges: index ranges of the scene's meshes.
-
     Raises:
         GraphicsError: the data does not fit on the GPU.
     """

@@ -47,7 +47,6 @@ class SceneBuffers:
     """Uploads a scene and its dynamic objects once, for the passes of all sensors.
 
     Args:
-        context: OpenGL context.
         scene: static part of the world.
         dynamic_objects: moving scenes; their lights, backgrounds and starts are ignored.
         uses_clusters: draw opaque and masked instances by clusters of triangles. False draws every
@@ -245,7 +244,6 @@ class SceneBuffers:
 
         Args:
             viewpoint_m: (3,) position of the viewpoint, world.
-            world_from_objects: (4, 4) each, poses of the dynamic objects.
         """
         posed = self._world_transforms(world_from_objects)
         viewpoint_from_mesh = posed.viewpoint_from_mesh.copy()

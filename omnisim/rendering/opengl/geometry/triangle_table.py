@@ -22,8 +22,6 @@ class TriangleTable:
     """Corners of all triangles, in the order of the index buffer.
 
     Args:
-        context: OpenGL context.
-        ranges: index ranges of the scene's meshes.
         indices: index buffer of the scene.
 
     Attributes:

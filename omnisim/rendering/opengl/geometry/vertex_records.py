@@ -61,7 +61,6 @@ def light_coordinates(
 
     Args:
         parts: first vertex, mesh, and its lightmap rectangles of front and back, if any.
-        count: number of all vertices.
     """
     places = np.full((count, 4), -1.0, dtype=np.float32)
     for base, mesh, rectangles in parts:

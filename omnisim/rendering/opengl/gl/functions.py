@@ -79,7 +79,6 @@ class StorageBindings:
     """Buffers bound to consecutive storage bindings.
 
     Args:
-        buffers: buffers in order.
         first: first binding.
     """
 

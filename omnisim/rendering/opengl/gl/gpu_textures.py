@@ -52,8 +52,6 @@ def texture_2d(
     """Texture whose texels are fetched.
 
     Args:
-        context: OpenGL context.
-        size: width and height.
         components: numbers per texel.
         content: texels, contiguous and row by row; None: uninitialized.
         dtype: moderngl's type of the numbers.

@@ -126,9 +126,6 @@ class Reading:
 class PixelReadback:
     """Ring of mapped buffers, which are created when they are needed.
 
-    Args:
-        context: OpenGL context, current here and in all methods.
-
     Attributes:
         context, fences: OpenGL context, and its fences.
     """

@@ -35,7 +35,6 @@ def build_program(
     """Compile and link a vertex and a fragment shader of the shader folder.
 
     Args:
-        context: OpenGL context.
         vertex, fragment: paths relative to the shader folder.
         defines: names to #define in both.
         includes: file for each `#include NAME` without quotes.

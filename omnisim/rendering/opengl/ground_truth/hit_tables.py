@@ -29,11 +29,7 @@ _UNITS = {"u_triangle_ids": 0, "u_corners": 2, "u_draw_items": 3, "u_primitives"
 
 
 class HitTables:
-    """Textures of visible triangles and their draw items.
-
-    Args:
-        visibility: pass that draws the triangle IDs.
-    """
+    """Textures of visible triangles and their draw items."""
 
     def __init__(self, visibility: VisibilityPass):
         self._visibility = visibility

@@ -49,8 +49,6 @@ class LidarPass:
     The virtual cameras of a slice width are created once.
 
     Args:
-        buffers: scene and dynamic objects.
-        beams: beams of the lidar.
         near_m: minimum range.
         hidden: parts of dynamic objects that beams pass through.
         geometry: geometry of the scene in its current state, for the triangles of hits; None: hits
@@ -139,7 +137,6 @@ class _Sector:
 
     Args:
         buffers, beams, cameras: see `LidarPass`.
-        firings: number of firings in the slice.
         is_whole: the slice is a whole revolution.
 
     Attributes:

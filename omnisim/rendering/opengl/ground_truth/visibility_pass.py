@@ -57,15 +57,12 @@ class VisibilityPass:
     drawn where its alpha reaches `BLENDED_CUTOFF`.
 
     Args:
-        buffers: scene and dynamic objects; other passes may share them.
-        plan: tiles of the atlas.
         cameras: virtual cameras; only depth range, sides and hidden instances matter here.
         details: details that can be drawn as well, if textures change them.
 
     Attributes:
         buffers, plan, cameras, near_m, far_m, both_sides: see the arguments.
         id_atlas: integer texture, 1 + ID of the triangle; 0: nothing visible.
-        triangle_ids: table of the IDs.
         detail_atlases: textures of base colors (square root of linear RGB) and of materials, by
             sampler name.
         depth: depth of the last rendered atlas.
@@ -307,7 +304,6 @@ class VisibilityProgram:
     """Compiled variant with its uniforms.
 
     Attributes:
-        program: compiled OpenGL program.
         first_plus_one: uniform, 1 + ID of the first triangle.
         first_command: uniform for clusters, index of the first command.
     """
@@ -381,7 +377,6 @@ class TriangleIds:
     """Table of triangle IDs: first single items, then clusters.
 
     Args:
-        buffers: scene and dynamic objects.
         one_by_one: (n,) items that are drawn one by one.
 
     Attributes:

@@ -38,13 +38,11 @@ class TextureArray:
     """Array of equally sized RGBA textures with mip levels, stored as sRGB or linear.
 
     Args:
-        context: OpenGL context.
         layers: mip levels (height, width, 4) of each, from full size to one texel.
         repeats: repeat to the right and down; otherwise clamp to the edge.
         is_linear: linear values instead of sRGB colors.
 
     Attributes:
-        array: texture array.
         layers: each layer as a texture view, without a copy.
     """
 
@@ -92,10 +90,6 @@ _BLOCK = 4  # as in shaders/scene/baked_light.glsl
 
 class BakedTextures:
     """Textures of a scene's baked light.
-
-    Args:
-        context: OpenGL context.
-        baked: baked light of the scene.
 
     Raises:
         GraphicsError: larger than the GPU allows.
@@ -192,10 +186,6 @@ class MaterialTexture(NamedTuple):
 
 class MaterialTextures:
     """Textures of all requested materials.
-
-    Args:
-        context: OpenGL context.
-        is_matte: all materials are matte.
 
     Attributes:
         table: records of the materials that are not matte.
@@ -336,11 +326,7 @@ class Reflectance(NamedTuple):
 
 
 class MaterialTable:
-    """Records of materials; grows with new materials.
-
-    Args:
-        context: OpenGL context.
-    """
+    """Records of materials; grows with new materials."""
 
     def __init__(self, context: moderngl.Context):
         self._context = context
@@ -372,7 +358,6 @@ def vertex_details(
     """Second texture coordinates and material record of each vertex, mesh after mesh.
 
     Args:
-        context: OpenGL context.
         meshes: meshes, each with its material's record.
     """
     bases = np.cumsum([0, *(len(mesh.positions) for mesh, _ in meshes)]).tolist()

@@ -48,7 +48,6 @@ class CasterDrawer:
     shadow where its alpha reaches `BLENDED_CUTOFF`, where rays hit it, too.
 
     Args:
-        buffers: scene and dynamic objects.
         rectangles_px: (maps, 4) left, top, width and height of each map in the texture.
         size_px: size of the texture.
         has_parts: `draw_part` will be used.
@@ -116,10 +115,8 @@ class CasterDrawer:
         """Draw the static casters, or the dynamic ones on top.
 
         Args:
-            target: depth target.
             clips: (maps, 4, 4) clip_from_anchor matrices.
             active: (maps,) mask of the maps to draw.
-            world_from_objects: (4, 4) each, poses of the dynamic objects.
             dynamic: draw the dynamic casters.
         """
         self._state.use(target, has_depth=True)
@@ -251,11 +248,7 @@ class CasterVariant(NamedTuple):
 
 
 class CasterProgram:
-    """Compiled variant with its uniforms.
-
-    Attributes:
-        program: compiled OpenGL program.
-    """
+    """Compiled variant with its uniforms."""
 
     def __init__(self, context: moderngl.Context, variant: CasterVariant):
         files = "scene/caster.vert", "scene/caster.frag"

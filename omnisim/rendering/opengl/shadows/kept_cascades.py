@@ -81,9 +81,7 @@ class KeptCascades:
     """Cascades that follow the viewpoint, on their tori.
 
     Args:
-        context: OpenGL context.
         plan: plan with such cascades.
-        maps: depth of all maps.
         levels: depth to use if it has the right size.
 
     Attributes:
@@ -114,10 +112,7 @@ class KeptCascades:
         """Bring the maps of cascades that have moved up to date.
 
         Args:
-            maps: all maps.
             viewpoint_m: (3,) viewpoint relative to the anchor.
-            drawer: drawer of the static casters.
-            world_from_objects: (4, 4) each, poses of the dynamic objects.
         """
         is_clear = not any(self._first)
         if is_clear:  # quicker than part by part
@@ -223,7 +218,6 @@ def torus_parts(cells: Cells, side: int) -> list[TorusPart]:
     """Split a rectangle, at most as large as the torus, where the torus is closed.
 
     Args:
-        cells: rectangle of the grid.
         side: cells per side of the torus.
     """
     return [
@@ -260,7 +254,6 @@ class DepthLevels:
     """Depth texture with its levels.
 
     Args:
-        context: OpenGL context.
         size_px: size of the finest level, multiples of the coarsest level's texels.
         like: other depth in the context, whose program is used, too; None: the first.
 

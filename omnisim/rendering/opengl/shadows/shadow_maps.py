@@ -42,7 +42,6 @@ class ShadowMaps:
     """Shadow maps of the lamps that cast shadows.
 
     Args:
-        buffers: scene and dynamic objects.
         lighting: lighting with at least one light that casts shadows.
 
     Attributes:

@@ -185,7 +185,6 @@ def make_shadow_plan(lighting: Lighting, boxes_m: Float64s, max_size_px: int) ->
     If the maps of many lamps exceed the memory limit, all become smaller.
 
     Args:
-        lighting: lighting of the scene.
         boxes_m: (n, 2, 3), minimum and maximum corners of the static geometry, from the anchor.
         max_size_px: maximum size of a texture.
     """

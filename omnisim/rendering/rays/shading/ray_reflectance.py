@@ -63,10 +63,6 @@ def reflected_light(
     """Light (n, 3), linear RGB, that surfaces emit and reflect along the views.
 
     Args:
-        surface: reflectance of the surfaces (n,).
-        directions: normals and view directions at the surfaces (n,).
-        lighting: lighting of the scene.
-        lamps: light of each lamp on the surfaces.
         surroundings: (n, 3) baked light on white surfaces, minus the light of lamps; None: no baked
             light.
         traced: traced reflections, which replace those of sky and surroundings; None: none.

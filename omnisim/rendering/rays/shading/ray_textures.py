@@ -27,7 +27,6 @@ class TextureTable:
     """Texels of all mip levels of all textures in one array, so that one lookup serves every hit.
 
     Args:
-        surfaces: surfaces with textured materials.
         texture_of: function from a material to its texture, by default the base color's; all
             textures are linear, or all sRGB.
 

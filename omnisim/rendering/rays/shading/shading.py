@@ -85,10 +85,6 @@ class View(NamedTuple):
 class Shading:
     """Appearance of a scene's surfaces; tables are built once.
 
-    Args:
-        geometry: geometry of the scene.
-        lighting: lighting of the scene.
-
     Attributes:
         is_blended, is_unlit, is_pane, is_glass, is_specular, is_double_sided: (surfaces,) masks.
         is_slab: (surfaces,) mask of glass that beams and depths pass like panes.
@@ -138,7 +134,6 @@ class Shading:
 
         Args:
             rays, hits: (n,); all rays must hit.
-            world_from_objects: (4, 4) each, poses of the dynamic objects.
             footprints: (n, 2, 3) direction differences to the neighboring samples, world; None:
                 rays without width.
         """

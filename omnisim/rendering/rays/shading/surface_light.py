@@ -92,7 +92,6 @@ def mirrored_shares(surface: Reflectance, cosines: Float64s) -> Float64s:
     """Float64s (n, 3) that smooth gloss and smooth clear coats reflect like mirrors.
 
     Args:
-        surface: reflectance of the surfaces (n,).
         cosines: (n,) cosines of the angles of incidence.
     """
     grazing = (1.0 - cosines) ** 5
@@ -145,7 +144,6 @@ def straight_shares(shading: Shading, view: View, colors: Float32s) -> Float32s:
     """Float64s (n, 3) of light that pass hits straight, linear RGB; 0 for all but panes and glass.
 
     Args:
-        shading: appearance of the surfaces.
         view: rays (n,) and their hits on either side; all rays must hit.
         colors: (n, 3 or more) base colors.
     """

@@ -40,10 +40,6 @@ class SurfaceValues(NamedTuple):
 class SurfaceTable:
     """Material factors of all surfaces, and the tables of their maps.
 
-    Args:
-        surfaces: surfaces of the geometry.
-        is_matte: treat all surfaces as matte.
-
     Attributes:
         is_matte: (surfaces,) mask.
         maps: tables of textures, in the order of `Material.maps`.
