@@ -303,9 +303,6 @@ def _joined(tiles: Iterator[Arrays]) -> Arrays:
     return {key: np.concatenate([one[key] for one in arrays]) for key in arrays[0]}
 
 
-# Closed parts of meshes, which count as solids: their inside is invisible.
-
-
 def hollow_triangles(scene: Scene) -> Mask:
     """Mask (m,) of triangles with a visible back: double-sided, and not part of a solid.
 
@@ -369,8 +366,6 @@ def _closed_parts(mesh: Mesh) -> tuple[Indices, Mask]:
 
 
 # Estimate of the time of a bake, from some of its tiles.
-
-
 _PROBED_TILES = 2  # per thread
 
 
@@ -401,8 +396,6 @@ def _seconds(compute: Callable[[int], object], tiles: int, threads: int) -> floa
 
 
 # Probes: light in free space, for dynamic objects.
-
-
 PROBE_BUDGET = 16384
 PROBE_TILE = 1024
 _MIN_SPACING_M, _MIN_SIZE_M = 0.25, 1e-3
@@ -516,8 +509,6 @@ class ProbeBaker:
 
 
 # Tiles of unfinished bakes, as files: an interrupted bake resumes from them.
-
-
 Arrays = dict[str, NDArray[Any]]
 Progress = Callable[[str, int], Callable[[Iterable[int]], Iterable[int]]]
 

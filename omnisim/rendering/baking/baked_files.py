@@ -149,8 +149,6 @@ def _short(indices: Int32s) -> NDArray[np.unsignedinteger[Any]]:
 
 
 # Output folders of bakes: new or empty, with the same finished bake, or with another.
-
-
 FILES = ("baked.json", "irradiance.exr", "probes.npz", "unwrapping.npz")
 
 
@@ -208,8 +206,6 @@ def _has_settings(document: Mapping[str, Any], settings: BakeSettings) -> bool:
 
 
 # Lightmap: light of the patches as atlas pixels, filling the rectangles of the charts.
-
-
 _MAX_STEPS = 24  # in texels; deeper texels are inside of something and invisible
 
 

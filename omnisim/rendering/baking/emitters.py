@@ -76,8 +76,6 @@ def sphere_directions(points: Float32s) -> Float32s:
 # Aimed rays are weighted against gathering rays that hit the same emitter.
 # Source of the weights: Veach and Guibas, "Optimally combining sampling techniques for Monte Carlo
 # rendering", 1995, the balance heuristic.
-
-
 LUMINANCE = np.array((0.2126, 0.7152, 0.0722), dtype=np.float32)
 _MIN_M2 = 1e-8
 _TRIED = 64  # rays per place that find the emitters that light it
@@ -218,9 +216,6 @@ class Emitters:
         return emission
 
 
-# Light of a scene's lamps on patches, with their shadows.
-
-
 def lamps_on(
     lighting: Lighting, transport: Transport, origins_m: Float32s, at: Points | None = None
 ) -> list[LampLight]:
@@ -285,8 +280,6 @@ def _no_shadows() -> Shadows:
 
 
 # Points on patches: positions where light is gathered, with surface orientation.
-
-
 _BATCH = 1 << 17
 # Directions of probing rays, along the normal and two axes of the plane.
 _PROBING = np.array(
@@ -350,8 +343,6 @@ def usable(rays: RayScene, transport: Transport, patches: Patches) -> Patches:
 
 
 # Light gathered at points from patches, emissive surfaces and the sky.
-
-
 _RAYS_AT_ONCE = 1 << 17
 
 

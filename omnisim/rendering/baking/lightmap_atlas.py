@@ -153,8 +153,6 @@ def corner_pixels(scene: Scene, atlas: Atlas, swapped: Sequence[bool]) -> Float3
 
 
 # Texel sizes: fine near cameras, coarser with the distance from them, and of large instances.
-
-
 _NEAR_M = 4.0  # up to this distance texels have the finest size
 MAX_LENGTH = 4096  # of an instance, in texels; a needle has few texels and a long chart
 _FINEST_M = 0.01
@@ -299,8 +297,6 @@ def _pack_charts(places_px: Float64s, chart_of: Indices) -> tuple[Indices, tuple
 # An atlas has threads of its own. At its end, it wakes them without holding their lock. A thread
 # that is just about to sleep misses that, and the process waits for it forever: 1 of about 1600
 # atlases that ended at once, on two cores.
-
-
 _THREADS = Path("/proc/self/task")
 _MAX_WAIT_S = 1.0
 
@@ -337,9 +333,6 @@ def _is_awake(thread: str) -> bool:
     except OSError:  # the thread has ended
         return False
     return stat.rpartition(")")[2].split()[0] != "S"
-
-
-# Packing of rectangles of texels.
 
 
 def pack(sizes_px: Indices) -> tuple[Indices, tuple[int, int]]:

@@ -227,8 +227,6 @@ def _spread_to_empty(of_texel: Int32s, charts: Int32s) -> Int32s:
 
 
 # Rasterization of triangles in an atlas: position of each texel part on a triangle.
-
-
 GRID = 2  # parts per texel side
 _BATCH = 1 << 21  # candidates at once
 

@@ -34,9 +34,6 @@ class BakeSettings:
     """Maximum number of texels in the atlas, if `texel_m` is None."""
 
 
-# Notices on emissive surfaces that must be baked to light a scene.
-
-
 def emission_notes(scene: Scene) -> list[str]:
     """Notices on bright emissive materials of a scene without baked light."""
     shapes = (scene, *(one.shape for one in scene.objects))

@@ -58,8 +58,6 @@ def _check_whole(parameters: Mapping[str, Any]) -> None:
 
 
 # Mask of an image's pixels that show the scene.
-
-
 BLOCK_PIXELS = 1 << 20  # pixels per step, to bound the memory of intermediate arrays
 
 
@@ -90,9 +88,6 @@ def valid_mask(camera: CentralCamera, polygons: int | None) -> Mask:
         else:
             rows[:] = camera.ray_from_pixel(pixels).valid
     return mask
-
-
-# Image files, read with their cameras.
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

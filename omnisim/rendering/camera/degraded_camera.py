@@ -99,8 +99,6 @@ class DegradedCamera:
 
 
 # Bounding boxes of moving parts: dynamic objects, and the vertices bound to each joint.
-
-
 _MIN_VOLUME = 1e-12  # of a joint's transform: flatter ones are ignored
 
 

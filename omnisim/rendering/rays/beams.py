@@ -69,8 +69,6 @@ class Beams:
 
 
 # Hits and intensities of a spinning lidar's beams, each from the lidar's pose at its time.
-
-
 _FIRINGS_AT_ONCE, _POINTS_AT_ONCE = 128, 1 << 15
 _MAX_PATH_M = 0.002  # of an object during the firings that are cast at once
 _BESIDE = 0.01  # barycentric tolerance: a ray may just miss a triangle that deforms

@@ -314,8 +314,6 @@ def _rotated(vectors: Floats, rotation: Float64s) -> Float64s:
 
 
 # Embree, through embreex: nearest triangles along rays, in float32.
-
-
 NO_TRIANGLE = -1
 _FAR_M = np.float32(1e37)  # Embree's own limit
 
@@ -410,9 +408,6 @@ def check_embree(feature: str = "casting rays") -> None:
         OmnisimError: embreex is missing; names the command that installs it.
     """
     require_extra("rays", feature)
-
-
-# Depth limits of rays.
 
 
 @dataclass(frozen=True)

@@ -239,9 +239,6 @@ def starts_of_rays(
     return np.einsum("nj,ij->ni", rays.origins_m, world_from_optical)
 
 
-# Pixel counts of instances as if nothing occluded them.
-
-
 def whole_areas_px(
     scene: RayScene,
     pixels: PixelRays,

@@ -115,9 +115,6 @@ def _steps(directions: Float64s, valid: Mask, axis: int) -> Float64s:
     return np.where(has_next[..., None], ahead, np.where(has_last[..., None], back, 0.0))
 
 
-# Images by ray casting: a camera's samples, averaged over its pixels.
-
-
 class RayImage:
     """Image of an ideal camera; constant data is computed once.
 

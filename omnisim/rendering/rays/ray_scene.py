@@ -289,9 +289,6 @@ def _sky(
     return environment.seen(directions, np.linalg.norm(footprints[missed], axis=-1).max(axis=-1))
 
 
-# Passage of rays through bodies of glass: their media and directions.
-
-
 class GlassPassage:
     """Follows rays (n,) through glass, surface by surface.
 

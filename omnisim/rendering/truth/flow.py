@@ -116,8 +116,6 @@ def in_optical(current: ScenePoses, other: ScenePoses, rig_from_optical: Float64
 
 
 # Points of deforming surfaces at another time, by their position in the triangle hit.
-
-
 _MIN_AREA = 1e-300  # squared area below which a triangle is degenerate
 
 
@@ -190,8 +188,6 @@ def _deformed(
 # Optical flow from a camera's image to another one, by exact reprojection, and occlusion.
 #
 # The other image is the next one; for backward flow, the previous one.
-
-
 VISIBLE, OCCLUDED, OUTSIDE, INVALID = 0, 1, 2, 255
 
 

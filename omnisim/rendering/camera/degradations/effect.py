@@ -55,8 +55,6 @@ class ImageGeometry:
 
 
 # Step of an image's degradation, as data: describing one opens no OpenGL.
-
-
 UniformValue = float | tuple[float, ...]
 
 
@@ -71,8 +69,6 @@ class Step:
 
 
 # Effects of a camera on light: parameters, GPU passes and a NumPy reference.
-
-
 MAX_EV = 30.0
 Ev = Annotated[Number, Field(ge=-MAX_EV, le=MAX_EV)]
 Count = Annotated[int, Field(strict=True, ge=0, le=10_000)]

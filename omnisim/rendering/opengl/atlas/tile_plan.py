@@ -273,8 +273,6 @@ def _image_rays(camera: CentralCamera) -> Float64s:
 
 
 # Views of the tiles from a pose: matrices and frustum planes of the virtual cameras.
-
-
 _MIN_LENGTH = 1e-30  # of a normal: an infinitely far plane has a normal of 0
 
 

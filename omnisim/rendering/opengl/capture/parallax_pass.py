@@ -255,8 +255,6 @@ def ray_textures(context: moderngl.Context, rays: ParallaxRays) -> RayTextures:
 
 
 # Image pass with separate rays for red, green and blue.
-
-
 _GREEN = 1  # its rays decide which pixels are valid
 
 

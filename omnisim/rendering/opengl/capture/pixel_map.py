@@ -65,8 +65,6 @@ def bind_tiles(program: moderngl.Program, plan: TilePlan, rig_from_optical: Floa
 
 
 # Triangles that cover an image's valid pixels, so that nothing outside a mirror is drawn.
-
-
 STRIP_PX = 8  # height of a rectangle
 
 

@@ -376,8 +376,6 @@ def _table(context: moderngl.Context, entries: NDArray[np.void]) -> moderngl.Tex
 
 
 # Partition of the clusters into slices whose draw commands fit into one buffer.
-
-
 BANDS = 2  # distance bands, in shaders/culling/views.glsl
 RANGE = np.dtype(  # as in shaders/culling/commands.comp
     [("first_group", "<u4"), ("groups", "<u4"), ("first_command", "<u4"), ("max_count", "<u4")]

@@ -252,8 +252,6 @@ def _facet_slope(material: Material) -> float:
 
 
 # Program that draws, in each texel, the number of the mirror that it shows.
-
-
 _ROW_TRIANGLES = 4096
 _NUMBERS_UNIT = 0
 

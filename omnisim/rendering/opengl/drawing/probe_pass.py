@@ -259,8 +259,6 @@ def shared_probes(
 
 
 # Cube maps of reflection probes, with a level per roughness.
-
-
 LEVELS = 6
 # Squared roughness of each level, as in shaders/scene/reflection_probe.glsl.
 _ALPHAS = (0.0, *(0.024 * 2.0**level for level in range(LEVELS - 1)))

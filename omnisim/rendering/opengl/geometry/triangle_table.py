@@ -118,8 +118,6 @@ def _write_rows(
 # Vertex and index buffers for shaders, in windows if they exceed the size of a binding.
 #
 # The bindings are those of shaders/scene/vertex_words.glsl.
-
-
 MAX_WINDOWS = 3
 _FIRST_BINDINGS = (0, 1)
 _MORE_BINDINGS = (8, 10)
@@ -158,8 +156,6 @@ def bind_triangles(
 
 
 # Adjacency of a mesh's triangles by the positions of their corners.
-
-
 NO_NEIGHBOR = np.uint32(0xFFFFFFFF)
 
 

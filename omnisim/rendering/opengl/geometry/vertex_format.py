@@ -111,8 +111,6 @@ def _format(field: np.dtype[np.generic]) -> str:
 #
 # A vertex has an index of 4 bytes instead of 36 bytes of floats, and the same values to the last
 # bit.
-
-
 PALETTE_UNIT = 19  # as in shaders/scene/vertex_material.glsl, and so is the layout
 _ROW_BITS = 14  # log2 of the texels per row: as many as all drivers allow, for many entries
 _ONE_COLOR = np.ones((1, 4), dtype=np.float16)

@@ -73,8 +73,6 @@ def light_coordinates(
 
 
 # Estimate of the GPU memory that a scene takes, made before it is drawn.
-
-
 _TRIANGLE_BYTES = 12  # in an index buffer
 _MIPMAPPED = 4.0 / 3.0
 

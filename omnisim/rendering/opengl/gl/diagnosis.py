@@ -273,8 +273,6 @@ def _vendor_library(file: Path) -> str:
 
 
 # EGL's devices, and their numbers in CUDA.
-
-
 MAX_DEVICES = 64  # more than any machine has
 _EXTENSIONS, _CUDA_DEVICE = 0x3055, 0x323A  # EGL_EXTENSIONS, EGL_CUDA_DEVICE_NV
 _INT, _POINTER = ctypes.c_int, ctypes.c_void_p

@@ -102,8 +102,6 @@ class StorageBindings:
 # unlocking it, and then writes to freed memory. This happens if that thread is preempted on a
 # busy machine and the next pass is short. A sync object therefore keeps each pass's fence alive
 # for many more passes.
-
-
 _GPU_COMMANDS_COMPLETE, _FLUSH_COMMANDS = 0x9117, 1
 _TIMEOUT_EXPIRED, _WAIT_FAILED = 0x911B, 0x911D
 _MAX_FENCES = 32  # llvmpipe has at most 5 passes in flight

@@ -112,9 +112,6 @@ def _file_names() -> Iterator[list[str]]:
         raise GraphicsError(f"shader: {_LOCATION.sub(locate, str(reason)).strip()}") from None
 
 
-# Uniforms of programs, set from NumPy arrays.
-
-
 def find_uniform(
     program: moderngl.Program | moderngl.ComputeShader, name: str
 ) -> moderngl.Uniform | None:

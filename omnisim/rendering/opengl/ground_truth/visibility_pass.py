@@ -245,9 +245,6 @@ class VisibilityPass:
         self.end()
 
 
-# Visibility programs: shaders that draw triangle IDs and, on request, colors and materials.
-
-
 class VisibilityVariant(NamedTuple):
     """Compiled version of the shader."""
 
@@ -367,8 +364,6 @@ class VisibilityProgram:
 # numbered in drawing order, first those of single items, then those of clusters. The atlas holds
 # these IDs; the table maps each to draw item and triangle.
 # Source: Burns & Hunt, "The visibility buffer", 2013.
-
-
 _ROW = 1 << ROW_BITS
 _ENTRY = np.dtype([("item_plus_one", "<u4"), ("triangle", "<u4")])
 

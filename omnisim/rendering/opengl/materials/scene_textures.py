@@ -82,8 +82,6 @@ def bind_maps(maps: Sequence[TextureArray | None]) -> None:
 
 
 # Textures of baked light: the lightmap, and the probes as blocks of four numbers along z.
-
-
 _LIGHTMAP_UNIT, _PROBES_UNIT = 7, 8
 _BLOCK = 4  # as in shaders/scene/baked_light.glsl
 
@@ -133,8 +131,6 @@ def _probes(context: moderngl.Context, probes: Probes) -> moderngl.Texture3D:
 
 
 # Textures of environment maps: the visible sky, and its filtered reflections.
-
-
 _MAX_HALF = 65504.0  # largest half float
 
 

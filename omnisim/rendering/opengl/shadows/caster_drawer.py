@@ -226,9 +226,6 @@ class CasterDrawer:
         return self._programs[variant]
 
 
-# Caster programs: shaders that draw the depth of shadow casters.
-
-
 class CasterVariant(NamedTuple):
     """Compiled version of the shader."""
 

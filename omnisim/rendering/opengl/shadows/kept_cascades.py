@@ -245,8 +245,6 @@ def _intervals(first: int, count: int, side: int) -> Iterator[tuple[int, int]]:
 # Where one image texel covers many texels of a map, lookups in the finest level would be scattered:
 # slow, with flickering shadows. A texel of a coarser level is one of the finest texels that it
 # covers, not their mean, so that it holds a depth that the lamp sees.
-
-
 LEVELS = 4  # as in shaders/scene/shadow.glsl
 
 

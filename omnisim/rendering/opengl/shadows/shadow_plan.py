@@ -404,8 +404,6 @@ def _half_m(low_m: Float64s, high_m: Float64s) -> float:
 
 
 # Rectangles of shadow maps that dynamic objects may cover.
-
-
 _MARGIN_PX = 1.0
 
 

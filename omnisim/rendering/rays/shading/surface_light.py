@@ -141,7 +141,7 @@ def _facets(roughness: Floats, cosines: Float64s) -> Float64s:
 
 
 def straight_shares(shading: Shading, view: View, colors: Float32s) -> Float32s:
-    """Float64s (n, 3) of light that pass hits straight, linear RGB; 0 for all but panes and glass.
+    """Shares (n, 3) of light that pass hits straight, linear RGB; 0 for all but panes and glass.
 
     Args:
         view: rays (n,) and their hits on either side; all rays must hit.
@@ -169,8 +169,6 @@ def straight_shares(shading: Shading, view: View, colors: Float32s) -> Float32s:
 
 
 # Rays after mirrors, from the mirrored origin: ranges along them are those of the whole path.
-
-
 _MIN_LEAVING_COSINE = 0.02  # a ray that grazes a mirror starts at most 50 steps behind its hit
 
 
