@@ -24,7 +24,7 @@ from omnisim.rendering.backend import (
     SceneBackend,
 )
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.near_plane import near_plane_m, scene_size_m
+from omnisim.rendering.camera.quality import near_plane_m, scene_size_m
 from omnisim.rendering.opengl.atlas.image_parts import image_parts
 from omnisim.rendering.opengl.atlas.tile_plan import whole_faces
 from omnisim.rendering.opengl.capture.image_pass import RemapPass

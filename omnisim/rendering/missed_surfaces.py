@@ -11,7 +11,7 @@ from omnisim.core.array_types import Float64s
 from omnisim.core.bounds import bounds_of, triangle_bounds
 from omnisim.core.short_repr import number_text, point_text
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.near_plane import scene_size_m
+from omnisim.rendering.camera.quality import scene_size_m
 from omnisim.scene import Scene
 from omnisim.scene.parts import instance_bounds_m
 from omnisim.scene.space.enclosure import enclosing_nodes

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import OpticsError
-from omnisim.rendering.camera.degradations.effect import MAX_EV
-from omnisim.rendering.camera.metering import Metering
+from omnisim.rendering.camera.degradations.effect import MAX_EV, Metering
 
 T = TypeVar("T")
 U = TypeVar("U")

@@ -19,7 +19,7 @@ from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.backend import CameraBackend, CameraSetup
 from omnisim.rendering.batches import BatchRenderer, needed_others
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.near_plane import scene_size_m
+from omnisim.rendering.camera.quality import scene_size_m
 from omnisim.rendering.readback import FrameRequest, Pending, ScenePoses
 from omnisim.rendering.sensor_renderer import Mounting
 from omnisim.rendering.shared_scene import SharedScene

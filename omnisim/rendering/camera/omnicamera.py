@@ -30,9 +30,9 @@ from omnisim.rendering.camera.quality import (
     QUALITIES,
     Capture,
     QualityName,
+    near_plane_m,
     quality_named,
 )
-from omnisim.rendering.near_plane import near_plane_m
 
 if TYPE_CHECKING:
     from omnisim.cameras.calibration import CalibratedCamera, Calibration

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from omnisim.core.array_types import Float32s
 from omnisim.core.errors import OpticsError
 from omnisim.core.short_repr import short_repr
-from omnisim.rendering.camera.metering import Metering
+from omnisim.rendering.camera.degradations.effect import Metering
 
 if TYPE_CHECKING:  # an ideal camera needs none of them
     from omnisim.rendering.camera.degradations.bayer import Bayer

@@ -1,4 +1,9 @@
-"""Effects of a camera on light: parameters, GPU passes and a NumPy reference."""
+"""Effects of a camera on light: parameters, GPU passes and a NumPy reference; and its light meter.
+
+Of the meter's statistics, a percentile is robust. The median ignores a bright window or lamp that
+fills less than half of the image, so the room around it does not turn black. The mean follows the
+brightest parts.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +17,34 @@ import numpy as np
 from pydantic import Field
 
 from omnisim.cameras import CentralCamera
-from omnisim.core.array_types import Float32s
+from omnisim.core.array_types import Float32s, Floats
 from omnisim.core.files.parameters import NotNegative, Number, Parameters
+
+LUMINANCE = (0.2126, 0.7152, 0.0722)  # weights of linear red, green and blue, Rec. 709
+
+
+@dataclass(frozen=True)
+class Metering:
+    """Statistic of the valid pixels' luminances."""
+
+    percentile: float | None = None  # percentile, linearly interpolated; None: mean
+
+    def of_image(self, image: Float32s) -> float:
+        """Metered luminance (Rec. 709) of an image (height, width, 4); 0 without valid pixels.
+
+        NumPy reference of shaders/degradation/meter.frag and luminance.frag.
+        """
+        pixels = image[image[..., 3] > 0.5, :3].astype(np.float64)
+        return self.of_luminances(pixels @ np.array(LUMINANCE))
+
+    def of_luminances(self, luminances: Floats) -> float:
+        """Metered luminance of pixels (n,); 0 if there are none."""
+        if luminances.size == 0:
+            return 0.0
+        if self.percentile is None:
+            return float(np.mean(luminances))
+        return float(np.percentile(luminances, self.percentile))
+
 
 LinearImage = Float32s  # (height, width, 4): linear RGB, and 1 if valid, else 0
 
@@ -68,7 +99,6 @@ class Step:
     textures: Mapping[str, Float32s] = field(default_factory=dict)
 
 
-# Effects of a camera on light: parameters, GPU passes and a NumPy reference.
 MAX_EV = 30.0
 Ev = Annotated[Number, Field(ge=-MAX_EV, le=MAX_EV)]
 Count = Annotated[int, Field(strict=True, ge=0, le=10_000)]

@@ -21,12 +21,12 @@ from omnisim.rendering.camera.degradations.effect import (
     Ev,
     ImageGeometry,
     LinearImage,
+    Metering,
     SensorEffect,
     Shot,
     Step,
 )
 from omnisim.rendering.camera.degradations.reflectance import multiplied
-from omnisim.rendering.camera.metering import Metering
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from omnisim.core.array_types import Indices
 from omnisim.rendering.opengl.culling.cluster_culling import BANDS, ClusterCuller, CommandRange
-from omnisim.rendering.opengl.drawing.material_units import map_units
+from omnisim.rendering.opengl.drawing.item_uniforms import map_units
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
 from omnisim.rendering.opengl.geometry.vertex_format import PALETTE_UNIT, cluster_vertex_array
 from omnisim.rendering.opengl.gl.functions import IndirectDraws, constant_call

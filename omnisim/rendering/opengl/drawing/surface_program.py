@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import moderngl
 import numpy as np
@@ -15,16 +15,14 @@ from omnisim.core.array_types import Float32s, Float64s
 from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.capture.pixel_map import bind_tiles
-from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
-from omnisim.rendering.opengl.drawing.material_units import (
+from omnisim.rendering.opengl.drawing.item_uniforms import (
+    ItemUniforms,
     connect_material,
     material_tables,
     reflectance_defines,
 )
-from omnisim.rendering.opengl.drawing.shadow_source import ShadowSource
-from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
+from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, Shading
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, LightSource
-from omnisim.rendering.opengl.geometry.light_baking import Shading
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.gpu_textures import bind_textures, texture_2d
 from omnisim.rendering.opengl.gl.shader_files import (
@@ -47,6 +45,32 @@ from omnisim.scene.model import MAX_LIGHTS, AlphaMode, Lighting, LightKind
 from omnisim.scene.planar_mirrors import MAX_PLANES
 from omnisim.scene.slabs import normal_of_slabs
 from omnisim.scene.surface_reflectance import environment_table
+
+
+class ShadowSource(Protocol):
+    """Shadow maps of a scene's lamps, for shaders/scene/shadow.glsl."""
+
+    @property
+    def defines(self) -> tuple[str, ...]:
+        """Defines of programs that look up shadows."""
+
+    @property
+    def anchor_m(self) -> Float64s:
+        """Origin (3,) of the maps, world."""
+
+    def are_shared(self, poses: Sequence[tuple[Float64s, Sequence[Float64s]]]) -> bool:
+        """Tell whether poses of rigs and of the dynamic objects all share their maps."""
+
+    def connect(self, program: moderngl.Program) -> None:
+        """Set the samplers and blocks of a program that looks up shadows."""
+
+    def prepare(self, viewpoint_m: Float64s, world_from_objects: Sequence[Float64s]) -> None:
+        """Draw the maps that a frame needs, and bind them.
+
+        Args:
+            viewpoint_m: (3,) position of the viewpoint, world.
+        """
+
 
 _ALL_DIRECTIONS = (-1.0, -2.0)  # cosines of a cone with all directions: a point light's
 _NO_RANGE_M = 1e9  # large, finite and a float32, because the shader divides by it

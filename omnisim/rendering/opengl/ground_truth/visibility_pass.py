@@ -14,8 +14,8 @@ from omnisim.core.array_types import Float32s, Float64s, Indices
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
 from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
-from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
-from omnisim.rendering.opengl.drawing.material_units import (
+from omnisim.rendering.opengl.drawing.item_uniforms import (
+    ItemUniforms,
     connect_material,
     material_tables,
     reflectance_defines,

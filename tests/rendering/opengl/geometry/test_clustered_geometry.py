@@ -7,8 +7,8 @@ import pytest
 
 from omnisim.core.poses import pose as make_pose
 from omnisim.rendering.opengl.geometry import clustered_geometry
+from omnisim.rendering.opengl.geometry.clustered_geometry import Shading, bake_directional_light
 from omnisim.rendering.opengl.geometry.draw_item import MAX_DISTANCE_M
-from omnisim.rendering.opengl.geometry.light_baking import Shading, bake_directional_light
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.memory import read_buffer
 from omnisim.scene.model import AlphaMode, Lighting, Material, Mesh

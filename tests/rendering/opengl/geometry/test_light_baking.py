@@ -5,7 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from omnisim.rendering.opengl.geometry.light_baking import Shading, bake_directional_light, shadings
+from omnisim.rendering.opengl.geometry.clustered_geometry import (
+    Shading,
+    bake_directional_light,
+    shadings,
+)
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.geometry.vertex_records import CLUSTER_VERTEX
 from omnisim.rendering.opengl.gl.memory import read_buffer

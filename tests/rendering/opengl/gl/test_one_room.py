@@ -75,7 +75,7 @@ def test_objects_are_made_in_one_package():
             "from omnisim.rendering.opengl.gl.functions import end_pass",
         ),
         ("rendering/opengl/pipeline.py", "from ..gl.functions import gl_function"),
-        (f"{ROOM}/buffers.py", "buffer.write_chunks(data, 0, 8, 2)"),
+        (f"{ROOM}/memory.py", "buffer.write_chunks(data, 0, 8, 2)"),
     ],
 )
 def test_other_ways_are_found(name, line):
