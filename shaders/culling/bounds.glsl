@@ -1,5 +1,5 @@
 // Table of the bounds of groups, clusters and blocks, as a texture: software drivers fetch textures
-// faster than buffers. The layout is that of omnisim/rendering/opengl/culling/cluster_buffers.py.
+// faster than buffers. The layout is that of omnisim/rendering/opengl/culling/cluster_culling.py.
 // Group group_at(uint index), Cluster cluster_at(uint index), Block block_at(uint index).
 
 uniform usampler2D u_bounds;

@@ -2,7 +2,7 @@
 // FOG, the color itself.
 // float fog_range(vec3 position): distance of a surface, in meters, through the fog between it and
 //     the viewpoint; with IN_MIRROR between it and the mirror, since the mirror has its own fog.
-// Twin of omnisim/rendering/rays/shading/fog.py.
+// Twin of omnisim/rendering/rays/ray_scene.py.
 
 #ifdef FOG
 uniform vec3 u_fog_color;              // linear RGB at infinite distance

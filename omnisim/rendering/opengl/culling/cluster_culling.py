@@ -461,7 +461,7 @@ class Views:
     """Poses on the GPU: cameras that share a tile plan, and the objects.
 
     Args:
-        clips_from_rig: (tiles, 4, 4) per tile of a camera, see `tile_views.clips_from_rig`.
+        clips_from_rig: (tiles, 4, 4) per tile of a camera, see `tile_plan.clips_from_rig`.
         rectangles_px: (tiles, 4) left, top, width and height of each tile in the atlas.
         anchor_m: (3,) origin of the static geometry, world.
         objects: number of objects, static geometry included.

@@ -20,7 +20,7 @@ class AtlasLevels:
     """Mip levels of an atlas, or of a texture array of atlases.
 
     Each level is a pass of ours, so that all drivers compute the same means. Llvmpipe's own passes,
-    one per level and layer, do not keep their fences, see `fences.py`.
+    one per level and layer, do not keep their fences, see `functions.py`.
 
     Args:
         texture: half-float texture with these levels.
