@@ -10,6 +10,7 @@ import time
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
@@ -102,16 +103,17 @@ class Bake:
         """Light on all patches."""
         direct = _joined(in_tiles(folder, "direct light", self._direct, self.tiles, jobs, progress))
         radiosity = self._solve(direct)
-
-        bright = self._bright(radiosity)
+        # rays are aimed at patches that emit, or reflect far more light than the mean
+        luminance, areas_m2 = radiosity @ LUMINANCE, self.patches.areas_m2
+        mean = np.sum(luminance * areas_m2) / max(float(areas_m2.sum()), 1e-30)
+        bright: Mask = luminance > _BRIGHT * mean
+        bright |= np.any(self.patches.emission > 0.0, axis=1)
         lights = np.where(bright[:, None], radiosity + self.patches.emission, np.float32(0.0))
         samples = self.settings.samples
         emitters = self._emitters(lights, max(8, samples // 4 * 2), samples)
         others = np.where(bright[:, None], np.float32(0.0), radiosity)
 
-        def gather(tile: int) -> Arrays:
-            return self._gather(tile, others, emitters)
-
+        gather = partial(self._gather, radiosity=others, emitters=emitters)
         bounced = _joined(in_tiles(folder, "bounces", gather, self.tiles, jobs, progress))
         return BakedPatches(
             self.patches,
@@ -170,14 +172,6 @@ class Bake:
     def _emitters(self, emission: Float32s, aimed: int, gathered: int) -> Emitters:
         return Emitters(self.patches, self._points, emission, aimed, gathered)
 
-    def _bright(self, radiosity: Float32s) -> Mask:
-        """Mask (p,) of patches that emit, or reflect far more light than the mean."""
-        luminance, areas_m2 = radiosity @ LUMINANCE, self.patches.areas_m2
-        mean = np.sum(luminance * areas_m2) / max(float(areas_m2.sum()), 1e-30)
-        bright: Mask = luminance > _BRIGHT * mean
-        bright |= np.any(self.patches.emission > 0.0, axis=1)
-        return bright
-
     def _range(self, tile: int) -> tuple[int, int]:
         return tile * TILE, min((tile + 1) * TILE, self.patches.count)
 
@@ -210,7 +204,10 @@ class Bake:
         shares = np.zeros((count, self._links, 3), dtype=np.float16) if is_specular else None
         some, places = self._places(first, last)
         if len(some):
-            lamps[some] = self._lamps(places)
+            for at in places:
+                on_lit = lamps_on(self.scene.lighting, self.transport, at.origins_m, at)
+                lamps[some] += lamp_light(on_lit, at)
+            lamps[some] /= np.float32(len(places))
             random = generator(self.settings.seed, _DIRECT, tile)
             shifts = random.random((count, 6), dtype=np.float32)[some]
             emitters = self._focused(self._coarse_emitters, places, shifts[:, 4:])
@@ -226,13 +223,6 @@ class Bake:
                 shares[some] = np.minimum(of_links, _MAX_HALF)
         tile_light = {"lamps": lamps, "other": other, "links": links}
         return tile_light if shares is None else tile_light | {"shares": shares}
-
-    def _lamps(self, places: list[Points]) -> Float32s:
-        lighting, total = self.scene.lighting, np.zeros_like(places[0].origins_m)
-        for at in places:
-            lamps = lamps_on(lighting, self.transport, at.origins_m, at)
-            total += lamp_light(lamps, at)
-        return total / np.float32(len(places))
 
     def _focused(self, emitters: Emitters, places: list[Points], shifts: Float32s) -> Emitters:
         """Emitters chosen by their light at these points."""
@@ -487,7 +477,10 @@ class ProbeBaker:
             light = self._light(hits)
             moments += shares[:, None] * light[:, None]
         moments *= 4.0 * np.pi / _RAYS
-        self._add_lamps(moments, origins)
+        for lamp in lamps_on(self._lighting, self._transport, origins):
+            toward = np.broadcast_to(lamp.directions, origins.shape)
+            light = np.pi * lamp.levels[:, None] * lamp.color
+            moments += spherical_harmonics(toward)[:, :, None] * light[:, None]
         return {
             "sh": factors_of_moments(moments).astype(np.float32),
             "valid": inside <= _MAX_INSIDE * _RAYS,
@@ -499,13 +492,6 @@ class ProbeBaker:
         free = np.flatnonzero(hits.patches == SKY)
         light[free] = self._gatherer.sky(hits.directions[free])
         return light * hits.shares
-
-    def _add_lamps(self, moments: Float64s, origins: Float32s) -> None:
-        """Add the light of lamps, each from a single direction."""
-        for lamp in lamps_on(self._lighting, self._transport, origins):
-            toward = np.broadcast_to(lamp.directions, origins.shape)
-            light = np.pi * lamp.levels[:, None] * lamp.color
-            moments += spherical_harmonics(toward)[:, :, None] * light[:, None]
 
 
 # Tiles of unfinished bakes, as files: an interrupted bake resumes from them.

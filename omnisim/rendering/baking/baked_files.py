@@ -150,6 +150,7 @@ def _short(indices: Int32s) -> NDArray[np.unsignedinteger[Any]]:
 
 # Output folders of bakes: new or empty, with the same finished bake, or with another.
 FILES = ("baked.json", "irradiance.exr", "probes.npz", "unwrapping.npz")
+_SETTINGS = ("samples", "bounces", "seed")  # and the width of texels, if it is given
 
 
 def is_finished(
@@ -176,7 +177,11 @@ def is_finished(
     document = _document(output)
     if document.get("fingerprint") != fingerprint:
         what = "of another scene, or of this one before it changed"
-    elif len(names) < len(FILES) or not _has_settings(document, settings):
+    elif (
+        len(names) < len(FILES)
+        or settings.texel_m not in (None, document.get("texel_m"))
+        or any(document.get(one) != getattr(settings, one) for one in _SETTINGS)
+    ):
         what = "with other settings"
     else:
         return not force
@@ -197,12 +202,6 @@ def _document(output: Path) -> Mapping[str, Any]:
     except (OSError, ValueError, RecursionError):
         return {}
     return document if isinstance(document, dict) else {}
-
-
-def _has_settings(document: Mapping[str, Any], settings: BakeSettings) -> bool:
-    texel_m = settings.texel_m
-    wanted = {name: getattr(settings, name) for name in ("samples", "bounces", "seed")}
-    return texel_m in (None, document.get("texel_m")) and wanted.items() <= document.items()
 
 
 # Lightmap: light of the patches as atlas pixels, filling the rectangles of the charts.

@@ -94,7 +94,10 @@ def _filtered(
         weight_sum, squares = np.zeros((2, *total.shape[:2]), dtype=np.float32)
         for shifted, weight in _neighbors(maps, inner, step):
             if variances is not None:
-                weight = weight * _likeness(pixels, variances, inner, shifted)
+                # by the difference of light relative to its noise
+                off = np.abs((pixels[shifted] - pixels[inner]) @ _LUMINANCE)
+                noise = np.sqrt(variances[inner] + variances[shifted])
+                weight = weight * np.exp(-off / (np.float32(_ALIKE) * noise + np.float32(1e-6)))
                 squares += weight * weight * variances[shifted]
             total += weight[..., None] * pixels[shifted]
             weight_sum += weight
@@ -123,13 +126,6 @@ def _neighbors(maps: _Maps, inner: Place, step: int) -> Iterator[tuple[Place, Fl
             weight &= alike > _MIN_COSINE
             kernel = np.float32(_KERNEL[abs(down)] * _KERNEL[abs(right)])
             yield shifted, weight * kernel
-
-
-def _likeness(pixels: Float32s, variances: Float32s, inner: Place, shifted: Place) -> Float32s:
-    """Weights by the difference of light relative to its noise."""
-    off = np.abs((pixels[shifted] - pixels[inner]) @ _LUMINANCE)
-    noise = np.sqrt(variances[inner] + variances[shifted])
-    return np.exp(-off / (np.float32(_ALIKE) * noise + np.float32(1e-6)))
 
 
 def _moved(span: slice, by: int) -> slice:

@@ -225,8 +225,10 @@ def lamps_on(
         origins_m: (n, 3) points, relative to the transport's center.
         at: surface points, which receive no light from behind; None: points in free space.
     """
-    points_m = origins_m + transport.center_m
-    lamps = lamps_at(lighting.without_shadows(), points_m, origins_m, _no_shadows())
+    points_m, none = origins_m + transport.center_m, np.zeros((0, 3), np.float32)
+    nowhere = RayHits(np.zeros(0, np.int32), np.zeros(0), none, none)
+    no_shadows = Shadows(nowhere, lambda rays, triangles: np.ones((0, 1), np.float32))
+    lamps = lamps_at(lighting.without_shadows(), points_m, origins_m, no_shadows)
     return [
         _shadowed(light, lamp, transport, origins_m, at) if light.casts_shadow else lamp
         for light, lamp in zip(lighting.lights, lamps, strict=True)
@@ -268,15 +270,6 @@ def _shadowed(
             color[some] *= passed
             lamp = lamp._replace(color=color)
     return lamp._replace(levels=levels)
-
-
-def _no_shadows() -> Shadows:
-    """Shadows for lamps that cast none."""
-    none = np.zeros((0, 3))
-    hits = RayHits(
-        np.zeros(0, np.int32), np.zeros(0), none.astype(np.float32), none.astype(np.float32)
-    )
-    return Shadows(hits, lambda rays, triangles: np.ones((0, 1), np.float32))
 
 
 # Points on patches: positions where light is gathered, with surface orientation.

@@ -100,12 +100,14 @@ def build_patches(
     edges_m = corners_m[:, 1:] - corners_m[:, :1]
     triangle_m2 = 0.5 * np.linalg.norm(np.cross(edges_m[:, 0], edges_m[:, 1]), axis=1)
     spread = _spread_samples(triangle_m2, geometry.first_of_surface, ~has_rect, width * height)
-    samples = _joined(rasterize(corners_px, in_atlas, width), spread)
+    drawn = rasterize(corners_px, in_atlas, width)
+    samples = Samples(*map(np.concatenate, zip(drawn, spread, strict=True)))
     samples = samples.take(np.argsort(samples.texels, kind="stable"))
     places, first, counts = np.unique(samples.texels, return_index=True, return_counts=True)
     surfaces = geometry.surface_of_triangle[samples.triangles[first]]
     albedo, transmitted, emission = _appearance(rays, specular, samples)
-    areas = _sample_areas_m2(triangle_m2, samples, corners_px, has_rect, surfaces)
+    of_triangle = np.bincount(samples.triangles, minlength=len(triangle_m2))
+    areas = triangle_m2[samples.triangles] / of_triangle[samples.triangles]
     areas[samples.texels >= width * height] = 0.0
 
     def means(values: Float32s) -> Float32s:
@@ -149,14 +151,6 @@ def build_patches(
     )
 
 
-def _joined(one: Samples, other: Samples) -> Samples:
-    return Samples(
-        np.concatenate((one.texels, other.texels)),
-        np.concatenate((one.triangles, other.triangles)),
-        np.concatenate((one.weights, other.weights)),
-    )
-
-
 def _spread_samples(
     triangle_m2: Float64s, first_of_surface: Indices, is_taken: Mask, first_place: int
 ) -> Samples:
@@ -178,14 +172,6 @@ def _spread_samples(
         triangles.astype(np.int32),
         np.tile(weights, (len(surfaces), 1)).astype(np.float32),
     )
-
-
-def _sample_areas_m2(
-    triangle_m2: Float64s, samples: Samples, corners_px: Float32s, has_rect: Mask, surfaces: Int32s
-) -> Float64s:
-    """Areas (n,) of samples in the atlas: the triangle's area divided evenly among them."""
-    counts = np.bincount(samples.triangles, minlength=len(triangle_m2))
-    return triangle_m2[samples.triangles] / counts[samples.triangles]
 
 
 def _appearance(

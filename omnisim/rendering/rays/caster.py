@@ -211,9 +211,13 @@ class RayCaster:
         rotation = world_from_part[:3, :3]
         origins_m = _rotated(rays.origins_m - world_from_part[:3, 3], rotation.T) - part.center_m
         directions = _rotated(rays.directions, rotation.T)
-        hits, near_m = _no_hits(len(origins_m)), rays.near_m
+        count, near_m = len(origins_m), rays.near_m
+        hits = RayHits(
+            np.full(count, NO_TRIANGLE, dtype=np.int32), np.full(count, np.inf),
+            np.zeros((count, 3), dtype=np.float32), np.zeros((count, 3), dtype=np.float32),
+        )  # fmt: skip
         is_double_sided = self.geometry.is_double_sided | both_sides
-        active = np.arange(len(origins_m))
+        active = np.arange(count)
         while len(active):
             starts_m = origins_m[active] + near_m[active, None] * directions[active]
             aims = directions[active].astype(np.float32)
@@ -249,14 +253,11 @@ class RayCaster:
         """BVH of a part without hidden instances, built on first use and shared by sensors."""
         hidden = frozenset(one for one in hidden if one[0] == part - 1)
         if (part, hidden) not in self._part_meshes:
-            self._part_meshes[part, hidden] = self._build_part_mesh(part, hidden)
+            triangles = self.geometry.triangles_of_part(part, hidden)
+            used, renumbered = np.unique(self.geometry.corners[triangles], return_inverse=True)
+            mesh = _part_mesh_of(self.geometry.positions_m[used], renumbered, triangles)
+            self._part_meshes[part, hidden] = mesh
         return self._part_meshes[part, hidden]
-
-    def _build_part_mesh(self, part: int, hidden: frozenset[ObjectPart]) -> _PartMesh:
-        geometry = self.geometry
-        triangles = geometry.triangles_of_part(part, hidden)
-        used, renumbered = np.unique(geometry.corners[triangles], return_inverse=True)
-        return _part_mesh_of(geometry.positions_m[used], renumbered, triangles)
 
     def _build_deformed_mesh(
         self, part: int, hidden: frozenset[ObjectPart], time_s: float
@@ -283,15 +284,6 @@ def _beyond_m(origins_m: Float64s, ranges_m: Float64s) -> Float64s:
     """Ranges (n,) just behind surfaces at ranges (n,) along rays from origins (n, 3)."""
     size_m: Float64s = np.abs(origins_m).max(axis=1) + ranges_m
     return ranges_m + _BEYOND * size_m + _MIN_STEP_M
-
-
-def _no_hits(count: int) -> RayHits:
-    return RayHits(
-        np.full(count, NO_TRIANGLE, dtype=np.int32),
-        np.full(count, np.inf),
-        np.zeros((count, 3), dtype=np.float32),
-        np.zeros((count, 3), dtype=np.float32),
-    )
 
 
 def _near_sphere(rays: Rays, part: _PartMesh, world_from_part: Float64s) -> Indices:

@@ -191,6 +191,12 @@ def build_geometry(scene: Scene, dynamic_objects: Sequence[Scene] = ()) -> Geome
     ]
     materials = [part.materials[mesh.material] for _, part, _, mesh in placed]
     tables = [_EMPTY, *(_vertices(instance, mesh) for *_, instance, mesh in placed)]
+    second = [
+        _floats(len(mesh.positions), 2) if one is None else one
+        for *_, mesh in placed
+        for one in (mesh.second_texture_coordinates,)
+    ]
+    has_second = any(mesh.second_texture_coordinates is not None for *_, mesh in placed)
     has_colors = any(mesh.colors is not None for *_, mesh in placed)
     counts = np.array([len(mesh.triangles) for *_, mesh in placed], dtype=np.intp)
     bases = np.cumsum([0, *(len(table.positions_m) for table in tables[:-1])])
@@ -207,7 +213,10 @@ def build_geometry(scene: Scene, dynamic_objects: Sequence[Scene] = ()) -> Geome
                 material,
                 mesh.texture_coordinates is not None,
                 mesh.second_texture_coordinates is not None,
-                not number and _is_lightmapped(scene, instance),
+                not number
+                and scene.lighting.baked is not None
+                and instance.light_rectangle is not None
+                and mesh.light_coordinates is not None,
                 instance.world_from_mesh,
             )
             for (number, _, instance, mesh), material in zip(placed, materials, strict=True)
@@ -220,30 +229,13 @@ def build_geometry(scene: Scene, dynamic_objects: Sequence[Scene] = ()) -> Geome
         positions_m=np.concatenate([table.positions_m for table in tables]),
         normals=np.concatenate([table.normals for table in tables]),
         texture_coordinates=np.concatenate([table.texture_coordinates for table in tables]),
-        second_coordinates=_second_coordinates([mesh for *_, mesh in placed]),
+        second_coordinates=np.concatenate(second) if has_second else None,
         light_coordinates=_light_coordinates(scene, dynamic_objects),
         colors=np.concatenate([table.colors for table in tables]) if has_colors else None,
         part_of_surface=np.array([number for number, *_ in placed], dtype=np.intp),
         is_double_sided=np.array([material.double_sided for material in materials], np.bool_),
         deforming=deforming,
     )
-
-
-def _second_coordinates(meshes: Sequence[Mesh]) -> Float32s | None:
-    if all(mesh.second_texture_coordinates is None for mesh in meshes):
-        return None
-    return np.concatenate(
-        [
-            _floats(len(mesh.positions), 2) if coordinates is None else coordinates
-            for mesh in meshes
-            for coordinates in (mesh.second_texture_coordinates,)
-        ]
-    )
-
-
-def _is_lightmapped(scene: Scene, instance: Instance) -> bool:
-    has_rectangle = instance.light_rectangle is not None and scene.lighting.baked is not None
-    return has_rectangle and scene.meshes[instance.mesh].light_coordinates is not None
 
 
 def _light_coordinates(scene: Scene, dynamic_objects: Sequence[Scene]) -> Float32s | None:
