@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.gl_counters import Counts, count
-from omnisim.rendering.backend import CameraBackend
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.cube_backend import CubeCamera
+from omnisim.rendering.contract import CameraBackend
+from omnisim.rendering.opengl.cube_backend import CubeCamera
 from omnisim.rendering.opengl.culling.command_slices import BANDS
 from omnisim.rendering.opengl.drawing.cluster_drawer import ClusterDrawer
 from omnisim.rendering.opengl.gl.buffers import read_buffer

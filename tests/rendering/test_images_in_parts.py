@@ -83,7 +83,7 @@ def test_an_image_in_parts_is_the_whole_image(stage, camera, whole_and_parts):
 
     def take():
         with stage.open(camera) as renderer:
-            counts.append(len(renderer._passes._pipeline._parts))
+            counts.append(len(renderer._passes.frame._parts))
             return renderer.render(_state(camera)).rgba
 
     _assert_alike(*whole_and_parts(take))

@@ -12,7 +12,7 @@ from omnisim.cameras.optics.shapes import Conic
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.rendering.camera.degradations import Degradation, Shutter, preset
-from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.truth.sample_rays import sample_rays
 from omnisim.rendering.twist import Twist, moved_px
 from omnisim.scene.model import DynamicObject, Material

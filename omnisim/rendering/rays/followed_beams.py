@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.world import ObjectPart
-from omnisim.rendering.backend import BeamCaster, RangeFinder
+from omnisim.rendering.contract import BeamCaster, RangeFinder
 
 if TYPE_CHECKING:
     from omnisim.ground_truth.lidar_beams import BeamHits, Revolution

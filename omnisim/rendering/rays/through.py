@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import Hits, ThroughHits
-from omnisim.rendering.backend import CameraSetup
+from omnisim.rendering.contract import CameraSetup, ScenePoses
 from omnisim.rendering.rays.caster import RayHits, Rays
 from omnisim.rendering.rays.depth_limits import DepthLimits
 from omnisim.rendering.rays.embree import NO_TRIANGLE
@@ -25,7 +25,6 @@ from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.shading.reflections import MAX_BOUNCES
 from omnisim.rendering.rays.shading.shading import View
 from omnisim.rendering.rays.shading.surface_light import SurfaceLight, surface_light
-from omnisim.rendering.readback import ScenePoses
 
 MAX_PANES = 32  # along a path, with its mirrors
 MIN_REFLECTED = 0.5  # reflected share of the light, mean of linear RGB, of a mirror

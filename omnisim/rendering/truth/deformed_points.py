@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from omnisim.core.world import time_of
 from omnisim.ground_truth.hits import Hits
-from omnisim.rendering.hit_source import DeformingDraw, HitSource
-from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.contract import DeformingDraw, HitSource, ScenePoses
 
 _MIN_AREA = 1e-300  # squared area below which a triangle is degenerate
 

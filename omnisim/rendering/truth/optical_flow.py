@@ -17,8 +17,7 @@ from omnisim.cameras import (
     pixels_of_points,
 )
 from omnisim.ground_truth.hits import Hits
-from omnisim.rendering.hit_source import HitSource
-from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.contract import HitSource, ScenePoses
 from omnisim.rendering.truth.deformed_points import deformed_hits
 from omnisim.rendering.truth.scene_flow import (
     POINTS_PER_BATCH,

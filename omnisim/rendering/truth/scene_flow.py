@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.ground_truth.hits import Hits
-from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.contract import ScenePoses
 
 # Points per step: intermediate arrays stay in the cache, and BLAS stays on one thread. It runs
 # larger products on threads that keep spinning and occupy cores afterwards.

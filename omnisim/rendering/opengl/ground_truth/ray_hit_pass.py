@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
+from omnisim.rendering.contract import Pending
 from omnisim.rendering.opengl.atlas.image_parts import ImagePart
 from omnisim.rendering.opengl.capture.pixel_map import RAYS_UNIT, PixelMap
 from omnisim.rendering.opengl.capture.tile_uniforms import bind_tiles
@@ -24,7 +25,6 @@ from omnisim.rendering.opengl.gl.uniforms import columns_first, uniform
 from omnisim.rendering.opengl.ground_truth.hit_tables import HitTables
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
 from omnisim.rendering.opengl.ground_truth.visibility_program import atlas_formats
-from omnisim.rendering.readback import Pending
 
 _UNITS = {"u_albedos": 4, "u_gloss": 5, "u_emission": 7}
 _PRIMITIVES = 1  # attachment, after the points; details follow

@@ -30,7 +30,7 @@ def reference_stage(monkeypatch, *scenes):
     """A stage that draws instance after instance, whole."""
     with monkeypatch.context() as patch:
         buffers = partial(SceneBuffers, uses_clusters=False)
-        patch.setattr("omnisim.rendering.cube_backend.SceneBuffers", buffers)
+        patch.setattr("omnisim.rendering.opengl.cube_backend.SceneBuffers", buffers)
         return Stage(*scenes)
 
 

@@ -1,4 +1,4 @@
-"""Ray hits of non-central optics, from the triangles visible from a single viewpoint."""
+"""Hits of rays with their own origins, on the triangles that one viewpoint sees."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,28 +15,79 @@ from omnisim.cameras import Rays
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.parallax_plan import parallax_tiles
+from omnisim.rendering.contract import Pending, ScenePoses
 from omnisim.rendering.opengl.atlas.sampling_density import MAX_ANISOTROPY
 from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
 from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
+from omnisim.rendering.opengl.gl.uniforms import uniform
+from omnisim.rendering.opengl.ground_truth.drawn_hits import DrawnHits
 from omnisim.rendering.opengl.ground_truth.occlusion_pass import OcclusionPass
-from omnisim.rendering.opengl.ground_truth.parallax_hit_pass import (
-    UNKNOWN_HIT,
-    UNKNOWN_OCCLUSION,
-    ParallaxHitPass,
-)
+from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
-from omnisim.rendering.opengl_camera import DrawnHits
 from omnisim.rendering.rays.cast_hits import SeenPoints, cast_hits, cast_occlusion, starts_of_rays
 from omnisim.rendering.rays.depth_limits import DepthLimits
 from omnisim.rendering.rays.pixel_rays import Band, PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState
-from omnisim.rendering.readback import Pending, ScenePoses
 
 if TYPE_CHECKING:
     from omnisim.rendering.rays.ray_scene import RayScene
+
+
+UNKNOWN_HIT = np.uint32(1 << 31)  # bit of a draw item's number, as in parallax_hits.frag
+UNKNOWN_OCCLUSION = np.uint8(2)  # as in parallax_occlusion.frag
+_ORIGINS = 11  # texture unit
+
+
+class ParallaxHitPass(RayHitPass):
+    """Intersects rays with the triangles that the viewpoint sees at their ends.
+
+    Args:
+        visibility: pass that draws the triangle IDs.
+        pixels: rays of the pixels.
+        pyramid: hierarchical depth of the atlas.
+
+    Attributes:
+        origins: texture (height, width) of the rays' origins, see `put_origins`.
+    """
+
+    shader = "ground_truth/parallax_hits.frag"
+    occlusion_shader = "ground_truth/parallax_occlusion.frag"
+
+    def __init__(self, visibility: VisibilityPass, pixels: PixelMap, pyramid: DepthPyramid):
+        super().__init__(visibility, pixels)
+        self._pyramid = pyramid
+        self.origins = texture_2d(pixels.context, pixels.size_px, 4)
+
+    def put_origins(self, origins_m: NDArray[np.floating]) -> None:
+        """Upload origins (height, width, 3) relative to the viewpoint.
+
+        For hits in the optical frame; for occlusion in the viewpoint frame.
+        """
+        texels = np.zeros((*origins_m.shape[:2], 4), dtype=np.float32)
+        texels[..., :3] = origins_m
+        self.origins.write(texels)
+
+    def bind(self) -> None:
+        """Bind rays, origins, and the depth of the last rendered atlas."""
+        super().bind()
+        self.origins.use(_ORIGINS)
+        self._pyramid.update(self.visibility.depth)
+
+    def prepare(self, program: moderngl.Program, rig_from_optical: NDArray[np.float64]) -> None:
+        """Set the constant uniforms of a program, with rig_from_optical (3, 3)."""
+        super().prepare(program, rig_from_optical)
+        self._pyramid.bind_program(program)
+        uniform(program, "u_origins").value = _ORIGINS
+
+    def put(self, hits: Hits) -> None:
+        """Replace the points and primitives of the last hits, for occlusion."""
+        self.put_points(hits)
+        self.primitives.write(np.stack((hits.draw_ids, hits.triangles), axis=-1))
+
 
 # As for central cameras: few visible triangles are missed by all texels around.
 _TEXELS_PER_PIXEL, _MAX_TEXELS_PER_PIXEL = 1.5, 6.0

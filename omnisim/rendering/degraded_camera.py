@@ -5,39 +5,37 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.readback import (
+from omnisim.rendering.contract import (
+    CameraSetup,
     FrameRequest,
     ImageExposure,
     Pending,
     Readback,
+    SceneBackend,
     SubFrame,
     SubFrames,
+    Taken,
 )
 from omnisim.rendering.truth.moving_boxes import MovingBoxes
 from omnisim.rendering.twist import moved_px
+
+BeginSubFrames = Callable[[SubFrames], Pending[Readback]]
 
 
 class DegradedCamera:
     """Takes the images of a non-ideal camera.
 
     Args:
-        sensor: camera sensor.
-        seed: seed of its noise.
+        world: the back end's scene.
+        setup: camera in the scene.
         begin: function that begins to render an image from sub-frames.
-        boxes: bounding boxes of the moving parts.
     """
 
-    def __init__(
-        self,
-        sensor: OmniCamera,
-        seed: int | str,
-        begin: Callable[[SubFrames], Pending[Readback]],
-        boxes: MovingBoxes,
-    ):
-        self._sensor, self._seed, self._begin, self._boxes = sensor, seed, begin, boxes
+    def __init__(self, world: SceneBackend, setup: CameraSetup, begin: BeginSubFrames):
+        self._sensor, self._seed, self._begin = setup.sensor, setup.seed, begin
+        self._boxes = MovingBoxes(world.scene, world.objects.values())
 
-    def begin(self, request: FrameRequest) -> Pending[tuple[Readback, dict[str, Any]]]:
+    def begin(self, request: FrameRequest) -> Pending[Taken]:
         """Begin to take an image, to be returned with its metadata."""
         exposure_ev, degradation = request.exposure_ev, self._sensor.degradation
         exposure = degradation.exposure
@@ -61,7 +59,7 @@ class DegradedCamera:
             )
         )
 
-        def finished(image: Readback) -> tuple[Readback, dict[str, Any]]:
+        def finished(image: Readback) -> Taken:
             metadata: dict[str, Any] = {
                 "parameters": degradation.tables(),
                 "sub_frames": len(sub_frames),

@@ -1,4 +1,4 @@
-"""Non-central cameras on the back end of virtual cameras: one viewpoint, with its depth.
+"""Cameras without a single viewpoint: virtual cameras at one, whose depth all rays search.
 
 Each pixel's own ray finds its surface by the depth that the viewpoint sees.
 """
@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,25 +18,34 @@ from omnisim.cameras.optics.centrality import common_point
 from omnisim.core.errors import GraphicsError
 from omnisim.core.extras import missing_packages
 from omnisim.ground_truth.hits import HitDetails
-from omnisim.rendering.backend import CameraSetup, SceneBackend
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.parallax_plan import parallax_tiles
+from omnisim.rendering.contract import (
+    CameraSetup,
+    FrameRequest,
+    Pending,
+    SceneBackend,
+    ScenePoses,
+    Taken,
+)
+from omnisim.rendering.opengl.camera_frame import CameraFrame
 from omnisim.rendering.opengl.capture.chromatic_pass import ChromaticPass
 from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
 from omnisim.rendering.opengl.capture.parallax_pass import ParallaxPass
 from omnisim.rendering.opengl.capture.parallax_rays import ParallaxRays, SampleRays
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.gl.context import Context
-from omnisim.rendering.opengl.gl.gpu_textures import fits_texture
-from omnisim.rendering.opengl.parallax_pipeline import ParallaxPipeline
-from omnisim.rendering.opengl.pipeline import check_image_size
-from omnisim.rendering.opengl_camera import DrawnScene, OpenGLCamera
-from omnisim.rendering.readback import FrameRequest, Pending, Readback, ScenePoses
+from omnisim.rendering.opengl.gl.gpu_textures import check_image_size, fits_texture
+from omnisim.rendering.opengl.opengl_camera import DrawnScene, OpenGLCamera
 from omnisim.rendering.truth.sample_rays import sample_rays
 
 if TYPE_CHECKING:
-    from omnisim.rendering.truth.parallax_hits import ParallaxHits
+    from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
+    from omnisim.rendering.opengl.ground_truth.parallax_hits import ParallaxHits
 
+# Linear RGB (n, 3) along rays (n,), with the scene at some poses.
+CastAt = Callable[[ScenePoses, SampleRays], NDArray[np.float32]]
 _RAYS_PER_BATCH = 1 << 12
 # Longer side of the image by which the atlas of a larger one is estimated, and how much larger.
 _ESTIMATE_PX, _MIN_SCALE = 256, 6.0
@@ -74,18 +84,18 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
             else ChromaticPass(context, colors, plan, pyramid, fog)
         )
         self._casts = not missing_packages("rays")
-        self._parallax = ParallaxPipeline(
+        self._parallax = ParallaxFrame(
             self.cube,
             PixelMap(context, sensor.supersampled_model),
             parallax,
             viewpoint_m,
             self._cast if self._casts else None,
             sensor.supersampling,
-            "f2" if sensor.degradation.is_ideal else "f4",
+            self._degradation_pass(),
         )
         self._use(self._parallax)
 
-    def begin(self, request: FrameRequest) -> Pending[tuple[Readback, dict[str, Any]]]:
+    def begin(self, request: FrameRequest) -> Pending[Taken]:
         """Begin to render an image; its metadata also counts undecided samples."""
         self._parallax.undecided_samples = 0
         taken = super().begin(request)
@@ -97,9 +107,7 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
 
     def make_hits(self, details: HitDetails, casts: bool) -> ParallaxHits:
         """Hits behind ground truth; `casts`: cast undecided pixels as rays."""
-        from omnisim.rendering.truth.parallax_hits import (
-            ParallaxHits,  # for frames with ground truth
-        )
+        from omnisim.rendering.opengl.ground_truth.parallax_hits import ParallaxHits
 
         return ParallaxHits(
             self._drawn.buffers,
@@ -139,6 +147,52 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
         return np.concatenate(
             scene.in_threads(of_batch, range(0, len(footprints), _RAYS_PER_BATCH))
         )
+
+
+class ParallaxFrame(CameraFrame):
+    """Draws images from the viewpoint nearest to all rays.
+
+    Args:
+        cube: virtual cameras.
+        samples: pixel map of the supersampled camera; sets the size.
+        parallax: pass that samples the atlas.
+        viewpoint_m: (3,) rig frame.
+        cast: function that colors undecided samples by rays; None: treat occluders as thin.
+        supersampling, degradation: see `CameraFrame`.
+
+    Attributes:
+        undecided_samples: number of undecided samples since the attribute was last set to 0.
+    """
+
+    def __init__(
+        self,
+        cube: CubePass,
+        samples: PixelMap,
+        parallax: ParallaxPass | ChromaticPass,
+        viewpoint_m: NDArray[np.float64],
+        cast: CastAt | None,
+        supersampling: int,
+        degradation: DegradationPass | None,
+    ):
+        self._parallax, self._viewpoint_m, self._cast = parallax, viewpoint_m, cast
+        self.undecided_samples = 0
+        super().__init__(cube, samples, supersampling, degradation)
+
+    def _make_pass(self, samples: PixelMap, supersampling: int) -> None:
+        """Do nothing: the parallax pass is the image pass."""
+
+    def draw(self, poses: ScenePoses, linear: bool) -> None:
+        """Draw the encoded image and, on request, the linear one."""
+        pose, cast = poses.world_from_rig.copy(), self._cast
+        pose[:3, 3] += pose[:3, :3] @ self._viewpoint_m
+        atlas = self._cube.render(pose, poses.world_from_objects)
+        self._parallax.draw(
+            atlas,
+            self._cube.depth,
+            self._both_targets if linear else self.encoded_target,
+            None if cast is None else lambda rays: cast(poses, rays),
+        )
+        self.undecided_samples += self._parallax.undecided_samples
 
 
 def _check_atlas(context: Context, sensor: OmniCamera) -> None:
