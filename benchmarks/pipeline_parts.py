@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from benchmarks.gl_counters import Counts, count
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import CameraBackend
-from omnisim.rendering.opengl.cube_backend import CubeCamera
 from omnisim.rendering.opengl.culling.command_slices import BANDS
 from omnisim.rendering.opengl.drawing.cluster_drawer import ClusterDrawer
 from omnisim.rendering.opengl.gl.buffers import read_buffer
 from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Reading
+from omnisim.rendering.opengl.opengl_camera import CubeCamera
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 

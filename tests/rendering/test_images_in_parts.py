@@ -16,8 +16,8 @@ from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.channels import FLOWS
-from omnisim.rendering import parallax_camera
 from omnisim.rendering.camera.degradations import Degradation, PointSpread, Shutter
+from omnisim.rendering.opengl import parallax_camera
 from omnisim.rendering.opengl.atlas import image_parts
 from omnisim.rendering.opengl.capture import image_pass
 from omnisim.rendering.truth.sample_rays import sample_rays

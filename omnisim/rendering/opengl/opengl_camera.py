@@ -26,8 +26,8 @@ from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, whole_faces
 from omnisim.rendering.opengl.camera_frame import CameraFrame
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
+from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
-from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.context import collect_garbage, graphics_info
 from omnisim.rendering.opengl.gl.gpu_textures import check_image_size

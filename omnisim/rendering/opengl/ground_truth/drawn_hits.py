@@ -17,8 +17,8 @@ from omnisim.rendering.contract import DeformingDraw, HitSource, Pending, SceneP
 from omnisim.rendering.opengl.atlas.image_parts import image_parts
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.capture.valid_pixels import valid_pixels_array
-from omnisim.rendering.opengl.drawing.cube_layers import EXTENSIONS
-from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
+from omnisim.rendering.opengl.drawing.cube_pass import EXTENSIONS
+from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.context import graphics_info
 from omnisim.rendering.opengl.gl.framebuffers import use_target
@@ -31,8 +31,7 @@ from omnisim.rendering.opengl.ground_truth.ray_hit_pass import (
     bind_details,
     hits_target,
 )
-from omnisim.rendering.opengl.ground_truth.visibility_layers import VisibilityLayers
-from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
+from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityLayers, VisibilityPass
 from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene.specular_materials import specular_mask
 

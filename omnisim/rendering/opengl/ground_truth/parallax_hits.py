@@ -20,7 +20,7 @@ from omnisim.rendering.opengl.atlas.sampling_density import MAX_ANISOTROPY
 from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
 from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
+from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
 from omnisim.rendering.opengl.gl.uniforms import uniform
