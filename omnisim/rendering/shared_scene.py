@@ -71,7 +71,7 @@ def open_backend(
         raise GraphicsError(f"backend {name!r}: {did_you_mean(name, get_args(BackendName))}")
     if device is not None:
         raise GraphicsError(f"device {device}: back end 'rays' needs no GPU: expected none")
-    from omnisim.rendering.ray_backend import RayBackend  # seldom needed
+    from omnisim.rendering.rays.ray_backend import RayBackend  # seldom needed
 
     return RayBackend(scene, objects)
 

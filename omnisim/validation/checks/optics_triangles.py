@@ -15,9 +15,9 @@ from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.contract import CameraSetup, HitSource, ScenePoses
 from omnisim.rendering.opengl.parallax_camera import ParallaxCamera
-from omnisim.rendering.ray_backend import RayHitSource
 from omnisim.rendering.rays.caster import Rays
 from omnisim.rendering.rays.depth_limits import DepthLimits
+from omnisim.rendering.rays.ray_backend import RayHitSource
 from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.rendering.stage import Stage
 from omnisim.report.measure import Measure
