@@ -20,7 +20,7 @@ from omnisim.rendering.camera.degradations import (
     PointSpread,
 )
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.sensor_file import sensor_toml
+from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.rendering.stage import Stage
 from omnisim.validation.plain_scenes import plain_scene, quads
 

@@ -32,8 +32,10 @@ MAX_ROOMS, MAX_ROW = 16, 20  # rooms of the package, modules of a folder
 # Formats that share parts of a file's anatomy, checks and commands that share what they are of.
 SHARED_STEMS = {"formats", "checks", "cli"}
 OPENGL_LAYERS = (
-    {"hit_batches", "parallax_pipeline"},
-    {"batch_pipeline", "ground_truth", "pipeline", "shadows"},
+    {"cube_backend"},
+    {"parallax_camera"},
+    {"opengl_camera"},
+    {"camera_frame", "ground_truth", "shadows"},
     {"drawing"},
     {"geometry"},
     {"capture", "culling"},
@@ -69,11 +71,6 @@ HOMES = {
 DRAWING = {
     f"omnisim.{name}"
     for name in (
-        "rendering.cube_backend",
-        "rendering.opengl_camera",
-        "rendering.truth.deforming_draws",
-        "rendering.parallax_camera",
-        "rendering.truth.parallax_hits",
         "validation.checks.optics_triangles",
         "validation.checks.polygons",
     )

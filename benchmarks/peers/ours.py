@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from benchmarks.peers.peer import ImagePeer
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.cube_backend import CubeCamera
+from omnisim.rendering.opengl.opengl_camera import CubeCamera
 from omnisim.rendering.stage import Stage
 
 

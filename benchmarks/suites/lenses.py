@@ -22,15 +22,15 @@ from omnisim.cameras import CentralCamera, EquidistantCamera
 from omnisim.core import poses
 from omnisim.plots import style
 from omnisim.plots.plot_file import Figure
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles
+from omnisim.rendering.opengl.camera_frame import CameraFrame
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
+from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
-from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.context import open_context
-from omnisim.rendering.opengl.pipeline import Pipeline
-from omnisim.rendering.readback import ScenePoses
 from omnisim.scene import Scene, load_scene
 from tests.camera_examples import CAMERA_EXAMPLES
 
@@ -58,7 +58,7 @@ def run(options: Options) -> dict[str, Any]:
     pipelines = _pipelines(context, scene)
     viewpoint = ScenePoses(poses.pose(scene.start.position_m))
 
-    def frame_of(pipeline: Pipeline) -> Callable[[], None]:
+    def frame_of(pipeline: CameraFrame) -> Callable[[], None]:
         def work() -> None:
             pipeline.begin(viewpoint).result()
             context.finish()
@@ -130,7 +130,7 @@ def figure(report: dict[str, Any]) -> Figure:
     return drawn
 
 
-def _pipelines(context: moderngl.Context, scene: Scene) -> dict[str, Pipeline]:
+def _pipelines(context: moderngl.Context, scene: Scene) -> dict[str, CameraFrame]:
     buffers = SceneBuffers(context, scene)
     fine = SIZE_PX * SUPERSAMPLING
     # faces of an image of the whole sphere: they contain the directions of every lens
@@ -145,7 +145,7 @@ def _pipelines(context: moderngl.Context, scene: Scene) -> dict[str, Pipeline]:
     for camera in CAMERA_EXAMPLES.values():
         if camera.model_name not in pipelines:
             lens = _in_image(camera, fine)
-            pipelines[camera.model_name] = Pipeline(cube, PixelMap(context, lens), SUPERSAMPLING)
+            pipelines[camera.model_name] = CameraFrame(cube, PixelMap(context, lens), SUPERSAMPLING)
     return pipelines
 
 

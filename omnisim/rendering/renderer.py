@@ -1,36 +1,40 @@
-"""Renderer of a camera in a scene: poses in, frames out."""
+"""Renderer of a camera in a scene: poses in, frames and batches out."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from omnisim.core.errors import GraphicsError, OmnisimError
-from omnisim.core.poses import check_pose, inverse
+from omnisim.core.array_types import Float64s
+from omnisim.core.errors import GraphicsError, OmnisimError, OutputError
+from omnisim.core.poses import check_pose, check_poses, inverse
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.core.world import Motion, ObjectPart, WorldState, time_of
-from omnisim.ground_truth import Labels, check_channels
+from omnisim.ground_truth import CHANNELS, Labels, check_channels
 from omnisim.ground_truth.channels import ChannelName
 from omnisim.ground_truth.frame import Frame
-from omnisim.rendering.backend import CameraBackend, CameraSetup
-from omnisim.rendering.batches import BatchRenderer, needed_others
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.quality import scene_size_m
-from omnisim.rendering.readback import FrameRequest, Pending, ScenePoses
-from omnisim.rendering.sensor_renderer import Mounting
+from omnisim.rendering.contract import CameraBackend, CameraSetup, FrameRequest, Pending, ScenePoses
+from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
 from omnisim.rendering.shared_scene import SharedScene
 
-if TYPE_CHECKING:  # slow to import, and seldom needed
+if TYPE_CHECKING:
     from omnisim.ground_truth.boxes_3d import OrientedBox
 
 PendingFrame = Pending[Frame]
+# World states, or vehicle poses (n, 4, 4) if nothing else moves.
+States = Sequence[WorldState | ArrayLike] | ArrayLike
+Arrays = Mapping[str, NDArray[Any]]
+PendingBatch = Pending[dict[str, NDArray[Any]]]
+IMAGES = {"rgb": 3, "rgba": 4}  # components per pixel
 
 
-class Renderer(BatchRenderer):
+class Renderer(SensorRenderer[OmniCamera, CameraBackend]):
     """Renders the images of a camera on a stage; see `SensorRenderer`.
 
     Args:
@@ -45,11 +49,10 @@ class Renderer(BatchRenderer):
         mounted = sensor.mounted(mounting.base_from_sensor)
         super().__init__(stage, mounted.seeing(scene_size_m(stage.scene)), mounting)
 
-    def _open_passes(self, hidden: frozenset[ObjectPart]) -> CameraBackend:
-        vehicles = tuple(self._stage.vehicles)
-        return self._stage.backend.camera(
-            CameraSetup(self.sensor, self._unlit, hidden, self._seed, vehicles)
-        )
+    @property
+    def camera(self) -> OmniCamera:
+        """The sensor, with the near plane for this scene."""
+        return self.sensor
 
     def render(
         self,
@@ -128,7 +131,7 @@ class Renderer(BatchRenderer):
             for other, given in (("next", next_state), ("previous", previous_state))
             if given is not None
         }
-        needed = needed_others(names, others, "state")
+        needed = _needed_others(names, others, "state")
         channels, labels, has_ray, boxes = {}, None, None, None
         with self._current() as passes:
             poses = self._poses_in(now)
@@ -163,16 +166,109 @@ class Renderer(BatchRenderer):
 
         return Pending(finish)
 
-    def _state_or_optical(
-        self, state: WorldState | ArrayLike | None, optical: ArrayLike | None
-    ) -> WorldState | ArrayLike:
-        """State, or the pose of the vehicle whose camera has the pose `optical` (4, 4)."""
-        if optical is None and state is not None:
-            return state
-        if optical is None or state is not None:
-            actual = "neither" if optical is None else "both"
-            raise OmnisimError(f"render: expected either state or optical, got {actual}")
-        return check_pose(optical) @ inverse(self.camera.base_from_optical)
+    @overload
+    def render_batch(
+        self,
+        states: States,
+        *,
+        channels: None = None,
+        out: NDArray[np.uint8] | None = None,
+        frame_number: int = 0,
+    ) -> NDArray[np.uint8]: ...
+
+    @overload
+    def render_batch(
+        self,
+        states: States,
+        *,
+        channels: Collection[str],
+        out: Arrays | NDArray[Any] | None = None,
+        next_states: States | None = None,
+        previous_states: States | None = None,
+        frame_number: int = 0,
+    ) -> dict[str, NDArray[Any]]: ...
+
+    def render_batch(
+        self,
+        states: States,
+        *,
+        channels: Collection[str] | None = None,
+        out: Arrays | NDArray[Any] | None = None,
+        next_states: States | None = None,
+        previous_states: States | None = None,
+        frame_number: int = 0,
+    ) -> NDArray[np.uint8] | dict[str, NDArray[Any]]:
+        """Render images (n, height, width, 3) uint8, sRGB, of n world states in one submission.
+
+        They equal n single frames byte for byte. Memory is bounded: large batches are drawn slice
+        by slice. The arrays are contiguous and writeable, as DLPack requires.
+
+        Args:
+            states: n states as for `render`; one array of poses (n, 4, 4) is fastest.
+            channels: names of ground-truth channels, and "rgb" or "rgba"; the result is then a dict
+                of arrays (n, height, width, …). None: the image alone.
+            out: arrays to fill and return by name, or the array of the only name.
+            next_states: n states, for flow and scene flow.
+            previous_states: n states, for backward flow.
+            frame_number: number of the first image; noise differs between images. The world is at
+                rest in each.
+
+        Raises:
+            OmnisimError: as for `render`; or an array of another shape, type or layout.
+        """
+        names = ("rgb",) if channels is None else channels
+        pending = self.begin_batch(
+            states,
+            channels=names,
+            out=out,
+            next_states=next_states,
+            previous_states=previous_states,
+            frame_number=frame_number,
+        )
+        return pending.result()["rgb"] if channels is None else pending.result()
+
+    def begin_batch(
+        self,
+        states: States,
+        *,
+        channels: Collection[str] = ("rgb",),
+        out: Arrays | NDArray[Any] | None = None,
+        next_states: States | None = None,
+        previous_states: States | None = None,
+        frame_number: int = 0,
+    ) -> PendingBatch:
+        """Begin to render a batch, see `render_batch`, without waiting for its images.
+
+        This way several cameras of a stage are drawn together: begin a batch with each, then call
+        each one's `result`, which returns the arrays by name. A renderer has three batches, slices
+        of large ones, or frames in progress; a further one first waits for the oldest.
+        """
+        names = _check_contents(channels)
+        poses = self._batch_poses(states)
+        others = self._other_poses(names, {"next": next_states, "previous": previous_states})
+        for other, some in others.items():
+            if len(some) != len(poses):
+                raise OutputError(f"{other}_states: expected {len(poses)}, got {len(some)}")
+        model = self.camera.model
+        arrays = _batch_arrays(names, (len(poses), model.height_px, model.width_px), out)
+        truth = {name: array for name, array in arrays.items() if name in CHANNELS}
+        with self._current() as passes:
+            begun = [
+                passes.begin_batch(poses, arrays[one], frame_number)
+                for one in IMAGES
+                if one in arrays
+            ]
+            if truth:
+                _fill_channels(passes, truth, poses, others)
+        self._last_poses = poses[-1] if poses else self._last_poses
+
+        def finish() -> dict[str, NDArray[Any]]:
+            with self._current():
+                for one in begun:
+                    one.result()
+            return arrays
+
+        return Pending(finish)
 
     def faces(self) -> dict[str, NDArray[np.uint8]]:
         """Images (size, size, 3) uint8 sRGB of the virtual cameras in the last frame, by name.
@@ -187,6 +283,59 @@ class Renderer(BatchRenderer):
                 raise GraphicsError("there are no faces yet: render a frame first")
             linear = passes.faces(self._last_poses)
         return {name: srgb8_from_linear(pixels) for name, pixels in linear.items()}
+
+    def _open_passes(self, hidden: frozenset[ObjectPart]) -> CameraBackend:
+        vehicles = tuple(self._stage.vehicles)
+        return self._stage.backend.camera(
+            CameraSetup(self.sensor, self._unlit, hidden, self._seed, vehicles)
+        )
+
+    def _state_or_optical(
+        self, state: WorldState | ArrayLike | None, optical: ArrayLike | None
+    ) -> WorldState | ArrayLike:
+        """State, or the pose of the vehicle whose camera has the pose `optical` (4, 4)."""
+        if optical is None and state is not None:
+            return state
+        if optical is None or state is not None:
+            actual = "neither" if optical is None else "both"
+            raise OmnisimError(f"render: expected either state or optical, got {actual}")
+        return check_pose(optical) @ inverse(self.camera.base_from_optical)
+
+    def _other_poses(
+        self, names: Collection[str], states: Mapping[str, States | None]
+    ) -> dict[str, list[ScenePoses]]:
+        """Poses of the "next" and the "previous" images that the channels need."""
+        given = {other: some for other, some in states.items() if some is not None}
+        needed = _needed_others([name for name in names if name in CHANNELS], given, "states")
+        return {other: self._batch_poses(given[other]) for other in needed}
+
+    def _batch_poses(self, states: States) -> list[ScenePoses]:
+        """Poses of the camera and of all dynamic objects, per state.
+
+        Raises:
+            OmnisimError: an invalid pose.
+        """
+        if isinstance(states, Sequence) and any(isinstance(one, WorldState) for one in states):
+            return [self._poses_in(self._state(one)) for one in states]
+        world_from_bases = check_poses(states)
+        if not len(world_from_bases):
+            return []
+        objects = self._poses_in(WorldState({self.vehicle: np.eye(4)})).world_from_objects
+        rigs = world_from_bases @ self.camera.base_from_rig
+        names = list(self._stage.objects)
+        if self.vehicle not in names:
+            return [ScenePoses(rig, objects) for rig in rigs]
+        at = names.index(self.vehicle)
+        before, after = objects[:at], objects[at + 1 :]
+        return [
+            ScenePoses(rig, (*before, base, *after))
+            for rig, base in zip(rigs, world_from_bases, strict=True)
+        ]
+
+    def _poses_in(self, state: WorldState) -> ScenePoses:
+        """Poses of the camera and of all dynamic objects in a world state."""
+        world_from_base = state.world_from_object[self.vehicle]
+        return ScenePoses(world_from_base @ self.camera.base_from_rig, self._stage.poses_in(state))
 
     def _poses_at(self, motion: Motion, now: WorldState, seconds_after: float) -> ScenePoses:
         """Poses in the motion of the world, some seconds after a world state."""
@@ -208,9 +357,7 @@ class Renderer(BatchRenderer):
                 boxes[label.id] = world
         return boxes
 
-    def _frame_metadata(
-        self, state: WorldState, world_from_rig: NDArray[np.float64]
-    ) -> dict[str, Any]:
+    def _frame_metadata(self, state: WorldState, world_from_rig: Float64s) -> dict[str, Any]:
         world_from_optical = world_from_rig.copy()
         world_from_optical[:3, :3] = world_from_rig[:3, :3] @ self.camera.model.rig_from_optical
         backend_name = self._stage.backend_name
@@ -224,3 +371,113 @@ class Renderer(BatchRenderer):
             world_from_base=state.world_from_object[self.vehicle].tolist(),
             world_from_optical=world_from_optical.tolist(),
         )
+
+
+def _check_contents(names: Collection[str]) -> tuple[str, ...]:
+    """Names in order: images first, then channels in the order of `CHANNELS`.
+
+    Raises:
+        OutputError: an unknown name, a string instead of names, or both images.
+    """
+    if isinstance(names, str):
+        return check_channels(names)  # raises
+    images = [name for name in IMAGES if name in names]
+    if len(images) == len(IMAGES):
+        raise OutputError("channels: expected one of rgb and rgba, got both")
+    return (*images, *check_channels(name for name in names if name not in IMAGES))
+
+
+def _batch_arrays(
+    names: Collection[str],
+    size: tuple[int, int, int],
+    out: NDArray[Any] | Mapping[str, NDArray[Any]] | None,
+) -> dict[str, NDArray[Any]]:
+    """Arrays by name, contiguous and writeable.
+
+    Args:
+        names: names from `_check_contents`.
+        size: number, height and width of the images.
+        out: arrays of the caller by name, or the array of the only name; None: new arrays.
+
+    Raises:
+        OutputError: an array of another shape or type, a read-only one, or other names.
+    """
+    if out is None:
+        return {name: np.empty(*_layout(name, size)) for name in names}
+    if not isinstance(out, Mapping):
+        if len(names) != 1:
+            raise OutputError(f"out: expected arrays by name: {', '.join(names)}, got one array")
+        return {name: _check("out", out, *_layout(name, size)) for name in names}
+    if out.keys() != set(names):
+        actual = ", ".join(map(str, out)) or "none"
+        raise OutputError(f"out: expected arrays by name: {', '.join(names)}, got {actual}")
+    return {name: _check(f"out[{name!r}]", out[name], *_layout(name, size)) for name in names}
+
+
+def _layout(name: str, size: tuple[int, int, int]) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Shape and type of an array."""
+    if name in IMAGES:
+        return (*size, IMAGES[name]), np.dtype(np.uint8)
+    channel = CHANNELS[name]
+    parts = len(channel.layers)
+    return (*size, parts) if parts > 1 else size, np.dtype(channel.dtype)
+
+
+def _check(
+    what: str, array: NDArray[Any], shape: tuple[int, ...], dtype: np.dtype[Any]
+) -> NDArray[Any]:
+    """Return the caller's array if it can be filled in place."""
+    if isinstance(array, np.ndarray):
+        faults = {
+            f"type {array.dtype}": array.dtype == dtype,
+            f"shape {array.shape}": array.shape == shape,
+            "one that is not contiguous": array.flags.c_contiguous,
+            "a read-only one": array.flags.writeable,
+        }
+        actual = next((fault for fault, is_right in faults.items() if not is_right), None)
+    else:
+        actual = type(array).__name__
+    if actual is None:
+        return array
+    raise OutputError(
+        f"{what}: expected a writeable, C-contiguous NumPy array of {dtype} and shape {shape}, "
+        f"got {actual}"
+    )
+
+
+def _fill_channels(
+    passes: CameraBackend,
+    arrays: Arrays,
+    poses: Sequence[ScenePoses],
+    others: Mapping[str, Sequence[ScenePoses]],
+) -> None:
+    """Fill arrays (n, height, width, …) of channels.
+
+    Args:
+        passes: back end of the camera.
+        arrays: arrays by channel name.
+        poses: poses of the camera and the objects, one entry per image.
+        others: poses of the "next" and the "previous" images, if channels need them.
+    """
+    truth = passes.ground_truth(arrays)
+    for number, channels in enumerate(truth.batch(tuple(arrays), poses, others)):
+        for name, values in channels.items():
+            arrays[name][number] = values
+
+
+def _needed_others(names: Collection[str], given: Collection[str], what: str) -> list[str]:
+    """Other images required by the channels: "next", "previous".
+
+    Args:
+        names: channels.
+        given: other images with known states.
+        what: ending of the argument's name.
+
+    Raises:
+        OutputError: a required state is missing.
+    """
+    needed = {CHANNELS[name].other: name for name in reversed(tuple(names)) if CHANNELS[name].other}
+    for other, name in needed.items():
+        if other not in given:
+            raise OutputError(f"channel {name!r}: expected {other}_{what}, got none")
+    return sorted(needed)

@@ -13,13 +13,13 @@ from omnisim.core.errors import GraphicsError, SceneError, did_you_mean
 from omnisim.core.extras import require_opengl
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.world import ObjectPoses, WorldState
-from omnisim.rendering.backend import SceneBackend
+from omnisim.rendering.contract import SceneBackend
 from omnisim.rendering.scene_edits import EditableScene
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.labels import BODY
 
 if TYPE_CHECKING:  # OpenGL may be missing
-    from omnisim.rendering.cube_backend import CubeBackend
+    from omnisim.rendering.opengl.cube_backend import CubeBackend
     from omnisim.rendering.opengl.gl.context import Context
 
 
@@ -64,14 +64,14 @@ def open_backend(
     """
     if name == "cube":
         require_opengl("back end 'cube'")
-        from omnisim.rendering.cube_backend import CubeBackend
+        from omnisim.rendering.opengl.cube_backend import CubeBackend
 
         return CubeBackend(scene, objects, device)
     if name != "rays":
         raise GraphicsError(f"backend {name!r}: {did_you_mean(name, get_args(BackendName))}")
     if device is not None:
         raise GraphicsError(f"device {device}: back end 'rays' needs no GPU: expected none")
-    from omnisim.rendering.ray_backend import RayBackend  # seldom needed
+    from omnisim.rendering.rays.ray_backend import RayBackend  # seldom needed
 
     return RayBackend(scene, objects)
 

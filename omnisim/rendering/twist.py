@@ -15,7 +15,7 @@ from omnisim.core.array_types import Float64s
 from omnisim.core.files.parameters import Number, Parameters
 from omnisim.core.poses import pose_from_rotation
 from omnisim.core.world import Pose
-from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.contract import ScenePoses
 
 # Assumed distance of the nearest surface, because depth is unknown before rendering. Nearer
 # surfaces move farther between sub-frames.

@@ -31,8 +31,8 @@ from omnisim.core.trajectories.odometry import Odometry
 from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.core.version import __version__
 from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.rendering.contract import Pending
 from omnisim.rendering.missed_surfaces import viewpoint_notes
-from omnisim.rendering.readback import Pending
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import Stage
 from omnisim.robots import Chassis, simulate_odometry, with_errors, write_odometry

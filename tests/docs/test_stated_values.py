@@ -19,7 +19,7 @@ from omnisim.datasets.generate.plan_vary import VaryTable
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX
 from omnisim.rendering.baking.settings import DEFAULT_SAMPLES, DEFAULT_TEXELS
 from omnisim.rendering.camera.quality import NEAR_PER_SIZE
-from omnisim.rendering.cube_backend import LIDAR_NEAR_M
+from omnisim.rendering.opengl.cube_backend import LIDAR_NEAR_M
 from omnisim.rendering.opengl.culling.cluster_culling import MAX_COMMAND_BYTES
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.robots.robot_file import DEFAULT_CLEARANCE_M, Chassis

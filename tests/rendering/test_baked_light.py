@@ -8,7 +8,7 @@ import pytest
 from omnisim import Stage, open_sensor
 from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
-from omnisim.rendering.opengl.drawing import tile_renderer
+from omnisim.rendering.opengl.drawing import scene_view
 from omnisim.scene.labels import BODY
 from omnisim.scene.light.baked import with_baked_light
 from omnisim.scene.light.environment import Environment, map_directions
@@ -120,7 +120,7 @@ def test_light_is_the_same_in_all_passes_of_culling(monkeypatch, furnished):
     """Later passes read the depth of those before: not in place of the lightmap."""
     images = []
     for least in ((10**9,) * 3, (0, 10**9, 10**9), (0, 0, 0)):
-        monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", least)
+        monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", least)
         with Stage(furnished, body()) as stage, stage.open(CAMERA) as renderer:
             poses = np.stack([HERE, HERE])
             images.append((renderer.render(HERE).rgba, renderer.render_batch(poses)))

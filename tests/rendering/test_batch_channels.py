@@ -11,7 +11,8 @@ from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.channels import FLOWS
 from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl import hit_batches
+from omnisim.rendering.opengl.gl import memory
+from omnisim.rendering.opengl.ground_truth import drawn_hits
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
 from omnisim.rendering.stage import Stage
 from tests.rendering.opengl.sheets import mixed_scene
@@ -58,7 +59,7 @@ def test_channels_drawn_together_are_those_of_single_frames(stage, names, monkey
 def test_slices_are_the_same(stage, monkeypatch):
     with stage.open(CAMERA) as renderer:
         whole = renderer.render_batch(_poses(5), channels=("range", "albedo"))
-        monkeypatch.setattr(hit_batches, "MAX_SLICE_BYTES", 3 << 20)
+        monkeypatch.setattr(memory, "MAX_SLICE_BYTES", 3 << 20)
         assert 2 <= renderer._passes.hit_source(NO_DETAILS)._batches.slice_length() < 5
         for name, values in renderer.render_batch(_poses(5), channels=tuple(whole)).items():
             np.testing.assert_array_equal(values, whole[name])
@@ -88,6 +89,6 @@ def test_edits_of_the_scene_show(stage):
 def test_drivers_without_layers_give_the_same(stage, monkeypatch):
     with stage.open(CAMERA) as renderer:
         together = renderer.render_batch(_poses(3), channels=("range", "normals"))
-        monkeypatch.setattr(hit_batches, "EXTENSIONS", {"GL_NONE_such"})
+        monkeypatch.setattr(drawn_hits, "EXTENSIONS", {"GL_NONE_such"})
         for name, values in renderer.render_batch(_poses(3), channels=tuple(together)).items():
             np.testing.assert_array_equal(values, together[name])

@@ -11,8 +11,8 @@ from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.rendering.camera.degradations import Degradation, Noise
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl import batch_pipeline
 from omnisim.rendering.opengl.drawing import cube_pass
+from omnisim.rendering.opengl.gl import memory
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene
 from omnisim.scene.model import Light, Lighting, LightKind
@@ -61,7 +61,7 @@ def test_images_are_those_of_single_frames(stage, camera, images_a_slice, monkey
     with stage.open(camera) as renderer:
         poses = _poses(5, camera)
         if images_a_slice:
-            monkeypatch.setattr(renderer._passes.batches, "slice_length", images_a_slice)
+            monkeypatch.setattr(renderer._passes.frame, "slice_length", images_a_slice)
         images = renderer.render_batch(poses)
         with_alpha = renderer.render_batch(poses, channels=["rgba"])["rgba"]
         frames = [renderer.render(one) for one in poses]
@@ -71,10 +71,10 @@ def test_images_are_those_of_single_frames(stage, camera, images_a_slice, monkey
 
 
 def test_slices_bound_the_memory(stage, monkeypatch):
-    monkeypatch.setattr(batch_pipeline, "MAX_SLICE_BYTES", 1 << 20)
+    monkeypatch.setattr(memory, "MAX_SLICE_BYTES", 1 << 20)
     with stage.open(PAPER) as renderer:
         renderer.render_batch(_poses(9))
-        batches = renderer._passes.batches
+        batches = renderer._passes.frame
         texels = batches._atlases.width * batches._atlases.height * batches._atlases.layers
         assert 1 <= batches.slice_length < 9
         assert 8 * texels <= 1 << 20 or batches.slice_length == 1
@@ -137,7 +137,7 @@ def test_what_is_not_drawn_together_is_the_same(stage, camera, monkeypatch):
     else:
         sensor = dataclasses.replace(PAPER, degradation=Degradation(noise=Noise()))
     with stage.open(sensor) as renderer:
-        assert renderer._passes.batches is None
+        assert not renderer._passes.frame.draws_together
         images = renderer.render_batch(_poses(2), frame_number=7)
         for number, one in enumerate(_poses(2)):
             frame = renderer.render(one, frame_number=7 + number)
@@ -228,7 +228,7 @@ def test_an_interrupted_batch_leaves_later_ones_alone(renderer, monkeypatch):
     poses, stale = _poses(3), np.zeros((3, SIZE_PX, SIZE_PX, 3), np.uint8)
     expected = renderer.render_batch(poses)
     passes = renderer._passes
-    monkeypatch.setattr(passes.batches, "slice_length", 1)
+    monkeypatch.setattr(passes.frame, "slice_length", 1)
     draw, drawn = passes.cube.render_layers, []
 
     def interrupted(some, *targets):

@@ -16,9 +16,9 @@ from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.channels import FLOWS
-from omnisim.rendering import parallax_camera
 from omnisim.rendering.camera.degradations import Degradation, PointSpread, Shutter
 from omnisim.rendering.camera.parallax_plan import sample_rays
+from omnisim.rendering.opengl import parallax_camera
 from omnisim.rendering.opengl.atlas import image_parts
 from omnisim.rendering.opengl.capture import image_pass
 from tests.cameras.optics.examples import SYSTEMS
@@ -83,7 +83,7 @@ def test_an_image_in_parts_is_the_whole_image(stage, camera, whole_and_parts):
 
     def take():
         with stage.open(camera) as renderer:
-            counts.append(len(renderer._passes._pipeline._parts))
+            counts.append(len(renderer._passes.frame._parts))
             return renderer.render(_state(camera)).rgba
 
     _assert_alike(*whole_and_parts(take))

@@ -13,7 +13,7 @@ from omnisim.core.poses import pose
 from omnisim.core.world import WorldState
 from omnisim.rendering.camera.degradations import Degradation, Shutter, preset
 from omnisim.rendering.camera.parallax_plan import sample_rays
-from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.twist import Twist, moved_px
 from omnisim.scene.model import DynamicObject, Material
 from omnisim.scene.motion.object_motion import Orbit

@@ -21,8 +21,9 @@ from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import cylinder_view
 from omnisim.rendering.camera.degradations import preset
 from omnisim.rendering.camera.parallax_plan import sample_rays
+from omnisim.rendering.contract import ScenePoses
+from omnisim.rendering.opengl import parallax_camera
 from omnisim.rendering.rays.ray_scene import RayScene
-from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.stage import Stage
 from omnisim.rendering.twist import moved_px
 from omnisim.scene.model import Material
@@ -229,7 +230,7 @@ def test_no_seam_shows_in_the_sky():
 
 
 def test_undecided_samples_are_counted_without_rays(embree, monkeypatch):
-    monkeypatch.setattr("omnisim.rendering.parallax_camera.missing_packages", lambda extra: ["a"])
+    monkeypatch.setattr(parallax_camera, "missing_packages", lambda extra: ["a"])
     system = SYSTEMS["tilted camera"].scaled(0.5)
     cube, rays = _frames(system)
     assert not cube.metadata["undecided"]["cast"]
@@ -270,9 +271,7 @@ OWN_CAMERA = {"glass_tube", "mirror_cap", "mirror", "mast", "camera_body"}
 def test_the_robot_itself_is_right(embree, monkeypatch, casts):
     """A sphere of 100 mm, 8 cm from the scanner and a hand's breadth above the deck."""
     if not casts:
-        monkeypatch.setattr(
-            "omnisim.rendering.parallax_camera.missing_packages", lambda extra: ["a"]
-        )
+        monkeypatch.setattr(parallax_camera, "missing_packages", lambda extra: ["a"])
     sensor = OmniCamera(
         SYSTEMS["tilted camera"].scaled(0.5), base_from_rig=pose((-0.1, 0.0, 0.05)), near_m=0.02
     )
@@ -305,7 +304,7 @@ def test_the_robot_itself_is_right(embree, monkeypatch, casts):
 def test_ground_truth_without_rays(embree, monkeypatch, name):
     """No channel needs them; 99.4 % of the pixels are right."""
     expected = _frames(SYSTEMS[name].scaled(0.3), also=CHANNELS[:-2], **STATES)[1].channels
-    monkeypatch.setattr("omnisim.rendering.parallax_camera.missing_packages", lambda extra: ["a"])
+    monkeypatch.setattr(parallax_camera, "missing_packages", lambda extra: ["a"])
     monkeypatch.setitem(sys.modules, "embreex", None)
     with open_sensor(_near_boxes(), SYSTEMS[name].scaled(0.3)) as renderer:
         frame = renderer.render(NOW, also=CHANNELS[:-2], **STATES)

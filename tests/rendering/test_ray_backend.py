@@ -255,7 +255,7 @@ def test_rays_need_no_opengl(monkeypatch):
     def refuse(device=None):
         raise AssertionError("OpenGL was opened")
 
-    monkeypatch.setattr("omnisim.rendering.cube_backend.open_context", refuse)
+    monkeypatch.setattr("omnisim.rendering.opengl.cube_backend.open_context", refuse)
     sensor = FISHEYE.resized(60).with_degradation(preset("webcam"))
     with Stage(scene_of([room()]), backend="rays") as stage:
         with stage.open(sensor) as renderer:

@@ -10,7 +10,7 @@ from omnisim.core.poses import pose as make_pose
 from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.rendering.camera.degradations import Degradation, Noise
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl import pipeline
+from omnisim.rendering.opengl.gl import gpu_textures
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene.model import AlphaMode, Light, Lighting, LightKind, Material, Mesh, Texture, Wrap
 from tests.scenes import NO_LIGHT, room, scene_of, square
@@ -342,7 +342,7 @@ def test_limits_of_the_gpu_are_named(monkeypatch):
     with pytest.raises(GraphicsError, match="an image of 30000 × 30000 px: this GPU takes at most"):
         open_sensor(scene_of([room()]), OmniCamera().resized(30000))
     with monkeypatch.context() as patch:
-        patch.setattr(pipeline, "fits_texture", lambda size, has_half_floats: has_half_floats)
+        patch.setattr(gpu_textures, "fits_texture", lambda size, has_half_floats: has_half_floats)
         degraded = OmniCamera(degradation=Degradation(noise=Noise())).resized(4096)
         with pytest.raises(GraphicsError, match=r"a degraded .* no texture of 256 MiB; make"):
             open_sensor(scene_of([room()]), degraded)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 
 from omnisim.core.array_types import Float64s
 from omnisim.core.world import ObjectPart
-from omnisim.rendering.backend import BeamCaster, RangeFinder
+from omnisim.rendering.contract import BeamCaster, RangeFinder
 
 if TYPE_CHECKING:
     from omnisim.ground_truth.lidar_beams import BeamHits, Revolution

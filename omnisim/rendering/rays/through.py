@@ -15,14 +15,13 @@ import numpy as np
 from omnisim.core.array_types import Float32s, Float64s, Mask, UInt32s
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import Hits, ThroughHits
-from omnisim.rendering.backend import CameraSetup
+from omnisim.rendering.contract import CameraSetup, ScenePoses
 from omnisim.rendering.rays.caster import NO_TRIANGLE, DepthLimits, RayHits, Rays
 from omnisim.rendering.rays.pixel_rays import PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.shading.reflections import MAX_BOUNCES
 from omnisim.rendering.rays.shading.shading import View
 from omnisim.rendering.rays.shading.surface_light import SurfaceLight, mirrored_rays, surface_light
-from omnisim.rendering.readback import ScenePoses
 
 MAX_PANES = 32  # along a path, with its mirrors
 MIN_REFLECTED = 0.5  # reflected share of the light, mean of linear RGB, of a mirror

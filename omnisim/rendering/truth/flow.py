@@ -21,8 +21,7 @@ from omnisim.cameras import (
 from omnisim.core.array_types import Float32s, Float64s, Indices, Mask, UInt32s
 from omnisim.core.world import time_of
 from omnisim.ground_truth.hits import Hits
-from omnisim.rendering.hit_source import DeformingDraw, HitSource
-from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.contract import DeformingDraw, HitSource, ScenePoses
 
 # Points per step: intermediate arrays stay in the cache, and BLAS stays on one thread. It runs
 # larger products on threads that keep spinning and occupy cores afterwards.

@@ -14,8 +14,7 @@ from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.channels import CHANNELS, FLOWS, THROUGH
 from omnisim.ground_truth.hits import HitDetails, Hits, ThroughHits
 from omnisim.ground_truth.label_names import Labels
-from omnisim.rendering.hit_source import HitSource
-from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.contract import HitSource, ScenePoses
 from omnisim.rendering.truth.flow import (
     OpticalFlow,
     deformed_hits,

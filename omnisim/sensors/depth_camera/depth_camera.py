@@ -37,10 +37,9 @@ from omnisim.core.poses import pose
 from omnisim.core.random_numbers import key_of, normal, pcg4d
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import ObjectPart, WorldState
-from omnisim.rendering.backend import CameraBackend, CameraSetup
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.quality import MAX_IMAGE_PX, scene_size_m
-from omnisim.rendering.readback import ScenePoses
+from omnisim.rendering.contract import CameraBackend, CameraSetup, ScenePoses
 from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
 from omnisim.rendering.shared_scene import SharedScene
 

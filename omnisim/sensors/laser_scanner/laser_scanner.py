@@ -31,7 +31,7 @@ from omnisim.core.files.parameters import (
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import ObjectPart, WorldState
 from omnisim.ground_truth.lidar_beams import EchoLimits
-from omnisim.rendering.backend import RangeFinder
+from omnisim.rendering.contract import RangeFinder
 from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
 from omnisim.rendering.shared_scene import SharedScene
 from omnisim.sensors.commented_csv import write_commented_csv

@@ -32,8 +32,8 @@ from omnisim.core.files.parameters import (
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import Motion, ObjectPart, WorldState
 from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams, LidarPoses
-from omnisim.rendering.backend import BeamCaster, LabelCache
-from omnisim.rendering.camera.degraded_camera import MovingBoxes
+from omnisim.rendering.contract import BeamCaster, LabelCache
+from omnisim.rendering.degraded_camera import MovingBoxes
 from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
 from omnisim.rendering.shared_scene import SharedScene
 from omnisim.rendering.truth.ground_truth import instances_of_draws

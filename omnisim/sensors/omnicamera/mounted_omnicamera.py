@@ -31,7 +31,7 @@ from omnisim.ground_truth.frame import Frame
 from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_toml import sensor_toml
-from omnisim.rendering.readback import Pending
+from omnisim.rendering.contract import Pending
 from omnisim.rendering.renderer import Renderer
 from omnisim.sensors.calibration_file import CALIBRATION, calibration_json
 from omnisim.sensors.sensor import (

@@ -26,7 +26,7 @@ from omnisim.core.files.parameters import NotNegative, Number, Parameters, Posit
 from omnisim.core.poses import pose
 from omnisim.core.short_repr import short_repr
 from omnisim.core.world import ObjectPart, WorldState
-from omnisim.rendering.backend import RangeFinder
+from omnisim.rendering.contract import RangeFinder
 from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
 from omnisim.rendering.shared_scene import SharedScene
 from omnisim.sensors.commented_csv import write_commented_csv

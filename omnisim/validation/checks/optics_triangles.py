@@ -12,14 +12,12 @@ from numpy.typing import NDArray
 from omnisim.core.errors import OpticsError
 from omnisim.core.poses import pose
 from omnisim.ground_truth.hits import NO_DETAILS
-from omnisim.rendering.backend import CameraSetup
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.hit_source import HitSource
-from omnisim.rendering.parallax_camera import ParallaxCamera
-from omnisim.rendering.ray_backend import RayHitSource
+from omnisim.rendering.contract import CameraSetup, HitSource, ScenePoses
+from omnisim.rendering.opengl.parallax_camera import ParallaxCamera
 from omnisim.rendering.rays.caster import DepthLimits, Rays
+from omnisim.rendering.rays.ray_backend import RayHitSource
 from omnisim.rendering.rays.ray_scene import RayScene
-from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.stage import Stage
 from omnisim.report.measure import Measure
 from omnisim.report.report import ResultTable, Section

@@ -24,7 +24,7 @@ RARE_IN_IMAGES = (
     "omnisim.cameras.camera_registry", "omnisim.cameras.models",
     "omnisim.core.trajectories", "omnisim.ground_truth.lidar_beams", "omnisim.rendering.truth",
     "omnisim.rendering.camera.degradations.degradation_file",
-    "omnisim.rendering.camera.degradations.noise", "omnisim.rendering.opengl.batch_pipeline",
+    "omnisim.rendering.camera.degradations.noise",
     "omnisim.rendering.opengl.degradation.degradation_pass",
     "omnisim.rendering.opengl.ground_truth",
 )  # fmt: skip

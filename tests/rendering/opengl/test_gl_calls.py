@@ -9,7 +9,7 @@ import pytest
 import omnisim
 from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.drawing import tile_renderer
+from omnisim.rendering.opengl.drawing import scene_view
 from omnisim.rendering.opengl.gl.functions import gl_function
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.rendering.stage import Stage, open_sensor
@@ -171,7 +171,7 @@ def test_depth_is_sampled_while_another_target_is_bound(monkeypatch):
         bound.append((_integer(0x8CA6), target.glo))
 
     monkeypatch.setattr(GlState, "sampling", watched)
-    monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", (0,))  # two passes
+    monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (0,))  # two passes
     with open_sensor(omnisim.load_scene("soccer"), CAMERA) as renderer:
         renderer.render(_poses(1)[0])
         renderer.render_batch(_poses(2))

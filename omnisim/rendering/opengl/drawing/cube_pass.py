@@ -13,26 +13,30 @@ from omnisim.core.errors import GraphicsError
 from omnisim.core.short_repr import counted
 from omnisim.rendering.opengl.atlas.tile_plan import Tile, TilePlan
 from omnisim.rendering.opengl.drawing.atlas_levels import AtlasLevels
-from omnisim.rendering.opengl.drawing.cube_layers import EXTENSIONS, CubeLayers
-from omnisim.rendering.opengl.drawing.scene_view import SceneView
+from omnisim.rendering.opengl.drawing.scene_view import SceneView, TileRenderer, VirtualCameras
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
-from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
-from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer, VirtualCameras
+from omnisim.rendering.opengl.drawing.surface_program import (
+    SurfacePrograms,
+)
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.framebuffers import (
     attach_layer,
     attach_texture,
     framebuffer,
+    layered_target,
     resolve,
 )
 from omnisim.rendering.opengl.gl.gpu_textures import DEPTH, depth_texture, renderbuffer, texture_2d
-from omnisim.rendering.opengl.gl.memory import gpu_allocation
+from omnisim.rendering.opengl.gl.memory import gpu_allocation, written_buffer
 from omnisim.rendering.opengl.gl.pixel_readback import Pixels, read_once
 
 if TYPE_CHECKING:
     from omnisim.rendering.opengl.drawing.mirror_pass import MirrorPass
     from omnisim.rendering.opengl.drawing.probe_pass import ProbePass
 
+
+EXTENSIONS = {"GL_ARB_shader_draw_parameters", "GL_ARB_shader_viewport_layer_array"}
+_POSITIONS = 15  # binding, as in `scene/lighting.glsl`
 _LAYER_TEXEL_BYTES = 12  # color and depth
 
 
@@ -207,9 +211,8 @@ class CubePass:
         if self._layers is None or self._layers.atlases is not atlases:
             self._layers = None  # frees its memory first
             self._layers = CubeLayers(
-                self._buffers, self._programs, self.plan, self._cameras, self._view.sorted_items,
-                atlases,
-            )  # fmt: skip
+                self._buffers, self._programs, self.plan, self._cameras, atlases
+            )
         return self._layers
 
     def _draw_each(
@@ -277,3 +280,53 @@ class CubePass:
         region = (*tile.face_corner_px, size, size)
         read_once(self._buffers.context, (Pixels(self._resolved, region=region), pixels))
         return pixels
+
+
+class CubeLayers:
+    """Culls and draws clusters and blended items for many cameras together.
+
+    A layer has the viewport and matrices of a single atlas, and therefore the same bytes.
+
+    Args:
+        buffers, programs, plan, cameras: see `CubePass`.
+        atlases: texture array with one atlas layer per camera.
+
+    Attributes:
+        atlases: see the arguments.
+    """
+
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        programs: SurfacePrograms,
+        plan: TilePlan,
+        cameras: VirtualCameras,
+        atlases: moderngl.TextureArray,
+    ):
+        self.atlases, self._cameras = atlases, cameras
+        self._buffers, self._programs = buffers, programs
+        context, count = buffers.context, atlases.layers
+        self._target, depth = layered_target(context, atlases)
+        sky = programs.sky_seen(cameras.unlit)
+        sky_pass = None if sky is None else SkyPass(context, sky, plan, count)
+        self._view = SceneView(
+            buffers, programs, plan, cameras, depth, samples=1, sky=sky_pass, layers=count
+        )
+        self._positions = written_buffer(context, 16 * count * len(programs.positions_m))
+
+    def draw(self, poses: Sequence[tuple[Float64s, Sequence[Float64s]]]) -> None:
+        """Draw from poses of rigs and dynamic objects that all share the shadow maps."""
+        rigs = np.array([rig for rig, _ in poses])
+        objects = np.array([objects for _, objects in poses])
+        programs, positions_m = self._programs, self._programs.positions_m
+        if len(positions_m):
+            positions = np.zeros((len(poses), len(positions_m), 4), dtype=np.float32)
+            positions[..., :3] = positions_m - rigs[:, None, :3, 3]
+            self._positions.write(positions)
+        if programs.shadows is not None and not self._cameras.unlit:
+            self._buffers.deform(poses[0][1])  # objects outside of the view cast shadows, too
+            programs.shadows.prepare(poses[0][0][:3, 3], poses[0][1])
+        self._view.tiles.begin(self._target, [(*self._cameras.background, 1.0)])
+        programs.bind_tables()
+        self._positions.bind_to_storage_buffer(_POSITIONS)
+        self._view.draw_layers(self._target, rigs, objects)

@@ -19,14 +19,13 @@ from omnisim.core.array_types import Float32s, Float64s, Indices, UInt32s
 from omnisim.rendering.opengl.atlas.tile_plan import PosedViews, TilePlan, TileViews
 from omnisim.rendering.opengl.drawing.item_uniforms import ItemUniforms
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
-from omnisim.rendering.opengl.drawing.scene_view import Probes, SceneView
+from omnisim.rendering.opengl.drawing.scene_view import Probes, SceneView, VirtualCameras
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
 from omnisim.rendering.opengl.drawing.surface_program import (
     MIRROR_UNITS,
     SurfaceProgram,
     SurfacePrograms,
 )
-from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer

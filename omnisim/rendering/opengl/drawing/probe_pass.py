@@ -20,14 +20,13 @@ from omnisim.core.array_types import Float32s, Float64s, Mask
 from omnisim.core.world import time_of
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, cube_plan
 from omnisim.rendering.opengl.capture.pixel_map import bind_tiles
-from omnisim.rendering.opengl.drawing.scene_view import SceneView
+from omnisim.rendering.opengl.drawing.scene_view import SceneParts, SceneView, VirtualCameras
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
 from omnisim.rendering.opengl.drawing.surface_program import (
     PROBE_UNIT,
     SurfaceProgram,
     SurfacePrograms,
 )
-from omnisim.rendering.opengl.drawing.tile_renderer import SceneParts, VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.framebuffers import attach_layer, framebuffer
 from omnisim.rendering.opengl.gl.gpu_textures import (

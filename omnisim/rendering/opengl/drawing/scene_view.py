@@ -1,9 +1,11 @@
-"""Draws the scene from one viewpoint into an atlas: clusters, single items, sky, blended items."""
+"""A view of the scene: what is drawn into the tiles of an atlas, and in which order."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from enum import Enum
 from functools import cached_property
 from typing import Protocol
 
@@ -11,11 +13,21 @@ import moderngl
 import numpy as np
 
 from omnisim.core.array_types import Float64s, Indices, Mask
-from omnisim.core.world import time_of
-from omnisim.rendering.opengl.atlas.tile_plan import TilePlan
+from omnisim.core.world import ObjectPart, time_of
+from omnisim.rendering.camera.quality import DEFAULT_MIRRORS, DEFAULT_PROBES
+from omnisim.rendering.opengl.atlas.tile_plan import PosedViews, TilePlan, TileViews, clips_from_rig
+from omnisim.rendering.opengl.culling.cluster_culling import (
+    MIN_TRIANGLES_OF_PASSES,
+    ClusterCuller,
+    Views,
+)
 from omnisim.rendering.opengl.drawing.blended_drawer import BlendedDrawer, arrays_of, can_sort
-from omnisim.rendering.opengl.drawing.cluster_drawer import BucketProgram
-from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
+from omnisim.rendering.opengl.drawing.cluster_drawer import (
+    BucketProgram,
+    ClusterDrawer,
+    DrawBatches,
+)
+from omnisim.rendering.opengl.drawing.scene_drawer import P, SceneDrawer
 from omnisim.rendering.opengl.drawing.sky_pass import SkyPass
 from omnisim.rendering.opengl.drawing.surface_program import (
     SurfaceProgram,
@@ -25,12 +37,238 @@ from omnisim.rendering.opengl.drawing.surface_program import (
     variant_of_blended,
     variant_of_bucket,
 )
-from omnisim.rendering.opengl.drawing.tile_renderer import SceneParts, TileRenderer, VirtualCameras
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket
-from omnisim.rendering.opengl.geometry.draw_item import DrawItem
+from omnisim.rendering.opengl.geometry.draw_item import DrawItem, InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl.gpu_textures import CLEAR_DEPTH
+from omnisim.rendering.opengl.gl.shader_files import columns_first
 from omnisim.rendering.opengl.gl.state import GlState
 from omnisim.scene.planar_mirrors import is_rough_mirror
+
+
+class SceneParts(Enum):
+    """Parts of a scene by their motion; dynamic objects and deforming meshes move."""
+
+    ALL = "all"
+    STATIC = "static"
+    MOVING = "moving"
+
+    def mask(self, items: Sequence[DrawItem]) -> Mask:
+        """Mask (items,) of the parts' items."""
+        if self is SceneParts.ALL:
+            return np.ones(len(items), dtype=np.bool_)
+        return np.array([one.moves is (self is SceneParts.MOVING) for one in items], dtype=np.bool_)
+
+
+@dataclass(frozen=True)
+class VirtualCameras:
+    """Settings of the virtual cameras.
+
+    Attributes:
+        near_m, far_m: depth range; far_m may be infinite.
+        samples: samples per texel.
+        unlit: show plain base colors.
+        background: linear RGB of rays that hit nothing.
+        hidden: parts of dynamic objects to leave out.
+        both_sides: draw back faces, too.
+        mirrors: maximum number of planar mirrors in view, and of panes, that reflect the scene.
+        reflection_probes: maximum number of probes that curved and rough surfaces reflect.
+    """
+
+    near_m: float
+    far_m: float
+    samples: int = 1
+    unlit: bool = False
+    background: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    hidden: frozenset[ObjectPart] = frozenset()
+    both_sides: bool = False
+    mirrors: int = DEFAULT_MIRRORS
+    reflection_probes: int = DEFAULT_PROBES
+
+
+class TileRenderer:
+    """Draws a scene into the tiles of an atlas with any set of programs.
+
+    Faces, depth, clipping and culling are shared by all passes; each has its own clearing, blending
+    and programs.
+
+    Args:
+        buffers: scene and dynamic objects.
+        plan: tiles of the atlas.
+        cameras: virtual cameras; only depth range and sides matter here.
+        items: (n,) items to draw one by one, front to back.
+        find_program: function from a bucket of clusters to its program.
+        depth: depth of the atlas; None if shaders cannot read it.
+        samples: samples per texel.
+        max_cameras: maximum number of cameras drawn together, one target layer each.
+        blended_items: number of blended items that the GPU sorts.
+
+    Attributes:
+        views: views of the tiles.
+        culler: culler of the clusters; None without clusters.
+    """
+
+    def __init__(
+        self,
+        buffers: SceneBuffers,
+        plan: TilePlan,
+        cameras: VirtualCameras,
+        items: Indices,
+        find_program: Callable[[Bucket], BucketProgram],
+        depth: moderngl.Texture | moderngl.TextureArray | None,
+        samples: int = 1,
+        max_cameras: int = 1,
+        blended_items: int = 0,
+    ):
+        self._buffers, self._items = buffers, items
+        self._all_items = items
+        self._state = GlState()
+        self._depths_m = (cameras.near_m, cameras.far_m)
+        self.views = TileViews(plan, *self._depths_m)
+        self.culler: ClusterCuller | None = None
+        geometry = buffers.clustered_geometry
+        if geometry is None:
+            return
+        context, depths_m = buffers.context, self._depths_m
+        batches = DrawBatches(geometry, find_program, cameras.both_sides)
+        self._cluster_views = Views(
+            context,
+            clips_from_rig(plan, *depths_m),
+            plan.rectangles_px,
+            geometry.anchor_m,
+            geometry.objects,
+            max_cameras,
+        )
+        self.culler = ClusterCuller(
+            context,
+            geometry.buffers,
+            batches.groups,
+            self._cluster_views,
+            depth,
+            1 + sum(geometry.triangle_count >= least for least in MIN_TRIANGLES_OF_PASSES),
+            (plan.width_px, plan.height_px),
+            depths_m,
+            samples,
+            cameras.both_sides,
+            blended_items,
+        )
+        # hidden static items have no triangles
+        shown = buffers.shown(cameras.hidden)
+        shown |= np.array([item.object_index is None for item in buffers.draw_items])
+        self._shown = shown
+        self.culler.show(geometry.shown_clusters(shown))
+        self._clusters = ClusterDrawer(context, geometry, self.culler, batches)
+
+    def use_plan(self, plan: TilePlan) -> None:
+        """Draw other tiles, at most as many as at first, in an atlas of the same size."""
+        self.views = TileViews(plan, *self._depths_m)
+        if self.culler is not None:
+            clips_from_tiles = clips_from_rig(plan, *self._depths_m)
+            self._cluster_views.use_tiles(clips_from_tiles, plan.rectangles_px)
+
+    def select(self, left_out: Mask, parts: SceneParts = SceneParts.ALL) -> None:
+        """Select items to draw; clusters of static items show all of them, or none.
+
+        Args:
+            left_out: mask (items,) of items not to draw.
+            parts: parts of the scene to draw.
+        """
+        drawn = parts.mask(self._buffers.draw_items)
+        self._items = self._all_items[(drawn & ~left_out)[self._all_items]]
+        geometry = self._buffers.clustered_geometry
+        if self.culler is not None and geometry is not None:
+            is_static = np.array([one.object_index is None for one in self._buffers.draw_items])
+            drawn &= self._shown & (is_static | ~left_out)
+            self.culler.show(geometry.shown_clusters(drawn))
+
+    @property
+    def culling_bytes(self) -> int:
+        """Size of the buffers for culling, draw commands included, bytes."""
+        return 0 if self.culler is None else self.culler.memory_bytes
+
+    @property
+    def has_items(self) -> bool:
+        """True if some items are drawn one by one."""
+        return bool(self._items.size)
+
+    def begin(
+        self,
+        target: moderngl.Framebuffer,
+        colors: Sequence[tuple[float, float, float, float] | None],
+    ) -> None:
+        """Bind a target and clear depth and colors; None marks integer attachments.
+
+        Everything else is drawn with the state of `GlState.drawing`.
+        """
+        self._state.use(target, has_depth=True)
+        self._state.clear(colors, CLEAR_DEPTH)
+
+    def draw(
+        self,
+        target: moderngl.Framebuffer,
+        world_from_rig: Float64s,
+        world_from_objects: Sequence[Float64s],
+        drawer: SceneDrawer[P],
+    ) -> None:
+        """Draw the clusters of all tiles, then the items.
+
+        Args:
+            target: framebuffer, cleared by `begin`.
+            world_from_rig: (4, 4) pose of the camera's rig.
+            world_from_objects: (4, 4) each, poses of the dynamic objects.
+            drawer: drawer of the items.
+        """
+        self.draw_clusters(target, world_from_rig, world_from_objects)
+        self.draw_one_by_one(target, world_from_rig, world_from_objects, drawer)
+
+    def draw_one_by_one(
+        self,
+        target: moderngl.Framebuffer,
+        world_from_rig: Float64s,
+        world_from_objects: Sequence[Float64s],
+        drawer: SceneDrawer[P],
+    ) -> None:
+        """Draw the items of all tiles, after the clusters."""
+        if not self._items.size:
+            return
+        transforms = self._buffers.instance_transforms(world_from_rig[:3, 3], world_from_objects)
+        drawer.begin(transforms)
+        order = self._buffers.front_to_back(self._items, transforms)
+        self.draw_items(target, self.views.at(world_from_rig), transforms, order, drawer)
+
+    def draw_clusters(
+        self,
+        target: moderngl.Framebuffer,
+        worlds_from_rigs: Float64s,
+        worlds_from_objects: Float64s | Sequence[Float64s],
+    ) -> None:
+        """Draw the clusters of all tiles, for one camera or several, see `Views.write`."""
+        if self.culler is not None:
+            self._cluster_views.write(worlds_from_rigs, worlds_from_objects)
+            for pass_index in range(self.culler.passes):
+                self.culler.run(pass_index, target)
+                self._clusters.draw(pass_index)
+
+    def draw_items(
+        self,
+        target: moderngl.Framebuffer,
+        views: PosedViews,
+        transforms: InstanceTransforms,
+        order: Indices,
+        drawer: SceneDrawer[P],
+    ) -> None:
+        """Draw items in order of their indices (n,), each in the tiles that may show it."""
+        seen = transforms.seen_in(views, order)
+        if not seen.any():
+            return
+        with self._state.unclipped(), self._state.within_rectangles(target) as aim:
+            for number in np.flatnonzero(seen.any(axis=1)).tolist():
+                tile, shown = views.tiles[number], order[seen[number]]
+                aim(tile.left_px, tile.top_px, *tile.size_px)
+                clip_from_viewpoint = views.clips_from_viewpoint[number]
+                clips = columns_first(clip_from_viewpoint @ transforms.viewpoint_from_mesh[shown])
+                for index, clip_from_mesh in zip(shown.tolist(), clips, strict=True):
+                    drawer.draw_item(index, clip_from_mesh)
 
 
 class MirroredViews(Protocol):
@@ -71,15 +309,23 @@ class SceneView:
     """Drawers of a scene for the tiles of an atlas; of no use once the buffers have changed.
 
     Args:
+        buffers: scene and dynamic objects; other passes may share them.
+        programs: surface programs for the scene's lights.
+        plan: tiles of the atlas.
+        cameras: virtual cameras.
         depth: depth of the atlas; None if shaders cannot read it.
+        samples: samples per texel.
         sky: pass of the visible sky; None: no sky.
         mirrors: views in mirrors, and in panes.
         is_mirrored: draw from mirrored rigs, clipped at the mirror.
         probes: reflection probes; None: all surfaces without mirrors reflect sky and lamps.
+        layers: number of cameras that `draw_layers` draws together; 0: one by `draw`.
 
     Attributes:
+        tiles: renderer of the tiles.
         sorted_items: blended items that the GPU sorts.
         blended_drawer: drawer of these items; None: there are none.
+        programs: surface programs in use.
     """
 
     def __init__(
@@ -88,12 +334,13 @@ class SceneView:
         programs: SurfacePrograms,
         plan: TilePlan,
         cameras: VirtualCameras,
-        depth: moderngl.Texture | None,
+        depth: moderngl.Texture | moderngl.TextureArray | None,
         samples: int,
         sky: SkyPass | None,
         mirrors: Sequence[MirroredViews] = (),
         is_mirrored: bool = False,
         probes: Probes | None = None,
+        layers: int = 0,
     ):
         self._buffers, self._cameras, self._surface_programs = buffers, cameras, programs
         self._sky, self._state, self._is_mirrored = sky, GlState(), is_mirrored
@@ -107,7 +354,8 @@ class SceneView:
         self._sorted, self._all_unsorted = self._blended[is_sorted], self._blended[~is_sorted]
         self._unsorted, self._has_all_sorted = self._all_unsorted, True
         self.sorted_items = [items[index] for index in self._sorted]
-        opaque = np.flatnonzero(shown & ~blended)
+        opaque = np.flatnonzero(shown & ~blended & (layers == 0))
+        self._is_layered = layers > 0
         self.programs: set[SurfaceProgram] = set()
         self._mirrors = mirrors
         self._probes = probes
@@ -131,12 +379,13 @@ class SceneView:
         self._drawer = self._item_drawer(opaque)
         self.tiles = TileRenderer(
             buffers, plan, cameras, opaque, find_program, depth, samples,
-            blended_items=len(self.sorted_items),
+            max_cameras=max(1, layers), blended_items=len(self.sorted_items),
         )  # fmt: skip
         self.blended_drawer = self._make_blended_drawer()
 
     def _program(self, variant: SurfaceVariant) -> SurfaceProgram:
-        program = self._surface_programs[variant._replace(in_mirror=self._is_mirrored)]
+        variant = variant._replace(in_mirror=self._is_mirrored, layered=self._is_layered)
+        program = self._surface_programs[variant]
         self.programs.add(program)
         return program
 
@@ -228,6 +477,24 @@ class SceneView:
                     self._bind_mirrors(of_panes=True)
                     self._draw_back_to_front(target, world_from_rig, world_from_objects, one_by_one)
                 elif self.blended_drawer is not None:
+                    self.blended_drawer.draw()
+
+    def draw_layers(
+        self,
+        target: moderngl.Framebuffer,
+        worlds_from_rigs: Float64s,
+        worlds_from_objects: Float64s,
+    ) -> None:
+        """Draw from poses (n, 4, 4) of rigs and (n, objects, 4, 4), one layer of the target each.
+
+        The target is cleared, tables are bound, and the GPU sorts all that is blended.
+        """
+        with self._state.drawing():
+            self.tiles.draw_clusters(target, worlds_from_rigs, worlds_from_objects)
+            if self._sky is not None:
+                self._sky.draw(worlds_from_rigs)
+            if self.blended_drawer is not None:
+                with self._state.blending():
                     self.blended_drawer.draw()
 
     def _bind_mirrors(self, of_panes: bool) -> None:

@@ -18,6 +18,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl import debug
 from omnisim.rendering.opengl.gl.functions import end_pass, gl_function
 from omnisim.rendering.opengl.gl.memory import AllocationError, check_allocation
@@ -276,3 +277,31 @@ def _finished(texture: TextureT, is_linear: bool = False) -> TextureT:
     if is_linear:
         texture.repeat_x = texture.repeat_y = False
     return texture
+
+
+def check_image_size(
+    context: moderngl.Context,
+    width_px: int,
+    height_px: int,
+    what: str = "an image",
+    has_half_floats: bool = False,
+) -> None:
+    """Refuse an image larger than the GPU allows, before anything is allocated.
+
+    Args:
+        context: OpenGL context.
+        width_px, height_px: size of the image.
+        what: for the message.
+        has_half_floats: its largest texture has half floats, else floats.
+
+    Raises:
+        GraphicsError: the message names the size and the limit.
+    """
+    limit, size = int(context.info["GL_MAX_TEXTURE_SIZE"]), (width_px, height_px)
+    if max(size) > limit:
+        reason = f"this GPU takes at most {limit}"
+    elif not fits_texture(size, has_half_floats):
+        reason = f"this GPU takes no texture of {width_px * height_px >> 16 + has_half_floats} MiB"
+    else:
+        return
+    raise GraphicsError(f"{what} of {width_px} × {height_px} px: {reason}; make it smaller")

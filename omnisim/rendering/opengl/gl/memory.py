@@ -18,6 +18,8 @@ from omnisim.core.errors import GraphicsError
 from omnisim.rendering.opengl.gl import debug
 from omnisim.rendering.opengl.gl.functions import gl_function
 
+MAX_SLICE_BYTES = 256 * 2**20  # of the textures and buffers of a batch, for any number of images
+
 
 class AllocationError(GraphicsError):
     """Refused allocation of a buffer, texture or framebuffer, with its size; and the reason."""
@@ -102,3 +104,26 @@ def immutable_buffer(context: moderngl.Context, content: Content, access: int) -
     check_allocation(context, f"a buffer of {buffer.size} bytes")
     debug.label(debug.BUFFER, buffer.glo)
     return buffer
+
+
+def slice_length(
+    context: moderngl.Context, height_px: int, image_bytes: int, block_bytes: int
+) -> int:
+    """Maximum number of images that a batch draws at once, stacked vertically.
+
+    Args:
+        context: OpenGL context.
+        height_px: height of an image.
+        image_bytes: memory per image.
+        block_bytes: memory per image in the largest of its storage buffers.
+    """
+    limits = context.info
+    return max(
+        1,
+        min(
+            MAX_SLICE_BYTES // image_bytes,
+            int(limits["GL_MAX_SHADER_STORAGE_BLOCK_SIZE"]) // max(1, block_bytes),
+            int(limits["GL_MAX_TEXTURE_SIZE"]) // height_px,
+            int(limits["GL_MAX_ARRAY_TEXTURE_LAYERS"]),
+        ),
+    )

@@ -17,7 +17,7 @@ from omnisim.core.poses import pose_from_rotation, rotation_from_yaw
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.lidar_beams import BeamHits, LidarBeams, LidarPoses, Revolution, Slice
 from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, plan_tiles
-from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
+from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.geometry.draw_item import InstanceTransforms
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.framebuffers import framebuffer, within

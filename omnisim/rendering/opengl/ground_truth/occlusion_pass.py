@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.rendering.contract import Pending
 from omnisim.rendering.opengl.capture.pixel_map import valid_pixels_array
 from omnisim.rendering.opengl.gl.framebuffers import clear_target, framebuffer, use_target
 from omnisim.rendering.opengl.gl.gpu_textures import renderbuffer
 from omnisim.rendering.opengl.gl.pixel_readback import Pixels
 from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first, uniform
 from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
-from omnisim.rendering.readback import Pending
 
 _POINTS_UNIT, _PRIMITIVES_UNIT = 4, 5
 

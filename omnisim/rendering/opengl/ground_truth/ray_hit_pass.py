@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
+from omnisim.rendering.contract import Pending
 from omnisim.rendering.opengl.atlas.image_parts import ImagePart
 from omnisim.rendering.opengl.capture.pixel_map import (
     RAYS_UNIT,
@@ -25,7 +26,6 @@ from omnisim.rendering.opengl.gl.pixel_readback import PixelReadback, Pixels, Re
 from omnisim.rendering.opengl.gl.shader_files import build_program, columns_first, uniform
 from omnisim.rendering.opengl.ground_truth.hit_tables import HitTables
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass, atlas_formats
-from omnisim.rendering.readback import Pending
 
 _UNITS = {"u_albedos": 4, "u_gloss": 5, "u_emission": 7}
 _PRIMITIVES = 1  # attachment, after the points; details follow

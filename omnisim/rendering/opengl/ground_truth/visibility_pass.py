@@ -21,7 +21,7 @@ from omnisim.rendering.opengl.drawing.item_uniforms import (
     reflectance_defines,
 )
 from omnisim.rendering.opengl.drawing.scene_drawer import SceneDrawer
-from omnisim.rendering.opengl.drawing.tile_renderer import TileRenderer, VirtualCameras
+from omnisim.rendering.opengl.drawing.scene_view import TileRenderer, VirtualCameras
 from omnisim.rendering.opengl.geometry.clustered_geometry import Bucket, ClusteredGeometry
 from omnisim.rendering.opengl.geometry.draw_item import DrawItem
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
@@ -32,8 +32,14 @@ from omnisim.rendering.opengl.gl.framebuffers import (
     attach_layer,
     attach_texture,
     framebuffer,
+    layered_target,
 )
-from omnisim.rendering.opengl.gl.gpu_textures import bind_textures, depth_texture, texture_2d
+from omnisim.rendering.opengl.gl.gpu_textures import (
+    bind_textures,
+    depth_texture,
+    texture_2d,
+    texture_array,
+)
 from omnisim.rendering.opengl.gl.memory import gpu_allocation
 from omnisim.rendering.opengl.gl.shader_files import build_program, find_uniform, uniform
 from omnisim.rendering.opengl.gl.state import GlState
@@ -243,6 +249,56 @@ class VisibilityPass:
         with self._state.drawing():
             tiles.draw(target, world_from_rig, world_from_objects, drawer)
         self.end()
+
+
+class VisibilityLayers:
+    """Draws the clusters of many cameras together, then each camera's single items.
+
+    Args:
+        visibility: pass of one camera.
+        count: maximum number of cameras.
+        details: details to draw as well, if textures change them.
+
+    Attributes:
+        ids: texture array of triangle IDs, see `VisibilityPass`.
+        details: texture arrays of its atlases by sampler name.
+    """
+
+    def __init__(self, visibility: VisibilityPass, count: int, details: HitDetails):
+        self._visibility, self._wanted = visibility, details.of_texels
+        self._state = GlState()
+        context, plan = visibility.buffers.context, visibility.plan
+        size = (plan.width_px, plan.height_px, count)
+        visibility.drawers(self._wanted)  # creates the items' drawers before anything is drawn
+        with gpu_allocation(f"ground truth of {count} images", "render fewer at once"):
+            self.ids = texture_array(context, size, 1, dtype="u4")
+            self.details = {
+                name: texture_array(context, size, components, dtype=dtype)
+                for name, (components, dtype) in atlas_formats(details).items()
+            }
+            colors = [self.ids, *self.details.values()]
+            self._target, depth = layered_target(context, *colors)
+            self._layers = (*colors, depth)
+            self._tiles = TileRenderer(
+                visibility.buffers, plan, visibility.cameras, np.empty(0, dtype=np.intp),
+                self._find_program, depth, max_cameras=count,
+            )  # fmt: skip
+
+    def _find_program(self, bucket: Bucket) -> BucketProgram:
+        return self._visibility.bucket_program(self._wanted, bucket, layered=True)
+
+    def draw(self, poses: Sequence[CameraPoses]) -> None:
+        """Draw from poses of the rigs and of the dynamic objects."""
+        self._visibility.bind_materials(self._wanted)
+        self._tiles.begin(self._target, clear_colors(self._wanted))
+        with self._state.drawing():
+            self._tiles.draw_clusters(
+                self._target,
+                np.array([rig for rig, _ in poses]),
+                np.array([objects for _, objects in poses]),
+            )
+            self._visibility.draw_items(poses, self._layers, self._wanted)
+        self._visibility.end()
 
 
 class VisibilityVariant(NamedTuple):

@@ -8,7 +8,7 @@ import pytest
 
 from omnisim.core.poses import pose as make_pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.opengl.drawing import tile_renderer
+from omnisim.rendering.opengl.drawing import scene_view
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene
@@ -30,7 +30,7 @@ def reference_stage(monkeypatch, *scenes):
     """A stage that draws instance after instance, whole."""
     with monkeypatch.context() as patch:
         buffers = partial(SceneBuffers, uses_clusters=False)
-        patch.setattr("omnisim.rendering.cube_backend.SceneBuffers", buffers)
+        patch.setattr("omnisim.rendering.opengl.cube_backend.SceneBuffers", buffers)
         return Stage(*scenes)
 
 
@@ -51,7 +51,7 @@ class Images:
             world_from_base = camera.base_pose(start.position_m, yaw_deg=start.yaw_deg)
         with self._monkeypatch.context() as patch:
             if min_triangles is not None:
-                patch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", (min_triangles,) * 3)
+                patch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (min_triangles,) * 3)
             with self._stage.open(camera) as renderer:
                 culler = renderer._passes.cube.tiles.culler
                 if shows_occluded:
@@ -123,7 +123,7 @@ def test_occluded_clusters_were_hidden_to_the_last_bit(monkeypatch):
 
 @pytest.mark.usefixtures("needs_opengl")
 def test_a_image_does_not_depend_on_the_one_before(monkeypatch):
-    monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", (0, 0, 0))
+    monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (0, 0, 0))
     camera = FAST.resized(100)
     poses = [make_pose((x, 0.5 * x, 0.0), yaw_deg=90.0 * x) for x in (0.0, 4.0, -5.0)]
     with Stage(crowd()) as stage:

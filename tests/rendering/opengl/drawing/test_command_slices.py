@@ -9,7 +9,7 @@ from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.culling import cluster_culling
 from omnisim.rendering.opengl.culling.cluster_culling import BANDS, command_slices
-from omnisim.rendering.opengl.drawing import tile_renderer
+from omnisim.rendering.opengl.drawing import scene_view
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene
 from tests.rendering.opengl.sheets import LAMP, dynamic_object, mixed_scene
@@ -77,7 +77,7 @@ def _everything(stage):
 )
 def test_slices_show_the_same(scenes, passes, monkeypatch):
     monkeypatch.setattr(
-        tile_renderer, "MIN_TRIANGLES_OF_PASSES", ((0, 0, 0) if passes == 4 else (10**9,) * 3)
+        scene_view, "MIN_TRIANGLES_OF_PASSES", ((0, 0, 0) if passes == 4 else (10**9,) * 3)
     )
     with Stage(*scenes()) as stage:
         whole, slices = _everything(stage)

@@ -7,10 +7,10 @@ import pytest
 
 from omnisim import OmniCamera, open_sensor
 from omnisim.core.poses import pose
-from omnisim.rendering.opengl.drawing import tile_renderer
+from omnisim.rendering.opengl.drawing import scene_view
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass
+from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
-from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene import load_scene
@@ -23,7 +23,7 @@ POSITIONS_M = ((-1.0, 0.3, 1.2), (1.0, 0.3, 1.2))
 @pytest.fixture
 def always_tested(monkeypatch):
     """As in a scene of very many triangles."""
-    monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", (0, 0, 0))
+    monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (0, 0, 0))
 
 
 @pytest.mark.parametrize("samples", [1, 4])
@@ -77,7 +77,7 @@ def test_the_image_is_the_same_to_the_last_bit_when_nothing_is_culled(monkeypatc
     with open_sensor(scene, sensor) as renderer:
         drawn = count_triangles(renderer._passes.cube.tiles.culler)
         culled = [renderer.render(one).rgba for one in poses]
-    monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", (10**9,) * 3)
+    monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (10**9,) * 3)
     with open_sensor(scene, sensor) as renderer:
         show_all(renderer._passes.cube.tiles.culler)
         everything = count_triangles(renderer._passes.cube.tiles.culler)

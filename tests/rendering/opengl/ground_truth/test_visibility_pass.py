@@ -7,8 +7,8 @@ from omnisim.core.poses import pose as make_pose
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles
-from omnisim.rendering.opengl.drawing import tile_renderer
-from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
+from omnisim.rendering.opengl.drawing import scene_view
+from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.ground_truth.visibility_pass import (
     TriangleIds,
@@ -61,7 +61,7 @@ def _pass(buffers, details=NO_DETAILS):
     "details", [NO_DETAILS, HitDetails(albedos=True), HitDetails(materials=True)]
 )
 def test_ids_are_those_of_instances_drawn_one_by_one(context, monkeypatch, min_triangles, details):
-    monkeypatch.setattr(tile_renderer, "MIN_TRIANGLES_OF_PASSES", (min_triangles,) * 3)
+    monkeypatch.setattr(scene_view, "MIN_TRIANGLES_OF_PASSES", (min_triangles,) * 3)
     scene = _scene()
     clustered = SceneBuffers(context, scene)
     reference = SceneBuffers(context, scene, uses_clusters=False)

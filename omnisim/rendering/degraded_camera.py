@@ -10,34 +10,39 @@ import numpy as np
 
 from omnisim.core.array_types import Float64s
 from omnisim.core.world import Pose, time_of
-from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.readback import (
+from omnisim.rendering.contract import (
+    CameraSetup,
     FrameRequest,
     ImageExposure,
     Pending,
     Readback,
+    SceneBackend,
     SubFrame,
     SubFrames,
+    Taken,
 )
 from omnisim.rendering.twist import moved_px
 from omnisim.scene import Scene
 from omnisim.scene.model import Instance
 from omnisim.scene.motion.deformation import Deformation
 
+BeginSubFrames = Callable[[SubFrames], Pending[Readback]]
+
 
 class DegradedCamera:
-    """Takes the images of a non-ideal camera."""
+    """Takes the images of a non-ideal camera.
 
-    def __init__(
-        self,
-        sensor: OmniCamera,
-        seed: int | str,
-        begin: Callable[[SubFrames], Pending[Readback]],
-        boxes: MovingBoxes,
-    ):
-        self._sensor, self._seed, self._begin, self._boxes = sensor, seed, begin, boxes
+    Args:
+        world: the back end's scene.
+        setup: camera in the scene.
+        begin: function that begins to render an image from sub-frames.
+    """
 
-    def begin(self, request: FrameRequest) -> Pending[tuple[Readback, dict[str, Any]]]:
+    def __init__(self, world: SceneBackend, setup: CameraSetup, begin: BeginSubFrames):
+        self._sensor, self._seed, self._begin = setup.sensor, setup.seed, begin
+        self._boxes = MovingBoxes(world.scene, world.objects.values())
+
+    def begin(self, request: FrameRequest) -> Pending[Taken]:
         """Begin to take an image, to be returned with its metadata."""
         exposure_ev, degradation = request.exposure_ev, self._sensor.degradation
         exposure = degradation.exposure
@@ -61,7 +66,7 @@ class DegradedCamera:
             )
         )
 
-        def finished(image: Readback) -> tuple[Readback, dict[str, Any]]:
+        def finished(image: Readback) -> Taken:
             metadata: dict[str, Any] = {
                 "parameters": degradation.tables(),
                 "sub_frames": len(sub_frames),

@@ -1,4 +1,4 @@
-"""Back-end interface: renders images and intersects rays.
+"""Contract between renderer and back ends, without OpenGL: requests, results, hits of rays.
 
 A back end has three classes: its side of the scene, one per stage; its side of a camera; and a
 `HitSource`. `omnisim.rendering.shared_scene` opens back ends by name.
@@ -7,30 +7,157 @@ A back end has three classes: its side of the scene, one per stage; its side of 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras import CentralCamera
+from omnisim.core.array_types import Float32s, Float64s, Indices, Mask
+from omnisim.core.errors import OpticsError
 from omnisim.core.extras import missing_packages
 from omnisim.core.world import ObjectPart
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
 from omnisim.ground_truth.label_names import Labels
+from omnisim.rendering.camera.degradations.effect import MAX_EV, Metering
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.readback import FrameRequest, Pending, Readback, ScenePoses, SubFrames
 from omnisim.scene import Scene
 from omnisim.scene.labels import BODY, find_labels
+from omnisim.scene.model import Mesh
 from omnisim.scene.specular_materials import has_specular
 
-if TYPE_CHECKING:  # slow to import, and seldom needed
+if TYPE_CHECKING:
     from omnisim.ground_truth.hits import HitDetails
     from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution
-    from omnisim.rendering.camera.degraded_camera import DegradedCamera
-    from omnisim.rendering.hit_source import HitSource
     from omnisim.rendering.rays.ray_scene import RayScene
     from omnisim.rendering.truth.ground_truth import GroundTruth
+
+
+T = TypeVar("T")
+U = TypeVar("U")
+
+
+class Pending(Generic[T]):
+    """Result in progress: it was requested, and is computed or drawn meanwhile.
+
+    Args:
+        finish: function that waits for the result.
+    """
+
+    def __init__(self, finish: Callable[[], T]):
+        self._finish: Callable[[], T] | None = finish
+
+    def result(self) -> T:
+        """Wait, and return the result; each call returns the same one.
+
+        Raises:
+            GraphicsError: the renderer was closed in the meantime, or the GPU failed.
+        """
+        if self._finish is not None:
+            self._result = self._finish()
+            self._finish = None
+        return self._result
+
+    def then(self, change: Callable[[T], U]) -> Pending[U]:
+        """Result of a function of this result."""
+        return Pending(lambda: change(self.result()))
+
+
+class Readback(NamedTuple):
+    """Rendered image; top row first."""
+
+    rgba: NDArray[np.uint8]  # (height, width, 4): sRGB, alpha 255 where the camera sees something
+    linear: Float32s | None  # (height, width, 3), on request
+    luminance: float | None = None  # of the light meter, if there is one
+
+
+Taken = tuple[Readback, dict[str, Any]]  # an image, and metadata of it
+
+
+class ScenePoses(NamedTuple):
+    """Poses of the camera and of all dynamic objects at one time.
+
+    Attributes:
+        world_from_rig: (4, 4) pose of the camera's rig.
+        world_from_objects: (4, 4) each, in the order of the stage's objects.
+    """
+
+    world_from_rig: Float64s
+    world_from_objects: Sequence[Float64s] = ()
+
+
+class SubFrame(NamedTuple):
+    """Part of an image's exposure time.
+
+    Attributes:
+        poses: poses in this part.
+        row_weights: (height,) share of each row's exposure; None: the whole exposure.
+    """
+
+    poses: ScenePoses
+    row_weights: Float32s | None
+
+
+class ImageExposure(NamedTuple):
+    """Exposure of one image.
+
+    Attributes:
+        factors: factors of red, green and blue light.
+        frame_number: seeds the noise, which differs between frames.
+    """
+
+    factors: tuple[float, float, float]
+    frame_number: int
+
+
+class SubFrames(NamedTuple):
+    """Sub-frames of an image, and its exposure.
+
+    Attributes:
+        parts: sub-frames, at least one.
+        expose: function from the metered luminance to the exposure.
+        meter: light meter that measures the luminance for `expose`; None: not measured.
+        linear: also return linear colors.
+        frame_number: number of the frame, part of the key of its random numbers.
+        is_exposed: the exposure does not depend on the luminance, which is only reported.
+    """
+
+    parts: Sequence[SubFrame]
+    expose: Callable[[float | None], ImageExposure]
+    meter: Metering | None
+    linear: bool
+    frame_number: int = 0
+    is_exposed: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class FrameRequest:
+    """Request of one image; see also `omnisim.rendering.renderer.Renderer.render`.
+
+    Attributes:
+        poses: poses in the middle of the frame.
+        motion: poses by seconds after the middle of the frame; None: at rest.
+        linear: also return linear colors.
+        frame_number: seeds the noise, which differs between frames.
+        exposure_ev: exposure instead of auto-exposure; None: metered.
+
+    Raises:
+        OpticsError: an impossible exposure, or any for a camera without auto-exposure.
+    """
+
+    poses: ScenePoses
+    motion: Callable[[float], ScenePoses] | None
+    linear: bool
+    frame_number: int
+    exposure_ev: float | None
+
+    def __post_init__(self) -> None:
+        ev = self.exposure_ev
+        if ev is not None and not abs(ev) <= MAX_EV:  # NaN fails, too
+            raise OpticsError(f"exposure_ev: expected −{MAX_EV:g} to {MAX_EV:g} stops, got {ev:g}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +203,8 @@ class CameraBackend(ABC):
 
     def __init__(self, world: SceneBackend, setup: CameraSetup):
         self.world, self.setup = world, setup
-        self._degraded: DegradedCamera | None = None
+        # takes images of a degraded camera; None: an ideal one
+        self._degraded: Callable[[FrameRequest], Pending[Taken]] | None = None
         self._ground_truth: tuple[HitSource, GroundTruth] | None = None
         self._labels = LabelCache()
 
@@ -84,23 +212,16 @@ class CameraBackend(ABC):
     def refresh(self) -> None:
         """Adapt to the scene after its objects or buffers have changed."""
 
-    def begin(self, request: FrameRequest) -> Pending[tuple[Readback, dict[str, Any]]]:
+    def begin(self, request: FrameRequest) -> Pending[Taken]:
         """Begin to render an image, to be returned with the metadata of its degradation."""
         if self._degraded is None:
             return self._begin_ideal(request).then(lambda image: (image, {}))
-        taken = self._degraded.begin(request)
+        taken = self._degraded(request)
         return taken.then(lambda image: (image[0], {"degradation": image[1]}))
 
     @abstractmethod
     def _begin_ideal(self, request: FrameRequest) -> Pending[Readback]:
         """Begin to render an image without degradation."""
-
-    def _degrade(self, begin: Callable[[SubFrames], Pending[Readback]]) -> None:
-        """Degrade all further images, and render them from sub-frames."""
-        from omnisim.rendering.camera.degraded_camera import DegradedCamera, MovingBoxes
-
-        boxes = MovingBoxes(self.world.scene, self.world.objects.values())
-        self._degraded = DegradedCamera(self.setup.sensor, self.setup.seed, begin, boxes)
 
     def begin_batch(
         self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0
@@ -125,7 +246,7 @@ class CameraBackend(ABC):
         """Source of ground truth's hits, with at least these details; created on first use."""
 
     @abstractmethod
-    def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
+    def faces(self, poses: ScenePoses) -> dict[str, Float32s]:
         """Linear images (size, size, 3) of the virtual cameras, by name.
 
         Raises:
@@ -159,9 +280,9 @@ class RangeFinder(Protocol):
 
     def cast(
         self,
-        world_from_scanner: NDArray[np.float64],
-        world_from_objects: Sequence[NDArray[np.float64]] = (),
-    ) -> NDArray[np.float64]:
+        world_from_scanner: Float64s,
+        world_from_objects: Sequence[Float64s] = (),
+    ) -> Float64s:
         """Ranges (n,) in m from a pose (4, 4), with the objects at their poses; +inf: no hit."""
 
 
@@ -236,7 +357,7 @@ class SceneBackend(ABC):
     @abstractmethod
     def range_finder(
         self,
-        angles_rad: NDArray[np.float64],
+        angles_rad: Float64s,
         max_range_m: float,
         hidden: frozenset[ObjectPart],
         limits: EchoLimits | None = None,
@@ -257,3 +378,79 @@ class SceneBackend(ABC):
     @abstractmethod
     def close(self) -> None:
         """Free all memory; a second time does nothing."""
+
+
+class DeformingDraw(NamedTuple):
+    """Instance with a deforming mesh.
+
+    Attributes:
+        mesh: mesh and its deformation.
+        object_index: index of its dynamic object; None: static.
+        object_from_mesh: (4, 4), to the world or the dynamic object's frame.
+    """
+
+    mesh: Mesh
+    object_index: int | None
+    object_from_mesh: Float64s
+
+
+class HitSource(ABC):
+    """Casts the rays of a camera's pixels.
+
+    Attributes:
+        camera: camera model.
+        polygons: number of polygons of the mirror's mesh; None: exact.
+        draws: dynamic object and name of each instance, indexed by `Hits.draw_ids` − 1.
+        has_ray: (height, width) false outside of the lens or the mirror.
+        deforming: instances with deforming meshes, by index.
+    """
+
+    camera: CentralCamera
+    polygons: int | None
+    draws: Sequence[ObjectPart]
+    has_ray: Mask
+    deforming: Mapping[int, DeformingDraw]
+
+    @abstractmethod
+    def rays(self) -> NDArray[np.floating]:
+        """Unit rays (height, width, 3), optical frame."""
+
+    @abstractmethod
+    def hits(self, poses: ScenePoses, details: HitDetails = NO_DETAILS) -> Hits:
+        """Cast all rays."""
+
+    def batch_hits(
+        self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS
+    ) -> Iterator[Hits]:
+        """Cast all rays of each image, in order; by default one after the other."""
+        for one in poses:
+            yield self.hits(one, details)
+
+    @abstractmethod
+    def through(self, poses: ScenePoses, hits: Hits) -> ThroughHits:
+        """Surfaces behind glass and after mirrors, given the first hits at the same poses.
+
+        Raises:
+            OmnisimError: the rays show glass or mirrors, and embreex is not installed.
+        """
+
+    @abstractmethod
+    def begin_occlusion(
+        self, other: ScenePoses, other_from_current: Float64s, deformed: Hits | None
+    ) -> Pending[Mask]:
+        """Begin to find the points of the last `hits` that are occluded from another viewpoint.
+
+        Args:
+            other: poses at the other time.
+            other_from_current: (draws, 3, 4) transforms of the instances' points, from the
+                viewpoint frame of the last hits to that of the other time.
+            deformed: last hits with the points of deformed surfaces; None: no surface deforms.
+
+        Returns:
+            Mask (height, width).
+        """
+
+    def objects_of_draws(self) -> Indices:
+        """Object of each instance (n + 1,), after −1 for no hit; 0: the static scene."""
+        objects = [0 if index is None else index + 1 for index, _ in self.draws]
+        return np.array([0, *objects], dtype=np.intp)

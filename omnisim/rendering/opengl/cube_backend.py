@@ -6,32 +6,21 @@ import threading
 import weakref
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import cached_property
-from typing import TYPE_CHECKING, Literal
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING
 
 from omnisim.cameras import NonCentralCamera
+from omnisim.core.array_types import Float64s
 from omnisim.core.errors import GraphicsError
 from omnisim.core.world import ObjectPart
-from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
-from omnisim.rendering.backend import (
+from omnisim.rendering.camera.quality import near_plane_m, scene_size_m
+from omnisim.rendering.contract import (
     BeamCaster,
     CameraBackend,
     CameraSetup,
     RangeFinder,
     SceneBackend,
 )
-from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.camera.quality import near_plane_m, scene_size_m
-from omnisim.rendering.opengl.atlas.image_parts import image_parts
-from omnisim.rendering.opengl.atlas.tile_plan import whole_faces
-from omnisim.rendering.opengl.capture.image_pass import RemapPass
-from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
-from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
 from omnisim.rendering.opengl.gl.context import (
     check_process,
@@ -43,23 +32,14 @@ from omnisim.rendering.opengl.gl.context import (
     release_unclosed_context,
     release_unclosed_contexts,
 )
-from omnisim.rendering.opengl.pipeline import Pipeline, check_image_size
+from omnisim.rendering.opengl.opengl_camera import CubeCamera, DrawnScene
 from omnisim.rendering.opengl.shadows.shadow_maps import ShadowMaps
-from omnisim.rendering.opengl_camera import DrawnHits, DrawnScene, OpenGLCamera
-from omnisim.rendering.readback import Pending, ScenePoses
-from omnisim.rendering.sensor_tiles import sensor_tiles
 from omnisim.scene import Scene
 
 if TYPE_CHECKING:  # imported where they are made: few images need them
     from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams
-    from omnisim.rendering.opengl.batch_pipeline import BatchPipeline
-    from omnisim.rendering.opengl.ground_truth.occlusion_pass import OcclusionPass
-    from omnisim.rendering.opengl.hit_batches import HitBatches
     from omnisim.rendering.rays.ray_scene import RayScene
 
-# A triangle is hit if a texel near the ray shows it or an adjacent one. Measured in the warehouse:
-# 0.1 % of the rays miss one at 1 texel per pixel, 0.05 % at 1.5, mostly at silhouettes.
-TEXELS_PER_PIXEL = 1.5
 LIDAR_NEAR_M = 0.01  # smaller in small scenes
 
 
@@ -136,14 +116,14 @@ class CubeBackend(SceneBackend):
         """Camera in the scene; needs the current context, as do all its methods."""
         drawn = DrawnScene(self.buffers, self.surface_programs)
         if isinstance(setup.sensor.model, NonCentralCamera):
-            from omnisim.rendering.parallax_camera import ParallaxCamera  # seldom needed
+            from omnisim.rendering.opengl.parallax_camera import ParallaxCamera  # seldom needed
 
             return ParallaxCamera(self, drawn, setup)
         return CubeCamera(self, drawn, setup)
 
     def range_finder(
         self,
-        angles_rad: NDArray[np.float64],
+        angles_rad: Float64s,
         max_range_m: float,
         hidden: frozenset[ObjectPart],
         limits: EchoLimits | None = None,
@@ -224,134 +204,3 @@ def has_computed_shadows(parts: Sequence[Scene]) -> bool:
     return lighting.has_shadows and not (
         lighting.is_matte or all(one.is_matte for one in materials)
     )
-
-
-class CubeCamera(OpenGLCamera["CubeHits"]):
-    """Passes of a central camera."""
-
-    def __init__(self, world: SceneBackend, drawn: DrawnScene, setup: CameraSetup):
-        super().__init__(world, drawn, setup)
-        sensor, context = setup.sensor, drawn.buffers.context
-        camera = sensor.supersampled_model
-        is_ideal = sensor.degradation.is_ideal
-        size_px = sensor.model.width_px, sensor.model.height_px
-        what = "an image" if is_ideal else "a degraded image"
-        check_image_size(context, *size_px, what, has_half_floats=is_ideal)
-        density = sensor.texels_per_pixel / sensor.supersampling
-        plan = sensor_tiles(sensor, camera, density, sensor.face_size_px, subdivide=True)
-        side_px = graphics_info(context).max_texture_size_px
-        parts = image_parts(sensor.model, plan, side_px, sensor.supersampling, sensor.mesh_error_px)
-        self.cube = self._cube_pass(parts[0].plan, plan)
-        samples = PixelMap(context, camera, sensor.mesh_polygons)
-        linear_type: Literal["f2", "f4"] = "f2" if is_ideal else "f4"
-        self._use(Pipeline(self.cube, samples, sensor.supersampling, linear_type, parts))
-
-    def refresh(self) -> None:
-        """Adapt to the scene after its buffers have changed."""
-        super().refresh()
-        if "whole_cube" in self.__dict__:
-            self.whole_cube.refresh()
-        if "batches" in self.__dict__ and self.batches is not None:
-            self.batches.refresh()
-
-    def begin_batch(
-        self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0
-    ) -> Pending[None]:
-        """Begin to render images; those of an ideal camera are drawn together."""
-        if self.batches is None:
-            return super().begin_batch(poses, out, frame_number)
-        return self.batches.begin(poses, out)
-
-    @cached_property
-    def batches(self) -> BatchPipeline | None:
-        """Pipeline of batches; None: images are degraded, or too large for it."""
-        from omnisim.rendering.opengl.batch_pipeline import BatchPipeline
-
-        image_pass = self._pipeline.image_pass
-        if self._degraded is not None or not isinstance(image_pass, RemapPass):
-            return None
-        pipeline = self._pipeline
-        return BatchPipeline(pipeline.readback, self.cube, image_pass, pipeline.size_px)
-
-    def _make_hits(self, details: HitDetails) -> CubeHits:
-        return CubeHits(self._drawn.buffers, self._sensor, self._cameras, details)
-
-    def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
-        """Linear images (size, size, 3) of the virtual cameras by name, rendered for this call."""
-        cube = self.whole_cube
-        cube.render(*poses)
-        return {tile.face_name: cube.read_face(tile) for tile in cube.plan.tiles}
-
-    @cached_property
-    def whole_cube(self) -> CubePass:
-        """Virtual cameras of whole faces, in one piece each."""
-        return self._cube_pass(whole_faces(self.cube.plan))
-
-
-class CubeHits(DrawnHits):
-    """Hits of rays from one viewpoint."""
-
-    def __init__(
-        self,
-        buffers: SceneBuffers,
-        sensor: OmniCamera,
-        cameras: VirtualCameras,
-        details: HitDetails,
-    ):
-        from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
-        from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
-
-        super().__init__(buffers, sensor, cameras, details)
-        size_px = sensor.model.width_px, sensor.model.height_px
-        check_image_size(buffers.context, *size_px, "ground truth")
-        self._pixels = PixelMap(buffers.context, sensor.model, sensor.mesh_polygons)
-        plan = sensor_tiles(sensor, sensor.model, TEXELS_PER_PIXEL)
-        side_px = graphics_info(buffers.context).max_texture_size_px
-        parts = image_parts(sensor.model, plan, side_px, mesh_error_px=sensor.mesh_error_px)
-        visibility = VisibilityPass(buffers, parts[0].plan, cameras, details)
-        self._passes = RayHitPass(visibility, self._pixels, parts)
-        self.has_ray = self._pixels.valid
-
-    def refresh(self) -> None:
-        """Adapt to the scene after its buffers have changed."""
-        super().refresh()
-        self._passes.refresh()
-        if "_batches" in self.__dict__:
-            self._batches.refresh()
-
-    def rays(self) -> NDArray[np.float32]:
-        """Unit rays (height, width, 3), optical frame."""
-        return self._pixels.read_rays()[0]
-
-    def hits(self, poses: ScenePoses, details: HitDetails = NO_DETAILS) -> Hits:
-        """Intersect all rays with the triangles visible around them."""
-        return self._passes.render(*poses, details=details)
-
-    def batch_hits(
-        self, poses: Sequence[ScenePoses], details: HitDetails = NO_DETAILS
-    ) -> Iterator[Hits]:
-        """Intersect the rays of many images, drawn together."""
-        return self._batches.hits(poses, details)
-
-    @cached_property
-    def _batches(self) -> HitBatches:
-        from omnisim.rendering.opengl.hit_batches import HitBatches
-
-        return HitBatches(self._passes)
-
-    def begin_occlusion(
-        self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
-    ) -> Pending[NDArray[np.bool_]]:
-        """Begin to render the occlusion from another viewpoint."""
-        if deformed is not None:
-            self._passes.put_points(deformed)
-        bits = self._occlusion_pass.begin(
-            other.world_from_rig, other.world_from_objects, other_from_current
-        )
-        return bits.then(lambda values: values > 0)
-
-    @cached_property
-    def _occlusion_pass(self) -> OcclusionPass:
-        from omnisim.rendering.opengl.ground_truth.occlusion_pass import OcclusionPass
-
-        return OcclusionPass(self._passes)

@@ -1,4 +1,4 @@
-"""Non-central cameras on the back end of virtual cameras: one viewpoint, with its depth.
+"""Cameras without a single viewpoint: virtual cameras at one, whose depth all rays search.
 
 Each pixel's own ray finds its surface by the depth that the viewpoint sees.
 """
@@ -7,33 +7,43 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import NonCentralCamera
 from omnisim.cameras.optics.centrality import common_point
+from omnisim.core.array_types import Float32s, Float64s
 from omnisim.core.errors import GraphicsError
 from omnisim.core.extras import missing_packages
 from omnisim.ground_truth.hits import HitDetails
-from omnisim.rendering.backend import CameraSetup, SceneBackend
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.parallax_plan import parallax_tiles, sample_rays
+from omnisim.rendering.contract import (
+    CameraSetup,
+    FrameRequest,
+    Pending,
+    SceneBackend,
+    ScenePoses,
+    Taken,
+)
+from omnisim.rendering.opengl.camera_frame import CameraFrame
 from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
 from omnisim.rendering.opengl.capture.parallax_pass import ChromaticPass, ParallaxPass
 from omnisim.rendering.opengl.capture.parallax_rays import ParallaxRays, SampleRays
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.drawing.cube_pass import CubePass
 from omnisim.rendering.opengl.gl.context import Context
-from omnisim.rendering.opengl.gl.gpu_textures import fits_texture
-from omnisim.rendering.opengl.parallax_pipeline import ParallaxPipeline
-from omnisim.rendering.opengl.pipeline import check_image_size
-from omnisim.rendering.opengl_camera import DrawnScene, OpenGLCamera
-from omnisim.rendering.readback import FrameRequest, Pending, Readback, ScenePoses
+from omnisim.rendering.opengl.gl.gpu_textures import check_image_size, fits_texture
+from omnisim.rendering.opengl.opengl_camera import DrawnScene, OpenGLCamera
 
 if TYPE_CHECKING:
-    from omnisim.rendering.truth.parallax_hits import ParallaxHits
+    from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
+    from omnisim.rendering.opengl.ground_truth.parallax_hits import ParallaxHits
 
+# Linear RGB (n, 3) along rays (n,), with the scene at some poses.
+CastAt = Callable[[ScenePoses, SampleRays], Float32s]
 _RAYS_PER_BATCH = 1 << 12
 # Longer side of the image by which the atlas of a larger one is estimated, and how much larger.
 _ESTIMATE_PX, _MIN_SCALE = 256, 6.0
@@ -72,18 +82,18 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
             else ChromaticPass(context, colors, plan, pyramid, fog)
         )
         self._casts = not missing_packages("rays")
-        self._parallax = ParallaxPipeline(
+        self._parallax = ParallaxFrame(
             self.cube,
             PixelMap(context, sensor.supersampled_model),
             parallax,
             viewpoint_m,
             self._cast if self._casts else None,
             sensor.supersampling,
-            "f2" if sensor.degradation.is_ideal else "f4",
+            self._degradation_pass(),
         )
         self._use(self._parallax)
 
-    def begin(self, request: FrameRequest) -> Pending[tuple[Readback, dict[str, Any]]]:
+    def begin(self, request: FrameRequest) -> Pending[Taken]:
         """Begin to render an image; its metadata also counts undecided samples."""
         self._parallax.undecided_samples = 0
         taken = super().begin(request)
@@ -95,9 +105,7 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
 
     def make_hits(self, details: HitDetails, casts: bool) -> ParallaxHits:
         """Hits behind ground truth; `casts`: cast undecided pixels as rays."""
-        from omnisim.rendering.truth.parallax_hits import (
-            ParallaxHits,  # for frames with ground truth
-        )
+        from omnisim.rendering.opengl.ground_truth.parallax_hits import ParallaxHits
 
         return ParallaxHits(
             self._drawn.buffers,
@@ -108,7 +116,7 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
             self.world.ray_scene if casts else None,
         )
 
-    def faces(self, poses: ScenePoses) -> dict[str, NDArray[np.float32]]:
+    def faces(self, poses: ScenePoses) -> dict[str, Float32s]:
         """Refuse: the virtual cameras are parts of faces.
 
         Raises:
@@ -116,7 +124,7 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
         """
         raise GraphicsError("faces: expected a central camera, got an optical system")
 
-    def _cast(self, poses: ScenePoses, rays: SampleRays) -> NDArray[np.float32]:
+    def _cast(self, poses: ScenePoses, rays: SampleRays) -> Float32s:
         """Linear RGB (n, 3) along rays (n,) with their own origins, rig frame."""
         from omnisim.rendering.rays.caster import DepthLimits
         from omnisim.rendering.rays.ray_scene import ObjectState
@@ -130,13 +138,59 @@ class ParallaxCamera(OpenGLCamera["ParallaxHits"]):
         footprints = np.einsum("nsj,ij->nsi", rays.footprints, rotation.astype(np.float32))
         objects = ObjectState(poses.world_from_objects, self.setup.hidden)
 
-        def of_batch(first: int) -> NDArray[np.float32]:
+        def of_batch(first: int) -> Float32s:
             batch = np.arange(first, min(first + _RAYS_PER_BATCH, len(footprints)))
             return scene.radiance(aimed.take(batch), footprints[batch], objects, self.setup.unlit)
 
         return np.concatenate(
             scene.in_threads(of_batch, range(0, len(footprints), _RAYS_PER_BATCH))
         )
+
+
+class ParallaxFrame(CameraFrame):
+    """Draws images from the viewpoint nearest to all rays.
+
+    Args:
+        cube: virtual cameras.
+        samples: pixel map of the supersampled camera; sets the size.
+        parallax: pass that samples the atlas.
+        viewpoint_m: (3,) rig frame.
+        cast: function that colors undecided samples by rays; None: treat occluders as thin.
+        supersampling, degradation: see `CameraFrame`.
+
+    Attributes:
+        undecided_samples: number of undecided samples since the attribute was last set to 0.
+    """
+
+    def __init__(
+        self,
+        cube: CubePass,
+        samples: PixelMap,
+        parallax: ParallaxPass | ChromaticPass,
+        viewpoint_m: Float64s,
+        cast: CastAt | None,
+        supersampling: int,
+        degradation: DegradationPass | None,
+    ):
+        self._parallax, self._viewpoint_m, self._cast = parallax, viewpoint_m, cast
+        self.undecided_samples = 0
+        super().__init__(cube, samples, supersampling, degradation)
+
+    def _make_pass(self, samples: PixelMap, supersampling: int) -> None:
+        """Do nothing: the parallax pass is the image pass."""
+
+    def draw(self, poses: ScenePoses, linear: bool) -> None:
+        """Draw the encoded image and, on request, the linear one."""
+        pose, cast = poses.world_from_rig.copy(), self._cast
+        pose[:3, 3] += pose[:3, :3] @ self._viewpoint_m
+        atlas = self._cube.render(pose, poses.world_from_objects)
+        self._parallax.draw(
+            atlas,
+            self._cube.depth,
+            self._both_targets if linear else self.encoded_target,
+            None if cast is None else lambda rays: cast(poses, rays),
+        )
+        self.undecided_samples += self._parallax.undecided_samples
 
 
 def _check_atlas(context: Context, sensor: OmniCamera) -> None:
@@ -162,7 +216,7 @@ def _check_atlas(context: Context, sensor: OmniCamera) -> None:
         )
 
 
-def _rays_by_color(sensor: OmniCamera) -> tuple[list[ParallaxRays], NDArray[np.float64]]:
+def _rays_by_color(sensor: OmniCamera) -> tuple[list[ParallaxRays], Float64s]:
     """Sample rays from the viewpoint, one set or one each for R, G and B; and the viewpoint (3,).
 
     Raises:

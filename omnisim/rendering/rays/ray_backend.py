@@ -15,17 +15,27 @@ from omnisim.core.random_numbers import key_of
 from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits, ThroughHits
 from omnisim.ground_truth.lidar_beams import EchoLimits, LidarBeams
-from omnisim.rendering.backend import CameraBackend, CameraSetup, SceneBackend
 from omnisim.rendering.camera.degradations.effect import ImageGeometry, LinearImage
 from omnisim.rendering.camera.degradations.encoding import Encoding, eight_bits
-from omnisim.rendering.hit_source import DeformingDraw, HitSource
+from omnisim.rendering.contract import (
+    CameraBackend,
+    CameraSetup,
+    DeformingDraw,
+    FrameRequest,
+    HitSource,
+    Pending,
+    Readback,
+    SceneBackend,
+    ScenePoses,
+    SubFrames,
+)
+from omnisim.rendering.degraded_camera import DegradedCamera
 from omnisim.rendering.rays.beams import Beams, LidarCaster
 from omnisim.rendering.rays.caster import DepthLimits
 from omnisim.rendering.rays.pixel_hits import PixelHits
 from omnisim.rendering.rays.pixel_rays import PixelRays, RayImage
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.through import ThroughCaster
-from omnisim.rendering.readback import FrameRequest, Pending, Readback, ScenePoses, SubFrames
 from omnisim.scene import Scene
 
 
@@ -117,7 +127,7 @@ class RayCamera(CameraBackend):
         self._hit_source: RayHitSource | None = None
         self._images = self._ray_images()
         if not sensor.degradation.is_ideal:
-            self._degrade(self._develop)
+            self._degraded = DegradedCamera(world, setup, self._develop).begin
 
     def refresh(self) -> None:
         """Adapt to the scene after it has changed."""

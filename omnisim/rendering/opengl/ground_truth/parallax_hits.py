@@ -1,4 +1,4 @@
-"""Ray hits of non-central optics, from the triangles visible from a single viewpoint."""
+"""Hits of rays with their own origins, on the triangles that one viewpoint sees."""
 
 from __future__ import annotations
 
@@ -7,35 +7,88 @@ from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import Rays
+from omnisim.core.array_types import Float64s, Mask
 from omnisim.ground_truth.hits import NO_DETAILS, HitDetails, Hits
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.parallax_plan import parallax_tiles
+from omnisim.rendering.contract import Pending, ScenePoses
 from omnisim.rendering.opengl.atlas.sampling_density import MAX_ANISOTROPY
 from omnisim.rendering.opengl.capture.depth_pyramid import DepthPyramid
 from omnisim.rendering.opengl.capture.parallax_rays import MARGIN_PX, ParallaxRays
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
-from omnisim.rendering.opengl.drawing.tile_renderer import VirtualCameras
+from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
 from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl.gpu_textures import texture_2d
+from omnisim.rendering.opengl.gl.shader_files import uniform
+from omnisim.rendering.opengl.ground_truth.drawn_hits import DrawnHits
 from omnisim.rendering.opengl.ground_truth.occlusion_pass import OcclusionPass
-from omnisim.rendering.opengl.ground_truth.parallax_hit_pass import (
-    UNKNOWN_HIT,
-    UNKNOWN_OCCLUSION,
-    ParallaxHitPass,
-)
+from omnisim.rendering.opengl.ground_truth.ray_hit_pass import RayHitPass
 from omnisim.rendering.opengl.ground_truth.visibility_pass import VisibilityPass
-from omnisim.rendering.opengl_camera import DrawnHits
 from omnisim.rendering.rays.caster import DepthLimits
 from omnisim.rendering.rays.pixel_hits import SeenPoints, cast_hits, cast_occlusion, starts_of_rays
 from omnisim.rendering.rays.pixel_rays import Band, PixelRays
 from omnisim.rendering.rays.ray_scene import ObjectState
-from omnisim.rendering.readback import Pending, ScenePoses
 
 if TYPE_CHECKING:
     from omnisim.rendering.rays.ray_scene import RayScene
+
+
+UNKNOWN_HIT = np.uint32(1 << 31)  # bit of a draw item's number, as in parallax_hits.frag
+UNKNOWN_OCCLUSION = np.uint8(2)  # as in parallax_occlusion.frag
+_ORIGINS = 11  # texture unit
+
+
+class ParallaxHitPass(RayHitPass):
+    """Intersects rays with the triangles that the viewpoint sees at their ends.
+
+    Args:
+        visibility: pass that draws the triangle IDs.
+        pixels: rays of the pixels.
+        pyramid: hierarchical depth of the atlas.
+
+    Attributes:
+        origins: texture (height, width) of the rays' origins, see `put_origins`.
+    """
+
+    shader = "ground_truth/parallax_hits.frag"
+    occlusion_shader = "ground_truth/parallax_occlusion.frag"
+
+    def __init__(self, visibility: VisibilityPass, pixels: PixelMap, pyramid: DepthPyramid):
+        super().__init__(visibility, pixels)
+        self._pyramid = pyramid
+        self.origins = texture_2d(pixels.context, pixels.size_px, 4)
+
+    def put_origins(self, origins_m: NDArray[np.floating]) -> None:
+        """Upload origins (height, width, 3) relative to the viewpoint.
+
+        For hits in the optical frame; for occlusion in the viewpoint frame.
+        """
+        texels = np.zeros((*origins_m.shape[:2], 4), dtype=np.float32)
+        texels[..., :3] = origins_m
+        self.origins.write(texels)
+
+    def bind(self) -> None:
+        """Bind rays, origins, and the depth of the last rendered atlas."""
+        super().bind()
+        self.origins.use(_ORIGINS)
+        self._pyramid.update(self.visibility.depth)
+
+    def prepare(self, program: moderngl.Program, rig_from_optical: Float64s) -> None:
+        """Set the constant uniforms of a program, with rig_from_optical (3, 3)."""
+        super().prepare(program, rig_from_optical)
+        self._pyramid.bind_program(program)
+        uniform(program, "u_origins").value = _ORIGINS
+
+    def put(self, hits: Hits) -> None:
+        """Replace the points and primitives of the last hits, for occlusion."""
+        self.put_points(hits)
+        self.primitives.write(np.stack((hits.draw_ids, hits.triangles), axis=-1))
+
 
 # As for central cameras: few visible triangles are missed by all texels around.
 _TEXELS_PER_PIXEL, _MAX_TEXELS_PER_PIXEL = 1.5, 6.0
@@ -65,7 +118,7 @@ class ParallaxHits(DrawnHits):
         buffers: SceneBuffers,
         sensor: OmniCamera,
         cameras: VirtualCameras,
-        viewpoint_m: NDArray[np.float64],
+        viewpoint_m: Float64s,
         details: HitDetails,
         ray_scene: Callable[[], RayScene] | None,
     ):
@@ -108,7 +161,7 @@ class ParallaxHits(DrawnHits):
         self._passes.refresh()
         self.__dict__.pop("_draw_of_surface", None)
 
-    def rays(self) -> NDArray[np.float64]:
+    def rays(self) -> Float64s:
         """Unit rays (height, width, 3), optical frame."""
         return self._placed(self._rays.directions)
 
@@ -130,9 +183,9 @@ class ParallaxHits(DrawnHits):
     def _cast(
         self,
         hits: Hits,
-        undecided: NDArray[np.bool_],
+        undecided: Mask,
         poses: ScenePoses,
-        viewpoint_m: NDArray[np.float64],
+        viewpoint_m: Float64s,
         details: HitDetails,
     ) -> None:
         """Cast the rays of undecided pixels (height, width), and store their hits."""
@@ -160,8 +213,8 @@ class ParallaxHits(DrawnHits):
             getattr(hits, name)[undecided] = getattr(cast, name)
 
     def begin_occlusion(
-        self, other: ScenePoses, other_from_current: NDArray[np.float64], deformed: Hits | None
-    ) -> Pending[NDArray[np.bool_]]:
+        self, other: ScenePoses, other_from_current: Float64s, deformed: Hits | None
+    ) -> Pending[Mask]:
         """Begin to render the occlusion of the latest hits' points."""
         hits, pose = deformed or self._hits, self._viewpoint_pose(other)
         if deformed is not None:
@@ -183,7 +236,7 @@ class ParallaxHits(DrawnHits):
         bits = self._occlusion_pass.begin(pose, other.world_from_objects, transforms)
         return bits.then(self._occluded)
 
-    def _occluded(self, bits: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    def _occluded(self, bits: NDArray[np.uint8]) -> Mask:
         """Mask (height, width) of occluded points; undecided ones are cast."""
         occluded = bits & ~UNKNOWN_OCCLUSION > 0
         undecided = self.has_ray & (bits & UNKNOWN_OCCLUSION > 0)
@@ -191,7 +244,7 @@ class ParallaxHits(DrawnHits):
             occluded[undecided] = self._cast_occlusion(undecided)
         return occluded
 
-    def _cast_occlusion(self, undecided: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    def _cast_occlusion(self, undecided: Mask) -> Mask:
         scene, (other, points_m, starts_m) = self._scene(), self._moved
         some = undecided[self.has_ray]
         geometry = scene.caster.geometry
@@ -230,13 +283,13 @@ class ParallaxHits(DrawnHits):
         draws = [numbers.get((one.object_index, one.name), 0) for one in surfaces]
         return np.array([0, *draws], dtype=np.uint32)
 
-    def _viewpoint_pose(self, poses: ScenePoses) -> NDArray[np.float64]:
+    def _viewpoint_pose(self, poses: ScenePoses) -> Float64s:
         """Pose (4, 4) of the virtual cameras."""
         pose = poses.world_from_rig.copy()
         pose[:3, 3] += pose[:3, :3] @ self._viewpoint_m
         return pose
 
-    def _placed(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _placed(self, values: Float64s) -> Float64s:
         """Image (height, width, 3) from values (n, 3) of the pixels that have a ray."""
         image = np.zeros((*self.has_ray.shape, 3))
         image[self.has_ray] = values

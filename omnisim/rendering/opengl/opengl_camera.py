@@ -1,0 +1,192 @@
+"""Cameras that draw by OpenGL: one with a single viewpoint, and the base of all."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.core.array_types import Float32s
+from omnisim.ground_truth.hits import NO_DETAILS, HitDetails
+from omnisim.rendering.contract import (
+    CameraBackend,
+    CameraSetup,
+    FrameRequest,
+    Pending,
+    Readback,
+    SceneBackend,
+    ScenePoses,
+    seen_background,
+)
+from omnisim.rendering.opengl.atlas.image_parts import image_parts
+from omnisim.rendering.opengl.atlas.tile_plan import TilePlan, whole_faces
+from omnisim.rendering.opengl.camera_frame import CameraFrame
+from omnisim.rendering.opengl.capture.pixel_map import PixelMap
+from omnisim.rendering.opengl.drawing.cube_pass import CubePass
+from omnisim.rendering.opengl.drawing.scene_view import VirtualCameras
+from omnisim.rendering.opengl.drawing.surface_program import SurfacePrograms
+from omnisim.rendering.opengl.geometry.scene_buffers import SceneBuffers
+from omnisim.rendering.opengl.gl.context import collect_garbage, graphics_info
+from omnisim.rendering.opengl.gl.gpu_textures import check_image_size
+from omnisim.rendering.sensor_tiles import sensor_tiles
+
+if TYPE_CHECKING:  # for frames with ground truth, or that are degraded
+    from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
+    from omnisim.rendering.opengl.ground_truth.drawn_hits import CubeHits, DrawnHits
+    from omnisim.rendering.rays.through import ThroughCaster
+
+
+class DrawnScene(NamedTuple):
+    """Scene on the GPU."""
+
+    buffers: SceneBuffers
+    programs: SurfacePrograms
+
+
+HitsT = TypeVar("HitsT", bound="DrawnHits")
+
+
+class OpenGLCamera(CameraBackend, Generic[HitsT]):
+    """Camera by OpenGL; what few images need is created on first use.
+
+    Args:
+        world: the back end's scene; its context must be current, here and in all methods.
+        drawn: scene on the GPU.
+        setup: camera and its settings.
+
+    Attributes:
+        cube: pass of the virtual cameras.
+        frame: drawer of the camera's images.
+    """
+
+    cube: CubePass
+    frame: CameraFrame
+
+    def __init__(self, world: SceneBackend, drawn: DrawnScene, setup: CameraSetup):
+        super().__init__(world, setup)
+        self._drawn, self._sensor = drawn, setup.sensor
+        self._cameras = VirtualCameras(
+            setup.sensor.near_m,
+            setup.sensor.far_m,
+            setup.sensor.samples,
+            setup.unlit,
+            seen_background(world.scene, setup.unlit),
+            setup.hidden,
+            mirrors=setup.sensor.mirrors,
+            reflection_probes=setup.sensor.reflection_probes,
+        )
+        self._hit_source: HitsT | None = None
+
+    def refresh(self) -> None:
+        """Update after the buffers changed."""
+        self.frame.refresh()
+        if self._hit_source is not None:
+            self._hit_source.refresh()
+        self._refresh_ground_truth()
+
+    def hit_source(self, details: HitDetails) -> HitsT:
+        """Source of the hits for ground truth, with at least these details."""
+        held = self._hit_source
+        needed = details.of_texels.joined(NO_DETAILS if held is None else held.details)
+        if held is None or needed != held.details:
+            self._hit_source = held = self._make_hits(needed)
+            held.through_caster = self._through_caster
+            collect_garbage(self._drawn.buffers.context)
+        return held
+
+    @cached_property
+    def _through_caster(self) -> ThroughCaster:
+        from omnisim.rendering.rays.through import ThroughCaster
+
+        return ThroughCaster(self.world.ray_scene, self.setup)
+
+    @abstractmethod
+    def _make_hits(self, details: HitDetails) -> HitsT:
+        """Hits behind ground truth with these details."""
+
+    def _begin_ideal(self, request: FrameRequest) -> Pending[Readback]:
+        return self.frame.begin(request.poses, request.linear)
+
+    def _cube_pass(self, plan: TilePlan, whole: TilePlan | None = None) -> CubePass:
+        return CubePass(self._drawn.buffers, self._drawn.programs, plan, self._cameras, whole)
+
+    def _use(self, frame: CameraFrame) -> None:
+        """Render images with a frame, degraded if the sensor is."""
+        self.frame = frame
+        if not self._sensor.degradation.is_ideal:
+            from omnisim.rendering.degraded_camera import DegradedCamera
+
+            self._degraded = DegradedCamera(self.world, self.setup, frame.begin_degraded).begin
+
+    def _degradation_pass(self) -> DegradationPass | None:
+        """Passes of the sensor's degradation; None: it is ideal."""
+        degradation = self._sensor.degradation
+        if degradation.is_ideal:
+            return None
+        from omnisim.core.random_numbers import key_of
+        from omnisim.rendering.camera.degradations.effect import ImageGeometry
+        from omnisim.rendering.opengl.degradation.degradation_pass import DegradationPass
+
+        geometry = ImageGeometry.of_camera(self._sensor.model)
+        return DegradationPass(
+            self._drawn.buffers.context,
+            (geometry.width_px, geometry.height_px),
+            degradation.optics_steps(geometry),
+            degradation.sensor_steps(geometry, key_of("noise", self.setup.seed)),
+            degradation.encoding_step(),
+        )
+
+
+class CubeCamera(OpenGLCamera["CubeHits"]):
+    """Camera with a single viewpoint."""
+
+    def __init__(self, world: SceneBackend, drawn: DrawnScene, setup: CameraSetup):
+        super().__init__(world, drawn, setup)
+        sensor, context = setup.sensor, drawn.buffers.context
+        camera = sensor.supersampled_model
+        is_ideal = sensor.degradation.is_ideal
+        size_px = sensor.model.width_px, sensor.model.height_px
+        what = "an image" if is_ideal else "a degraded image"
+        check_image_size(context, *size_px, what, has_half_floats=is_ideal)
+        density = sensor.texels_per_pixel / sensor.supersampling
+        plan = sensor_tiles(sensor, camera, density, sensor.face_size_px, subdivide=True)
+        side_px = graphics_info(context).max_texture_size_px
+        parts = image_parts(sensor.model, plan, side_px, sensor.supersampling, sensor.mesh_error_px)
+        self.cube = self._cube_pass(parts[0].plan, plan)
+        samples = PixelMap(context, camera, sensor.mesh_polygons)
+        degradation = self._degradation_pass()
+        self._use(CameraFrame(self.cube, samples, sensor.supersampling, degradation, parts))
+
+    def refresh(self) -> None:
+        """Update after the buffers changed."""
+        super().refresh()
+        if "whole_cube" in self.__dict__:
+            self.whole_cube.refresh()
+
+    def begin_batch(
+        self, poses: Sequence[ScenePoses], out: NDArray[np.uint8], frame_number: int = 0
+    ) -> Pending[None]:
+        """Begin to render images; those of an ideal camera are drawn together."""
+        if not self.frame.draws_together:
+            return super().begin_batch(poses, out, frame_number)
+        return self.frame.begin_batch(poses, out)
+
+    def _make_hits(self, details: HitDetails) -> CubeHits:
+        from omnisim.rendering.opengl.ground_truth.drawn_hits import CubeHits
+
+        return CubeHits(self._drawn.buffers, self._sensor, self._cameras, details)
+
+    def faces(self, poses: ScenePoses) -> dict[str, Float32s]:
+        """Linear images (size, size, 3) of the virtual cameras by name, rendered for this call."""
+        cube = self.whole_cube
+        cube.render(*poses)
+        return {tile.face_name: cube.read_face(tile) for tile in cube.plan.tiles}
+
+    @cached_property
+    def whole_cube(self) -> CubePass:
+        """Virtual cameras of whole faces, in one piece each."""
+        return self._cube_pass(whole_faces(self.cube.plan))
