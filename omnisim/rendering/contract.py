@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from omnisim.ground_truth.hits import HitDetails
     from omnisim.ground_truth.lidar_beams import BeamHits, EchoLimits, LidarBeams, Revolution
     from omnisim.rendering.rays.ray_scene import RayScene
-    from omnisim.rendering.truth.ground_truth import GroundTruth
 
 
 T = TypeVar("T")
@@ -198,14 +197,25 @@ def seen_background(scene: Scene, unlit: bool) -> tuple[float, float, float]:
     return scene.background if unlit else scene.lighting.background(scene.background)
 
 
+class Truth(Protocol):
+    """Ground truth made from a source's hits, see `omnisim.rendering.truth`."""
+
+    def refresh(self, labels: Labels) -> None:
+        """Update labels and instances from the source."""
+
+
 class CameraBackend(ABC):
-    """Renders the images of one camera, and intersects its rays."""
+    """Renders the images of one camera, and intersects its rays.
+
+    Attributes:
+        truth: source of its ground truth, and what `ground_truth_of` has made of it; None: nothing.
+    """
 
     def __init__(self, world: SceneBackend, setup: CameraSetup):
         self.world, self.setup = world, setup
         # takes images of a degraded camera; None: an ideal one
         self._degraded: Callable[[FrameRequest], Pending[Taken]] | None = None
-        self._ground_truth: tuple[HitSource, GroundTruth] | None = None
+        self.truth: tuple[HitSource, Truth] | None = None
         self._labels = LabelCache()
 
     @abstractmethod
@@ -253,22 +263,12 @@ class CameraBackend(ABC):
             GraphicsError: the back end has no virtual cameras.
         """
 
-    def ground_truth(self, names: Collection[str]) -> GroundTruth:
-        """Ground truth that includes these channels."""
-        from omnisim.ground_truth.hits import HitDetails
-        from omnisim.rendering.truth.ground_truth import GroundTruth
+    def _refresh_truth(self) -> None:
+        if self.truth is not None:
+            self.truth[1].refresh(self.find_labels())
 
-        source = self.hit_source(HitDetails.of_channels(names))
-        if self._ground_truth is None or self._ground_truth[0] is not source:
-            truth = GroundTruth(source, self._find_labels(), list(self.world.objects))
-            self._ground_truth = source, truth
-        return self._ground_truth[1]
-
-    def _refresh_ground_truth(self) -> None:
-        if self._ground_truth is not None:
-            self._ground_truth[1].refresh(self._find_labels())
-
-    def _find_labels(self) -> Labels:
+    def find_labels(self) -> Labels:
+        """Labels of all instances."""
         return self._labels.find(self.world.scene, self.world.objects, self.setup.vehicles)
 
 

@@ -138,7 +138,9 @@ class Renderer(SensorRenderer[OmniCamera, CameraBackend]):
             around = None if motion is None else partial(self._poses_at, motion, now)
             pending = passes.begin(FrameRequest(poses, around, linear, frame_number, exposure_ev))
             if names or boxes_3d:
-                ground_truth = passes.ground_truth(names)
+                from omnisim.rendering.truth.ground_truth import ground_truth_of
+
+                ground_truth = ground_truth_of(passes, names)
                 other_poses = {other: self._poses_in(others[other]) for other in needed}
                 channel_names = (
                     check_channels((*names, "position", "instance")) if boxes_3d else names
@@ -459,7 +461,9 @@ def _fill_channels(
         poses: poses of the camera and the objects, one entry per image.
         others: poses of the "next" and the "previous" images, if channels need them.
     """
-    truth = passes.ground_truth(arrays)
+    from omnisim.rendering.truth.ground_truth import ground_truth_of
+
+    truth = ground_truth_of(passes, arrays)
     for number, channels in enumerate(truth.batch(tuple(arrays), poses, others)):
         for name, values in channels.items():
             arrays[name][number] = values

@@ -86,7 +86,7 @@ class OpenGLCamera(CameraBackend, Generic[HitsT]):
         self.frame.refresh()
         if self._hit_source is not None:
             self._hit_source.refresh()
-        self._refresh_ground_truth()
+        self._refresh_truth()
 
     def hit_source(self, details: HitDetails) -> HitsT:
         """Source of the hits for ground truth, with at least these details."""

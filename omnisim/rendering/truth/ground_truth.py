@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -14,7 +14,7 @@ from omnisim.core.world import ObjectPart
 from omnisim.ground_truth.channels import CHANNELS, FLOWS, THROUGH
 from omnisim.ground_truth.hits import HitDetails, Hits, ThroughHits
 from omnisim.ground_truth.label_names import Labels
-from omnisim.rendering.contract import HitSource, ScenePoses
+from omnisim.rendering.contract import CameraBackend, HitSource, ScenePoses
 from omnisim.rendering.truth.flow import (
     OpticalFlow,
     deformed_hits,
@@ -22,6 +22,17 @@ from omnisim.rendering.truth.flow import (
     in_world,
     scene_flow,
 )
+
+
+def ground_truth_of(camera: CameraBackend, names: Collection[str]) -> GroundTruth:
+    """Ground truth of a camera that includes these channels, made on first use."""
+    source = camera.hit_source(HitDetails.of_channels(names))
+    if camera.truth is None or camera.truth[0] is not source:
+        made = GroundTruth(source, camera.find_labels(), list(camera.world.objects))
+        camera.truth = source, made
+    truth = camera.truth[1]
+    assert isinstance(truth, GroundTruth)
+    return truth
 
 
 class GroundTruth:

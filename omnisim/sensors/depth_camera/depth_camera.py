@@ -42,6 +42,7 @@ from omnisim.rendering.camera.quality import MAX_IMAGE_PX, scene_size_m
 from omnisim.rendering.contract import CameraBackend, CameraSetup, ScenePoses
 from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
 from omnisim.rendering.shared_scene import SharedScene
+from omnisim.rendering.truth.ground_truth import ground_truth_of
 
 MAX_RANGE_M = 65.535  # 16 bits of millimeters
 # A surface casts a shadow if it is nearer to the second view by this share of the depth.
@@ -268,7 +269,7 @@ def _depths(view: CameraBackend, poses: ScenePoses, has_cosines: bool, through: 
     """Depths of a view at the poses, of the first surfaces or through glass and by mirrors."""
     names = ("range", "z") if through else ("z",)
     names = (*names, "normals_camera") if has_cosines else names
-    truth, model = view.ground_truth(names), view.setup.sensor.model
+    truth, model = ground_truth_of(view, names), view.setup.sensor.model
     seen = None
     if through:
         channels, seen = truth.channels_through(names, poses)
