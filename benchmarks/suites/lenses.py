@@ -21,7 +21,7 @@ from benchmarks.timer import time_interleaved
 from omnisim.cameras import CentralCamera, EquidistantCamera
 from omnisim.core import poses
 from omnisim.plots import style
-from omnisim.plots.plot_file import Figure
+from omnisim.plots.style import Figure
 from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.drawing.cube_pass import CubePass

@@ -48,18 +48,9 @@ def draw_detections(axes: Axes, width_px: int, detections: Sequence[Detection]) 
     for box in detections:
         for shift in (0, -width_px) if box.right > width_px else (0,):
             left, right = box.left + shift, box.right + shift
-            axes.add_patch(
-                Rectangle(
-                    (left - 1.5, box.top - 1.5), right - left + 2, box.bottom - box.top + 2,
-                    fill=False, edgecolor="white", lw=1.6,
-                )
-            )  # fmt: skip
-            axes.add_patch(
-                Rectangle(
-                    (left - 1.5, box.top - 1.5), right - left + 2, box.bottom - box.top + 2,
-                    fill=False, edgecolor=_BOX, lw=0.7,
-                )
-            )  # fmt: skip
+            corner, size = (left - 1.5, box.top - 1.5), (right - left + 2, box.bottom - box.top + 2)
+            for color, line in (("white", 1.6), (_BOX, 0.7)):
+                axes.add_patch(Rectangle(corner, *size, fill=False, edgecolor=color, lw=line))
             label = f"{box.landmark}\n{box.range_m:.2f} m, {np.degrees(box.bearing_rad):.1f}°"
             axes.annotate(
                 label, (0.5 * (left + right), box.bottom + 1.0), ha="center", va="top",

@@ -61,7 +61,8 @@ def trajectories_figure(panels: Sequence[TrackPanel]) -> Figure:
     panels = panels[:MAX_PANELS]
     columns = min(COLUMNS, len(panels))
     rows = -(-len(panels) // columns)
-    ratio = max(float(np.ptp(one[:, 1]) / max(np.ptp(one[:, 0]), 0.1)) for one in _truths(panels))
+    spans_m = [np.ptp(panel.truth_m[:, :2], axis=0) for panel in panels]
+    ratio = max(float(high / max(wide, 0.1)) for wide, high in spans_m)
     wide_in = 7.0 if columns == 1 else 3.4
     high_in = wide_in * min(max(ratio, 0.25), 1.3) + 0.9
     size = (wide_in * columns + 2.4, max(rows * high_in, 2.5))
@@ -76,10 +77,6 @@ def trajectories_figure(panels: Sequence[TrackPanel]) -> Figure:
             handles.setdefault(str(label), handle)
     figure.legend(list(handles.values()), list(handles), loc="outside right upper", fontsize=8)
     return figure
-
-
-def _truths(panels: Sequence[TrackPanel]) -> list[Floats]:
-    return [one.truth_m for one in panels]
 
 
 def _draw_panel(axes: Axes, panel: TrackPanel) -> None:
@@ -247,10 +244,8 @@ def _draw_sweep(axes: Axes, panel: SweepPanel) -> None:
         axes.set_ylim(bottom=max(0.5 * positive.min(), LOWEST_SHARE * positive.max()))
     else:
         axes.set_ylim(bottom=0.0)
-    if is_numeric:
-        axes.set_xticks(at, labels)
-    else:
-        axes.set_xticks(at, labels, rotation=20 if max(map(len, labels)) > 12 else 0)
+    is_long = not is_numeric and max(map(len, labels)) > 12
+    axes.set_xticks(at, labels, rotation=20 if is_long else 0)
     if missing and not np.all(np.isfinite(means)):
         axes.plot([], [], "x", color=GRAY, label=missing)
 

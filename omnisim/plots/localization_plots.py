@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Ellipse, Rectangle
@@ -51,24 +52,21 @@ def paths_figure(panels: Sequence[PathPanel]) -> Figure:
         label_axes(axes, panel.title, "x (m)", "y (m)")
         _draw_landmarks(axes, panel.landmarks)
         track = panel.track
-        axes.plot(
-            *track.reckoned[:, :2].T, "--", color=ORANGE, lw=1.3, label="odometry alone", zorder=3
-        )
+        reckoned, estimated = track.reckoned[:, :2].T, track.poses[:, :2].T
+        axes.plot(*reckoned, "--", color=ORANGE, lw=1.3, label="odometry alone", zorder=3)
         if panel.true_poses is not None:
             axes.plot(*panel.true_poses[:, :2].T, color=BLUE, lw=2.4, label="true", zorder=4)
-        axes.plot(
-            *track.poses[:, :2].T, "-o", color=RED, lw=0.9, ms=2.6, label="estimate", zorder=6
-        )
+        axes.plot(*estimated, "-o", color=RED, lw=0.9, ms=2.6, label="estimate", zorder=6)
         _draw_ellipses(axes, track)
         axes.set_aspect("equal")
         axes.margins(0.06)
-    handles, labels = figure.axes[0].get_legend_handles_labels()
-    for axes in figure.axes[1:]:
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            if label not in labels:
-                handles.append(handle)
-                labels.append(label)
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
+    legend: dict[str, Artist] = {}
+    for axes in figure.axes:
+        for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
+            legend.setdefault(str(name), handle)
+    figure.legend(
+        list(legend.values()), list(legend), loc="outside lower center", ncols=4, frameon=False
+    )
     return figure
 
 
@@ -141,16 +139,12 @@ def consistency_figure(
         nis_intervals: 95 % interval of each mean.
     """
     figure = Figure(figsize=(12.8, 3.8), dpi=DPI, layout="constrained")
-    for column, (title, values, low, high) in enumerate(
-        (
-            (
-                "NEES, mean of all seeds",
-                nees,
-                *(np.full(len(nees), edge) for edge in nees_interval),
-            ),
-            ("NIS over its degrees of freedom", nis, *np.array(nis_intervals).T),
-        )
-    ):
+    edges = (np.full(len(nees), edge) for edge in nees_interval)
+    panels = (
+        ("NEES, mean of all seeds", nees, *edges),
+        ("NIS over its degrees of freedom", nis, *np.array(nis_intervals).T),
+    )
+    for column, (title, values, low, high) in enumerate(panels):
         axes = figure.add_subplot(1, 2, column + 1)
         label_axes(axes, title, "step", "")
         steps = np.arange(1, len(values))  # the start is not estimated

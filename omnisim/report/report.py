@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,8 +16,7 @@ import jinja2
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import atomic_write, check_target
 from omnisim.core.version import __version__
-from omnisim.plots.plot_file import Figure, figure_png
-from omnisim.report.measure import Measure
+from omnisim.plots.style import Figure, figure_png
 
 TEMPLATE = Path(__file__).with_name("report.html.jinja")
 FORMAT_VERSION = 2
@@ -24,6 +24,67 @@ HTML, JSON = "report.html", "report.json"
 _NUMBER = re.compile(r"\s*([–-]?\s*$|[-+−±]?[.\d])")
 _MAX_WORDS = 2  # of a number with its unit
 Status = Literal["passed", "failed", "skipped", "measured"]
+
+
+@dataclass(frozen=True)
+class Measure:
+    """Measured number with its bound.
+
+    Attributes:
+        name: name of the quantity.
+        value: value; NaN: not measurable.
+        unit: unit of value and bound; empty: none.
+        bound: maximum accepted value; None: no bound.
+        at_least: the bound is the minimum accepted value.
+        paper: the paper's value, as text; empty: none.
+        unmeasured: reason why the bound is neither held nor missed; empty: it is one of both.
+    """
+
+    name: str
+    value: float
+    unit: str = ""
+    bound: float | None = None
+    at_least: bool = False
+    paper: str = ""
+    unmeasured: str = ""
+
+    @property
+    def passed(self) -> bool | None:
+        """True if the bound holds, False for NaN; None without a bound, and if unmeasured."""
+        if self.bound is None or self.unmeasured:
+            return None
+        return self.value >= self.bound if self.at_least else self.value <= self.bound
+
+    @property
+    def value_text(self) -> str:
+        """Value with its unit: a count, or a number to four digits."""
+        if math.isfinite(self.value):
+            return self._text(self.value)
+        return "–" if self.unmeasured else "not a number"
+
+    @property
+    def bound_text(self) -> str:
+        """Bound with sign and unit; empty: no bound."""
+        if self.bound is None:
+            return ""
+        return f"{'≥' if self.at_least else '≤'} {self._text(self.bound)}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON object."""
+        return {
+            "name": self.name,
+            "value": self.value if math.isfinite(self.value) else None,
+            "unit": self.unit,
+            "bound": self.bound,
+            "sense": "at least" if self.at_least else "at most",
+            "passed": self.passed,
+            "paper": self.paper,
+            **({"unmeasured": self.unmeasured} if self.unmeasured else {}),
+        }
+
+    def _text(self, number: float) -> str:
+        form = ".0f" if number == round(number) and abs(number) < 1e6 else ".4g"
+        return f"{number:z{form}} {self.unit}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -48,13 +109,10 @@ class ResultTable:
         """True for each column, but the first one, whose cells are numbers with at most a unit."""
         columns = zip(*self.rows, strict=True)
         return tuple(
-            index > 0 and all(map(_is_number, cells)) for index, cells in enumerate(columns)
+            index > 0
+            and all(len(cell.split()) <= _MAX_WORDS and _NUMBER.match(cell) for cell in cells)
+            for index, cells in enumerate(columns)
         )
-
-
-def _is_number(cell: str) -> bool:
-    """True for a number with or without a unit, an empty cell or a dash."""
-    return len(cell.split()) <= _MAX_WORDS and bool(_NUMBER.match(cell))
 
 
 @dataclass(frozen=True)
@@ -163,10 +221,15 @@ class Report:
             return f"Not every bound holds: {names}." if names else "Not every bound holds."
         if self.status == "skipped":
             return "Nothing was checked."
-        bounded = [one for part in self.sections for one in part.measures if one.bound is not None]
-        if all(one.passed is None for one in bounded):
+        bounded = [
+            measure
+            for section in self.sections
+            for measure in section.measures
+            if measure.bound is not None
+        ]
+        if all(measure.passed is None for measure in bounded):
             return ""
-        is_partial = self.notices or any(one.unmeasured for one in bounded)
+        is_partial = self.notices or any(measure.unmeasured for measure in bounded)
         return "Every bound that was checked holds." if is_partial else "Every bound holds."
 
     def as_dict(self) -> dict[str, Any]:

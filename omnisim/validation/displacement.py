@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera
-from omnisim.plots.plot_file import Figure
-from omnisim.plots.style import BLUE, plot
+from omnisim.plots.style import BLUE, Figure, plot
 
 PATCH_PX = 24
 

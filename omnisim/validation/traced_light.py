@@ -14,7 +14,7 @@ from omnisim.core import coordinate_frames as frames
 from omnisim.core.errors import OpticsError
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.report.measure import Measure
+from omnisim.report.report import Measure
 from omnisim.scene import Scene
 from omnisim.validation.fixture import mirror_camera
 

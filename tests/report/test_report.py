@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from omnisim.core.errors import OutputError
 from omnisim.report import machine
-from omnisim.report.measure import Measure
+from omnisim.report.report import Measure
 from omnisim.report.report import (
     CaptionedFigure,
     Report,

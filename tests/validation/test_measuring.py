@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim.report.measure import Measure
+from omnisim.report.report import Measure
 from omnisim.report.report import Section
 from omnisim.validation.checks.rings import ring_radii
 from omnisim.validation.fixture import max_abs, mean_abs

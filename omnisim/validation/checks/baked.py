@@ -12,8 +12,7 @@ from omnisim.plots.style import gallery
 from omnisim.rendering.baking.baked_files import bake_scene
 from omnisim.rendering.baking.settings import FINE_TEXELS, BakeSettings
 from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
+from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.scene import load_scene
 from omnisim.scene.light.baked import with_baked_light
 from omnisim.scene.model import Scene

@@ -26,8 +26,7 @@ from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
+from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.validation.chessboards import (
     PATTERN,
     board_corners_m,

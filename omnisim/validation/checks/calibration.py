@@ -13,8 +13,7 @@ from omnisim.core import poses
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
+from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.validation.chessboards import PATTERN, board_corners_m, board_poses, board_scene
 from omnisim.validation.displacement import displacement_figure
 from omnisim.validation.fixture import Fixture, linear_image, max_abs, mean_abs, mirror_camera

@@ -14,8 +14,7 @@ from omnisim.core.srgb import linear_from_srgb, srgb8_from_linear, srgb_from_lin
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
+from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.scene import Scene
 from omnisim.validation.fixture import Fixture, linear_image, mirror_camera
 from omnisim.validation.psnr import psnr_db

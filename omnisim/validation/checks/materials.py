@@ -12,8 +12,7 @@ from omnisim.core.poses import pose
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.plots.style import gallery
 from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, ResultTable, Section
+from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
 from omnisim.scene.light.environment import Environment, map_directions
 from omnisim.scene.model import Light, Lighting, LightKind
 from omnisim.validation import material_chart

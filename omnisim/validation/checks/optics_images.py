@@ -15,8 +15,7 @@ from omnisim.cameras.optics import OpticalSystem
 from omnisim.core.srgb import srgb8_from_linear, srgb_from_linear
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, ResultTable, Section
+from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
 from omnisim.scene import Scene, load_scene
 from omnisim.validation.fixture import Fixture, linear_image, max_abs, mean_abs
 from omnisim.validation.markers import centroids

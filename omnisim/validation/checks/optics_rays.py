@@ -23,8 +23,7 @@ from omnisim.cameras.optics.shapes import (
     TabulatedProfile,
 )
 from omnisim.core.poses import pose
-from omnisim.report.measure import Measure
-from omnisim.report.report import ResultTable, Section
+from omnisim.report.report import Measure, ResultTable, Section
 from omnisim.validation import closed_forms
 from omnisim.validation.closed_forms import AxialPoints, AxialRays, TracedAxialRays
 from omnisim.validation.fixture import Fixture

@@ -22,8 +22,7 @@ from omnisim.rendering.rays.depth_limits import DepthLimits
 from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.rendering.readback import ScenePoses
 from omnisim.rendering.stage import Stage
-from omnisim.report.measure import Measure
-from omnisim.report.report import ResultTable, Section
+from omnisim.report.report import Measure, ResultTable, Section
 from omnisim.scene import Scene, load_scene
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.optical_systems import validation_systems

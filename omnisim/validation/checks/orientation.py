@@ -20,8 +20,7 @@ from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import cylinder_view
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
+from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.scene import Scene, load_scene
 from omnisim.scene.model import Mesh
 from omnisim.validation.fixture import Fixture, linear_image, mirror_camera

@@ -9,15 +9,13 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import pixel_grid
 from omnisim.cameras.mirrors.tessellation import PAPER_POLYGON_COUNTS
-from omnisim.plots.plot_file import Figure
-from omnisim.plots.style import BLUE, GRAY, ORANGE, gallery, plot
+from omnisim.plots.style import BLUE, GRAY, ORANGE, Figure, gallery, plot
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.gl.context import open_context
 from omnisim.rendering.stage import Stage
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, ResultTable, Section
+from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
 from omnisim.validation.fixture import Fixture, linear_image, mirror_camera
 from omnisim.validation.psnr import psnr_db
 

@@ -10,8 +10,7 @@ from omnisim.core.srgb import srgb8_from_linear, srgb_from_linear
 from omnisim.plots.style import gallery
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
+from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.scene import Scene
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles.mirrored_beams import beam_measures

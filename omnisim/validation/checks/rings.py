@@ -12,11 +12,9 @@ from omnisim.cameras import HyperbolicCamera
 from omnisim.cameras.mirrors.hyperbolic import image_radius_eq2_px
 from omnisim.core.bilinear import sample
 from omnisim.ground_truth.frame import Frame
-from omnisim.plots.plot_file import Figure
-from omnisim.plots.style import BLUE, GRAY, ORANGE, RED, gallery, plot
+from omnisim.plots.style import BLUE, GRAY, ORANGE, RED, Figure, gallery, plot
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, ResultTable, Section
+from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
 from omnisim.scene import Scene, load_scene
 from omnisim.validation.fixture import Fixture, linear_image, max_abs, mirror_camera
 

@@ -11,8 +11,7 @@ from omnisim.core.srgb import linear_from_srgb
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, ResultTable, Section
+from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles.pyrender_rasterizer import rasterize
 from omnisim.validation.oracles.surfaces import opaque_only

@@ -9,11 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from omnisim.plots.plot_file import Figure
-from omnisim.plots.style import gallery
+from omnisim.plots.style import Figure, gallery
 from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
+from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.scene import load_scene
 from omnisim.scene.model import Light, LightKind, Material, Scene
 from omnisim.validation.fixture import Fixture, linear_image

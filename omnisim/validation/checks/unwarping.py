@@ -13,12 +13,10 @@ from omnisim.core import poses
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import View, perspective_view
-from omnisim.plots.plot_file import Figure
-from omnisim.plots.style import BLUE, GRAY, gallery, plot
+from omnisim.plots.style import BLUE, GRAY, Figure, gallery, plot
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
+from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.validation.fixture import Fixture, linear_image, max_abs
 from omnisim.validation.plain_scenes import WHITE, plain_scene, quads
 from omnisim.validation.psnr import psnr_db

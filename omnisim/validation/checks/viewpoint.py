@@ -10,11 +10,9 @@ import numpy as np
 
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
-from omnisim.plots.plot_file import Figure
-from omnisim.plots.style import BLUE, GRAY, ORANGE, plot
+from omnisim.plots.style import BLUE, GRAY, ORANGE, Figure, plot
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
+from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.validation.fixture import Fixture, max_abs, mirror_camera
 
 # The focus property is exact: the error is float64 rounding, which grows with the path.

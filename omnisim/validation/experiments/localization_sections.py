@@ -16,8 +16,7 @@ from omnisim.plots.localization_plots import (
     paths_figure,
     seeds_figure,
 )
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, ResultTable, Section
+from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
 from omnisim.validation.experiments.experiment_runs import (
     SEEDS,
     RealExperiment,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.rays.embree import NO_TRIANGLE, EmbreeMesh
 from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
+from omnisim.report.report import Measure
 from omnisim.scene import Scene
 from omnisim.scene.model import Material
 from omnisim.sensors import SpinningLidar

@@ -83,7 +83,7 @@ def check(request: OpticsCheckRequest) -> None:
 def plot(request: OpticsPlotRequest) -> None:
     """Plot the profile, its rays and caustic, and the resolution."""
     from omnisim.plots.optics_plot import optics_figure
-    from omnisim.plots.plot_file import check_plot_target, write_plot
+    from omnisim.plots.style import check_plot_target, write_plot
 
     check_plot_target(request.output)
     _check_distinct(request.output, request.system)

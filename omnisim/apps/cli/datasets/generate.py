@@ -92,7 +92,7 @@ def _preview(request: GenerateRequest) -> None:
 def _map(request: GenerateRequest) -> None:
     require_extra("plots", "--map")
     from omnisim.plots.plan_map import plan_figure
-    from omnisim.plots.plot_file import check_plot_target, write_plot
+    from omnisim.plots.style import check_plot_target, write_plot
 
     if request.output is None:
         raise OutputError("-o: expected a .png, .pdf or .svg for the map")

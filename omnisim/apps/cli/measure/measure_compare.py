@@ -35,8 +35,7 @@ from omnisim.runs.rig_trajectory import RigRoute
 from omnisim.scene import read_scene
 
 if TYPE_CHECKING:
-    from omnisim.report.measure import Measure
-    from omnisim.report.report import ResultTable, Section
+    from omnisim.report.report import Measure, ResultTable, Section
 
 _SHOWN = 6  # images in the report
 _BIAS_PX, _LEVELS, _RISE_PERCENT, _NOISE = 0.05, 4.0, 15.0, 0.5
@@ -209,7 +208,7 @@ class ComparisonSummary:
     @property
     def measures(self) -> tuple[Measure, ...]:
         """Errors with their bounds; those of blur and noise need their part of the sensor file."""
-        from omnisim.report.measure import Measure
+        from omnisim.report.report import Measure
 
         made, patches = self.degradation, self.subject.patches
         level, rise, noise = self.level_error, self.rise_error, self.noise_error
@@ -265,7 +264,7 @@ class ComparisonSummary:
 
     def section(self) -> Section:
         """Section of the report."""
-        from omnisim.plots.twin_plots import edge_figure, noise_figure, sheet_figure
+        from omnisim.plots.measured_plots import edge_figure, noise_figure, sheet_figure
         from omnisim.report.report import CaptionedFigure, Section
 
         comparison = self.comparison

@@ -69,8 +69,8 @@ def geometry(request: MeasureGeometryRequest) -> None:
     rejected = [*rejected, *measured.rejected]
     write_corners(corners, [BoardCorners(one.points_m, one.pixels_px) for one in measured.views])
     if is_installed("matplotlib"):
-        from omnisim.plots.plot_file import write_plot
-        from omnisim.plots.residual_plot import residual_figure
+        from omnisim.plots.measured_plots import residual_figure
+        from omnisim.plots.style import write_plot
 
         pixels = np.concatenate([view.pixels_px for view in measured.views])
         title = f"{measured.model}: {measured.rms_px:.3f} px RMS"

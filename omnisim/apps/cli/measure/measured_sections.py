@@ -19,12 +19,12 @@ from omnisim.apps.cli.measure.measured_files import (
 from omnisim.core.errors import MeasurementError
 from omnisim.plots.measured_plots import (
     photon_transfer_figure,
+    residual_figure,
     response_figure,
     sharpness_figure,
     timing_figure,
     vignetting_figure,
 )
-from omnisim.plots.residual_plot import residual_figure
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.report.report import CaptionedFigure, ResultTable, Section
 

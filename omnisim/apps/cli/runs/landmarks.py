@@ -69,7 +69,7 @@ def detect(request: DetectRequest) -> None:
         check_target(request.output)
     if request.show is not None:
         require_extra("plots", "--show")
-        from omnisim.plots.plot_file import check_plot_target
+        from omnisim.plots.style import check_plot_target
 
         check_plot_target(request.show)
     model, landmarks = load_model(request.model)
@@ -100,7 +100,7 @@ def detect(request: DetectRequest) -> None:
         write_detections(request.output, detections)
     if request.show is not None:
         from omnisim.plots.detection_plots import detections_figure
-        from omnisim.plots.plot_file import write_plot
+        from omnisim.plots.style import write_plot
 
         write_plot(request.show, detections_figure(rows))
     out.print(

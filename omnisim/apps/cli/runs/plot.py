@@ -21,8 +21,8 @@ from omnisim.scene import Scene
 
 def plot(request: PlotRequest) -> None:
     """Plot a run from above, or the runs of robots that drove together."""
-    from omnisim.plots.plot_file import check_plot_target, write_plot
     from omnisim.plots.run_plot import RunDrawing, run_figure, steps_to_show
+    from omnisim.plots.style import check_plot_target, write_plot
 
     target = request.output or request.run / PLOT
     runs = RunFolder.read_each(request.run)

@@ -45,7 +45,7 @@ def show(request: SceneRequest) -> None:
     """Print the contents of a scene as tables or JSON, and plot it on request."""
     if request.plot is not None:
         require_extra("plots", "--plot")
-        from omnisim.plots.plot_file import check_plot_target
+        from omnisim.plots.style import check_plot_target
 
         check_plot_target(request.plot)
     scene = read_requested_scene(request.world)
@@ -57,8 +57,8 @@ def show(request: SceneRequest) -> None:
     else:
         _print_tables(document, request.all)
     if request.plot is not None:
-        from omnisim.plots.plot_file import write_plot
         from omnisim.plots.scene_plot import scene_figure
+        from omnisim.plots.style import write_plot
 
         write_plot(request.plot, scene_figure(scene))
         if not request.json:

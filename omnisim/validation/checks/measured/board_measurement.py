@@ -18,8 +18,7 @@ from omnisim.measurement.geometry.board_detection import find_board
 from omnisim.rendering.camera.degradations import Degradation, Noise, Vignetting
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import ResultTable, Section
+from omnisim.report.report import Measure, ResultTable, Section
 from omnisim.validation.chessboards import PATTERN, SQUARE_M, board_poses_in_front, board_scene
 from omnisim.validation.fixture import Fixture
 

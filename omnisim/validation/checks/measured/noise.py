@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from omnisim.measurement.noise import measure_noise
-from omnisim.report.measure import Measure
-from omnisim.report.report import ResultTable, Section
+from omnisim.report.report import Measure, ResultTable, Section
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles.emva import BOUNDS, ReferenceCamera
 

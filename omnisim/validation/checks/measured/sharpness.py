@@ -10,8 +10,7 @@ from scipy.special import ndtr
 
 from omnisim.measurement.sharpness import MeasuredSharpness, measure_sharpness
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry
-from omnisim.report.measure import Measure
-from omnisim.report.report import ResultTable, Section
+from omnisim.report.report import Measure, ResultTable, Section
 from omnisim.validation.analytic_edges import Floats, gaussian, true_mtf50
 from omnisim.validation.fixture import Fixture
 

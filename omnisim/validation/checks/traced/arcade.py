@@ -15,8 +15,7 @@ from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
+from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.scene import load_scene
 from omnisim.scene.model import Scene
 from omnisim.validation.fixture import Fixture, linear_image

@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 from omnisim.cameras import pixel_grid
 from omnisim.core import coordinate_frames as frames
 from omnisim.core.srgb import srgb_from_linear
-from omnisim.plots.plot_file import Figure
-from omnisim.plots.style import gallery
+from omnisim.plots.style import Figure, gallery
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
+from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.scene import Scene
 from omnisim.validation.displacement import displacement_figure, displacements
 from omnisim.validation.fixture import Fixture, linear_image, max_abs, mean_abs, mirror_camera
