@@ -24,7 +24,7 @@ from omnisim.validation.checks.shadows import FOLDER
 from omnisim.validation.fixture import linear_image
 from omnisim.validation.material_chart import BASE_COLOR, ROUGHNESS, sphere
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
-from omnisim.validation.psnr import psnr_db
+from omnisim.validation.image_differences import psnr_db
 from omnisim.validation.traced_light import inside_rim, small_mirror, traced_light
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -62,7 +62,8 @@ def _extent(scene: Scene) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     if (high - low).max() <= MAX_SIDE_M:
         return low, high
     points = [scene.start.position_m[:2]]
-    points += [place.position_m[:2] for place in (*scene.starts, *scene.landmarks)]
+    points += [start.position_m[:2] for start in scene.starts]
+    points += [landmark.position_m[:2] for landmark in scene.landmarks]
     points += [point for path in scene.paths for point in path.waypoints_m]
     near, far = np.min(points, axis=0) - AROUND_M, np.max(points, axis=0) + AROUND_M
     low, high = np.maximum(low, near), np.minimum(high, far)

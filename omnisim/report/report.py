@@ -285,7 +285,7 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as reason:
-        raise OutputError(f"{folder}: cannot be made: {reason.strerror}") from None
+        raise OutputError(f"{folder}: cannot be created: {reason.strerror}") from None
 
 
 def write_json(path: Path, content: object) -> None:

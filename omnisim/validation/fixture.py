@@ -13,10 +13,12 @@ from omnisim.cameras import HyperbolicCamera
 from omnisim.core.errors import OpticsError
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.scene import Scene, load_scene
 
 TEXTURED_SCENE = "courtyard"
+BACKENDS: tuple[BackendName, ...] = ("rays", "cube")
 
 
 @dataclass(frozen=True)
@@ -42,13 +44,19 @@ class Fixture:
         return self.scene.start.position_m
 
     def render(
-        self, scene: Scene | Stage, camera: OmniCamera, world_from_base: NDArray[np.float64]
+        self,
+        scene: Scene | Stage,
+        camera: OmniCamera,
+        world_from_base: NDArray[np.float64],
+        *,
+        unlit: bool = True,
+        backend: BackendName = "cube",
     ) -> Frame:
-        """Render one frame in base colors, without light, with linear values in `Frame.linear`."""
+        """Render one frame with linear values in `Frame.linear`; unlit: base colors, no light."""
         if isinstance(scene, Stage):
-            opened = scene.open(camera, unlit=True)
+            opened = scene.open(camera, unlit=unlit)
         else:
-            opened = open_sensor(scene, camera, unlit=True, device=self.device)
+            opened = open_sensor(scene, camera, unlit=unlit, backend=backend, device=self.device)
         with opened as renderer:
             return renderer.render(world_from_base, linear=True)
 

@@ -13,8 +13,8 @@ from omnisim.validation.checks.reflections import (
     rendered,
     traced_paths,
 )
-from omnisim.validation.psnr import psnr_db
-from omnisim.validation.rooms import reflective_rooms
+from omnisim.validation.image_differences import psnr_db
+from omnisim.validation import reflective_rooms
 
 
 @pytest.mark.parametrize("name", MIN_DB)

@@ -75,11 +75,10 @@ def command_named(name: str) -> Command | Group:
     import_module(f"omnisim.apps.cli.{module}.requests")
     if name not in GROUPS:
         return Command(ENTRIES[name])
-    start = f"{name} "
     commands = {
-        path.removeprefix(start): Command(entry)
+        path.removeprefix(f"{name} "): Command(entry)
         for path, entry in ENTRIES.items()
-        if path.startswith(start)
+        if path.startswith(f"{name} ")
     }
     return Group(name, GROUPS[name], commands, default="show" if name == "scene" else "")
 

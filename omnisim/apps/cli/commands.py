@@ -4,28 +4,16 @@
 COMMANDS: dict[str, dict[str, str]] = {
     "Images": dict.fromkeys(("render", "live", "unwarp", "scan"), "images"),
     "Runs": dict.fromkeys(
-        (
-            "drive",
-            "record",
-            "evaluate",
-            "plot",
-            "video",
-            "export",
-            "localize",
-            "landmarks",
-            "robot",
-        ),
+        ("drive", "record", "evaluate", "plot", "video", "export", "localize", "landmarks",
+         "robot"),
         "runs",
     ),
     "Data sets": dict.fromkeys(("generate", "dataset"), "datasets"),
     "Worlds": dict.fromkeys(("scene", "bake"), "worlds"),
-    "Cameras": {
-        **dict.fromkeys(("sensor", "mirror", "calibration"), "cameras"),
-        "measure": "measure",
-        "optics": "cameras",
-    },
+    "Cameras": dict.fromkeys(("sensor", "mirror", "calibration"), "cameras")
+    | {"measure": "measure", "optics": "cameras"},
     "Checks": dict.fromkeys(("doctor", "schema", "info", "validate", "experiments"), "checks"),
-}
+}  # fmt: skip
 GROUPS = {  # help texts of the groups
     "landmarks": "Learn the colors of landmarks, and detect them.",
     "robot": "Robots: list, show, check, or import from USARSim, Gazebo, URDF or MuJoCo.",

@@ -186,7 +186,7 @@ class RequestField:
         """Type of the value without `None`."""
         parts = get_args(self.kind)
         none = type(None)
-        return next(one for one in parts if one is not none) if none in parts else self.kind
+        return next(part for part in parts if part is not none) if none in parts else self.kind
 
     @cached_property
     def kinds(self) -> list[Any]:
@@ -231,9 +231,9 @@ class RequestField:
         limits = {key: limit for key, limit in own.items() if limit is not None}
         if self.details.owner:
             key = _key(self.details.owner, self.name)
-            for one, strict, loose in ((key.low, "gt", "ge"), (key.high, "lt", "le")):
-                if one is not None:
-                    limits[strict if one.is_open else loose] = one.value
+            for limit, strict, loose in ((key.low, "gt", "ge"), (key.high, "lt", "le")):
+                if limit is not None:
+                    limits[strict if limit.is_open else loose] = limit.value
         return limits
 
     @property
@@ -263,19 +263,19 @@ class RequestField:
     @property
     def expected(self) -> str:
         """Expected value in words."""
-        kind, metavar = self.kinds[0], self.metavar
+        kind, metavar, count = self.kinds[0], self.metavar, len(self.kinds)
         if kind is Path:
             return "a folder" if metavar == "DIR" else "a file"
         if kind not in (int, float) or self.details.parse:
             return f"one value, {metavar}" if metavar else "one value"
-        if len(self.kinds) > 1:
-            noun = "whole numbers" if kind is int else "numbers"
-            return f"{len(self.kinds)} {noun}" + (f", {metavar}" if metavar else "")
-        noun, unit = "a whole number" if kind is int else "a number", self._unit[1]
-        limits = "".join(
-            text.format(self.limits[key]) for key, text in _LIMITS.items() if key in self.limits
+        noun = "whole number" if kind is int else "number"
+        if count > 1:
+            return f"{count} {noun}s" + (f", {metavar}" if metavar else "")
+        unit = f" of {self._unit[1]}" if self._unit[1] else ""
+        limits = self.limits
+        return f"a {noun}{unit}" + "".join(
+            text.format(limits[key]) for key, text in _LIMITS.items() if key in limits
         )
-        return noun + (f" of {unit}" if unit else "") + limits
 
     @property
     def _unit(self) -> tuple[str, str, str]:
@@ -357,7 +357,7 @@ class Entry(NamedTuple):
 
     def make(self, values: Mapping[str, object]) -> object:
         """Request with the values of its fields and those of its groups; others are defaults."""
-        defaults = {one.name: one.default for one in self.fields if one.name not in values}
+        defaults = {field.name: field.default for field in self.fields if field.name not in values}
         return _make(self.request, {**values, **defaults})
 
 
@@ -414,15 +414,14 @@ def request_fields(request: type) -> list[RequestField]:
 
 
 def _make(request: type, values: Mapping[str, object]) -> Any:
-    hints = _hints(request)
-    return request(
-        **{
-            field.name: _make(hints[field.name], values)
-            if dataclasses.is_dataclass(hints[field.name])
-            else values[field.name]
-            for field in dataclasses.fields(request)
-        }
-    )
+    arguments = {}
+    for name, hint in _hints(request).items():
+        if name in values:
+            arguments[name] = values[name]
+        elif dataclasses.is_dataclass(hint):
+            assert isinstance(hint, type)
+            arguments[name] = _make(hint, values)
+    return request(**arguments)
 
 
 def refuse_given(
@@ -447,9 +446,7 @@ def refuse_given(
 def words_of(group: Any, *names: str) -> tuple[str, ...]:
     """Words of a command line that set options as they are, without those at their defaults.
 
-    Args:
-        group: group of options, or request.
-        names: its fields; by default all options, without arguments.
+    `names` selects fields of the group or request; by default all options, without arguments.
     """
     words: list[str] = []
     kind: type = type(group)
@@ -460,8 +457,8 @@ def words_of(group: Any, *names: str) -> tuple[str, ...]:
         if field.is_flag and value != field.default:
             words.append(field.flags[-1].split("/")[0 if value else -1])
         elif value != field.default:
-            each = value if field.is_list else [value]
-            words += [word for one in each for word in (field.label, str(one))]
+            values = value if field.is_list else [value]
+            words += [word for each in values for word in (field.label, str(each))]
     return tuple(words)
 
 

@@ -72,10 +72,9 @@ def compare(
             if detection is None:
                 matches.append(DetectionMatch(step, name, range_m, None))
                 continue
-            off = wrap_angle(detection.bearing_rad - bearing_rad)
-            matches.append(
-                DetectionMatch(step, name, range_m, detection, detection.range_m - range_m, off)
-            )
+            range_error_m = detection.range_m - range_m
+            off_rad = wrap_angle(detection.bearing_rad - bearing_rad)
+            matches.append(DetectionMatch(step, name, range_m, detection, range_error_m, off_rad))
     return matches
 
 

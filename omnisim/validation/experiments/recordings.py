@@ -15,8 +15,8 @@ from omnisim.runs.route import Route
 from omnisim.runs.run_data import RunData, read_run
 from omnisim.scene import load_scene
 from omnisim.scene.model import Scene, ScenePath
+from omnisim.validation.experiments.experiment_runs import Progress
 from omnisim.validation.experiments.real_setting import cluttered
-from omnisim.validation.experiments.seeds import Progress
 
 SCENE = "soccer"
 # A path across the field for training, unlike all other drives: landmarks from near and far, and

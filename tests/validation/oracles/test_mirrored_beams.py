@@ -7,7 +7,7 @@ pytest.importorskip("embreex", reason="embreex, which casts the beams, is missin
 
 from omnisim.rendering.rays import echoes
 from omnisim.validation.oracles.mirrored_beams import beam_measures
-from omnisim.validation.rooms import reflective_rooms
+from omnisim.validation import reflective_rooms
 
 
 def measures():

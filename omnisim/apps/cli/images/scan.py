@@ -30,7 +30,7 @@ def run(request: ScanRequest) -> None:
     if not request.noise:
         scanner = scanner.without_noise()
     scene = load_requested_scene(request.world)
-    for note in specular_notes(scene, [one.shape for one in scene.objects], "cube"):
+    for note in specular_notes(scene, [each.shape for each in scene.objects], "cube"):
         print_note(note)
     viewpoint = Viewpoint.in_scene(scene, request.viewpoint)
     with open_sensor(scene, scanner, device=request.gpu.device) as renderer:

@@ -31,7 +31,7 @@ def test_check_summarizes_a_robot(omnisim):
     status, out, error = omnisim("robot", "check", "p2at")
     assert (status, error) == (0, "")
     assert out.splitlines() == [
-        "p2at: good",
+        "p2at: valid",
         "  robot    p2at, Pioneer 2 AT",
         "  body     p2at.glb, 9956 triangles, 18 nodes",
         "  drive    skid steering, 1.2 m/s, 300 °/s",
@@ -48,7 +48,7 @@ def test_check_of_a_minimal_robot(omnisim, tmp_path):
     (tmp_path / "a.toml").write_text('name = "cart"\n')
     assert omnisim("robot", "check", "a.toml") == (
         0,
-        "a.toml: good\n  robot    cart, cart\n  body     none\n  drive    no kinematics\n"
+        "a.toml: valid\n  robot    cart, cart\n  body     none\n  drive    no kinematics\n"
         "  wheels   report the truth\n"
         "  size     unknown: contacts with a scene are not looked for\n",
         "",
