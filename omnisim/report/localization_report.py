@@ -12,8 +12,12 @@ from numpy.typing import NDArray
 from omnisim.perception.landmarks.landmark_detector import Detection, write_detections
 from omnisim.perception.localization.filter_parameters import FilterParameters
 from omnisim.perception.localization.track import Track, mean_interval, notices, write_track
-from omnisim.plots.detection_plots import detections_figure
-from omnisim.plots.localization_plots import PathPanel, errors_figure, paths_figure
+from omnisim.plots.localization_plots import (
+    PathPanel,
+    detections_figure,
+    errors_figure,
+    paths_figure,
+)
 from omnisim.report.report import CaptionedFigure, Measure, Report, Section, make_folder
 from omnisim.runs.run_data import RunData
 

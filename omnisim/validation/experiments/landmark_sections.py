@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from omnisim.perception.landmarks.color_model import Training
 from omnisim.perception.localization.filter_parameters import FilterParameters
-from omnisim.plots.detection_plots import (
+from omnisim.plots.localization_plots import (
     Rates,
     curves_figure,
     detections_figure,

@@ -17,11 +17,11 @@ from omnisim.apps.cli.images.requests import LiveRequest, LiveSceneOptions
 from omnisim.apps.cli.inputs import check_calibration_path, read_camera
 from omnisim.apps.cli.option_groups import CameraFileOptions, LightOptions
 from omnisim.apps.cli.options import flag_of, refuse_given, words_of
-from omnisim.apps.live.camera_document import CameraDocument
-from omnisim.apps.live.live import LivePage, run_source
+from omnisim.apps.live.camera_document import CameraDocument, SceneInLight
+from omnisim.apps.live.live import LivePage
 from omnisim.apps.live.live import run as run_page
 from omnisim.apps.live.live_source import LiveSettings
-from omnisim.apps.live.scene_in_light import SceneInLight
+from omnisim.apps.live.run_source import RunSource
 from omnisim.apps.live.viewpoint_motion import Place
 from omnisim.core.errors import OutputError
 from omnisim.robots.vehicle import Vehicle
@@ -40,10 +40,9 @@ def run(request: LiveRequest) -> None:
         refuse_given(request.page, reason, "record")
         refuse_given(request.image, reason)
         refuse_given(request.light, reason)
-        source = run_source(
-            request.run, request.world.scene, request.camera.camera_name, request.gpu.device
-        )
-        _serve(LivePage(source, request.page.host, request.page.port), request)
+        where = request.run, request.world.scene, request.camera.camera_name, request.gpu.device
+        replayed = LivePage(partial(RunSource, *where), request.page.host, request.page.port)
+        _serve(replayed, request)
         return
     scene = _read(request.world, request.light, request.world.scene or SCENE, {})
     for notice in scene.notices:
@@ -53,7 +52,7 @@ def run(request: LiveRequest) -> None:
         yaw_deg = scene.start.yaw_deg if at.yaw_deg is None else at.yaw_deg
         place = Place(scene.start.position_m if at.at is None else at.at, yaw_deg, at.pitch_deg)
     if request.page.record is not None:
-        from omnisim.apps.live.record import record_film
+        from omnisim.apps.live.live_source import record_film
 
         count = record_film(request.page.record, settings, place)
         out.print(f"{request.page.record}: {count} images")

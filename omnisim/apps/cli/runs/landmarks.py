@@ -103,7 +103,7 @@ def detect(request: DetectRequest) -> None:
     if request.output is not None:
         write_detections(request.output, detections)
     if request.show is not None:
-        from omnisim.plots.detection_plots import detections_figure
+        from omnisim.plots.localization_plots import detections_figure
         from omnisim.plots.style import write_plot
 
         write_plot(request.show, detections_figure(rows))
