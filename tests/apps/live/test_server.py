@@ -269,7 +269,7 @@ def test_one_drives_and_the_others_watch(page):
         watcher.send("place", x=5.0, y=0.0, z=1.0, yaw_deg=0.0)
         assert "another browser is in control" in watcher.receive("error")["text"]
         watcher.send("wheel")
-        assert "driving just now" in watcher.receive("error")["text"]
+        assert "in control right now" in watcher.receive("error")["text"]
         page.server._driven_s -= server.IDLE_S
         watcher.send("wheel")
         assert watcher.receive("roles")["drives"]
