@@ -25,35 +25,23 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class TrackDrawing:
-    """Estimated trajectory to draw.
+    """Estimated trajectory to draw."""
 
-    Attributes:
-        positions_m: (n, 3) aligned positions.
-        lost_m: true positions (m, 3) in each interval without an estimate.
-        traveled_m, offsets_m: (n,) distance traveled, and distance from the truth.
-    """
-
-    positions_m: Floats
-    lost_m: Sequence[Floats]
+    positions_m: Floats  # (n, 3) aligned positions
+    lost_m: Sequence[Floats]  # true positions (m, 3) in each interval without an estimate
+    # (n,) distance traveled, and distance from the truth
     traveled_m: Floats
     offsets_m: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class TrackPanel:
-    """Panel with one drive and its estimates.
-
-    Attributes:
-        title: title of the panel.
-        truth_m: (n, 3) true positions.
-        tracks: estimated trajectories by the name of the estimator.
-        order: names of all estimators, which determine their colors in all panels.
-    """
+    """Panel with one drive and its estimates."""
 
     title: str
-    truth_m: Floats
-    tracks: Mapping[str, TrackDrawing]
-    order: Sequence[str]
+    truth_m: Floats  # (n, 3) true positions
+    tracks: Mapping[str, TrackDrawing]  # estimated trajectories by the name of the estimator
+    order: Sequence[str]  # names of all estimators, which determine their colors in all panels
 
 
 def trajectories_figure(panels: Sequence[TrackPanel]) -> Figure:
@@ -118,17 +106,12 @@ def offsets_figure(panel: TrackPanel) -> Figure:
 
 @dataclass(frozen=True)
 class LostRow:
-    """Intervals without an estimate, in a row of the figure of lost tracking.
+    """Intervals without an estimate, in a row of the figure of lost tracking."""
 
-    Attributes:
-        label: estimator, or value and estimator.
-        lost: starts and ends, as shares of the drive's time; None: no trajectory.
-        reason: reason for the missing trajectory.
-    """
-
-    label: str
+    label: str  # estimator, or value and estimator
+    # starts and ends, as shares of the drive's time; None: no trajectory
     lost: Sequence[tuple[float, float]] | None
-    reason: str = ""
+    reason: str = ""  # reason for the missing trajectory
 
 
 def lost_figure(rows: Sequence[LostRow]) -> Figure:
@@ -152,19 +135,13 @@ def lost_figure(rows: Sequence[LostRow]) -> Figure:
 
 @dataclass(frozen=True)
 class SweepLine:
-    """Measure of an estimator over the values of a variation.
+    """Measure of an estimator over the values of a variation."""
 
-    Attributes:
-        name: name of the estimator.
-        means: mean over the seeds, per value; NaN: no measure.
-        half_widths: half of the confidence interval over the seeds, per value; NaN: unknown.
-        seeds: measures of the single seeds, per value.
-    """
-
-    name: str
-    means: Sequence[float]
+    name: str  # name of the estimator
+    means: Sequence[float]  # mean over the seeds, per value; NaN: no measure
+    # half of the confidence interval over the seeds, per value; NaN: unknown
     half_widths: Sequence[float]
-    seeds: Sequence[Sequence[float]] = ()
+    seeds: Sequence[Sequence[float]] = ()  # measures of the single seeds, per value
 
 
 @dataclass(frozen=True)
@@ -173,20 +150,13 @@ class SweepPanel:
 
     The axis is numeric if all labels are ascending numbers. Lines have gaps at values without a
     measure.
-
-    Attributes:
-        title: label of the axis of values.
-        quantity: label of the measure's axis.
-        labels: labels of the values, in order.
-        lines: one line per estimator, with one mean per value.
-        missing: legend for values without a measure.
     """
 
-    title: str
-    quantity: str
-    labels: Sequence[str]
-    lines: Sequence[SweepLine]
-    missing: str = ""
+    title: str  # label of the axis of values
+    quantity: str  # label of the measure's axis
+    labels: Sequence[str]  # labels of the values, in order
+    lines: Sequence[SweepLine]  # one line per estimator, with one mean per value
+    missing: str = ""  # legend for values without a measure
 
 
 def sweep_figure(panel: SweepPanel) -> Figure:

@@ -138,21 +138,13 @@ def curves_figure(
 
 @dataclass(frozen=True, eq=False)
 class PathPanel:
-    """Panel with one run.
+    """Panel with one run."""
 
-    Attributes:
-        title: heading.
-        track: estimates.
-        true_poses: (n, 3) x, y, yaw; None: unknown.
-        landmarks: landmarks at their true positions.
-        bound_m: bound of the error, drawn as a line; None: no line.
-    """
-
-    title: str
-    track: Track
-    true_poses: NDArray[np.float64] | None
-    landmarks: Sequence[Landmark]
-    bound_m: float | None = None
+    title: str  # heading
+    track: Track  # estimates
+    true_poses: NDArray[np.float64] | None  # (n, 3) x, y, yaw; None: unknown
+    landmarks: Sequence[Landmark]  # landmarks at their true positions
+    bound_m: float | None = None  # bound of the error, drawn as a line; None: no line
 
 
 def paths_figure(panels: Sequence[PathPanel]) -> Figure:

@@ -26,19 +26,12 @@ TITLE_LETTERS = 110  # per line
 
 @dataclass(frozen=True, eq=False)
 class RunDrawing:
-    """Drawn run of one robot.
+    """Drawn run of one robot."""
 
-    Attributes:
-        truth: poses of the base.
-        reckoned: (n, 2) positions by dead reckoning; None: no odometry.
-        images: some images (height, width, 3), by step.
-        name: name of the robot, if there are several.
-    """
-
-    truth: Trajectory
-    reckoned: NDArray[np.float64] | None
-    images: Mapping[int, NDArray[np.uint8]]
-    name: str = ""
+    truth: Trajectory  # poses of the base
+    reckoned: NDArray[np.float64] | None  # (n, 2) positions by dead reckoning; None: no odometry
+    images: Mapping[int, NDArray[np.uint8]]  # some images (height, width, 3), by step
+    name: str = ""  # name of the robot, if there are several
 
 
 def run_figure(

@@ -21,15 +21,10 @@ INK = (30, 30, 30)
 
 @dataclass(frozen=True, eq=False)
 class SampleTiles:
-    """Images of a sample, from top to bottom.
-
-    Attributes:
-        title: title of the sample.
-        tiles: captions and images (height, width, 3) uint8.
-    """
+    """Images of a sample, from top to bottom."""
 
     title: str
-    tiles: Sequence[tuple[str, NDArray[np.uint8]]]
+    tiles: Sequence[tuple[str, NDArray[np.uint8]]]  # captions and images (height, width, 3) uint8
 
 
 def channel_tile(

@@ -28,24 +28,15 @@ Status = Literal["passed", "failed", "skipped", "measured"]
 
 @dataclass(frozen=True)
 class Measure:
-    """Measured number with its bound.
+    """Measured number with its bound."""
 
-    Attributes:
-        name: name of the quantity.
-        value: value; NaN: not measurable.
-        unit: unit of value and bound; empty: none.
-        bound: maximum accepted value; None: no bound.
-        at_least: the bound is the minimum accepted value.
-        paper: the paper's value, as text; empty: none.
-        unmeasured: reason why the bound is neither held nor missed; empty: it is one of both.
-    """
-
-    name: str
-    value: float
-    unit: str = ""
-    bound: float | None = None
-    at_least: bool = False
-    paper: str = ""
+    name: str  # name of the quantity
+    value: float  # value; NaN: not measurable
+    unit: str = ""  # unit of value and bound; empty: none
+    bound: float | None = None  # maximum accepted value; None: no bound
+    at_least: bool = False  # the bound is the minimum accepted value
+    paper: str = ""  # the paper's value, as text; empty: none
+    # reason why the bound is neither held nor missed; empty: it is one of both
     unmeasured: str = ""
 
     @property
@@ -117,28 +108,19 @@ class ResultTable:
 
 @dataclass(frozen=True)
 class Section:
-    """Section of a report.
-
-    Attributes:
-        text: method and result.
-        measures, tables, figures: contents, in this order.
-        notices: warnings for the reader.
-        key: short name in the JSON file; empty: none.
-        seconds: duration; None: not measured.
-        skipped: reason why nothing was measured; empty: not skipped.
-        failure: error that stopped the measurement; empty: none.
-    """
+    """Section of a report."""
 
     title: str
-    text: str = ""
+    text: str = ""  # method and result
+    # contents, in this order
     measures: Sequence[Measure] = ()
     tables: Sequence[ResultTable] = ()
     figures: Sequence[CaptionedFigure] = ()
-    notices: Sequence[str] = ()
-    key: str = ""
-    seconds: float | None = None
-    skipped: str = ""
-    failure: str = ""
+    notices: Sequence[str] = ()  # warnings for the reader
+    key: str = ""  # short name in the JSON file; empty: none
+    seconds: float | None = None  # duration; None: not measured
+    skipped: str = ""  # reason why nothing was measured; empty: not skipped
+    failure: str = ""  # error that stopped the measurement; empty: none
 
     @property
     def missed(self) -> list[Measure]:
@@ -178,22 +160,15 @@ class Section:
 
 @dataclass(frozen=True)
 class Report:
-    """Report of one validation, benchmark or experiment.
+    """Report of one validation, benchmark or experiment."""
 
-    Attributes:
-        title: heading.
-        text: introduction.
-        sections: sections in order.
-        facts: parameters of the measurements, of JSON types.
-        notices: warnings for the reader.
-        machine: machine and versions, see `describe_machine`; empty if they do not matter.
-    """
-
-    title: str
-    text: str
-    sections: Sequence[Section]
+    title: str  # heading
+    text: str  # introduction
+    sections: Sequence[Section]  # sections in order
+    # parameters of the measurements, of JSON types
     facts: dict[str, Any] = field(default_factory=dict)
-    notices: Sequence[str] = ()
+    notices: Sequence[str] = ()  # warnings for the reader
+    # machine and versions, see `describe_machine`; empty if they do not matter
     machine: dict[str, Any] = field(default_factory=dict)
 
     @property

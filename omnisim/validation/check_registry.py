@@ -14,21 +14,15 @@ if TYPE_CHECKING:  # slow to import
 
 @dataclass(frozen=True)
 class Check:
-    """Comparison of images with equations or an independent oracle.
+    """Comparison of images with equations or an independent oracle."""
 
-    Attributes:
-        key: short name, in `report.json` and on the command line.
-        title: heading.
-        entry_point: "module.function" in `omnisim.validation.checks`, imported when the check runs.
-        oracles: required modules of the extra `oracles`, as "module" or "module.attribute".
-        is_quick: part of the quick report.
-    """
-
-    key: str
-    title: str
+    key: str  # short name, in `report.json` and on the command line
+    title: str  # heading
+    # "module.function" in `omnisim.validation.checks`, imported when the check runs
     entry_point: str
+    # required modules of the extra `oracles`, as "module" or "module.attribute"
     oracles: tuple[str, ...] = ()
-    is_quick: bool = True
+    is_quick: bool = True  # part of the quick report
 
     def skip_reason(self) -> str:
         """Unusable oracles, with reason and remedy; empty: all are usable."""

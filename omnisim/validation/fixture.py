@@ -23,15 +23,10 @@ BACKENDS: tuple[BackendName, ...] = ("rays", "cube")
 
 @dataclass(frozen=True)
 class Fixture:
-    """Settings and test scene of a validation.
+    """Settings and test scene of a validation."""
 
-    Attributes:
-        device: EGL index of the GPU; None: the first.
-        is_quick: use smaller images and fewer samples.
-    """
-
-    device: int | None = None
-    is_quick: bool = False
+    device: int | None = None  # EGL index of the GPU; None: the first
+    is_quick: bool = False  # use smaller images and fewer samples
 
     @cached_property
     def scene(self) -> Scene:

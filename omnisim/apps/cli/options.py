@@ -79,30 +79,25 @@ class CommandLineError(OmnisimError):
 
 @dataclass(frozen=True, kw_only=True)
 class Option:
-    """Details of an option that do not follow from its field's name and type.
+    """Details of an option that do not follow from its field's name and type."""
 
-    Attributes:
-        flags: flags on the command line; empty: `--name`, and `-o` for the field `output`.
-        metavar: placeholder of the value on the help page; empty: by its names, unit or type.
-        names: values to complete; the help text may list them as `{names}`.
-        complete: completion of values that depend on other words of the command line.
-        ge, le: limits of a number.
-        parse: reader of the text of a value; None: by the field's type.
-        example: value for messages; empty: by default, unit and placeholder.
-        help: help of a type that several fields share, in place of a string below each.
-        owner: class in `omnisim` whose field of the same name has the limits and the help;
-            `yaw_deg` is that of a field `yaw_rad`.
-    """
-
+    # flags on the command line; empty: `--name`, and `-o` for the field `output`
     flags: tuple[str, ...] = ()
+    # placeholder of the value on the help page; empty: by its names, unit or type
     metavar: str = ""
+    # values to complete; the help text may list them as `{names}`
     names: Callable[[], Iterable[str]] | None = None
+    # completion of values that depend on other words of the command line
     complete: Callable[[click.Context, str], list[str]] | None = None
+    # limits of a number
     ge: float | None = None
     le: float | None = None
+    # reader of the text of a value; None: by the field's type
     parse: Callable[[str], object] | None = None
-    example: str = ""
-    help: str = ""
+    example: str = ""  # value for messages; empty: by default, unit and placeholder
+    help: str = ""  # help of a type that several fields share, in place of a string below each
+    # class in `omnisim` whose field of the same name has the limits and the help; `yaw_deg` is that
+    # of a field `yaw_rad`
     owner: str = ""
 
 
@@ -121,23 +116,14 @@ def of(owner: str, **details: Any) -> Option:
 
 @dataclass(frozen=True)
 class RequestField:
-    """Option or argument of a request.
-
-    Attributes:
-        name: name of the field.
-        kind: type of its value, without `Annotated`.
-        details: its details.
-        help: the string below it; empty: that of its type, or of the thing's field.
-        stated: default value; `dataclasses.MISSING`: required; `OWN`: that of the thing's field.
-        panel: heading on the help page.
-    """
+    """Option or argument of a request."""
 
     name: str
-    kind: Any
-    details: Option
-    help: str
-    stated: Any
-    panel: str
+    kind: Any  # type of its value, without `Annotated`
+    details: Option  # its details
+    help: str  # the string below it; empty: that of its type, or of the thing's field
+    stated: Any  # default value; `dataclasses.MISSING`: required; `OWN`: that of the thing's field
+    panel: str  # heading on the help page
 
     @property
     def is_argument(self) -> bool:
@@ -320,24 +306,16 @@ class RequestField:
 
 
 class Entry(NamedTuple):
-    """Command of a request.
+    """Command of a request."""
 
-    Attributes:
-        path: name of the command, preceded by its group's.
-        run: function in `omnisim.apps.cli` that takes the request, imported when the command runs;
-            if it returns False, the exit status is 1.
-        request: the request's class.
-        first: options that its help page shows; empty: all.
-        extra: required extra of the package; None: no extra.
-        elsewhere: command that has options which a user may expect here, by option.
-    """
-
-    path: str
+    path: str  # name of the command, preceded by its group's
+    # function in `omnisim.apps.cli` that takes the request, imported when the command runs; if it
+    # returns False, the exit status is 1
     run: str
-    request: type
-    first: tuple[str, ...]
-    extra: str | None
-    elsewhere: Mapping[str, str]
+    request: type  # the request's class
+    first: tuple[str, ...]  # options that its help page shows; empty: all
+    extra: str | None  # required extra of the package; None: no extra
+    elsewhere: Mapping[str, str]  # command that has options which a user may expect here, by option
 
     @property
     def summary(self) -> str:

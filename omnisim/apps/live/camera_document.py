@@ -46,15 +46,11 @@ MODEL_PATHS = (f"{SENSOR}.lens.model", f"{OPTICS_CAMERA}.model")
 
 @dataclass(frozen=True)
 class SceneInLight:
-    """Scene that can be reloaded in another light.
+    """Scene that can be reloaded in another light."""
 
-    Attributes:
-        source: name or path of the scene.
-        read: function of a path and tables that reads a TOML file extending the scene. The tables
-            take precedence over the command line's options.
-    """
-
-    source: str
+    source: str  # name or path of the scene
+    # function of a path and tables that reads a TOML file extending the scene. The tables take
+    # precedence over the command line's options
     read: Callable[[Path, Mapping[str, Any]], Scene]
 
     def scene(self, tables: Mapping[str, Any]) -> Scene:
@@ -107,15 +103,11 @@ class CameraDocument:
     """Sensor file of a camera, the size of its image and the light of the scene.
 
     Paths in the table are absolute, and an optics file is embedded in the table.
-
-    Attributes:
-        sensor: table of the sensor file.
-        size_px: shorter side of the image; None: the sensor file's size.
-        light: tables of a scene's TOML for its light, sky and fog; empty: the scene's own light.
     """
 
-    sensor: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    size_px: int | None = None
+    sensor: Mapping[str, Any] = dataclasses.field(default_factory=dict)  # table of the sensor file
+    size_px: int | None = None  # shorter side of the image; None: the sensor file's size
+    # tables of a scene's TOML for its light, sky and fog; empty: the scene's own light
     light: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     @classmethod

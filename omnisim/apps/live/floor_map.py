@@ -33,18 +33,13 @@ Json = dict[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class FloorMap:
-    """Image of a scene from above, x to the right and y up.
+    """Image of a scene from above, x to the right and y up."""
 
-    Attributes:
-        rgb: (height, width, 3) uint8 sRGB.
-        low_m, high_m: (2,) minimum and maximum x and y of the image in the world.
-        ground_m: height (z) of the ground in the world.
-    """
-
-    rgb: NDArray[np.uint8]
+    rgb: NDArray[np.uint8]  # (height, width, 3) uint8 sRGB
+    # (2,) minimum and maximum x and y of the image in the world
     low_m: NDArray[np.float64]
     high_m: NDArray[np.float64]
-    ground_m: float
+    ground_m: float  # height (z) of the ground in the world
 
 
 def draw_floor_map(stage: Stage, near_m: tuple[float, float, float]) -> FloorMap:

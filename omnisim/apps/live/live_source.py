@@ -53,30 +53,20 @@ RATE_HZ, SECONDS, RADIUS_M = 20.0, 6.0, 0.6
 
 @dataclass(frozen=True)
 class LiveSettings:
-    """Initial scene and camera of the live page.
+    """Initial scene and camera of the live page."""
 
-    Attributes:
-        scene: scene to render.
-        document: document of the camera.
-        vehicle: robot that carries the camera; None: free flight.
-        camera_name: name of the robot's camera, or of the one that the document replaces; None:
-            the first.
-        scene_arguments: command-line arguments for scene and robot.
-        camera_options: command-line options of the initial camera; None: no options describe the
-            camera, only a sensor file.
-        light: scene that can be reloaded in another light; None: the light is fixed.
-        device: index of the GPU; None: the first.
-        unlit: render plain base colors, without lights.
-    """
-
-    scene: Scene
-    document: CameraDocument
-    vehicle: Vehicle | None = None
+    scene: Scene  # scene to render
+    document: CameraDocument  # document of the camera
+    vehicle: Vehicle | None = None  # robot that carries the camera; None: free flight
+    # name of the robot's camera, or of the one that the document replaces; None: the first
     camera_name: str | None = None
-    scene_arguments: tuple[str, ...] = ()
+    scene_arguments: tuple[str, ...] = ()  # command-line arguments for scene and robot
+    # command-line options of the initial camera; None: no options describe the camera, only a
+    # sensor file
     camera_options: tuple[str, ...] | None = ()
-    device: int | None = None
-    unlit: bool = False
+    device: int | None = None  # index of the GPU; None: the first
+    unlit: bool = False  # render plain base colors, without lights
+    # scene that can be reloaded in another light; None: the light is fixed
     light: SceneInLight | None = None
 
 

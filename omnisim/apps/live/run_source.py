@@ -27,25 +27,16 @@ from omnisim.runs.run_folder import GROUND_TRUTH, RunFolder
 
 @dataclass(frozen=True, eq=False)
 class LiveFrame:
-    """Image with its camera and pose, live or replayed.
+    """Image with its camera and pose, live or replayed."""
 
-    Attributes:
-        model: model of the camera.
-        base_from_optical: (4, 4) pose of the camera's optical frame on its vehicle.
-        world_from_base: (4, 4) pose of the vehicle's base.
-        rgb: (height, width, 3) uint8 sRGB.
-        png: contents of the image file; None for a coarse image.
-        channels: ground truth by name.
-        labels: labels of the IDs in the channels; None: no labels.
-    """
-
-    model: CentralCamera
+    model: CentralCamera  # model of the camera
+    # (4, 4) pose of the camera's optical frame on its vehicle
     base_from_optical: NDArray[np.float64]
-    world_from_base: NDArray[np.float64]
-    rgb: NDArray[np.uint8]
-    png: bytes | None
-    channels: Mapping[str, NDArray[Any]]
-    labels: Labels | None
+    world_from_base: NDArray[np.float64]  # (4, 4) pose of the vehicle's base
+    rgb: NDArray[np.uint8]  # (height, width, 3) uint8 sRGB
+    png: bytes | None  # contents of the image file; None for a coarse image
+    channels: Mapping[str, NDArray[Any]]  # ground truth by name
+    labels: Labels | None  # labels of the IDs in the channels; None: no labels
 
     @property
     def world_from_optical(self) -> NDArray[np.float64]:

@@ -25,25 +25,16 @@ MAX_JOBS = 8
 
 @dataclass(frozen=True)
 class PageState:
-    """Settings on the page that determine an image.
+    """Settings on the page that determine an image."""
 
-    Attributes:
-        document: document of the camera.
-        place: pose of the viewpoint, or of the robot's base.
-        views: names of the views beside the camera.
-        gaze: direction of the perspective view.
-        time_s: world time.
-        step: step of a replayed run.
-        change: number of this state.
-    """
-
-    document: CameraDocument
-    place: Place
-    views: tuple[str, ...] = ()
+    document: CameraDocument  # document of the camera
+    place: Place  # pose of the viewpoint, or of the robot's base
+    views: tuple[str, ...] = ()  # names of the views beside the camera
+    # direction of the perspective view
     gaze: messages.Gaze = field(default_factory=lambda: messages.Gaze(yaw_deg=0.0, pitch_deg=10.0))
-    time_s: float = 0.0
-    step: int = 0
-    change: int = 0
+    time_s: float = 0.0  # world time
+    step: int = 0  # step of a replayed run
+    change: int = 0  # number of this state
 
 
 @dataclass(frozen=True)

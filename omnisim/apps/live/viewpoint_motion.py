@@ -25,21 +25,15 @@ DIGITS_M, DIGITS_DEG = 4, 3
 
 @dataclass(frozen=True)
 class MotionCommand:
-    """Motion requested by keys; all components but `fast` range from −1 to 1.
+    """Motion requested by keys; all components but `fast` range from −1 to 1."""
 
-    Attributes:
-        ahead, left, up: requested velocity, as shares of the full speed.
-        turn: requested turn rate, positive to the left.
-        tilt: requested pitch rate, positive front down.
-        fast: factor of all other components, from 0.1 to 4.
-    """
-
+    # requested velocity, as shares of the full speed
     ahead: float = 0.0
     left: float = 0.0
     up: float = 0.0
-    turn: float = 0.0
-    tilt: float = 0.0
-    fast: float = 1.0
+    turn: float = 0.0  # requested turn rate, positive to the left
+    tilt: float = 0.0  # requested pitch rate, positive front down
+    fast: float = 1.0  # factor of all other components, from 0.1 to 4
 
     @property
     def is_rest(self) -> bool:

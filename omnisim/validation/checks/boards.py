@@ -47,16 +47,12 @@ TEXELS = 1.5
 
 @dataclass(frozen=True)
 class BoardCamera:
-    """Camera and format of its calibration file.
-
-    Attributes:
-        boards_up_to_rad: maximum angle of the boards' centers from the axis.
-    """
+    """Camera and format of its calibration file."""
 
     name: str
     camera: CentralCamera
     format: str
-    boards_up_to_rad: float
+    boards_up_to_rad: float  # maximum angle of the boards' centers from the axis
 
 
 def board_cameras() -> tuple[BoardCamera, ...]:

@@ -61,20 +61,16 @@ def noisy(image: NDArray[np.uint8], generator: np.random.Generator) -> NDArray[n
 
 @dataclass(frozen=True, eq=False)
 class SeedRuns:
-    """Tracks of all seeds, and their errors.
+    """Tracks of all seeds, and their errors."""
 
-    Attributes:
-        tracks: tracks, one per seed.
-        errors_m, reckoned_m: (seeds, steps) position errors of the filter and of odometry alone.
-        nees: (seeds, steps) normalized estimation errors squared; NaN without uncertainty.
-        nis, nis_degrees: (seeds, steps) normalized innovations squared, and their degrees of
-            freedom; NaN and 0 without accepted observations.
-    """
-
-    tracks: tuple[Track, ...]
+    tracks: tuple[Track, ...]  # tracks, one per seed
+    # (seeds, steps) position errors of the filter and of odometry alone
     errors_m: NDArray[np.float64]
     reckoned_m: NDArray[np.float64]
+    # (seeds, steps) normalized estimation errors squared; NaN without uncertainty
     nees: NDArray[np.float64]
+    # (seeds, steps) normalized innovations squared, and their degrees of freedom; NaN and 0 without
+    # accepted observations
     nis: NDArray[np.float64]
     nis_degrees: NDArray[np.intp]
 
@@ -156,16 +152,11 @@ def in_field_of_view(
 
 @dataclass(frozen=True)
 class Hand:
-    """Noise and limits of picking by hand.
+    """Noise and limits of picking by hand."""
 
-    Attributes:
-        sigma_px: standard deviation of a picked point, along both image axes.
-        farthest_m: maximum distance of a pickable landmark.
-        steepest_rad: maximum angle below the horizon; the vehicle hides nearer landmarks.
-    """
-
-    sigma_px: float = 1.5
-    farthest_m: float = 3.5
+    sigma_px: float = 1.5  # standard deviation of a picked point, along both image axes
+    farthest_m: float = 3.5  # maximum distance of a pickable landmark
+    # maximum angle below the horizon; the vehicle hides nearer landmarks
     steepest_rad: float = math.radians(58.0)
 
 

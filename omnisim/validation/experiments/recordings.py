@@ -33,17 +33,11 @@ REAL_FULL_WELL_E = 2500.0
 
 @dataclass(frozen=True)
 class Recordings:
-    """Runs of the experiments.
+    """Runs of the experiments."""
 
-    Attributes:
-        learning: training run, P2AT.
-        simulated: the paper's simulation, P2AT, counter-clockwise.
-        real: the paper's real setting, Super Scout, clockwise, degraded.
-    """
-
-    learning: RunData
-    simulated: RunData
-    real: RunData
+    learning: RunData  # training run, P2AT
+    simulated: RunData  # the paper's simulation, P2AT, counter-clockwise
+    real: RunData  # the paper's real setting, Super Scout, clockwise, degraded
 
 
 def real_camera() -> Degradation:

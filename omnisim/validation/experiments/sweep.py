@@ -44,39 +44,26 @@ Light = NDArray[np.float32]  # (height, width, 4) linear; the fourth is 1 where 
 
 @dataclass(frozen=True)
 class Cause:
-    """Degradation in the sweep.
+    """Degradation in the sweep."""
 
-    Attributes:
-        name: name in the report.
-        unit: unit of the levels.
-        levels: levels in increasing strength.
-        apply: function that degrades light at a level and step.
-    """
-
-    name: str
-    unit: str
-    levels: tuple[float, ...]
+    name: str  # name in the report
+    unit: str  # unit of the levels
+    levels: tuple[float, ...]  # levels in increasing strength
+    # function that degrades light at a level and step
     apply: Callable[[Light, ImageGeometry, float, int], Light]
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Results at one level of a degradation.
+    """Results at one level of a degradation."""
 
-    Attributes:
-        recall, precision: rates for landmarks within `NEAR_M`.
-        bearing_rms_rad: RMS bearing error of true positives.
-        range_rms_share: RMS range error of true positives, as a share of the range.
-        false_alarms: share of pixels without a landmark that are taken for a landmark's color.
-        error_m: median over seeds of the mean position error.
-    """
-
+    # rates for landmarks within `NEAR_M`
     recall: float
     precision: float
-    bearing_rms_rad: float
-    range_rms_share: float
-    false_alarms: float
-    error_m: float
+    bearing_rms_rad: float  # RMS bearing error of true positives
+    range_rms_share: float  # RMS range error of true positives, as a share of the range
+    false_alarms: float  # share of pixels without a landmark that are taken for a landmark's color
+    error_m: float  # median over seeds of the mean position error
 
 
 def _defocus(light: Light, geometry: ImageGeometry, level: float, step: int) -> Light:

@@ -30,21 +30,13 @@ BOUNDS = {
 
 @dataclass(frozen=True, eq=False)
 class ReferenceCamera:
-    """Camera of the reference implementation's simulator, with known noise.
+    """Camera of the reference implementation's simulator, with known noise."""
 
-    Attributes:
-        camera: `Camera` of the reference implementation.
-        bit_depth: bits of the converter.
-        exposure_s: exposure time at which `radiance` saturates the camera.
-        radiance: light of the flat fields, in the simulator's units.
-        true: true values by key of the sensor file.
-    """
-
-    camera: Any
-    bit_depth: int
-    exposure_s: float
-    radiance: Any
-    true: dict[str, float]
+    camera: Any  # `Camera` of the reference implementation
+    bit_depth: int  # bits of the converter
+    exposure_s: float  # exposure time at which `radiance` saturates the camera
+    radiance: Any  # light of the flat fields, in the simulator's units
+    true: dict[str, float]  # true values by key of the sensor file
 
     @classmethod
     def drawn(cls, seed: int, size: tuple[int, int] = (640, 480)) -> ReferenceCamera:

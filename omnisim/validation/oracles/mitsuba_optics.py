@@ -51,16 +51,12 @@ _WINDOW_SIZES = 50.0  # radius of a window without a rim
 class PhysicalOptics:
     """Surfaces and pinhole of a system in Mitsuba's units.
 
-    Attributes:
-        system: system with a perspective camera.
-        world_from_optical: (4, 4) pose of the sensor's optical frame.
-
     Raises:
         OmnisimError: another camera, or a matrix that is not a pose.
     """
 
-    system: OpticalSystem
-    world_from_optical: NDArray[np.float64]
+    system: OpticalSystem  # system with a perspective camera
+    world_from_optical: NDArray[np.float64]  # (4, 4) pose of the sensor's optical frame
     _white: dict[tuple[int, int], NDArray[np.float32]] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:

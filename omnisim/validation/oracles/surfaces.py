@@ -16,21 +16,17 @@ from omnisim.scene.model import AlphaMode, Instance, Material
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Surface:
-    """All triangles of one material.
+    """All triangles of one material."""
 
-    Attributes:
-        material: material of all triangles.
-        triangles_m: (n, 3, 3) float64 corners, meters from the effective viewpoint along the
-            world's axes, counter-clockwise seen from the front.
-        texture_coordinates: (n, 3, 2) float32, (0, 0) at the texture's top left; None: no texture,
-            or no coordinates in the mesh.
-        colors: (n, 3, 3) float32 linear RGB of the corners, without the material's color; None: no
-            vertex colors.
-    """
-
-    material: Material
+    material: Material  # material of all triangles
+    # (n, 3, 3) float64 corners, meters from the effective viewpoint along the world's axes,
+    # counter-clockwise seen from the front
     triangles_m: NDArray[np.float64]
+    # (n, 3, 2) float32, (0, 0) at the texture's top left; None: no texture, or no coordinates in
+    # the mesh
     texture_coordinates: NDArray[np.float32] | None
+    # (n, 3, 3) float32 linear RGB of the corners, without the material's color; None: no vertex
+    # colors
     colors: NDArray[np.float32] | None
 
 

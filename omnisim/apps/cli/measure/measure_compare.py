@@ -140,17 +140,11 @@ def _compare_scene(request: MeasureCompareRequest, sensor: OmniCamera) -> Compar
 
 @dataclass(frozen=True)
 class Subject:
-    """Content of the images.
+    """Content of the images."""
 
-    Attributes:
-        text: description of the comparison.
-        patches: name of the patches whose gray levels are compared.
-        max_offset_px: offset beyond which a corner counts as lost.
-    """
-
-    text: str
-    patches: str
-    max_offset_px: float
+    text: str  # description of the comparison
+    patches: str  # name of the patches whose gray levels are compared
+    max_offset_px: float  # offset beyond which a corner counts as lost
 
 
 BOARD_SUBJECT = Subject(
@@ -172,18 +166,13 @@ SCENE_SUBJECT = Subject(
 
 @dataclass(frozen=True, eq=False)
 class ComparisonSummary:
-    """Comparison with the words that describe it.
+    """Comparison with the words that describe it."""
 
-    Attributes:
-        comparison: errors of the twin.
-        subject: content of the images.
-        degradation: effects in the twin's sensor file, of which blur and noise are compared.
-        brighter_ev: light of the images over that of the twin's, EV; None: fitted.
-    """
-
-    comparison: Comparison
-    subject: Subject
+    comparison: Comparison  # errors of the twin
+    subject: Subject  # content of the images
+    # effects in the twin's sensor file, of which blur and noise are compared
     degradation: Degradation
+    # light of the images over that of the twin's, EV; None: fitted
     brighter_ev: float | None = None
 
     @property

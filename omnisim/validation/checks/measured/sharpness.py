@@ -135,17 +135,13 @@ class AnalyticLens:
 
     Each quantity is a polynomial in the image radius divided by half of the shorter side, given by
     its coefficients in ascending order.
-
-    Attributes:
-        size_px: width and height of the image.
-        radial_px, tangential_px: standard deviations of the Gaussian, from the constant term on;
-            the two constants are equal.
-        red_px, blue_px: radial offsets of red and blue from green, from the linear term on.
     """
 
-    size_px: tuple[int, int]
+    size_px: tuple[int, int]  # width and height of the image
+    # standard deviations of the Gaussian, from the constant term on; the two constants are equal
     radial_px: tuple[float, ...]
     tangential_px: tuple[float, ...]
+    # radial offsets of red and blue from green, from the linear term on
     red_px: tuple[float, ...]
     blue_px: tuple[float, ...]
 
@@ -237,14 +233,11 @@ def _level(distances_px: Floats, widths_px: Floats, normal: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class LineSpread:
-    """Line spread along the normal of an edge.
+    """Line spread along the normal of an edge."""
 
-    Attributes:
-        density: function from the distance in px to the unnormalized density.
-        transfer: function from the frequency in cycles per px to the Fourier transform, 1 at 0.
-    """
-
+    # function from the distance in px to the unnormalized density
     density: Callable[[Floats], Floats]
+    # function from the frequency in cycles per px to the Fourier transform, 1 at 0
     transfer: Callable[[float], float]
 
 
