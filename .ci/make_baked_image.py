@@ -16,9 +16,8 @@ from omnisim.plots.contact_sheet import save_contact_sheet
 from omnisim.validation.checks.baked import SETTINGS, in_baked_light
 from omnisim.validation.checks.shadows import FOLDER
 from omnisim.validation.fixture import linear_image
+from omnisim.validation.image_differences import psnr_db, ssim
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
-from omnisim.validation.psnr import psnr_db
-from omnisim.validation.ssim import ssim
 from omnisim.validation.traced_light import inside_rim, sensor_of, traced_light
 
 SIZE_PX = 260

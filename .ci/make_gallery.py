@@ -24,7 +24,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / ".ci")]
 from pages import save_jpeg  # noqa: E402
 
 from omnisim import OmniCamera, open_sensor  # noqa: E402
-from omnisim.apps.live.presets import PRESETS_FILE  # noqa: E402
+from omnisim.apps.live.camera_document import PRESETS_FILE  # noqa: E402
 from omnisim.cameras import CAMERA_MODELS, CentralCamera  # noqa: E402
 from omnisim.cameras.models.field_of_view import FieldOfView, field_of_view  # noqa: E402
 from omnisim.core.files.file_keys import keys_of  # noqa: E402

@@ -22,9 +22,9 @@ from omnisim.scene.model import Fog, Instance, Material, Mesh, Scene, StartPose
 from omnisim.validation.checks.materials import ciede2000, lab_from_linear
 from omnisim.validation.checks.shadows import FOLDER
 from omnisim.validation.fixture import linear_image
+from omnisim.validation.image_differences import psnr_db
 from omnisim.validation.material_chart import BASE_COLOR, ROUGHNESS, sphere
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
-from omnisim.validation.psnr import psnr_db
 from omnisim.validation.traced_light import inside_rim, small_mirror, traced_light
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -42,7 +42,7 @@ from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene
 from omnisim.scene.model import Instance, Mesh, Scene
-from omnisim.validation.psnr import psnr_of_levels_db
+from omnisim.validation.image_differences import psnr_of_levels_db
 
 ROUNDS, WARM_UP = 12, 3
 SIMPLIFIED_PX = (0.125, 0.25, 0.5, 1.0)

@@ -28,7 +28,7 @@ from benchmarks.errors import BenchmarkError
 from benchmarks.options import Options
 from benchmarks.timer import MedianInterval
 from omnisim.core.errors import OutputError
-from omnisim.plots.plot_file import Figure, write_plot
+from omnisim.plots.style import Figure, write_plot
 from omnisim.rendering.opengl.gl.context import graphics_info
 from omnisim.report.machine import describe_machine
 from omnisim.report.report import write_json

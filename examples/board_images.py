@@ -11,7 +11,7 @@ import numpy as np
 import omnisim
 from omnisim.cameras import KannalaBrandtCamera
 from omnisim.rendering.camera.degradations import Degradation, Noise, Vignetting
-from omnisim.validation.chessboards import board_poses_in_front, board_scene
+from omnisim.validation.plain_scenes import board_poses_in_front, board_scene
 
 LENS = KannalaBrandtCamera(
     640, 480, (205.0, 205.4), (322.5, 237.0), (0.012, -0.008, 0.002, -0.0005), np.radians(95.0)

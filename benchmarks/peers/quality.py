@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from benchmarks.peers.ours import Omnisim
 from benchmarks.peers.peer import CAMERA, SENSOR, ImagePeer, mirror_rays
 from omnisim.rendering.stage import Stage
-from omnisim.validation.psnr import psnr_of_levels_db
+from omnisim.validation.image_differences import psnr_of_levels_db
 
 CAPTURES = 8  # samples along each side of a pixel
 REFERENCE = dataclasses.replace(SENSOR, supersampling=CAPTURES, texels_per_pixel=float(CAPTURES))

@@ -13,6 +13,7 @@ from typing import Any
 
 import moderngl
 import numpy as np
+from omnisim.plots.plot_file import Figure
 
 from benchmarks.bounds import Limits
 from benchmarks.options import Options
@@ -21,7 +22,7 @@ from benchmarks.timer import time_interleaved
 from omnisim.cameras import CentralCamera, EquidistantCamera
 from omnisim.core import poses
 from omnisim.plots import style
-from omnisim.plots.plot_file import Figure
+from omnisim.plots.style import Figure
 from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.opengl.atlas.tile_plan import plan_tiles
 from omnisim.rendering.opengl.camera_frame import CameraFrame

@@ -158,7 +158,7 @@ def _images(what: str, channels: Sequence[str], device: int | None) -> Result:
 
         def draw(number: int) -> bytes:
             frame = camera.render(poses[number], also=channels)
-            return b"".join(one.tobytes() for one in (frame.rgb, *frame.channels.values()))
+            return b"".join(image.tobytes() for image in (frame.rgb, *frame.channels.values()))
 
         return _twice(what, draw, FRAMES)
 
@@ -228,9 +228,9 @@ def _twice(what: str, draw: Callable[[int], bytes], count: int) -> Result:
         start_s = time.perf_counter()
         drawn.append(draw(number))
         times_s.append(time.perf_counter() - start_s)
-    differ = sum(one != again for one, again in zip(drawn, drawn[count:], strict=False))
+    differ = sum(first != again for first, again in zip(drawn, drawn[count:], strict=False))
     median_s, slowest_s = float(np.median(times_s)), max(times_s[1:])
-    details = {"differ": differ, "times_s": [round(one, 4) for one in times_s]}
+    details = {"differ": differ, "times_s": [round(time_s, 4) for time_s in times_s]}
     if differ:
         return Result(FAILED, f"{differ} of {count} {what} differ", OTHER_DRIVER, details)
     text = f"{count} {what} twice, the same; {1e3 * median_s:.0f} ms each"

@@ -25,35 +25,23 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class TrackDrawing:
-    """Estimated trajectory to draw.
+    """Estimated trajectory to draw."""
 
-    Attributes:
-        positions_m: (n, 3) aligned positions.
-        lost_m: true positions (m, 3) in each interval without an estimate.
-        traveled_m, offsets_m: (n,) distance traveled, and distance from the truth.
-    """
-
-    positions_m: Floats
-    lost_m: Sequence[Floats]
+    positions_m: Floats  # (n, 3) aligned positions
+    lost_m: Sequence[Floats]  # true positions (m, 3) in each interval without an estimate
+    # (n,) distance traveled, and distance from the truth
     traveled_m: Floats
     offsets_m: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class TrackPanel:
-    """Panel with one drive and its estimates.
-
-    Attributes:
-        title: title of the panel.
-        truth_m: (n, 3) true positions.
-        tracks: estimated trajectories by the name of the estimator.
-        order: names of all estimators, which determine their colors in all panels.
-    """
+    """Panel with one drive and its estimates."""
 
     title: str
-    truth_m: Floats
-    tracks: Mapping[str, TrackDrawing]
-    order: Sequence[str]
+    truth_m: Floats  # (n, 3) true positions
+    tracks: Mapping[str, TrackDrawing]  # estimated trajectories by the name of the estimator
+    order: Sequence[str]  # names of all estimators, which determine their colors in all panels
 
 
 def trajectories_figure(panels: Sequence[TrackPanel]) -> Figure:
@@ -61,7 +49,8 @@ def trajectories_figure(panels: Sequence[TrackPanel]) -> Figure:
     panels = panels[:MAX_PANELS]
     columns = min(COLUMNS, len(panels))
     rows = -(-len(panels) // columns)
-    ratio = max(float(np.ptp(one[:, 1]) / max(np.ptp(one[:, 0]), 0.1)) for one in _truths(panels))
+    spans_m = [np.ptp(panel.truth_m[:, :2], axis=0) for panel in panels]
+    ratio = max(float(high / max(wide, 0.1)) for wide, high in spans_m)
     wide_in = 7.0 if columns == 1 else 3.4
     high_in = wide_in * min(max(ratio, 0.25), 1.3) + 0.9
     size = (wide_in * columns + 2.4, max(rows * high_in, 2.5))
@@ -76,10 +65,6 @@ def trajectories_figure(panels: Sequence[TrackPanel]) -> Figure:
             handles.setdefault(str(label), handle)
     figure.legend(list(handles.values()), list(handles), loc="outside right upper", fontsize=8)
     return figure
-
-
-def _truths(panels: Sequence[TrackPanel]) -> list[Floats]:
-    return [one.truth_m for one in panels]
 
 
 def _draw_panel(axes: Axes, panel: TrackPanel) -> None:
@@ -121,17 +106,12 @@ def offsets_figure(panel: TrackPanel) -> Figure:
 
 @dataclass(frozen=True)
 class LostRow:
-    """Intervals without an estimate, in a row of the figure of lost tracking.
+    """Intervals without an estimate, in a row of the figure of lost tracking."""
 
-    Attributes:
-        label: estimator, or value and estimator.
-        lost: starts and ends, as shares of the drive's time; None: no trajectory.
-        reason: reason for the missing trajectory.
-    """
-
-    label: str
+    label: str  # estimator, or value and estimator
+    # starts and ends, as shares of the drive's time; None: no trajectory
     lost: Sequence[tuple[float, float]] | None
-    reason: str = ""
+    reason: str = ""  # reason for the missing trajectory
 
 
 def lost_figure(rows: Sequence[LostRow]) -> Figure:
@@ -155,19 +135,13 @@ def lost_figure(rows: Sequence[LostRow]) -> Figure:
 
 @dataclass(frozen=True)
 class SweepLine:
-    """Measure of an estimator over the values of a variation.
+    """Measure of an estimator over the values of a variation."""
 
-    Attributes:
-        name: name of the estimator.
-        means: mean over the seeds, per value; NaN: no measure.
-        half_widths: half of the confidence interval over the seeds, per value; NaN: unknown.
-        seeds: measures of the single seeds, per value.
-    """
-
-    name: str
-    means: Sequence[float]
+    name: str  # name of the estimator
+    means: Sequence[float]  # mean over the seeds, per value; NaN: no measure
+    # half of the confidence interval over the seeds, per value; NaN: unknown
     half_widths: Sequence[float]
-    seeds: Sequence[Sequence[float]] = ()
+    seeds: Sequence[Sequence[float]] = ()  # measures of the single seeds, per value
 
 
 @dataclass(frozen=True)
@@ -176,20 +150,13 @@ class SweepPanel:
 
     The axis is numeric if all labels are ascending numbers. Lines have gaps at values without a
     measure.
-
-    Attributes:
-        title: label of the axis of values.
-        quantity: label of the measure's axis.
-        labels: labels of the values, in order.
-        lines: one line per estimator, with one mean per value.
-        missing: legend for values without a measure.
     """
 
-    title: str
-    quantity: str
-    labels: Sequence[str]
-    lines: Sequence[SweepLine]
-    missing: str = ""
+    title: str  # label of the axis of values
+    quantity: str  # label of the measure's axis
+    labels: Sequence[str]  # labels of the values, in order
+    lines: Sequence[SweepLine]  # one line per estimator, with one mean per value
+    missing: str = ""  # legend for values without a measure
 
 
 def sweep_figure(panel: SweepPanel) -> Figure:
@@ -247,10 +214,8 @@ def _draw_sweep(axes: Axes, panel: SweepPanel) -> None:
         axes.set_ylim(bottom=max(0.5 * positive.min(), LOWEST_SHARE * positive.max()))
     else:
         axes.set_ylim(bottom=0.0)
-    if is_numeric:
-        axes.set_xticks(at, labels)
-    else:
-        axes.set_xticks(at, labels, rotation=20 if max(map(len, labels)) > 12 else 0)
+    is_long = not is_numeric and max(map(len, labels)) > 12
+    axes.set_xticks(at, labels, rotation=20 if is_long else 0)
     if missing and not np.all(np.isfinite(means)):
         axes.plot([], [], "x", color=GRAY, label=missing)
 

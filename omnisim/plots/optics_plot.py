@@ -82,7 +82,8 @@ def _draw_section(axes: Axes, system: OpticalSystem, caustic_m: Floats) -> tuple
         color, label = (BLUE, "mirror") if surface.is_mirror else (GREEN, "boundary")
         axes.plot(1e3 * curve[:, 0], 1e3 * curve[:, 2], color=color, linewidth=2.0, label=label)
     for rod in system.obstacles:
-        is_cut = _is_in_section(rod, float(system.system_from_camera[1, 3]))
+        ends_m = np.array((rod.begin_m[1], rod.end_m[1])) - system.system_from_camera[1, 3]
+        is_cut = bool(ends_m.min() <= rod.radius_m and ends_m.max() >= -rod.radius_m)
         style = {"color": "black"} if is_cut else {"fill": False, "linestyle": "--"}
         label = "obstacle" if is_cut else "obstacle beside the section"
         axes.add_patch(Polygon(1e3 * _outline(rod), label=label, **style))
@@ -91,12 +92,6 @@ def _draw_section(axes: Axes, system: OpticalSystem, caustic_m: Floats) -> tuple
     x, _, z = 1e3 * system.system_from_camera[:3, 3]
     axes.plot(x, z, "o", color="black", markersize=4.0, label="pinhole")
     return low, high
-
-
-def _is_in_section(rod: Rod, y_m: float) -> bool:
-    """True if a rod intersects the plane of the section."""
-    begin, end = rod.begin_m[1] - y_m, rod.end_m[1] - y_m
-    return min(begin, end) <= rod.radius_m and max(begin, end) >= -rod.radius_m
 
 
 def _curve(surface: Surface, hits_m: Floats) -> Floats:

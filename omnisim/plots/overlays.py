@@ -90,16 +90,16 @@ def boxes_overlay(
     times = _magnification(rgb)
     captions = Captions(_magnified(rgb, times))
     found = coco_image(instances, labels, "")["annotations"]
-    shown = [one for one in found if min(one["bbox"][2:]) >= MIN_BOX_PX]
-    shown.sort(key=lambda one: -one["bbox"][2] * one["bbox"][3])
+    shown = [each for each in found if min(each["bbox"][2:]) >= MIN_BOX_PX]
+    shown.sort(key=lambda each: -each["bbox"][2] * each["bbox"][3])
     line = captions.line_px
     boxes = []
-    for one in shown:
-        x, y, width, height = (times * side for side in one["bbox"])
-        color = _color(labels, one["category_id"])
+    for annotation in shown:
+        x, y, width, height = (times * side for side in annotation["bbox"])
+        color = _color(labels, annotation["category_id"])
         corners = (x, y, x + width - 1, y + height - 1)
         captions.draw.rectangle(corners, outline=color, width=line)
-        boxes.append((one["instance_name"], color, corners))
+        boxes.append((annotation["instance_name"], color, corners))
     for name, color, (left, top, right, bottom) in boxes:
         width, height = captions.size_px(name)
         sides = (left, right + 1 - width)
@@ -130,17 +130,14 @@ def labels_overlay(
     edges[:, 1:] |= numbers[:, 1:] != numbers[:, :-1]
     image[edges] = labels.class_colors.take(numbers[edges], axis=0)
     captions = Captions(image)
-    names = {one.id: one.name for one in labels.classes}
+    names = {each.id: each.name for each in labels.classes}
     present, counts = np.unique(classes[classes != NOTHING], return_counts=True)
     for number in present[np.argsort(-counts)].tolist():
         x, y = _middle(numbers == number)
         width, height = captions.size_px(names[number])
         left, top = x - 0.5 * width, y - 0.5 * height
-        captions.add(
-            names[number],
-            _color(labels, number),
-            [(left, top + row * height) for row in (0, -1, 1)],
-        )
+        corners = [(left, top + row * height) for row in (0, -1, 1)]
+        captions.add(names[number], _color(labels, number), corners)
     return np.asarray(captions.image)
 
 
@@ -170,5 +167,10 @@ def _middle(mask: NDArray[np.bool_]) -> tuple[float, float]:
     return float(step * (column - 1)), float(step * (row - 1))
 
 
-def _overlap(one: Rectangle, other: Rectangle) -> bool:
-    return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
+def _overlap(first: Rectangle, second: Rectangle) -> bool:
+    return (
+        first[0] < second[2]
+        and second[0] < first[2]
+        and first[1] < second[3]
+        and second[1] < first[3]
+    )

@@ -7,12 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
-from numpy.typing import NDArray
 
 from omnisim.datasets.free_space import FreeSpace
 from omnisim.datasets.generate.draw import Draw, draw, draw_indices
 from omnisim.datasets.generate.prepared_plan import PreparedPlan
-from omnisim.plots.scene_map import draw_scene_map
+from omnisim.plots.scene_plot import draw_scene_map
 from omnisim.plots.style import BLUE, DPI, GREEN, ORANGE, label_axes
 
 MAX_SAMPLES = 400  # number of places shown
@@ -46,10 +45,13 @@ def _draw_scene(
     axes: Axes, prepared: PreparedPlan, number: int, free: FreeSpace | None, samples: list[Draw]
 ) -> None:
     scene = prepared.scene(number)
-    points = np.array([one.position_m[:2] for one in samples]).reshape(-1, 2)
-    free_cells = points if free is None else np.concatenate((points, _ends(free)))
-    if not len(free_cells):
-        free_cells = np.array([scene.start.position_m[:2]])
+    points = np.array([sample.position_m[:2] for sample in samples]).reshape(-1, 2)
+    places = [points] if len(points) else [np.array([scene.start.position_m[:2]])]
+    if free is not None:
+        cells = free.free_cells()[:, ::-1]
+        ends = np.stack((cells.min(axis=0), cells.max(axis=0) + 1))
+        places = [points, free.low_m + free.cell_m * ends]
+    free_cells = np.concatenate(places)
     low, high = free_cells.min(axis=0) - AROUND_M, free_cells.max(axis=0) + AROUND_M
     title = f"{scene.name}: {len(samples)} samples"
     ground_m = scene.bounds_m()[0][2]
@@ -64,22 +66,13 @@ def _draw_scene(
         pixels[free.is_free] = to_rgba(GREEN, 0.45)
         sides = (free.low_m[0], extent_m[0], free.low_m[1], extent_m[1])
         axes.imshow(pixels, extent=sides, origin="lower", interpolation="nearest", zorder=3)
-    yaw = np.radians([one.yaw_deg for one in samples])
+    yaw = np.radians([sample.yaw_deg for sample in samples])
     axes.quiver(*points.T, np.cos(yaw), np.sin(yaw), color=BLUE, scale=45.0, width=0.003, zorder=5)
     axes.plot(*points.T, ".", color=BLUE, markersize=3, zorder=5)
-    for placed in (placed for one in samples for placed in one.objects):
+    for placed in (placed for sample in samples for placed in sample.objects):
         shape = prepared.objects[placed.object]
-        middle = placed.world_from_object @ (*shape.middle_m, 0.0, 1.0)
-        axes.add_patch(
-            Circle((middle[0], middle[1]), shape.radius_m, fill=False, color=ORANGE, zorder=4)
-        )
+        x, y = (placed.world_from_object @ (*shape.middle_m, 0.0, 1.0))[:2]
+        axes.add_patch(Circle((x, y), shape.radius_m, fill=False, color=ORANGE, zorder=4))
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])
     axes.set_aspect("equal")
-
-
-def _ends(free: FreeSpace) -> NDArray[np.float64]:
-    """Corners (2, 2) of the free cells' bounds."""
-    free_cells = free.free_cells()[:, ::-1]
-    ends = np.stack((free_cells.min(axis=0), free_cells.max(axis=0) + 1))
-    return free.low_m + free.cell_m * ends

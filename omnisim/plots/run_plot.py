@@ -10,17 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.gridspec import SubplotSpec
-from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from omnisim.core.srgb import srgb_from_linear
 from omnisim.core.trajectories import Trajectory
-from omnisim.plots.scene_map import draw_scene_map
+from omnisim.plots.scene_plot import INK, draw_landmark, draw_scene_map
 from omnisim.scene import Scene
-from omnisim.scene.model import Landmark
 
-TRUE, RECKONED, INK = "#1f5fa8", "#d9622b", "#222222"
+TRUE, RECKONED = "#1f5fa8", "#d9622b"
 RUNS = (TRUE, "#b03060", "#2b8a57", "#7a3fa0")
 STRIP = 6  # number of images
 STRIP_IN = 3.0  # maximum height
@@ -30,19 +26,12 @@ TITLE_LETTERS = 110  # per line
 
 @dataclass(frozen=True, eq=False)
 class RunDrawing:
-    """Drawn run of one robot.
+    """Drawn run of one robot."""
 
-    Attributes:
-        truth: poses of the base.
-        reckoned: (n, 2) positions by dead reckoning; None: no odometry.
-        images: some images (height, width, 3), by step.
-        name: name of the robot, if there are several.
-    """
-
-    truth: Trajectory
-    reckoned: NDArray[np.float64] | None
-    images: Mapping[int, NDArray[np.uint8]]
-    name: str = ""
+    truth: Trajectory  # poses of the base
+    reckoned: NDArray[np.float64] | None  # (n, 2) positions by dead reckoning; None: no odometry
+    images: Mapping[int, NDArray[np.uint8]]  # some images (height, width, 3), by step
+    name: str = ""  # name of the robot, if there are several
 
 
 def run_figure(
@@ -66,9 +55,8 @@ def run_figure(
     map_in = float(np.clip((width_in - 0.8) * size[1] / size[0], 3.5, 12.0))
     strips = [run for run in runs if run.images]
     strips_in = [min(width_in / len(run.images), STRIP_IN) for run in strips]
-    figure = Figure(
-        figsize=(width_in, map_in + sum(strips_in) + 1.1), dpi=110, layout="constrained"
-    )
+    size_in = width_in, map_in + sum(strips_in) + 1.1
+    figure = Figure(figsize=size_in, dpi=110, layout="constrained")
     grid = figure.add_gridspec(1 + len(strips), 1, height_ratios=[map_in, *strips_in])
     axes = figure.add_subplot(grid[0])
     lines = (textwrap.fill(line, TITLE_LETTERS) for line in title.splitlines())
@@ -90,7 +78,13 @@ def run_figure(
     axes.set_aspect("equal")
     figure.legend(loc="outside lower center", ncols=5, frameon=False, fontsize=9)
     for row, run in enumerate(strips, start=1):
-        _draw_strip(figure, grid[row], run)
+        columns = grid[row].subgridspec(1, len(run.images))
+        prefix = f"{run.name}, " if run.name else ""
+        for column, (step, image) in enumerate(run.images.items()):
+            strip = figure.add_subplot(columns[column])
+            strip.set_axis_off()
+            strip.set_title(f"{prefix}step {step}, {run.truth.times_s[step]:.1f} s", fontsize=8)
+            strip.imshow(image)
     return figure
 
 
@@ -110,7 +104,11 @@ def _draw_run(axes: Axes, run: RunDrawing, color: str) -> None:
         x[::every], y[::every], np.cos(yaw[::every]), np.sin(yaw[::every]),
         color=color, scale=36.0, width=0.003, zorder=3,
     )  # fmt: skip
-    for position, steps in _steps_by_position(truth, list(run.images)).items():
+    by_position: dict[tuple[float, float], list[int]] = {}  # to a centimeter
+    for step in run.images:
+        u, v = truth.positions_m[step, :2].round(2).tolist()
+        by_position.setdefault((u, v), []).append(step)
+    for position, steps in by_position.items():
         axes.annotate(
             ", ".join(map(str, steps)), position, textcoords="offset points", xytext=(7, 7),
             fontsize=9, color=INK,
@@ -118,29 +116,9 @@ def _draw_run(axes: Axes, run: RunDrawing, color: str) -> None:
         )  # fmt: skip
 
 
-def _draw_strip(figure: Figure, place: SubplotSpec, run: RunDrawing) -> None:
-    """Draw the images of a run side by side."""
-    columns = place.subgridspec(1, len(run.images))
-    prefix = f"{run.name}, " if run.name else ""
-    for column, (step, image) in enumerate(run.images.items()):
-        strip = figure.add_subplot(columns[column])
-        strip.set_axis_off()
-        strip.set_title(f"{prefix}step {step}, {run.truth.times_s[step]:.1f} s", fontsize=8)
-        strip.imshow(image)
-
-
 def steps_to_show(steps: int) -> list[int]:
     """Steps evenly spread over a run, including its first and last."""
     return sorted({round(k) for k in np.linspace(0, steps - 1, min(STRIP, steps))})
-
-
-def _steps_by_position(truth: Trajectory, steps: list[int]) -> dict[tuple[float, float], list[int]]:
-    """Steps by position, to a centimeter."""
-    by_position: dict[tuple[float, float], list[int]] = {}
-    for step in steps:
-        x, y = truth.positions_m[step, :2].round(2).tolist()
-        by_position.setdefault((x, y), []).append(step)
-    return by_position
 
 
 def _extent(
@@ -160,17 +138,3 @@ def _extent(
             margin = max(0.5, 0.08 * float(high[0] - low[0]))
             low, high = np.minimum(low, position - margin), np.maximum(high, position + margin)
     return low, high
-
-
-def draw_landmark(axes: Axes, landmark: Landmark) -> None:
-    """Draw a landmark's bands as squares, the lowest outermost, with the landmark's name below."""
-    for index, band in enumerate(landmark.bands):
-        axes.plot(
-            *landmark.position_m[:2], "s", markersize=11 - 3 * index, zorder=4,
-            color=srgb_from_linear(band.linear_rgb), markeredgecolor=INK, markeredgewidth=0.6,
-        )  # fmt: skip
-    axes.annotate(
-        landmark.name, landmark.position_m[:2], textcoords="offset points", xytext=(0, -16),
-        ha="center", fontsize=7, color=INK, zorder=5,
-        path_effects=[withStroke(linewidth=2.0, foreground="white", alpha=0.8)],
-    )  # fmt: skip

@@ -21,15 +21,10 @@ INK = (30, 30, 30)
 
 @dataclass(frozen=True, eq=False)
 class SampleTiles:
-    """Images of a sample, from top to bottom.
-
-    Attributes:
-        title: title of the sample.
-        tiles: captions and images (height, width, 3) uint8.
-    """
+    """Images of a sample, from top to bottom."""
 
     title: str
-    tiles: Sequence[tuple[str, NDArray[np.uint8]]]
+    tiles: Sequence[tuple[str, NDArray[np.uint8]]]  # captions and images (height, width, 3) uint8
 
 
 def channel_tile(
@@ -46,11 +41,12 @@ def channel_tile(
 def sample_sheet(samples: Sequence[SampleTiles]) -> NDArray[np.uint8]:
     """Sheet (height, width, 3) of samples, approximately as many columns as rows."""
     font = ImageFont.load_default(FONT_PX)
-    texts = [text for one in samples for text in (one.title, *(tile[0] for tile in one.tiles))]
+    tiles = [tile for sample in samples for tile in sample.tiles]
+    texts = [*(sample.title for sample in samples), *(caption for caption, _ in tiles)]
     widths = [math.ceil(font.getlength(text)) for text in texts]
-    widths += [image.shape[1] for one in samples for _, image in one.tiles]
-    heights = [sum(image.shape[0] + LINE_PX + GAP_PX for _, image in one.tiles)
-               for one in samples]  # fmt: skip
+    widths += [image.shape[1] for _, image in tiles]
+    rows_px = LINE_PX + GAP_PX
+    heights = [sum(image.shape[0] + rows_px for _, image in each.tiles) for each in samples]
     columns = math.ceil(math.sqrt(len(samples)))
     width, height = max(widths) + GAP_PX, max(heights) + LINE_PX + GAP_PX
     size = columns * width + GAP_PX, math.ceil(len(samples) / columns) * height + GAP_PX
@@ -63,8 +59,7 @@ def sample_sheet(samples: Sequence[SampleTiles]) -> NDArray[np.uint8]:
         top += LINE_PX
         for caption, image in sample.tiles:
             draw.text((left, top), caption, INK, font)
-            sheet.paste(
-                Image.fromarray(np.ascontiguousarray(image[..., :3])), (left, top + LINE_PX)
-            )
+            pixels = Image.fromarray(np.ascontiguousarray(image[..., :3]))
+            sheet.paste(pixels, (left, top + LINE_PX))
             top += image.shape[0] + LINE_PX + GAP_PX
     return np.asarray(sheet)

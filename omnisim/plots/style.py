@@ -1,20 +1,26 @@
-"""Style of all plots, and images side by side."""
+"""Style and files of figures, and images side by side."""
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as Figure
 from numpy.typing import NDArray
 
+from omnisim.core.errors import OutputError
+from omnisim.core.files.atomic_file import atomic_write, check_target
 from omnisim.core.srgb import srgb_from_linear
+from omnisim.core.version import __version__
 
 DPI = 110
 TITLE_PT = 12.0  # of a single plot
 BLUE, ORANGE, GREEN, GRAY, RED = "#2c6fbb", "#e07b39", "#3a8f4d", "#777777", "#c23b3b"
+FORMATS = ("png", "pdf", "svg")
 
 
 def plot(
@@ -52,3 +58,40 @@ def gallery(images: Mapping[str, NDArray[Any]], columns: int, side_in: float = 3
         shown = image if image.dtype == np.uint8 else srgb_from_linear(image)
         axes.imshow(shown)  # averaged if reduced, pixels if magnified
     return figure
+
+
+def check_plot_target(path: Path) -> None:
+    """Refuse a file that cannot be written, before the work is done.
+
+    Raises:
+        OutputError: an unknown format, or a file that cannot be written.
+    """
+    _format(path)
+    check_target(path)
+
+
+def write_plot(path: Path, figure: Figure) -> None:
+    """Write a figure; atomically.
+
+    Raises:
+        OutputError: an unknown format, or the file cannot be written.
+    """
+    data = io.BytesIO()  # matplotlib's writers do not report a full disk
+    figure.savefig(data, format=_format(path))
+    with atomic_write(path) as partial:
+        partial.write_bytes(data.getvalue())
+
+
+def figure_png(figure: Figure) -> bytes:
+    """Bytes of a PNG file with a figure."""
+    data = io.BytesIO()
+    figure.savefig(data, format="png", metadata={"Software": f"omnisim {__version__}"})
+    return data.getvalue()
+
+
+def _format(path: Path) -> str:
+    suffix = path.suffix.lower()
+    if suffix.removeprefix(".") not in FORMATS:
+        expected = ", ".join(f".{name}" for name in FORMATS)
+        raise OutputError(f"{path}: expected {expected}, got {suffix or 'no suffix'}")
+    return suffix.removeprefix(".")

@@ -14,12 +14,11 @@ from omnisim.core.poses import inverse
 from omnisim.core.trajectories import read_trajectory
 from omnisim.core.trajectories.trajectory import step_lengths_m
 from omnisim.datasets.export.recording import Recording
-from omnisim.evaluation.camera_errors import CameraErrors
 from omnisim.evaluation.drive_sweep import PointResult
 from omnisim.evaluation.estimator_registry import estimator_named
 from omnisim.evaluation.estimator_worker import ESTIMATE
 from omnisim.evaluation.run_evaluation import Outcome, estimator_folder, true_trajectory
-from omnisim.evaluation.seed_statistics import SeedMean, over_seeds
+from omnisim.evaluation.seed_statistics import over_seeds
 from omnisim.evaluation.sweep_plan import BASE, SweepPlan, shown_points
 from omnisim.evaluation.trajectory_errors import TrajectoryErrors, lost_intervals, match_times
 from omnisim.plots.estimator_plots import (
@@ -61,14 +60,14 @@ def lost_percent(errors: TrajectoryErrors) -> float:
 
 
 _MEASURES: dict[str, tuple[Measure, str]] = {
-    "ATE m": (lambda one: one.ate_m, ".4f"),
+    "ATE m": (lambda errors: errors.ate_m, ".4f"),
     "% of path": (ate_percent, ".3f"),
-    "RPE mm": (lambda one: 1e3 * one.rpe_m, ".2f"),
-    "RPE °": (lambda one: one.rpe_deg, ".3f"),
-    "drift %": (lambda one: 100.0 * one.drift, ".2f"),
-    "yaw °": (lambda one: one.yaw_deg, ".2f"),
-    "gravity °": (lambda one: one.gravity_deg, ".2f"),
-    "scale": (lambda one: one.scale, ".4f"),
+    "RPE mm": (lambda errors: 1e3 * errors.rpe_m, ".2f"),
+    "RPE °": (lambda errors: errors.rpe_deg, ".3f"),
+    "drift %": (lambda errors: 100.0 * errors.drift, ".2f"),
+    "yaw °": (lambda errors: errors.yaw_deg, ".2f"),
+    "gravity °": (lambda errors: errors.gravity_deg, ".2f"),
+    "scale": (lambda errors: errors.scale, ".4f"),
     "lost %": (lost_percent, ".1f"),
 }
 RUN_COLUMNS = ("estimator", *_MEASURES, "aligned", "s")
@@ -84,34 +83,18 @@ def run_row(outcome: Outcome) -> tuple[str, ...]:
     return outcome.estimator, *_cells([outcome]), outcome.errors.kind, seconds
 
 
-def _camera_row(estimator: str, errors: CameraErrors) -> tuple[str, ...]:
-    """Cells of a calibrated camera, in the order of `CAMERA_COLUMNS`."""
-    return (
-        estimator,
-        errors.model,
-        f"{100.0 * errors.focal_length:+z.3f}",
-        f"{errors.rms_px:.3f}",
-        f"{errors.max_px:.3g}",
-        f"{100.0 * errors.covered:.4g}",
-    )
-
-
 def _cells(outcomes: Sequence[Outcome]) -> list[str]:
     """Means of all measures over outcomes of one estimator, with confidence intervals."""
-    errors = [one.errors for one in outcomes if one.errors is not None]
+    all_errors = [outcome.errors for outcome in outcomes if outcome.errors is not None]
     cells = []
     for heading, (measure, form) in _MEASURES.items():
         is_known = heading != "gravity °" or estimator_named(outcomes[0].estimator).is_level
-        mean = over_seeds([measure(one) for one in errors]) if is_known else over_seeds([])
-        cells.append(_number(mean, form))
+        mean = over_seeds([measure(errors) for errors in all_errors] if is_known else [])
+        text = format(mean.mean, f"z{form}") if math.isfinite(mean.mean) else ""
+        if math.isfinite(mean.mean) and math.isfinite(mean.half_width):
+            text += f" ± {mean.half_width:.2g}"
+        cells.append(text)
     return cells
-
-
-def _number(mean: SeedMean, form: str) -> str:
-    if not math.isfinite(mean.mean):
-        return ""
-    text = format(mean.mean, f"z{form}")
-    return f"{text} ± {mean.half_width:.2g}" if math.isfinite(mean.half_width) else text
 
 
 def run_section(recording: Recording, outcomes: Sequence[Outcome], folder: Path) -> Section:
@@ -123,16 +106,25 @@ def run_section(recording: Recording, outcomes: Sequence[Outcome], folder: Path)
         folder: folder with a subfolder for each estimator's trajectory.
     """
     panel = _panel("Trajectories from above", recording, outcomes, folder)
-    rows = tuple(run_row(one) for one in outcomes if one.camera is None)
+    tracked = [outcome for outcome in outcomes if outcome.camera is None]
+    rows = tuple(run_row(outcome) for outcome in tracked)
     tables = [ResultTable("Errors of the trajectories.", RUN_COLUMNS, rows)]
-    if cameras := tuple(_camera_row(one.estimator, one.camera) for one in outcomes if one.camera):
+    cameras = tuple(
+        (
+            outcome.estimator,
+            camera.model,
+            f"{100.0 * camera.focal_length:+z.3f}",
+            f"{camera.rms_px:.3f}",
+            f"{camera.max_px:.3g}",
+            f"{100.0 * camera.covered:.4g}",
+        )
+        for outcome in outcomes
+        if (camera := outcome.camera)
+    )
+    if cameras:
         tables.append(ResultTable("Errors of the calibrated cameras.", CAMERA_COLUMNS, cameras))
     tables += _failures(outcomes)
-    lost = [
-        _lost_row(_short(one.estimator), one, recording, folder)
-        for one in outcomes
-        if one.camera is None
-    ]
+    lost = [_lost_row(_short(each.estimator), each, recording, folder) for each in tracked]
     figures = [
         CaptionedFigure("trajectories", trajectories_figure([panel]),
                         "Aligned trajectories and the truth, from above"),
@@ -155,14 +147,15 @@ def sweep_sections(
         title: prefix of the sections' titles.
     """
     indices: list[int | None] = [None, *range(len(plan.vary))]
-    sections = [_sweep_section(plan, results, index, key) for index in indices]
-    if not title:
-        return sections
-    return [replace(one, title=f"{title}: {_lower_first(one.title)}") for one in sections]
-
-
-def _lower_first(text: str) -> str:
-    return text[0].lower() + text[1:] if text[:2].istitle() else text
+    sections = []
+    for index in indices:
+        section = _sweep_section(plan, results, index, key)
+        if title:
+            name = section.title
+            name = name[0].lower() + name[1:] if name[:2].istitle() else name
+            section = replace(section, title=f"{title}: {name}")
+        sections.append(section)
+    return sections
 
 
 def varied_title(plan: SweepPlan, variation: int | None) -> str:
@@ -177,9 +170,9 @@ def value_results(
     results: Sequence[PointResult], variation: int | None
 ) -> list[tuple[str, list[PointResult]]]:
     """Label and results, one per seed, of each value of a variation."""
-    by_point = {id(one.point): one for one in results}
-    shown = shown_points([one.point for one in results], variation)
-    return [(label, [by_point[id(one)] for one in points]) for label, points in shown]
+    by_point = {id(result.point): result for result in results}
+    shown = shown_points([result.point for result in results], variation)
+    return [(label, [by_point[id(point)] for point in points]) for label, points in shown]
 
 
 def error_lines(
@@ -188,20 +181,20 @@ def error_lines(
     """Line of each estimator: a measure over a variation's values."""
     lines = []
     for estimator in plan.estimators:
-        seeds = []
-        for _, group in values:
-            errors = [one.errors for one in _outcomes(group, estimator) if one.errors is not None]
-            seeds.append([measure(one) for one in errors])
-        means = [over_seeds(one) for one in seeds]
-        lines.append(
-            SweepLine(
-                _short(estimator),
-                [one.mean for one in means],
-                [one.half_width for one in means],
-                seeds,
-            )
-        )
+        outcomes = [_outcomes(group, estimator) for _, group in values]
+        seeds = [
+            [measure(outcome.errors) for outcome in group if outcome.errors is not None]
+            for group in outcomes
+        ]
+        lines.append(_line(estimator, seeds))
     return lines
+
+
+def _line(estimator: str, seeds: list[list[float]]) -> SweepLine:
+    """Line of an estimator through the means over the seeds."""
+    means = [over_seeds(values) for values in seeds]
+    halves = [mean.half_width for mean in means]
+    return SweepLine(_short(estimator), [mean.mean for mean in means], halves, seeds)
 
 
 def lesson_figure(plan: SweepPlan, results: Sequence[PointResult], name: str) -> CaptionedFigure:
@@ -212,9 +205,10 @@ def lesson_figure(plan: SweepPlan, results: Sequence[PointResult], name: str) ->
         title = varied_title(plan, index)
         errors.append(_ate_panel(plan, title, values))
         lines = error_lines(plan, values, lost_percent)
-        lost.append(SweepPanel(title, "lost (% of the time)", [one for one, _ in values], lines))
+        labels = [label for label, _ in values]
+        lost.append(SweepPanel(title, "lost (% of the time)", labels, lines))
     means = [mean for panel in lost for line in panel.lines for mean in line.means]
-    is_lost = max((one for one in means if math.isfinite(one)), default=0.0) > MIN_LOST_PERCENT
+    is_lost = max(filter(math.isfinite, means), default=0.0) > MIN_LOST_PERCENT
     figure = sweep_grid([errors, lost] if is_lost else [errors])
     return CaptionedFigure(name, figure, "Absolute trajectory error by the varied values")
 
@@ -239,7 +233,9 @@ def _sweep_section(
             rows.append((label, _short(estimator), *_sweep_cells(outcomes)))
     caption = "Means over the seeds ± half of their 95 % interval by Student's t."
     tables = [ResultTable(caption, SWEEP_COLUMNS, tuple(rows))]
-    tables += _failures([each for _, group in values for one in group for each in one.outcomes])
+    tables += _failures(
+        [outcome for _, group in values for result in group for outcome in result.outcomes]
+    )
     name = f"{key}{'base' if variation is None else f'vary-{variation}'}"
     title, figures = varied_title(plan, variation), []
     if variation is not None:
@@ -250,25 +246,25 @@ def _sweep_section(
                 "Absolute trajectory error by the varied value, with its 95 % interval over the "
                 "seeds, and the single seeds as dots",
             )
-        )  # fmt: skip
-    figures += _track_figures(plan, values, name)
-    figures.append(
-        CaptionedFigure(
-            f"{name}-times",
-            sweep_figure(SweepPanel("" if variation is None else title, "time taken (s)", labels,
-                                    _time_lines(plan, values))),
-            "Time that the estimators took",
         )
-    )  # fmt: skip
+    figures += _track_figures(plan, values, name)
+    times = []
+    for estimator in plan.estimators:
+        groups = [_outcomes(group, estimator) for _, group in values]
+        seconds = [[each.seconds for each in group if each.seconds is not None] for group in groups]
+        times.append(_line(estimator, seconds))
+    panel = SweepPanel("" if variation is None else title, "time taken (s)", labels, times)
+    caption = "Time that the estimators took"
+    figures.append(CaptionedFigure(f"{name}-times", sweep_figure(panel), caption))
     text = METHOD if variation is None else ""
     return Section(title, text, tables=tables, figures=figures, key=name)
 
 
 def _sweep_cells(outcomes: Sequence[Outcome]) -> tuple[str, ...]:
     """Cells in the order of `SWEEP_COLUMNS`, without the first two: value and estimator."""
-    failed = [one for one in outcomes if one.errors is None]
-    kinds = {one.errors.kind for one in outcomes if one.errors is not None}
-    seconds = over_seeds([one.seconds for one in outcomes if one.seconds is not None])
+    failed = [outcome for outcome in outcomes if outcome.errors is None]
+    kinds = {outcome.errors.kind for outcome in outcomes if outcome.errors is not None}
+    seconds = over_seeds([each.seconds for each in outcomes if each.seconds is not None])
     without = f"{len(failed)} of {len(outcomes)} {failed[0].status}" if failed else ""
     taken = f"{seconds.mean:.1f}" if math.isfinite(seconds.mean) else ""
     return *_cells(outcomes), ", ".join(sorted(kinds)), taken, without
@@ -284,12 +280,12 @@ def _track_figures(
         try:
             recording = Recording.read(result.run)
         except OmnisimError:
-            rows += [LostRow(_label(label, one), None, "no drive") for one in plan.estimators]
+            rows += [LostRow(_label(label, name), None, "no drive") for name in plan.estimators]
             continue
         panels.append(_panel(label, recording, result.outcomes, result.estimates))
         rows += [
-            _lost_row(_label(label, one.estimator), one, recording, result.estimates)
-            for one in result.outcomes
+            _lost_row(_label(label, outcome.estimator), outcome, recording, result.estimates)
+            for outcome in result.outcomes
         ]
     figures = []
     if panels:
@@ -303,35 +299,15 @@ def _label(label: str, estimator: str) -> str:
     return _short(estimator) if label == BASE else f"{label}, {_short(estimator)}"
 
 
-def _time_lines(
-    plan: SweepPlan, values: Sequence[tuple[str, list[PointResult]]]
-) -> list[SweepLine]:
-    lines = []
-    for estimator in plan.estimators:
-        seconds = [
-            [one.seconds for one in _outcomes(group, estimator) if one.seconds is not None]
-            for _, group in values
-        ]
-        means = [over_seeds(one) for one in seconds]
-        halves = [one.half_width for one in means]
-        lines.append(SweepLine(_short(estimator), [one.mean for one in means], halves, seconds))
-    return lines
-
-
 def _outcomes(results: Sequence[PointResult], estimator: str) -> list[Outcome]:
     """Outcomes of one estimator, one per seed."""
-    return [
-        outcome
-        for result in results
-        for outcome in result.outcomes
-        if outcome.estimator == estimator
-    ]
+    return [each for result in results for each in result.outcomes if each.estimator == estimator]
 
 
 def _failures(outcomes: Sequence[Outcome]) -> list[ResultTable]:
     """Table of failed estimators with their reasons; empty if all succeeded."""
     failures = dict.fromkeys(
-        (one.estimator, one.status, one.reason) for one in outcomes if one.status != "ok"
+        (each.estimator, each.status, each.reason) for each in outcomes if each.status != "ok"
     )
     columns = ("estimator", "status", "reason")
     caption = "Estimators without a result."
@@ -361,7 +337,7 @@ def _panel(
                 lost_m.append(truth.positions_m[inside])
         name = _short(outcome.estimator)
         tracks[name] = TrackDrawing(poses[:, :3, 3], lost_m, traveled_m[nearest], offsets)
-    order = [_short(one.estimator) for one in outcomes]
+    order = [_short(outcome.estimator) for outcome in outcomes]
     return TrackPanel(title, recording.fine_truth.positions_m, tracks, order)
 
 

@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 from omnisim.perception.landmarks.landmark_detector import Detection, write_detections
 from omnisim.perception.localization.filter_parameters import FilterParameters
 from omnisim.perception.localization.track import Track, mean_interval, notices, write_track
-from omnisim.plots.detection_plots import detections_figure
-from omnisim.plots.localization_plots import PathPanel, errors_figure, paths_figure
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Report, Section, make_folder
+from omnisim.plots.localization_plots import (
+    PathPanel,
+    detections_figure,
+    errors_figure,
+    paths_figure,
+)
+from omnisim.report.report import CaptionedFigure, Measure, Report, Section, make_folder
 from omnisim.runs.run_data import RunData
 
 LATE_STEP = 5  # first step of the reported errors: the paper's start is worse than its odometry
@@ -72,9 +75,9 @@ def _section(
     panel = PathPanel(run.name, track, truth, run.landmarks)
     figures = [
         CaptionedFigure("fig11-detections", detections_figure(shown),
-                "Panoramas with what was found in them: every box is around a landmark."),
+                "Panoramas with the detections: every box is around a landmark."),
         CaptionedFigure("fig12-paths", paths_figure([panel]),
-                "From above: the estimate, with ellipses of three sigma, and the wheels alone."),
+                "From above: the estimate, with ellipses of three sigma, and odometry alone."),
     ]  # fmt: skip
     warnings = [*warnings, *notices(track, parameters)]
     if truth is None:
@@ -107,8 +110,8 @@ def track_measures(track: Track, truth: NDArray[np.float64] | None) -> list[Meas
         return measures
     errors, wheels = track.errors_m(truth), track.reckoned_errors_m(truth)
     late = slice(min(LATE_STEP, len(errors) - 1), None)
-    each = track.nees(truth)
-    known = each[np.isfinite(each)]
+    nees = track.nees(truth)
+    known = nees[np.isfinite(nees)]
     measures += [
         Measure(f"largest error after step {LATE_STEP}", float(errors[late].max()), "m",
                paper="below 0.6 m, real and simulated"),
@@ -119,13 +122,9 @@ def track_measures(track: Track, truth: NDArray[np.float64] | None) -> list[Meas
                float(known.mean()) if len(known) else math.nan),
     ]  # fmt: skip
     updated = [estimate for estimate in track.estimates if estimate.nis_degrees]
-    degrees = sum(estimate.nis_degrees for estimate in updated)
-    if degrees:
+    if degrees := sum(estimate.nis_degrees for estimate in updated):
         low, high = mean_interval(1, degrees)
-        measures.append(
-            Measure(
-                f"NIS over its degrees of freedom (95 % band {low:.2f} to {high:.2f})",
-                sum(estimate.nis for estimate in updated) / degrees,
-            )
-        )
+        name = f"NIS over its degrees of freedom (95 % band {low:.2f} to {high:.2f})"
+        nis = sum(estimate.nis for estimate in updated) / degrees
+        measures.append(Measure(name, nis))
     return measures

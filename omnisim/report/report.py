@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -15,8 +16,7 @@ import jinja2
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import atomic_write, check_target
 from omnisim.core.version import __version__
-from omnisim.plots.plot_file import Figure, figure_png
-from omnisim.report.measure import Measure
+from omnisim.plots.style import Figure, figure_png
 
 TEMPLATE = Path(__file__).with_name("report.html.jinja")
 FORMAT_VERSION = 2
@@ -24,6 +24,58 @@ HTML, JSON = "report.html", "report.json"
 _NUMBER = re.compile(r"\s*([–-]?\s*$|[-+−±]?[.\d])")
 _MAX_WORDS = 2  # of a number with its unit
 Status = Literal["passed", "failed", "skipped", "measured"]
+
+
+@dataclass(frozen=True)
+class Measure:
+    """Measured number with its bound."""
+
+    name: str  # name of the quantity
+    value: float  # value; NaN: not measurable
+    unit: str = ""  # unit of value and bound; empty: none
+    bound: float | None = None  # maximum accepted value; None: no bound
+    at_least: bool = False  # the bound is the minimum accepted value
+    paper: str = ""  # the paper's value, as text; empty: none
+    # reason why the bound is neither held nor missed; empty: it is one of both
+    unmeasured: str = ""
+
+    @property
+    def passed(self) -> bool | None:
+        """True if the bound holds, False for NaN; None without a bound, and if unmeasured."""
+        if self.bound is None or self.unmeasured:
+            return None
+        return self.value >= self.bound if self.at_least else self.value <= self.bound
+
+    @property
+    def value_text(self) -> str:
+        """Value with its unit: a count, or a number to four digits."""
+        if math.isfinite(self.value):
+            return self._text(self.value)
+        return "–" if self.unmeasured else "not a number"
+
+    @property
+    def bound_text(self) -> str:
+        """Bound with sign and unit; empty: no bound."""
+        if self.bound is None:
+            return ""
+        return f"{'≥' if self.at_least else '≤'} {self._text(self.bound)}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """JSON object."""
+        return {
+            "name": self.name,
+            "value": self.value if math.isfinite(self.value) else None,
+            "unit": self.unit,
+            "bound": self.bound,
+            "sense": "at least" if self.at_least else "at most",
+            "passed": self.passed,
+            "paper": self.paper,
+            **({"unmeasured": self.unmeasured} if self.unmeasured else {}),
+        }
+
+    def _text(self, number: float) -> str:
+        form = ".0f" if number == round(number) and abs(number) < 1e6 else ".4g"
+        return f"{number:z{form}} {self.unit}".rstrip()
 
 
 @dataclass(frozen=True)
@@ -48,39 +100,27 @@ class ResultTable:
         """True for each column, but the first one, whose cells are numbers with at most a unit."""
         columns = zip(*self.rows, strict=True)
         return tuple(
-            index > 0 and all(map(_is_number, cells)) for index, cells in enumerate(columns)
+            index > 0
+            and all(len(cell.split()) <= _MAX_WORDS and _NUMBER.match(cell) for cell in cells)
+            for index, cells in enumerate(columns)
         )
-
-
-def _is_number(cell: str) -> bool:
-    """True for a number with or without a unit, an empty cell or a dash."""
-    return len(cell.split()) <= _MAX_WORDS and bool(_NUMBER.match(cell))
 
 
 @dataclass(frozen=True)
 class Section:
-    """Section of a report.
-
-    Attributes:
-        text: method and result.
-        measures, tables, figures: contents, in this order.
-        notices: warnings for the reader.
-        key: short name in the JSON file; empty: none.
-        seconds: duration; None: not measured.
-        skipped: reason why nothing was measured; empty: not skipped.
-        failure: error that stopped the measurement; empty: none.
-    """
+    """Section of a report."""
 
     title: str
-    text: str = ""
+    text: str = ""  # method and result
+    # contents, in this order
     measures: Sequence[Measure] = ()
     tables: Sequence[ResultTable] = ()
     figures: Sequence[CaptionedFigure] = ()
-    notices: Sequence[str] = ()
-    key: str = ""
-    seconds: float | None = None
-    skipped: str = ""
-    failure: str = ""
+    notices: Sequence[str] = ()  # warnings for the reader
+    key: str = ""  # short name in the JSON file; empty: none
+    seconds: float | None = None  # duration; None: not measured
+    skipped: str = ""  # reason why nothing was measured; empty: not skipped
+    failure: str = ""  # error that stopped the measurement; empty: none
 
     @property
     def missed(self) -> list[Measure]:
@@ -120,22 +160,15 @@ class Section:
 
 @dataclass(frozen=True)
 class Report:
-    """Report of one validation, benchmark or experiment.
+    """Report of one validation, benchmark or experiment."""
 
-    Attributes:
-        title: heading.
-        text: introduction.
-        sections: sections in order.
-        facts: parameters of the measurements, of JSON types.
-        notices: warnings for the reader.
-        machine: machine and versions, see `describe_machine`; empty if they do not matter.
-    """
-
-    title: str
-    text: str
-    sections: Sequence[Section]
+    title: str  # heading
+    text: str  # introduction
+    sections: Sequence[Section]  # sections in order
+    # parameters of the measurements, of JSON types
     facts: dict[str, Any] = field(default_factory=dict)
-    notices: Sequence[str] = ()
+    notices: Sequence[str] = ()  # warnings for the reader
+    # machine and versions, see `describe_machine`; empty if they do not matter
     machine: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -163,10 +196,15 @@ class Report:
             return f"Not every bound holds: {names}." if names else "Not every bound holds."
         if self.status == "skipped":
             return "Nothing was checked."
-        bounded = [one for part in self.sections for one in part.measures if one.bound is not None]
-        if all(one.passed is None for one in bounded):
+        bounded = [
+            measure
+            for section in self.sections
+            for measure in section.measures
+            if measure.bound is not None
+        ]
+        if all(measure.passed is None for measure in bounded):
             return ""
-        is_partial = self.notices or any(one.unmeasured for one in bounded)
+        is_partial = self.notices or any(measure.unmeasured for measure in bounded)
         return "Every bound that was checked holds." if is_partial else "Every bound holds."
 
     def as_dict(self) -> dict[str, Any]:
@@ -222,7 +260,7 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as reason:
-        raise OutputError(f"{folder}: cannot be made: {reason.strerror}") from None
+        raise OutputError(f"{folder}: cannot be created: {reason.strerror}") from None
 
 
 def write_json(path: Path, content: object) -> None:

@@ -14,21 +14,15 @@ if TYPE_CHECKING:  # slow to import
 
 @dataclass(frozen=True)
 class Check:
-    """Comparison of images with equations or an independent oracle.
+    """Comparison of images with equations or an independent oracle."""
 
-    Attributes:
-        key: short name, in `report.json` and on the command line.
-        title: heading.
-        entry_point: "module.function" in `omnisim.validation.checks`, imported when the check runs.
-        oracles: required modules of the extra `oracles`, as "module" or "module.attribute".
-        is_quick: part of the quick report.
-    """
-
-    key: str
-    title: str
+    key: str  # short name, in `report.json` and on the command line
+    title: str  # heading
+    # "module.function" in `omnisim.validation.checks`, imported when the check runs
     entry_point: str
+    # required modules of the extra `oracles`, as "module" or "module.attribute"
     oracles: tuple[str, ...] = ()
-    is_quick: bool = True
+    is_quick: bool = True  # part of the quick report
 
     def skip_reason(self) -> str:
         """Unusable oracles, with reason and remedy; empty: all are usable."""
@@ -44,101 +38,41 @@ class Check:
         return dataclasses.replace(section, key=self.key)
 
 
+_NOT_QUICK = False
 CHECKS = (
     Check("rings", "Fig. 7 and Eq. 2: where the image shows an angle", "rings.check"),
     Check("polygons", "Fig. 8 and 9: how many polygons the mirror needs", "polygons.check"),
     Check("viewpoint", "Single viewpoint", "viewpoint.check"),
-    Check(
-        "path-tracer",
-        "A physical mirror, traced by another renderer",
-        "traced.path_tracer.check",
-        oracles=("mitsuba",),
-        is_quick=False,
-    ),
-    Check(
-        "second-rasterizer",
-        "A second rasterizer",
-        "second_rasterizer.check",
-        oracles=("pyrender",),
-    ),
-    Check(
-        "materials",
-        "Metal and gloss, traced by another renderer",
-        "materials.check",
-        oracles=("mitsuba",),
-        is_quick=False,
-    ),
-    Check(
-        "shadows",
-        "Lamps and shadows, traced by another renderer",
-        "shadows.check",
-        oracles=("mitsuba",),
-        is_quick=False,
-    ),
-    Check(
-        "baked",
-        "Baked light, traced by another renderer",
-        "baked.check",
-        oracles=("mitsuba", "embreex", "xatlas"),
-        is_quick=False,
-    ),
-    Check(
-        "reflections",
-        "Mirrors, gloss and glass, traced by another renderer",
-        "reflections.check",
-        oracles=("mitsuba", "embreex"),
-        is_quick=False,
-    ),
-    Check(
-        "arcade",
-        "Glass, mirrors and metal in a scene, traced by another renderer",
-        "traced.arcade.check",
-        oracles=("mitsuba", "embreex"),
-        is_quick=False,
-    ),
-    Check("rays", "A ray caster", "ray_caster.check", oracles=("embreex",)),
+    Check("path-tracer", "A physical mirror, traced by another renderer",
+          "traced.path_tracer.check", ("mitsuba",), _NOT_QUICK),
+    Check("second-rasterizer", "A second rasterizer", "second_rasterizer.check", ("pyrender",)),
+    Check("materials", "Metal and gloss, traced by another renderer", "materials.check",
+          ("mitsuba",), _NOT_QUICK),
+    Check("shadows", "Lamps and shadows, traced by another renderer", "shadows.check",
+          ("mitsuba",), _NOT_QUICK),
+    Check("baked", "Baked light, traced by another renderer", "baked.check",
+          ("mitsuba", "embreex", "xatlas"), _NOT_QUICK),
+    Check("reflections", "Mirrors, gloss and glass, traced by another renderer",
+          "reflections.check", ("mitsuba", "embreex"), _NOT_QUICK),
+    Check("arcade", "Glass, mirrors and metal in a scene, traced by another renderer",
+          "traced.arcade.check", ("mitsuba", "embreex"), _NOT_QUICK),
+    Check("rays", "A ray caster", "ray_caster.check", ("embreex",)),
     Check("quality", "Quality of the image, and shimmer", "image_quality.check"),
     Check("markers", "Markers through the whole pipeline", "calibration.check_markers"),
-    Check(
-        "omnidir", "A calibration library", "calibration.check_omnidir", oracles=("cv2.omnidir",)
-    ),
-    Check(
-        "boards",
-        "Calibration files in the hands of others",
-        "boards.check",
-        oracles=("cv2.omnidir",),
-    ),
-    Check(
-        "twin", "Cameras measured from boards", "measured.board_measurement.check", oracles=("cv2",)
-    ),
-    Check("noise", "Noise measured from frames", "measured.noise.check", oracles=("emva1288",)),
+    Check("omnidir", "A calibration library", "calibration.check_omnidir", ("cv2.omnidir",)),
+    Check("boards", "Calibration files in the hands of others", "boards.check", ("cv2.omnidir",)),
+    Check("twin", "Cameras measured from boards", "measured.board_measurement.check", ("cv2",)),
+    Check("noise", "Noise measured from frames", "measured.noise.check", ("emva1288",)),
     Check("sharpness", "Sharpness measured from edges", "measured.sharpness.check"),
-    Check(
-        "response",
-        "Response, vignetting and readout measured from frames",
-        "measured.response_and_readout.check",
-        oracles=("cv2",),
-    ),
+    Check("response", "Response, vignetting and readout measured from frames",
+          "measured.response_and_readout.check", ("cv2",)),
     Check("orientation", "Orientation", "orientation.check"),
     Check("unwarping", "Unwarped views", "unwarping.check"),
     Check("optics", "Any optics: rays, caustics and pixels", "optics_rays.check"),
-    Check(
-        "optics-path-tracer",
-        "Any optics: real mirrors and windows, traced by another renderer",
-        "optics_images.check",
-        oracles=("mitsuba",),
-        is_quick=False,
-    ),
-    Check(
-        "optics-triangles",
-        "Any optics: things a hand's breadth away",
-        "optics_triangles.check",
-        oracles=("embreex",),
-    ),
-    Check(
-        "optics-calibration",
-        "Any optics: calibrations from chessboards",
-        "optics_calibration.check",
-        oracles=("cv2.omnidir",),
-    ),
-)
+    Check("optics-path-tracer", "Any optics: real mirrors and windows, traced by another renderer",
+          "optics_images.check", ("mitsuba",), _NOT_QUICK),
+    Check("optics-triangles", "Any optics: things a hand's breadth away",
+          "optics_triangles.check", ("embreex",)),
+    Check("optics-calibration", "Any optics: calibrations from chessboards",
+          "optics_calibration.check", ("cv2.omnidir",)),
+)  # fmt: skip

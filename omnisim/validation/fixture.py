@@ -13,23 +13,20 @@ from omnisim.cameras import HyperbolicCamera
 from omnisim.core.errors import OpticsError
 from omnisim.ground_truth.frame import Frame
 from omnisim.rendering.camera.omnicamera import OmniCamera
+from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.scene import Scene, load_scene
 
 TEXTURED_SCENE = "courtyard"
+BACKENDS: tuple[BackendName, ...] = ("rays", "cube")
 
 
 @dataclass(frozen=True)
 class Fixture:
-    """Settings and test scene of a validation.
+    """Settings and test scene of a validation."""
 
-    Attributes:
-        device: EGL index of the GPU; None: the first.
-        is_quick: use smaller images and fewer samples.
-    """
-
-    device: int | None = None
-    is_quick: bool = False
+    device: int | None = None  # EGL index of the GPU; None: the first
+    is_quick: bool = False  # use smaller images and fewer samples
 
     @cached_property
     def scene(self) -> Scene:
@@ -42,13 +39,19 @@ class Fixture:
         return self.scene.start.position_m
 
     def render(
-        self, scene: Scene | Stage, camera: OmniCamera, world_from_base: NDArray[np.float64]
+        self,
+        scene: Scene | Stage,
+        camera: OmniCamera,
+        world_from_base: NDArray[np.float64],
+        *,
+        unlit: bool = True,
+        backend: BackendName = "cube",
     ) -> Frame:
-        """Render one frame in base colors, without light, with linear values in `Frame.linear`."""
+        """Render one frame with linear values in `Frame.linear`; unlit: base colors, no light."""
         if isinstance(scene, Stage):
-            opened = scene.open(camera, unlit=True)
+            opened = scene.open(camera, unlit=unlit)
         else:
-            opened = open_sensor(scene, camera, unlit=True, device=self.device)
+            opened = open_sensor(scene, camera, unlit=unlit, backend=backend, device=self.device)
         with opened as renderer:
             return renderer.render(world_from_base, linear=True)
 

@@ -1,4 +1,4 @@
-"""Markers: small discs around the viewpoint, and their centroids in images."""
+"""Markers: small discs around the viewpoint or on rays, and their centroids in images."""
 
 from __future__ import annotations
 
@@ -8,12 +8,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from omnisim.cameras import CentralCamera
+from omnisim.cameras.optics import OpticalSystem, ray_jacobians
 from omnisim.scene import Scene
+from omnisim.scene.model import Mesh
 from omnisim.validation.plain_scenes import WHITE, discs, plain_scene
 
 # About 12 pixels wide in an image of 1024: sampling errors at the edge average out.
 MARKER_RADIUS_RAD = math.radians(0.8)
 WINDOW_PX = 12
+RADIUS_PX = 6.0  # longer half axis of a marker in the image
+STRETCH = 3.0  # maximum ratio of a marker's axes in the image
+_MIN_M, _MAX_M = 0.4, 8.0
+_CORNERS = 96
 
 
 def marker_positions(
@@ -68,8 +74,7 @@ def inside_valid_area(
     camera: CentralCamera, positions_px: NDArray[np.float64], margin_px: float = WINDOW_PX + 2.0
 ) -> NDArray[np.bool_]:
     """Mask (n,) of positions (n, 2) surrounded by valid pixels only."""
-    angles = 2.0 * np.pi * np.arange(16) / 16
-    around = positions_px[:, None] + margin_px * np.stack((np.cos(angles), np.sin(angles)), axis=1)
+    around = positions_px[:, None] + margin_px * _circle(16)
     inside = (around >= 0.0) & (around <= (camera.width_px - 1, camera.height_px - 1))
     clear = camera.ray_from_pixel(around).valid & inside.all(axis=2)
     return np.all(clear, axis=1)
@@ -92,3 +97,63 @@ def centroids(brightness: NDArray[np.float64], near_px: NDArray[np.float64]) -> 
             down, right = np.mgrid[rows, columns]
             positions_px[index] = (window * right).sum() / total, (window * down).sum() / total
     return positions_px
+
+
+def marker_pixels(system: OpticalSystem, spacing_px: int) -> NDArray[np.float64]:
+    """Evenly spaced pixels (n, 2), amid valid rays, at which a marker's stretch is small enough."""
+    half = 0.5 * spacing_px
+    u, v = (np.arange(half, size, spacing_px) for size in (system.width_px, system.height_px))
+    pixels = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+    around = pixels[:, None] + (WINDOW_PX + 3.0) * _circle(16)
+    inside = (around >= 0.0) & (around <= (system.width_px - 1, system.height_px - 1))
+    valid = system.rays(around).valid & inside.all(axis=2)
+    kept = pixels[valid.all(axis=1) & system.rays(pixels).valid]
+    sizes = _sizes(system, kept, np.ones(len(kept)))
+    return kept[sizes[:, 0] < STRETCH * sizes[:, 1]]
+
+
+def markers_on_rays(
+    system: OpticalSystem, pixels_px: NDArray[np.float64], world_from_optical: NDArray[np.float64]
+) -> Scene:
+    """Scene of white discs on black, perpendicular to the rays of pixels (n, 2), at 0.4 to 8 m."""
+    rays = system.rays(pixels_px)
+    share = np.random.default_rng(7).random(len(pixels_px))
+    ranges_m = _MIN_M * (_MAX_M / _MIN_M) ** share
+    radii_m = RADIUS_PX * _sizes(system, pixels_px, ranges_m)[:, 1]
+    middles_m = rays.origins_m + ranges_m[:, None] * rays.directions
+    frames = _frames(rays.directions)
+    circle = _circle(_CORNERS)
+    rims_m = middles_m[:, None] + radii_m[:, None, None] * np.einsum("kc,nic->nki", circle, frames)
+    places_m = np.concatenate((middles_m, rims_m.reshape(-1, 3)))
+    places_m = places_m @ world_from_optical[:3, :3].T + world_from_optical[:3, 3]
+    count = len(pixels_px)
+    corner = np.arange(_CORNERS)
+    first = count + _CORNERS * np.arange(count)[:, None]
+    disc = np.broadcast_to(np.arange(count)[:, None], (count, _CORNERS))
+    triangles = np.stack((disc, first + corner, first + (corner + 1) % _CORNERS), axis=-1)
+    mesh = Mesh("markers", places_m.astype("f4"), triangles.reshape(-1, 3).astype("u4"), 0)
+    return plain_scene("markers", (mesh, WHITE))
+
+
+def _sizes(
+    system: OpticalSystem, pixels_px: NDArray[np.float64], ranges_m: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Maximum and minimum meters per pixel (n, 2), perpendicular to the rays at ranges (n,)."""
+    by_pixel = ray_jacobians(system, pixels_px)
+    moved = by_pixel.origins_m + ranges_m[:, None, None] * by_pixel.directions
+    frames = _frames(system.rays(pixels_px).directions)
+    return np.linalg.svd(np.einsum("nic,nij->ncj", frames, moved), compute_uv=False)
+
+
+def _circle(count: int) -> NDArray[np.float64]:
+    """Points (count, 2) of the unit circle."""
+    angles = 2.0 * np.pi * np.arange(count) / count
+    return np.stack((np.cos(angles), np.sin(angles)), axis=1)
+
+
+def _frames(directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Orthonormal bases (n, 3, 2) of the planes perpendicular to directions (n, 3)."""
+    smallest = np.eye(3)[np.abs(directions).argmin(axis=1)]
+    first = np.cross(directions, smallest)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack((first, np.cross(directions, first)), axis=2)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, PerspectiveCamera, pixel_grid
+from omnisim.core.poses import pose
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.scene.model import Instance, Lighting, Material, Mesh, Scene, StartPose
 
@@ -23,24 +25,15 @@ def sphere(radius_m: float, rows: int = 64) -> Mesh:
     """Mesh of a sphere with poles on z, normals and texture coordinates, in rows of triangles."""
     polar = np.pi * np.arange(rows + 1) / rows
     azimuth = np.pi * np.arange(2 * rows + 1) / rows
-    normals = np.stack(
-        np.broadcast_arrays(
-            np.sin(polar)[:, None] * np.cos(azimuth),
-            np.sin(polar)[:, None] * np.sin(azimuth),
-            np.cos(polar)[:, None],
-        ),
-        axis=-1,
-    ).reshape(-1, 3)
+    along = (np.sin(polar)[:, None] * f(azimuth) for f in (np.cos, np.sin))
+    height = np.broadcast_to(np.cos(polar)[:, None], (rows + 1, 2 * rows + 1))
+    normals = np.stack((*along, height), axis=-1).reshape(-1, 3)
     across = np.tile(azimuth / (2.0 * np.pi), rows + 1)
     down = np.repeat(polar / np.pi, 2 * rows + 1)
     width = 2 * rows + 1
     first = (width * np.arange(rows)[:, None] + np.arange(2 * rows)).ravel()
-    triangles = np.concatenate(
-        [
-            np.stack((first, first + width, first + width + 1), axis=1),
-            np.stack((first, first + width + 1, first + 1), axis=1),
-        ]
-    )
+    corners = (0, width, width + 1), (0, width + 1, 1)
+    triangles = np.concatenate([first[:, None] + corner for corner in corners])
     return Mesh(
         "sphere",
         (radius_m * normals).astype(np.float32),
@@ -82,34 +75,30 @@ def sphere_of_pixels(model: CentralCamera) -> NDArray[np.int64]:
 
 def chart(lighting: Lighting) -> Scene:
     """Scene of the chart in the given lighting."""
-    pairs = list(itertools.product(ROUGHNESS, METALLIC))
-    materials = tuple(
-        Material(
-            f"roughness {roughness:g}, metallic {metallic:g}",
-            (*BASE_COLOR, 1.0),
-            metallic=metallic,
-            roughness=roughness,
-            specular=1.0,
-        )
-        for roughness, metallic in pairs
-    )
+    """Scene of the chart in the given lighting."""
+    materials, meshes, instances = [], [], []
     shape = sphere(RADIUS_M)
-    meshes = tuple(
-        Mesh(
-            f"sphere {number}", shape.positions, shape.triangles, number,
-            shape.normals, shape.texture_coordinates,
+    pairs = itertools.product(ROUGHNESS, METALLIC)
+    for number, ((roughness, metallic), center_m) in enumerate(
+        zip(pairs, centers_m(), strict=True)
+    ):
+        materials.append(
+            Material(
+                f"roughness {roughness:g}, metallic {metallic:g}",
+                (*BASE_COLOR, 1.0),
+                metallic=metallic,
+                roughness=roughness,
+                specular=1.0,
+            )
         )
-        for number in range(len(materials))
-    )  # fmt: skip
-    instances = []
-    for number, center_m in enumerate(centers_m()):
-        pose = np.eye(4)
-        pose[:3, 3] = center_m
-        instances.append(Instance(f"sphere {number}", number, pose, pose))
+        name = f"sphere {number}"
+        meshes.append(replace(shape, name=name, material=number))
+        world_from_mesh = pose(tuple(center_m.tolist()))
+        instances.append(Instance(name, number, world_from_mesh, world_from_mesh))
     return Scene(
         name="material chart",
-        meshes=meshes,
-        materials=materials,
+        meshes=tuple(meshes),
+        materials=tuple(materials),
         instances=tuple(instances),
         lighting=lighting,
         background=(0.0, 0.0, 0.0),

@@ -14,17 +14,15 @@ from omnisim.core import coordinate_frames as frames
 from omnisim.core.errors import OpticsError
 from omnisim.core.srgb import srgb_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.report.measure import Measure
+from omnisim.report.report import Measure
 from omnisim.scene import Scene
 from omnisim.validation.fixture import mirror_camera
 
+CAMERAS = ("mirror", "fisheye")
 # Of the paper's mirror, so that its own shadow, which our camera lacks, is a few pixels wide.
 _MIRROR_SCALE = 0.25
 _FISHEYE_THETA_RAD = math.radians(95.0)
 _RIM_PX = 2.0  # excluded, as pixels blend there
-
-
-CAMERAS = ("mirror", "fisheye")
 
 
 def sensor_of(camera: str, size_px: int) -> OmniCamera:
@@ -76,8 +74,12 @@ def traced_light(
     Raises:
         OpticsError: the camera has another model.
     """
-    from omnisim.validation.oracles.mitsuba_fisheye import trace_lit_fisheye  # of an extra
-    from omnisim.validation.oracles.mitsuba_light import ALL_DEPTH, DIRECT_DEPTH, trace_lit_mirror
+    from omnisim.validation.oracles.mitsuba_light import (
+        ALL_DEPTH,
+        DIRECT_DEPTH,
+        trace_lit_fisheye,  # of an extra
+        trace_lit_mirror,
+    )
 
     depth = ALL_DEPTH if bounces else DIRECT_DEPTH
     pose = world_from_base @ sensor.base_from_rig
@@ -89,6 +91,17 @@ def traced_light(
         pose[:3, :3] = pose[:3, :3] @ frames.BASE_FROM_OPTICAL_LOOKING_AHEAD
         return trace_lit_fisheye(scene, model, pose, samples, seed, depth)
     raise OpticsError(f"expected a mirror or a fisheye, got model {model.model_name!r}")
+
+
+def traced_twice(
+    scene: Scene, sensor: OmniCamera, world_from_base: NDArray[np.float64], samples: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Two images of all light, see `traced_light`, with independent noise."""
+    first, second = (
+        traced_light(scene, sensor, world_from_base, samples, bounces=True, seed=seed)
+        for seed in (0, 1000)
+    )
+    return first, second
 
 
 def inside_rim(sensor: OmniCamera) -> NDArray[np.bool_]:
@@ -112,11 +125,12 @@ def beside(
     name: str, traced: NDArray[np.float32], ours: NDArray[np.float32], inside: NDArray[np.bool_]
 ) -> dict[str, NDArray[np.generic]]:
     """Traced image, omnisim's image, and their difference × 8, by title; black outside the mask."""
-    one, other = (np.where(inside[..., None], values, 0.0) for values in (traced, ours))
-    off = np.abs(srgb_from_linear(one) - srgb_from_linear(other))
+    first, second = (np.where(inside[..., None], values, 0.0) for values in (traced, ours))
+    off = np.abs(srgb_from_linear(first) - srgb_from_linear(second))
     enhanced = np.rint(255.0 * np.clip(8.0 * off, 0.0, 1.0)).astype(np.uint8)
+    start = f"{name}, " if name else ""
     return {
-        f"{name}, traced by Mitsuba": one,
-        f"{name}, by omnisim": other,
-        f"{name}, difference × 8": enhanced,
+        f"{start}traced by Mitsuba": first,
+        f"{start}by omnisim": second,
+        f"{start}difference × 8": enhanced,
     }

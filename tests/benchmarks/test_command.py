@@ -93,7 +93,7 @@ def test_a_missed_bound_is_status_1(suites, tmp_path):
         (["x"], "suite 'x': no such suite; expected fps, lenses or all"),
         (["fps", "--rounds", "0"], "--rounds: expected at least 1, got 0"),
         (["fps", "--rounds", "many"], "argument --rounds: invalid int value: 'many'"),
-        (["fps", "-o", __file__], f"{__file__}: cannot be made: File exists"),
+        (["fps", "-o", __file__], f"{__file__}: cannot be created: File exists"),
         ([], "the following arguments are required: suite"),
     ],
 )

@@ -12,7 +12,7 @@ from omnisim.evaluation.camera_errors import camera_errors
 from omnisim.evaluation.estimator_registry import estimator_named
 from omnisim.evaluation.run_evaluation import Outcome, outcome_from
 from omnisim.measurement.geometry import BoardView
-from omnisim.validation.chessboards import board_corners_m, board_poses_in_front
+from omnisim.validation.plain_scenes import board_corners_m, board_poses_in_front
 
 SIZE_PX = 640, 480
 LENS = KannalaBrandtCamera(

@@ -13,7 +13,7 @@ from omnisim.scene.labels import BODY
 from omnisim.scene.light.baked import with_baked_light
 from omnisim.scene.light.environment import Environment, map_directions
 from omnisim.scene.model import AlphaMode, Instance, Material
-from omnisim.validation.psnr import psnr_of_levels_db
+from omnisim.validation.image_differences import psnr_of_levels_db
 from tests.baked import add_backs, write_baked
 from tests.rendering.opengl.drawing.test_cluster_drawer import assert_same, reference_stage
 from tests.scenes import room, room_color, scene_of, square

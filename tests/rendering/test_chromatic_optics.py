@@ -16,7 +16,7 @@ from omnisim.core.poses import pose
 from omnisim.rendering.camera.captured_image import valid_mask
 from omnisim.rendering.camera.degradations import Degradation, Shutter
 from omnisim.scene.model import Material, Mesh
-from omnisim.validation.psnr import psnr_db
+from omnisim.validation.image_differences import psnr_db
 from tests.cameras.optics.examples import SYSTEMS
 from tests.cameras.optics.test_parameters import ALL
 from tests.scenes import room, scene_of

@@ -17,7 +17,7 @@ from omnisim.rendering.contract import ScenePoses
 from omnisim.rendering.twist import Twist, moved_px
 from omnisim.scene.model import DynamicObject, Material
 from omnisim.scene.motion.object_motion import Orbit
-from omnisim.validation.psnr import psnr_db, psnr_of_levels_db
+from omnisim.validation.image_differences import psnr_db, psnr_of_levels_db
 from tests.camera_examples import CAMERA_EXAMPLES
 from tests.cameras.optics.examples import SYSTEMS, at, behind_a_dome, pinhole
 from tests.scenes import room, scene_of

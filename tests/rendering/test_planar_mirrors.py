@@ -13,7 +13,7 @@ from omnisim.rendering.rays.shading import reflections
 from omnisim.rendering.stage import Stage, open_sensor
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND, DEFAULT_LIGHTING
 from omnisim.scene.model import Fog, Material, Texture
-from omnisim.validation.psnr import psnr_db, psnr_of_levels_db
+from omnisim.validation.image_differences import psnr_db, psnr_of_levels_db
 from omnisim.validation.traced_light import fisheye
 from tests.rendering.opengl.sheets import CHROME, LAMP, PANE, SUN, mixed_scene, with_mirrors
 from tests.scenes import room, scene_of, square

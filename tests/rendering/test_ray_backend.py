@@ -27,7 +27,7 @@ from omnisim.ground_truth.hits import NO_DETAILS
 from omnisim.rendering.camera.degradations import preset
 from omnisim.rendering.rays.geometry import build_geometry
 from omnisim.scene.light.lighting import DEFAULT_BACKGROUND
-from omnisim.validation.psnr import psnr_of_levels_db
+from omnisim.validation.image_differences import psnr_of_levels_db
 from tests.ray_casting import opaque_part
 from tests.rendering.rays.test_caster import rays_from, tried
 from tests.scenes import room, scene_of, square

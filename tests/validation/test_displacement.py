@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim.validation.displacement import displacements
+from omnisim.validation.image_differences import displacements
 
 EVERYWHERE = np.ones((240, 240), dtype=bool)
 

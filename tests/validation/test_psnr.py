@@ -1,7 +1,7 @@
 import numpy as np
 
 from omnisim.core.srgb import linear_from_srgb
-from omnisim.validation.psnr import converged_psnr_db, noise_floor_db, psnr_db
+from omnisim.validation.image_differences import converged_psnr_db, noise_floor_db, psnr_db
 
 EVERYWHERE = np.ones((200, 200), dtype=bool)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim.validation.ssim import ssim
+from omnisim.validation.image_differences import ssim
 
 ALL = np.ones((48, 48), dtype=bool)
 

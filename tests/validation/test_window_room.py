@@ -12,8 +12,8 @@ from omnisim.rendering.baking.settings import BakeSettings  # noqa: E402
 from omnisim.rendering.stage import open_sensor  # noqa: E402
 from omnisim.validation.checks.baked import BOUND_DB, in_baked_light  # noqa: E402
 from omnisim.validation.fixture import linear_image  # noqa: E402
-from omnisim.validation.psnr import psnr_db  # noqa: E402
-from omnisim.validation.rooms.window_room import window_room  # noqa: E402
+from omnisim.validation.image_differences import psnr_db  # noqa: E402
+from omnisim.validation.reflective_rooms import window_room  # noqa: E402
 from omnisim.validation.traced_light import inside_rim, small_mirror, traced_light  # noqa: E402
 
 BLOCK_PX = 4  # averaged, since Mitsuba's noise is 10 dB above the difference

@@ -18,7 +18,6 @@ import click
 from click.shell_completion import get_completion_class, shell_complete
 
 from omnisim.apps.cli.command import Command, Group
-from omnisim.apps.cli.commands import COMMANDS, GROUPS
 from omnisim.apps.cli.console import print_note
 from omnisim.apps.cli.options import ENTRIES, CommandLineError
 from omnisim.core.errors import NoticeWarning, OmnisimError
@@ -30,6 +29,29 @@ _SHELLS = {
     "bash": (".bash_completions/omnisim.sh", ".bashrc", "source ~/.bash_completions/omnisim.sh"),
     "zsh": (".zfunc/omnisim.zsh", ".zshrc", "source ~/.zfunc/omnisim.zsh"),
     "fish": (".config/fish/completions/omnisim.fish", "", ""),
+}
+# By heading and name: the folder whose module `requests` has the command, or those of the group.
+COMMANDS: dict[str, dict[str, str]] = {
+    "Images": dict.fromkeys(("render", "live", "unwarp", "scan"), "images"),
+    "Runs": dict.fromkeys(
+        ("drive", "record", "evaluate", "plot", "video", "export", "localize", "landmarks",
+         "robot"),
+        "runs",
+    ),
+    "Data sets": dict.fromkeys(("generate", "dataset"), "datasets"),
+    "Worlds": dict.fromkeys(("scene", "bake"), "worlds"),
+    "Cameras": dict.fromkeys(("sensor", "mirror", "calibration"), "cameras")
+    | {"measure": "measure", "optics": "cameras"},
+    "Checks": dict.fromkeys(("doctor", "schema", "info", "validate", "experiments"), "checks"),
+}  # fmt: skip
+GROUPS = {  # help texts of the groups
+    "landmarks": "Learn the colors of landmarks, and detect them.",
+    "robot": "Robots: list, show, check, or import from USARSim, Gazebo, URDF or MuJoCo.",
+    "dataset": "Data sets: summarize, check the hashes, view samples, convert.",
+    "scene": "Scenes: summarize (`omnisim scene SCENE`), or convert to GLB.",
+    "calibration": "Calibration files of other tools: convert, show, list the formats.",
+    "measure": "Measure a camera from its own images.",
+    "optics": "Non-central optical systems: check, plot, design, calibrate.",
 }
 
 
@@ -75,11 +97,10 @@ def command_named(name: str) -> Command | Group:
     import_module(f"omnisim.apps.cli.{module}.requests")
     if name not in GROUPS:
         return Command(ENTRIES[name])
-    start = f"{name} "
     commands = {
-        path.removeprefix(start): Command(entry)
+        path.removeprefix(f"{name} "): Command(entry)
         for path, entry in ENTRIES.items()
-        if path.startswith(start)
+        if path.startswith(f"{name} ")
     }
     return Group(name, GROUPS[name], commands, default="show" if name == "scene" else "")
 

@@ -37,11 +37,7 @@ def _help_options(hidden: int) -> list[click.Option]:
 
 
 class Command(click.Command):
-    """Command of a request.
-
-    Args:
-        entry: the command.
-    """
+    """Command of a request."""
 
     def __init__(self, entry: Entry):
         name = entry.path.rpartition(" ")[2]
@@ -52,8 +48,7 @@ class Command(click.Command):
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         """Options and arguments, derived from the request."""
         if not self.params:
-            fields = self.entry.fields
-            self.params = [*map(_parameter, fields), *_help_options(0)]
+            self.params = [*map(_parameter, self.entry.fields), *_help_options(0)]
         return self.params
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
@@ -132,8 +127,7 @@ class Group(click.Group):
 
     def headings(self) -> Mapping[str, Iterable[tuple[str, str]]]:
         """Names and summaries of the commands, by the headings of the help page."""
-        rows = [(name, one.help or "") for name, one in self.commands.items()]
-        return {"Commands": rows}
+        return {"Commands": [(name, each.help or "") for name, each in self.commands.items()]}
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of the commands in their order."""
@@ -154,7 +148,7 @@ class Group(click.Group):
             return super().parse_args(ctx, args)
         except click.NoSuchOption as error:
             word = next(word for word in words if word.startswith(error.option_name))
-            flags = [flag for one in self.params for flag in one.opts]
+            flags = [flag for option in self.params for flag in option.opts]
             raise unknown(word, "option", ctx.command_path, flags) from None
 
     def resolve_command(
@@ -175,9 +169,12 @@ class Group(click.Group):
         names = super().shell_complete(ctx, incomplete)
         if not self._default:
             return names
-        show = self.commands[self._default]
-        arguments = (one for one in show.get_params(ctx) if isinstance(one, click.Argument))
-        return names + next(arguments).shell_complete(ctx, incomplete)
+        arguments = [
+            parameter
+            for parameter in self.commands[self._default].get_params(ctx)
+            if isinstance(parameter, click.Argument)
+        ]
+        return names + arguments[0].shell_complete(ctx, incomplete)
 
     def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the summary, and the commands below their headings."""
@@ -187,9 +184,13 @@ class Group(click.Group):
         for heading, rows in self.headings().items():
             with formatter.section(heading):
                 formatter.write_dl(list(rows), col_max=32)
-        options = (one for one in self.params if isinstance(one, click.Option) and not one.hidden)
+        rows = [
+            (", ".join(option.opts), option.help or "")
+            for option in self.params
+            if isinstance(option, click.Option) and not option.hidden
+        ]
         with formatter.section("Options"):
-            formatter.write_dl([(", ".join(one.opts), one.help or "") for one in options])
+            formatter.write_dl(rows)
 
 
 def _write_start(formatter: click.HelpFormatter, summary: str, examples: Iterable[str]) -> None:
@@ -247,12 +248,10 @@ def _parameter(field: RequestField) -> click.Parameter:
         return click.Option([*field.flags, field.name], is_flag=True, default=None)
     shared: dict[str, Any] = {"type": click.UNPROCESSED, "shell_complete": complete}
     if field.is_argument:
-        return click.Argument(
-            [field.name], required=False, nargs=-1 if field.is_list else 1, **shared
-        )
-    return click.Option(
-        [*field.flags, field.name], multiple=field.is_list, nargs=field.word_count, **shared
-    )
+        count = -1 if field.is_list else 1
+        return click.Argument([field.name], required=False, nargs=count, **shared)
+    shared |= {"multiple": field.is_list, "nargs": field.word_count}
+    return click.Option([*field.flags, field.name], **shared)
 
 
 class _CommandLine:
@@ -274,11 +273,7 @@ class _CommandLine:
                 raise field.error(" ".join(words) or "nothing", flag)
 
     def values(self, given: Mapping[str, Any], rest: Sequence[str]) -> dict[str, Any]:
-        """Values by name of the field.
-
-        Args:
-            given: words by name of the field.
-            rest: words that no option takes.
+        """Values by name of the field, from the words of each field and those that no option takes.
 
         Raises:
             CommandLineError: names the option, or the word.
@@ -289,13 +284,15 @@ class _CommandLine:
                 words = given[field.name]
                 read = [field.read(each) for each in words] if field.is_list else words
                 values[field.name] = read if field.is_list or field.is_flag else field.read(words)
-        missing = [one for one in self._fields if one.is_required and one.name not in values]
-        for field in sorted(missing, key=lambda one: not one.is_argument):
+        missing = [
+            field for field in self._fields if field.is_required and field.name not in values
+        ]
+        for field in sorted(missing, key=lambda field: not field.is_argument):
             text = " ".join(re.split(r"\.\s|;|\.$", field.text, maxsplit=1)[0].split())
             example = [field.label, field.example]
             if field.is_argument:
-                needed = (one for one in self._fields if one.is_argument and one.is_required)
-                example = [self._path, *(one.example for one in needed)]
+                arguments = [each for each in self._fields if each.is_argument]
+                example = [self._path, *(each.example for each in arguments if each.is_required)]
             raise CommandLineError(f"{field.label}: missing: {text}, such as {' '.join(example)}")
         if rest:
             raise self._excess(rest[0])
@@ -321,29 +318,22 @@ class _CommandLine:
                 return field.error(" ".join(words), flag)
             return CommandLineError(f"{flag}: expected {example}, got {flag} {' '.join(words)}")
         takes = " ".join(field.metavar for field in self._fields if field.is_argument) or "nothing"
-        return CommandLineError(
-            f"{word}: a word too many: {self._path} takes {takes} beside its options"
-        )
+        takes = f"{self._path} takes {takes} beside its options"
+        return CommandLineError(f"{word}: unexpected argument: {takes}")
 
     def _given(self) -> Iterator[tuple[int, str, RequestField, list[str]]]:
         """Places of flags, flags, their fields, and the words of their values."""
         for at, word in enumerate(self._words):
             if (field := self._by_flag.get(word)) is not None:
                 values = self._words[at + 1 : at + 1 + field.word_count]
-                yield at, word, field, list(takewhile(lambda one: one not in self._by_flag, values))
+                taken = list(takewhile(lambda each: each not in self._by_flag, values))
+                yield at, word, field, taken
 
 
 def unknown(word: str, noun: str, path: str, known: Iterable[str]) -> CommandLineError:
-    """Error for an unknown command or option, with the nearest known one.
-
-    Args:
-        word: unknown word.
-        noun: command or option.
-        path: command that was given it.
-        known: valid words.
-    """
+    """Error for an unknown command or option of a command, with the nearest known one."""
     name = word.partition("=")[0]
-    by_letters = {one.lstrip("-"): one for one in known}  # -size is --size, too
+    by_letters = {each.lstrip("-"): each for each in known}  # -size is --size, too
     near = did_you_mean(name.lstrip("-"), by_letters, "")
     hint = f"see {path} --help"
     if near.startswith("did"):

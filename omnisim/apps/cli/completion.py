@@ -47,9 +47,9 @@ def complete_run_camera(ctx: click.Context, incomplete: str) -> list[str]:
     """Complete the name of a camera of the run on the command line."""
     manifest_file = _argument(ctx, "run", "source") / "manifest.json"
     try:
-        manifest = json.loads(manifest_file.read_text(encoding="utf-8"))
-        sensors = manifest["sensors"].items()
-        return _beginning(incomplete, [name for name, one in sensors if one["type"] == CAMERA])
+        sensors = json.loads(manifest_file.read_text(encoding="utf-8"))["sensors"].items()
+        names = [name for name, sensor in sensors if sensor["type"] == CAMERA]
+        return _beginning(incomplete, names)
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return []
 

@@ -45,7 +45,7 @@ class Output:
     def print(self, *what: Any, markup: bool = False, end: str = "\n", **style: Any) -> None:
         """Print texts, tables and so on, as rich's `Console.print` does."""
         stream = sys.stderr if self._is_error else sys.stdout
-        is_plain = all(isinstance(one, str) and one.isprintable() for one in what)
+        is_plain = all(isinstance(text, str) and text.isprintable() for text in what)
         if markup or style or stream is None or not is_plain:
             self.console.print(*what, markup=markup, end=end, **style)
             return

@@ -65,23 +65,18 @@ class Viewpoint:
             OutputError: --at-camera with one of these, or with an unknown camera.
         """
         if isinstance(options, CameraViewpointOptions) and options.at_camera is not None:
-            refuse_given(
-                options, "--at-camera has a pose of its own", "at", "yaw_deg", "pitch_deg",
-                "roll_deg",
-            )  # fmt: skip
-            name, cameras = options.at_camera, {one.name: one for one in scene.cameras}
+            tilts = "at", "yaw_deg", "pitch_deg", "roll_deg"
+            refuse_given(options, "--at-camera has a pose of its own", *tilts)
+            name, cameras = options.at_camera, {camera.name: camera for camera in scene.cameras}
             if name not in cameras:
                 hint = did_you_mean(name, cameras) if cameras else "the scene's file has no cameras"
                 raise OutputError(f"--at-camera {name!r}: {hint}")
-            one = cameras[name]
-            return cls(one.position_m, one.yaw_deg, one.pitch_deg, one.roll_deg)
+            camera = cameras[name]
+            return cls(camera.position_m, camera.yaw_deg, camera.pitch_deg, camera.roll_deg)
         start, at, yaw_deg = scene.start, options.at, options.yaw_deg
-        return cls(
-            position_m=start.position_m if at is None else at,
-            yaw_deg=start.yaw_deg if yaw_deg is None else yaw_deg,
-            pitch_deg=options.pitch_deg,
-            roll_deg=options.roll_deg,
-        )
+        position_m = start.position_m if at is None else at
+        yaw_deg = start.yaw_deg if yaw_deg is None else yaw_deg
+        return cls(position_m, yaw_deg, options.pitch_deg, options.roll_deg)
 
     def __str__(self) -> str:
         tilts = (("pitch", self.pitch_deg), ("roll", self.roll_deg))
@@ -89,17 +84,17 @@ class Viewpoint:
         return f"{point_text(self.position_m)} m at yaw {number_text(self.yaw_deg)}°{tilt}"
 
     @property
+    def _angles_deg(self) -> dict[str, float]:
+        return {"yaw_deg": self.yaw_deg, "pitch_deg": self.pitch_deg, "roll_deg": self.roll_deg}
+
+    @property
     def pose(self) -> NDArray[np.float64]:
         """Pose (4, 4) in the world."""
-        return pose(
-            self.position_m, roll_deg=self.roll_deg, pitch_deg=self.pitch_deg, yaw_deg=self.yaw_deg
-        )
+        return pose(self.position_m, **self._angles_deg)
 
     def base_of(self, camera: OmniCamera) -> NDArray[np.float64]:
         """Pose (4, 4) world_from_base of a vehicle whose camera is at this viewpoint."""
-        return camera.base_pose(
-            self.position_m, yaw_deg=self.yaw_deg, pitch_deg=self.pitch_deg, roll_deg=self.roll_deg
-        )
+        return camera.base_pose(self.position_m, **self._angles_deg)
 
 
 def read_sensor(path: Path | None) -> OmniCamera:
@@ -120,9 +115,7 @@ def read_sensor(path: Path | None) -> OmniCamera:
 def read_camera(files: CameraFileOptions, calibration: Path | None = None) -> OmniCamera:
     """Read the camera of a sensor, calibration or optics file; default: the paper's camera.
 
-    Args:
-        files: options that name at most one of the files.
-        calibration: calibration file that overrides the option's.
+    `calibration` overrides the calibration file of the options.
 
     Raises:
         OmnisimError: several files are named, or a file is faulty.
@@ -167,11 +160,7 @@ def load_labeled_scene(
 ) -> Scene:
     """Load a scene with its own labels or those of --labels; print its notices.
 
-    Args:
-        world: options that select the scene.
-        light: options that override the scene's light.
-        truth: options with the label file.
-        channels: requested ground-truth channels; only those with classes print label notices.
+    Only requested channels with classes print notices on labels.
 
     Raises:
         OutputError: no channel needs the label file.
@@ -206,11 +195,7 @@ def checked_backend(options: BackendOptions) -> BackendName:
 
 
 def read_requested_scene(world: SceneOptions, **settings: Any) -> Scene:
-    """Read a scene with the requested axes and unit.
-
-    Args:
-        world: options that select the scene.
-        settings: further arguments of `read_scene`.
+    """Read a scene with the requested axes and unit, and further arguments of `read_scene`.
 
     Raises:
         SceneError: the scene cannot be read.
@@ -241,18 +226,11 @@ def load_requested_scene(
 def note_lighting(
     name: str, scene: Scene, backend: BackendName, sensors: Sequence[OmniCamera]
 ) -> None:
-    """Print notes on emission without baked light, and reflections that the back end leaves out.
-
-    Args:
-        name: scene as requested.
-        scene: loaded scene.
-        backend: back end.
-        sensors: cameras of the images.
-    """
+    """Print notes on emission without baked light, and reflections that the back end leaves out."""
     reflections: list[str] = []
     if backend == "cube":
-        mirrors = min(one.mirrors for one in sensors)
-        probes = min(one.reflection_probes for one in sensors)
+        mirrors = min(sensor.mirrors for sensor in sensors)
+        probes = min(sensor.reflection_probes for sensor in sensors)
         reflections = reflection_notes(scene, mirrors, probes)
     for note in (*emission_notes(scene), *reflections, *frosted_notes(scene, backend == "rays")):
         print_note(f"{name}: {note}")

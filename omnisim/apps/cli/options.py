@@ -79,30 +79,25 @@ class CommandLineError(OmnisimError):
 
 @dataclass(frozen=True, kw_only=True)
 class Option:
-    """Details of an option that do not follow from its field's name and type.
+    """Details of an option that do not follow from its field's name and type."""
 
-    Attributes:
-        flags: flags on the command line; empty: `--name`, and `-o` for the field `output`.
-        metavar: placeholder of the value on the help page; empty: by its names, unit or type.
-        names: values to complete; the help text may list them as `{names}`.
-        complete: completion of values that depend on other words of the command line.
-        ge, le: limits of a number.
-        parse: reader of the text of a value; None: by the field's type.
-        example: value for messages; empty: by default, unit and placeholder.
-        help: help of a type that several fields share, in place of a string below each.
-        owner: class in `omnisim` whose field of the same name has the limits and the help;
-            `yaw_deg` is that of a field `yaw_rad`.
-    """
-
+    # flags on the command line; empty: `--name`, and `-o` for the field `output`
     flags: tuple[str, ...] = ()
+    # placeholder of the value on the help page; empty: by its names, unit or type
     metavar: str = ""
+    # values to complete; the help text may list them as `{names}`
     names: Callable[[], Iterable[str]] | None = None
+    # completion of values that depend on other words of the command line
     complete: Callable[[click.Context, str], list[str]] | None = None
+    # limits of a number
     ge: float | None = None
     le: float | None = None
+    # reader of the text of a value; None: by the field's type
     parse: Callable[[str], object] | None = None
-    example: str = ""
-    help: str = ""
+    example: str = ""  # value for messages; empty: by default, unit and placeholder
+    help: str = ""  # help of a type that several fields share, in place of a string below each
+    # class in `omnisim` whose field of the same name has the limits and the help; `yaw_deg` is that
+    # of a field `yaw_rad`
     owner: str = ""
 
 
@@ -121,23 +116,14 @@ def of(owner: str, **details: Any) -> Option:
 
 @dataclass(frozen=True)
 class RequestField:
-    """Option or argument of a request.
-
-    Attributes:
-        name: name of the field.
-        kind: type of its value, without `Annotated`.
-        details: its details.
-        help: the string below it; empty: that of its type, or of the thing's field.
-        stated: default value; `dataclasses.MISSING`: required; `OWN`: that of the thing's field.
-        panel: heading on the help page.
-    """
+    """Option or argument of a request."""
 
     name: str
-    kind: Any
-    details: Option
-    help: str
-    stated: Any
-    panel: str
+    kind: Any  # type of its value, without `Annotated`
+    details: Option  # its details
+    help: str  # the string below it; empty: that of its type, or of the thing's field
+    stated: Any  # default value; `dataclasses.MISSING`: required; `OWN`: that of the thing's field
+    panel: str  # heading on the help page
 
     @property
     def is_argument(self) -> bool:
@@ -186,7 +172,7 @@ class RequestField:
         """Type of the value without `None`."""
         parts = get_args(self.kind)
         none = type(None)
-        return next(one for one in parts if one is not none) if none in parts else self.kind
+        return next(part for part in parts if part is not none) if none in parts else self.kind
 
     @cached_property
     def kinds(self) -> list[Any]:
@@ -231,9 +217,9 @@ class RequestField:
         limits = {key: limit for key, limit in own.items() if limit is not None}
         if self.details.owner:
             key = _key(self.details.owner, self.name)
-            for one, strict, loose in ((key.low, "gt", "ge"), (key.high, "lt", "le")):
-                if one is not None:
-                    limits[strict if one.is_open else loose] = one.value
+            for limit, strict, loose in ((key.low, "gt", "ge"), (key.high, "lt", "le")):
+                if limit is not None:
+                    limits[strict if limit.is_open else loose] = limit.value
         return limits
 
     @property
@@ -263,19 +249,19 @@ class RequestField:
     @property
     def expected(self) -> str:
         """Expected value in words."""
-        kind, metavar = self.kinds[0], self.metavar
+        kind, metavar, count = self.kinds[0], self.metavar, len(self.kinds)
         if kind is Path:
             return "a folder" if metavar == "DIR" else "a file"
         if kind not in (int, float) or self.details.parse:
             return f"one value, {metavar}" if metavar else "one value"
-        if len(self.kinds) > 1:
-            noun = "whole numbers" if kind is int else "numbers"
-            return f"{len(self.kinds)} {noun}" + (f", {metavar}" if metavar else "")
-        noun, unit = "a whole number" if kind is int else "a number", self._unit[1]
-        limits = "".join(
-            text.format(self.limits[key]) for key, text in _LIMITS.items() if key in self.limits
+        noun = "whole number" if kind is int else "number"
+        if count > 1:
+            return f"{count} {noun}s" + (f", {metavar}" if metavar else "")
+        unit = f" of {self._unit[1]}" if self._unit[1] else ""
+        limits = self.limits
+        return f"a {noun}{unit}" + "".join(
+            text.format(limits[key]) for key, text in _LIMITS.items() if key in limits
         )
-        return noun + (f" of {unit}" if unit else "") + limits
 
     @property
     def _unit(self) -> tuple[str, str, str]:
@@ -320,24 +306,16 @@ class RequestField:
 
 
 class Entry(NamedTuple):
-    """Command of a request.
+    """Command of a request."""
 
-    Attributes:
-        path: name of the command, preceded by its group's.
-        run: function in `omnisim.apps.cli` that takes the request, imported when the command runs;
-            if it returns False, the exit status is 1.
-        request: the request's class.
-        first: options that its help page shows; empty: all.
-        extra: required extra of the package; None: no extra.
-        elsewhere: command that has options which a user may expect here, by option.
-    """
-
-    path: str
+    path: str  # name of the command, preceded by its group's
+    # function in `omnisim.apps.cli` that takes the request, imported when the command runs; if it
+    # returns False, the exit status is 1
     run: str
-    request: type
-    first: tuple[str, ...]
-    extra: str | None
-    elsewhere: Mapping[str, str]
+    request: type  # the request's class
+    first: tuple[str, ...]  # options that its help page shows; empty: all
+    extra: str | None  # required extra of the package; None: no extra
+    elsewhere: Mapping[str, str]  # command that has options which a user may expect here, by option
 
     @property
     def summary(self) -> str:
@@ -357,7 +335,7 @@ class Entry(NamedTuple):
 
     def make(self, values: Mapping[str, object]) -> object:
         """Request with the values of its fields and those of its groups; others are defaults."""
-        defaults = {one.name: one.default for one in self.fields if one.name not in values}
+        defaults = {field.name: field.default for field in self.fields if field.name not in values}
         return _make(self.request, {**values, **defaults})
 
 
@@ -414,15 +392,14 @@ def request_fields(request: type) -> list[RequestField]:
 
 
 def _make(request: type, values: Mapping[str, object]) -> Any:
-    hints = _hints(request)
-    return request(
-        **{
-            field.name: _make(hints[field.name], values)
-            if dataclasses.is_dataclass(hints[field.name])
-            else values[field.name]
-            for field in dataclasses.fields(request)
-        }
-    )
+    arguments = {}
+    for name, hint in _hints(request).items():
+        if name in values:
+            arguments[name] = values[name]
+        elif dataclasses.is_dataclass(hint):
+            assert isinstance(hint, type)
+            arguments[name] = _make(hint, values)
+    return request(**arguments)
 
 
 def refuse_given(
@@ -447,9 +424,7 @@ def refuse_given(
 def words_of(group: Any, *names: str) -> tuple[str, ...]:
     """Words of a command line that set options as they are, without those at their defaults.
 
-    Args:
-        group: group of options, or request.
-        names: its fields; by default all options, without arguments.
+    `names` selects fields of the group or request; by default all options, without arguments.
     """
     words: list[str] = []
     kind: type = type(group)
@@ -460,8 +435,8 @@ def words_of(group: Any, *names: str) -> tuple[str, ...]:
         if field.is_flag and value != field.default:
             words.append(field.flags[-1].split("/")[0 if value else -1])
         elif value != field.default:
-            each = value if field.is_list else [value]
-            words += [word for one in each for word in (field.label, str(one))]
+            values = value if field.is_list else [value]
+            words += [word for each in values for word in (field.label, str(each))]
     return tuple(words)
 
 

@@ -1,34 +1,101 @@
-"""Editable camera of the live page: the table of its sensor file."""
+"""Editable camera and light of the live page, as tables of TOML files, and their presets."""
 
 from __future__ import annotations
 
 import copy
 import dataclasses
 import json
+import tempfile
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pydantic
 
-from omnisim.apps.live.scene_in_light import completed
 from omnisim.cameras import HyperbolicCamera
+from omnisim.cameras.optics.surface_tables import AlignmentTable
 from omnisim.cameras.optics.system_file import OpticsFile
-from omnisim.core.errors import SensorFileError
+from omnisim.core.errors import OutputError, SceneError, SensorFileError, did_you_mean
 from omnisim.core.files.file_keys import keys_of
 from omnisim.core.files.toml_file import read_toml, toml_text
-from omnisim.rendering.camera.degradations import preset
+from omnisim.rendering.camera.degradations import preset, preset_names
 from omnisim.rendering.camera.degradations.degradation_file import EFFECTS
 from omnisim.rendering.camera.omnicamera import ExposureOption, OmniCamera
 from omnisim.rendering.camera.sensor_file import DEFAULT_SENSOR_FILE, SensorFile
 from omnisim.rendering.camera.sensor_toml import sensor_toml
+from omnisim.scene import Scene
 
+SCENE_FILE = "scene.toml"  # name of a saved scene
+Table = dict[str, Any]
+# Required keys of a table, with clearly visible values: indoor mist.
+_COMPLETE = {"fog": {"color": [0.7, 0.75, 0.8], "visibility_m": 20.0}}
+# Command-line options that the tables override.
+_OVERRIDDEN_BY = {"--sky": {"sky"}, "--baked": {"sky", "light"}}
 FILE_NAME = "camera.toml"  # name of a saved file
 SENSOR, LIGHT, SIZE = "sensor", "scene", "size_px"  # first parts of the paths of keys
 SIZES_PX = (16, 2048)  # range of the shorter side
-Table = dict[str, Any]
+PRESETS_FILE = Path(__file__).with_name("presets.json")
+PAPER, HYPERBOLIC = "paper", "hyperbolic"  # the same camera
+KINDS = ("lens", "optics", "degradation")
+OPTICS_CAMERA = f"{SENSOR}.optics.camera"  # table of an optical system's camera
+MODEL_PATHS = (f"{SENSOR}.lens.model", f"{OPTICS_CAMERA}.model")
+
+
+@dataclass(frozen=True)
+class SceneInLight:
+    """Scene that can be reloaded in another light."""
+
+    source: str  # name or path of the scene
+    # function of a path and tables that reads a TOML file extending the scene. The tables take
+    # precedence over the command line's options
+    read: Callable[[Path, Mapping[str, Any]], Scene]
+
+    def scene(self, tables: Mapping[str, Any]) -> Scene:
+        """Load the scene in the light of the tables.
+
+        Raises:
+            SceneError: an invalid value; the message names key, actual and expected value.
+        """
+        path = Path(self.source)
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / SCENE_FILE
+            source = str(path.resolve()) if path.exists() else self.source
+            file.write_text(scene_text(source, tables), encoding="utf-8")
+            try:
+                scene = self.read(file, tables)
+            except SceneError as reason:
+                raise SceneError(str(reason).replace(f"{file}: ", "scene.")) from None
+        return dataclasses.replace(scene, name=self.source)
+
+
+def completed(tables: Table) -> Table:
+    """Copy of light tables with their required keys, without an empty `light` table."""
+    complete = {name: {**_COMPLETE.get(name, {}), **table} for name, table in tables.items()}
+    fog = complete.get("fog", {})
+    if "attenuation_per_m" in fog:  # an alternative to the visibility
+        fog.pop("visibility_m", None)
+    return {name: table for name, table in complete.items() if table or name != "light"}
+
+
+def scene_text(source: str, tables: Mapping[str, Any]) -> str:
+    """Text of a TOML file that extends a scene with tables of light."""
+    return toml_text({"extends": source, **tables})
+
+
+def without_overridden(arguments: Sequence[str], tables: Mapping[str, Any]) -> tuple[str, ...]:
+    """Arguments of a command line without the options that the tables override."""
+    remaining: list[str] = []
+    at = 0
+    while at < len(arguments):
+        if _OVERRIDDEN_BY.get(arguments[at], set()) & tables.keys():
+            at += 1  # skips the option's value as well
+        else:
+            remaining.append(arguments[at])
+        at += 1
+    return tuple(remaining)
 
 
 @dataclass(frozen=True)
@@ -36,15 +103,11 @@ class CameraDocument:
     """Sensor file of a camera, the size of its image and the light of the scene.
 
     Paths in the table are absolute, and an optics file is embedded in the table.
-
-    Attributes:
-        sensor: table of the sensor file.
-        size_px: shorter side of the image; None: the sensor file's size.
-        light: tables of a scene's TOML for its light, sky and fog; empty: the scene's own light.
     """
 
-    sensor: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    size_px: int | None = None
+    sensor: Mapping[str, Any] = dataclasses.field(default_factory=dict)  # table of the sensor file
+    size_px: int | None = None  # shorter side of the image; None: the sensor file's size
+    # tables of a scene's TOML for its light, sky and fog; empty: the scene's own light
     light: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     @classmethod
@@ -64,8 +127,7 @@ class CameraDocument:
         for name, effect in EFFECTS.items():
             for key in effect.files:
                 _make_absolute(degradation.get(name), key, folder)
-        optics = sensor.get("optics")
-        if optics is not None and "file" in optics:
+        if (optics := sensor.get("optics")) is not None and "file" in optics:
             sensor["optics"] = optics | _read_optics(folder / optics.pop("file"))
         elif optics is not None:
             _make_optics_absolute(optics, folder)
@@ -131,9 +193,8 @@ class CameraDocument:
         current: Any = {SENSOR: self.sensor, LIGHT: self.light, SIZE: self.size_px}
         for name in path.split("."):
             if isinstance(current, list):
-                current = (
-                    current[int(name)] if name.isdecimal() and int(name) < len(current) else None
-                )
+                is_index = name.isdecimal() and int(name) < len(current)
+                current = current[int(name)] if is_index else None
             else:
                 current = current.get(name) if isinstance(current, Mapping) else None
         return current
@@ -146,7 +207,10 @@ class CameraDocument:
         """
         root, *names = path.split(".")
         if root == SIZE and not names:
-            return self._with_size(value)
+            low, high = SIZES_PX
+            if value is not None and not (type(value) is int and low <= value <= high):
+                raise SensorFileError(f"size_px: expected {low} to {high} px, got {value!r}")
+            return dataclasses.replace(self, size_px=value)
         if root not in (SENSOR, LIGHT) or not names:
             raise SensorFileError(f"{path}: expected a key of the camera's or the scene's file")
         is_light = root == LIGHT
@@ -200,23 +264,14 @@ class CameraDocument:
         assert changed is not None
         return self.with_value(f"{SENSOR}.degradation.exposure", changed.to_table(full=True))
 
-    def _with_size(self, value: Any) -> CameraDocument:
-        low, high = SIZES_PX
-        if value is not None and not (type(value) is int and low <= value <= high):
-            raise SensorFileError(f"size_px: expected {low} to {high} px, got {value!r}")
-        return dataclasses.replace(self, size_px=value)
-
     def _with_group(self, group: str, table: Table) -> CameraDocument:
         sensor = copy.deepcopy(dict(self.sensor))
         groups = [sensor.pop(name, {}) for name in ("mirror", "lens", "optics")]
-        mounting = [one["mounting"] for one in groups if "mounting" in one]
+        mounting = [table_["mounting"] for table_ in groups if "mounting" in table_]
         if mounting:
             table = {**table, "mounting": mounting[0]}
-        quality = {
-            key: value
-            for key, value in sensor.pop("camera", {}).items()
-            if key in ("quality", "supersampling")
-        }
+        camera, kept = sensor.pop("camera", {}), ("quality", "supersampling")
+        quality = {key: value for key, value in camera.items() if key in kept}
         sensor |= {group: table} if table else {}
         sensor |= {"camera": quality} if quality else {}
         return dataclasses.replace(self, sensor=sensor)
@@ -259,3 +314,58 @@ def _make_optics_absolute(table: Table, folder: Path) -> None:
 def _make_absolute(table: Table | None, key: str, folder: Path) -> None:
     if table is not None and isinstance(table.get(key), str):
         table[key] = str((folder / table[key]).resolve())
+
+
+@cache
+def _presets() -> dict[str, dict[str, Any]]:
+    return json.loads(PRESETS_FILE.read_text(encoding="utf-8"))
+
+
+def preset_lists() -> dict[str, list[str]]:
+    """Names of the presets, by kind; lenses in the order of the images in page/lenses.jpg."""
+    read = _presets()
+    return {
+        "lens": [PAPER if name == HYPERBOLIC else name for name in read["lens"]],
+        "optics": list(read["optics"]),
+        "degradation": preset_names(),
+    }
+
+
+def with_preset(document: CameraDocument, kind: str, name: str) -> CameraDocument:
+    """Copy of a document with the camera, optical system or degradations of a preset.
+
+    Raises:
+        OutputError: no such kind or preset.
+    """
+    names = preset_lists().get(kind)
+    if names is None:
+        raise OutputError(f"preset {kind!r}: {did_you_mean(kind, KINDS)}")
+    if name not in names:
+        raise OutputError(f"preset {name!r}: {did_you_mean(name, names)}")
+    if kind == "degradation":
+        return document.with_degradation(name)
+    if name == PAPER:
+        return document.with_mirror()
+    table = _presets()[kind][name]
+    return document.with_optics(table) if kind == "optics" else document.with_lens(table)
+
+
+def with_model(document: CameraDocument, path: str, model: Any) -> CameraDocument:
+    """Copy of a document with the preset of another camera model.
+
+    `path` is that of the key `model`, of a lens or of an optical system's camera, which stays where
+    it is behind the surfaces.
+
+    Raises:
+        OutputError: no such model.
+    """
+    name = PAPER if model == HYPERBOLIC else str(model)
+    table = path.rpartition(".")[0]
+    if table != OPTICS_CAMERA:
+        return with_preset(document, "lens", name)
+    lenses = _presets()["lens"]
+    if str(model) not in lenses:
+        raise OutputError(f"{path}: {did_you_mean(str(model), list(lenses))}")
+    own = document.value(table) or {}
+    placed = {key: own[key] for key in AlignmentTable.model_fields if key in own}
+    return document.with_value(table, {**lenses[str(model)], **placed})

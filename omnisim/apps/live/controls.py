@@ -60,38 +60,30 @@ def control_groups(
         scene: scene of the document, for the controls of its light; None: no such controls.
     """
     groups = _groups(document)
-    effective = _effective(camera)
+    effective = CameraDocument.of_camera(camera)
+    if isinstance(camera.model, HyperbolicCamera):
+        rim_m = float(camera.model.mirror.rim_radius_m)
+        effective = effective.with_value(f"{SENSOR}.mirror.rim_radius_m", rim_m)
+        effective = effective.with_value(f"{SENSOR}.mirror.polygons", camera.mesh_polygons)
+    short_px = min(camera.model.width_px, camera.model.height_px)
+    effective = effective.with_value(SIZE, short_px)
     if scene is not None:
         groups += _light_groups(document, scene)
         exposure, ambient = float(scene.lighting.exposure), map(float, scene.lighting.ambient)
         effective = effective.with_value(f"{LIGHT}.light.exposure", exposure)
         effective = effective.with_value(f"{LIGHT}.light.ambient", list(ambient))
-        shadows = any(one.casts_shadow for one in scene.lighting.lights)
+        shadows = any(light.casts_shadow for light in scene.lighting.lights)
         effective = effective.with_value(f"{LIGHT}.light.shadows", shadows)
-    for control in [one for group in groups for one in group["controls"]]:
-        _add_effective(control, effective)
+    for control in [control for group in groups for control in group["controls"]]:
+        value = _plain(effective.value(control["path"]))
+        control["effective"] = value
+        if control["value"] is None and not isinstance(control["default"], int | float | list):
+            low, high = (
+                None if control[side] is None else Limit(control[side], control[f"{side}_open"])
+                for side in ("low", "high")
+            )
+            control["soft"] = _soft(control | {"value": value, "default": None}, low, high)
     return groups
-
-
-def _effective(camera: OmniCamera) -> CameraDocument:
-    document = CameraDocument.of_camera(camera)
-    if isinstance(camera.model, HyperbolicCamera):
-        rim_m = float(camera.model.mirror.rim_radius_m)
-        document = document.with_value(f"{SENSOR}.mirror.rim_radius_m", rim_m)
-        document = document.with_value(f"{SENSOR}.mirror.polygons", camera.mesh_polygons)
-    short_px = min(camera.model.width_px, camera.model.height_px)
-    return document.with_value(SIZE, short_px)
-
-
-def _add_effective(control: Json, effective: CameraDocument) -> None:
-    value = _plain(effective.value(control["path"]))
-    control["effective"] = value
-    if control["value"] is None and not isinstance(control["default"], int | float | list):
-        low, high = (
-            None if control[side] is None else Limit(control[side], control[f"{side}_open"])
-            for side in ("low", "high")
-        )
-        control["soft"] = _soft(control | {"value": value, "default": None}, low, high)
 
 
 def _groups(document: CameraDocument) -> list[Json]:
@@ -114,9 +106,15 @@ def _groups(document: CameraDocument) -> list[Json]:
         ("Virtual cameras", f"{SENSOR}.virtual_cameras", VirtualCamerasTable),
     ):
         groups.append(_group(title, summary(table), _keys(document, path, table)))
-    groups.append(_group("Degradation", "Effects in the order in which light meets them.", []))
-    groups[-1]["groups"] = list(_effects(document))
-    return groups
+    effects = _group("Degradation", "Effects in the order in which light meets them.", [])
+    for name, effect in EFFECTS.items():
+        path = f"{SENSOR}.degradation.{name}"
+        given = document.value(path)
+        is_on = isinstance(given, Mapping) and bool(given.get("enabled", True))
+        keys = _keys(document, path, table_of(effect)) if is_on else []
+        title = name.replace("_", " ").capitalize()
+        effects["groups"].append(_group(title, summary(effect), keys, switch=path, on=is_on))
+    return [*groups, effects]
 
 
 def _group(title: str, help_text: str, controls: list[Json], **more: Any) -> Json:
@@ -127,7 +125,7 @@ def _light_groups(document: CameraDocument, scene: Scene) -> list[Json]:
     """Groups of a scene's light, sky and fog, with the keys of a scene's TOML."""
     about = summary(LightTable)
     if scene.lighting.baked is not None:
-        about = "Baked: lamps and sky take its place where a value of light or sky is set."
+        about = "Baked; setting a value of light or sky replaces it by lamps and sky."
     elif is_even(scene.lighting):
         about = "Even light, without shadows: the scene has no lamps."
     keys = ("exposure", "ambient", "shadows", "shading")
@@ -144,41 +142,28 @@ def _light_groups(document: CameraDocument, scene: Scene) -> list[Json]:
     return groups
 
 
-def _effects(document: CameraDocument) -> Iterator[Json]:
-    for name, effect in EFFECTS.items():
-        path = f"{SENSOR}.degradation.{name}"
-        given = document.value(path)
-        is_on = isinstance(given, Mapping) and given.get("enabled", True)
-        keys = _keys(document, path, table_of(effect)) if is_on else []
-        title = name.replace("_", " ").capitalize()
-        yield _group(title, summary(effect), keys, switch=path, on=bool(is_on))
-
-
 def _optics_groups(document: CameraDocument) -> Iterator[Json]:
     names = ("medium", "looking", "origin_m", "color")
-    title = _group(
-        "Optical system", summary(OpticsFile), _keys(document, OPTICS, OpticsFile, names)
-    )
-    yield title
-    lens = _lens_group(document, f"{OPTICS}.camera", "Lens")
-    lens["controls"] += _keys(
-        document, f"{OPTICS}.camera", OpticsCamera, ("position_m", "decenter_m", "tilt_deg")
-    )
+    keys = _keys(document, OPTICS, OpticsFile, names)
+    yield _group("Optical system", summary(OpticsFile), keys)
+    path = f"{OPTICS}.camera"
+    lens = _lens_group(document, path, "Lens")
+    placed = "position_m", "decenter_m", "tilt_deg"
+    lens["controls"] += _keys(document, path, OpticsCamera, placed)
     yield lens
     shapes = shape_schemas()
     for number, surface in enumerate(document.value(f"{OPTICS}.surfaces") or ()):
         path, shape = f"{OPTICS}.surfaces.{number}", surface.get("shape")
-        keys = []
-        if shape in shapes:
-            keys = _keys(document, path, shapes[shape])
-        fixed = ("name", "shape")
-        keys += [one for one in _keys(document, path, SurfaceTable) if one["label"] not in fixed]
+        keys = _keys(document, path, shapes[shape]) if shape in shapes else []
+        own = _keys(document, path, SurfaceTable)
+        keys += [control for control in own if control["label"] not in ("name", "shape")]
         name = surface.get("name") or shape
         kind = "mirror" if surface.get("medium") is None else "boundary"
         yield _group(f"Surface {number}: {name}", f"A {kind}.", keys)
     for number, rod in enumerate(document.value(f"{OPTICS}.obstacles") or ()):
         path = f"{OPTICS}.obstacles.{number}"
-        keys = [one for one in _keys(document, path, table_of(Rod)) if one["label"] != "name"]
+        keys = _keys(document, path, table_of(Rod))
+        keys = [control for control in keys if control["label"] != "name"]
         yield _group(f"Obstacle: {rod.get('name', number)}", summary(Rod), keys)
 
 
@@ -189,22 +174,14 @@ def _lens_group(document: CameraDocument, path: str, title: str) -> Json:
     if model not in CAMERA_MODELS:
         return _group(title, f"Camera of {table.get('calibration', 'a calibration file')}.", [])
     kind = CAMERA_MODELS[model]
-    choice = _control(
-        f"{path}.model", "model", _ValueType("choice", tuple(CAMERA_MODELS)), model, None
-    )
+    kinds = _ValueType("choice", tuple(CAMERA_MODELS))
+    choice = _control(f"{path}.model", "model", kinds, model, None)
     choice["help"] = "Camera model; another one begins with an example of its own."
     choice["required"] = True
     shapes = [key.inner.model for key in keys_of(table_of(kind)) if key.inner]  # such as a mirror's
-    controls = [one for part in (table_of(kind), *shapes) for one in _keys(document, path, part)]
+    tables = (table_of(kind), *shapes)
+    controls = [control for table_ in tables for control in _keys(document, path, table_)]
     return _group(title, summary(kind), [choice, *controls])
-
-
-def _kind_of_list(value: Any) -> _ValueType | None:
-    """Type of a list of numbers; None: too long, or rows of a table, which have no control."""
-    if not isinstance(value, list | tuple) or not 0 < len(value) <= _NUMBERS:
-        return None
-    are_numbers = all(isinstance(one, int | float) for one in value)
-    return _ValueType("vector", length=len(value)) if are_numbers else None
 
 
 def _keys(
@@ -213,22 +190,21 @@ def _keys(
     model: type[pydantic.BaseModel],
     names: tuple[str, ...] | None = None,
 ) -> list[Json]:
-    """Controls of a table's keys, without those of nested tables.
-
-    Args:
-        document: document with the values.
-        path: path of the table.
-        model: schema of the table.
-        names: keys to include; None: all keys.
-    """
+    """Controls of a table's keys, or of those named, without those of nested tables."""
     controls = []
     for key in keys_of(model):
         at, default = f"{path}.{key.name}", key.default
-        kind = _kind(key.field.annotation) or _kind_of_list(document.value(at) or default)
+        kind = _kind(key.field.annotation)
+        values = document.value(at) or default
+        if kind is None and isinstance(values, list | tuple) and 0 < len(values) <= _NUMBERS:
+            are_numbers = all(isinstance(value, int | float) for value in values)
+            kind = _ValueType("vector", length=len(values)) if are_numbers else None
         if kind is None or key.inner or (names is not None and key.name not in names):
             continue
         control = _control(at, key.name, kind, document.value(at), default)
-        control |= _limits(key.low, key.high)
+        for side, limit in (("low", key.low), ("high", key.high)):
+            if limit is not None:
+                control |= {side: limit.value, f"{side}_open": limit.is_open}
         control["help"] = key.help
         control["soft"] = _soft(control, key.low, key.high, key.typical)
         controls.append(control)
@@ -260,16 +236,8 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return "inf" if value > 0.0 else "-inf"
     if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
+        return [_plain(item) for item in value]
     return value
-
-
-def _limits(low: Limit | None, high: Limit | None) -> Json:
-    entries: Json = {}
-    for name, limit in (("low", low), ("high", high)):
-        if limit is not None:
-            entries |= {name: limit.value, f"{name}_open": limit.is_open}
-    return entries
 
 
 def _kind(annotation: Any) -> _ValueType | None:
@@ -280,9 +248,9 @@ def _kind(annotation: Any) -> _ValueType | None:
     if origin is typing.Literal:
         return _ValueType("choice", parts)
     if origin in (typing.Union, types.UnionType):
-        kinds = [one for part in parts if part is not type(None) and (one := _kind(part))]
-        choices = tuple(word for one in kinds for word in one.choices)
-        others = [one for one in kinds if one.name != "choice"]
+        kinds = [kind for part in parts if part is not type(None) and (kind := _kind(part))]
+        choices = tuple(word for kind in kinds for word in kind.choices)
+        others = [kind for kind in kinds if kind.name != "choice"]
         if not others:
             return _ValueType("choice", choices) if choices else None
         return others[0]._replace(choices=choices)

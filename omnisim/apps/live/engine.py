@@ -16,18 +16,14 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.apps.live.camera_document import FILE_NAME
+from omnisim.apps.live.camera_document import FILE_NAME, SCENE_FILE
 from omnisim.apps.live.controls import control_groups
-from omnisim.apps.live.floor_map import FloorMap, draw_floor_map
-from omnisim.apps.live.live_frame import LiveFrame
+from omnisim.apps.live.floor_map import FloorMap, draw_floor_map, profile
 from omnisim.apps.live.live_messages import Part, Probe, Save, pack
 from omnisim.apps.live.live_source import LiveSource
-from omnisim.apps.live.probing import probe
-from omnisim.apps.live.profile import profile
-from omnisim.apps.live.run_source import RunSource
-from omnisim.apps.live.scene_in_light import SCENE_FILE
+from omnisim.apps.live.run_source import LiveFrame, RunSource
 from omnisim.apps.live.session import Draw, Job, Session
-from omnisim.apps.live.view_maker import UNWARPED, ViewMaker
+from omnisim.apps.live.view_maker import UNWARPED, ViewMaker, probe
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import image_bytes, png_bytes
 from omnisim.ground_truth import CHANNELS
@@ -75,7 +71,7 @@ class Engine:
             raise self._error
 
     def about(self) -> dict[str, Any]:
-        """Properties of the source for the page, see `Source.about`; requires `start`."""
+        """Properties of the source for the page, such as title, robot and steps; after `start`."""
         return self._source.about()
 
     @property
@@ -127,9 +123,8 @@ class Engine:
     def _draw(self, draw: Draw) -> None:
         self._times_ms, begin_s, is_new = {}, time.perf_counter(), False
         source, state = self._source, draw.state
-        if isinstance(source, LiveSource) and self._timed(
-            "camera", lambda: source.use(state.document)
-        ):
+        use = partial(source.use, state.document) if isinstance(source, LiveSource) else None
+        if use is not None and self._timed("camera", use):
             self._session.accept(state.document)
             is_new = True
         channels = [name for name in state.views if name in source.channel_names]
@@ -138,18 +133,17 @@ class Engine:
         frame = self._timed("render", lambda: source.take(draw, tuple(dict.fromkeys(channels))))
         self._last = frame
         parts = self._parts(draw, frame)
-        seen = self._seen(frame) if draw.is_fine and "map" in state.views else None
+        shows_map = draw.is_fine and "map" in state.views
         self._truth = (state.change, frame) if draw.is_fine else None
-        viewpoint = frame.viewpoint
         content = {
             "change": state.change,
             "is_fine": draw.is_fine,
             "place": _place(state.place),
-            "viewpoint": _place(viewpoint),
+            "viewpoint": _place(frame.viewpoint),
             "time_s": state.time_s,
             "step": state.step,
             "look": dict(state.gaze),
-            "seen_m": seen,
+            "seen_m": _seen(frame) if shows_map else None,
             "blocked_by": self._session.blocked_by,
             "walls": self._session.has_walls,
             "history": self._session.history,
@@ -161,16 +155,15 @@ class Engine:
         self._session.drawn(draw, time.perf_counter() - begin_s)
         if is_new:  # after the image, which the page is waiting for
             self._publish_camera(draw)
-        if draw.is_fine and "map" in state.views:
+        if shows_map:
             self._renew_map(frame)
 
     def _parts(self, draw: Draw, frame: LiveFrame) -> list[Part]:
         """Parts of a message: the camera's image and the views; a failed view has the reason."""
         if frame.png is not None:
-            first = Part("camera", "image/png", frame.png, {})
+            parts = [Part("camera", "image/png", frame.png, {})]
         else:
-            first = self._timed("encode", lambda: _jpeg("camera", frame.rgb, COARSE_JPEG))
-        parts = [first]
+            parts = [self._timed("encode", lambda: _jpeg("camera", frame.rgb, COARSE_JPEG))]
         for name in draw.state.views:
             try:
                 if name in UNWARPED:
@@ -190,47 +183,26 @@ class Engine:
     def _ground_m(self) -> float:
         return 0.0 if self._map is None else self._map.ground_m
 
-    def _seen(self, frame: LiveFrame) -> list[list[float]]:
-        """Outline (x, y), m, for the map: the farthest visible point in each direction."""
-        points = frame.channels.get("position")
-        if points is None:
-            return []
-        eye = np.array(frame.viewpoint.position_m)
-        offsets = points[::2, ::2].reshape(-1, 3) - eye
-        offsets = offsets[np.isfinite(offsets).all(axis=1)]
-        distances = np.hypot(offsets[:, 0], offsets[:, 1])
-        share = np.arctan2(offsets[:, 1], offsets[:, 0]) / (2.0 * math.pi) % 1.0
-        farthest = np.zeros(SEEN_BINS)
-        np.maximum.at(farthest, (share * SEEN_BINS).astype(np.intp) % SEEN_BINS, distances)
-        angles = (np.arange(SEEN_BINS) + 0.5) * (2.0 * math.pi / SEEN_BINS)
-        outline = eye[:2] + farthest[:, None] * np.stack((np.cos(angles), np.sin(angles)), axis=1)
-        return np.round(outline, 2).tolist()
-
     def _renew_map(self, frame: LiveFrame) -> None:
         """Draw and publish the map if there is none yet, or if the viewpoint is near its edge."""
         position_m = frame.viewpoint.position_m
         at = np.array(position_m[:2])
-        if self._map is not None:
-            margin = MAP_INSIDE * (self._map.high_m - self._map.low_m)
-            inside = (at >= self._map.low_m + margin) & (at <= self._map.high_m - margin)
-            if np.all(inside):
+        if (old := self._map) is not None:
+            margin = MAP_INSIDE * (old.high_m - old.low_m)
+            if np.all((at >= old.low_m + margin) & (at <= old.high_m - margin)):
                 return
-        floor_map = draw_floor_map(self._source.stage, position_m)
-        self._map = floor_map
+        self._map = new = draw_floor_map(self._source.stage, position_m)
         about = {
-            "low_m": floor_map.low_m.tolist(), "high_m": floor_map.high_m.tolist(),
-            "ground_m": floor_map.ground_m,
+            "low_m": new.low_m.tolist(), "high_m": new.high_m.tolist(), "ground_m": new.ground_m,
         }  # fmt: skip
-        self._publish("map", pack("map", about, [_jpeg("map", floor_map.rgb, VIEW_JPEG)]), 0)
+        self._publish("map", pack("map", about, [_jpeg("map", new.rgb, VIEW_JPEG)]), 0)
 
     def _publish_camera(self, draw: Draw) -> None:
         source = self._source
         assert isinstance(source, LiveSource)
-        model = source.camera.model
+        model, scene = source.camera.model, source.scene if source.has_light else None
         content = {
-            "groups": control_groups(
-                draw.state.document, source.camera, source.scene if source.has_light else None
-            ),
+            "groups": control_groups(draw.state.document, source.camera, scene),
             "profile": profile(model),
             "text": draw.state.document.text,
             "width_px": model.width_px,
@@ -241,8 +213,7 @@ class Engine:
         self._publish("camera", pack("camera", content), 0)
 
     def _answer(self, job: Job) -> None:
-        source = self._source
-        draw = Draw(job.state, True)
+        source, draw = self._source, Draw(job.state, True)
         if isinstance(job.message, Save):
             if job.message.what == "toml":
                 files = {FILE_NAME: job.state.document.checked_text().encode()}
@@ -254,8 +225,15 @@ class Engine:
             job.reply(pack("saved", {"name": name}, [Part(name, media_type, data, {})]))
             return
         assert isinstance(job.message, Probe)
-        frame = self._probed(job)
-        if frame is None:
+        # the fine state's image, with the needed channels; else the last image
+        frame = self._last
+        if self._truth is not None and self._truth[0] == job.state.change:
+            change, frame = self._truth
+            names = [name for name in PROBED if name in source.channel_names]
+            if not set(names) <= set(frame.channels):
+                frame = source.take(draw, (*names, *frame.channels))
+                self._truth = (change, frame)
+        if frame is None:  # no image yet
             return
         height_m = frame.viewpoint.position_m[2] - self._ground_m
         answer = probe(job.message, frame, self._views, job.state.gaze, height_m)
@@ -263,26 +241,29 @@ class Engine:
         if job.message.follow and "yaw_deg" in answer and job.message.view != "perspective":
             self._session.look_at(answer["yaw_deg"], answer["pitch_deg"])
 
-    def _probed(self, job: Job) -> LiveFrame | None:
-        """Image for a probe: of the fine state, with the needed channels; else the last image.
-
-        None: no image yet.
-        """
-        if self._truth is None or self._truth[0] != job.state.change:
-            return self._last
-        change, frame = self._truth
-        names = [name for name in PROBED if name in self._source.channel_names]
-        if not set(names) <= set(frame.channels):
-            frame = self._source.take(Draw(job.state, True), (*names, *frame.channels))
-            self._truth = (change, frame)
-        return frame
-
     def _timed(self, name: str, work: Callable[[], T]) -> T:
         begin_s = time.perf_counter()
         try:
             return work()
         finally:
             self._times_ms[name] = 1e3 * (time.perf_counter() - begin_s)
+
+
+def _seen(frame: LiveFrame) -> list[list[float]]:
+    """Outline (x, y), m, for the map: the farthest visible point in each direction."""
+    points = frame.channels.get("position")
+    if points is None:
+        return []
+    eye = np.array(frame.viewpoint.position_m)
+    offsets = points[::2, ::2].reshape(-1, 3) - eye
+    offsets = offsets[np.isfinite(offsets).all(axis=1)]
+    distances = np.hypot(offsets[:, 0], offsets[:, 1])
+    share = np.arctan2(offsets[:, 1], offsets[:, 0]) / (2.0 * math.pi) % 1.0
+    farthest = np.zeros(SEEN_BINS)
+    np.maximum.at(farthest, (share * SEEN_BINS).astype(np.intp) % SEEN_BINS, distances)
+    angles = (np.arange(SEEN_BINS) + 0.5) * (2.0 * math.pi / SEEN_BINS)
+    outline = eye[:2] + farthest[:, None] * np.stack((np.cos(angles), np.sin(angles)), axis=1)
+    return np.round(outline, 2).tolist()
 
 
 def _place(place: Any) -> dict[str, Any]:

@@ -40,6 +40,7 @@ class Ground:
     def __init__(self, scene: Scene, boxes: BodyBoxes | None = None):
         self._scene, self._boxes = scene, boxes
         self._is_small = scene.triangle_count <= MAX_TRIANGLES
+        self._field: HeightField | None = None
 
     @cached_property
     def _triangles(self) -> Triangles:
@@ -50,10 +51,6 @@ class Ground:
     def _bvh(self) -> TriangleBvh:
         return TriangleBvh(self._triangles.corners_m)
 
-    @cached_property
-    def _field(self) -> HeightField:
-        return HeightField(self._scene, np.full(2, -np.inf), np.full(2, np.inf))
-
     def height_m(self, point_m: tuple[float, float], near_m: float) -> float:
         """Height (z) of the floor at (x, y): the highest surface near the height `near_m`.
 
@@ -62,6 +59,8 @@ class Ground:
         if not self._is_small:
             return near_m
         reach_m = 0.05 if self._boxes is None else self._boxes.clearance_m
+        everywhere = np.full(2, np.inf)
+        self._field = self._field or HeightField(self._scene, -everywhere, everywhere)
         heights = self._field.heights_m(np.array(point_m)[None, None]).ravel()
         near = heights[np.abs(heights - near_m) <= reach_m]
         return float(near.max()) if len(near) else near_m
@@ -74,7 +73,7 @@ class Ground:
         if self._boxes is None or not self._is_small:
             return ""
         new = self._touched(target.pose) - self._touched(current.pose)
-        return min((self._scene.instances[one].name for one in new), default="")
+        return min((self._scene.instances[index].name for index in new), default="")
 
     def _touched(self, world_from_base: NDArray[np.float64]) -> set[int]:
         assert self._boxes is not None

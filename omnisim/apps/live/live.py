@@ -7,15 +7,14 @@ import signal
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 from omnisim.apps.live import live_messages as messages
-from omnisim.apps.live.camera_document import CameraDocument
+from omnisim.apps.live.camera_document import CameraDocument, preset_lists
 from omnisim.apps.live.engine import AnySource, Engine
 from omnisim.apps.live.ground import Ground
 from omnisim.apps.live.live_source import LiveSettings, LiveSource, start_place
-from omnisim.apps.live.presets import preset_lists
 from omnisim.apps.live.run_source import RunSource
 from omnisim.apps.live.server import LiveServer, is_local, new_token
 from omnisim.apps.live.session import Session
@@ -52,16 +51,22 @@ class LivePage:
         about: dict[str, Any] = {"version": __version__}
         last_step: int | None = None
         open_source: Callable[[], AnySource]
+        pilot: Pilot
         if isinstance(source, LiveSettings):
-            settings = source
-            pilot, document = _pilot(settings, start_place(settings, at)), settings.document
-            open_source = lambda: LiveSource(settings)  # noqa: E731
+            document, vehicle = source.document, source.vehicle
+            place, ground = start_place(source, at), Ground(source.scene)
+            if vehicle is None:
+                pilot = FreeFlight(place, ground)
+            elif vehicle.kinematics is None:
+                expected = "expected [kinematics], to be driven by hand"
+                raise OutputError(f"robot {vehicle.name!r}: {expected}")
+            else:
+                ground = Ground(source.scene, BodyBoxes.of(vehicle))
+                pilot = WheelDrive(place, vehicle.kinematics, ground)
+            open_source = partial(LiveSource, source)
         else:
-            pilot, document, open_source = (
-                FreeFlight(Place((0.0, 0.0, 0.0))),
-                CameraDocument(),
-                source,
-            )
+            pilot, document = FreeFlight(Place((0.0, 0.0, 0.0))), CameraDocument()
+            open_source = source
             last_step = 10**9  # the source itself limits the step
         self.session = Session(document, pilot, last_step, time_s)
         self.engine = Engine(self.session, open_source, self._publish)
@@ -79,12 +84,12 @@ class LivePage:
             OmnisimError: no OpenGL, or the scene exceeds its limits.
         """
         self.engine.start()
-        self._about.update(self.engine.about())
-        self._about.update(
-            presets=preset_lists(),
-            channels={name: CHANNELS[name].about for name in self.engine.channel_names},
-            views=[view for view in messages.VIEWS if view not in CHANNELS],
-        )
+        self._about |= self.engine.about()
+        self._about |= {
+            "presets": preset_lists(),
+            "channels": {name: CHANNELS[name].about for name in self.engine.channel_names},
+            "views": [view for view in messages.VIEWS if view not in CHANNELS],
+        }
 
     async def serve(self, until: asyncio.Event, is_open: Callable[[], None]) -> None:
         """Serve until an event is set.
@@ -168,26 +173,3 @@ class BackgroundPage:
             self._page.stop()
             self._is_open.set()
             self._loop.close()
-
-
-def run_source(
-    folder: Path, scene: str | None, camera_name: str | None, device: int | None
-) -> Callable[[], RunSource]:
-    """Function that opens a recorded run, to be called in the render thread.
-
-    Args:
-        folder: folder of the run.
-        scene: file or name of the scene, if it has moved; None: the recorded one.
-        camera_name: name of the run's camera; None: the first.
-        device: index of the GPU; None: the first.
-    """
-    return lambda: RunSource(folder, scene, camera_name, device)
-
-
-def _pilot(settings: LiveSettings, place: Place) -> Pilot:
-    vehicle = settings.vehicle
-    if vehicle is None:
-        return FreeFlight(place, Ground(settings.scene))
-    if vehicle.kinematics is None:
-        raise OutputError(f"robot {vehicle.name!r}: expected [kinematics], to be driven by hand")
-    return WheelDrive(place, vehicle.kinematics, Ground(settings.scene, BodyBoxes.of(vehicle)))

@@ -207,8 +207,8 @@ def parse_message(text: str | bytes) -> Message:
 def pack(kind: str, content: dict[str, Any], parts: Sequence[Part] = ()) -> bytes:
     """Encode a message of the server: its type and content as JSON, followed by binary parts."""
     listed = [
-        {"name": one.name, "media_type": one.media_type, "size": len(one.data), **one.about}
-        for one in parts
+        {"name": part.name, "media_type": part.media_type, "size": len(part.data), **part.about}
+        for part in parts
     ]
     text = json.dumps({"type": kind, **content, "parts": listed}, allow_nan=False).encode()
-    return b"".join((len(text).to_bytes(4, "little"), text, *(one.data for one in parts)))
+    return b"".join((len(text).to_bytes(4, "little"), text, *(part.data for part in parts)))

@@ -1,4 +1,4 @@
-"""Rendered images of the live page: coarse and fine, from an editable camera."""
+"""Rendered images of the live page, coarse and fine, from an editable camera; and a film."""
 
 from __future__ import annotations
 
@@ -7,21 +7,26 @@ import math
 import shlex
 import tempfile
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from omnisim.apps.live.camera_document import FILE_NAME, CameraDocument
-from omnisim.apps.live.ground import MAX_TRIANGLES
-from omnisim.apps.live.live_frame import LiveFrame
-from omnisim.apps.live.scene_in_light import (
+import numpy as np
+from numpy.typing import NDArray
+
+from omnisim.apps.live.camera_document import (
+    FILE_NAME,
     SCENE_FILE,
+    CameraDocument,
     SceneInLight,
     scene_text,
     without_overridden,
 )
+from omnisim.apps.live.ground import MAX_TRIANGLES
+from omnisim.apps.live.run_source import LiveFrame
 from omnisim.apps.live.session import Draw, PageState
+from omnisim.apps.live.view_maker import ViewMaker
 from omnisim.apps.live.viewpoint_motion import DIGITS_M, Place
 from omnisim.cameras import NonCentralCamera
 from omnisim.core.errors import OmnisimError, SceneError
@@ -30,6 +35,8 @@ from omnisim.core.poses import inverse
 from omnisim.core.world import WorldState
 from omnisim.ground_truth import CHANNELS
 from omnisim.ground_truth.frame import Frame
+from omnisim.ground_truth.previews import preview
+from omnisim.plots.video_file import check_video_target, write_video
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.renderer import Renderer
 from omnisim.rendering.stage import Stage
@@ -40,34 +47,26 @@ ADVANCE_M = 0.1  # motion to the next image for flow, as in `omnisim render`
 SCALES = (1.0, 0.7, 0.5)  # sizes of coarse images relative to fine ones
 SLOW_S, QUICK_S = 0.14, 0.035  # render times that make coarse images smaller or larger
 COARSE = "fast"  # quality of coarse images
+_NO_LIGHT = "scene: expected its own light: it was not read from a file"
+RATE_HZ, SECONDS, RADIUS_M = 20.0, 6.0, 0.6
 
 
 @dataclass(frozen=True)
 class LiveSettings:
-    """Initial scene and camera of the live page.
+    """Initial scene and camera of the live page."""
 
-    Attributes:
-        scene: scene to render.
-        document: document of the camera.
-        vehicle: robot that carries the camera; None: free flight.
-        camera_name: name of the robot's camera, or of the one that the document replaces; None:
-            the first.
-        scene_arguments: command-line arguments for scene and robot.
-        camera_options: command-line options of the initial camera; None: no options describe the
-            camera, only a sensor file.
-        light: scene that can be reloaded in another light; None: the light is fixed.
-        device: index of the GPU; None: the first.
-        unlit: render plain base colors, without lights.
-    """
-
-    scene: Scene
-    document: CameraDocument
-    vehicle: Vehicle | None = None
+    scene: Scene  # scene to render
+    document: CameraDocument  # document of the camera
+    vehicle: Vehicle | None = None  # robot that carries the camera; None: free flight
+    # name of the robot's camera, or of the one that the document replaces; None: the first
     camera_name: str | None = None
-    scene_arguments: tuple[str, ...] = ()
+    scene_arguments: tuple[str, ...] = ()  # command-line arguments for scene and robot
+    # command-line options of the initial camera; None: no options describe the camera, only a
+    # sensor file
     camera_options: tuple[str, ...] | None = ()
-    device: int | None = None
-    unlit: bool = False
+    device: int | None = None  # index of the GPU; None: the first
+    unlit: bool = False  # render plain base colors, without lights
+    # scene that can be reloaded in another light; None: the light is fixed
     light: SceneInLight | None = None
 
 
@@ -84,9 +83,7 @@ class LiveSource:
         self._settings, self.scene = settings, settings.scene
         self._light: Mapping[str, Any] = {}
         vehicle = settings.vehicle
-        self._hidden: tuple[str, ...] = ()
-        if vehicle is not None:
-            self._hidden = tuple(vehicle.camera(settings.camera_name).hides)
+        self._hidden = () if vehicle is None else tuple(vehicle.camera(settings.camera_name).hides)
         self.stage = self._open(settings.scene)
         self._document: CameraDocument | None = None
         self._camera = OmniCamera()
@@ -111,7 +108,13 @@ class LiveSource:
         self._camera, self._renderers = camera, {}
         try:
             if document.light != self._light:
-                self.scene = self._in_light(document.light)
+                light = self._settings.light
+                if not document.light:
+                    self.scene = self._settings.scene
+                elif light is None:
+                    raise SceneError(_NO_LIGHT)
+                else:
+                    self.scene = light.scene(document.light)
                 self.stage = self._open(self.scene)
             self._renderer(self._coarse_scale)  # raises an error if the GPU cannot render it
         except OmnisimError:
@@ -131,13 +134,6 @@ class LiveSource:
         body = None if vehicle is None else vehicle.body
         return Stage(scene, body, device=self._settings.device)
 
-    def _in_light(self, tables: Mapping[str, Any]) -> Scene:
-        if not tables:
-            return self._settings.scene
-        if self._settings.light is None:
-            raise SceneError("scene: expected its own light: it was not read from a file")
-        return self._settings.light.scene(tables)
-
     @property
     def has_light(self) -> bool:
         """True if the light of the scene can be changed and is rendered."""
@@ -150,7 +146,7 @@ class LiveSource:
             SceneError: the scene was not read from a file.
         """
         if self._settings.light is None:
-            raise SceneError("scene: expected its own light: it was not read from a file")
+            raise SceneError(_NO_LIGHT)
         return scene_text(self._settings.light.source, document.light)
 
     def take(self, draw: Draw, channels: Collection[str]) -> LiveFrame:
@@ -160,15 +156,18 @@ class LiveSource:
         scale = None if draw.is_fine else self._coarse_scale
         renderer = self._renderer(scale)
         frame = self._render(renderer, draw, channels)
-        if scale is not None:
-            self._adapt(time.monotonic() - begin_s)
-        camera = renderer.camera
+        if scale is not None and not self._is_slow:  # there, a change costs more than it saves
+            seconds = time.monotonic() - begin_s
+            # smaller coarse images after two slow ones in a row; larger ones after a quick one
+            self._slow = self._slow + 1 if seconds > SLOW_S else 0
+            if self._slow >= 2 and self._scale + 1 < len(SCALES):
+                self._scale, self._slow = self._scale + 1, 0
+            elif seconds < QUICK_S and self._scale > 0:
+                self._scale -= 1
+        camera, base = renderer.camera, self._base(renderer, draw.state.place)
         png = image_bytes(Path("image.png"), frame.rgb, frame.metadata) if draw.is_fine else None
-        base = self._base(renderer, draw.state.place)
-        return LiveFrame(
-            camera.model, camera.base_from_optical, base, frame.rgb, png, frame.channels,
-            frame.labels,
-        )  # fmt: skip
+        rest = frame.rgb, png, frame.channels, frame.labels
+        return LiveFrame(camera.model, camera.base_from_optical, base, *rest)
 
     def files(self, draw: Draw) -> dict[str, bytes]:
         """Image files with all channels, as `omnisim render --also all` writes them."""
@@ -197,11 +196,8 @@ class LiveSource:
                 arguments += ["--size", str(document.size_px)]
         at = self._viewpoint(state.place)
         arguments += ["--at", *(f"{value!r}" for value in at.position_m)]
-        for option, angle in (
-            ("--yaw", at.yaw_deg),
-            ("--pitch", at.pitch_deg),
-            ("--roll", at.roll_deg),
-        ):
+        angles = (("--yaw", at.yaw_deg), ("--pitch", at.pitch_deg), ("--roll", at.roll_deg))
+        for option, angle in angles:
             if angle or option == "--yaw":
                 arguments += [option, f"{angle!r}"]
         if state.time_s:
@@ -239,9 +235,8 @@ class LiveSource:
                 shorter_px = min(camera.model.width_px, camera.model.height_px)
                 if scale < 1.0:
                     camera = camera.resized(max(1, round(shorter_px * scale)))
-            self._renderers[scale] = self.stage.open(
-                camera, hidden=self._hidden, unlit=self._settings.unlit
-            )
+            hidden, unlit = self._hidden, self._settings.unlit
+            self._renderers[scale] = self.stage.open(camera, hidden=hidden, unlit=unlit)
         return self._renderers[scale]
 
     @property
@@ -252,16 +247,6 @@ class LiveSource:
     @property
     def _coarse_scale(self) -> float:
         return SCALES[-1] if self._is_slow else SCALES[self._scale]
-
-    def _adapt(self, seconds: float) -> None:
-        """Make coarse images smaller after two slow ones in a row; larger after a quick one."""
-        if self._is_slow:  # changing the size costs more than it saves
-            return
-        self._slow = self._slow + 1 if seconds > SLOW_S else 0
-        if self._slow >= 2 and self._scale + 1 < len(SCALES):
-            self._scale, self._slow = self._scale + 1, 0
-        elif seconds < QUICK_S and self._scale > 0:
-            self._scale -= 1
 
     def _base(self, renderer: Renderer, place: Place) -> Any:
         at = self._viewpoint(place)
@@ -314,3 +299,53 @@ def start_place(settings: LiveSettings, at: Place | None) -> Place:
     x, y, z = base[:3, 3].tolist()
     yaw_deg = math.degrees(math.atan2(base[1, 0], base[0, 0]))
     return Place((x, y, z), yaw_deg)
+
+
+def record_film(path: Path, settings: LiveSettings, at: Place | None) -> int:
+    """Write a film, and return the number of its images.
+
+    Args:
+        path: video file.
+        settings: initial scene and camera.
+        at: start pose; None: the scene's start.
+
+    Raises:
+        OmnisimError: the file cannot be written, or an error of `LiveSource`.
+    """
+    check_video_target(path)
+    source, start = LiveSource(settings), start_place(settings, at)
+    try:
+        return write_video(path, _images(source, settings.document, start), RATE_HZ)
+    finally:
+        source.close()
+
+
+def _images(
+    source: LiveSource, document: CameraDocument, start: Place
+) -> Iterator[NDArray[np.uint8]]:
+    """Images of a circular drive: the camera with its range beside it, and the panorama below."""
+    views, count = ViewMaker(), round(RATE_HZ * SECONDS)
+    x, y, z = start.position_m
+    yaw = math.radians(start.yaw_deg)
+    for number in range(count):
+        angle = 2.0 * math.pi * number / count
+        ahead = math.sin(yaw + angle) - math.sin(yaw)
+        left = math.cos(yaw) - math.cos(yaw + angle)
+        position_m = x + RADIUS_M * ahead, y + RADIUS_M * left, z
+        place = Place(position_m, start.yaw_deg + math.degrees(angle)).rounded()
+        draw = Draw(PageState(document, place), True)
+        frame = source.take(draw, ("range",))
+        depth = preview("range", frame.channels["range"], frame.labels)
+        top = np.concatenate((frame.rgb, depth), axis=1)
+        panorama = views.image("panorama", frame, draw.state.gaze, z, True)
+        yield np.concatenate((top, _fitted(panorama, top.shape[1])))
+
+
+def _fitted(image: NDArray[np.uint8], width: int) -> NDArray[np.uint8]:
+    """Pad an image with black on both sides to a width, or crop it on both sides if wider."""
+    height, own = image.shape[:2]
+    rows = np.zeros((height, width, 3), dtype=np.uint8)
+    common = min(width, own)
+    left, from_left = (width - common) // 2, (own - common) // 2
+    rows[:, left : left + common] = image[:, from_left : from_left + common]
+    return rows

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from omnisim.apps.live.camera_document import CameraDocument
+from omnisim.apps.live.camera_document import CameraDocument, SceneInLight
 from omnisim.apps.live.live_source import LiveSettings
-from omnisim.apps.live.scene_in_light import SceneInLight
 from omnisim.cameras import CentralCamera
 from omnisim.core.short_repr import short_repr
 from omnisim.rendering.camera.omnicamera import OmniCamera
@@ -94,12 +92,12 @@ def live(
     else:
         document = CameraDocument.of_camera(OmniCamera.of(camera))
     document = document.with_value("size_px", size_px)
-    light = None if isinstance(scene, Scene) else SceneInLight(str(scene), _read_in_light)
+    read = (
+        None
+        if isinstance(scene, Scene)
+        else SceneInLight(str(scene), lambda path, _: read_scene(path))
+    )
     settings = LiveSettings(
-        loaded, document, vehicle, scene_arguments=(loaded.name,), device=device, light=light
+        loaded, document, vehicle, scene_arguments=(loaded.name,), device=device, light=read
     )
     return LiveView(BackgroundPage(LivePage(settings, port=port)), height_px)
-
-
-def _read_in_light(path: Path, tables: Mapping[str, Any]) -> Scene:
-    return read_scene(path)

@@ -1,24 +1,60 @@
-"""Images of a recorded run, for replay and scrubbing."""
+"""Captured images with camera and pose, from the renderer or a recorded run."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.apps.live.live_frame import LiveFrame
 from omnisim.apps.live.session import Draw, PageState
+from omnisim.apps.live.viewpoint_motion import Place
+from omnisim.cameras import CentralCamera
 from omnisim.core.errors import RunError
-from omnisim.core.poses import pose_from_rotation
+from omnisim.core.poses import pose_from_rotation, roll_pitch_yaw_from_rotation
 from omnisim.core.trajectories import read_trajectory
+from omnisim.ground_truth import Labels
 from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.rendering.camera.captured_image import read_captured_image
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage
 from omnisim.runs.run_folder import GROUND_TRUTH, RunFolder
+
+
+@dataclass(frozen=True, eq=False)
+class LiveFrame:
+    """Image with its camera and pose, live or replayed."""
+
+    model: CentralCamera  # model of the camera
+    # (4, 4) pose of the camera's optical frame on its vehicle
+    base_from_optical: NDArray[np.float64]
+    world_from_base: NDArray[np.float64]  # (4, 4) pose of the vehicle's base
+    rgb: NDArray[np.uint8]  # (height, width, 3) uint8 sRGB
+    png: bytes | None  # contents of the image file; None for a coarse image
+    channels: Mapping[str, NDArray[Any]]  # ground truth by name
+    labels: Labels | None  # labels of the IDs in the channels; None: no labels
+
+    @property
+    def world_from_optical(self) -> NDArray[np.float64]:
+        """Pose (4, 4) of the camera's optical frame in the world."""
+        return self.world_from_base @ self.base_from_optical
+
+    @property
+    def viewpoint(self) -> Place:
+        """Position of the effective viewpoint and attitude of the vehicle, as for `render`."""
+        x, y, z = self.world_from_optical[:3, 3].tolist()
+        angles = np.degrees(roll_pitch_yaw_from_rotation(self.world_from_base[:3, :3]))
+        roll, pitch, yaw = (float(angle) + 0.0 for angle in angles)
+        return Place((x, y, z), yaw, pitch, roll)
+
+
+def degrees(radians: float) -> float:
+    """Convert an angle to degrees, rounded to thousandths."""
+    return round(math.degrees(radians), 3) + 0.0
 
 
 class RunSource:

@@ -120,9 +120,8 @@ class LiveServer:
             )  # fmt: skip
         except (OSError, OverflowError) as reason:
             cause = getattr(reason, "strerror", None) or str(reason)
-            raise OutputError(
-                f"--port {self._port}: cannot listen on {self._host}: {cause}"
-            ) from None
+            text = f"--port {self._port}: cannot listen on {self._host}: {cause}"
+            raise OutputError(text) from None
         first: socket.socket = next(iter(self._server.sockets))
         self._port = int(first.getsockname()[1])
 
@@ -168,7 +167,9 @@ class LiveServer:
     def _serve_file(self, connection: ServerConnection, request: Request) -> Response | None:
         """Answer a request for a file of the page; None accepts a stream."""
         parts = urlsplit(request.path)
-        if not self._is_expected_host(request.headers.get("Host", "")):
+        # another site's host name may resolve to this machine (DNS rebinding)
+        host = urlsplit(f"//{request.headers.get('Host', '')}").hostname or ""
+        if self._token is None and not is_local(host):
             return _refusal(http.HTTPStatus.FORBIDDEN, "expected the name of this machine as host")
         if parts.path == STREAM:
             return self._refuse_stream(request, parse_qs(parts.query))
@@ -184,18 +185,12 @@ class LiveServer:
         headers["Content-Length"] = str(len(content))
         return Response(200, "OK", headers, content)
 
-    def _is_expected_host(self, host: str) -> bool:
-        """False for another site's host name that resolves to this machine (DNS rebinding)."""
-        return self._token is not None or is_local(urlsplit(f"//{host}").hostname or "")
-
     def _refuse_stream(self, request: Request, query: dict[str, list[str]]) -> Response | None:
         origin = request.headers.get("Origin")
         if origin is not None and urlsplit(origin).netloc != request.headers.get("Host"):
             return _refusal(http.HTTPStatus.FORBIDDEN, "expected this server's own page as origin")
-        given = query.get("token", [""])[0]
-        if self._token is not None and not hmac.compare_digest(
-            given.encode(), self._token.encode()
-        ):
+        given, token = query.get("token", [""])[0], self._token
+        if token is not None and not hmac.compare_digest(given.encode(), token.encode()):
             return _refusal(http.HTTPStatus.UNAUTHORIZED, "expected the token of the address")
         if len(self._pages) >= MAX_PAGES:
             return _refusal(http.HTTPStatus.SERVICE_UNAVAILABLE, "too many pages are open")
@@ -229,18 +224,21 @@ class LiveServer:
             message = messages.parse_message(text)
             reply = functools.partial(self._reply, page)
             if isinstance(message, messages.Ask):
-                self._ask(page)
+                if page.has_seen < self._frames and self._change == self._session.state.change:
+                    self._send_frame(page)
+                else:
+                    page.is_ready = True
+                    self._session.ask()
             elif isinstance(message, messages.RequestControl):
-                self._take_wheel(page)
+                self._take_control(page)
             elif isinstance(message, messages.Save):
                 self._session.look_up(message, reply)
             elif isinstance(message, messages.Probe):
-                is_driver = page is self._driver
-                self._session.look_up(
-                    message if is_driver else message.model_copy(update={"follow": False}), reply
-                )
+                if page is not self._driver:
+                    message = message.model_copy(update={"follow": False})
+                self._session.look_up(message, reply)
             elif page is not self._driver:
-                raise OutputError("somebody else drives: press “Take the wheel”")
+                raise OutputError("another browser is in control: press “Take control”")
             else:
                 self._driven_s = self._now_s()
                 self._session.apply(message)
@@ -251,18 +249,11 @@ class LiveServer:
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._send, page, data)
 
-    def _ask(self, page: _Page) -> None:
-        if page.has_seen < self._frames and self._change == self._session.state.change:
-            self._send_frame(page)
-        else:
-            page.is_ready = True
-            self._session.ask()
-
-    def _take_wheel(self, page: _Page) -> None:
+    def _take_control(self, page: _Page) -> None:
         if self._driver is page:
             return
         if self._driver is not None and self._now_s() - self._driven_s < IDLE_S:
-            raise OutputError("somebody else is driving just now")
+            raise OutputError("another browser is in control right now")
         self._session.rest()
         self._driver = page
         self._tell_roles()
@@ -298,7 +289,5 @@ def page_bytes() -> int:
 
 def _refusal(status: http.HTTPStatus, words: str) -> Response:
     body = f"omnisim live: {words}\n".encode()
-    headers = Headers(
-        {"Content-Type": "text/plain; charset=utf-8", "Content-Length": str(len(body))}
-    )
-    return Response(status.value, status.phrase, headers, body)
+    types = {"Content-Type": "text/plain; charset=utf-8", "Content-Length": str(len(body))}
+    return Response(status.value, status.phrase, Headers(types), body)

@@ -12,8 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 from omnisim.apps.live import live_messages as messages
-from omnisim.apps.live.camera_document import CameraDocument
-from omnisim.apps.live.presets import MODEL_PATHS, with_model, with_preset
+from omnisim.apps.live.camera_document import MODEL_PATHS, CameraDocument, with_model, with_preset
 from omnisim.apps.live.viewpoint_motion import MotionCommand, Pilot, Place
 from omnisim.core.errors import OutputError, SceneError
 
@@ -26,25 +25,16 @@ MAX_JOBS = 8
 
 @dataclass(frozen=True)
 class PageState:
-    """Settings on the page that determine an image.
+    """Settings on the page that determine an image."""
 
-    Attributes:
-        document: document of the camera.
-        place: pose of the viewpoint, or of the robot's base.
-        views: names of the views beside the camera.
-        gaze: direction of the perspective view.
-        time_s: world time.
-        step: step of a replayed run.
-        change: number of this state.
-    """
-
-    document: CameraDocument
-    place: Place
-    views: tuple[str, ...] = ()
+    document: CameraDocument  # document of the camera
+    place: Place  # pose of the viewpoint, or of the robot's base
+    views: tuple[str, ...] = ()  # names of the views beside the camera
+    # direction of the perspective view
     gaze: messages.Gaze = field(default_factory=lambda: messages.Gaze(yaw_deg=0.0, pitch_deg=10.0))
-    time_s: float = 0.0
-    step: int = 0
-    change: int = 0
+    time_s: float = 0.0  # world time
+    step: int = 0  # step of a replayed run
+    change: int = 0  # number of this state
 
 
 @dataclass(frozen=True)
@@ -201,10 +191,8 @@ class Session:
         """Turn the perspective view, which follows the mouse."""
         with self._condition:
             old = self._state.gaze
-            gaze = messages.Gaze(
-                yaw_deg=round(yaw_deg, 2), pitch_deg=round(pitch_deg, 2), fov_deg=old.fov_deg
-            )
-            if gaze != old:
+            angles = {"yaw_deg": round(yaw_deg, 2), "pitch_deg": round(pitch_deg, 2)}
+            if (gaze := messages.Gaze(**angles, fov_deg=old.fov_deg)) != old:
                 self._change(gaze=gaze)
 
     def _work(self, now_s: float) -> tuple[Draw | Job | None, float | None]:
@@ -266,9 +254,8 @@ class Session:
             case messages.SetPlace():
                 pilot.stop()
                 at = (message.x, message.y, message.z)
-                pilot.place = Place(
-                    at, message.yaw_deg, message.pitch_deg, message.roll_deg
-                ).rounded()
+                angles = message.yaw_deg, message.pitch_deg, message.roll_deg
+                pilot.place = Place(at, *angles).rounded()
                 self._change(place=pilot.place)
             case messages.ToStart():
                 pilot.stop()
@@ -291,8 +278,7 @@ class Session:
             case messages.Redo():
                 self._take_back(self._redo, self._undo)
             case messages.Views():
-                unknown = set(message.names) - set(messages.VIEWS)
-                if unknown:
+                if unknown := set(message.names) - set(messages.VIEWS):
                     raise OutputError(f"views: unknown view {min(unknown)!r}")
                 self._change(views=tuple(dict.fromkeys(message.names)))
             case messages.Gaze():

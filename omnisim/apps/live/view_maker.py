@@ -1,17 +1,18 @@
-"""Unwarped views of the camera's image, each with a virtual camera at the same viewpoint."""
+"""Unwarped views of the camera's image, and the pixel under the mouse in all of them."""
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from contextlib import suppress
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.apps.live.live_frame import LiveFrame
-from omnisim.apps.live.live_messages import Gaze
-from omnisim.cameras import CentralCamera
-from omnisim.core.errors import OpticsError
+from omnisim.apps.live.live_messages import Gaze, Probe
+from omnisim.apps.live.run_source import LiveFrame, degrees
+from omnisim.cameras import CentralCamera, NonCentralCamera
+from omnisim.core.errors import OmnisimError, OpticsError
 from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import (
     View,
@@ -28,6 +29,7 @@ BIRDSEYE_PX, EXTENT_PER_HEIGHT = 360, 4.0
 MIN_HEIGHT_M = 0.02
 FINE_SAMPLES = 2  # per pixel side: a remap table takes 24 bytes per sample
 _KEPT = 8  # maximum number of cached remap tables, coarse and fine
+Json = dict[str, Any]
 
 
 class _Key(NamedTuple):
@@ -82,19 +84,14 @@ class ViewMaker:
         numbers: tuple[float, ...] = ()
         if name == "perspective":
             numbers = (gaze.yaw_deg, gaze.pitch_deg, gaze.fov_deg)
-        # no height in the key of a map: its extent grows with the height, so its table stays the
-        # same
+        # no height in the key of a map: its extent grows with the height, so its table is the same
         key = _Key(id(frame.model), rotation.tobytes(), name, numbers, is_fine)
         if key not in self._tables:
             view = self.view(name, frame, gaze, height_m)
             if len(self._tables) >= _KEPT:
                 del self._tables[next(iter(self._tables))]
-            table = Unwarping(
-                frame.model,
-                view.camera,
-                rotation.T @ view.base_from_view,
-                samples=FINE_SAMPLES if is_fine else 1,
-            )
+            rotation_in, samples = rotation.T @ view.base_from_view, FINE_SAMPLES if is_fine else 1
+            table = Unwarping(frame.model, view.camera, rotation_in, samples=samples)
             self._tables[key] = (frame.model, table)
         return self._tables[key][1](frame.rgb)
 
@@ -130,3 +127,87 @@ def place_in(view: View, direction: NDArray[np.float64]) -> tuple[float, float] 
     pixels = view.camera.pixel_from_ray(view.base_from_view.T @ direction)
     u, v = ((pixels.positions_px + 0.5) / (view.camera.width_px, view.camera.height_px)).tolist()
     return (u, v) if pixels.valid and 0.0 <= u <= 1.0 and 0.0 <= v <= 1.0 else None
+
+
+def probe(
+    message: Probe, frame: LiveFrame, views: ViewMaker, gaze: Gaze, height_m: float
+) -> dict[str, Any]:
+    """Answer a probe with JSON-serializable values.
+
+    `yaw_deg` and `pitch_deg` are relative to the vehicle; `direction` is in the world. `pixel` and
+    `color` refer to the camera's image. `range_m`, `class`, `instance` and `point_m` are present
+    if the channel is. `marks` has the position in each view, as shares of its width and height.
+    Without a ray there is only a `reason`.
+
+    Args:
+        message: view, and position in the view.
+        frame: image with ground-truth channels.
+        views: maker of the unwarped views.
+        gaze: direction of the perspective view.
+        height_m: height of the viewpoint above the ground.
+    """
+    if message.view == "map":
+        return {"marks": {}}
+    cameras = {"camera": View(frame.model, frame.base_from_optical[:3, :3])}
+    is_central = not isinstance(frame.model, NonCentralCamera)
+    for name in UNWARPED if is_central else ():
+        try:
+            cameras[name] = views.view(name, frame, gaze, height_m)
+        except OmnisimError:  # this camera lacks the view
+            continue
+    source = cameras.get(message.view, cameras["camera"])
+    try:
+        direction = direction_in(source, message.u, message.v)
+    except OpticsError as reason:
+        return {"view": message.view, "reason": str(reason), "marks": {}}
+    own = (message.u, message.v) if source is cameras["camera"] else None
+    if own is None and is_central:
+        own = place_in(cameras["camera"], direction)
+    marks: dict[str, tuple[float, float]] = {}
+    if own is not None:
+        marks["camera"] = own = _center(frame, *own)
+        with suppress(OpticsError):  # the pixel's center may be outside the rim
+            direction = direction_in(cameras["camera"], *own)
+    for name, camera in cameras.items():
+        if name != "camera" and (place := place_in(camera, direction)) is not None:
+            marks[name] = place
+    world = frame.world_from_base[:3, :3] @ direction
+    answer: Json = {
+        "view": message.view,
+        "yaw_deg": degrees(math.atan2(direction[1], direction[0])),
+        "pitch_deg": degrees(math.atan2(-direction[2], math.hypot(direction[0], direction[1]))),
+        "direction": np.round(world, 5).tolist(),
+        "marks": marks,
+    }
+    if "camera" in marks:
+        u, v = marks["camera"]
+        height, width = frame.rgb.shape[:2]
+        column, row = min(int(u * width), width - 1), min(int(v * height), height - 1)
+        answer |= {"pixel": [column, row], "color": frame.rgb[row, column].tolist()}
+        channels, labels = frame.channels, frame.labels
+        if "range" in channels:
+            range_m = float(channels["range"][row, column])
+            answer["range_m"] = round(range_m, 4) if math.isfinite(range_m) else None
+        if "position" in channels:
+            point = channels["position"][row, column].astype(np.float64)
+            is_known = bool(np.all(np.isfinite(point)))
+            answer["point_m"] = np.round(point, 4).tolist() if is_known else None
+        if labels is not None and "semantic" in channels:
+            number = int(channels["semantic"][row, column])
+            answer["class"] = next(
+                (kind.name for kind in labels.classes if kind.id == number), None
+            )
+        if labels is not None and "instance" in channels:
+            number = int(channels["instance"][row, column])
+            answer["instance"] = labels.instances[number - 1].name if number else None
+    return answer
+
+
+def _center(frame: LiveFrame, u: float, v: float) -> tuple[float, float]:
+    """Center of the pixel that contains (u, v); both are shares of the image's width and height.
+
+    The values of the channels belong to the ray through the center.
+    """
+    height, width = frame.rgb.shape[:2]
+    column, row = min(int(u * width), width - 1), min(int(v * height), height - 1)
+    return (column + 0.5) / width, (row + 0.5) / height

@@ -25,21 +25,15 @@ DIGITS_M, DIGITS_DEG = 4, 3
 
 @dataclass(frozen=True)
 class MotionCommand:
-    """Motion requested by keys; all components but `fast` range from −1 to 1.
+    """Motion requested by keys; all components but `fast` range from −1 to 1."""
 
-    Attributes:
-        ahead, left, up: requested velocity, as shares of the full speed.
-        turn: requested turn rate, positive to the left.
-        tilt: requested pitch rate, positive front down.
-        fast: factor of all other components, from 0.1 to 4.
-    """
-
+    # requested velocity, as shares of the full speed
     ahead: float = 0.0
     left: float = 0.0
     up: float = 0.0
-    turn: float = 0.0
-    tilt: float = 0.0
-    fast: float = 1.0
+    turn: float = 0.0  # requested turn rate, positive to the left
+    tilt: float = 0.0  # requested pitch rate, positive front down
+    fast: float = 1.0  # factor of all other components, from 0.1 to 4
 
     @property
     def is_rest(self) -> bool:
@@ -59,9 +53,8 @@ class Place:
     @property
     def pose(self) -> NDArray[np.float64]:
         """Pose (4, 4) in the world."""
-        return pose(
-            self.position_m, roll_deg=self.roll_deg, pitch_deg=self.pitch_deg, yaw_deg=self.yaw_deg
-        )
+        angles = {"yaw_deg": self.yaw_deg, "pitch_deg": self.pitch_deg, "roll_deg": self.roll_deg}
+        return pose(self.position_m, **angles)
 
     def rounded(self) -> Place:
         """Copy rounded to the decimals of a command line, with angles wrapped to ±180°."""
@@ -110,9 +103,8 @@ class Pilot(ABC):
     def turn(self, yaw_deg: float, pitch_deg: float) -> None:
         """Turn by angles, without acceleration, as the mouse drags the image."""
         pitch = min(max(self.place.pitch_deg + pitch_deg, -89.0), 89.0)
-        self.place = replace(
-            self.place, yaw_deg=self.place.yaw_deg + yaw_deg, pitch_deg=pitch
-        ).rounded()
+        yaw_deg = self.place.yaw_deg + yaw_deg
+        self.place = replace(self.place, yaw_deg=yaw_deg, pitch_deg=pitch).rounded()
 
 
 class FreeFlight(Pilot):
@@ -143,11 +135,9 @@ class FreeFlight(Pilot):
         """Advance by a time in seconds; speeds approach those of the keys within about 0.2 s."""
         seconds = min(seconds, MAX_STEP_S)
         command, place = self.command, self.place
-        asked = (
-            np.array((command.ahead, command.left, command.up, command.turn, command.tilt))
-            * command.fast
-        )
-        asked *= (FLIGHT_MPS, FLIGHT_MPS, FLIGHT_MPS, TURN_DEGPS, TURN_DEGPS)
+        shares = command.ahead, command.left, command.up, command.turn, command.tilt
+        full = FLIGHT_MPS, FLIGHT_MPS, FLIGHT_MPS, TURN_DEGPS, TURN_DEGPS
+        asked = np.array(shares) * command.fast * full
         if not command.is_rest:
             self.goal_m = None
         self._speeds += (asked - self._speeds) * min(1.0, seconds / SPEED_UP_S)
@@ -214,10 +204,10 @@ class WheelDrive(Pilot):
             return
         limits = self._limits
         speed, rate = self._requested_speeds()
-        self._speed_mps = _toward(self._speed_mps, speed, limits.max_acceleration_mps2 * seconds)
-        self._rate_radps = _toward(
-            self._rate_radps, rate, limits.max_turn_acceleration_radps2 * seconds
-        )
+        step_mps = limits.max_acceleration_mps2 * seconds
+        step_radps = limits.max_turn_acceleration_radps2 * seconds
+        self._speed_mps = _toward(self._speed_mps, speed, step_mps)
+        self._rate_radps = _toward(self._rate_radps, rate, step_radps)
         if not (self._speed_mps or self._rate_radps):
             return
         x, y, z = self.place.position_m

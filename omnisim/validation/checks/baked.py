@@ -11,18 +11,15 @@ from numpy.typing import NDArray
 from omnisim.plots.style import gallery
 from omnisim.rendering.baking.baked_files import bake_scene
 from omnisim.rendering.baking.settings import FINE_TEXELS, BakeSettings
-from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
+from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.scene import load_scene
 from omnisim.scene.light.baked import with_baked_light
 from omnisim.scene.model import Scene
 from omnisim.validation.checks.shadows import FOLDER, QUICK_SCENES, SCENES
-from omnisim.validation.fixture import Fixture, linear_image
+from omnisim.validation.fixture import BACKENDS, Fixture, linear_image
+from omnisim.validation.image_differences import converged_psnr_db, psnr_db, ssim
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
-from omnisim.validation.psnr import converged_psnr_db, psnr_db
-from omnisim.validation.rooms.window_room import window_room
-from omnisim.validation.ssim import ssim
+from omnisim.validation.reflective_rooms import window_room
 from omnisim.validation.traced_light import (
     CAMERAS,
     beside,
@@ -30,6 +27,7 @@ from omnisim.validation.traced_light import (
     samples_of,
     sensor_of,
     traced_light,
+    traced_twice,
 )
 
 SIZE_PX, QUICK_SIZE_PX = 128, 96
@@ -59,8 +57,7 @@ def check(fixture: Fixture, title: str) -> Section:
             sensor = sensor_of(camera, size_px)
             pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
             traced = traced_light(scene, sensor, pose, samples[camera], bounces=True)
-            with open_sensor(lit, sensor, device=fixture.device) as renderer:
-                ours = linear_image(renderer.render(pose, linear=True))
+            ours = linear_image(fixture.render(lit, sensor, pose, unlit=False))
             inside = inside_rim(sensor)
             label, level_db = f"{name}, {camera}", psnr_db(traced, ours, inside)
             likeness = ssim(traced, ours, inside)
@@ -83,16 +80,11 @@ def check(fixture: Fixture, title: str) -> Section:
         "diffuse surfaces to the lamps. The scenes are the lit scenes of the check of shadows, and "
         "a room in the light of a window, a mirror and a lamp behind frosted glass, by both back "
         "ends.",
-        tuple(measures),
-        figures=(
-            CaptionedFigure(
-                "baked-scenes",
-                gallery(images | seen_by_window, 6, side_in=2.7),
-                "Lit scenes traced by Mitsuba in a mirror and through a fisheye, omnisim's images "
-                "in baked light, and their difference × 8.",
-            ),
-        ),
-    )
+        measures,
+        figures=[CaptionedFigure("baked-scenes", gallery(images | seen_by_window, 6, side_in=2.7),
+                 "Lit scenes traced by Mitsuba in a mirror and through a fisheye, omnisim's images "
+                 "in baked light, and their difference × 8.")],
+    )  # fmt: skip
 
 
 def _by_window(fixture: Fixture) -> tuple[list[Measure], dict[str, NDArray[np.generic]]]:
@@ -103,14 +95,11 @@ def _by_window(fixture: Fixture) -> tuple[list[Measure], dict[str, NDArray[np.ge
     for camera in CAMERAS:
         sensor = sensor_of(camera, QUICK_WINDOW_SIZE_PX if fixture.is_quick else WINDOW_SIZE_PX)
         pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
-        first, second = (
-            traced_light(scene, sensor, pose, WINDOW_SAMPLES[camera], bounces=True, seed=seed)
-            for seed in (0, 1000)
-        )
+        first, second = traced_twice(scene, sensor, pose, WINDOW_SAMPLES[camera])
         inside = inside_rim(sensor)
-        for backend in ("rays", "cube"):
-            with open_sensor(lit, sensor, backend=backend, device=fixture.device) as renderer:
-                ours = linear_image(renderer.render(pose, linear=True))
+        for backend in BACKENDS:
+            frame = fixture.render(lit, sensor, pose, unlit=False, backend=backend)
+            ours = linear_image(frame)
             value = converged_psnr_db(ours, first, second, inside)
             label = f"window, {camera}, back end {backend}: baked"
             measures.append(Measure(label, value, "dB", BOUND_DB, at_least=True))

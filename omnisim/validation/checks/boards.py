@@ -26,17 +26,16 @@ from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
-from omnisim.validation.chessboards import (
+from omnisim.report.report import CaptionedFigure, Measure, Section
+from omnisim.validation.fixture import Fixture
+from omnisim.validation.oracles import omnidir
+from omnisim.validation.plain_scenes import (
     PATTERN,
     board_corners_m,
     board_poses,
     board_poses_in_front,
     board_scene,
 )
-from omnisim.validation.fixture import Fixture
-from omnisim.validation.oracles import omnidir, opencv_projection
 
 RMS_BOUND_PX = 0.1
 MAX_FISHEYE_RAD = math.radians(80.0)  # near 90° cv2.fisheye divides by a vanishing depth
@@ -48,19 +47,12 @@ TEXELS = 1.5
 
 @dataclass(frozen=True)
 class BoardCamera:
-    """Camera and format of its calibration file.
-
-    Attributes:
-        name: name in the report.
-        camera: model and parameters.
-        format: format of its calibration file.
-        boards_up_to_rad: maximum angle of the boards' centers from the axis.
-    """
+    """Camera and format of its calibration file."""
 
     name: str
     camera: CentralCamera
     format: str
-    boards_up_to_rad: float
+    boards_up_to_rad: float  # maximum angle of the boards' centers from the axis
 
 
 def board_cameras() -> tuple[BoardCamera, ...]:
@@ -68,38 +60,21 @@ def board_cameras() -> tuple[BoardCamera, ...]:
     mirror = HyperbolicCamera.framed_on_rim(HyperbolicMirror(), 640, 640)
     narrow = math.radians(14.0)
     return (
-        BoardCamera(
-            "pinhole",
-            PerspectiveCamera.with_field_of_view(800, 600, math.radians(85.0)),
-            "opencv_pinhole",
-            narrow,
-        ),
-        BoardCamera(
-            "pinhole with distortion",
-            UnifiedCamera(
-                800, 600, (540.0, 538.5), (402.25, 297.0), 0.0, (-0.25, 0.07, 1e-3, -5e-4)
-            ),
-            "opencv_pinhole",
-            narrow,
-        ),
-        BoardCamera(  # TUM-VI cam0
-            "fisheye",
-            KannalaBrandtCamera(
-                512, 512, (190.97848, 190.97331), (254.93171, 256.89744),
-                (3.4823894e-3, 7.150348e-4, -2.0532361e-3, 2.0293674e-4),
-            ),
-            "opencv_fisheye",
-            math.radians(45.0),
-        ),
-        BoardCamera(  # KITTI-360 image_02, at half its size
-            "omnidir with distortion",
-            UnifiedCamera(
-                1400, 1400, (1336.322, 1335.788), (716.943, 705.764), 2.213404750785489,
-                (0.016798, 1.654877, 4.222e-4, 4.246e-4),
-            ).scaled(0.5),
-            "opencv_omnidir",
-            math.radians(65.0),
-        ),
+        BoardCamera("pinhole", PerspectiveCamera.with_field_of_view(800, 600, math.radians(85.0)),
+                    "opencv_pinhole", narrow),
+        BoardCamera("pinhole with distortion",
+                    UnifiedCamera(800, 600, (540.0, 538.5), (402.25, 297.0), 0.0,
+                                  (-0.25, 0.07, 1e-3, -5e-4)),
+                    "opencv_pinhole", narrow),
+        BoardCamera("fisheye",  # TUM-VI cam0
+                    KannalaBrandtCamera(512, 512, (190.97848, 190.97331), (254.93171, 256.89744),
+                                        (3.4823894e-3, 7.150348e-4, -2.0532361e-3, 2.0293674e-4)),
+                    "opencv_fisheye", math.radians(45.0)),
+        BoardCamera("omnidir with distortion",  # KITTI-360 image_02, at half its size
+                    UnifiedCamera(1400, 1400, (1336.322, 1335.788), (716.943, 705.764),
+                                  2.213404750785489,
+                                  (0.016798, 1.654877, 4.222e-4, 4.246e-4)).scaled(0.5),
+                    "opencv_omnidir", math.radians(65.0)),
         BoardCamera("omnidir of a mirror", mirror, "opencv_omnidir", mirror.mirror.theta_max_rad),
     )  # fmt: skip
 
@@ -121,12 +96,9 @@ def check(fixture: Fixture, title: str) -> Section:
         "by OpenCV's functions. OpenCV reads the calibration file that omnisim writes in its "
         "format; nothing is fitted.",
         measures + counts,
-        figures=(
-            CaptionedFigure(
-                "boards", gallery(shown, 3), "One board for each camera model of OpenCV."
-            ),
-        ),
-    )
+        figures=[CaptionedFigure("boards", gallery(shown, 3),
+                 "One board for each camera model of OpenCV.")],
+    )  # fmt: skip
 
 
 def _off_px(
@@ -141,13 +113,9 @@ def _off_px(
     is_mirror = isinstance(camera, HyperbolicCamera)
     rig_from_optical = camera.rig_from_optical
     if is_mirror:
-        optical_from_boards = []
-        for rig_from_board in board_poses(count):
-            optical_from_board = np.eye(4)
-            optical_from_board[:3] = rig_from_optical.T @ rig_from_board[:3]
-            optical_from_boards.append(optical_from_board)
+        poses = [rig_from_optical.T @ rig_from_board[:3] for rig_from_board in board_poses(count)]
     else:
-        optical_from_boards = board_poses_in_front(count, board_camera.boards_up_to_rad)
+        poses = board_poses_in_front(count, board_camera.boards_up_to_rad)
     offs, shown = [np.empty(0)], None
     sensor = OmniCamera(camera, polygons=None, samples=SAMPLES, texels_per_pixel=TEXELS)
     with (
@@ -156,32 +124,22 @@ def _off_px(
     ):
         path = Path(folder) / "calibration.yaml"
         calibration_of(camera).save(path, board_camera.format)
-        for optical_from_board in optical_from_boards:
+        for optical_from_board in poses:
             rig_from_board = np.eye(4)
             rig_from_board[:3] = rig_from_optical @ optical_from_board[:3]
             image = renderer.render(np.linalg.inv(rig_from_board)).rgba
             detected = omnidir.find_corners(np.ascontiguousarray(image[..., 1]), PATTERN)
             points = board_corners_m() @ optical_from_board[:3, :3].T + optical_from_board[:3, 3]
             in_file = points @ omnidir.OMNIDIR_FROM_OPTICAL if is_mirror else points
-            if detected is None or not _can_be_projected(board_camera, in_file):
+            theta = np.arctan2(np.hypot(in_file[:, 0], in_file[:, 1]), in_file[:, 2])
+            is_behind = board_camera.format == "opencv_fisheye" and theta.max() > MAX_FISHEYE_RAD
+            if detected is None or is_behind:
                 continue
-            projected = opencv_projection.project(path, board_camera.format, in_file)
-            offs.append(_distances_px(projected, detected))
+            projected = omnidir.project_by_file(path, board_camera.format, in_file)
+            columns, rows = PATTERN
+            grid = detected.reshape(rows, columns, 2)
+            orders = (grid, grid[::-1], grid[:, ::-1], grid[::-1, ::-1])  # the best one counts
+            off = [np.linalg.norm(projected - order.reshape(-1, 2), axis=1) for order in orders]
+            offs.append(min(off, key=np.sum))
             shown = image[..., :3]
     return np.concatenate(offs), len(offs) - 1, shown
-
-
-def _can_be_projected(board_camera: BoardCamera, points: NDArray[np.float64]) -> bool:
-    theta = np.arctan2(np.hypot(points[:, 0], points[:, 1]), points[:, 2])
-    return board_camera.format != "opencv_fisheye" or bool(theta.max() <= MAX_FISHEYE_RAD)
-
-
-def _distances_px(
-    projected: NDArray[np.float64], detected: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Distances (n,) between projected and detected corners, in the order that fits best."""
-    columns, rows = PATTERN
-    grid = detected.reshape(rows, columns, 2)
-    orders = (grid, grid[::-1], grid[:, ::-1], grid[::-1, ::-1])
-    off = [np.linalg.norm(projected - order.reshape(-1, 2), axis=1) for order in orders]
-    return min(off, key=lambda one: float(one.sum()))

@@ -12,12 +12,9 @@ from omnisim.core import coordinate_frames as frames
 from omnisim.core import poses
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
-from omnisim.validation.chessboards import PATTERN, board_corners_m, board_poses, board_scene
-from omnisim.validation.displacement import displacement_figure
+from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.validation.fixture import Fixture, linear_image, max_abs, mean_abs, mirror_camera
+from omnisim.validation.image_differences import displacement_figure
 from omnisim.validation.markers import (
     centroids,
     inside_valid_area,
@@ -27,6 +24,7 @@ from omnisim.validation.markers import (
     rim_centroids_px,
 )
 from omnisim.validation.oracles import omnidir
+from omnisim.validation.plain_scenes import board_corners_m, detected_boards
 
 MARKERS = 250
 SIZE_PX = 1024
@@ -51,13 +49,10 @@ def check_markers(fixture: Fixture, title: str) -> Section:
             Measure("markers, largest distance", max_abs(off), "px", MAX_BOUND_PX),
             Measure("markers", len(off)),
         ),
-        figures=(
-            CaptionedFigure("markers",
-                            displacement_figure("Markers: measured − predicted", camera,
-                                                predicted, measured - predicted),
-                            "Error of each marker, × 300: errors are small, without a common "
-                            "direction."),
-        ),
+        figures=[CaptionedFigure("markers",
+                 displacement_figure("Markers: measured − predicted", camera, predicted,
+                                     measured - predicted),
+                 "Error of each marker, × 300: errors are small, without a common direction.")],
     )  # fmt: skip
 
 
@@ -66,7 +61,8 @@ def check_omnidir(fixture: Fixture, title: str) -> Section:
     camera, measured, rims = marker_image(fixture)
     projected = omnidir.project(camera, rims.reshape(-1, 3)).reshape(*rims.shape[:2], 2)
     off = np.linalg.norm(measured - rim_centroids_px(projected), axis=1)
-    boards, corners = chessboard_images(fixture, 10 if fixture.is_quick else 20)
+    sensor = OmniCamera().with_polygons(None).resized(SIZE_PX)
+    boards, corners = detected_boards(fixture, sensor, 10 if fixture.is_quick else 20)
     size = (camera.width_px, camera.height_px)
     calibrated = omnidir.calibrate(board_corners_m(), corners, size)
     focal = 100.0 * (calibrated.focal_length_px / camera.unified_focal_length_px - 1.0)
@@ -90,11 +86,9 @@ def check_omnidir(fixture: Fixture, title: str) -> Section:
             Measure("boards", calibrated.boards),
             Measure("calibration: distance of the principal point", float(center), "px"),
         ),
-        figures=(
-            CaptionedFigure("chessboards",
-                    gallery({f"board {i + 1}": b for i, b in enumerate(boards[:6])}, 3),
-                    "Six of the chessboards used by OpenCV's calibration."),
-        ),
+        figures=[CaptionedFigure("chessboards",
+                 gallery({f"board {i + 1}": b for i, b in enumerate(boards[:6])}, 3),
+                 "Six of the chessboards used by OpenCV's calibration.")],
     )  # fmt: skip
 
 
@@ -122,19 +116,3 @@ def marker_image(fixture: Fixture) -> MarkerImage:
     measured = centroids(linear_image(frame)[..., 1].astype(np.float64), near_px[clear])
     around = (marker_rims(positions[clear], viewpoint_m) - viewpoint_m) @ world_from_optical
     return MarkerImage(camera, measured, around)
-
-
-def chessboard_images(
-    fixture: Fixture, count: int
-) -> tuple[list[NDArray[np.uint8]], list[NDArray[np.float64]]]:
-    """Rendered images in which OpenCV detects the board, and the corners (n, 2) in each."""
-    sensor = OmniCamera().with_polygons(None).resized(SIZE_PX)
-    images, corners = [], []
-    with open_sensor(board_scene(), sensor, unlit=True, device=fixture.device) as renderer:
-        for rig_from_board in board_poses(count):
-            image = renderer.render(np.linalg.inv(rig_from_board)).rgb
-            detected = omnidir.find_corners(np.ascontiguousarray(image[..., 1]), PATTERN)
-            if detected is not None:
-                images.append(image)
-                corners.append(detected)
-    return images, corners

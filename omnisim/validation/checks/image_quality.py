@@ -14,11 +14,10 @@ from omnisim.core.srgb import linear_from_srgb, srgb8_from_linear, srgb_from_lin
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import Stage
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
+from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.scene import Scene
 from omnisim.validation.fixture import Fixture, linear_image, mirror_camera
-from omnisim.validation.psnr import psnr_db
+from omnisim.validation.image_differences import psnr_db
 
 SIZE_PX = 360
 # Plain bilinear, as other simulators sample a cube: faces of this size, one lookup per pixel.
@@ -38,10 +37,7 @@ def check(fixture: Fixture, title: str) -> Section:
 
 
 def measure_quality(
-    fixture: Fixture,
-    scene: Scene,
-    viewpoint_m: tuple[float, float, float],
-    title: str,
+    fixture: Fixture, scene: Scene, viewpoint_m: tuple[float, float, float], title: str
 ) -> Section:
     """Make the comparison of `check` in any scene, from a viewpoint in the world frame."""
     sensor = OmniCamera(polygons=None).resized(SIZE_PX)
@@ -56,10 +52,10 @@ def measure_quality(
     seen: NDArray[np.bool_] = np.all(np.isfinite([truth[0], ours[0], plain[0]]), axis=(0, -1))
     shimmer, plain_shimmer = _shimmer(ours, truth, seen), _shimmer(plain, truth, seen)
     samples = len(shifts) * SAMPLES_PER_SIDE**2
-    images = {
-        f"{samples} samples per pixel": truth[0],
-        "omnisim": ours[0],
-        "plain bilinear": plain[0],
+    truth_name = f"{samples} samples per pixel"
+    images = {truth_name: truth[0], "omnisim": ours[0], "plain bilinear": plain[0]}
+    details = {
+        name: srgb8_from_linear(np.nan_to_num(image[DETAIL])) for name, image in images.items()
     }
     return Section(
         title,
@@ -68,26 +64,17 @@ def measure_quality(
         f"is the change of the difference between successive images of a pan, with {steps} images "
         f"{PAN_STEP_DEG}° apart.",
         (
-            Measure(
-                "default quality", psnr_db(ours[0], truth[0], seen), "dB", BOUND_DB, at_least=True
-            ),
-            Measure(
-                "shimmer, as a share of plain bilinear's",
-                shimmer / plain_shimmer,
-                bound=SHIMMER_BOUND,
-            ),
+            Measure("default quality", psnr_db(ours[0], truth[0], seen), "dB", BOUND_DB,
+                    at_least=True),
+            Measure("shimmer, as a share of plain bilinear's", shimmer / plain_shimmer,
+                    bound=SHIMMER_BOUND),
             Measure("plain bilinear", psnr_db(plain[0], truth[0], seen), "dB"),
             Measure("shimmer", shimmer, "levels of 255"),
             Measure("plain bilinear's shimmer", plain_shimmer, "levels of 255"),
         ),
-        figures=(
-            CaptionedFigure(
-                "image-quality",
-                gallery({name: _encoded(one[DETAIL]) for name, one in images.items()}, 3),
-                "Detail with edges and fine lines: many samples, omnisim, and plain bilinear.",
-            ),
-        ),
-    )
+        figures=[CaptionedFigure("image-quality", gallery(details, 3),
+                 "Detail with edges and fine lines: many samples, omnisim, and plain bilinear.")],
+    )  # fmt: skip
 
 
 def _truth(
@@ -109,8 +96,8 @@ def _truth(
         u, v = np.add(model.principal_point_px, np.divide(shift, SAMPLES_PER_SIDE)).tolist()
         camera = dataclasses.replace(model, principal_point_px=(u, v))
         images = _linear_images(stage, dataclasses.replace(finest, model=camera), poses)
-        total = [one + other for one, other in zip(total, images, strict=True)]
-    return [one / len(shifts) for one in total]
+        total = [before + image for before, image in zip(total, images, strict=True)]
+    return [image / len(shifts) for image in total]
 
 
 def _linear_images(
@@ -154,11 +141,7 @@ def _shimmer(
 ) -> float:
     """RMS, in levels of 255, of the change of an image's error from one image to the next."""
     levels = [
-        255.0 * (srgb_from_linear(one[seen]) - srgb_from_linear(other[seen]))
-        for one, other in zip(images, truth, strict=True)
+        255.0 * (srgb_from_linear(image[seen]) - srgb_from_linear(true[seen]))
+        for image, true in zip(images, truth, strict=True)
     ]
     return float(np.sqrt(np.mean(np.diff(levels, axis=0) ** 2)))
-
-
-def _encoded(image: NDArray[np.float64]) -> NDArray[np.uint8]:
-    return srgb8_from_linear(np.nan_to_num(image))

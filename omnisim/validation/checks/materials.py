@@ -12,8 +12,7 @@ from omnisim.core.poses import pose
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.plots.style import gallery
 from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, ResultTable, Section
+from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
 from omnisim.scene.light.environment import Environment, map_directions
 from omnisim.scene.model import Light, Lighting, LightKind
 from omnisim.validation import material_chart
@@ -34,9 +33,8 @@ def check(fixture: Fixture, title: str) -> Section:
         ours, traced, spheres = both(lighting, samples, fixture.device)
         difference = ciede2000(lab_from_linear(ours), lab_from_linear(traced))
         shown = spheres >= 0
-        measures.append(
-            Measure(f"{name}: mean CIEDE2000", float(difference[shown].mean()), "", BOUND)
-        )
+        mean = float(difference[shown].mean())
+        measures.append(Measure(f"{name}: mean CIEDE2000", mean, "", BOUND))
         for row, roughness in enumerate(material_chart.ROUGHNESS):
             columns = len(material_chart.METALLIC)
             means = [difference[spheres == columns * row + i].mean() for i in range(columns)]
@@ -53,22 +51,13 @@ def check(fixture: Fixture, title: str) -> Section:
         "bottom, metalness from left to right. Mitsuba's shadowing and masking of facets "
         "are uncorrelated. Its dielectrics reflect by Fresnel's exact equations. Its diffuse light "
         "is Disney's, not Lambert's, and is not reduced by the reflected light.",
-        tuple(measures),
-        tables=(
-            ResultTable(
-                "Mean CIEDE2000 of each sphere, by metalness",
-                ("light", "roughness", *(f"{one:g}" for one in material_chart.METALLIC)),
-                tuple(rows),
-            ),
-        ),
-        figures=(
-            CaptionedFigure(
-                "materials",
-                gallery(images, 3),
-                f"Charts by both; {_SHOWN_FACTOR} levels of gray are a difference of 1.",
-            ),
-        ),
-    )
+        measures,
+        (ResultTable("Mean CIEDE2000 of each sphere, by metalness",
+                     ("light", "roughness", *(f"{share:g}" for share in material_chart.METALLIC)),
+                     tuple(rows)),),
+        [CaptionedFigure("materials", gallery(images, 3),
+                         f"Charts by both; {_SHOWN_FACTOR} levels of gray are a difference of 1.")],
+    )  # fmt: skip
 
 
 def lightings() -> dict[str, Lighting]:
@@ -76,19 +65,16 @@ def lightings() -> dict[str, Lighting]:
     toward = np.array([0.6, -0.5, -0.62]) / np.linalg.norm([0.6, -0.5, -0.62])
     lamp = Light(LightKind.DIRECTIONAL, (1.0, 1.0, 1.0), 0.8, direction=toward)
     dark = (0.0, 0.0, 0.0)
-    return {
-        "a lamp": Lighting(dark, (lamp,)),
-        "even light": Lighting((0.8, 0.8, 0.8), ()),
-        "an environment map": Lighting(dark, (), environment=_environment()),
-    }
-
-
-def _environment() -> Environment:
     directions, _ = map_directions(128, 256)
     colors = 0.5 + 0.3 * directions + 0.15 * np.sin(6.0 * directions[..., [1, 2, 0]])
     disc = np.array([-0.5, -0.6, 0.7]) / np.linalg.norm([-0.5, -0.6, 0.7])
     colors[directions @ disc > 0.95] = 8.0
-    return Environment(colors.astype(np.float32))
+    environment = Environment(colors.astype(np.float32))
+    return {
+        "a lamp": Lighting(dark, (lamp,)),
+        "even light": Lighting((0.8, 0.8, 0.8), ()),
+        "an environment map": Lighting(dark, (), environment=environment),
+    }
 
 
 def both(
@@ -147,9 +133,9 @@ def lab_from_linear(rgb: NDArray[np.floating]) -> NDArray[np.float64]:
     return np.stack((116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)), axis=-1)
 
 
-def ciede2000(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+def ciede2000(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
     """CIEDE2000 color difference ΔE₀₀ (...) between two arrays of L*a*b* colors (..., 3)."""
-    (l1, a1, b1), (l2, a2, b2) = np.moveaxis(one, -1, 0), np.moveaxis(other, -1, 0)
+    (l1, a1, b1), (l2, a2, b2) = np.moveaxis(first, -1, 0), np.moveaxis(second, -1, 0)
     chroma7 = (0.5 * (np.hypot(a1, b1) + np.hypot(a2, b2))) ** 7
     stretch = 1.5 - 0.5 * np.sqrt(chroma7 / (chroma7 + _FAR))
     c1, c2 = np.hypot(a1 * stretch, b1), np.hypot(a2 * stretch, b2)

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from omnisim.cameras import MirroredCamera
-from omnisim.cameras.optics import BoardCorners, SystemCalibration, calibrate_system, fit_central
+from omnisim.cameras.optics import BoardCorners, calibrate_system, fit_central
 from omnisim.cameras.optics.system_file import parse_optics
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, ResultTable, Section
-from omnisim.validation.chessboards import PATTERN, board_corners_m, board_poses, board_scene
+from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles import omnidir
+from omnisim.validation.plain_scenes import DetectedBoards, board_corners_m, detected_boards
 
 SIZE_PX = 720
 BOARDS, QUICK_BOARDS = 20, 10
@@ -34,50 +31,37 @@ _TILTS = ("surfaces.0.tilt_deg.0", "surfaces.0.tilt_deg.1")
 _PARAMETERS = (*_ASIDE, _ALONG, *_TILTS)
 
 
-class DetectedBoards(NamedTuple):
-    """Boards detected by OpenCV through one mirror."""
-
-    images: list[NDArray[np.uint8]]
-    corners: list[NDArray[np.float64]]  # (n, 2) each
-
-    @property
-    def boards(self) -> list[BoardCorners]:
-        """Boards with their corners."""
-        points_m = board_corners_m()[:, :2]
-        return [BoardCorners(points_m, corners) for corners in self.corners]
-
-
 def check(fixture: Fixture, title: str) -> Section:
     """Calibrate from the same boards through the aligned and the misaligned mirror."""
     size = (SIZE_PX, SIZE_PX)
     aligned, tilted = (
-        detected_boards(fixture, mirror_table(0.0, 0.0)),
-        detected_boards(fixture, mirror_table(TILT_DEG, SHIFT_M)),
+        boards_in_mirror(fixture, mirror_table(*misalignment))
+        for misalignment in ((0.0, 0.0), (TILT_DEG, SHIFT_M))
     )
     points_m = board_corners_m()
-    plain, tilted_plain = (
-        omnidir.calibrate(points_m, one.corners, size) for one in (aligned, tilted)
-    )
+    plain = omnidir.calibrate(points_m, aligned.corners, size)
+    tilted_plain = omnidir.calibrate(points_m, tilted.corners, size)
     distorted = omnidir.calibrate(points_m, tilted.corners, size, distorted=True)
     central = fit_central(
         parse_optics(mirror_table(TILT_DEG, SHIFT_M)), "opencv_omnidir", right_at_m=BOARD_M
     ).cameras[0]
     assert isinstance(central.camera, MirroredCamera)
     center_px = np.linalg.norm(distorted.principal_point_px - central.camera.principal_point_px)
-    fits = [
-        calibrate_system(mirror_table(0.0, 0.0), _PARAMETERS, one.boards)
-        for one in (aligned, tilted)
-    ]
+    fits = []
+    for detected in (aligned, tilted):
+        boards = [BoardCorners(points_m[:, :2], corners) for corners in detected.corners]
+        fits.append(calibrate_system(mirror_table(0.0, 0.0), _PARAMETERS, boards))
+    rms_px = [float(np.sqrt(np.square(fit.errors_px).sum(axis=1).mean())) for fit in fits]
     rows, errors = [], dict.fromkeys(_PARAMETERS, 0.0)
     for name, fit, tilt_deg, shift_m in (
         ("aligned", fits[0], 0.0, 0.0),
         ("misaligned", fits[1], TILT_DEG, SHIFT_M),
     ):
         truths = dict.fromkeys(_PARAMETERS, 0.0) | {_TILTS[0]: tilt_deg, _ASIDE[0]: shift_m}
-        for one in fit.parameters:
-            truth = truths[one.name]
-            errors[one.name] = max(errors[one.name], abs(one.value - truth))
-            rows.append((name, one.name, f"{truth:g}", f"{one.value:.6f}", f"{one.sigma:.6f}"))
+        for fitted in fit.parameters:
+            key, value = fitted.name, fitted.value
+            errors[key] = max(errors[key], abs(value - truths[key]))
+            rows.append((name, key, f"{truths[key]:g}", f"{value:.6f}", f"{fitted.sigma:.6f}"))
     return Section(
         title,
         "Calibrations from chessboards seen in the paper's mirror, once aligned, once tilted by "
@@ -93,7 +77,7 @@ def check(fixture: Fixture, title: str) -> Section:
                     RMS_BOUND_PX),
             Measure("principal point: our central fit from cv2.omnidir's", float(center_px), "px",
                     CENTER_BOUND_PX),
-            Measure("the mirror's own pose: reprojection, RMS", max(map(_rms, fits)), "px",
+            Measure("the mirror's own pose: reprojection, RMS", max(rms_px), "px",
                     RMS_BOUND_PX),
             Measure("tilt found, largest error", max(errors[key] for key in _TILTS), "°",
                     TILT_BOUND_DEG),
@@ -105,51 +89,30 @@ def check(fixture: Fixture, title: str) -> Section:
         ),
         (ResultTable("The mirror's pose by least squares, in meters and degrees.",
                      ("mirror", "parameter", "true", "found", "σ"), tuple(rows)),),
-        figures=(
-            CaptionedFigure("optics-chessboards",
-                            gallery({f"board {i + 1}": b
-                                     for i, b in enumerate(tilted.images[:6])}, 3),
-                            "Six of the chessboards seen in the misaligned mirror."),
-        ),
+        figures=[CaptionedFigure("optics-chessboards",
+                 gallery({f"board {i + 1}": b for i, b in enumerate(tilted.images[:6])}, 3),
+                 "Six of the chessboards seen in the misaligned mirror.")],
     )  # fmt: skip
 
 
 def mirror_table(tilt_deg: float, shift_m: float) -> dict[str, Any]:
     """Table of an optics file with the paper's mirror, tilted about x and shifted along x."""
-    return {
-        "origin_m": [0.0, 0.0, 0.09284],
-        "camera": {
-            "model": "perspective",
-            "width_px": SIZE_PX,
-            "height_px": SIZE_PX,
-            "focal_length_px": 1330.0 / 360.0 * SIZE_PX,
-        },
-        "surfaces": [
-            {
-                "shape": "hyperbolic",
-                "rim_radius_m": 0.0119,
-                "decenter_m": [shift_m, 0.0, 0.0],
-                "tilt_deg": [tilt_deg, 0.0, 0.0],
-            }
-        ],
+    camera = {
+        "model": "perspective",
+        "width_px": SIZE_PX,
+        "height_px": SIZE_PX,
+        "focal_length_px": 1330.0 / 360.0 * SIZE_PX,
     }
+    mirror = {
+        "shape": "hyperbolic",
+        "rim_radius_m": 0.0119,
+        "decenter_m": [shift_m, 0.0, 0.0],
+        "tilt_deg": [tilt_deg, 0.0, 0.0],
+    }
+    return {"origin_m": [0.0, 0.0, 0.09284], "camera": camera, "surfaces": [mirror]}
 
 
-def detected_boards(fixture: Fixture, table: dict[str, Any]) -> DetectedBoards:
+def boards_in_mirror(fixture: Fixture, table: dict[str, Any]) -> DetectedBoards:
     """Render the boards through a mirror, and detect their corners."""
-    seen = DetectedBoards([], [])
-    sensor = OmniCamera(parse_optics(table))
     count = QUICK_BOARDS if fixture.is_quick else BOARDS
-    with open_sensor(board_scene(), sensor, unlit=True, device=fixture.device) as renderer:
-        for rig_from_board in board_poses(count):
-            image = renderer.render(np.linalg.inv(rig_from_board)).rgb
-            corners = omnidir.find_corners(np.ascontiguousarray(image[..., 1]), PATTERN)
-            if corners is not None:
-                seen.images.append(image)
-                seen.corners.append(corners)
-    return seen
-
-
-def _rms(fit: SystemCalibration) -> float:
-    """RMS distance in px between detected and predicted corners."""
-    return float(np.sqrt(np.square(fit.errors_px).sum(axis=1).mean()))
+    return detected_boards(fixture, OmniCamera(parse_optics(table)), count)

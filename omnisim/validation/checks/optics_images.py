@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import cached_property
 from typing import NamedTuple
 
@@ -12,19 +12,17 @@ import scipy  # its submodules load when first used
 from numpy.typing import NDArray
 
 from omnisim.cameras.optics import OpticalSystem
-from omnisim.core.srgb import srgb8_from_linear, srgb_from_linear
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, ResultTable, Section
+from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
 from omnisim.scene import Scene, load_scene
 from omnisim.validation.fixture import Fixture, linear_image, max_abs, mean_abs
-from omnisim.validation.markers import centroids
-from omnisim.validation.optical_markers import marker_pixels, markers_on_rays
+from omnisim.validation.image_differences import psnr_db
+from omnisim.validation.markers import centroids, marker_pixels, markers_on_rays
 from omnisim.validation.optical_systems import validation_systems
 from omnisim.validation.oracles.mitsuba_optics import PhysicalOptics
 from omnisim.validation.oracles.surfaces import opaque_only
-from omnisim.validation.psnr import psnr_db
+from omnisim.validation.traced_light import beside
 
 SCENE = "soccer"
 # Mitsuba's samples per pixel: squares, as its sampler requires. Images in mirrors have more,
@@ -103,8 +101,8 @@ class TracedSystem:
         pixels = marker_pixels(self.system, SPACING_PX)
         scene = markers_on_rays(self.system, pixels, self.world_from_optical)
         images = self.optics.image(scene, SAMPLES), self.ours(scene)
-        one, other = (centroids(image[..., 1].astype(np.float64), pixels) for image in images)
-        return np.linalg.norm(one - other, axis=1)
+        traced, ours = (centroids(image[..., 1].astype(np.float64), pixels) for image in images)
+        return np.linalg.norm(traced - ours, axis=1)
 
     def ray_errors_px(self) -> NDArray[np.float64]:
         """Distances (n,) between pixels and our projections of points at 1 m on Mitsuba's rays."""
@@ -140,14 +138,26 @@ def check(fixture: Fixture, title: str) -> Section:
         Measure("Mitsuba's single rays against ours, largest distance at 1 m",
                 max(max_abs(result.rays_px) for result in results.values()), "px", RAY_BOUND_PX),
     ]  # fmt: skip
+    rows, images = [], dict[str, NDArray[np.generic]]()
     for name, result in results.items():
         if result.fine_db is not None:
             measures += [
                 Measure(f"{name}: image at default quality", result.images.decibels, "dB",
                         SQUEEZED_BOUND_DB, at_least=True),
-                Measure(f"{name}: image by {FINE} × {FINE} samples a pixel", result.fine_db,
+                Measure(f"{name}: image by {FINE} × {FINE} samples per pixel", result.fine_db,
                         "dB", FINE_BOUND_DB, at_least=True),
             ]  # fmt: skip
+        rows.append(
+            (
+                name,
+                str(len(result.markers_px)),
+                f"{mean_abs(result.markers_px):.3f}, {max_abs(result.markers_px):.3f}",
+                f"{max_abs(result.rays_px):.4f}",
+                f"{result.images.decibels:.1f}",
+            )
+        )
+        images |= beside(name, *result.images)
+    columns = ("system", "markers", "mean, largest px", "single rays, largest px", "image, dB")
     return Section(
         title,
         f"omnisim's images against Mitsuba's path tracer, with {MIRROR_SAMPLES} rays per pixel "
@@ -159,16 +169,11 @@ def check(fixture: Fixture, title: str) -> Section:
         "0.4 to 8 m away, on black. A cone maps whole walls to a few pixels around its tip, where "
         f"{OmniCamera().supersampling} × {OmniCamera().supersampling} samples are too few; with "
         f"{FINE} × {FINE} samples it is as accurate as the others.",
-        tuple(measures),
-        tables=(_table(results),),
-        figures=(
-            CaptionedFigure(
-                "traced-optics",
-                gallery(_images(results), 6, 2.0),
-                "Images by Mitsuba and omnisim, and their difference × 8.",
-            ),
-        ),
-    )
+        measures,
+        (ResultTable("Distances between Mitsuba's images and ours", columns, tuple(rows)),),
+        [CaptionedFigure("traced-optics", gallery(images, 6, 2.0),
+                         "Images by Mitsuba and omnisim, and their difference × 8.")],
+    )  # fmt: skip
 
 
 def _results(fixture: Fixture) -> Iterator[tuple[str, Result]]:
@@ -182,32 +187,3 @@ def _results(fixture: Fixture) -> Iterator[tuple[str, Result]]:
         if name == SQUEEZED:
             fine_db = images._replace(ours=traced.ours(scene, FINE)).decibels
         yield name, Result(traced.marker_distances_px(), traced.ray_errors_px(), images, fine_db)
-
-
-def _table(results: Mapping[str, Result]) -> ResultTable:
-    rows = tuple(
-        (
-            name,
-            str(len(result.markers_px)),
-            f"{mean_abs(result.markers_px):.3f}, {max_abs(result.markers_px):.3f}",
-            f"{max_abs(result.rays_px):.4f}",
-            f"{result.images.decibels:.1f}",
-        )
-        for name, result in results.items()
-    )
-    columns = ("system", "markers", "mean, largest px", "single rays, largest px", "image, dB")
-    return ResultTable("Distances between Mitsuba's images and ours", columns, rows)
-
-
-def _images(results: Mapping[str, Result]) -> dict[str, NDArray[np.uint8]]:
-    images: dict[str, NDArray[np.uint8]] = {}
-    for name, result in results.items():
-        inside = result.images.inside[..., None]
-        one, other = (np.where(inside, x, 0.0) for x in result.images[:2])
-        off = 8.0 * np.abs(srgb_from_linear(one) - srgb_from_linear(other))
-        images |= {
-            f"{name}, Mitsuba": srgb8_from_linear(one),
-            f"{name}, omnisim": srgb8_from_linear(other),
-            f"{name}, difference × 8": np.rint(255.0 * np.clip(off, 0.0, 1.0)).astype(np.uint8),
-        }
-    return images

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +23,16 @@ from omnisim.cameras.optics.shapes import (
     TabulatedProfile,
 )
 from omnisim.core.poses import pose
-from omnisim.report.measure import Measure
-from omnisim.report.report import ResultTable, Section
-from omnisim.validation import closed_forms
-from omnisim.validation.closed_forms import AxialPoints, AxialRays, TracedAxialRays
+from omnisim.report.report import Measure, ResultTable, Section
+from omnisim.validation import optical_systems as closed_forms
 from omnisim.validation.fixture import Fixture
-from omnisim.validation.optical_systems import SIZE_PX, validation_systems
+from omnisim.validation.optical_systems import (
+    SIZE_PX,
+    AxialPoints,
+    AxialRays,
+    TracedAxialRays,
+    validation_systems,
+)
 
 DISTANCES_M = (0.3, 1.0, 5.0)
 STEP_PX, QUICK_STEP_PX = 3, 9  # between pixels of the round trips
@@ -36,7 +40,7 @@ ANGLE_BOUND_RAD, SHARE_BOUND = 1e-10, 1e-9
 PIXEL_BOUND_PX, LOST_PERCENT = 1e-8, 0.01
 CAUSTIC_BOUND = 1e-8  # share of a distance: from differences over thousandths of a pixel
 _VERTEX_M, _RADIUS_M = 0.15, 0.03
-_PORT_M, _PANES_M, _MEDIA = 0.05, (0.01,), (1.0, 1.49, 1.333)
+_PORT_M, _PANES_M, _MEDIA = 0.05, (0.01,), (1.0, 1.49, 1.333)  # the pinhole is in the first
 _WATER = 4.0 / 3.0
 
 
@@ -92,49 +96,44 @@ def _pinhole(focal_px: float) -> PerspectiveCamera:
     return PerspectiveCamera(SIZE_PX, SIZE_PX, focal_px, (middle, middle))
 
 
-def _boundary(index: float) -> OpticalSystem:
-    """Pinhole in front of one flat boundary."""
-    water = Surface(Plane(), pose((0.0, 0.0, _PORT_M)), medium=index)
-    return OpticalSystem(_pinhole(180.0), (water,), medium=1.0)
+def _flat(*boundaries: tuple[float, float]) -> OpticalSystem:
+    """Pinhole in air before flat boundaries: distance in m and refractive index behind each."""
+    surfaces = (Surface(Plane(), pose((0.0, 0.0, z)), medium=index) for z, index in boundaries)
+    return OpticalSystem(_pinhole(180.0), tuple(surfaces), medium=1.0)
 
 
 def _closed_forms() -> dict[str, tuple[TracedAxialRays, AxialRays]]:
     """Traced rays and their closed forms, by system."""
     hyperbolic = Hyperbolic()
     panes = zip(np.cumsum((_PORT_M, *_PANES_M)).tolist(), _MEDIA[1:], strict=True)
-    port = OpticalSystem(
-        _pinhole(180.0),
-        tuple(Surface(Plane(), pose((0.0, 0.0, z)), medium=index) for z, index in panes),
-        medium=_MEDIA[0],
-    )
+    port = _flat(*panes)
     systems = {
         "sphere": _system(Conic(_RADIUS_M), _VERTEX_M, 0.029),
         "sphere, as a profile": _system(Asphere(_RADIUS_M), _VERTEX_M, 0.029),
         "cone": _system(Cone(50.0), 0.12, 0.06, 450.0),
         "paper's hyperboloid": _system(hyperbolic, hyperbolic.vertex_m, 0.012, 1300.0),
         "paraboloid": _system(Conic(_RADIUS_M, -1.0), _VERTEX_M, 0.03),
-        "paraboloid, as a profile": _system(
-            Polynomial((0.0, 0.5 / _RADIUS_M)), _VERTEX_M, 0.03
-        ),
+        "paraboloid, as a profile": _system(Polynomial((0.0, 0.5 / _RADIUS_M)), _VERTEX_M, 0.03),
         "flat port": port,
-    }  # fmt: skip
+    }
     traced = {name: closed_forms.traced_rays(system) for name, system in systems.items()}
     focus_m = 0.5 * PAPER_C * PAPER_METERS_PER_UNIT
     semi_axis_m = focus_m * math.sqrt(1.0 - 2.0 / PAPER_K)  # Eq. 1
-    forms = {
-        "sphere": closed_forms.sphere(traced["sphere"].beta_rad, _VERTEX_M, _RADIUS_M),
-        "cone": closed_forms.cone(traced["cone"].beta_rad, 0.12, math.radians(50.0)),
-        "paper's hyperboloid": closed_forms.hyperboloid(
-            traced["paper's hyperboloid"].beta_rad, focus_m, semi_axis_m
-        ),
-        "paraboloid": closed_forms.paraboloid(traced["paraboloid"].beta_rad, _VERTEX_M, _RADIUS_M),
-        "flat port": closed_forms.flat_port(
-            traced["flat port"].beta_rad, _PORT_M, _PANES_M, _MEDIA
-        ),
-    }
-    for name in ("sphere", "paraboloid"):
-        forms[f"{name}, as a profile"] = forms[name]
-    return {name: (traced[name], forms[name]) for name in systems}
+
+    def expected(name: str, beta: NDArray[np.float64]) -> AxialRays:
+        match name.partition(",")[0]:
+            case "sphere":
+                return closed_forms.sphere(beta, _VERTEX_M, _RADIUS_M)
+            case "cone":
+                return closed_forms.cone(beta, 0.12, math.radians(50.0))
+            case "paraboloid":
+                return closed_forms.paraboloid(beta, _VERTEX_M, _RADIUS_M)
+            case "flat port":
+                return closed_forms.flat_port(beta, _PORT_M, _PANES_M, _MEDIA)
+            case _:
+                return closed_forms.hyperboloid(beta, focus_m, semi_axis_m)
+
+    return {name: (rays, expected(name, rays.beta_rad)) for name, rays in traced.items()}
 
 
 def _caustics() -> Iterator[tuple[str, float]]:
@@ -148,7 +147,7 @@ def _caustics() -> Iterator[tuple[str, float]]:
         across = 1.0 / (_RADIUS_M * np.sqrt(steepness))
         sheets = closed_forms.mirror_caustic(traced.beta_rad, rays, across / steepness, across)
         yield name, _caustic_error(system, traced, sheets)
-    system = _boundary(_WATER)
+    system = _flat((_PORT_M, _WATER))
     traced = closed_forms.traced_rays(system, 41)
     sheets = closed_forms.flat_port_caustic(traced.beta_rad, _PORT_M, _WATER)
     yield "flat boundary", _caustic_error(system, traced, sheets)
@@ -174,28 +173,34 @@ def _quartic_error_px() -> float:
 
     NaN if a point is not visible.
     """
-    system, focal_px = _boundary(_WATER), 180.0
+    system, focal_px = _flat((_PORT_M, _WATER)), 180.0
     generator = np.random.default_rng(5)
     radii_m, depths_m = generator.uniform(0.01, 0.4, 200), generator.uniform(0.3, 5.0, 200)
     points_m = np.column_stack((radii_m, np.zeros(200), _PORT_M + depths_m))
     seen = system.pixel_from_point(points_m)
     errors = []
-    for pixel, valid, radius_m, depth_m in zip(
-        seen.positions_px, seen.valid, radii_m, depths_m, strict=True
-    ):
+    projected = zip(seen.positions_px, seen.valid, radii_m, depths_m, strict=True)
+    for pixel, valid, radius_m, depth_m in projected:
         roots = closed_forms.flat_port_radius(radius_m, depth_m, _PORT_M, _WATER)
         expected_px = [0.5 * (SIZE_PX - 1) + focal_px * root / _PORT_M for root in roots]
-        errors.append(
-            min((abs(one - pixel[0]) for one in expected_px), default=math.nan)
-            if valid
-            else math.nan
-        )
+        distances_px = [abs(u - pixel[0]) for u in expected_px if valid]
+        errors.append(min(distances_px, default=math.nan))
     return float(np.max(errors))
 
 
 def _round_trips(step_px: int) -> Iterator[tuple[str, float, int, int]]:
     """Yield system, distance in m, number of points, and number of points that miss their pixel."""
-    for (name, system), distance_m in itertools.product(_round_systems().items(), DISTANCES_M):
+    systems = validation_systems()
+    middle = 0.5 * (SIZE_PX - 1)
+    fisheye = EquidistantCamera(SIZE_PX, SIZE_PX, 120.0, (middle, middle), math.radians(80.0))
+    for name in ("flat port", "dome port"):
+        systems[f"fisheye, {name}"] = OpticalSystem(fisheye, systems[name].surfaces)
+    systems["asphere"] = _system(Asphere(_RADIUS_M, 0.0, (1e3,)), _VERTEX_M, 0.028)
+    systems["polynomial"] = _system(Polynomial((0.1, 16.0, 0.0, 4e3)), _VERTEX_M, 0.028)
+    profile = Design(0.1, 20.0).equi_angular(105.0)
+    table = TabulatedProfile(profile.radii_m, profile.heights_m)
+    systems["table, equi-angular"] = _system(table, 0.1, table.domain_m, 494.5)
+    for (name, system), distance_m in itertools.product(systems.items(), DISTANCES_M):
         pixels = pixel_grid(system.width_px, system.height_px)[::step_px, ::step_px].reshape(-1, 2)
         rays = system.rays(pixels)
         points_m = rays.origins_m[rays.valid] + distance_m * rays.directions[rays.valid]
@@ -203,19 +208,3 @@ def _round_trips(step_px: int) -> Iterator[tuple[str, float, int, int]]:
         away_px = np.linalg.norm(seen.positions_px - pixels[rays.valid], axis=1)
         good: NDArray[np.bool_] = seen.valid & (away_px <= PIXEL_BOUND_PX)
         yield name, distance_m, len(good), int((~good).sum())
-
-
-def _round_systems() -> Mapping[str, OpticalSystem]:
-    """Systems of all shapes, and a fisheye under water."""
-    systems = validation_systems()
-    middle = 0.5 * (SIZE_PX - 1)
-    fisheye = EquidistantCamera(SIZE_PX, SIZE_PX, 120.0, (middle, middle), math.radians(80.0))
-    for name in ("flat port", "dome port"):
-        port = systems[name]
-        systems[f"fisheye, {name}"] = OpticalSystem(fisheye, port.surfaces)
-    systems["asphere"] = _system(Asphere(_RADIUS_M, 0.0, (1e3,)), _VERTEX_M, 0.028)
-    systems["polynomial"] = _system(Polynomial((0.1, 16.0, 0.0, 4e3)), _VERTEX_M, 0.028)
-    profile = Design(0.1, 20.0).equi_angular(105.0)
-    table = TabulatedProfile(profile.radii_m, profile.heights_m)
-    systems["table, equi-angular"] = _system(table, 0.1, table.domain_m, 494.5)
-    return systems

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +19,7 @@ from omnisim.rendering.rays.caster import DepthLimits, Rays
 from omnisim.rendering.rays.ray_backend import RayHitSource
 from omnisim.rendering.rays.ray_scene import RayScene
 from omnisim.rendering.stage import Stage
-from omnisim.report.measure import Measure
-from omnisim.report.report import ResultTable, Section
+from omnisim.report.report import Measure, ResultTable, Section
 from omnisim.scene import Scene, load_scene
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.optical_systems import validation_systems
@@ -32,9 +31,10 @@ CAST_BOUND, ALONE_BOUND, UNDECIDED_BOUND = 99.9, 99.4, 100.0
 
 def check(fixture: Fixture, title: str) -> Section:
     """Compare the triangles by virtual cameras and by rays, close to an object in each scene."""
+    names = SCENES[:1] if fixture.is_quick else SCENES
     compared = {
         (name, system): shares
-        for name in (SCENES[:1] if fixture.is_quick else SCENES)
+        for name in names
         for system, shares in measure_triangles(fixture, load_scene(name)).items()
     }
     return triangle_section(title, compared)
@@ -56,7 +56,7 @@ def measure_triangles(fixture: Fixture, scene: Scene) -> dict[str, SameTriangles
 def triangle_section(title: str, compared: Mapping[tuple[str, str], SameTriangles]) -> Section:
     """Section of the report with shares of pixels, given by scene and system."""
     shares = list(compared.values())
-    cast = [one.undecided_cast for one in shares if not math.isnan(one.undecided_cast)]
+    cast = [share.undecided_cast for share in shares if not math.isnan(share.undecided_cast)]
     return Section(
         title,
         "Share of pixels that show the first triangle on their exact ray, as cast by Embree, from "
@@ -64,29 +64,18 @@ def triangle_section(title: str, compared: Mapping[tuple[str, str], SameTriangle
         "some pixels undecided; the shares are with and without rays for these pixels.",
         (
             Measure("same triangle, rays for undecided pixels",
-                    _percent(one.cast for one in shares), "%", CAST_BOUND, at_least=True),
-            Measure("same triangle, virtual cameras alone", _percent(one.alone for one in shares),
-                    "%", ALONE_BOUND, at_least=True),
-            Measure("same triangle, of the undecided pixels by rays", _percent(cast), "%",
-                    UNDECIDED_BOUND, at_least=True),
+                    100.0 * min(share.cast for share in shares), "%", CAST_BOUND, at_least=True),
+            Measure("same triangle, virtual cameras alone",
+                    100.0 * min(share.alone for share in shares), "%", ALONE_BOUND, at_least=True),
+            Measure("same triangle, of the undecided pixels by rays",
+                    100.0 * min(cast, default=math.nan), "%", UNDECIDED_BOUND, at_least=True),
         ),
-        tables=(
-            ResultTable(
-                "Pixels of the same triangle in %",
-                ("scene", "system", "with rays", "without", "undecided"),
-                tuple(
-                    (scene, system, f"{100.0 * one.cast:.3f}", f"{100.0 * one.alone:.3f}",
-                     f"{100.0 * one.undecided:.2f}")
-                    for (scene, system), one in compared.items()
-                ),
-            ),
-        ),
+        (ResultTable("Pixels of the same triangle in %",
+                     ("scene", "system", "with rays", "without", "undecided"),
+                     tuple((scene, system, f"{100.0 * share.cast:.3f}",
+                            f"{100.0 * share.alone:.3f}", f"{100.0 * share.undecided:.2f}")
+                           for (scene, system), share in compared.items())),),
     )  # fmt: skip
-
-
-def _percent(shares: Iterable[float]) -> float:
-    """Minimum share in percent; NaN without shares."""
-    return 100.0 * min(shares, default=math.nan)
 
 
 # Triangles that virtual cameras show at an optical system's pixels, against exact rays.

@@ -20,10 +20,8 @@ from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import cylinder_view
 from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
+from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.scene import Scene, load_scene
-from omnisim.scene.model import Mesh
 from omnisim.validation.fixture import Fixture, linear_image, mirror_camera
 
 # Where each side of the room shows nothing but its paint, between two lines: meters east, north
@@ -69,7 +67,7 @@ def check(fixture: Fixture, title: str) -> Section:
                     bound=READS_BOUND, at_least=True),
             Measure("largest correlation with the word mirrored", mirrored, bound=0.6),
         ),
-        figures=(
+        figures=[
             CaptionedFigure("orientation-mirror",
                     gallery({f"heading {h:.0f}°": f.rgb for h, f in frames.items()}, 3),
                     "The mirror's image at three headings (0° is east, 90° north): the front wall "
@@ -77,32 +75,22 @@ def check(fixture: Fixture, title: str) -> Section:
             CaptionedFigure("orientation-panorama", gallery({"": panorama}, 1, side_in=10.0),
                     "The panorama, facing east: north is on the left, south on the right, and "
                     "words read normally."),
-        ),
+        ],
     )  # fmt: skip
 
 
-def _paint(scene: Scene, side: str) -> NDArray[np.float64]:
-    """Linear color of a side's paint: the most frequent color of its texture."""
-    mesh = _mesh(scene, side)
+def _texture(scene: Scene, side: str) -> NDArray[np.uint8]:
+    """Texture (height, width, 3) of a side of the room."""
+    mesh = next(mesh for mesh in scene.meshes if mesh.name == side)
     texture = scene.materials[mesh.material].texture
     assert texture is not None
-    # a color as one number: three bytes
-    packed = texture.pixels[..., :3].astype(np.int64) @ [1 << 16, 1 << 8, 1]
-    common = int(np.bincount(packed.ravel()).argmax())
-    return linear_from_srgb(np.array([common >> 16, common >> 8 & 255, common & 255]) / 255.0)
-
-
-def _mesh(scene: Scene, side: str) -> Mesh:
-    return next(mesh for mesh in scene.meshes if mesh.name == side)
+    return texture.pixels[..., :3]
 
 
 def _worst_color(scene: Scene, sensor: OmniCamera, frame: Frame, heading_deg: float) -> float:
     """Maximum difference in linear color between a side's paint and its pixels in the image."""
-    camera, linear, heading = (
-        mirror_camera(sensor),
-        linear_image(frame),
-        math.radians(heading_deg),
-    )
+    camera, linear = mirror_camera(sensor), linear_image(frame)
+    heading = math.radians(heading_deg)
     front = np.array([math.cos(heading), math.sin(heading), 0.0])
     image_right = np.cross([0.0, 0.0, 1.0], front)  # look × top, the camera looks up
     worst = 0.0
@@ -114,7 +102,12 @@ def _worst_color(scene: Scene, sensor: OmniCamera, frame: Frame, heading_deg: fl
         v = camera.principal_point_px[1] - radius * (level @ front)
         around = np.stack(np.meshgrid(u + np.arange(-1, 2), v + np.arange(-1, 2)), axis=-1)
         seen = [np.median(sample(linear[..., channel], around)) for channel in range(3)]
-        worst = max(worst, float(np.abs(np.array(seen) - _paint(scene, side)).max()))
+        # the paint is the texture's most frequent color; a color as one number: three bytes
+        packed = _texture(scene, side).astype(np.int64) @ [1 << 16, 1 << 8, 1]
+        common = int(np.bincount(packed.ravel()).argmax())
+        levels = np.array([common >> 16, common >> 8 & 255, common & 255])
+        paint = linear_from_srgb(levels / 255.0)
+        worst = max(worst, float(np.abs(np.array(seen) - paint).max()))
     return worst
 
 
@@ -136,9 +129,7 @@ def _reading(fixture: Fixture, scene: Scene) -> tuple[float, float, NDArray[np.u
     normal, mirrored = 1.0, -1.0
     # reading order: a turn to the right leads from east to south, west and north
     for quarter, side in enumerate(("east", "south", "west", "north")):
-        texture = scene.materials[_mesh(scene, side).material].texture
-        assert texture is not None
-        paint = texture.pixels[..., :3].astype(np.float64).mean(axis=2)
+        paint = _texture(scene, side).astype(np.float64).mean(axis=2)
         height, width = paint.shape
         # the middle of the wall, where its word is: ±0.4 rad, up to the rim's elevation
         azimuth = np.linspace(-0.4, 0.4, 241)
@@ -151,14 +142,14 @@ def _reading(fixture: Fixture, scene: Scene) -> tuple[float, float, NDArray[np.u
         # the same points on the wall, 3 m away, by plain trigonometry
         across_m = 3.0 * np.tan(azimuth)[None, :] * np.ones((121, 1))
         up_m = position[2] + 3.0 * tangent[:, None] / np.cos(azimuth)[None, :]
-        pixel = np.stack(
-            ((0.5 + across_m / 6.0) * width - 0.5, (1.0 - up_m / 3.0) * height - 0.5), axis=-1
-        )
+        column = (0.5 + across_m / 6.0) * width - 0.5
+        row = (1.0 - up_m / 3.0) * height - 0.5
+        pixel = np.stack((column, row), axis=-1)
         value = sample(paint, pixel)
         normal = min(normal, _correlation(seen, value))
         mirrored = max(mirrored, _correlation(seen[:, ::-1], value))
     return normal, mirrored, panorama
 
 
-def _correlation(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    return float(np.corrcoef(one.ravel(), other.ravel())[0, 1])
+def _correlation(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+    return float(np.corrcoef(first.ravel(), second.ravel())[0, 1])

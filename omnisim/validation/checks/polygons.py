@@ -9,20 +9,18 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import pixel_grid
 from omnisim.cameras.mirrors.tessellation import PAPER_POLYGON_COUNTS
-from omnisim.plots.plot_file import Figure
-from omnisim.plots.style import BLUE, GRAY, ORANGE, gallery, plot
+from omnisim.plots.style import BLUE, GRAY, ORANGE, Figure, gallery, plot
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from omnisim.rendering.opengl.gl.context import open_context
 from omnisim.rendering.stage import Stage
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, ResultTable, Section
+from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
 from omnisim.validation.fixture import Fixture, linear_image, mirror_camera
-from omnisim.validation.psnr import psnr_db
+from omnisim.validation.image_differences import psnr_db
 
 DEFAULT_SIZES_PX = (360, 1024)
-DETAIL_PX = (140, 4, 84, 60)  # left, top, width, height in the 360 px image
+DETAIL = (slice(4, 64), slice(140, 224))  # rows and columns of the 360 px image
 
 
 class MeshResult(NamedTuple):
@@ -51,6 +49,18 @@ def check(fixture: Fixture, title: str) -> Section:
     slope = float(np.polyfit(np.log(PAPER_POLYGON_COUNTS), np.log(means), 1)[0])
     paper = results[PAPER_POLYGONS]
     defaults = [sensor.resized(size) for size in DEFAULT_SIZES_PX]
+    rows = tuple(
+        (
+            str(polygons),
+            f"{result.error_px.mean():.3f}",
+            f"{np.percentile(result.error_px, 95):.3f}",
+            f"{result.error_px.max():.3f}",
+            f"{result.psnr_db:.1f}",
+        )
+        for polygons, result in results.items()
+    )
+    views = {f"{polygons} polygons": result.image for polygons, result in results.items()}
+    views["exact"] = exact.rgb
     return Section(
         title,
         "Images of 360 × 360 px by mirror meshes, against the exact capture. The error is the "
@@ -70,15 +80,13 @@ def check(fixture: Fixture, title: str) -> Section:
             ),
             Measure("slope", slope),
         ),
-        (_table(results),),
+        (ResultTable("Meshes against the exact capture, 360 × 360 px",
+                     ("polygons", "mean px", "95 % px", "max px", "PSNR dB"), rows),),
         (
-            CaptionedFigure("fig8-polygons",
-                    gallery({f"{n} polygons": r.image for n, r in results.items()}
-                            | {"exact": exact.rgb}, 3),
+            CaptionedFigure("fig8-polygons", gallery(views, 3),
                     "The same view with increasing numbers of polygons, and the exact capture."),
             CaptionedFigure("fig9-detail",
-                    gallery({f"{n} polygons": _detail(r.image) for n, r in results.items()}
-                            | {"exact": _detail(exact.rgb)}, 3),
+                    gallery({name: image[DETAIL] for name, image in views.items()}, 3),
                     "The same detail, magnified: lines are jagged up to 256 polygons."),
             CaptionedFigure("convergence", _figure(results, slope),
                     "Error over the number of polygons: inversely proportional."),
@@ -103,26 +111,6 @@ def shown_error_px(fixture: Fixture, sensor: OmniCamera) -> NDArray[np.float64]:
     # directions past the rim, which a mesh may show, have no position in the mirror's image
     errors: NDArray[np.float64] = np.linalg.norm(shown.positions_px - pixels, axis=-1)
     return errors[shown.valid]
-
-
-def _detail(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    left, top, width, height = DETAIL_PX
-    return image[top : top + height, left : left + width]
-
-
-def _table(results: dict[int, MeshResult]) -> ResultTable:
-    rows = tuple(
-        (
-            str(polygons),
-            f"{result.error_px.mean():.3f}",
-            f"{np.percentile(result.error_px, 95):.3f}",
-            f"{result.error_px.max():.3f}",
-            f"{result.psnr_db:.1f}",
-        )
-        for polygons, result in results.items()
-    )
-    heads = ("polygons", "mean px", "95 % px", "max px", "PSNR dB")
-    return ResultTable("Meshes against the exact capture, 360 × 360 px", heads, rows)
 
 
 def _figure(results: dict[int, MeshResult], slope: float) -> Figure:

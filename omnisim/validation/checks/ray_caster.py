@@ -18,11 +18,10 @@ from omnisim.plots.style import gallery
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.shared_scene import BackendName
 from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, ResultTable, Section
+from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
 from omnisim.scene import Scene, load_scene
 from omnisim.validation.fixture import TEXTURED_SCENE, Fixture
-from omnisim.validation.psnr import psnr_of_levels_db
+from omnisim.validation.image_differences import psnr_of_levels_db
 
 SCENES = (TEXTURED_SCENE, "soccer", "mapping")
 BOUND_DB = 36.0
@@ -37,9 +36,17 @@ def check(fixture: Fixture, title: str) -> Section:
     """Render images with both back ends, and compare colors and visible surfaces."""
     images: dict[str, NDArray[np.uint8]] = {}
     rows, worst_db, worst_percent = [], math.inf, math.inf
+    fisheye = EquidistantCamera(360, 360, 100.0, (179.5, 179.5), math.radians(100.0))
+    sensors = {"mirror": OmniCamera(), "fisheye": OmniCamera(fisheye)}
     for name in SCENES[:1] if fixture.is_quick else SCENES:
-        scene = _evenly_lit(name)
-        for lens, sensor in _sensors().items():
+        scene = load_scene(name, baked="none", sky="none")
+        # a single sample of a surface brighter than white would saturate its whole pixel
+        materials = [
+            dataclasses.replace(each, emissive=tuple(np.minimum(each.emissive, 1.0).tolist()))
+            for each in scene.materials
+        ]
+        scene = dataclasses.replace(scene, materials=tuple(materials))
+        for lens, sensor in sensors.items():
             cube = _frame(scene, sensor, "cube", fixture.device)
             rays = _frame(scene, sensor, "rays", None)
             seen = cube.valid & rays.valid
@@ -48,13 +55,11 @@ def check(fixture: Fixture, title: str) -> Section:
             worst_db, worst_percent = min(worst_db, decibels), min(worst_percent, percent)
             rows.append((name, lens, f"{decibels:.1f}", f"{percent:.2f}"))
             if name == TEXTURED_SCENE:
-                difference = np.abs(cube.rgb.astype(np.int16) - rays.rgb)
+                off = _SHOWN_FACTOR * np.abs(cube.rgb.astype(np.int16) - rays.rgb)
                 images |= {
                     f"{lens}, cube": cube.rgb,
                     f"{lens}, rays": rays.rgb,
-                    f"{lens}, difference": np.minimum(_SHOWN_FACTOR * difference, 255).astype(
-                        np.uint8
-                    ),
+                    f"{lens}, difference": np.minimum(off, 255).astype(np.uint8),
                 }
     return Section(
         title,
@@ -65,39 +70,11 @@ def check(fixture: Fixture, title: str) -> Section:
             Measure("worst image", worst_db, "dB", BOUND_DB, at_least=True),
             Measure("the same surface", worst_percent, "%", BOUND_SAME_PERCENT, at_least=True),
         ),
-        tables=(
-            ResultTable(
-                "PSNR in dB, and pixels of the same surface in %",
-                ("scene", "camera", "PSNR", "same surface"),
-                tuple(rows),
-            ),
-        ),
-        figures=(
-            CaptionedFigure(
-                "rays",
-                gallery(images, 3),
-                f"Images by both; differences are shown {_SHOWN_FACTOR} times as large.",
-            ),
-        ),
-    )
-
-
-def _evenly_lit(name: str) -> Scene:
-    """Scene in even light, with emitted light clipped to white.
-
-    A single sample of a brighter surface would otherwise saturate its whole pixel.
-    """
-    scene = load_scene(name, baked="none", sky="none")
-    materials = [
-        dataclasses.replace(one, emissive=tuple(np.minimum(one.emissive, 1.0).tolist()))
-        for one in scene.materials
-    ]
-    return dataclasses.replace(scene, materials=tuple(materials))
-
-
-def _sensors() -> dict[str, OmniCamera]:
-    fisheye = EquidistantCamera(360, 360, 100.0, (179.5, 179.5), math.radians(100.0))
-    return {"mirror": OmniCamera(), "fisheye": OmniCamera(fisheye)}
+        tables=(ResultTable("PSNR in dB, and pixels of the same surface in %",
+                            ("scene", "camera", "PSNR", "same surface"), tuple(rows)),),
+        figures=[CaptionedFigure("rays", gallery(images, 3),
+                 f"Images by both; differences are shown {_SHOWN_FACTOR} times as large.")],
+    )  # fmt: skip
 
 
 def _frame(scene: Scene, sensor: OmniCamera, backend: BackendName, device: int | None) -> Frame:
@@ -106,13 +83,13 @@ def _frame(scene: Scene, sensor: OmniCamera, backend: BackendName, device: int |
         return renderer.render(base, also=("range", "instance"))
 
 
-def _same_share(one: Frame, other: Frame) -> float:
+def _same_share(cube: Frame, rays: Frame) -> float:
     """Share of pixels at which both frames show the same surface, among pixels with a ray."""
-    assert one.has_ray is not None
-    near_m, far_m = one.channels["range"], other.channels["range"]
-    same = one.channels["instance"] == other.channels["instance"]
-    known = np.isfinite(near_m) & np.isfinite(far_m)
-    differs = np.abs(np.where(known, near_m, 0.0) - np.where(known, far_m, 0.0))
-    same &= differs <= SAME_RANGE * np.where(known, far_m, 0.0)
-    same &= np.isfinite(near_m) == np.isfinite(far_m)
-    return float(np.mean(same[one.has_ray]))
+    assert cube.has_ray is not None
+    cube_m, rays_m = cube.channels["range"], rays.channels["range"]
+    same = cube.channels["instance"] == rays.channels["instance"]
+    known = np.isfinite(cube_m) & np.isfinite(rays_m)
+    differs = np.abs(np.where(known, cube_m, 0.0) - np.where(known, rays_m, 0.0))
+    same &= differs <= SAME_RANGE * np.where(known, rays_m, 0.0)
+    same &= np.isfinite(cube_m) == np.isfinite(rays_m)
+    return float(np.mean(same[cube.has_ray]))

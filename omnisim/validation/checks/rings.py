@@ -12,11 +12,9 @@ from omnisim.cameras import HyperbolicCamera
 from omnisim.cameras.mirrors.hyperbolic import image_radius_eq2_px
 from omnisim.core.bilinear import sample
 from omnisim.ground_truth.frame import Frame
-from omnisim.plots.plot_file import Figure
-from omnisim.plots.style import BLUE, GRAY, ORANGE, RED, gallery, plot
+from omnisim.plots.style import BLUE, GRAY, ORANGE, RED, Figure, gallery, plot
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, ResultTable, Section
+from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
 from omnisim.scene import Scene, load_scene
 from omnisim.validation.fixture import Fixture, linear_image, max_abs, mirror_camera
 
@@ -56,10 +54,11 @@ def check(fixture: Fixture, title: str) -> Section:
     wide_sensor = OmniCamera.from_table(table).resized(1024)
     wide_frame = render(fixture, scene, wide_sensor)
     camera = mirror_camera(paper)
-    one, other = measure(exact, camera), measure(mesh, camera)
+    rings, by_mesh = measure(exact, camera), measure(mesh, camera)
     wide = measure(wide_frame, mirror_camera(wide_sensor))
     eq2_off = wide.radii_px.mean(axis=1) - wide.eq2_px
     relative = 100.0 * (wide.eq2_px / wide.exact_px - 1.0)
+    large = render(fixture, scene, OmniCamera().with_polygons(None).resized(720))
     return Section(
         title,
         "Radii of rings at every 5° of incidence, as in Fig. 7, measured at 720 azimuths. They "
@@ -71,22 +70,22 @@ def check(fixture: Fixture, title: str) -> Section:
         "error of the measurement.",
         (
             Measure("exact capture, 360 px: each ring's mean radius against the exact relation",
-                    max_abs(one.mean_error_px), "px", EXACT_BOUND_PX),
+                    max_abs(rings.mean_error_px), "px", EXACT_BOUND_PX),
             Measure("exact capture, 360 px: mean radius in any sector of 15°",
-                    one.sector_error_px(), "px", 3.0 * EXACT_BOUND_PX),
+                    rings.sector_error_px(), "px", 3.0 * EXACT_BOUND_PX),
             Measure("1024 polygons, 360 px: each ring's mean radius against the exact relation",
-                    max_abs(other.mean_error_px), "px", MESH_BOUND_PX),
+                    max_abs(by_mesh.mean_error_px), "px", MESH_BOUND_PX),
             Measure("1024 polygons, 360 px: mean radius in any sector of 15°",
-                    other.sector_error_px(), "px", MESH_BOUND_PX),
+                    by_mesh.sector_error_px(), "px", MESH_BOUND_PX),
             Measure("rim at 130°, exact capture, 1024 px: each ring's mean radius",
                     max_abs(wide.mean_error_px), "px", EXACT_BOUND_PX),
             Measure("ξ", camera.mirror.xi),
         ),
-        (_table(one, other),),
+        (_table(rings, by_mesh),),
         (
-            CaptionedFigure("fig7-rings", _image(fixture, scene),
+            CaptionedFigure("fig7-rings", gallery({"": large.rgb}, 1, side_in=6.5),
                     "Lines of equal incidence, 5° apart, in the exact mirror; 90° is red."),
-            CaptionedFigure("fig7-radii", _figure(wide, one, other),
+            CaptionedFigure("fig7-radii", _figure(wide, rings, by_mesh),
                     "Measured radii (dots) and Eq. 2 (line), minus the exact relation."),
         ),
     )  # fmt: skip
@@ -127,25 +126,16 @@ def exact_radius_px(
 
 
 def _table(exact: Rings, mesh: Rings) -> ResultTable:
+    columns = (
+        exact.angles_deg, exact.exact_px, exact.mean_error_px, mesh.mean_error_px, exact.eq2_px,
+    )  # fmt: skip
     rows = tuple(
         (
             f"{angle:.0f}°",
-            f"{radius:.3f}",
-            f"{radius + off_exact:.3f}",
-            f"{radius + off_mesh:.3f}",
-            f"{eq2:.3f}",
-            f"{off_exact:+.3f}",
-            f"{off_mesh:+.3f}",
-            f"{eq2 - radius:+.3f}",
+            *(f"{px:.3f}" for px in (radius, radius + off_exact, radius + off_mesh, eq2)),
+            *(f"{px:+.3f}" for px in (off_exact, off_mesh, eq2 - radius)),
         )
-        for angle, radius, off_exact, off_mesh, eq2 in zip(
-            exact.angles_deg,
-            exact.exact_px,
-            exact.mean_error_px,
-            mesh.mean_error_px,
-            exact.eq2_px,
-            strict=True,
-        )
+        for angle, radius, off_exact, off_mesh, eq2 in zip(*columns, strict=True)
     )
     return ResultTable(
         "Radii in pixels of a 360 × 360 image, and their differences from the exact relation",
@@ -153,11 +143,6 @@ def _table(exact: Rings, mesh: Rings) -> ResultTable:
          "exact capture −", "1024 polygons −", "Eq. 2 −"),
         rows,
     )  # fmt: skip
-
-
-def _image(fixture: Fixture, scene: Scene) -> Figure:
-    frame = render(fixture, scene, OmniCamera().with_polygons(None).resized(720))
-    return gallery({"": frame.rgb}, 1, side_in=6.5)
 
 
 def _figure(wide: Rings, exact: Rings, mesh: Rings) -> Figure:
@@ -175,18 +160,13 @@ def _figure(wide: Rings, exact: Rings, mesh: Rings) -> Figure:
     axes.axhline(0.0, color=GRAY, linewidth=1.0)
     axes.axvline(90.0, color=RED, linewidth=0.8, linestyle=":")
     axes.plot(wide.angles_deg, percent(wide.eq2_px, wide), color=ORANGE, label="Eq. 2 (ξ = 1)")
-    axes.plot(
-        wide.angles_deg, percent(wide.radii_px.mean(axis=1), wide), "o", color=BLUE,
-        label="measured, exact capture, 1024 px",
-    )  # fmt: skip
-    axes.plot(
-        exact.angles_deg, percent(exact.radii_px.mean(axis=1), exact), ".", color="black",
-        label="measured, exact capture, 360 px",
-    )  # fmt: skip
-    axes.plot(
-        mesh.angles_deg, percent(mesh.radii_px.mean(axis=1), mesh), "x", color=GRAY,
-        label="measured, 1024 polygons, 360 px",
-    )  # fmt: skip
+    for rings, mark, color, label in (
+        (wide, "o", BLUE, "exact capture, 1024 px"),
+        (exact, ".", "black", "exact capture, 360 px"),
+        (mesh, "x", GRAY, "1024 polygons, 360 px"),
+    ):
+        mean = percent(rings.radii_px.mean(axis=1), rings)
+        axes.plot(rings.angles_deg, mean, mark, color=color, label=f"measured, {label}")
     axes.legend(loc="lower left", frameon=False)
     return figure
 

@@ -9,16 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from omnisim.plots.plot_file import Figure
 from omnisim.plots.style import gallery
 from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
+from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.scene import load_scene
 from omnisim.scene.model import Light, LightKind, Material, Scene
 from omnisim.validation.fixture import Fixture, linear_image
+from omnisim.validation.image_differences import psnr_db
 from omnisim.validation.oracles.mitsuba_light import matte_on_both_sides
-from omnisim.validation.psnr import psnr_db
 from omnisim.validation.traced_light import (
     CAMERAS,
     beside,
@@ -37,12 +35,11 @@ SAMPLES = {"mirror": 144, "fisheye": 9}
 QUICK_SAMPLES = {"mirror": 36, "fisheye": 4}
 BOUND_DB = 34.0
 # Lamps whose shadow edges lie on floors: a low sun, and a lamp beside the field.
+_WHITE = (1.0, 1.0, 1.0)
 LOW_LAMPS = {
-    "soccer": Light(
-        LightKind.POINT, (1.0, 1.0, 1.0), 1500.0, position_m=np.array([-4.0, -2.5, 1.6])
-    ),
+    "soccer": Light(LightKind.POINT, _WHITE, 1500.0, position_m=np.array([-4.0, -2.5, 1.6])),
     "courtyard": Light(
-        LightKind.DIRECTIONAL, (1.0, 1.0, 1.0), 1e5, direction=np.array([0.74, 0.395, -0.544])
+        LightKind.DIRECTIONAL, _WHITE, 1e5, direction=np.array([0.74, 0.395, -0.544])
     ),
 }
 EDGES_SIZE_PX, EDGES_SAMPLES = 200, 25
@@ -61,12 +58,11 @@ def check(fixture: Fixture, title: str) -> Section:
             sensor = sensor_of(camera, size_px)
             pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
             traced = traced_light(scene, sensor, pose, samples[camera])
-            with open_sensor(scene, sensor, device=fixture.device) as renderer:
-                ours = linear_image(renderer.render(pose, linear=True))
+            ours = linear_image(fixture.render(scene, sensor, pose, unlit=False))
             inside, label = inside_rim(sensor), f"{name}, {camera}"
-            found_db = psnr_db(traced, ours, inside)
+            level_db = psnr_db(traced, ours, inside)
             measures.append(
-                Measure(f"{label}: default quality", found_db, "dB", BOUND_DB, at_least=True)
+                Measure(f"{label}: default quality", level_db, "dB", BOUND_DB, at_least=True)
             )
             images |= beside(label, traced, ours, inside)
         measures.append(_edges(fixture, name))
@@ -79,16 +75,11 @@ def check(fixture: Fixture, title: str) -> Section:
         "formula. The scenes in `omnisim/validation/lit` are built-in scenes with lamps or the "
         "sun, at exposures of 0.001 and 0.00001 per lux. Shadow edges are measured with one low "
         f"lamp on gray surfaces, at {EDGES_SIZE_PX} px, at least two pixels from any other edge.",
-        tuple(measures),
-        figures=(
-            CaptionedFigure(
-                "lit-scenes",
-                _figure(images),
-                "Lit scenes traced by Mitsuba in a mirror and through a fisheye, omnisim's images, "
-                "and their difference × 8.",
-            ),
-        ),
-    )
+        measures,
+        figures=[CaptionedFigure("lit-scenes", gallery(images, 6, side_in=2.7),
+                 "Lit scenes traced by Mitsuba in a mirror and through a fisheye, omnisim's "
+                 "images, and their difference × 8.")],
+    )  # fmt: skip
 
 
 def _edges(fixture: Fixture, name: str) -> Measure:
@@ -100,19 +91,14 @@ def _edges(fixture: Fixture, name: str) -> Measure:
     pose = sensor.base_pose(scene.start.position_m, yaw_deg=20.0)
     with open_sensor(scene, sensor, device=fixture.device) as renderer:
         frame = renderer.render(pose, linear=True, also=("instance", "normals"))
-    with open_sensor(bare, sensor, device=fixture.device) as renderer:
-        unshadowed = linear_image(renderer.render(pose, linear=True))
+    unshadowed = linear_image(fixture.render(bare, sensor, pose, unlit=False))
     counted = inside_rim(sensor) & inside_surfaces(
         frame.channels["instance"], frame.channels["normals"], unshadowed
     )
     traced = traced_light(scene, sensor, pose, EDGES_SAMPLES)
-    ours, theirs = (lit_share(one, unshadowed) for one in (linear_image(frame), traced))
-    found_px = edge_distance_px(ours, theirs, counted)
-    return Measure(f"{name}, edges of shadows, mean", found_px, "px", EDGES_BOUND_PX)
-
-
-def _figure(images: dict[str, NDArray[np.generic]]) -> Figure:
-    return gallery(images, 6, side_in=2.7)
+    ours, theirs = (lit_share(image, unshadowed) for image in (linear_image(frame), traced))
+    distance_px = edge_distance_px(ours, theirs, counted)
+    return Measure(f"{name}, edges of shadows, mean", distance_px, "px", EDGES_BOUND_PX)
 
 
 # Edges of shadows in two images, and their distance.
@@ -154,17 +140,23 @@ def inside_surfaces(
 
 
 def edge_distance_px(
-    one: NDArray[np.float32], other: NDArray[np.float32], where: NDArray[np.bool_]
+    first: NDArray[np.float32], second: NDArray[np.float32], where: NDArray[np.bool_]
 ) -> float:
     """Mean distance in px from each edge, in either image, to the nearest edge in the other.
 
     An edge is where half of the light arrives, linearly interpolated between pixels.
 
     Args:
-        one, other: (height, width) shares of light.
+        first, second: (height, width) shares of light.
         where: (height, width) pixels with relevant edges; the result is NaN without edges.
     """
-    finer = [_edges_across(values) for values in (one, other)]
+    finer = []  # masks of the edges
+    for values in (first, second):
+        is_lit = ndimage.zoom(values, _FINER, order=1, grid_mode=True, mode="nearest") > _HALF
+        edges = np.zeros(is_lit.shape, bool)
+        edges[1:] |= is_lit[1:] != is_lit[:-1]
+        edges[:, 1:] |= is_lit[:, 1:] != is_lit[:, :-1]
+        finer.append(edges)
     counted = ndimage.zoom(where, _FINER, order=0, grid_mode=True, mode="nearest")
     distances = []
     for edges, other_edges in (finer, finer[::-1]):
@@ -174,22 +166,14 @@ def edge_distance_px(
     return float(nearest_px.mean()) if len(nearest_px) else float("nan")
 
 
-def _edges_across(values: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """Mask of the edges in an image of light shares, at `_FINER` times the resolution."""
-    is_lit = ndimage.zoom(values, _FINER, order=1, grid_mode=True, mode="nearest") > _HALF
-    edges = np.zeros(is_lit.shape, bool)
-    edges[1:] |= is_lit[1:] != is_lit[:-1]
-    edges[:, 1:] |= is_lit[:, 1:] != is_lit[:, :-1]
-    return edges
-
-
 def gray_in_one_light(scene: Scene, light: Light) -> Scene:
     """Copy of the scene with plain gray surfaces, lit by one lamp."""
     return dataclasses.replace(
         scene,
-        meshes=tuple(dataclasses.replace(one, colors=None) for one in scene.meshes),
+        meshes=tuple(dataclasses.replace(mesh, colors=None) for mesh in scene.meshes),
         materials=tuple(
-            Material(one.name, _GRAY, double_sided=one.double_sided) for one in scene.materials
+            Material(material.name, _GRAY, double_sided=material.double_sided)
+            for material in scene.materials
         ),
         lighting=dataclasses.replace(scene.lighting, lights=(light,)),
     )

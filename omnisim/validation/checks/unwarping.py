@@ -13,15 +13,13 @@ from omnisim.core import poses
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.perception.unwarping.unwarping import Unwarping
 from omnisim.perception.unwarping.views import View, perspective_view
-from omnisim.plots.plot_file import Figure
-from omnisim.plots.style import BLUE, GRAY, gallery, plot
+from omnisim.plots.style import BLUE, GRAY, Figure, gallery, plot
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
+from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.validation.fixture import Fixture, linear_image, max_abs
+from omnisim.validation.image_differences import psnr_db
 from omnisim.validation.plain_scenes import WHITE, plain_scene, quads
-from omnisim.validation.psnr import psnr_db
 
 IMAGE_PX, VIEW_PX = 1440, 320
 YAW_DEG, PITCH_DEG = 30.0, 20.0
@@ -45,7 +43,9 @@ def check(fixture: Fixture, title: str) -> Section:
     psnr = psnr_db(unwarped, pinhole, suffices)
     bars = unwarp(_bars(fixture, sensor))
     lines = [_line(bars, view.camera, index) for index in range(BARS)]
-    bends = [_bend(line) for line in lines]
+    bends = [max_abs(_residuals(line)) if len(line) > 50 else math.nan for line in lines]
+    shown = {"unwarped": unwarped, "pinhole camera": pinhole}
+    masked = {name: np.where(unwarp.valid[..., None], x, 0.0) for name, x in shown.items()}
     return Section(
         title,
         f"A 90° view of {VIEW_PX} px, unwarped from the mirror's image of {IMAGE_PX} px, against "
@@ -60,10 +60,7 @@ def check(fixture: Fixture, title: str) -> Section:
             Measure("columns that the bars were measured in", sum(len(line) for line in lines)),
         ),
         figures=(
-            CaptionedFigure("unwarped",
-                    gallery({"unwarped": _masked(unwarped, unwarp.valid),
-                             "pinhole camera": _masked(pinhole, unwarp.valid),
-                             "bars, unwarped": bars}, 3),
+            CaptionedFigure("unwarped", gallery(masked | {"bars, unwarped": bars}, 3),
                     "The view unwarped from the mirror's image, the image of a pinhole camera, and "
                     "unwarped straight bars."),
             CaptionedFigure("straight-bars", _figure(lines),
@@ -93,12 +90,11 @@ def _image_pixels_per_pixel(sensor: OmniCamera, view: View) -> NDArray[np.float6
         directions = view.camera.ray_from_pixel(grid + step).directions @ rotation.T
         return sensor.model.pixel_from_ray(directions).positions_px
 
-    jacobian = np.stack(
-        (project((0.5, 0.0)) - project((-0.5, 0.0)), project((0.0, 0.5)) - project((0.0, -0.5))),
-        axis=-1,
-    )
+    u, v = ((0.5, 0.0), (0.0, 0.5))
+    steps = [project(step) - project((-step[0], -step[1])) for step in (u, v)]
     # NumPy's stubs give singular values any precision
-    return np.asarray(np.linalg.svd(jacobian, compute_uv=False)[..., 1], dtype=np.float64)
+    singular = np.linalg.svd(np.stack(steps, axis=-1), compute_uv=False)
+    return np.asarray(singular[..., 1], dtype=np.float64)
 
 
 def _bars(fixture: Fixture, sensor: OmniCamera) -> NDArray[np.float32]:
@@ -139,16 +135,8 @@ def _line(bars: NDArray[np.float32], camera: CentralCamera, index: int) -> NDArr
     return np.array(sorted(rows_by_column.items()))
 
 
-def _bend(line: NDArray[np.float64]) -> float:
-    return max_abs(_residuals(line)) if len(line) > 50 else math.nan
-
-
 def _residuals(line: NDArray[np.float64]) -> NDArray[np.float64]:
     return line[:, 1] - np.polyval(np.polyfit(line[:, 0], line[:, 1], 1), line[:, 0])
-
-
-def _masked(image: NDArray[np.float32], valid: NDArray[np.bool_]) -> NDArray[np.float32]:
-    return np.where(valid[..., None], image, 0.0)
 
 
 def _figure(lines: list[NDArray[np.float64]]) -> Figure:

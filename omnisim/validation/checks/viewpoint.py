@@ -10,11 +10,9 @@ import numpy as np
 
 from omnisim.cameras.mirrors import HyperbolicMirror
 from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
-from omnisim.plots.plot_file import Figure
-from omnisim.plots.style import BLUE, GRAY, ORANGE, plot
+from omnisim.plots.style import BLUE, GRAY, ORANGE, Figure, plot
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
+from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.validation.fixture import Fixture, max_abs, mirror_camera
 
 # The focus property is exact: the error is float64 rounding, which grows with the path.
@@ -24,7 +22,11 @@ BOUND_C = 1e-9
 def check(fixture: Fixture, title: str) -> Section:
     """Reflect rays over the whole mirror, and measure their distances from the viewpoint."""
     camera = mirror_camera(OmniCamera())
-    mirror, tangents = camera.mirror, _tangents(camera.mirror, 301)
+    mirror = camera.mirror
+    rim = float(mirror.tangent_from_theta(mirror.theta_max_rad))
+    line = np.linspace(-rim, rim, 301)
+    grid = np.stack(np.meshgrid(line, line), axis=-1)
+    tangents = grid[np.hypot(grid[..., 0], grid[..., 1]) <= rim]
     points, reflected = reflect(mirror, tangents)
     misses = np.linalg.norm(np.cross(points, reflected), axis=-1)
     # the same rays by the camera model, whose optical frame has y and z reversed
@@ -41,15 +43,10 @@ def check(fixture: Fixture, title: str) -> Section:
             Measure("largest angle to the camera model's rays", max_abs(angles), "rad", BOUND_C),
             Measure("rays", misses.size),
         ),
-        figures=(
-            CaptionedFigure(
-                "single-viewpoint",
-                _figure(mirror),
-                "Section of the mirror. Rays of the scene (orange) point at the effective "
-                "viewpoint, and are reflected into the pinhole (blue).",
-            ),
-        ),
-    )
+        figures=[CaptionedFigure("single-viewpoint", _figure(mirror),
+                 "Section of the mirror. Rays of the scene (orange) point at the effective "
+                 "viewpoint, and are reflected into the pinhole (blue).")],
+    )  # fmt: skip
 
 
 def reflect(mirror: HyperbolicMirror, tangents: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -77,13 +74,6 @@ def reflect(mirror: HyperbolicMirror, tangents: np.ndarray) -> tuple[np.ndarray,
     return points, directions - 2.0 * along * normals
 
 
-def _tangents(mirror: HyperbolicMirror, count: int) -> np.ndarray:
-    rim = float(mirror.tangent_from_theta(mirror.theta_max_rad))
-    line = np.linspace(-rim, rim, count)
-    grid = np.stack(np.meshgrid(line, line), axis=-1)
-    return grid[np.hypot(grid[..., 0], grid[..., 1]) <= rim]
-
-
 def _figure(mirror: HyperbolicMirror) -> Figure:
     figure, axes = plot("One effective viewpoint", "r / c", "z / c", 7.0, 6.0)
     rim = float(mirror.tangent_from_theta(mirror.theta_max_rad))
@@ -92,20 +82,13 @@ def _figure(mirror: HyperbolicMirror) -> Figure:
     axes.plot(surface[:, 0], surface[:, 2], color="black", linewidth=2.0, label="mirror, Eq. 1")
     points, reflected = reflect(mirror, tangents[4::16])
     for number, (point, away) in enumerate(zip(points, reflected, strict=True)):
-        first = number == 0
-        axes.plot(
-            [0.0, point[0]], [1.0, point[2]], color=BLUE, linewidth=0.9,
-            label="to the pinhole" if first else None,
-        )  # fmt: skip
-        end = point + 0.45 * away
-        axes.plot(
-            [point[0], end[0]], [point[2], end[2]], color=ORANGE, linewidth=0.9,
-            label="from the scene" if first else None,
-        )  # fmt: skip
-        axes.plot(
-            [point[0], 0.0], [point[2], 0.0], color=GRAY, linewidth=0.7, linestyle=":",
-            label="prolonged" if first else None,
-        )  # fmt: skip
+        for end, color, width, style, label in (
+            (np.array((0.0, 0.0, 1.0)), BLUE, 0.9, "-", "to the pinhole"),
+            (point + 0.45 * away, ORANGE, 0.9, "-", "from the scene"),
+            (np.zeros(3), GRAY, 0.7, ":", "prolonged"),
+        ):
+            axes.plot([point[0], end[0]], [point[2], end[2]], style, color=color, linewidth=width,
+                      label=label if number == 0 else None)  # fmt: skip
     axes.plot(0.0, 0.0, "o", color=ORANGE, label="effective viewpoint")
     axes.plot(0.0, 1.0, "o", color=BLUE, label="pinhole")
     axes.set_aspect("equal")

@@ -20,20 +20,13 @@ FOUND_WITHIN_SHARE = 0.25
 
 @dataclass(frozen=True)
 class DetectionMatch:
-    """Landmark in one image, with its detection.
+    """Landmark in one image, with its detection."""
 
-    Attributes:
-        step: step of the image.
-        landmark: name of the landmark.
-        range_m: true range.
-        detection: detection of the landmark; None: not detected.
-        range_error_m, bearing_error_rad: detected minus true values; NaN without a detection.
-    """
-
-    step: int
-    landmark: str
-    range_m: float
-    detection: Detection | None
+    step: int  # step of the image
+    landmark: str  # name of the landmark
+    range_m: float  # true range
+    detection: Detection | None  # detection of the landmark; None: not detected
+    # detected minus true values; NaN without a detection
     range_error_m: float = math.nan
     bearing_error_rad: float = math.nan
 
@@ -72,34 +65,25 @@ def compare(
             if detection is None:
                 matches.append(DetectionMatch(step, name, range_m, None))
                 continue
-            off = wrap_angle(detection.bearing_rad - bearing_rad)
-            matches.append(
-                DetectionMatch(step, name, range_m, detection, detection.range_m - range_m, off)
-            )
+            range_error_m = detection.range_m - range_m
+            off_rad = wrap_angle(detection.bearing_rad - bearing_rad)
+            matches.append(DetectionMatch(step, name, range_m, detection, range_error_m, off_rad))
     return matches
 
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Accuracy of a detector in a range interval.
+    """Accuracy of a detector in a range interval."""
 
-    Attributes:
-        recall: true positives as a share of landmarks.
-        precision: true positives as a share of detections.
-        bearing_rms_rad: RMS bearing error of true positives.
-        range_rms_share, range_eq2_rms_share: RMS range errors of true positives as shares of the
-            true range, by the exact relation and by Eq. 2.
-        eq2_mean_m: mean of the range by Eq. 2 minus the range by the exact relation.
-        count: number of true positives.
-    """
-
-    recall: float
-    precision: float
-    bearing_rms_rad: float
+    recall: float  # true positives as a share of landmarks
+    precision: float  # true positives as a share of detections
+    bearing_rms_rad: float  # RMS bearing error of true positives
+    # RMS range errors of true positives as shares of the true range, by the exact relation and by
+    # Eq. 2
     range_rms_share: float
     range_eq2_rms_share: float
-    eq2_mean_m: float
-    count: int
+    eq2_mean_m: float  # mean of the range by Eq. 2 minus the range by the exact relation
+    count: int  # number of true positives
 
 
 def accuracy(matches: Sequence[DetectionMatch], nearest_m: float, farthest_m: float) -> Accuracy:

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.perception.landmarks.color_model import Training
-from omnisim.perception.landmarks.landmark_detector import Detection
 from omnisim.perception.localization.filter_parameters import FilterParameters
-from omnisim.plots.detection_plots import (
+from omnisim.plots.localization_plots import (
     Rates,
     curves_figure,
     detections_figure,
@@ -20,13 +19,15 @@ from omnisim.plots.detection_plots import (
     roc_figure,
 )
 from omnisim.plots.style import gallery
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, ResultTable, Section
+from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
 from omnisim.runs.run_labels import RunLabels
 from omnisim.validation.experiments.detection_accuracy import DetectionMatch, accuracy
-from omnisim.validation.experiments.experiment_runs import RealExperiment, SimulationExperiment
+from omnisim.validation.experiments.experiment_runs import (
+    Progress,
+    RealExperiment,
+    SimulationExperiment,
+)
 from omnisim.validation.experiments.recordings import Recordings
-from omnisim.validation.experiments.seeds import Progress
 from omnisim.validation.experiments.sweep import CAUSES, Outcome, sweep
 
 EDGES_M = np.arange(0.0, 6.01, 0.5)
@@ -39,12 +40,13 @@ def images(
     steps = (4, 20, 47)
     shown = {f"real setting, step {step}": runs.real.image(step) for step in steps}
     shown |= {f"simulation, step {step}": runs.simulated.image(step) for step in steps}
-    rows = [
-        (f"{name}, step {step}", each.detector.panorama(each.run.image(step)),
-         each.detections[step])
-        for name, each in (("simulation", simulated), ("real setting", real))
-        for step in _steps_with_most(each.detections)
-    ]  # fmt: skip
+    rows = []
+    for name, experiment in (("simulation", simulated), ("real setting", real)):
+        counts = np.array([len(of_step) for of_step in experiment.detections])
+        half = len(counts) // 2
+        for step in (int(counts[:half].argmax()), half + int(counts[half:].argmax())):
+            panorama = experiment.detector.panorama(experiment.run.image(step))
+            rows.append((f"{name}, step {step}", panorama, experiment.detections[step]))
     return Section(
         "Fig. 11: images side by side",
         "Simulation: a P2AT with an ideal camera. Real setting, as simulated here: a Super Scout "
@@ -63,17 +65,10 @@ def images(
     )  # fmt: skip
 
 
-def _steps_with_most(detections: Sequence[Sequence[Detection]]) -> list[int]:
-    """Steps with the most detections, one in each half of a run."""
-    counts = np.array([len(of_step) for of_step in detections])
-    half = len(counts) // 2
-    return [int(counts[:half].argmax()), half + int(counts[half:].argmax())]
-
-
 def colors(trained: Training, simulated: SimulationExperiment, real: RealExperiment) -> Section:
     """Eq. 3: pixel classification by histograms, clean and degraded."""
     model = trained.model
-    numbers, rows = [], []
+    rows = []
     for index, name in enumerate(model.colors):
         clean, degraded = simulated.pixels, real.pixels
         rows.append(
@@ -90,10 +85,10 @@ def colors(trained: Training, simulated: SimulationExperiment, real: RealExperim
     ]  # fmt: skip
     curves = {
         title: [
-            (name, each.pixels.curves[name], model.thresholds[index])
-            for index, name in enumerate(model.colors)
+            (name, experiment.pixels.curves[name], threshold)
+            for name, threshold in zip(model.colors, model.thresholds, strict=True)
         ]
-        for title, each in (("clean images", simulated), ("degraded images", real))
+        for title, experiment in (("clean images", simulated), ("degraded images", real))
     }
     table = ResultTable(
         "Classified pixels on test drives. The threshold Θ of Eq. 3 has the lowest cost on "

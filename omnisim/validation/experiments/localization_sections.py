@@ -16,14 +16,14 @@ from omnisim.plots.localization_plots import (
     paths_figure,
     seeds_figure,
 )
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, ResultTable, Section
+from omnisim.report.report import CaptionedFigure, Measure, ResultTable, Section
 from omnisim.validation.experiments.experiment_runs import (
     SEEDS,
     RealExperiment,
     SimulationExperiment,
+    in_field_of_view,
+    run_seeds,
 )
-from omnisim.validation.experiments.seeds import SeedRuns, in_field_of_view, run_seeds
 
 LATE_STEP = 5
 PAPER_BOUND_M, SIMULATED_BOUND_M = 0.6, 0.5
@@ -85,16 +85,12 @@ def second_experiment(real: RealExperiment) -> Section:
     """The paper's real setting: 20 seeds against the bounds."""
     seeds = real.seeds
     opens = seeds.gate_opening_steps
-    after = [
-        float(errors[int(step) :].max())
+    gated = [
+        errors[int(step) :]
         for errors, step in zip(seeds.errors_m, opens, strict=True)
         if math.isfinite(step)
     ]
-    late = [
-        float(errors[int(step) :].mean())
-        for errors, step in zip(seeds.errors_m, opens, strict=True)
-        if math.isfinite(step)
-    ]
+    after, late = [float(each.max()) for each in gated], [float(each.mean()) for each in gated]
     wheels = seeds.reckoned_m.max(axis=1)
     numbers = [
         Measure("step at which the gate opens, median", float(np.median(opens)), "",
@@ -136,7 +132,9 @@ def second_experiment(real: RealExperiment) -> Section:
 
 def side_by_side(simulated: SimulationExperiment, real: RealExperiment) -> Section:
     """Fig. 12 and 13: one seed of each experiment."""
-    chosen = _typical(real.seeds)
+    opens = real.seeds.gate_opening_steps
+    known = np.where(np.isfinite(opens), opens, 1e9)
+    chosen = int(np.abs(known - np.median(opens)).argmin())
     first, second = simulated.seeds.tracks[0], real.seeds.tracks[chosen]
     panels = [
         PathPanel("real setting: Super Scout, clockwise", second, real.run.true_poses,
@@ -162,33 +160,24 @@ def side_by_side(simulated: SimulationExperiment, real: RealExperiment) -> Secti
     )  # fmt: skip
 
 
-def _typical(seeds: SeedRuns) -> int:
-    opens = seeds.gate_opening_steps
-    known = np.where(np.isfinite(opens), opens, 1e9)
-    return int(np.abs(known - np.median(opens)).argmin())
-
-
 def gains(simulated: SimulationExperiment) -> Section:
     """Errors of odometry alone, with a 90° camera facing ahead, and an omnidirectional camera."""
     full = simulated.seeds
-    ahead = run_seeds(
-        simulated.run,
-        simulated.odometry_errors,
-        [in_field_of_view(each, FORWARD_RAD) for each in simulated.observations],
-        simulated.parameters,
+    full = simulated.seeds
+    forward = [in_field_of_view(each, FORWARD_RAD) for each in simulated.observations]
+    errors, parameters = simulated.odometry_errors, simulated.parameters
+    ahead = run_seeds(simulated.run, errors, forward, parameters)
+    seen, seen_ahead = (
+        float(np.mean([len(step) for each in observations for step in each]))
+        for observations in (simulated.observations, forward)
     )
-    seen = [np.mean([len(step) for step in each]) for each in simulated.observations]
-    seen_ahead = [
-        np.mean([len(step) for step in in_field_of_view(each, FORWARD_RAD)])
-        for each in simulated.observations
-    ]
     rows = []
-    for name, errors, count in (
+    for name, errors_m, count in (
         ("wheels alone", full.reckoned_m, 0.0),
-        ("90° ahead", ahead.errors_m, float(np.mean(seen_ahead))),
-        ("all around", full.errors_m, float(np.mean(seen))),
+        ("90° ahead", ahead.errors_m, seen_ahead),
+        ("all around", full.errors_m, seen),
     ):
-        late = errors[:, LATE_STEP:]
+        late = errors_m[:, LATE_STEP:]
         low, high = np.percentile(late.mean(axis=1), (2.5, 97.5))
         rows.append(
             (name, f"{count:.2f}", f"{np.median(late.mean(axis=1)):.4f}",

@@ -12,6 +12,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.core.poses import pose
 from omnisim.core.trajectories.odometry import Odometry
 from omnisim.scene import Scene
 from omnisim.scene.model import Instance, Light, Lighting, LightKind, Material, Mesh
@@ -40,21 +41,29 @@ START_ERROR = (0.10, -0.10, math.radians(12.0))
 
 def cluttered(scene: Scene) -> Scene:
     """Scene with boxes around the field and a lamp over one corner."""
-    materials, meshes, instances = (
-        list(scene.materials), list(scene.meshes), list(scene.instances),
-    )  # fmt: skip
+    materials, meshes = list(scene.materials), list(scene.meshes)
+    instances = list(scene.instances)
     for number, (x, y, edge_m, color) in enumerate(CLUTTER, start=1):
         materials.append(Material(f"clutter_{number:02d}", (*color, 1.0)))
         meshes.append(_box(f"clutter_{number:02d}", edge_m, len(materials) - 1))
-        world_from_mesh = np.eye(4)
-        world_from_mesh[:3, 3] = x, y, 0.5 * edge_m
-        instances.append(Instance(f"clutter_box_{number:02d}", len(meshes) - 1, world_from_mesh))
+        place = pose((x, y, 0.5 * edge_m))
+        instances.append(Instance(f"clutter_box_{number:02d}", len(meshes) - 1, place))
+    even = [
+        dataclasses.replace(light, intensity=EVEN_SHARE * light.intensity)
+        for light in scene.lighting.lights
+    ]
+    lamp = Light(
+        LightKind.POINT, (1.0, 0.93, 0.80), LAMP_CD, position_m=np.array(LAMP_M),
+        range_m=math.inf, casts_shadow=False,
+    )  # fmt: skip
+    red, green, blue = scene.lighting.ambient
+    ambient = (EVEN_SHARE * red, EVEN_SHARE * green, EVEN_SHARE * blue)
     return dataclasses.replace(
         scene,
         meshes=tuple(meshes),
         materials=tuple(materials),
         instances=tuple(instances),
-        lighting=_uneven(scene.lighting),
+        lighting=Lighting(ambient, (*even, lamp), scene.lighting.exposure),
     )
 
 
@@ -63,20 +72,6 @@ def with_wrong_start(odometry: Odometry) -> Odometry:
     x, y, yaw = odometry.start
     dx, dy, dyaw = START_ERROR
     return dataclasses.replace(odometry, start=(x + dx, y + dy, yaw + dyaw))
-
-
-def _uneven(lighting: Lighting) -> Lighting:
-    even = [
-        dataclasses.replace(light, intensity=EVEN_SHARE * light.intensity)
-        for light in lighting.lights
-    ]
-    lamp = Light(
-        LightKind.POINT, (1.0, 0.93, 0.80), LAMP_CD, position_m=np.array(LAMP_M),
-        range_m=math.inf, casts_shadow=False,
-    )  # fmt: skip
-    red, green, blue = lighting.ambient
-    ambient = (EVEN_SHARE * red, EVEN_SHARE * green, EVEN_SHARE * blue)
-    return Lighting(ambient, (*even, lamp), lighting.exposure)
 
 
 def _box(name: str, edge_m: float, material: int) -> Mesh:

@@ -15,8 +15,8 @@ from omnisim.runs.route import Route
 from omnisim.runs.run_data import RunData, read_run
 from omnisim.scene import load_scene
 from omnisim.scene.model import Scene, ScenePath
+from omnisim.validation.experiments.experiment_runs import Progress
 from omnisim.validation.experiments.real_setting import cluttered
-from omnisim.validation.experiments.seeds import Progress
 
 SCENE = "soccer"
 # A path across the field for training, unlike all other drives: landmarks from near and far, and
@@ -33,17 +33,11 @@ REAL_FULL_WELL_E = 2500.0
 
 @dataclass(frozen=True)
 class Recordings:
-    """Runs of the experiments.
+    """Runs of the experiments."""
 
-    Attributes:
-        learning: training run, P2AT.
-        simulated: the paper's simulation, P2AT, counter-clockwise.
-        real: the paper's real setting, Super Scout, clockwise, degraded.
-    """
-
-    learning: RunData
-    simulated: RunData
-    real: RunData
+    learning: RunData  # training run, P2AT
+    simulated: RunData  # the paper's simulation, P2AT, counter-clockwise
+    real: RunData  # the paper's real setting, Super Scout, clockwise, degraded
 
 
 def real_camera() -> Degradation:

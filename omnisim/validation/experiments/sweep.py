@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,13 +24,16 @@ from omnisim.perception.landmarks.color_model import ColorModel
 from omnisim.perception.landmarks.landmark_detector import LandmarkDetector
 from omnisim.perception.localization.filter import LandmarkMap
 from omnisim.perception.localization.filter_parameters import FilterParameters
-from omnisim.perception.localization.localize import observation_from_detection
 from omnisim.rendering.camera.degradations import Jpeg, Vignetting, WhiteBalance
 from omnisim.rendering.camera.degradations.defocus import covered_share
 from omnisim.rendering.camera.degradations.effect import ImageGeometry
 from omnisim.runs.run_data import RunData
 from omnisim.validation.experiments.detection_accuracy import accuracy, compare
-from omnisim.validation.experiments.seeds import Progress, run_seeds
+from omnisim.validation.experiments.experiment_runs import (
+    Progress,
+    observations_from_detections,
+    run_seeds,
+)
 
 NEAR_M = 4.0
 SEEDS = 5  # of the odometry noise, at each level
@@ -40,39 +44,26 @@ Light = NDArray[np.float32]  # (height, width, 4) linear; the fourth is 1 where 
 
 @dataclass(frozen=True)
 class Cause:
-    """Degradation in the sweep.
+    """Degradation in the sweep."""
 
-    Attributes:
-        name: name in the report.
-        unit: unit of the levels.
-        levels: levels in increasing strength.
-        apply: function that degrades light at a level and step.
-    """
-
-    name: str
-    unit: str
-    levels: tuple[float, ...]
+    name: str  # name in the report
+    unit: str  # unit of the levels
+    levels: tuple[float, ...]  # levels in increasing strength
+    # function that degrades light at a level and step
     apply: Callable[[Light, ImageGeometry, float, int], Light]
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """Results at one level of a degradation.
+    """Results at one level of a degradation."""
 
-    Attributes:
-        recall, precision: rates for landmarks within `NEAR_M`.
-        bearing_rms_rad: RMS bearing error of true positives.
-        range_rms_share: RMS range error of true positives, as a share of the range.
-        false_alarms: share of pixels without a landmark that are taken for a landmark's color.
-        error_m: median over seeds of the mean position error.
-    """
-
+    # rates for landmarks within `NEAR_M`
     recall: float
     precision: float
-    bearing_rms_rad: float
-    range_rms_share: float
-    false_alarms: float
-    error_m: float
+    bearing_rms_rad: float  # RMS bearing error of true positives
+    range_rms_share: float  # RMS range error of true positives, as a share of the range
+    false_alarms: float  # share of pixels without a landmark that are taken for a landmark's color
+    error_m: float  # median over seeds of the mean position error
 
 
 def _defocus(light: Light, geometry: ImageGeometry, level: float, step: int) -> Light:
@@ -174,41 +165,34 @@ def sweep(
         assert poses is not None
         landmarks = LandmarkMap.of_scene(run.landmarks)
         near = accuracy(compare(detections, poses, landmarks, run.mount.position_m), 0.0, NEAR_M)
-        seen = [
-            [observation_from_detection(each, parameters.measurement) for each in step]
-            for step in detections
-        ]
+        seen = observations_from_detections(detections, parameters)
         seeds = run_seeds(run, wheels, [seen] * SEEDS, parameters)
+        error_m = float(np.median(seeds.errors_m[:, 5:].mean(axis=1)))
         return Outcome(
             near.recall,
             near.precision,
             near.bearing_rms_rad,
             near.range_rms_share,
             alarms / max(others, 1),
-            float(np.median(seeds.errors_m[:, 5:].mean(axis=1))),
+            error_m,
         )
 
     tasks = [(cause, level) for cause in CAUSES for level in cause.levels]
     outcomes: dict[str, list[Outcome]] = {cause.name: [] for cause in CAUSES}
     for index in progress("degradations, one by one", len(tasks))(range(len(tasks))):
         cause, level = tasks[index]
-
-        def change(
-            image: NDArray[np.uint8], step: int, cause: Cause = cause, level: float = level
-        ) -> NDArray[np.uint8]:
-            return degraded(image, shown, geometry, cause, level, step)
-
+        change = partial(degraded, shown=shown, geometry=geometry, cause=cause, level=level)
         outcomes[cause.name].append(evaluate(change))
     return evaluate(lambda image, _: image), outcomes
 
 
 def degraded(
     image: NDArray[np.uint8],
+    step: int,
     shown: NDArray[np.bool_],
     geometry: ImageGeometry,
     cause: Cause,
     level: float,
-    step: int,
 ) -> NDArray[np.uint8]:
     """Image (height, width, 3), sRGB, with one degradation."""
     light = np.concatenate((linear_from_srgb8(image), shown[..., None].astype(np.float32)), axis=-1)

@@ -30,21 +30,13 @@ BOUNDS = {
 
 @dataclass(frozen=True, eq=False)
 class ReferenceCamera:
-    """Camera of the reference implementation's simulator, with known noise.
+    """Camera of the reference implementation's simulator, with known noise."""
 
-    Attributes:
-        camera: `Camera` of the reference implementation.
-        bit_depth: bits of the converter.
-        exposure_s: exposure time at which `radiance` saturates the camera.
-        radiance: light of the flat fields, in the simulator's units.
-        true: true values by key of the sensor file.
-    """
-
-    camera: Any
-    bit_depth: int
-    exposure_s: float
-    radiance: Any
-    true: dict[str, float]
+    camera: Any  # `Camera` of the reference implementation
+    bit_depth: int  # bits of the converter
+    exposure_s: float  # exposure time at which `radiance` saturates the camera
+    radiance: Any  # light of the flat fields, in the simulator's units
+    true: dict[str, float]  # true values by key of the sensor file
 
     @classmethod
     def drawn(cls, seed: int, size: tuple[int, int] = (640, 480)) -> ReferenceCamera:
@@ -102,21 +94,13 @@ class ReferenceCamera:
 
 @dataclass(frozen=True)
 class ReferenceResults:
-    """Noise by the reference implementation.
-
-    Attributes:
-        gain_e_per_dn: electrons per step of the converter.
-        dark_noise_e: temporal noise without light or exposure.
-        dsnu_e: dark-signal nonuniformity.
-        prnu: photo-response nonuniformity as a share.
-        max_snr_db: signal-to-noise ratio at saturation, decibels.
-    """
+    """Noise by the reference implementation."""
 
     gain_e_per_dn: float
-    dark_noise_e: float
+    dark_noise_e: float  # without light or exposure
     dsnu_e: float
     prnu: float
-    max_snr_db: float
+    max_snr_db: float  # at saturation
 
 
 Frames = Sequence[NDArray[Any]]
@@ -137,8 +121,8 @@ def reference_results(exposures: Mapping[float, tuple[Frames, Frames]]) -> Refer
     for number, (time_s, groups) in enumerate(sorted(exposures.items()), start=1):
         parts = [get_int_imgs(list(frames[:2])) for frames in groups]
         sums = [
-            {"sum": one["sum"].sum(), "pvar": one["pvar"].sum(), "dmean": one["dmean"]}
-            for one in parts
+            {"sum": part["sum"].sum(), "pvar": part["pvar"].sum(), "dmean": part["dmean"]}
+            for part in parts
         ]
         # light counts only by its order: photons are unknown, and no result here needs them
         temporal[time_s] = {0.0: sums[0], 1000.0 * number: sums[1]}

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from omnisim.rendering.rays.caster import NO_TRIANGLE, EmbreeMesh
 from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
+from omnisim.report.report import Measure
 from omnisim.scene import Scene
 from omnisim.scene.model import Material
 from omnisim.sensors import SpinningLidar
@@ -44,16 +44,16 @@ class _Triangles(NamedTuple):
     def of(cls, scene: Scene) -> _Triangles:
         """Triangles of a scene whose meshes have one color per triangle."""
         corners, reds = [], []
-        for one in scene.instances:
-            mesh = scene.meshes[one.mesh]
-            pose = one.world_from_mesh
+        for instance in scene.instances:
+            mesh = scene.meshes[instance.mesh]
+            pose = instance.world_from_mesh
             positions_m = mesh.positions @ pose[:3, :3].T + pose[:3, 3]
             corners.append(positions_m[mesh.triangles].astype(np.float64))
-            color = scene.materials[mesh.material].base_color[0]
-            if mesh.colors is None:
-                reds.append(np.full(len(mesh.triangles), color))
-            else:
-                reds.append(color * mesh.colors[mesh.triangles[:, 0], 0].astype(np.float64))
+            red = scene.materials[mesh.material].base_color[0]
+            shares = np.ones(len(mesh.triangles))
+            if mesh.colors is not None:
+                shares = mesh.colors[mesh.triangles[:, 0], 0].astype(np.float64)
+            reds.append(red * shares)
         return cls(np.concatenate(corners), np.concatenate(reds))
 
     def cast(self, origins_m: Floats, directions: Floats) -> _Found:
@@ -100,37 +100,26 @@ def beam_measures(
     lidar = dataclasses.replace(
         SpinningLidar.hdl64e().without_errors(), range_min_m=0.0, firings=firings
     )
+    metal = _panel_material(mirror_room)
+    tinted = dataclasses.replace(metal, base_color=(0.8, 0.7, 0.6, 1.0))
+    materials = tuple(tinted if each is metal else each for each in mirror_room.materials)
+    rooms = {"pane": pane_room, "mirror": dataclasses.replace(mirror_room, materials=materials)}
     measures = []
-    rooms = {
-        "pane": pane_room,
-        "mirror": _tinted(mirror_room, (0.8, 0.7, 0.6, 1.0)),
-    }
     for name, room in rooms.items():
         with open_sensor(room, lidar, backend="rays") as renderer:
             cloud = renderer.scan(at)
         expected = _behind_pane(room, cloud, at) if name == "pane" else _mirrored(room, cloud, at)
         off_mm, off_percent = _deviations(cloud, *expected)
+        start = f"lidar, {name}: {SHARE} % of the"
         measures += [
-            Measure(f"lidar, {name}: {SHARE} % of the points within", off_mm, "mm", MAX_OFF_MM),
-            Measure(
-                f"lidar, {name}: {SHARE} % of the intensities within",
-                off_percent,
-                "%",
-                MAX_INTENSITY_OFF_PERCENT,
-            ),
+            Measure(f"{start} points within", off_mm, "mm", MAX_OFF_MM),
+            Measure(f"{start} intensities within", off_percent, "%", MAX_INTENSITY_OFF_PERCENT),
         ]
     return measures
 
 
-def _tinted(room: Scene, color: tuple[float, float, float, float]) -> Scene:
-    panel = _panel_material(room)
-    tinted = dataclasses.replace(panel, base_color=color)
-    materials = tuple(tinted if one is panel else one for one in room.materials)
-    return dataclasses.replace(room, materials=materials)
-
-
 def _panel_material(room: Scene) -> Material:
-    mesh = next(one for one in room.meshes if one.name == _PANEL)
+    mesh = next(mesh for mesh in room.meshes if mesh.name == _PANEL)
     return room.materials[mesh.material]
 
 
@@ -149,7 +138,7 @@ def _beams(room: Scene, lidar: SpinningLidar, at: Floats) -> _Beams:
     directions = lidar.beams.directions.reshape(-1, 3) @ at[:3, :3].T
     origins_m = np.tile(at[:3, 3], (len(directions), 1))
     others = _Triangles.of(room.removed(_PANEL)).cast(origins_m, directions)
-    panels = tuple(one for one in room.instances if one.name == _PANEL)
+    panels = tuple(each for each in room.instances if each.name == _PANEL)
     panel = _Triangles.of(dataclasses.replace(room, instances=panels))
     met = panel.cast(origins_m, directions)
     a, b, c = panel.corners_m[0]

@@ -20,8 +20,10 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import PerspectiveCamera
 from omnisim.scene.light.environment import Environment
-from omnisim.scene.model import Light, Lighting, Material
-from omnisim.validation.oracles.mitsuba_scene import film, rgb, scalar_variant
+from omnisim.scene.model import Lighting, Material
+from omnisim.validation.oracles.mitsuba_scene import pinhole, rendered, rgb, scalar_variant
+
+_ANGLES = 64  # at which reflectance is averaged
 
 
 def trace_sphere(
@@ -44,42 +46,39 @@ def trace_sphere(
         crop_px: left, top, width and height of the part.
         samples: rays per pixel.
     """
-    with scalar_variant():
-        content = _content(material, center_m, radius_m, lighting)
-        content["sensor"] = _sensor(camera, crop_px, samples)
-        return np.array(mi.render(mi.load_dict(content), seed=mi.UInt32(0)))[..., :3]
-
-
-def _content(
-    material: Material, center_m: NDArray[np.float64], radius_m: float, lighting: Lighting
-) -> dict[str, Any]:
     content: dict[str, Any] = {
         "type": "scene",
         "integrator": {"type": "path", "max_depth": 2, "hide_emitters": True},
-        "sphere": {
+    }
+    with scalar_variant():
+        content["sphere"] = {
             "type": "sphere",
             "center": center_m.tolist(),
             "radius": radius_m,
             "bsdf": principled(material),
-        },
-    }
-    for number, light in enumerate(lighting.lights):
-        content[f"lamp {number}"] = _lamp(light, lighting.exposure)
-    if any(lighting.ambient):
-        content["even light"] = {"type": "constant", "radiance": rgb(lighting.ambient)}
-    if lighting.environment is not None:
-        content["sky"] = sky(lighting.environment)
-    return content
-
-
-def _lamp(light: Light, exposure: float) -> dict[str, Any]:
-    """Lamp, times π: a white surface is then as bright in Mitsuba as in omnisim."""
-    level = np.array(light.color) * (light.intensity * exposure * math.pi)
-    return {
-        "type": "directional",
-        "direction": light.direction.tolist(),
-        "irradiance": rgb(tuple(level.tolist())),
-    }
+        }
+        for number, light in enumerate(lighting.lights):
+            # times π: a white surface is then as bright in Mitsuba as in omnisim
+            level = np.array(light.color) * (light.intensity * lighting.exposure * math.pi)
+            content[f"lamp {number}"] = {
+                "type": "directional",
+                "direction": light.direction.tolist(),
+                "irradiance": rgb(tuple(level.tolist())),
+            }
+        if any(lighting.ambient):
+            content["even light"] = {"type": "constant", "radiance": rgb(lighting.ambient)}
+        if lighting.environment is not None:
+            content["sky"] = sky(lighting.environment)
+        axes = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0]])  # along x, z up
+        content["sensor"] = sensor = pinhole(camera, axes, 0.01, samples)
+        left, top, width, height = crop_px
+        sensor["film"] |= {
+            "crop_offset_x": left,
+            "crop_offset_y": top,
+            "crop_width": width,
+            "crop_height": height,
+        }
+        return rendered(content, samples, 0)
 
 
 def principled(material: Material) -> dict[str, Any]:
@@ -104,27 +103,62 @@ def sky(environment: Environment) -> dict[str, Any]:
     }
 
 
-def _sensor(
-    camera: PerspectiveCamera, crop_px: tuple[int, int, int, int], samples: int
-) -> dict[str, Any]:
-    (u, v), width, height = camera.principal_point_px, camera.width_px, camera.height_px
-    left, top, wide, high = crop_px
+def glass_bsdf(material: Material) -> dict[str, Any]:
+    """BSDF of a material that transmits light, with the same on both of its sides.
+
+    Thick frosted glass reflects as much as a pane on average. It scatters that, and what it
+    transmits, by Lambert's law. Mitsuba's lobe of thin frosted panes is narrower than glTF's.
+    """
+    tint = rgb(tuple(material.transmission * share for share in material.base_color[:3]))
+    if material.frosted_transmission and not material.thickness_m:
+        return {
+            "type": "principledthin",
+            "base_color": tint,
+            "roughness": material.roughness,
+            "eta": material.ior,
+            "spec_trans": 1.0,
+        }
+    if material.frosted_transmission:
+        fresnel: Any = mi.fresnel  # of numbers, in the variant that is set
+        cosines = np.sqrt((np.arange(_ANGLES) + 0.5) / _ANGLES)  # of Lambertian light
+        once = np.array([fresnel(float(cosine), material.ior)[0] for cosine in cosines])
+        reflected = float(np.mean(2.0 * once / (1.0 + once)))  # by both interfaces of a pane
+        color = (1.0 - reflected) * np.array(material.base_color[:3])
+        transmitted = material.frosted_transmission * color
+        total = color + reflected
+        return {
+            "type": "principledthin",
+            "base_color": rgb(tuple(total.tolist())),
+            "roughness": 0.5,  # has little effect on diffuse reflection
+            "eta": material.ior,
+            "diff_trans": 2.0 * float(transmitted.mean() / total.mean()),
+        }
     return {
-        "type": "perspective",
-        "to_world": mi.ScalarTransform4f().look_at(
-            origin=[0, 0, 0], target=[1, 0, 0], up=[0, 0, 1]
-        ),
-        "fov_axis": "x",
-        "fov": math.degrees(2.0 * math.atan(0.5 * width / camera.focal_length_px)),
-        "principal_point_offset_x": 0.5 - (u + 0.5) / width,
-        "principal_point_offset_y": 0.5 - (v + 0.5) / height,
-        "near_clip": 0.01,
-        "film": film(width, height)
-        | {
-            "crop_offset_x": left,
-            "crop_offset_y": top,
-            "crop_width": wide,
-            "crop_height": high,
-        },
-        "sampler": {"type": "multijitter", "sample_count": samples},
+        "type": "dielectric" if material.glass_transmission else "thindielectric",
+        "int_ior": material.ior,
+        "ext_ior": 1.0,
+        "specular_transmittance": tint,
     }
+
+
+def medium(material: Material, units_per_m: float = 1.0) -> dict[str, Any]:
+    """Medium in a body of glass, which absorbs light and scatters none."""
+    absorption = tuple(share / units_per_m for share in _absorption_per_m(material))
+    most = max(absorption)  # colors are at most 1
+    return {
+        "type": "homogeneous",
+        "albedo": 0.0,
+        "scale": most,
+        "sigma_t": rgb(tuple(share / most for share in absorption)),
+    }
+
+
+def absorbs(material: Material) -> bool:
+    """True for a body of colored glass."""
+    return material.glass_transmission > 0.0 and max(_absorption_per_m(material)) > 0.0
+
+
+def _absorption_per_m(material: Material) -> tuple[float, ...]:
+    """Absorption, linear RGB, that leaves the attenuation color after its distance."""
+    color, distance_m = material.attenuation_color, material.attenuation_distance_m
+    return tuple(-math.log(share) / distance_m for share in color)

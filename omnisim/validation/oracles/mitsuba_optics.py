@@ -32,9 +32,10 @@ from omnisim.scene import Scene
 from omnisim.validation.oracles.mitsuba_scene import (
     RINGS,
     SECTORS,
-    film,
     mesh_of,
     metal,
+    pinhole,
+    rendered,
     rgb,
     scalar_variant,
     shining,
@@ -50,16 +51,12 @@ _WINDOW_SIZES = 50.0  # radius of a window without a rim
 class PhysicalOptics:
     """Surfaces and pinhole of a system in Mitsuba's units.
 
-    Attributes:
-        system: system with a perspective camera.
-        world_from_optical: (4, 4) pose of the sensor's optical frame.
-
     Raises:
         OmnisimError: another camera, or a matrix that is not a pose.
     """
 
-    system: OpticalSystem
-    world_from_optical: NDArray[np.float64]
+    system: OpticalSystem  # system with a perspective camera
+    world_from_optical: NDArray[np.float64]  # (4, 4) pose of the sensor's optical frame
     _white: dict[tuple[int, int], NDArray[np.float32]] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
@@ -83,8 +80,8 @@ class PhysicalOptics:
     @cached_property
     def size_m(self) -> float:
         """Maximum distance of a ray's origin from the middle."""
-        away_m = np.linalg.norm(self._origins_m - self._origins_m.mean(axis=0), axis=1)
-        return float(away_m.max())
+        away_m = self._origins_m - self._origins_m.mean(axis=0)
+        return float(np.linalg.norm(away_m, axis=1).max())
 
     @property
     def units_per_m(self) -> float:
@@ -100,6 +97,7 @@ class PhysicalOptics:
         units_from_part[:3] *= self.units_per_m
         return units_from_part
 
+    @cached_property
     def objects(self) -> dict[str, Any]:
         """Surfaces and obstacles, for `mitsuba.load_dict`."""
         objects: dict[str, Any] = {}
@@ -116,24 +114,8 @@ class PhysicalOptics:
         camera = self.system.camera
         assert isinstance(camera, PerspectiveCamera)
         units_from_camera = self.units_from(self.system.system_from_camera)
-        origin = units_from_camera[:3, 3]
-        (u, v), width, height = camera.principal_point_px, camera.width_px, camera.height_px
-        return {
-            "type": "perspective",
-            "to_world": mi.ScalarTransform4f().look_at(
-                origin=origin.tolist(),
-                target=(origin + units_from_camera[:3, 2]).tolist(),
-                up=(-units_from_camera[:3, 1]).tolist(),
-            ),
-            "fov_axis": "x",
-            "fov": math.degrees(2.0 * math.atan(0.5 * width / camera.focal_length_px)),
-            "principal_point_offset_x": 0.5 - (u + 0.5) / width,
-            "principal_point_offset_y": 0.5 - (v + 0.5) / height,
-            "near_clip": 1e-3 * SIZE_UNITS,
-            "far_clip": 1e6 * SIZE_UNITS,
-            "film": film(width, height),
-            "sampler": {"type": "multijitter", "sample_count": samples},
-        }
+        content = pinhole(camera, units_from_camera, 1e-3 * SIZE_UNITS, samples)
+        return content | {"far_clip": 1e6 * SIZE_UNITS}
 
     def _mirror(self, surface: Surface) -> mi.Mesh:
         """Mesh of rings with equal width along the radius, from the hole to the rim.
@@ -179,13 +161,9 @@ class PhysicalOptics:
             radius = -shape.radius_m * self.units_per_m
             return {"type": "sphere", "center": place.tolist(), "radius": radius, "bsdf": glass}
         if isinstance(shape, Plane):
-            radius_m = min(surface.rim_radius_m, _WINDOW_SIZES * self.size_m)
-            to_units[:3, :3] *= radius_m
-            return {
-                "type": "disk",
-                "to_world": mi.ScalarTransform4f(to_units.astype(np.float32)),
-                "bsdf": glass,
-            }
+            to_units[:3, :3] *= min(surface.rim_radius_m, _WINDOW_SIZES * self.size_m)
+            to_world = mi.ScalarTransform4f(to_units.astype(np.float32))
+            return {"type": "disk", "to_world": to_world, "bsdf": glass}
         raise OpticsError(f"{surface.name}: expected a window's plane or whole sphere")
 
     def _rod(self, number: int, rod: Rod) -> dict[str, Any]:
@@ -213,10 +191,6 @@ class PhysicalOptics:
                 "bsdf": black,
             }
         return objects
-
-    @cached_property
-    def _objects(self) -> dict[str, Any]:
-        return self.objects()
 
     def image(self, scene: Scene, samples: int, seed: int = 0) -> NDArray[np.float32]:
         """Image (height, width, 3), linear RGB, through physical mirrors and windows.
@@ -253,9 +227,7 @@ class PhysicalOptics:
             "sensor": self.camera(samples),
             "sky": {"type": "constant", "radiance": rgb(background)},
         }
-        loaded = mi.load_dict(content | self._objects | shown)
-        image = mi.render(loaded, spp=samples, seed=mi.UInt32(seed))
-        return np.array(image, dtype=np.float32)[..., :3]
+        return rendered(content | self.objects | shown, samples, seed)
 
     def rays(self, pixels_px: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
         """Origins (n, 3) in m and directions (n, 3), optical frame, of one ray per pixel (n, 2).
@@ -266,7 +238,7 @@ class PhysicalOptics:
         rays = np.full((2, len(pixels_px), 3), np.nan)
         with scalar_variant():
             sensor = mi.load_dict(self.camera(1))
-            scene = mi.load_dict({"type": "scene", **self._objects})
+            scene = mi.load_dict({"type": "scene", **self.objects})
             for row, on_film in enumerate((pixels_px + 0.5) / (camera.width_px, camera.height_px)):
                 place = mi.ScalarPoint2f(on_film.tolist())
                 ray, _ = sensor.sample_ray(0.0, 0.5, place, mi.ScalarPoint2f(0.5))

@@ -6,7 +6,6 @@ radiance along reflected and transmitted rays.
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import mitsuba as mi
@@ -16,12 +15,13 @@ from numpy.typing import NDArray
 from omnisim.cameras import PerspectiveCamera
 from omnisim.scene import Scene
 from omnisim.scene.model import Instance, Material
-from omnisim.validation.oracles.mitsuba_glass import absorbs, glass_bsdf, medium
-from omnisim.validation.oracles.mitsuba_materials import principled
+from omnisim.validation.oracles.mitsuba_materials import absorbs, glass_bsdf, medium, principled
 from omnisim.validation.oracles.mitsuba_scene import (
-    film,
+    emitter,
     mesh_of,
     metal,
+    pinhole,
+    rendered,
     rgb,
     scalar_variant,
 )
@@ -39,46 +39,25 @@ def trace_reflections(
     """Trace an image (height, width, 3), linear RGB; the camera looks along its base's x.
 
     Args:
-        scene: scene from `omnisim.validation.rooms.reflective_rooms`.
+        scene: scene from `omnisim.validation.reflective_rooms`.
         camera: camera at the base's origin.
         world_from_base: (4, 4) pose of the base.
         samples: samples per pixel; a square number.
         seed: equal seeds give equal images.
     """
     is_absorbing = any(map(absorbs, scene.materials))
+    forward, left, up, position = world_from_base[:3].T
+    to_world = np.stack((-left, -up, forward, position), axis=1)
     with scalar_variant():
         content: dict[str, Any] = {
             "type": "scene",
             "integrator": {"type": "volpath" if is_absorbing else "path", "max_depth": DEPTH},
-            "sensor": _sensor(camera, world_from_base, samples),
+            "sensor": pinhole(camera, to_world, 0.01, samples),
         }
         for number, instance in enumerate(scene.instances):
             for part, surface in enumerate(_surfaces(scene, instance)):
                 content[f"surface {number}, {part}"] = surface
-        image = mi.render(mi.load_dict(content), spp=samples, seed=mi.UInt32(seed))
-        return np.array(image, dtype=np.float32)[..., :3]
-
-
-def _sensor(
-    camera: PerspectiveCamera, world_from_base: NDArray[np.float64], samples: int
-) -> dict[str, Any]:
-    position = world_from_base[:3, 3]
-    (u, v), width, height = camera.principal_point_px, camera.width_px, camera.height_px
-    return {
-        "type": "perspective",
-        "to_world": mi.ScalarTransform4f().look_at(
-            origin=position.tolist(),
-            target=(position + world_from_base[:3, 0]).tolist(),
-            up=world_from_base[:3, 2].tolist(),
-        ),
-        "fov_axis": "x",
-        "fov": math.degrees(2.0 * math.atan(0.5 * width / camera.focal_length_px)),
-        "principal_point_offset_x": 0.5 - (u + 0.5) / width,
-        "principal_point_offset_y": 0.5 - (v + 0.5) / height,
-        "near_clip": 0.01,
-        "film": film(width, height),
-        "sampler": {"type": "multijitter", "sample_count": samples},
-    }
+        return rendered(content, samples, seed)
 
 
 def _surfaces(scene: Scene, instance: Instance) -> list[mi.Mesh]:
@@ -90,9 +69,8 @@ def _surfaces(scene: Scene, instance: Instance) -> list[mi.Mesh]:
     triangles = mesh.triangles.astype(np.int64)
     if material.unlit:
         return _shining(material, positions, triangles, mesh.colors)
-    properties = {
-        "mesh_bsdf": mi.load_dict(_bsdf(material)), "face_normals": mesh.normals is None,
-    }  # fmt: skip
+    bsdf = mi.load_dict(_bsdf(material))
+    properties = {"mesh_bsdf": bsdf, "face_normals": mesh.normals is None}
     if absorbs(material):
         properties["interior"] = mi.load_dict(medium(material))
     normals = None if mesh.normals is None else mesh.normals @ linear.T
@@ -109,17 +87,12 @@ def _shining(
     factor = np.array(material.base_color[:3], dtype=np.float32)
     white = np.ones((len(triangles), 3), dtype=np.float32)
     own = factor * (white if colors is None else colors[triangles[:, 0], :3])
-    found, groups = np.unique(own, axis=0, return_inverse=True)
+    distinct, groups = np.unique(own, axis=0, return_inverse=True)
     meshes = []
-    for number, color in enumerate(found):
+    for number, color in enumerate(distinct):
         corners = triangles[groups.ravel() == number].ravel()
-        properties = {
-            "mesh_bsdf": mi.load_dict(metal(0.0)),
-            "mesh_emitter": mi.load_dict({"type": "area", "radiance": rgb(tuple(color.tolist()))}),
-            "face_normals": True,
-        }
         faces = np.arange(len(corners)).reshape(-1, 3)
-        meshes.append(mesh_of(positions[corners], faces, properties))
+        meshes.append(mesh_of(positions[corners], faces, emitter(rgb(tuple(color.tolist())))))
     return meshes
 
 
@@ -127,7 +100,6 @@ def _bsdf(material: Material) -> dict[str, Any]:
     """BSDF of glass, of a smooth metal, or of a rough metal with GGX facets."""
     if material.transmission > 0.0:
         return glass_bsdf(material)
-    if material.roughness > 0.0:
-        return {"type": "twosided", "nested": principled(material)}
     smooth = metal(1.0) | {"specular_reflectance": rgb(material.base_color[:3])}
-    return {"type": "twosided", "nested": smooth}
+    nested = principled(material) if material.roughness > 0.0 else smooth
+    return {"type": "twosided", "nested": nested}

@@ -6,6 +6,7 @@ shading. Images are float32, not filtered and not clamped.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -14,6 +15,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras import HyperbolicCamera, PerspectiveCamera
 from omnisim.core.errors import SceneError
 from omnisim.core.srgb import linear_from_srgb
 from omnisim.scene.model import Texture, Wrap
@@ -35,6 +37,54 @@ def film(width_px: int, height_px: int) -> dict[str, Any]:
         "component_format": "float32",
         "rfilter": {"type": "box"},
     }
+
+
+def pinhole(
+    camera: PerspectiveCamera | HyperbolicCamera,
+    units_from_camera: NDArray[np.float64],
+    near: float,
+    samples: int,
+) -> dict[str, Any]:
+    """Perspective camera, for `mitsuba.load_dict`, with the focal length and size of a model.
+
+    It is placed with `look_at`, which can rotate a camera but not mirror it: its up is the top of
+    our image, −y of the optical frame, with right and left as seen along the viewing direction.
+
+    Args:
+        camera: model with focal length, principal point and size.
+        units_from_camera: (3, 4) or (4, 4); columns: right, down and forward of the image, and the
+            pinhole.
+        near: distance of the near plane, in units.
+        samples: samples per pixel.
+    """
+    origin = units_from_camera[:3, 3]
+    (u, v), width, height = camera.principal_point_px, camera.width_px, camera.height_px
+    return {
+        "type": "perspective",
+        "to_world": mi.ScalarTransform4f().look_at(
+            origin=origin.tolist(),
+            target=(origin + units_from_camera[:3, 2]).tolist(),
+            up=(-units_from_camera[:3, 1]).tolist(),
+        ),
+        "fov_axis": "x",
+        "fov": math.degrees(2.0 * math.atan(0.5 * width / camera.focal_length_px)),
+        # from the principal point to the middle of the image, in widths and heights
+        "principal_point_offset_x": 0.5 - (u + 0.5) / width,
+        "principal_point_offset_y": 0.5 - (v + 0.5) / height,
+        "near_clip": near,
+        "film": film(width, height),
+        "sampler": {"type": "multijitter", "sample_count": samples},
+    }
+
+
+def rendered(
+    content: dict[str, Any] | mi.Scene, samples: int, seed: int, sensor: Any = None
+) -> NDArray[np.float32]:
+    """Image (height, width, 3), linear RGB, of a scene or its dictionary; equal seeds are equal."""
+    scene = mi.load_dict(content) if isinstance(content, dict) else content
+    options = {} if sensor is None else {"sensor": mi.load_dict(sensor)}
+    image = mi.render(scene, spp=samples, seed=mi.UInt32(seed), **options)
+    return np.array(image, dtype=np.float32)[..., :3]
 
 
 def triangles_of_rings(rings: int, sectors: int, has_hole: bool = False) -> NDArray[np.int64]:
@@ -61,36 +111,34 @@ def shining(surface: Surface, units_per_m: float) -> mi.Mesh:
         SceneError: a material that Mitsuba does not support.
     """
     material, texture = surface.material, surface.material.texture
+    material, texture = surface.material, surface.material.texture
     coordinates = colors = None
     if surface.texture_coordinates is not None and texture is not None:
+        place = f"material {material.name!r}: Mitsuba"
         if surface.colors is not None:
-            raise SceneError(
-                f"material {material.name!r}: Mitsuba has no texture times vertex colors"
-            )
+            raise SceneError(f"{place} has no texture times vertex colors")
         if texture.wrap_u is not texture.wrap_v:
-            raise SceneError(
-                f"material {material.name!r}: Mitsuba wraps u and v of a texture alike"
-            )
+            raise SceneError(f"{place} wraps u and v of a texture alike")
         coordinates = surface.texture_coordinates.reshape(-1, 2)
         radiance = bitmap(texture, material.base_color)
     elif surface.colors is not None:
         factor = np.array(material.base_color[:3], dtype=np.float32)
-        colors = surface.colors.reshape(-1, 3) * factor[:3]
+        colors = surface.colors.reshape(-1, 3) * factor
         radiance = {"type": "mesh_attribute", "name": VERTEX_COLOR}
     else:
         radiance = rgb(material.base_color[:3])
     corners = surface.triangles_m.reshape(-1, 3) * units_per_m
-    return mesh_of(
-        corners,
-        np.arange(len(corners)).reshape(-1, 3),
-        {
-            "mesh_bsdf": mi.load_dict(metal(0.0)),
-            "mesh_emitter": mi.load_dict({"type": "area", "radiance": radiance}),
-            "face_normals": True,
-        },
-        coordinates=coordinates,
-        colors=colors,
-    )
+    faces = np.arange(len(corners)).reshape(-1, 3)
+    return mesh_of(corners, faces, emitter(radiance), coordinates=coordinates, colors=colors)
+
+
+def emitter(radiance: dict[str, Any]) -> dict[str, Any]:
+    """Properties of a mesh of flat facets that emits light and reflects none."""
+    return {
+        "mesh_bsdf": mi.load_dict(metal(0.0)),
+        "mesh_emitter": mi.load_dict({"type": "area", "radiance": radiance}),
+        "face_normals": True,
+    }
 
 
 def bitmap(texture: Texture, factor: tuple[float, ...]) -> dict[str, Any]:
@@ -111,11 +159,8 @@ def metal(reflectance: float) -> dict[str, Any]:
     On rough surfaces Mitsuba 3.9 samples light, and crashes on emitters with vertex colors
     (`scalar_rgb`).
     """
-    return {
-        "type": "conductor",
-        "material": "none",
-        "specular_reflectance": rgb((reflectance,) * 3),
-    }
+    color = rgb((reflectance,) * 3)
+    return {"type": "conductor", "material": "none", "specular_reflectance": color}
 
 
 def rgb(color: tuple[float, ...]) -> dict[str, Any]:

@@ -29,9 +29,10 @@ from omnisim.scene import Scene
 from omnisim.validation.oracles.mitsuba_scene import (
     RINGS,
     SECTORS,
-    film,
     mesh_of,
     metal,
+    pinhole,
+    rendered,
     rgb,
     scalar_variant,
     shining,
@@ -76,17 +77,16 @@ def trace_mirror(
         content = {
             "type": "scene",
             "integrator": {"type": "path", "max_depth": 2},  # one reflection
-            "sensor": pinhole(camera, pose[:3, :3], units_per_m, samples),
+            "sensor": mirror_pinhole(camera, pose[:3, :3], units_per_m, samples),
             "mirror": mirror_of_metal(mirror, pose[:3, :3], units_per_m),
             "sky": {"type": "constant", "radiance": rgb(scene.background)},
         }
         for number, surface in enumerate(surfaces):
             content[f"surface {number}"] = shining(surface, units_per_m)
-        image = mi.render(mi.load_dict(content), spp=samples, seed=mi.UInt32(seed))
-        return np.array(image, dtype=np.float32)[..., :3]
+        return rendered(content, samples, seed)
 
 
-def pinhole(
+def mirror_pinhole(
     camera: HyperbolicCamera,
     world_from_optical: NDArray[np.float64],
     units_per_m: float,
@@ -94,31 +94,13 @@ def pinhole(
 ) -> dict[str, Any]:
     """Mitsuba's perspective camera in the mirror's other focus, for `mitsuba.load_dict`.
 
-    It is placed with `look_at`, which can rotate a camera but not mirror it: its up is the top of
-    our image, −y of the optical frame, with right and left as seen along the viewing direction.
-
     Args:
         world_from_optical: (3, 3) rotation.
     """
-    to_world = mi.ScalarTransform4f().look_at(
-        origin=list(-camera.mirror.c_m * units_per_m * world_from_optical[:, 2]),
-        target=[0.0, 0.0, 0.0],
-        up=list(-world_from_optical[:, 1]),
-    )
-    u, v = camera.principal_point_px
-    return {
-        "type": "perspective",
-        "to_world": to_world,
-        "fov_axis": "x",
-        "fov": math.degrees(2.0 * math.atan(0.5 * camera.width_px / camera.focal_length_px)),
-        # from the principal point to the middle of the image, in widths and heights
-        "principal_point_offset_x": 0.5 - (u + 0.5) / camera.width_px,
-        "principal_point_offset_y": 0.5 - (v + 0.5) / camera.height_px,
-        "near_clip": 0.1 * camera.mirror.c_m * units_per_m,
-        "far_clip": 1e3 * camera.mirror.c_m * units_per_m,  # of the scene seen past the mirror
-        "film": film(camera.width_px, camera.height_px),
-        "sampler": {"type": "multijitter", "sample_count": samples},
-    }
+    c = camera.mirror.c_m * units_per_m
+    to_world = np.column_stack((world_from_optical, -c * world_from_optical[:, 2]))
+    # of the scene seen past the mirror
+    return pinhole(camera, to_world, 0.1 * c, samples) | {"far_clip": 1e3 * c}
 
 
 def mirror_of_metal(

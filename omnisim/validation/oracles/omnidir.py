@@ -10,6 +10,7 @@ Source: Mei & Rives, "Single view point omnidirectional camera calibration from 
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -35,10 +36,11 @@ def project(camera: HyperbolicCamera, points: NDArray[np.float64]) -> NDArray[np
     import cv2
 
     mirrored = np.ascontiguousarray(points @ OMNIDIR_FROM_OPTICAL)[:, None]
+    focal, (u, v) = camera.unified_focal_length_px, camera.principal_point_px
+    matrix = np.array([[focal, 0.0, u], [0.0, focal, v], [0.0, 0.0, 1.0]])
     zero = np.zeros(3)
-    pixels, _ = cv2.omnidir.projectPoints(
-        mirrored, zero, zero, _matrix(camera), camera.mirror.xi, np.zeros(4)
-    )
+    xi = camera.mirror.xi
+    pixels, _ = cv2.omnidir.projectPoints(mirrored, zero, zero, matrix, xi, np.zeros(4))
     return np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
 
 
@@ -102,7 +104,27 @@ def find_corners(image: NDArray[np.uint8], pattern: tuple[int, int]) -> NDArray[
     return fine.reshape(-1, 2).astype(np.float64)
 
 
-def _matrix(camera: HyperbolicCamera) -> NDArray[np.float64]:
-    focal = camera.unified_focal_length_px
-    u, v = camera.principal_point_px
-    return np.array([[focal, 0.0, u], [0.0, focal, v], [0.0, 0.0, 1.0]])
+def project_by_file(path: Path, format: str, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Pixels (n, 2) of points (n, 3) in the frame of the file.
+
+    Args:
+        path: calibration file.
+        format: opencv_omnidir, opencv_fisheye or opencv_pinhole.
+        points: (n, 3) in meters, z forward.
+    """
+    import cv2
+
+    file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    matrix = file.getNode("camera_matrix").mat()
+    distortion = file.getNode("distortion_coefficients").mat().ravel()
+    xi = file.getNode("xi").real() if format == "opencv_omnidir" else 0.0
+    file.release()
+    zero = np.zeros(3)
+    column = np.ascontiguousarray(points, dtype=np.float64)[:, None]
+    if format == "opencv_omnidir":
+        pixels, _ = cv2.omnidir.projectPoints(column, zero, zero, matrix, xi, distortion[:4])
+    elif format == "opencv_fisheye":
+        pixels, _ = cv2.fisheye.projectPoints(column, zero, zero, matrix, distortion[:4])
+    else:
+        pixels, _ = cv2.projectPoints(column, zero, zero, matrix, distortion)
+    return np.asarray(pixels, dtype=np.float64).reshape(-1, 2)

@@ -91,9 +91,8 @@ def _add_light(stage: pyrender.Scene, light: Light, intensity: float) -> None:
         node = pyrender.PointLight(light.color, intensity)
     else:
         inner, outer = np.arccos(light.cone_cosines)
-        node = pyrender.SpotLight(
-            light.color, intensity, innerConeAngle=inner, outerConeAngle=outer
-        )
+        angles = {"innerConeAngle": inner, "outerConeAngle": outer}
+        node = pyrender.SpotLight(light.color, intensity, **angles)
     stage.add(node, pose=world_from_light)
 
 

@@ -16,21 +16,17 @@ from omnisim.scene.model import AlphaMode, Instance, Material
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Surface:
-    """All triangles of one material.
+    """All triangles of one material."""
 
-    Attributes:
-        material: material of all triangles.
-        triangles_m: (n, 3, 3) float64 corners, meters from the effective viewpoint along the
-            world's axes, counter-clockwise seen from the front.
-        texture_coordinates: (n, 3, 2) float32, (0, 0) at the texture's top left; None: no texture,
-            or no coordinates in the mesh.
-        colors: (n, 3, 3) float32 linear RGB of the corners, without the material's color; None: no
-            vertex colors.
-    """
-
-    material: Material
+    material: Material  # material of all triangles
+    # (n, 3, 3) float64 corners, meters from the effective viewpoint along the world's axes,
+    # counter-clockwise seen from the front
     triangles_m: NDArray[np.float64]
+    # (n, 3, 2) float32, (0, 0) at the texture's top left; None: no texture, or no coordinates in
+    # the mesh
     texture_coordinates: NDArray[np.float32] | None
+    # (n, 3, 3) float32 linear RGB of the corners, without the material's color; None: no vertex
+    # colors
     colors: NDArray[np.float32] | None
 
 
@@ -75,7 +71,20 @@ def visible_surfaces(
             index = scene.meshes[instance.mesh].material
             key = (index, surface.texture_coordinates is None, surface.colors is None)
             batches[key].append(surface)
-    return [_joined(parts) for parts in batches.values()]
+
+    def join(arrays: Iterable[NDArray[np.float32] | None]) -> NDArray[np.float32] | None:
+        present = [array for array in arrays if array is not None]
+        return np.concatenate(present) if present else None
+
+    return [
+        Surface(
+            parts[0].material,
+            np.concatenate([part.triangles_m for part in parts]),
+            join(part.texture_coordinates for part in parts),
+            join(part.colors for part in parts),
+        )
+        for parts in batches.values()
+    ]
 
 
 def _surface(
@@ -91,42 +100,20 @@ def _surface(
     triangles = mesh.triangles
     if np.linalg.det(linear) < 0.0:  # mirrored: the winding is reversed in the world
         triangles = triangles[:, ::-1]
-    triangles = _facing(positions_m, triangles, material.double_sided, reach_m)
+    first, second, third = (positions_m[triangles[:, corner]] for corner in range(3))
+    normals = np.cross(second - first, third - first)
+    lengths = np.linalg.norm(normals, axis=1)
+    heights = -np.sum(normals * first, axis=1)  # of the viewpoint above the plane, times lengths
+    kept = lengths > 0.0
+    if material.double_sided:
+        triangles = np.where(heights[:, None] < 0.0, triangles[:, ::-1], triangles)
+    else:
+        kept &= heights > -reach_m * lengths
+    triangles = triangles[kept]
     coordinates = None if material.texture is None else mesh.texture_coordinates
     return Surface(
         material,
         positions_m[triangles],
         None if coordinates is None else coordinates[triangles],
         None if mesh.colors is None else mesh.colors[triangles][..., :3],
-    )
-
-
-def _facing(
-    positions_m: NDArray[np.float64],
-    triangles: NDArray[np.uint32],
-    double_sided: bool,
-    reach_m: float,
-) -> NDArray[np.uint32]:
-    first, second, third = (positions_m[triangles[:, corner]] for corner in range(3))
-    normals = np.cross(second - first, third - first)
-    lengths = np.linalg.norm(normals, axis=1)
-    heights = -np.sum(normals * first, axis=1)  # of the viewpoint above the plane, times lengths
-    if double_sided:
-        kept = lengths > 0.0
-        triangles = np.where(heights[:, None] < 0.0, triangles[:, ::-1], triangles)
-    else:
-        kept = (lengths > 0.0) & (heights > -reach_m * lengths)
-    return triangles[kept]
-
-
-def _joined(parts: list[Surface]) -> Surface:
-    def join(arrays: Iterable[NDArray[np.float32] | None]) -> NDArray[np.float32] | None:
-        present = [array for array in arrays if array is not None]
-        return np.concatenate(present) if present else None
-
-    return Surface(
-        parts[0].material,
-        np.concatenate([part.triangles_m for part in parts]),
-        join(part.texture_coordinates for part in parts),
-        join(part.colors for part in parts),
     )

@@ -100,7 +100,7 @@ def test_sensor_prints_the_default_and_checks_a_file(omnisim, tmp_path):
     (tmp_path / "s.toml").write_text(out)
     status, out, _ = omnisim("sensor", "--check", "s.toml")
     assert status == 0
-    assert "s.toml: good" in out
+    assert "s.toml: valid" in out
     assert "ξ = 0.9954942" in out
     assert "  mesh     3600 polygons (auto), off by 0.096 px at most\n" in out
     (tmp_path / "s.toml").write_text("[mirror]\nk = 1\nc = 0\n")

@@ -21,7 +21,7 @@ PAIRS = {
     ),
     "axes of COLLADA": (f"render a.dae -o o.png {IMAGE}", "up_axis", "--up y"),
     "the lens of a file's camera": (
-        f"render camera.gltf --at-camera eye -o o.png {IMAGE}", "--sensor takes another",
+        f"render camera.gltf --at-camera eye -o o.png {IMAGE}", "--sensor selects another",
         "--sensor good.toml",
     ),
     "the frame of poses": (

@@ -24,8 +24,8 @@ TABLE = tomllib.loads(Path(__file__).with_name("messages.toml").read_text(encodi
 MESSAGES = {command: line for kind in TABLE["messages"].values() for command, line in kind.items()}
 REMEDY = re.compile(
     r"did you mean|\bpass\b|requires|expected with|such as|expected one of them|\bneed\b"
-    r"|make a mesh|look elsewhere|change the size|expected \S+ (\S+ )?beside"
-    r"|a word too many|as `omnisim"
+    r"|make a mesh|choose another direction|change the size|expected \S+ (\S+ )?beside"
+    r"|unexpected argument|as `omnisim"
 )
 VALUES = {  # of options that a line requires without a value
     "--camera": "--camera lens.json", "--scene": "--scene a.obj",
@@ -93,7 +93,7 @@ def _tried(command, line):
         options = [word.partition("=")[0] for word in words]
         (near,) = difflib.get_close_matches(found[1], options, 1, 0.1)
         return [re.sub(rf"^{re.escape(near)}(?==|$)", found[1], word) for word in words]
-    if found := re.match(r"(\S+): a word too many", line):
+    if found := re.match(r"(\S+): unexpected argument", line):
         return [word for word in words if word != found[1]]
     if found := re.search(r"missing: .*, such as omnisim (.*)$", line):
         return shlex.split(found[1])

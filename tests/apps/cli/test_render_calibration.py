@@ -33,7 +33,7 @@ def test_render_writes_calibration_and_rays(omnisim, tmp_path):
         "--rays", "rays.exr", "--calibration", "calib.json",
     )  # fmt: skip
     assert status == 0, err
-    assert "rays.exr: a ray of each pixel" in out
+    assert "rays.exr: the ray of each pixel" in out
     _, metadata = read_image(tmp_path / "a.png")
     said = load_calibration(Path("calib.json")).cameras[0]
     assert said.camera.parameters() == metadata["camera"]

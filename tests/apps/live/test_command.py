@@ -54,7 +54,7 @@ def test_an_unknown_quality_is_refused_while_parsing(capsys, monkeypatch):
 
 @pytest.mark.slow
 def test_a_film_is_recorded_without_a_page(tmp_path, monkeypatch, needs_opengl):
-    from omnisim.apps.live import record
+    from omnisim.apps.live import live_source as record
 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(record, "SECONDS", 0.2)

@@ -16,8 +16,7 @@ from websockets.exceptions import InvalidStatus
 
 from omnisim import OmniCamera, load_scene, open_sensor
 from omnisim.apps.live import server
-from omnisim.apps.live.camera_document import CameraDocument
-from omnisim.apps.live.presets import preset_lists
+from omnisim.apps.live.camera_document import CameraDocument, preset_lists
 from omnisim.apps.live.server import PAGE, new_token, page_bytes
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_image
@@ -267,9 +266,9 @@ def test_one_drives_and_the_others_watch(page):
         seen = watcher.fine_frame()
         assert seen["data"]["camera"] == shown["data"]["camera"]
         watcher.send("place", x=5.0, y=0.0, z=1.0, yaw_deg=0.0)
-        assert "somebody else drives" in watcher.receive("error")["text"]
+        assert "another browser is in control" in watcher.receive("error")["text"]
         watcher.send("wheel")
-        assert "driving just now" in watcher.receive("error")["text"]
+        assert "in control right now" in watcher.receive("error")["text"]
         page.server._driven_s -= server.IDLE_S
         watcher.send("wheel")
         assert watcher.receive("roles")["drives"]

@@ -9,7 +9,7 @@ from benchmarks.options import Options
 from benchmarks.report import bound_lines, check
 from benchmarks.start_up_phases import PHASES
 from benchmarks.suites import drive
-from omnisim.plots.plot_file import write_plot
+from omnisim.plots.style import write_plot
 from tests.conftest import open_context_or_skip
 
 

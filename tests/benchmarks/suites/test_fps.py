@@ -11,7 +11,7 @@ from benchmarks.report import check
 from benchmarks.suites import fps
 from benchmarks.timer import Timings
 from omnisim import Vehicle, load_scene
-from omnisim.plots.plot_file import write_plot
+from omnisim.plots.style import write_plot
 
 
 @pytest.fixture(scope="module")

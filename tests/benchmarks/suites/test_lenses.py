@@ -5,7 +5,7 @@ import pytest
 from benchmarks.options import Options
 from benchmarks.report import check
 from benchmarks.suites import lenses
-from omnisim.plots.plot_file import write_plot
+from omnisim.plots.style import write_plot
 from tests.camera_examples import CAMERA_EXAMPLES
 
 

@@ -6,7 +6,7 @@ from benchmarks.options import Options
 from benchmarks.report import check
 from benchmarks.settings import SETTINGS
 from benchmarks.suites import limit
-from omnisim.plots.plot_file import write_plot
+from omnisim.plots.style import write_plot
 from tests.conftest import open_context_or_skip
 
 

@@ -5,7 +5,7 @@ import pytest
 from benchmarks.options import Options
 from benchmarks.report import check
 from benchmarks.suites import live
-from omnisim.plots.plot_file import write_plot
+from omnisim.plots.style import write_plot
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from benchmarks.options import Options
 from benchmarks.peers import field, quality
 from benchmarks.report import check
 from benchmarks.suites import peers
-from omnisim.plots.plot_file import write_plot
+from omnisim.plots.style import write_plot
 from omnisim.validation.oracles import import_failure
 
 pytestmark = pytest.mark.usefixtures("needs_opengl")

@@ -12,7 +12,7 @@ from benchmarks.report import check
 from benchmarks.suites import scaling
 from benchmarks.town import build_town
 from omnisim import OmniCamera, Renderer, open_sensor
-from omnisim.plots.plot_file import write_plot
+from omnisim.plots.style import write_plot
 
 
 @pytest.mark.slow

@@ -13,8 +13,8 @@ from omnisim.cameras.optics import OpticalSystem, Surface
 from omnisim.cameras.optics.media import MEDIA, refractive_index
 from omnisim.cameras.optics.shapes import Asphere, Conic, Polynomial, TabulatedProfile
 from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
-from omnisim.validation import closed_forms
-from omnisim.validation.closed_forms import AxialRays
+from omnisim.validation import optical_systems as closed_forms
+from omnisim.validation.optical_systems import AxialRays
 from tests.cameras.optics.examples import HYPERBOLA, SYSTEMS, at, dome, pinhole, port
 
 ANGLE_RAD = 1e-10

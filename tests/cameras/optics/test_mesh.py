@@ -21,7 +21,7 @@ from omnisim.rendering.auto_mesh import MAX_ERROR_PX, auto_polygons
 from omnisim.rendering.camera.captured_image import valid_mask
 from omnisim.rendering.camera.parallax_plan import sample_rays
 from omnisim.rendering.camera.sensor_toml import sensor_toml
-from omnisim.validation.psnr import psnr_of_levels_db
+from omnisim.validation.image_differences import psnr_of_levels_db
 from tests.cameras.optics.examples import EXAMPLES, SYSTEMS, at, port
 from tests.cameras.optics.samples import all_samples
 from tests.scenes import room, scene_of

@@ -5,7 +5,7 @@ import pytest
 
 from omnisim.measurement.sharpness.edge_fit import EdgeLine, Flaw, UnusableEdge
 from omnisim.measurement.sharpness.slanted_edge import measure_edge
-from omnisim.validation.analytic_edges import (
+from omnisim.validation.checks.measured.sharpness import (
     disc,
     edge_image,
     edge_levels,

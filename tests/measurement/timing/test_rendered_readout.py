@@ -11,7 +11,7 @@ from omnisim.measurement.timing import measure_readout
 from omnisim.rendering.camera.degradations import Degradation, Shutter
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
-from omnisim.validation.chessboards import PATTERN, SQUARE_M, board_scene
+from omnisim.validation.plain_scenes import PATTERN, SQUARE_M, board_scene
 
 LENS = KannalaBrandtCamera(
     320, 240, (210.0, 210.4), (160.8, 118.5), (0.012, -0.008, 0.002, -0.0005), np.radians(44.0)

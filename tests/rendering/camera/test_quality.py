@@ -10,7 +10,7 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.quality import DEFAULT_QUALITY, QUALITIES, QualityName, quality_named
 from omnisim.rendering.stage import Stage
 from omnisim.scene import load_scene
-from omnisim.validation.psnr import psnr_db
+from omnisim.validation.image_differences import psnr_db
 
 
 def _numbers(sensor):

@@ -23,7 +23,7 @@ from omnisim.rendering.stage import open_sensor
 from omnisim.scene import load_scene
 from omnisim.scene.files.source import resolve_source
 from omnisim.scene.formats.mesh.mesh_files import write_mirror
-from omnisim.validation.psnr import psnr_of_levels_db
+from omnisim.validation.image_differences import psnr_of_levels_db
 from tests.scenes import WAREHOUSE, with_warehouse
 
 pytestmark = [

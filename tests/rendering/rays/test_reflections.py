@@ -17,7 +17,7 @@ pytest.importorskip("embreex", reason="embreex, which casts the rays, is missing
 from omnisim.rendering.rays.ray_scene import ObjectState, RayScene
 from omnisim.rendering.rays.shading.reflections import MAX_BOUNCES, Paths
 from omnisim.rendering.stage import open_sensor
-from omnisim.validation.rooms.reflective_rooms import camera, camera_pose, rooms
+from omnisim.validation.reflective_rooms import camera, camera_pose, rooms
 
 CHROME = Material(metallic=1.0, roughness=0.0, base_color=(1.0, 1.0, 1.0, 1.0))
 WHITE = (1.0, 1.0, 1.0)

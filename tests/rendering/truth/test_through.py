@@ -13,7 +13,7 @@ from omnisim.rendering.stage import open_sensor
 from omnisim.scene.labels import find_labels
 from omnisim.scene.model import Material
 from omnisim.sensors import DepthCamera
-from omnisim.validation.rooms import reflective_rooms
+from omnisim.validation import reflective_rooms
 from tests.cameras.optics.examples import SYSTEMS
 from tests.rendering.rays.test_panes import reflected_by_pane
 from tests.scenes import room, scene_of, square

@@ -9,7 +9,7 @@ from omnisim.core.trajectories.odometry import Odometry
 from omnisim.perception.localization.filter import LandmarkMap, predict_measurement
 from omnisim.perception.unwarping.panorama import CameraMount
 from omnisim.scene import load_scene
-from omnisim.validation.experiments.hand_picking import Hand, pick_landmarks
+from omnisim.validation.experiments.experiment_runs import Hand, pick_landmarks
 from omnisim.validation.experiments.real_setting import cluttered, with_wrong_start
 
 

@@ -8,7 +8,7 @@ import pytest
 from omnisim.perception.localization.filter import Observation
 from omnisim.rendering.camera.degradations.defocus import Defocus
 from omnisim.rendering.camera.degradations.effect import ImageGeometry
-from omnisim.validation.experiments.seeds import in_field_of_view
+from omnisim.validation.experiments.experiment_runs import in_field_of_view
 from omnisim.validation.experiments.sweep import CAUSES, degraded
 
 SIZE = 96
@@ -33,7 +33,7 @@ def test_each_level_changes_more_than_the_one_before(name):
     cause = BY_NAME[name]
     changes = []
     for level in cause.levels:
-        changed = degraded(image, shown, GEOMETRY, cause, level, 12)
+        changed = degraded(image, 12, shown, GEOMETRY, cause, level)
         assert changed.shape == image.shape
         assert np.all(changed[~shown] == 0)
         changes.append(np.abs(changed[shown].astype(float) - image[shown]).mean())

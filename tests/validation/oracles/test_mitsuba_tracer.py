@@ -19,8 +19,8 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
 from omnisim.scene import load_scene
 from omnisim.scene.model import Material, Mesh, Texture, Wrap
+from omnisim.validation.image_differences import psnr_db
 from omnisim.validation.oracles.surfaces import opaque_only
-from omnisim.validation.psnr import psnr_db
 from tests.scenes import room, room_color, room_hit, scene_of
 
 mi = pytest.importorskip("mitsuba", reason="Mitsuba is an optional oracle")
@@ -179,7 +179,7 @@ def _reflected(camera, pixels, distance_m):
     """Points of Mitsuba's rays at `distance_m`, optical frame, meters."""
     mi.set_variant(mitsuba_scene.VARIANT)
     units_per_m = mitsuba_tracer.RIM_UNITS / camera.mirror.rim_radius_m
-    sensor = mi.load_dict(mitsuba_tracer.pinhole(camera, np.eye(3), units_per_m, 1))
+    sensor = mi.load_dict(mitsuba_tracer.mirror_pinhole(camera, np.eye(3), units_per_m, 1))
     mirror = mitsuba_tracer.mirror_of_metal(camera.mirror, np.eye(3), units_per_m)
     scene = mi.load_dict({"type": "scene", "mirror": mirror})
     places = []

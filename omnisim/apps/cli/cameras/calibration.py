@@ -6,7 +6,6 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from rich.table import Table
 
@@ -36,27 +35,20 @@ from omnisim.core.short_repr import number_text, point_text
 from omnisim.rendering.camera.captured_image import camera_of_parameters
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
-if TYPE_CHECKING:  # seldom needed at run time
-    from omnisim.cameras.optics import OpticalSystem
-
 SHOWN_POSES = 8
 _SCENES = (".glb", ".gltf", ".usd", ".usda", ".usdc", ".usdz", ".mjcf")
 
 
 def list_formats() -> None:
     """Print a table of the calibration formats."""
-    shown = table("format", "what", "file", "cameras", "models that it says exactly")
+    shown = table("format", "what", "file", "cameras", "models stored exactly")
     for form in FORMATS.values():
-        models = (
-            "all"
-            if len(form.models) == len(CAMERA_MODELS)
-            else ", ".join(model.model_name for model in form.models)
-        )
-        shown.add_row(
-            form.name, form.title, f"*{form.suffix}", "several" if form.several else "one", models
-        )
+        is_general = len(form.models) == len(CAMERA_MODELS)
+        models = "all" if is_general else ", ".join(model.model_name for model in form.models)
+        several = "several" if form.several else "one"
+        shown.add_row(form.name, form.title, f"*{form.suffix}", several, models)
     out.print(shown)
-    out.print("All are read and written. Another model is fitted, and the file says how near.")
+    out.print("All are read and written. Other models are fitted, and the file states the error.")
 
 
 def convert(request: ConvertRequest) -> None:
@@ -66,9 +58,14 @@ def convert(request: ConvertRequest) -> None:
     check_target(request.output)
     source, more_distances_m = _source(request)
     check_distinct({"what is written": request.output}, {"the file to convert": source})
-    system = _system(request, source)
-    if system is not None:
-        _convert_optics(request, system, source, more_distances_m)
+    if request.optics is not None:
+        from omnisim.cameras.optics.system_file import read_optics_file  # seldom needed
+
+        _convert_optics(request, read_optics_file(request.optics), source, more_distances_m)
+        return
+    model = None if request.format is not None else _own_camera(source)
+    if isinstance(model, NonCentralCamera):
+        _convert_optics(request, model, source, more_distances_m)
         return
     reason = f"expected optics, got {source}"
     refuse_given(request, reason, "at_distance", "right_at", error=CalibrationError)
@@ -100,27 +97,14 @@ def _source(request: ConvertRequest) -> tuple[Path, list[float]]:
     return request.optics, more_m
 
 
-def _system(request: ConvertRequest, source: Path) -> OpticalSystem | None:
-    """Optical system from --optics or a sensor file; None for a central camera."""
-    if request.optics is not None:
-        from omnisim.cameras.optics.system_file import read_optics_file  # seldom needed
-
-        return read_optics_file(request.optics)
-    model = None if request.format is not None else _own_camera(source)
-    if not isinstance(model, NonCentralCamera):
-        return None
-    from omnisim.cameras.optics import OpticalSystem
-
-    assert isinstance(model, OpticalSystem)
-    return model
-
-
 def _convert_optics(
-    request: ConvertRequest, system: OpticalSystem, source: Path, more_distances_m: list[float]
+    request: ConvertRequest, system: NonCentralCamera, source: Path, more_distances_m: list[float]
 ) -> None:
     """Write the best central fit to an optical system, and print its residuals."""
+    from omnisim.cameras.optics import OpticalSystem
     from omnisim.cameras.optics.central_view import DISTANCES_M, fit_central
 
+    assert isinstance(system, OpticalSystem)
     reason, names = "expected a calibration file, got optics", ("camera_name", "format", "mirrored")
     refuse_given(request, reason, *names, error=CalibrationError)
     fitted = fit_central(
@@ -136,13 +120,12 @@ def _convert_optics(
     pose, residuals = find_pose(written.poses, OPTICS, written.name), written.residuals
     assert pose is not None
     assert residuals is not None
-    unfitted = dataclasses.replace(written, residuals=None)
-    out.print(f"  {_conversion(unfitted, written)}")
+    out.print(f"  {_conversion(dataclasses.replace(written, residuals=None), written)}")
     x, y, z = pose[:3, 3]
     tilt_deg = math.degrees(math.acos(min(abs(float(pose[2, 2])), 1.0)))
     out.print(
         f"  viewpoint ({x:z.5f}, {y:z.5f}, {z:z.5f}) m in the optics' frame, axis tilted by "
-        f"{tilt_deg:.2f}°; it is off, for points"
+        f"{tilt_deg:.2f}°; error, by the distance of points"
     )
     out.print(error_table(residuals.at_distances))
     for note in written.notes:
@@ -151,7 +134,7 @@ def _convert_optics(
 
 def error_table(errors: Sequence[CentralError]) -> Table:
     """Table of the errors of a central model, with a row per distance."""
-    shown = table("at", ">mean", ">median", ">99 %", ">at most", ">not shown")
+    shown = table("at", ">mean", ">median", ">99 %", ">maximum", ">not visible")
     for error in errors:
         values = error.mean_px, error.median_px, error.percentile_99_px, error.max_px
         pixels = ["–" if math.isnan(value) else f"{number_text(value, 3)} px" for value in values]
@@ -167,7 +150,7 @@ def show(request: ShowRequest) -> None:
     for camera in read.cameras:
         shown = Table(box=None, pad_edge=False, show_header=False)
         shown.add_column(style="bold", no_wrap=True)
-        for row in (*_camera_rows(camera), *_file_rows(camera)):
+        for row in _rows(camera):
             shown.add_row(*row)
         out.print()
         out.print(camera.name, style="bold")
@@ -183,7 +166,20 @@ def read_calibration(
         OmnisimError: names the file and the key.
     """
     if path.suffix.lower() in _SCENES and format is None:
-        return _scene_cameras(path)
+        from omnisim.scene import read_scene  # calibrations seldom are scenes
+
+        scene = read_scene(path)
+        for notice in scene.notices:
+            print_note(notice)
+        cameras = [
+            camera
+            for mounted in scene.cameras
+            if mounted.lens is not None
+            for camera in calibration_of(mounted.lens, mounted.name).cameras
+        ]
+        if not cameras:
+            raise CalibrationError(f"{path}: expected a camera with a lens, got a scene without")
+        return Calibration(tuple(cameras), "scene", str(path))
     camera = None if format is not None else _own_camera(path)
     if camera is not None:
         if camera_name is not None:
@@ -207,27 +203,9 @@ def select_camera(calibration: Calibration, name: str | None) -> Calibration:
         names = ", ".join(calibration.names)
         print_note(
             f"{calibration.source}: the first of {len(calibration.cameras)} cameras, "
-            f"{calibration.names[0]}: --camera-name takes another of {names}"
+            f"{calibration.names[0]}, is used; --camera-name selects another of {names}"
         )
     return calibration.only(name or calibration.names[0])
-
-
-def _scene_cameras(path: Path) -> Calibration:
-    """Cameras of a scene file that have lenses; print its notices."""
-    from omnisim.scene import read_scene  # calibrations seldom are scenes
-
-    scene = read_scene(path)
-    for notice in scene.notices:
-        print_note(notice)
-    cameras = [
-        camera
-        for one in scene.cameras
-        if one.lens is not None
-        for camera in calibration_of(one.lens, one.name).cameras
-    ]
-    if not cameras:
-        raise CalibrationError(f"{path}: expected a camera with a lens, got a scene without")
-    return Calibration(tuple(cameras), "scene", str(path))
 
 
 def _own_camera(path: Path) -> CentralCamera | None:
@@ -240,7 +218,7 @@ def _own_camera(path: Path) -> CentralCamera | None:
     _, metadata = read_image(path)
     parameters = None if metadata is None else metadata.get("camera")
     if not isinstance(parameters, dict):
-        raise CalibrationError(f"{path}: expected an image of omnisim's, got one without a camera")
+        raise CalibrationError(f"{path}: expected an image by omnisim, got one without a camera")
     try:
         return camera_of_parameters(parameters)
     except OmnisimError as reason:
@@ -264,8 +242,8 @@ def _conversion(before: CalibratedCamera, after: CalibratedCamera) -> str:
     )
 
 
-def _camera_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
-    """Table rows of a camera's model, parameters and domain."""
+def _rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
+    """Table rows of a camera's model, parameters and domain, and of its poses and fit."""
     camera = calibrated.camera
     parameters = camera.parameters()
     model = str(parameters.pop("model"))
@@ -275,48 +253,34 @@ def _camera_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
     width, height = parameters.pop("width_px"), parameters.pop("height_px")
     rows.append(("image", f"{width} × {height} px"))
     seen = field_of_view(camera)
-    parameters.pop("theta_max_deg", None)  # below: where the model ends
+    parameters.pop("theta_max_deg", None)  # below: the model's limit
     rows += [_parameter_row(key, value) for key, value in parameters.items()]
     axis = ", from −z, as it looks into a mirror" if seen.axis[2] < 0.0 else ""
     across, upright = math.degrees(seen.horizontal_rad), math.degrees(seen.vertical_rad)
-    rows.append(("field of view", f"{across:.1f}° × {upright:.1f}°"))
-    rows.append(("largest θ", f"{math.degrees(seen.theta_max_rad):.2f}° in the image{axis}"))
-    rows.append(("the model ends", _model_limit(camera, seen.theta_limit_rad)))
-    rows.append(("valid pixels", f"{100.0 * seen.covered:.1f} %"))
-    return rows
-
-
-def _file_rows(calibrated: CalibratedCamera) -> list[tuple[str, str]]:
-    """Table rows of a camera's poses and fit in its file."""
-    rows = []
+    fold_rad = getattr(getattr(camera, "lens", camera), "fold_rad", math.inf)
+    limit_rad = seen.theta_limit_rad
+    folds = ", where it folds" if abs(limit_rad - fold_rad) < 1e-6 else ""
+    limit = f"θ = {math.degrees(limit_rad):.2f}°{folds}"
+    rows += [
+        ("field of view", f"{across:.1f}° × {upright:.1f}°"),
+        ("largest θ", f"{math.degrees(seen.theta_max_rad):.2f}° in the image{axis}"),
+        ("model's limit", "none: all directions" if limit_rad >= math.pi else limit),
+        ("valid pixels", f"{100.0 * seen.covered:.1f} %"),
+    ]
     for pose in calibrated.poses[:SHOWN_POSES]:
         place = point_text(pose.target_from_source[:3, 3])
         rows.append((f"{pose.target}_from_{pose.source}", f"at {place} m"))
     if len(calibrated.poses) > SHOWN_POSES:
         rows.append(("…", f"{len(calibrated.poses)} poses in all"))
-    fit = calibrated.residuals
-    if fit is not None:
-        rows.append(
-            (
-                "fitted to",
-                f"{fit.source_model}: RMS {number_text(fit.rms_px, 3)} px, at most "
-                f"{number_text(fit.max_px, 3)} px within {math.degrees(fit.theta_max_rad):.1f}°",
-            )
-        )
+    if (fit := calibrated.residuals) is not None:
+        error = f"RMS {number_text(fit.rms_px, 3)} px, at most {number_text(fit.max_px, 3)} px"
+        within = f"within {math.degrees(fit.theta_max_rad):.1f}°"
+        rows.append(("fitted to", f"{fit.source_model}: {error} {within}"))
         rows += [
-            (f"points at {error.at}", f"99 % within {number_text(error.percentile_99_px, 3)} px")
-            for error in fit.at_distances
+            (f"points at {each.at}", f"99 % within {number_text(each.percentile_99_px, 3)} px")
+            for each in fit.at_distances
         ]
     return rows
-
-
-def _model_limit(camera: CentralCamera, limit_rad: float) -> str:
-    if limit_rad >= math.pi:
-        return "nowhere: it could show all directions"
-    lens = getattr(camera, "lens", camera)
-    fold_rad = getattr(lens, "fold_rad", math.inf)
-    limit = f"at θ = {math.degrees(limit_rad):.2f}°"
-    return f"{limit}, where it folds" if abs(limit_rad - fold_rad) < 1e-6 else limit
 
 
 def _parameter_row(key: str, value: object) -> tuple[str, str]:
@@ -328,4 +292,4 @@ def _parameter_row(key: str, value: object) -> tuple[str, str]:
         return name, value
     decimals = 9 if unit else 300  # a coefficient without a unit may be of any size
     values = value if isinstance(value, list | tuple) else (value,)
-    return name, ", ".join(number_text(one, 10, decimals) for one in values) + unit
+    return name, ", ".join(number_text(each, 10, decimals) for each in values) + unit

@@ -60,30 +60,32 @@ def check(request: OpticsCheckRequest) -> None:
     distances_m = (*(request.at_distance or ()), *(request.more_distances or ()))
     centrality = measure_centrality(system, distances_m or DISTANCES_M)
     out.print(f"{request.system}: {_summary(system)}")
-    out.print(_shares(system))
+    fates = system.all_rays().fates
+    shares = {fate: 100.0 * float(np.mean(fates == fate)) for fate in Fate}
+    others = [f"{shares[fate]:.1f} % {text}" for fate, text in _FATES.items() if shares[fate]]
+    out.print("; ".join([f"{shares[Fate.SEEN]:.1f} % of the pixels see something", *others]))
     x, y, z = centrality.viewpoint_m
-    mean_mm, max_mm = (
-        number_text(1e3 * one, 3) for one in (centrality.misses_m.mean(), centrality.misses_m.max())
-    )
+    misses_mm = 1e3 * centrality.misses_m
+    mean_mm, max_mm = (number_text(value, 3) for value in (misses_mm.mean(), misses_mm.max()))
     out.print(
         f"best viewpoint: ({x:z.5f}, {y:z.5f}, {z:z.5f}) m in the sensor's optical frame; rays "
         f"miss it by {mean_mm} mm on average, {max_mm} mm at most"
     )
     apart_px = lateral_color_px(system)
     if len(apart_px):
-        drawn = "is drawn" if system.chromatic else "chromatic = true draws it"
+        drawn = "simulated" if system.chromatic else "set chromatic = true to simulate it"
         out.print(
             f"lateral color: R and B of far points are {apart_px.mean():.2g} px apart on average, "
             f"{apart_px.max():.2g} px at most; {drawn}"
         )
-    out.print("A central model with the same directions is off, for points")
+    out.print("error of a central model with the same directions, by the distance of points")
     out.print(error_table(centrality.errors))
 
 
 def plot(request: OpticsPlotRequest) -> None:
     """Plot the profile, its rays and caustic, and the resolution."""
     from omnisim.plots.optics_plot import optics_figure
-    from omnisim.plots.plot_file import check_plot_target, write_plot
+    from omnisim.plots.style import check_plot_target, write_plot
 
     check_plot_target(request.output)
     _check_distinct(request.output, request.system)
@@ -131,8 +133,7 @@ def design(request: OpticsDesignRequest) -> None:
         f"{1e3 * profile.radii_m[-1]:.4g} mm, height {1e3 * profile.heights_m[-1]:.4g} mm"
     )
     if is_system:
-        size_px = request.size_px or DESIGN_SIZE_PX
-        text = target.system_toml(profile_file.name, size_px)
+        text = target.system_toml(profile_file.name, request.size_px or DESIGN_SIZE_PX)
         write_text(request.output, text)
         out.print(f"{request.output}: {_summary(read_optics_file(request.output))}")
 
@@ -186,18 +187,6 @@ def _summary(system: OpticalSystem) -> str:
     return f"{summary(system.camera)}, {' and '.join(filter(None, parts))}"
 
 
-def _shares(system: OpticalSystem) -> str:
-    """Summarize the shares of pixels by the outcome of their rays."""
-    fates = system.all_rays().fates
-    shares = {fate: 100.0 * float(np.mean(fates == fate)) for fate in Fate}
-    others = [
-        f"{shares[fate]:.1f} % {description}"
-        for fate, description in _FATES.items()
-        if shares[fate]
-    ]
-    return "; ".join([f"{shares[Fate.SEEN]:.1f} % of the pixels see something", *others])
-
-
 def calibrate(request: OpticsCalibrateRequest) -> None:
     """Fit an optical system to corners, write it, and print parameters and residuals."""
     check_suffix(request.output, ".toml")
@@ -220,17 +209,17 @@ def calibrate(request: OpticsCalibrateRequest) -> None:
     )
     lines = [f"Fitted to {request.corners.name}: {summary}."]
     lines += [
-        f"{one.name}: {number_text(one.value, 6, 9)} ± {number_text(one.sigma, 2, 9)}"
-        for one in fit.parameters
+        f"{fitted.name}: {number_text(fitted.value, 6, 9)} ± {number_text(fitted.sigma, 2, 9)}"
+        for fitted in fit.parameters
     ]
     tables = _beside(fit.table, request.system.parent, request.output.parent)
     text = toml_text({f"# {line}": Comment(line) for line in lines} | tables)
     write_text(request.output, text)
     out.print(f"{request.output}: {summary}")
     shown = table("", ">before", ">fitted", ">±")
-    for one in fit.parameters:
-        values = (number_text(value, 6, 9) for value in (one.before, one.value))
-        shown.add_row(one.name, *values, number_text(one.sigma, 2, 9))
+    for fitted in fit.parameters:
+        values = (number_text(value, 6, 9) for value in (fitted.before, fitted.value))
+        shown.add_row(fitted.name, *values, number_text(fitted.sigma, 2, 9))
     out.print(shown)
 
 

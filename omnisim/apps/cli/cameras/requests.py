@@ -24,12 +24,8 @@ MoreDistances = Annotated[
     list[float] | None, Argument(metavar="M", help="Further distances for --at-distance.")
 ]
 Format = Annotated[
-    str | None,
-    Option(
-        metavar="FORMAT", names=_formats,
-        help="Format of FILE. Default: detected.",
-    ),
-]  # fmt: skip
+    str | None, Option(metavar="FORMAT", names=_formats, help="Format of FILE. Default: detected.")
+]
 
 
 @command("mirror", "cameras.mirror.run")

@@ -21,11 +21,21 @@ def run(request: SensorRequest) -> None:
         out.print(DEFAULT_SENSOR_FILE.read_text(encoding="utf-8"), end="")
         return
     sensor = OmniCamera.from_file(request.check)
-    out.print(f"{request.check}: good")
+    out.print(f"{request.check}: valid")
     named = sensor.model.parameters().items()
     lines = [f"  {key:22} {value}" for key, value in named]
     if isinstance(sensor.model, HyperbolicCamera):
-        lines = _mirror_lines(sensor, sensor.model)
+        camera, mirror = sensor.model, sensor.model.mirror
+        lines = [
+            f"  mirror   k = {mirror.k:g}, c = {mirror.c:g} ({1000.0 * mirror.c_m:.4g} mm), "
+            f"e = {mirror.eccentricity:.7g}, ξ = {mirror.xi:.7g}",
+            f"  rim      {math.degrees(mirror.theta_max_rad):.4g}°, "
+            f"radius {1000.0 * mirror.rim_radius_m:.4g} mm",
+            f"  mesh     {mesh_text(sensor)}",
+            f"  image  {camera.width_px} × {camera.height_px} px, "
+            f"focal length {camera.focal_length_px:.6g} px, "
+            f"90° circle {camera.horizon_radius_px:.6g} px, rim {camera.rim_radius_px:.6g} px",
+        ]
     elif isinstance(sensor.model, NonCentralCamera):
         lines = [line for key, value in named for line in _part_lines(key, value)]
     for name, values in sensor.degradation.tables().items():
@@ -42,9 +52,9 @@ def _part_lines(key: str, value: ParameterValue) -> Iterator[str]:
             yield f"  {key:22} {part}"
             continue
         texts = []
-        for name, one in part.items():
-            is_long = isinstance(one, list) and len(one) > MAX_VALUES
-            texts.append(f"{name} = {f'{len(one)} values' if is_long else one}")
+        for name, entry in part.items():
+            is_long = isinstance(entry, list) and len(entry) > MAX_VALUES
+            texts.append(f"{name} = {f'{len(entry)} values' if is_long else entry}")
         yield f"  {key:22} {', '.join(texts)}"
 
 
@@ -54,17 +64,3 @@ def mesh_text(sensor: OmniCamera) -> str:
         return f"{sensor.mesh_summary}, none"
     error_px = math.ceil(1000.0 * sensor.mesh_error_px) / 1000.0
     return f"{sensor.mesh_summary}, off by {error_px:g} px at most"
-
-
-def _mirror_lines(sensor: OmniCamera, camera: HyperbolicCamera) -> list[str]:
-    mirror = camera.mirror
-    return [
-        f"  mirror   k = {mirror.k:g}, c = {mirror.c:g} ({1000.0 * mirror.c_m:.4g} mm), "
-        f"e = {mirror.eccentricity:.7g}, ξ = {mirror.xi:.7g}",
-        f"  rim      {math.degrees(mirror.theta_max_rad):.4g}°, "
-        f"radius {1000.0 * mirror.rim_radius_m:.4g} mm",
-        f"  mesh     {mesh_text(sensor)}",
-        f"  image  {camera.width_px} × {camera.height_px} px, "
-        f"focal length {camera.focal_length_px:.6g} px, "
-        f"90° circle {camera.horizon_radius_px:.6g} px, rim {camera.rim_radius_px:.6g} px",
-    ]

@@ -47,9 +47,12 @@ def run(request: DoctorRequest) -> bool:
         check_target(request.report)
     steps: list[Step] = []
     for name in STEPS:
-        known = {line for one in steps for line in one.output.splitlines()}
+        known = {line for step in steps for line in step.output.splitlines()}
         steps.append(run_step(name, request.device, known))
-        _print(steps[-1])
+        status, text, remedy, _ = steps[-1].result
+        head = f"{status:9}{name:13}{steps[-1].seconds:5.1f} s  "
+        line = _wrapped(text + (f": {remedy}" if remedy else ""), head)[len(status) :]
+        out.print(f"[{_COLORS[status]}]{status}[/]{escape(line)}", markup=True)
         if name in NEEDED and steps[-1].result.status == FAILED:
             break
     lines = verdict(steps)
@@ -57,7 +60,7 @@ def run(request: DoctorRequest) -> bool:
     if request.report is not None:
         write_text(request.report, report(steps, lines))
         out.print(f"{request.report}: the report, for a bug report")
-    return all(one.result.status != FAILED for one in steps)
+    return all(step.result.status != FAILED for step in steps)
 
 
 def run_step(
@@ -87,7 +90,7 @@ def run_step(
     tops = re.findall(r'hread 0x.*\n +File ".*/(.+)", (line \d+ in \w+)', printed)
     where = f" in {', '.join(tops[-1])}" if tops else ""  # the main thread is the last
     if status is None:
-        result = Result(FAILED, f"no end within {limit_s:g} s{where}", OTHER_DRIVER)
+        result = Result(FAILED, f"not finished within {limit_s:g} s{where}", OTHER_DRIVER)
     elif status < 0:
         name_of_signal = signal.Signals(-status).name
         remedy = f"try MESA_SHADER_CACHE_DISABLE=1 (shaders of another machine), {OTHER_DRIVER}"
@@ -108,18 +111,17 @@ def run_step(
 
 def verdict(steps: Sequence[Step]) -> list[str]:
     """Lines that say whether omnisim works on this machine, and what to do."""
-    failed = [one.name for one in steps if one.result.status == FAILED]
+    failed = [step.name for step in steps if step.result.status == FAILED]
     if not failed:
-        opengl = next(one.result for one in steps if one.name == "OpenGL")
+        opengl = next(step.result for step in steps if step.name == "OpenGL")
         is_slow = is_software(opengl.text)
         lines = ["omnisim works here" + (", in software: no GPU is used." if is_slow else ".")]
     elif len(steps) < len(STEPS):
         lines = ["OpenGL cannot be used here; --backend rays renders without it."]
     else:
-        lines = [f"OpenGL opens here, but not all is right: {', '.join(failed)}."]
-    found = [one.result for one in steps if one.result.status in (FAILED, WARNING)]
-    advice = dict.fromkeys(one.remedy or one.text for one in found)
-    return lines + [f"To do: {one}" for one in advice]
+        lines = [f"OpenGL opens here, but steps fail: {', '.join(failed)}."]
+    results = [step.result for step in steps if step.result.status in (FAILED, WARNING)]
+    return lines + [f"To do: {text}" for text in dict.fromkeys(r.remedy or r.text for r in results)]
 
 
 def report(steps: Sequence[Step], lines: Sequence[str]) -> str:
@@ -128,12 +130,9 @@ def report(steps: Sequence[Step], lines: Sequence[str]) -> str:
         "verdict": list(lines),
         "installation": dict(installation()),
         "variables": {name: os.environ[name] for name in VARIABLES if name in os.environ},
-        "steps": [one._asdict() | {"result": one.result._asdict()} for one in steps],
+        "steps": [step._asdict() | {"result": step.result._asdict()} for step in steps],
     }
-    return _without_names(json.dumps(content, indent=2, ensure_ascii=False)) + "\n"
-
-
-def _without_names(text: str) -> str:
+    text = json.dumps(content, indent=2, ensure_ascii=False) + "\n"
     home = os.path.expanduser("~")
     folders = {
         str(PACKAGE.parent): "<omnisim>", sys.prefix: "<python>", str(Path.cwd()): "<folder>",
@@ -147,13 +146,6 @@ def _without_names(text: str) -> str:
     for name, instead in {socket.gethostname(): "<host>", **names}.items():
         text = re.sub(rf"(?<![\w-]){re.escape(name)}(?![\w-])", instead, text)
     return text
-
-
-def _print(step: Step) -> None:
-    status, text, remedy, _ = step.result
-    head = f"{status:9}{step.name:13}{step.seconds:5.1f} s  "
-    lines = _wrapped(text + (f": {remedy}" if remedy else ""), head)[len(status) :]
-    out.print(f"[{_COLORS[status]}]{status}[/]{escape(lines)}", markup=True)
 
 
 def _wrapped(text: str, head: str = "") -> str:

@@ -43,8 +43,8 @@ def run(request: ValidateRequest) -> bool:
     report.write(request.output)
     counts = Counter(section.status for section in sections)
     summary = f"{request.output / HTML}: {counts['passed']} passed"
-    summary += f", {counts['failed']} failed" if counts["failed"] else ""
-    summary += f", {counts['skipped']} skipped" if counts["skipped"] else ""
+    for status in ("failed", "skipped"):
+        summary += f", {counts[status]} {status}" if counts[status] else ""
     out.print(summary)
     return report.passed
 

@@ -61,7 +61,16 @@ def convert(request: DatasetConvertRequest) -> None:
     """Write a data set in another layout."""
     if request.to not in LAYOUTS:
         raise OutputError(f"--to {request.to!r}: {did_you_mean(request.to, LAYOUTS)}")
-    settings = _coco_settings(request)
+    for layouts, options in (
+        (("coco", "yolo"), ("min_area_px", "min_visible", "split")),
+        (("coco",), ("polygons",)),
+    ):
+        if request.to not in layouts:
+            reason = f"expected with --to {' or '.join(layouts)}, got --to {request.to}"
+            refuse_given(request.coco, reason, *options)
+    coco = request.coco
+    limits = BoxLimits(coco.min_area_px or 1, coco.min_visible)
+    settings = CocoSettings(request.to == "yolo", limits, coco.polygons, _splits(coco.split))
     shards = Shards(request.folder)
     if request.to in ("coco", "yolo"):
         steps = write_coco(shards, request.output, settings)
@@ -70,21 +79,6 @@ def convert(request: DatasetConvertRequest) -> None:
     for _ in track(steps, "convert", len(shards)):
         pass
     out.print(f"{request.output}: {pluralize(len(shards), 'sample')}")
-
-
-def _coco_settings(request: DatasetConvertRequest) -> CocoSettings:
-    """Settings of a COCO folder."""
-    for layouts, names in (
-        (("coco", "yolo"), ("min_area_px", "min_visible", "split")),
-        (("coco",), ("polygons",)),
-    ):
-        if request.to not in layouts:
-            reason = f"expected with --to {' or '.join(layouts)}, got --to {request.to}"
-            refuse_given(request.coco, reason, *names)
-    limits = BoxLimits(request.coco.min_area_px or 1, request.coco.min_visible)
-    return CocoSettings(
-        request.to == "yolo", limits, request.coco.polygons, _splits(request.coco.split)
-    )
 
 
 def _splits(text: str | None) -> dict[str, float]:
@@ -99,15 +93,12 @@ def _splits(text: str | None) -> dict[str, float]:
         except ValueError:
             number = math.nan
         if not (FOLDER_NAME.fullmatch(name) and 0.0 < number <= 1.0) or name in splits:
-            raise OutputError(
-                f"--split {text!r}: expected names with shares, such as train=0.8,val=0.2, got "
-                f"{part.strip()!r}"
-            )
+            expected = "expected names with shares, such as train=0.8,val=0.2"
+            raise OutputError(f"--split {text!r}: {expected}, got {part.strip()!r}")
         splits[name] = number
-    if abs(sum(splits.values()) - 1.0) > 1e-6:
-        raise OutputError(
-            f"--split {text!r}: expected shares that add up to 1, got {sum(splits.values()):g}"
-        )
+    if abs(total := sum(splits.values()) - 1.0) > 1e-6:
+        expected = f"expected shares that add up to 1, got {total + 1.0:g}"
+        raise OutputError(f"--split {text!r}: {expected}")
     return splits
 
 

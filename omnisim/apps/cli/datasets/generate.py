@@ -92,22 +92,21 @@ def _preview(request: GenerateRequest) -> None:
 def _map(request: GenerateRequest) -> None:
     require_extra("plots", "--map")
     from omnisim.plots.plan_map import plan_figure
-    from omnisim.plots.plot_file import check_plot_target, write_plot
+    from omnisim.plots.style import check_plot_target, write_plot
 
     if request.output is None:
         raise OutputError("-o: expected a .png, .pdf or .svg for the map")
     check_plot_target(request.output)
     check_distinct({"-o": request.output}, {"the plan": request.plan})
     write_plot(request.output, plan_figure(PreparedPlan.read(request.plan)))
-    out.print(f"{request.output}: free floors and places")
+    out.print(f"{request.output}: free floors and positions")
 
 
 def _estimate(request: GenerateRequest) -> None:
     estimated = estimate(request.plan, request.workers, request.gpu.device)
-    hours = estimated.seconds / 3600.0
-    time = f"{hours:.1f} hours" if hours >= 1.0 else f"{estimated.seconds / 60.0:.1f} minutes"
-    if estimated.seconds < 60.0:
-        time = f"{estimated.seconds:.0f} seconds"
+    seconds = estimated.seconds
+    hours, minutes = f"{seconds / 3600.0:.1f} hours", f"{seconds / 60.0:.1f} minutes"
+    time = hours if seconds >= 3600.0 else minutes if seconds >= 60.0 else f"{seconds:.0f} seconds"
     out.print(
         f"{request.plan}: {pluralize(estimated.samples, 'sample')}, "
         f"{estimated.samples * estimated.sample_bytes / 1e9:.3g} GB, {time} by "

@@ -17,11 +17,11 @@ from omnisim.apps.cli.images.requests import LiveRequest, LiveSceneOptions
 from omnisim.apps.cli.inputs import check_calibration_path, read_camera
 from omnisim.apps.cli.option_groups import CameraFileOptions, LightOptions
 from omnisim.apps.cli.options import flag_of, refuse_given, words_of
-from omnisim.apps.live.camera_document import CameraDocument
-from omnisim.apps.live.live import LivePage, run_source
+from omnisim.apps.live.camera_document import CameraDocument, SceneInLight
+from omnisim.apps.live.live import LivePage
 from omnisim.apps.live.live import run as run_page
 from omnisim.apps.live.live_source import LiveSettings
-from omnisim.apps.live.scene_in_light import SceneInLight
+from omnisim.apps.live.run_source import RunSource
 from omnisim.apps.live.viewpoint_motion import Place
 from omnisim.core.errors import OutputError
 from omnisim.robots.vehicle import Vehicle
@@ -36,23 +36,15 @@ def run(request: LiveRequest) -> None:
         reason = "a run has its own: expected none with --run"
         refuse_given(request, reason, "robot")
         refuse_given(request.camera, reason, "sensor", "optics", "calibration_file")
-        refuse_given(request.image, reason)
         refuse_given(request.viewpoint, reason, "at", "yaw_deg", "pitch_deg")
         refuse_given(request.page, reason, "record")
+        refuse_given(request.image, reason)
         refuse_given(request.light, reason)
-        source = run_source(
-            request.run, request.world.scene, request.camera.camera_name, request.gpu.device
-        )
-        _serve(LivePage(source, request.page.host, request.page.port), request)
+        where = request.run, request.world.scene, request.camera.camera_name, request.gpu.device
+        replayed = LivePage(partial(RunSource, *where), request.page.host, request.page.port)
+        _serve(replayed, request)
         return
-    scene = read_scene(
-        request.world.scene or SCENE,
-        request.world.up_axis,
-        request.world.meters_per_unit,
-        request.world.resources or (),
-        sky=request.light.sky,
-        baked=request.light.baked,
-    )
+    scene = _read(request.world, request.light, request.world.scene or SCENE, {})
     for notice in scene.notices:
         print_note(notice)
     settings, place, at = _settings(request, scene), None, request.viewpoint
@@ -60,15 +52,13 @@ def run(request: LiveRequest) -> None:
         yaw_deg = scene.start.yaw_deg if at.yaw_deg is None else at.yaw_deg
         place = Place(scene.start.position_m if at.at is None else at.at, yaw_deg, at.pitch_deg)
     if request.page.record is not None:
-        from omnisim.apps.live.record import record_film
+        from omnisim.apps.live.live_source import record_film
 
         count = record_film(request.page.record, settings, place)
         out.print(f"{request.page.record}: {count} images")
         return
-    _serve(
-        LivePage(settings, request.page.host, request.page.port, place, request.viewpoint.time_s),
-        request,
-    )
+    page = request.page
+    _serve(LivePage(settings, page.host, page.port, place, at.time_s), request)
 
 
 def _serve(page: LivePage, request: LiveRequest) -> None:
@@ -99,8 +89,13 @@ def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
     if vehicle is None or has_own:
         document, camera_options = _document(files)
     else:
-        document = CameraDocument.of_camera(vehicle.camera(camera_name).sensor)
-        camera_options = _robot_options(vehicle, camera_name, document)
+        own = vehicle.camera(camera_name).sensor
+        document = CameraDocument.of_camera(own)
+        camera_options = () if camera_name is None else ("--camera-name", camera_name)
+        camera = document.camera()
+        is_same = camera.model.parameters() == own.model.parameters()
+        if not (is_same and np.array_equal(camera.base_from_rig, own.base_from_rig)):
+            camera_options = None  # rounding has changed the document
     image = dataclasses.replace(request.image, size_px=request.image.size_px or SIZE_PX)
     if image.preset is not None:
         document = document.with_degradation(image.preset)
@@ -113,38 +108,21 @@ def _settings(request: LiveRequest, scene: Scene) -> LiveSettings:
         camera_options = (*camera_options, *words_of(image))
     name = request.world.scene or SCENE
     same_scene = (*words_of(request.world), *words_of(request.light), *words_of(request, "robot"))
-    in_light = SceneInLight(name, partial(_read_in_light, request.world, request.light))
+    in_light = SceneInLight(name, partial(_read, request.world, request.light))
     return LiveSettings(
         scene, document, vehicle, camera_name, (name, *same_scene),
         camera_options, request.gpu.device, request.light.unlit, in_light,
     )  # fmt: skip
 
 
-def _read_in_light(
-    world: LiveSceneOptions, light: LightOptions, path: Path, tables: Mapping[str, Any]
+def _read(
+    world: LiveSceneOptions, light: LightOptions, scene: str | Path, tables: Mapping[str, Any]
 ) -> Scene:
-    """Read a TOML file that extends the scene; its own sky and light override the options."""
-    own_sky, own_light = "sky" in tables, bool({"sky", "light"} & tables.keys())
-    return read_scene(
-        path,
-        world.up_axis,
-        world.meters_per_unit,
-        world.resources or (),
-        sky=None if own_sky else light.sky,
-        baked=None if own_light else light.baked,
-    )
-
-
-def _robot_options(
-    vehicle: Vehicle, camera_name: str | None, document: CameraDocument
-) -> tuple[str, ...] | None:
-    """Options that select the robot's camera; None if rounding has changed its document."""
-    own, camera = vehicle.camera(camera_name).sensor, document.camera()
-    if camera.model.parameters() != own.model.parameters():
-        return None
-    if not np.array_equal(camera.base_from_rig, own.base_from_rig):
-        return None
-    return () if camera_name is None else ("--camera-name", camera_name)
+    """Read a scene; the sky and light of a TOML file with such tables override the options."""
+    units = world.up_axis, world.meters_per_unit, world.resources or ()
+    sky = None if "sky" in tables else light.sky
+    baked = None if {"sky", "light"} & tables.keys() else light.baked
+    return read_scene(scene, *units, sky=sky, baked=baked)
 
 
 def _document(files: CameraFileOptions) -> tuple[CameraDocument, tuple[str, ...] | None]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.apps.cli.console import out, pluralize, print_note
-from omnisim.apps.cli.images.requests import FileOptions, FlowOptions, RenderRequest
+from omnisim.apps.cli.images.requests import FlowOptions, RenderRequest
 from omnisim.apps.cli.inputs import (
     Viewpoint,
     checked_backend,
@@ -45,7 +45,6 @@ from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.missed_surfaces import viewpoint_notes
 from omnisim.rendering.stage import open_sensor
 from omnisim.rendering.twist import Twist
-from omnisim.scene import Scene
 
 if TYPE_CHECKING:  # slow to import, and seldom needed
     from omnisim.cameras.calibration import Calibration
@@ -77,8 +76,15 @@ def run(request: RenderRequest) -> None:
     rendered = channels if overlay is None else tuple(dict.fromkeys((*channels, OVERLAID[overlay])))
     scene = load_labeled_scene(request.world, request.light, request.truth, rendered)
     viewpoint = Viewpoint.in_scene(scene, request.viewpoint)
-    if mounted is None and not has_own:
-        camera = _of_file(request, scene) or camera
+    if mounted is None and not has_own and request.viewpoint.at_camera is not None:
+        name = request.viewpoint.at_camera
+        lens = next(each.lens for each in scene.cameras if each.name == name)
+        if lens is None:
+            print_note(f"--at-camera {name!r}: has no lens; the default camera is used")
+        else:
+            selected = f"its own lens, {lens.model_name}, is used; --sensor selects another"
+            print_note(f"--at-camera {name!r}: {selected}")
+            camera = _adjusted(request, OmniCamera(lens, polygons=None))
     base = viewpoint.base_of(camera)
     others = _other_viewpoints(request.flow, viewpoint, channels)
     speed_mps, turn_rate_degps = request.motion.speed_mps, request.motion.turn_rate_degps
@@ -100,7 +106,7 @@ def run(request: RenderRequest) -> None:
     ) as renderer:
         if renderer.camera.near_m < camera.near_m:
             print_note(
-                f"{request.world.scene}: is small: the near plane is at "
+                f"{request.world.scene}: small scene: the near plane is at "
                 f"{renderer.camera.near_m:.3g} m instead of {camera.near_m:g} m "
                 "(virtual_cameras.near_m of a sensor file)"
             )
@@ -108,15 +114,13 @@ def run(request: RenderRequest) -> None:
             print_note(f"{request.world.scene}: {note}")
         if not request.light.unlit:
             note_lighting(request.world.scene, scene, backend, [camera])
+        own_name = renderer.vehicle
         states = {
-            other: WorldState(
-                {renderer.vehicle: other_viewpoint.base_of(camera)},
-                time_s + SIGNS[other] * interval_s,
-            )
-            for other, other_viewpoint in others.items()
+            other: WorldState({own_name: at.base_of(camera)}, time_s + SIGNS[other] * interval_s)
+            for other, at in others.items()
         }
         frame = renderer.render(
-            WorldState({renderer.vehicle: base}, time_s),
+            WorldState({own_name: base}, time_s),
             linear=is_float,
             also=rendered,
             boxes_3d=request.truth.boxes_3d,
@@ -130,11 +134,14 @@ def run(request: RenderRequest) -> None:
     saved.save(request.output, request.flow.preview, channel_format)
     size = f"{camera.model.width_px} × {camera.model.height_px} px"
     out.print(f"{request.output}: {size}, {camera.mesh_summary}, from {viewpoint}")
-    _write_other_files(request.files, camera, frame, base, faces)
-    if overlay is not None:
-        _write_overlay(request.output, frame, overlay)
+    _write_other_files(request, camera, frame, base, faces)
     if channels:
-        flows = "".join(_flow_summary(request.flow, *other) for other in others.items())
+        flows = ""
+        for other, at in others.items():
+            flow, side = ("flow", "ahead") if other == "next" else ("backward flow", "behind")
+            flows += f"; {flow} to {at}"
+            if all(value is None for value in _other_frames(request.flow)[other].values()):
+                flows += f", assuming {DEFAULT_ADVANCE_M:g} m {side} (set --{other})"
         out.print(f"{request.output}: also {', '.join(channels)}{flows}")
     if request.truth.boxes_3d and frame.boxes_3d is not None:
         boxes = pluralize(len(frame.boxes_3d), "instance")
@@ -146,21 +153,6 @@ def run(request: RenderRequest) -> None:
                 f"{sidecar_path(request.output, 'range.png')}: {1000 / steps_per_m:g} mm per step "
                 "instead of 1, to hold ranges beyond 65.534 m"
             )
-
-
-def _of_file(request: RenderRequest, scene: Scene) -> OmniCamera | None:
-    """Camera with the lens of --at-camera; None: another viewpoint, or no lens in the file."""
-    name = request.viewpoint.at_camera
-    lens = next((one.lens for one in scene.cameras if one.name == name), None)
-    if name is None:
-        return None
-    if lens is None:
-        print_note(f"--at-camera {name!r}: without a lens of its own: the default camera is drawn")
-        return None
-    print_note(
-        f"--at-camera {name!r}: with its own lens, {lens.model_name}; --sensor takes another"
-    )
-    return _adjusted(request, OmniCamera(lens, polygons=None))
 
 
 def _adjusted(request: RenderRequest, camera: OmniCamera) -> OmniCamera:
@@ -215,7 +207,7 @@ def _other_viewpoints(
         at, yaw_deg = given.values()
         if other not in {CHANNELS[name].other for name in channels}:
             continue
-        ahead_m = 0.0 if any(one is not None for one in (at, yaw_deg)) else DEFAULT_ADVANCE_M
+        ahead_m = DEFAULT_ADVANCE_M if at is None and yaw_deg is None else 0.0
         x, y, z = (current.position_m + SIGNS[other] * ahead_m * current.pose[:3, 0]).tolist()
         viewpoints[other] = dataclasses.replace(
             current,
@@ -223,14 +215,6 @@ def _other_viewpoints(
             yaw_deg=current.yaw_deg if yaw_deg is None else yaw_deg,
         )
     return viewpoints
-
-
-def _flow_summary(options: FlowOptions, other: str, viewpoint: Viewpoint) -> str:
-    """End of the summary line: the other viewpoint of flow, and whether it is assumed."""
-    flow, side = ("flow", "ahead") if other == "next" else ("backward flow", "behind")
-    is_default = all(value is None for value in _other_frames(options)[other].values())
-    reason = f", {DEFAULT_ADVANCE_M:g} m {side} as no --{other} says" if is_default else ""
-    return f"; {flow} to {viewpoint}{reason}"
 
 
 def _check_outputs(request: RenderRequest) -> tuple[str, ...]:
@@ -253,8 +237,8 @@ def _check_outputs(request: RenderRequest) -> tuple[str, ...]:
         },
     )
     channels = () if request.truth.also is None else parse_channels(request.truth.also)
+    has_sidecars = channels or request.truth.boxes_3d or request.flow.overlay
     for option, path in extra.items():
-        has_sidecars = channels or request.truth.boxes_3d or request.flow.overlay
         if has_sidecars and path is not None and is_sidecar_name(request.output, path):
             raise OutputError(f"{option}: expected another name than a channel's file, got {path}")
     if files.calibration is not None:
@@ -266,25 +250,25 @@ def _check_outputs(request: RenderRequest) -> tuple[str, ...]:
     if files.faces is not None:
         faces = [files.faces / f"{name}.png" for name in (*FACE_NAMES, "unfolded")]
         check_target(faces[0])
-        check_distinct(
-            {f"the face {face.stem}": face for face in faces}, {"the image": request.output}
-        )
+        written = {f"the face {face.stem}": face for face in faces}
+        check_distinct(written, {"the image": request.output})
     return channels
 
 
 def _write_other_files(
-    files: FileOptions,
+    request: RenderRequest,
     camera: OmniCamera,
     frame: Frame,
     base: NDArray[np.float64],
     faces: dict[str, NDArray[np.uint8]],
 ) -> None:
-    """Write the requested rays, calibration and faces, and print their names."""
+    """Write the requested rays, calibration, faces and overlay, and print their names."""
+    files = request.files
     if files.rays is not None:
         from omnisim.cameras.calibration.ray_table import write_ray_table
 
         write_ray_table(files.rays, camera.model, frame.metadata)
-        out.print(f"{files.rays}: a ray of each pixel")
+        out.print(f"{files.rays}: the ray of each pixel")
     if files.calibration is not None:
         calibration = _calibration(camera, base)
         calibration.save(files.calibration, "omnisim")
@@ -295,22 +279,18 @@ def _write_other_files(
         try:
             files.faces.mkdir(parents=True, exist_ok=True)
         except OSError as reason:
-            error = f"{files.faces}: this folder cannot be made: {reason.strerror}"
-            raise OutputError(error) from None
+            raise OutputError(f"{files.faces}: cannot be created: {reason.strerror}") from None
         for name, pixels in {**faces, "unfolded": unfolded_cube(faces)}.items():
             write_image(files.faces / f"{name}.png", pixels)
         out.print(f"{files.faces}: {', '.join(faces)}, unfolded")
+    if (overlay := request.flow.overlay) is not None:
+        from omnisim.plots.overlays import boxes_overlay, labels_overlay
 
-
-def _write_overlay(image: Path, frame: Frame, kind: str) -> None:
-    """Write the image with boxes or masks next to it, and print its name."""
-    from omnisim.plots.overlays import boxes_overlay, labels_overlay
-
-    assert frame.labels is not None
-    draw = boxes_overlay if kind == "boxes" else labels_overlay
-    path = sidecar_path(image, OVERLAY)
-    write_image(path, draw(frame.rgb, frame.channels[OVERLAID[kind]], frame.labels))
-    out.print(f"{path}: the image with {kind}")
+        assert frame.labels is not None
+        draw = boxes_overlay if overlay == "boxes" else labels_overlay
+        path = sidecar_path(request.output, OVERLAY)
+        write_image(path, draw(frame.rgb, frame.channels[OVERLAID[overlay]], frame.labels))
+        out.print(f"{path}: the image with {overlay}")
 
 
 def _calibration(sensor: OmniCamera, world_from_base: NDArray[np.float64]) -> Calibration:

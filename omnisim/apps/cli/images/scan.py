@@ -23,14 +23,14 @@ def run(request: ScanRequest) -> None:
     check_target(request.output)
     if request.plot is not None:
         require_extra("plots", "--plot")
-        from omnisim.plots.plot_file import check_plot_target
+        from omnisim.plots.style import check_plot_target
 
         check_plot_target(request.plot)
     scanner = LaserScanner.lms200(request.resolution_deg, request.mode, request.seed)
     if not request.noise:
         scanner = scanner.without_noise()
     scene = load_requested_scene(request.world)
-    for note in specular_notes(scene, [one.shape for one in scene.objects], "cube"):
+    for note in specular_notes(scene, [each.shape for each in scene.objects], "cube"):
         print_note(note)
     viewpoint = Viewpoint.in_scene(scene, request.viewpoint)
     with open_sensor(scene, scanner, device=request.gpu.device) as renderer:
@@ -46,8 +46,8 @@ def run(request: ScanRequest) -> None:
         f"{too_near} under {scanner.range_min_m:g} m"
     )
     if request.plot is not None:
-        from omnisim.plots.plot_file import write_plot
         from omnisim.plots.scan_plot import scan_figure
+        from omnisim.plots.style import write_plot
 
         write_plot(request.plot, scan_figure(scan))
         out.print(f"{request.plot}: the scan from above")

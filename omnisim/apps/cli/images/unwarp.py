@@ -61,10 +61,8 @@ def run(request: UnwarpRequest) -> None:
         files = (sidecar_path(path, "channels.json") for path in (request.output, request.source))
         check_distinct({"the view's channels": next(files)}, {"the image's channels": next(files)})
     camera = None if request.camera == ImageCameraOptions() else read_camera(request.camera)
-    taken = read_captured_image(request.source, camera)
-    taken, caveat = taken.assuming_viewpoint(
-        math.inf if request.right_at is None else request.right_at
-    )
+    distance_m = math.inf if request.right_at is None else request.right_at
+    taken, caveat = read_captured_image(request.source, camera).assuming_viewpoint(distance_m)
     view = _view(request, taken)
     width, height = view.camera.width_px, view.camera.height_px
     if max(width, height) > MAX_SIDE_PX or width * height > MAX_PIXELS:
@@ -76,15 +74,19 @@ def run(request: UnwarpRequest) -> None:
     try:
         unwarp = Unwarping(taken.camera, view.camera, camera_from_view, taken.covered)
     except OpticsError as reason:
-        raise OpticsError(f"{request.source}: {reason}: look elsewhere") from None
+        raise OpticsError(f"{request.source}: {reason}: choose another direction") from None
     metadata = _metadata(taken, view)
     channels, labels, has_ray = _channels(request, taken, view, camera_from_view, metadata)
-    source = taken.pixels
+    colors = taken.pixels
     if is_float:
-        is_srgb = source.dtype == np.uint8
-        source = linear_from_srgb8(source) if is_srgb else source.astype(np.float32, copy=False)
-    colors = unwarp(source)
-    pixels = _with_alpha(colors, unwarp.valid, is_float)
+        is_srgb = colors.dtype == np.uint8
+        colors = linear_from_srgb8(colors) if is_srgb else colors.astype(np.float32, copy=False)
+    colors = unwarp(colors)
+    pixels = np.empty((*unwarp.valid.shape, 4), dtype=np.float32 if is_float else np.uint8)
+    for row, color_row in zip(pixels, colors, strict=True):  # row by row, to save memory
+        fits = is_float or colors.dtype == np.uint8
+        row[:, :3] = color_row if fits else srgb8_from_linear(color_row)
+    pixels[..., 3] = np.where(unwarp.valid, 1.0 if is_float else 255, 0)
     if channels and is_float and channel_format is not ChannelFormat.NPY:
         write_exr(request.output, channels, labels, metadata, pixels)
     else:
@@ -92,16 +94,12 @@ def run(request: UnwarpRequest) -> None:
     if channels and not (is_float and channel_format is ChannelFormat.AUTO):
         write_sidecars(request.output, channels, labels, metadata, has_ray, channel_format)
     write_boxes(request.output, channels, labels)
-    masked = int(unwarp.valid.size - unwarp.valid.sum())
-    out.print(
-        f"{request.output}: {request.kind}, {view.camera.width_px} × {view.camera.height_px} px"
-        + (
-            f"; {masked} pixels ({100.0 * masked / unwarp.valid.size:.2g} %) that the camera does "
-            "not see are masked"
-            if masked
-            else ""
-        )
-    )
+    masked, total = int(np.count_nonzero(~unwarp.valid)), unwarp.valid.size
+    summary = f"{request.output}: {request.kind}, {width} × {height} px"
+    if masked:
+        share = f"{100.0 * masked / total:.2g} %"
+        summary += f"; {masked} pixels ({share}) outside the camera's view are masked"
+    out.print(summary)
     if channels:
         out.print(f"{request.output}: also {', '.join(channels)}")
     if caveat is not None:
@@ -143,39 +141,29 @@ def _view(request: UnwarpRequest, taken: CapturedImage) -> View:
         return perspective_view(width, height, math.radians(field_deg), yaw, pitch)
     if request.kind == "cylinder":
         return _cylinder(request, taken, yaw)
-    height_m = _height_m(request, taken)
-    extent_m = 4.0 * height_m if request.extent_m is None else request.extent_m
+    height_m = request.height_m
+    if height_m is None:
+        remedy = "pass --height METERS"
+        if taken.height_m is None:
+            missing = "expected the camera's height in the metadata"
+            raise OpticsError(f"{request.source}: {missing}: {remedy}")
+        if taken.height_m <= 0.0:
+            got = f"expected a camera above the ground, got z = {number_text(taken.height_m)} m"
+            raise OpticsError(f"{request.source}: {got}: {remedy}")
+        height_m = taken.height_m
     if width != height:
-        raise OpticsError(
-            f"--size: expected a square for a bird's eye view, got {width} × {height}"
-        )
+        got = f"expected a square for a bird's eye view, got {width} × {height}"
+        raise OpticsError(f"--size: {got}")
+    extent_m = 4.0 * height_m if request.extent_m is None else request.extent_m
     return birdseye_view(width, extent_m, height_m, yaw)
-
-
-def _height_m(request: UnwarpRequest, taken: CapturedImage) -> float:
-    """Height of the effective viewpoint above the ground, from the option or the image."""
-    if request.height_m is not None:
-        return request.height_m
-    if taken.height_m is None:
-        raise OpticsError(
-            f"{request.source}: expected the camera's height in the metadata: pass --height METERS"
-        )
-    if taken.height_m <= 0.0:
-        raise OpticsError(
-            f"{request.source}: expected a camera above the ground, got z = "
-            f"{number_text(taken.height_m)} m: pass --height METERS"
-        )
-    return taken.height_m
 
 
 def _cylinder(request: UnwarpRequest, taken: CapturedImage, yaw: float) -> View:
     side = min(taken.camera.width_px, taken.camera.height_px)
     # the width equals the circumference of the largest circle in the image
     width = request.size_px[0] if request.size_px else max(8, round(math.pi * side))
-    low, high = request.elevation_deg or (
-        -45.0,
-        highest_elevation_deg(taken.camera, taken.base_from_optical),
-    )
+    highest_deg = highest_elevation_deg(taken.camera, taken.base_from_optical)
+    low, high = request.elevation_deg or (-45.0, highest_deg)
     view = cylinder_view(width, math.radians(low), math.radians(high), yaw)
     if request.size_px and view.camera.height_px != request.size_px[1]:
         raise OpticsError(
@@ -186,27 +174,14 @@ def _cylinder(request: UnwarpRequest, taken: CapturedImage, yaw: float) -> View:
     return view
 
 
-def _with_alpha(
-    colors: NDArray[Any], valid: NDArray[np.bool_], is_float: bool
-) -> NDArray[np.float32] | NDArray[np.uint8]:
-    """Convert colors (height, width, 3) to the output's format, with the mask as alpha."""
-    pixels = np.empty((*valid.shape, 4), dtype=np.float32 if is_float else np.uint8)
-    for row, color_row in zip(pixels, colors, strict=True):  # row by row, to save memory
-        fits = is_float or colors.dtype == np.uint8
-        row[:, :3] = color_row if fits else srgb8_from_linear(color_row)
-    pixels[..., 3] = np.where(valid, 1.0 if is_float else 255, 0)
-    return pixels
-
-
 def _metadata(taken: CapturedImage, view: View) -> dict[str, Any]:
     """Metadata of the view: its own camera and pose, and the image's scene."""
     base_from_optical = np.eye(4)
     base_from_optical[:3, :3] = view.base_from_view
     inherited = {key: value for key, value in taken.metadata.items() if key in _INHERITED}
     if taken.world_from_optical is not None and taken.world_from_base is not None:
-        base_from_optical[:3, 3] = (
-            np.linalg.inv(taken.world_from_base) @ taken.world_from_optical
-        )[:3, 3]
+        camera_from_base = np.linalg.inv(taken.world_from_base) @ taken.world_from_optical
+        base_from_optical[:3, 3] = camera_from_base[:3, 3]
         world_from_optical = taken.world_from_base @ base_from_optical
         inherited["world_from_optical"] = world_from_optical.tolist()
     return {"omnisim": __version__, "camera": view.camera.parameters(), **inherited}

@@ -35,8 +35,7 @@ from omnisim.runs.rig_trajectory import RigRoute
 from omnisim.scene import read_scene
 
 if TYPE_CHECKING:
-    from omnisim.report.measure import Measure
-    from omnisim.report.report import ResultTable, Section
+    from omnisim.report.report import Measure, Section
 
 _SHOWN = 6  # images in the report
 _BIAS_PX, _LEVELS, _RISE_PERCENT, _NOISE = 0.05, 4.0, 15.0, 0.5
@@ -47,8 +46,7 @@ _SCENE_ONLY = ("trajectory", "trajectory_frame", "axes", "exposure_ev")
 def compare(request: MeasureCompareRequest) -> bool:
     """Render each image's board or scene by the twin, compare both, and write a report.
 
-    Returns:
-        True if all bounds hold on what the sensor file has.
+    Returns True if all bounds hold on what the sensor file has.
     """
     require_extra("measure", "omnisim measure compare", MeasurementError)
     require_extra("reports", "omnisim measure compare", MeasurementError)
@@ -64,7 +62,7 @@ def compare(request: MeasureCompareRequest) -> bool:
     else:
         summary = _compare_scene(request, sensor)
     images = summary.comparison.images
-    facts = {"sensor": request.sensor.name, "images": [one.name for one in images]}
+    facts = {"sensor": request.sensor.name, "images": [image.name for image in images]}
     text = f"{pluralize(len(images), 'image')}."
     report = Report("Camera twin", text, (summary.section(), *parts), facts)
     report.write(request.output)
@@ -142,17 +140,11 @@ def _compare_scene(request: MeasureCompareRequest, sensor: OmniCamera) -> Compar
 
 @dataclass(frozen=True)
 class Subject:
-    """Content of the images.
+    """Content of the images."""
 
-    Attributes:
-        text: description of the comparison.
-        patches: name of the patches whose gray levels are compared.
-        max_offset_px: offset beyond which a corner counts as lost.
-    """
-
-    text: str
-    patches: str
-    max_offset_px: float
+    text: str  # description of the comparison
+    patches: str  # name of the patches whose gray levels are compared
+    max_offset_px: float  # offset beyond which a corner counts as lost
 
 
 BOARD_SUBJECT = Subject(
@@ -174,18 +166,13 @@ SCENE_SUBJECT = Subject(
 
 @dataclass(frozen=True, eq=False)
 class ComparisonSummary:
-    """Comparison with the words that describe it.
+    """Comparison with the words that describe it."""
 
-    Attributes:
-        comparison: errors of the twin.
-        subject: content of the images.
-        degradation: effects in the twin's sensor file, of which blur and noise are compared.
-        brighter_ev: light of the images over that of the twin's, EV; None: fitted.
-    """
-
-    comparison: Comparison
-    subject: Subject
+    comparison: Comparison  # errors of the twin
+    subject: Subject  # content of the images
+    # effects in the twin's sensor file, of which blur and noise are compared
     degradation: Degradation
+    # light of the images over that of the twin's, EV; None: fitted
     brighter_ev: float | None = None
 
     @property
@@ -204,12 +191,12 @@ class ComparisonSummary:
     def noise_error(self) -> float:
         """Maximum difference of the noise over the gray levels; NaN: too few even blocks."""
         noise = self.comparison.noise
-        return max((abs(one.twin_noise - one.noise) for one in noise), default=math.nan)
+        return max((abs(band.twin_noise - band.noise) for band in noise), default=math.nan)
 
     @property
     def measures(self) -> tuple[Measure, ...]:
         """Errors with their bounds; those of blur and noise need their part of the sensor file."""
-        from omnisim.report.measure import Measure
+        from omnisim.report.report import Measure
 
         made, patches = self.degradation, self.subject.patches
         level, rise, noise = self.level_error, self.rise_error, self.noise_error
@@ -219,22 +206,15 @@ class ComparisonSummary:
             no_rise = "the sensor file has no blur"
         no_noise = "the sensor file has no noise" if made.noise is None else ""
         measures = [
-            Measure(
-                "largest bias of corners, by ring", self.comparison.bias_px, "px", _BIAS_PX
-            ),
-            Measure(
-                f"gray levels of 90 % of the {patches}", level, "of 255", _LEVELS,
-                unmeasured=no_level,
-            ),
-            Measure(
-                "10–90 % rise of edges, by ring", 100.0 * rise, "%", _RISE_PERCENT,
-                unmeasured=no_rise,
-            ),
+            Measure("largest bias of corners, by ring", self.comparison.bias_px, "px", _BIAS_PX),
+            Measure(f"gray levels of 90 % of the {patches}", level, "of 255", _LEVELS,
+                    unmeasured=no_level),
+            Measure("10–90 % rise of edges, by ring", 100.0 * rise, "%", _RISE_PERCENT,
+                    unmeasured=no_rise),
         ]  # fmt: skip
         if math.isfinite(noise):
-            measures.append(
-                Measure("noise, by gray level", noise, "gray levels", _NOISE, unmeasured=no_noise)
-            )
+            name = "noise, by gray level"
+            measures.append(Measure(name, noise, "gray levels", _NOISE, unmeasured=no_noise))
         if self.brighter_ev is not None:
             name = "light of the images over the twin's, median"
             measures.append(Measure(name, self.brighter_ev, "EV"))
@@ -242,22 +222,25 @@ class ComparisonSummary:
 
     def text(self) -> str:
         """Line of the most important numbers, and what they miss or do not check."""
-        rise, noise, ev = self.rise_error, self.noise_error, self.brighter_ev
+        comparison, patches = self.comparison, self.subject.patches
+        level, rise, noise = self.level_error, self.rise_error, self.noise_error
         parts = [
-            f"{pluralize(len(self.comparison.images), 'image')}: corners found again with a bias "
-            f"of {self.comparison.bias_px:.3f} px at most by ring, {self.comparison.lost} lost",
-            f"gray levels within {self.level_error:.1f} of 255 for 90 % of the "
-            f"{self.subject.patches}"
-            if math.isfinite(self.level_error)
-            else f"no {self.subject.patches} to compare gray levels",
-            f"edges within {100.0 * rise:.0f} %" if math.isfinite(rise) else "no edge long enough",
+            f"{pluralize(len(comparison.images), 'image')}: corners detected again with a bias of "
+            f"{comparison.bias_px:.3f} px at most by ring, {comparison.lost} lost"
         ]
+        if math.isfinite(level):
+            parts.append(f"gray levels within {level:.1f} of 255 for 90 % of the {patches}")
+        else:
+            parts.append(f"no {patches} to compare gray levels")
+        is_long = math.isfinite(rise)
+        parts.append(f"edges within {100.0 * rise:.0f} %" if is_long else "no edge long enough")
         if math.isfinite(noise):
             parts.append(f"noise within {noise:.2f} gray levels")
-        if ev is not None and math.isfinite(ev):
+        if (ev := self.brighter_ev) is not None and math.isfinite(ev):
             parts.append(f"images brighter than the twin's by {ev:+z.2f} EV")
-        missed = [one.name for one in self.measures if one.passed is False]
-        unmeasured = [f"{one.name} ({one.unmeasured})" for one in self.measures if one.unmeasured]
+        measures = self.measures
+        missed = [measure.name for measure in measures if measure.passed is False]
+        unmeasured = [f"{each.name} ({each.unmeasured})" for each in measures if each.unmeasured]
         lists = (("missed", missed), ("not measured", unmeasured))
         return "; ".join(
             parts + [f"{title}: {', '.join(names)}" for title, names in lists if names]
@@ -265,46 +248,35 @@ class ComparisonSummary:
 
     def section(self) -> Section:
         """Section of the report."""
-        from omnisim.plots.twin_plots import edge_figure, noise_figure, sheet_figure
-        from omnisim.report.report import CaptionedFigure, Section
+        from omnisim.plots.measured_plots import edge_figure, noise_figure, sheet_figure
+        from omnisim.report.report import CaptionedFigure, ResultTable, Section
 
         comparison = self.comparison
         step = max(1, len(comparison.images) // _SHOWN)
         shown = comparison.images[::step][:_SHOWN]
+        caption = "Images, the twin's, and twin minus image"
         figures = [
-            CaptionedFigure(
-                "images", sheet_figure(shown), "Images, the twin's, and twin minus image"
-            ),
+            CaptionedFigure("images", sheet_figure(shown), caption),
             CaptionedFigure("edges", edge_figure(comparison), "Corners and edges over the field"),
         ]
-        tables = [self._rings()]
         if comparison.noise:
             caption = "Noise by gray level, with fine texture, in even blocks of images and twin"
             figures.append(CaptionedFigure("noise-levels", noise_figure(comparison), caption))
-        return Section(
-            "The camera beside its twin",
-            self.subject.text,
-            measures=self.measures,
-            tables=tuple(tables),
-            figures=tuple(figures),
-        )
-
-    def _rings(self) -> ResultTable:
-        from omnisim.report.report import ResultTable
-
         columns = (
             "up to px", "corners", "lost", "bias along the radius", "bias across it", "RMS",
             "edge rise", "twin's",
         )  # fmt: skip
         rows = []
-        for ring in self.comparison.rings:
-            errors = (_number(one, "+.3f") for one in ring.bias_px)
-            rises = (_number(one, ".2f") for one in (ring.rise_px, ring.twin_rise_px))
+        for ring in comparison.rings:
+            errors = (_number(bias_px, "+.3f") for bias_px in ring.bias_px)
+            rises = (_number(rise_px, ".2f") for rise_px in (ring.rise_px, ring.twin_rise_px))
             counts = f"{ring.radius_px:.0f}", str(ring.corners), str(ring.lost)
             rows.append((*counts, *errors, _number(ring.rms_px, ".3f"), *rises))
         limit = self.subject.max_offset_px
-        caption = f"Rings of the image, px. Lost: more than {limit:g} px off, or not found."
-        return ResultTable(caption, columns, tuple(rows))
+        caption = f"Rings of the image, px. Lost: more than {limit:g} px off, or not detected."
+        table = ResultTable(caption, columns, tuple(rows))
+        title = "The camera beside its twin"
+        return Section(title, self.subject.text, self.measures, (table,), tuple(figures))
 
 
 def _number(value: float, form: str) -> str:

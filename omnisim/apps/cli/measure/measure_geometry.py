@@ -56,26 +56,31 @@ def geometry(request: MeasureGeometryRequest) -> None:
     tables = sensor_tables(request.sensor)
     views, rejected, size_px = _views(request)
     if optics is None:
+        models, is_flat = request.model or CANDIDATES, request.flat_board
         measured = measure_geometry(
-            views,
-            size_px,
-            mirrored=request.mirrored,
-            models=request.model or CANDIDATES,
-            is_flat=request.flat_board,
+            views, size_px, mirrored=request.mirrored, models=models, is_flat=is_flat
         )
     else:
         check_size(request.images, size_px, optics.system, optics.file.source)
         measured = measure_optics(optics.file.table, optics.free, views, optics.file.source)
     rejected = [*rejected, *measured.rejected]
-    write_corners(corners, [BoardCorners(one.points_m, one.pixels_px) for one in measured.views])
+    boards = [BoardCorners(view.points_m, view.pixels_px) for view in measured.views]
+    write_corners(corners, boards)
     if is_installed("matplotlib"):
-        from omnisim.plots.plot_file import write_plot
-        from omnisim.plots.residual_plot import residual_figure
+        from omnisim.plots.measured_plots import residual_figure
+        from omnisim.plots.style import write_plot
 
         pixels = np.concatenate([view.pixels_px for view in measured.views])
         title = f"{measured.model}: {measured.rms_px:.3f} px RMS"
         write_plot(plot, residual_figure(title, size_px, pixels, measured.errors_px))
-    tables = _with_camera(tables, measured)
+    written = tomllib.loads(sensor_toml(OmniCamera(measured.camera)))
+    old: dict[str, Any] = next((tables[key] for key in _CAMERAS if key in tables), {})
+    key = next(key for key in _CAMERAS if key in written)
+    camera = {**written[key], "mounting": old.get("mounting", written[key]["mounting"])}
+    others = {name: value for name, value in tables.items() if name not in _CAMERAS}
+    image = {"supersampling": tables["camera"]["supersampling"]} if "camera" in tables else {}
+    others.setdefault("virtual_cameras", written["virtual_cameras"])
+    tables = {key: camera} | {**others, "camera": image or written["camera"]}
     details = _details(measured, rejected)
     write_measured("geometry", request, tables, measured.quantities, measured.unobservable, details)
     _print(measured, rejected)
@@ -119,81 +124,68 @@ def _views(
             boards = read_corners(request.images)
         except OpticsError as reason:
             raise MeasurementError(str(reason)) from None
-        return (
-            [
-                BoardView(f"image {number}", board.points_m, board.pixels_px)
-                for number, board in enumerate(boards)
-            ],
-            [],
-            request.size,
-        )
+        views = [
+            BoardView(f"image {number}", board.points_m, board.pixels_px)
+            for number, board in enumerate(boards)
+        ]
+        return views, [], request.size
     if request.board is None:
         raise MeasurementError(f"{request.images}: images need --board, such as 8x6:30mm")
     require_extra("measure", "omnisim measure geometry", MeasurementError)
     board = read_board(request.board)
     files = image_files(request.images)
     results = list(track(find_boards(files, board, request.mirrored), "Boards", len(files)))
-    views = [one.found for one in results if isinstance(one.found, BoardView)]
-    rejected = [one.found for one in results if isinstance(one.found, RejectedImage)]
+    views = [each.found for each in results if isinstance(each.found, BoardView)]
+    rejected = [each.found for each in results if isinstance(each.found, RejectedImage)]
     if not views:
         why = rejected[0].reason
         raise MeasurementError(f"{request.images}: no image has the board; the first: {why}")
     return views, rejected, results[0].size_px
 
 
-def _with_camera(tables: dict[str, Any], measured: MeasuredGeometry) -> dict[str, Any]:
-    """Tables of a sensor file in which the measured camera replaces the old one."""
-    written = tomllib.loads(sensor_toml(OmniCamera(measured.camera)))
-    old: dict[str, Any] = next((tables[key] for key in _CAMERAS if key in tables), {})
-    key = next(key for key in _CAMERAS if key in written)
-    camera = {**written[key], "mounting": old.get("mounting", written[key]["mounting"])}
-    others = {name: value for name, value in tables.items() if name not in _CAMERAS}
-    image = {"supersampling": tables["camera"]["supersampling"]} if "camera" in tables else {}
-    others.setdefault("virtual_cameras", written["virtual_cameras"])
-    return {key: camera} | {**others, "camera": image or written["camera"]}
-
-
 def _details(measured: MeasuredGeometry, rejected: Sequence[RejectedImage]) -> dict[str, Any]:
     """Models, images and board for the report."""
     starts = np.cumsum([0, *(len(view.points_m) for view in measured.views)])
     squared = np.square(measured.errors_px).sum(axis=1)
-    images = [
-        {
-            "name": view.name,
-            "corners": len(view.points_m),
-            "rms_px": math.sqrt(float(squared[first:last].mean())),
-            "optical_from_board": pose.tolist(),
-        }
-        for view, first, last, pose in zip(
-            measured.views, starts[:-1], starts[1:], measured.poses, strict=True
+    images = []
+    for view, first, last, pose in zip(
+        measured.views, starts[:-1], starts[1:], measured.poses, strict=True
+    ):
+        images.append(
+            {
+                "name": view.name,
+                "corners": len(view.points_m),
+                "rms_px": math.sqrt(float(squared[first:last].mean())),
+                "optical_from_board": pose.tolist(),
+            }
         )
-    ]
+    pixels_px = np.concatenate([view.pixels_px for view in measured.views])
     return {
         "model": measured.model,
         "rms_px": measured.rms_px,
         "held_out_rms_px": measured.held_out_rms_px,
         "models": [
             {
-                "name": one.name,
-                "parameters": one.parameters,
-                "rms_px": one.rms_px if math.isfinite(one.rms_px) else None,
-                "held_out_rms_px": one.held_out_rms_px
-                if math.isfinite(one.held_out_rms_px)
-                else None,
-                "reason": one.reason,
+                "name": fit.name,
+                "parameters": fit.parameters,
+                "rms_px": _finite(fit.rms_px),
+                "held_out_rms_px": _finite(fit.held_out_rms_px),
+                "reason": fit.reason,
             }
-            for one in measured.models
+            for fit in measured.models
         ],
         "images": images,
-        "rejected_images": [{"name": one.name, "reason": one.reason} for one in rejected],
+        "rejected_images": [{"name": image.name, "reason": image.reason} for image in rejected],
         "board_m": measured.board_m.tolist(),
         "corners": {
-            "pixels_px": np.concatenate([one.pixels_px for one in measured.views])
-            .round(3)
-            .tolist(),
+            "pixels_px": pixels_px.round(3).tolist(),
             "errors_px": measured.errors_px.round(4).tolist(),
         },
     }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _print(measured: MeasuredGeometry, rejected: Sequence[RejectedImage]) -> None:
@@ -204,13 +196,13 @@ def _print(measured: MeasuredGeometry, rejected: Sequence[RejectedImage]) -> Non
         f"{pluralize(corners, 'corner')})"
     )
     shown = table("model", ">numbers", ">RMS px", ">held out px")
-    for one in measured.models[:_SHOWN_MODELS]:
-        held_out = f"{one.held_out_rms_px:.3f}" if math.isfinite(one.held_out_rms_px) else "–"
-        shown.add_row(one.name, str(one.parameters), f"{one.rms_px:.3f}", held_out)
+    for fit in measured.models[:_SHOWN_MODELS]:
+        held_out = f"{fit.held_out_rms_px:.3f}" if math.isfinite(fit.held_out_rms_px) else "–"
+        shown.add_row(fit.name, str(fit.parameters), f"{fit.rms_px:.3f}", held_out)
     out.print(shown)
     bow_m = float(np.abs(measured.board_m[:, 2]).max())
     if bow_m > 0.0:
-        print_note(f"the board is bent by up to {1e3 * bow_m:.2g} mm, which was measured too")
+        print_note(f"the board is bent by up to {1e3 * bow_m:.2g} mm; this is measured, too")
     for image in rejected:
         print_note(f"{image.name} not used: {image.reason}")
     if measured.rms_px > _MANY_PX:

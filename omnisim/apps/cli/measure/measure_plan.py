@@ -51,9 +51,7 @@ def plan(request: MeasurePlanRequest) -> bool:
     """Measure the parts of a plan one after the other, and write a report of them.
 
     A part whose arguments and files are unchanged since the last call is not measured again.
-
-    Returns:
-        False if the comparison misses a bound.
+    Returns False if the comparison misses a bound.
     """
     require_extra("reports", "omnisim measure plan", MeasurementError)
     from omnisim.report.report import Report, check_report_target
@@ -80,9 +78,10 @@ def plan(request: MeasurePlanRequest) -> bool:
     if _COMPARE in tables:
         out.print(_COMPARE, style="bold")
         with _named(f"{request.plan}: {_COMPARE}"):
-            return compare(
-                MeasureCompareRequest(**tables[_COMPARE], output=folder, sensor=request.output)
+            compared = MeasureCompareRequest(
+                **tables[_COMPARE], output=folder, sensor=request.output
             )
+            return compare(compared)
     from omnisim.apps.cli.measure.measured_sections import measured_sections
 
     sections = measured_sections(request.output)
@@ -114,8 +113,18 @@ def plan_schema() -> type[Table]:
     """Schema of a plan: a table for each part."""
     kinds = {name: request for name, (_, request) in _PARTS.items()}
     kinds[_COMPARE] = MeasureCompareRequest
-    fields: dict[str, Any] = {name: (_schema(kind) | None, None) for name, kind in kinds.items()}
-    return pydantic.create_model("Plan", __base__=Table, **fields)
+    tables: dict[str, Any] = {}
+    for name, kind in kinds.items():
+        fields: dict[str, Any] = {}
+        for field in request_fields(kind):
+            if field.name not in _OWN:  # which the plan sets itself
+                default = ... if field.default is dataclasses.MISSING else field.default
+                limits: dict[str, Any] = field.limits
+                fields[field.name] = (field.kind, Field(default, **limits))
+        table = pydantic.create_model(kind.__name__, __base__=Table, **fields)
+        table.fields_of = kind
+        tables[name] = (table | None, None)
+    return pydantic.create_model("Plan", __base__=Table, **tables)
 
 
 def _with_board(read: Mapping[str, Any], output: Path) -> dict[str, Any]:
@@ -133,19 +142,6 @@ def _with_board(read: Mapping[str, Any], output: Path) -> dict[str, Any]:
         corners = output.with_name(f"{output.stem}-corners.csv").absolute()
         tables["sharpness"] = {"images": board["images"], "corners": str(corners), **edges}
     return tables
-
-
-def _schema(kind: type) -> type[Table]:
-    """Schema of a part's table: the fields of its request that the plan does not set itself."""
-    fields: dict[str, Any] = {}
-    for field in request_fields(kind):
-        if field.name not in _OWN:
-            default = ... if field.default is dataclasses.MISSING else field.default
-            limits: dict[str, Any] = field.limits
-            fields[field.name] = (field.kind, Field(default, **limits))
-    made = pydantic.create_model(kind.__name__, __base__=Table, **fields)
-    made.fields_of = kind
-    return made
 
 
 def _below(folder: Path, table: dict[str, Any]) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from omnisim.apps.cli.measure.requests import (
     MeasureSharpnessRequest,
     MeasureTimingRequest,
 )
+from omnisim.cameras import CentralCamera
 from omnisim.cameras.optics.boards.board_corners import BoardCorners, read_corners
 from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
@@ -37,7 +38,6 @@ from omnisim.measurement.geometry.placed_board import BoardSurface
 from omnisim.measurement.inputs import frame_numbers
 from omnisim.measurement.noise import (
     FrameStatistics,
-    MeasuredNoise,
     find_frame_sets,
     measure_noise,
     read_statistics,
@@ -52,7 +52,6 @@ from omnisim.measurement.response import (
 from omnisim.measurement.response.light_falloff import check_unclipped, mean_image
 from omnisim.measurement.sharpness import (
     EdgeSharpness,
-    MeasuredSharpness,
     find_edge_images,
     measure_sharpness,
     read_edge_image,
@@ -78,22 +77,24 @@ def response(request: MeasureResponseRequest) -> None:
     """Measure the response and, from flat fields, the vignetting, and write a sensor file."""
     check_outputs(request.output, request.sensor)
     if request.white is not None and not request.white > request.black:
-        raise MeasurementError(
-            f"--white: expected a level above the black one, {request.black:g}, "
-            f"got {request.white:g}"
-        )
+        expected = f"expected a level above the black one, {request.black:g}"
+        raise MeasurementError(f"--white: {expected}, got {request.white:g}")
     tables = sensor_tables(request.sensor)
-    measured = _response(request)
+    sets = find_frame_sets(request.images, is_lossy_allowed=True)
+    images, times, largest = [], [], 0.0
+    for frames in track(sets, "Exposures"):
+        if not frames.files:
+            raise MeasurementError(f"{frames.folder}: expected images, got none")
+        mean, largest = mean_image(frames.files, _GREEN)
+        largest = request.white or largest
+        images.append(mean)
+        times.append(frames.exposure_s)
+    measured = measure_response(images, times, request.black, largest, str(request.images))
     quantities, unobservable = list(measured.quantities), list[Unobservable]()
     degradation: dict[str, Any] = dict(tables.get("degradation", {}))
     degradation["encoding"] = _encoding(degradation.get("encoding", {}), measured)
-    details: dict[str, Any] = {
-        "response": {
-            "light": measured.light.tolist(),
-            "levels": measured.levels.tolist(),
-            "errors": measured.errors,
-        }
-    }
+    curves = {"light": measured.light.tolist(), "levels": measured.levels.tolist()}
+    details: dict[str, Any] = {"response": {**curves, "errors": measured.errors}}
     if request.flat is None:
         reason = "no flat fields: photograph an evenly lit surface, and give --flat"
         unobservable.append(Unobservable("vignetting.coefficients", reason))
@@ -112,35 +113,20 @@ def response(request: MeasureResponseRequest) -> None:
                 for name, value in zip(_NAMES, tint, strict=True)
                 if name != "green"
             ]
-        for name, one in channels.items():
-            quantities += [replace(part, name=f"{name}.{part.name}") for part in one.quantities]
-        details["vignetting"] = {
-            name: {
-                "radius": one.radii.tolist(),
-                "light": one.light.tolist(),
-                "fitted": one.fitted.tolist(),
-                "gradient": one.gradient.tolist(),
-                "residual": one.residual,
+        details["vignetting"] = {}
+        for name, channel in channels.items():
+            quantities += [replace(part, name=f"{name}.{part.name}") for part in channel.quantities]
+            details["vignetting"][name] = {
+                "radius": channel.radii.tolist(),
+                "light": channel.light.tolist(),
+                "fitted": channel.fitted.tolist(),
+                "gradient": channel.gradient.tolist(),
+                "residual": channel.residual,
             }
-            for name, one in channels.items()
-        }
     tables = {**tables, "degradation": degradation}
     write_measured("response", request, tables, quantities, unobservable, details)
-    errors = ", ".join(f"{name} {100.0 * one:.2f} %" for name, one in measured.errors.items())
+    errors = ", ".join(f"{name} {100.0 * share:.2f} %" for name, share in measured.errors.items())
     out.print(f"errors of full scale: {errors}")
-
-
-def _response(request: MeasureResponseRequest) -> MeasuredResponse:
-    sets = find_frame_sets(request.images, is_lossy_allowed=True)
-    images, times, largest = [], [], 0.0
-    for one in track(sets, "Exposures"):
-        if not one.files:
-            raise MeasurementError(f"{one.folder}: expected images, got none")
-        mean, largest = mean_image(one.files, _GREEN)
-        largest = request.white or largest
-        images.append(mean)
-        times.append(one.exposure_s)
-    return measure_response(images, times, request.black, largest, str(request.images))
 
 
 def _vignetting(
@@ -149,11 +135,7 @@ def _vignetting(
     """Vignetting of each channel, by name; a gray image has a single channel."""
     files = image_files(folder)
     camera = stated_camera(request.sensor)
-    center = (
-        None
-        if camera is None
-        else (float(camera.principal_point_px[0]), float(camera.principal_point_px[1]))
-    )
+    center = None if camera is None else _principal_point_px(camera)
     channels: dict[str, MeasuredVignetting] = {}
     planes: list[NDArray[np.float64]] = []
     for number in track(range(3), "Channels"):
@@ -170,6 +152,11 @@ def _vignetting(
         light = measured.encoding.linearized(levels)
         channels[name] = measure_vignetting(light, center, str(folder))
     return {"gray": channels["red"]} if len(channels) == 1 else channels
+
+
+def _principal_point_px(camera: CentralCamera) -> tuple[float, float]:
+    u_px, v_px = camera.principal_point_px
+    return float(u_px), float(v_px)
 
 
 def _encoding(table: dict[str, Any], measured: MeasuredResponse) -> dict[str, Any]:
@@ -194,7 +181,10 @@ def noise(request: MeasureNoiseRequest) -> None:
         bit_depth=request.bit_depth,
         mosaic=request.bayer,
     )
-    keys = _keys(measured)
+    digits = {each.name: round_to_sigma(each.value, each.sigma) for each in measured.quantities}
+    values = measured.noise.to_table(full=True)  # with no more digits than were measured
+    left_out = {"pattern_seed"} if measured.pattern is None else {"pattern_seed", "prnu", "dsnu_e"}
+    keys = {key: digits.get(key, value) for key, value in values.items() if key not in left_out}
     if measured.pattern is not None:
         write_pattern(pattern, measured.pattern)
         keys["pattern"] = pattern.name
@@ -218,18 +208,7 @@ def noise(request: MeasureNoiseRequest) -> None:
 
 
 def _statistics(folder: Path, title: str) -> list[FrameStatistics]:
-    return [read_statistics(one) for one in track(find_frame_sets(folder), title)]
-
-
-def _keys(measured: MeasuredNoise) -> dict[str, Any]:
-    """Keys of the table `[degradation.noise]`, with no more digits than were measured."""
-    digits = {one.name: round_to_sigma(one.value, one.sigma) for one in measured.quantities}
-    keys = {
-        key: digits.get(key, value) for key, value in measured.noise.to_table(full=True).items()
-    }
-    if measured.pattern is not None:  # which has both
-        keys = {key: value for key, value in keys.items() if key not in ("prnu", "dsnu_e")}
-    return {key: value for key, value in keys.items() if key != "pattern_seed"}
+    return [read_statistics(frames) for frames in track(find_frame_sets(folder), title)]
 
 
 def timing(request: MeasureTimingRequest) -> None:
@@ -305,29 +284,23 @@ def _of_a_board(request: MeasureTimingRequest) -> tuple[MeasuredReadout, dict[st
     check_size(files[0], found[0].size_px, camera, request.sensor)
     numbers = frame_numbers(request.images, files)
     seen = [
-        (one.found, number)
-        for one, number in zip(found, numbers, strict=True)
-        if isinstance(one.found, BoardView)
+        (board_in.found, number)
+        for board_in, number in zip(found, numbers, strict=True)
+        if isinstance(board_in.found, BoardView)
     ]
     board_m, surface = read_board_shape(request.sensor), None
     if board_m is not None and seen:
         corners_m = np.unique(np.concatenate([view.points_m for view, _ in seen]), axis=0)
         surface = BoardSurface.measured(board_m, corners_m)
-    measured = measure_readout(
-        camera,
-        [view for view, _ in seen],
-        [number for _, number in seen],
-        request.frame_rate,
-        surface,
-        str(request.images),
-    )
-    return measured, {
-        "corners": {
-            "pixels_px": measured.pixels_px.round(3).tolist(),
-            "errors_px": measured.errors_px.round(4).tolist(),
-            "without_readout_px": measured.frozen_px.round(4).tolist(),
-        }
+    views, places = [view for view, _ in seen], [number for _, number in seen]
+    rate, name = request.frame_rate, str(request.images)
+    measured = measure_readout(camera, views, places, rate, surface, name)
+    corners = {
+        "pixels_px": measured.pixels_px.round(3).tolist(),
+        "errors_px": measured.errors_px.round(4).tolist(),
+        "without_readout_px": measured.frozen_px.round(4).tolist(),
     }
+    return measured, {"corners": corners}
 
 
 def sharpness(request: MeasureSharpnessRequest) -> None:
@@ -343,8 +316,7 @@ def sharpness(request: MeasureSharpnessRequest) -> None:
     center_px = None
     camera = stated_camera(request.sensor)
     if camera is not None and request.sensor is not None:
-        u_px, v_px = camera.principal_point_px
-        center_px = float(u_px), float(v_px)
+        center_px = _principal_point_px(camera)
         height, width = read_edge_image(files[0], encoding).shape[:2]
         check_size(files[0], (width, height), camera, request.sensor)
     measured = measure_sharpness(
@@ -354,7 +326,13 @@ def sharpness(request: MeasureSharpnessRequest) -> None:
         encoding=encoding,
         names=[str(path) for path in files],
     )
-    degradation = _with_sharpness(tables.get("degradation", {}), measured)
+    degradation = dict(tables.get("degradation", {}))  # measured effects replace those of a kind
+    if measured.point_spread is not None:
+        degradation.pop("defocus", None)
+        degradation["point_spread"] = measured.point_spread.to_table(full=True)
+    if (color := measured.chromatic_aberration) is not None:
+        offsets = {"red_offsets_px": color.red_offsets_px, "blue_offsets_px": color.blue_offsets_px}
+        degradation["chromatic_aberration"] = offsets
     tables = {**tables, **({"degradation": degradation} if degradation else {})}
     details = {
         "size_px": measured.size_px,
@@ -397,26 +375,9 @@ def _files_with_board(
         names = {image["name"] for image in images}
         files = [path for path in files if path.name in names]
     if len(boards) != len(files):
-        raise MeasurementError(
-            f"{request.corners}: expected corners in each of {len(files)} images, in the order of "
-            f"their names, got those of {len(boards)}"
-        )
+        expected = f"expected corners in each of {len(files)} images, in the order of their names"
+        raise MeasurementError(f"{request.corners}: {expected}, got those of {len(boards)}")
     return files
-
-
-def _with_sharpness(tables: dict[str, Any], measured: MeasuredSharpness) -> dict[str, Any]:
-    """Tables of a sensor file in which measured effects replace those of the same kind."""
-    result = dict(tables)
-    if measured.point_spread is not None:
-        result.pop("defocus", None)
-        result["point_spread"] = measured.point_spread.to_table(full=True)
-    if measured.chromatic_aberration is not None:
-        color = measured.chromatic_aberration
-        result["chromatic_aberration"] = {
-            "red_offsets_px": color.red_offsets_px,
-            "blue_offsets_px": color.blue_offsets_px,
-        }
-    return result
 
 
 def _edge(edge: EdgeSharpness) -> dict[str, Any]:

@@ -90,10 +90,9 @@ def check_size(
     """
     wanted = camera.width_px, camera.height_px
     if size_px != wanted:
-        raise MeasurementError(
-            f"{name}: {size_px[0]} × {size_px[1]} px: expected {wanted[0]} × {wanted[1]} px as in "
-            f"{sensor}"
-        )
+        wide, high = wanted
+        expected = f"expected {wide} × {high} px as in {sensor}"
+        raise MeasurementError(f"{name}: {size_px[0]} × {size_px[1]} px: {expected}")
 
 
 class MeasureRequest(Protocol):
@@ -132,20 +131,23 @@ def write_measured(
     Raises:
         OutputError: a file cannot be written.
     """
-    sigmas = [one.sigma if math.isfinite(one.sigma) else None for one in quantities]
-    rows = [asdict(one) | {"sigma": sigma} for one, sigma in zip(quantities, sigmas, strict=True)]
-    report = {"quantities": rows, "not_measured": [asdict(one) for one in unobservable], **details}
+    rows = [
+        asdict(each) | {"sigma": each.sigma if math.isfinite(each.sigma) else None}
+        for each in quantities
+    ]
+    missing = [asdict(each) for each in unobservable]
+    report = {"quantities": rows, "not_measured": missing, **details}
     output, reports = request.output, {**read_reports(request.sensor), part: report}
-    lines = [line for name, one in reports.items() for line in _comments(name, one)]
+    lines = [line for name, each in reports.items() for line in _comments(name, each)]
     write_text(output, toml_text({f"# {line}": Comment(line) for line in lines} | dict(tables)))
     write_text(report_path(output), json.dumps(reports, indent=2) + "\n")
     shown = table("", ">value", ">±", "unit", "from")
-    for one in quantities:
-        shown.add_row(one.name, *format_quantity(one), one.unit, one.basis)
+    for quantity in quantities:
+        shown.add_row(quantity.name, *format_quantity(quantity), quantity.unit, quantity.basis)
     out.print(f"{output}: written")
     out.print(shown)
-    for missing in unobservable:
-        print_note(f"{missing.name} not measured: {missing.reason}")
+    for each in unobservable:
+        print_note(f"{each.name} not measured: {each.reason}")
 
 
 def mark_inputs(output: Path, part: str, digest: str) -> None:
@@ -171,8 +173,8 @@ def read_reports(sensor: Path | None) -> dict[str, dict[str, Any]]:
     try:
         reports = json.loads(path.read_text(encoding="utf-8"))
         for report in reports.values():
-            names = [one.name for one in quantities_of(report)]
-            names += [one.name for one in unobservable_of(report)]
+            names = [each.name for each in quantities_of(report)]
+            names += [each.name for each in unobservable_of(report)]
             if not all(isinstance(name, str) for name in names):
                 raise TypeError(names)
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
@@ -213,15 +215,13 @@ def unobservable_of(report: Mapping[str, Any]) -> list[Unobservable]:
 
 def _comments(part: str, report: Mapping[str, Any]) -> list[str]:
     """Comments of a sensor file about a part's quantities."""
-    known = [one for one in quantities_of(report) if math.isfinite(one.sigma)]
-    numbers = [f"{' ± '.join(format_quantity(one))} {one.unit}".rstrip() for one in known]
-    lines = [
-        f"{part}: {one.name} = {number} ({one.basis})"
-        for one, number in zip(known, numbers, strict=True)
-    ]
-    return lines + [
-        f"{part}: {one.name} not measured: {one.reason}" for one in unobservable_of(report)
-    ]
+    lines = []
+    for quantity in quantities_of(report):
+        if math.isfinite(quantity.sigma):
+            number = f"{' ± '.join(format_quantity(quantity))} {quantity.unit}".rstrip()
+            lines.append(f"{part}: {quantity.name} = {number} ({quantity.basis})")
+    missing = unobservable_of(report)
+    return lines + [f"{part}: {each.name} not measured: {each.reason}" for each in missing]
 
 
 def round_to_sigma(value: float, sigma: float) -> float:

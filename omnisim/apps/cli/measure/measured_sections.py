@@ -19,12 +19,12 @@ from omnisim.apps.cli.measure.measured_files import (
 from omnisim.core.errors import MeasurementError
 from omnisim.plots.measured_plots import (
     photon_transfer_figure,
+    residual_figure,
     response_figure,
     sharpness_figure,
     timing_figure,
     vignetting_figure,
 )
-from omnisim.plots.residual_plot import residual_figure
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.report.report import CaptionedFigure, ResultTable, Section
 
@@ -43,51 +43,47 @@ def measured_sections(sensor: Path) -> list[Section]:
     sections = []
     for part, report in read_reports(sensor).items():
         try:
-            sections.append(_section(part, report, camera))
+            quantities, missing = quantities_of(report), unobservable_of(report)
+            rows = tuple(
+                (each.name, *format_quantity(each), each.unit, each.basis) for each in quantities
+            )
+            columns = ("name", "value", "±", "unit", "from")
+            tables = [ResultTable("Measured numbers.", columns, rows)]
+            if missing:
+                reasons = tuple((each.name, each.reason) for each in missing)
+                tables.append(ResultTable("Not measured.", ("name", "reason"), reasons))
+            if part == "geometry":
+                tables += _geometry_tables(report)
+            figures = list(_figures(part, report, camera))
         except (KeyError, ValueError, TypeError, AttributeError):
-            raise MeasurementError(
-                f"{report_path(sensor)}: {part}: expected a report of `omnisim measure`"
-            ) from None
+            expected = "expected a report of `omnisim measure`"
+            raise MeasurementError(f"{report_path(sensor)}: {part}: {expected}") from None
+        sections.append(Section(part.capitalize(), tables=tables, figures=figures, key=part))
     return sections
-
-
-def _section(part: str, report: PartReport, camera: OmniCamera) -> Section:
-    quantities, unobservable = quantities_of(report), unobservable_of(report)
-    rows = tuple((one.name, *format_quantity(one), one.unit, one.basis) for one in quantities)
-    tables = [ResultTable("Measured numbers.", ("name", "value", "±", "unit", "from"), rows)]
-    if unobservable:
-        missing = tuple((one.name, one.reason) for one in unobservable)
-        tables.append(ResultTable("Not measured.", ("name", "reason"), missing))
-    if part == "geometry":
-        tables += _geometry_tables(report)
-    figures = list(_figures(part, report, camera))
-    return Section(part.capitalize(), tables=tables, figures=figures, key=part)
 
 
 def _geometry_tables(report: PartReport) -> list[ResultTable]:
     models = tuple(
         (
-            one["name"],
-            str(one["parameters"]) if one["parameters"] else "–",
-            _pixels(one["rms_px"]),
-            _pixels(one["held_out_rms_px"]),
-            str(one.get("reason", "")).removeprefix("camera: "),
+            fit["name"],
+            str(fit["parameters"]) if fit["parameters"] else "–",
+            _pixels(fit["rms_px"]),
+            _pixels(fit["held_out_rms_px"]),
+            str(fit.get("reason", "")).removeprefix("camera: "),
         )
-        for one in report["models"]
+        for fit in report["models"]
     )
     images = tuple(
-        (one["name"], str(one["corners"]), _pixels(one["rms_px"])) for one in report["images"]
+        (image["name"], str(image["corners"]), _pixels(image["rms_px"]))
+        for image in report["images"]
     )
-    rejected = tuple((one["name"], one["reason"]) for one in report["rejected_images"])
     tables = [
         ResultTable("Camera models, the best one first.", _MODELS, models),
         ResultTable("Images.", ("image", "corners", "RMS px"), images),
     ]
-    return tables + (
-        [ResultTable("Images that were left out.", ("image", "reason"), rejected)]
-        if rejected
-        else []
-    )
+    if rejected := tuple((image["name"], image["reason"]) for image in report["rejected_images"]):
+        tables.append(ResultTable("Images that were left out.", ("image", "reason"), rejected))
+    return tables
 
 
 def _pixels(value: float | None) -> str:
@@ -99,7 +95,7 @@ def _figures(part: str, report: PartReport, camera: OmniCamera) -> Iterator[Capt
     size_px = camera.model.width_px, camera.model.height_px
     if part == "noise":
         curve = report["photon_transfer"]
-        (gain,) = (one.value for one in quantities_of(report) if one.name == "gain_e_per_dn")
+        (gain,) = (each.value for each in quantities_of(report) if each.name == "gain_e_per_dn")
         levels = curve["mean_dn"], curve["variance_dn2"], curve["used"]
         caption = "Temporal variance by mean level; the slope is the gain."
         yield CaptionedFigure("photon-transfer", photon_transfer_figure(*levels, gain), caption)
@@ -108,9 +104,7 @@ def _figures(part: str, report: PartReport, camera: OmniCamera) -> Iterator[Capt
         caption = "Level by light, both as shares of the largest one."
         yield CaptionedFigure("response", response_figure(curve["light"], curve["levels"]), caption)
         if "vignetting" in report:
-            caption = (
-                "Relative light of the flat fields by image radius, and the fitted polynomials."
-            )
+            caption = "Relative light of the flat fields by image radius; fitted polynomials."
             yield CaptionedFigure("vignetting", vignetting_figure(report["vignetting"]), caption)
     if part == "sharpness":
         caption = "Edges by their image radius, with two standard deviations."

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -28,7 +27,6 @@ from omnisim.core.files.image_files import EIGHT_BIT_SUFFIXES, FLOAT_SUFFIXES
 from omnisim.core.files.sources import recorded_sources, source_digest
 from omnisim.core.poses import pose
 from omnisim.core.short_repr import point_text
-from omnisim.core.trajectories import Trajectory
 from omnisim.ground_truth import parse_channels
 from omnisim.robots import Robot, load_robot
 from omnisim.robots.importers.importers import SUFFIXES, load_robot_model
@@ -36,14 +34,13 @@ from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.contacts import NO_SIZE, check_no_contact
 from omnisim.runs.drive import Drive, PlannedDrive, drive_together, plan_together
 from omnisim.runs.route import Route, route_digest
-from omnisim.scene import Scene
 from omnisim.sensors.sensor_names import FOLDER_NAME, folder_name
 
 if TYPE_CHECKING:  # needed by rigs only
     from omnisim.cameras.calibration.rig import Rig
 
 NO_SENSORS = (
-    "has no sensors: nothing but its path and odometry is recorded: give its robot file [[sensors]]"
+    "has no sensors: only its path and odometry are recorded: add [[sensors]] to its robot file"
 )
 MAX_CONTACTS = 5  # maximum number of printed contacts; the manifest has all
 
@@ -83,16 +80,23 @@ def _load_robots(request: DriveRequest) -> tuple[dict[str, Robot], dict[str, Veh
     """Robots and their vehicles by name, which is also the name of their folder."""
     if request.way.physics is not None:
         require_extra("mujoco", "--physics", RunError)
-    if len(request.paths) != len(request.robots):
-        raise RunError(
-            f"--path: expected one for each --robot, {len(request.robots)}, got "
-            f"{len(request.paths)}"
-        )
+    if (count := len(request.paths)) != len(request.robots):
+        expected = f"expected one for each --robot, {len(request.robots)}"
+        raise RunError(f"--path: {expected}, got {count}")
     robots: dict[str, Robot] = {}
     vehicles: dict[str, Vehicle] = {}
     for text in request.robots:
         given, equals, source = text.rpartition("=")
-        robot, vehicle = _load_robot(source, request.world.resources or ())
+        if Path(source).suffix.lower() in SUFFIXES:  # a simulator's model
+            loaded = load_robot_model(Path(source), request.world.resources or ())
+            robot, vehicle = loaded.robot, loaded.vehicle
+            for notice in loaded.notices:
+                print_note(f"{source}: {notice}")
+            for notice in () if vehicle.body is None else vehicle.body.notices:
+                print_note(notice)
+        else:
+            robot = load_robot(source)
+            vehicle = Vehicle.from_robot(robot)
         name = given if equals else folder_name(robot.name)
         if not FOLDER_NAME.fullmatch(name):
             raise RunError(f"--robot {text!r}: expected a name of letters, digits and _ before =")
@@ -102,25 +106,12 @@ def _load_robots(request: DriveRequest) -> tuple[dict[str, Robot], dict[str, Veh
     return robots, vehicles
 
 
-def _load_robot(source: str, resources: Sequence[Path]) -> tuple[Robot, Vehicle]:
-    """Load a robot file or a simulator's model."""
-    if Path(source).suffix.lower() not in SUFFIXES:
-        robot = load_robot(source)
-        return robot, Vehicle.from_robot(robot)
-    loaded = load_robot_model(Path(source), resources)
-    for notice in loaded.notices:
-        print_note(f"{source}: {notice}")
-    for notice in () if loaded.vehicle.body is None else loaded.vehicle.body.notices:
-        print_note(notice)
-    return loaded.robot, loaded.vehicle
-
-
 def _check_cameras(request: DriveRequest, vehicles: dict[str, Vehicle]) -> None:
     """Raise an error if ground truth or an exposure is requested but no robot has a camera."""
     option = "--also" if request.truth.also else "--boxes-3d" if request.truth.boxes_3d else None
     if option is None and request.image.exposure_ev is not None:
         option = "--exposure-ev"
-    sensors = (one for vehicle in vehicles.values() for one in vehicle.sensors)
+    sensors = (sensor for vehicle in vehicles.values() for sensor in vehicle.sensors)
     if option and not any(sensor.has_ground_truth for sensor in sensors):
         raise RunError(f"{option}: expected a robot with a camera, got {', '.join(vehicles)}")
 
@@ -167,7 +158,15 @@ def record(request: RecordRequest) -> None:
                 f"{path}: has no times, and the exposure of {camera.name} depends on them: "
                 "pass --rate HZ"
             )
-    _note_poses_outside(whole.scene, truth, path)
+    low, high = whole.scene.bounds_m()
+    outside = ((truth.positions_m < low) | (truth.positions_m > high)).any(axis=1)
+    if outside.any():  # often by a misplaced origin
+        corners = (point_text(corner, 4) for corner in (low, high))
+        print_note(
+            f"{path}: {int(outside.sum())} of {pluralize(len(truth), 'pose')} outside the scene, "
+            f"which spans {' to '.join(corners)} m; --at, --yaw, --pitch and --roll set the file's "
+            "origin"
+        )
     placing = poses.at, poses.roll_deg, poses.pitch_deg, poses.yaw_deg
     options = placing, poses.trajectory_frame, poses.axes, poses.rate_hz
     plan = whole.along(truth, source_digest(route_digest(whole.route), options)[:16])
@@ -184,7 +183,16 @@ def _rig(camera: RigOptions, path: Path) -> tuple[Rig, Vehicle]:
     from omnisim.robots.rig_vehicle import rig_vehicle
 
     if camera.robot is not None:
-        return _robot_rig(camera, camera.robot)
+        reason = "expected the robot's sensors with --robot"
+        others = "sensor", "calibration_file", "camera_name", "optics", "mirrored"
+        refuse_given(camera, reason, *others)
+        vehicle = Vehicle.load(camera.robot)
+        cameras = (
+            RigCamera(each.name, each.sensor.model, each.sensor.base_from_optical)
+            for each in vehicle.cameras
+            if not isinstance(each.sensor.model, NonCentralCamera)
+        )
+        return Rig("base", tuple(cameras)), vehicle
     source = camera.calibration_file
     own_camera = camera.sensor or camera.optics
     if source is None and own_camera is None and path.suffix.lower() == ".json":
@@ -192,44 +200,13 @@ def _rig(camera: RigOptions, path: Path) -> tuple[Rig, Vehicle]:
     if source is None or camera.optics is not None:
         sensor = read_camera(camera, source)
         rig = Rig("base", (RigCamera("camera", sensor.model, sensor.base_from_optical),))
-        return rig, rig_vehicle(_name(own_camera), rig, (sensor,))
+        name = "camera" if own_camera is None else own_camera.stem
+        return rig, rig_vehicle(name, rig, (sensor,))
     check_calibration_path(source, camera.sensor)
     calibration = read_calibration(source, None, None, camera.mirrored)
-    name = None if camera.camera_name == "all" else camera.camera_name
-    rig = Rig.of(calibration, name)
-    return rig, rig_vehicle(_name(source), rig if name is None else rig.only(name))
-
-
-def _robot_rig(camera: RigOptions, robot: str) -> tuple[Rig, Vehicle]:
-    """Rig of a robot's central cameras on its base, and the robot with all of its sensors."""
-    reason = "expected the robot's sensors with --robot"
-    refuse_given(camera, reason, "sensor", "calibration_file", "camera_name", "optics", "mirrored")
-    from omnisim.cameras.calibration.rig import Rig, RigCamera
-
-    vehicle = Vehicle.load(robot)
-    cameras = (
-        RigCamera(camera.name, camera.sensor.model, camera.sensor.base_from_optical)
-        for camera in vehicle.cameras
-        if not isinstance(camera.sensor.model, NonCentralCamera)
-    )
-    return Rig("base", tuple(cameras)), vehicle
-
-
-def _name(source: Path | None) -> str:
-    return "camera" if source is None else source.stem
-
-
-def _note_poses_outside(scene: Scene, truth: Trajectory, path: Path) -> None:
-    """Print a note on poses outside the scene, which often mean a misplaced origin."""
-    low, high = scene.bounds_m()
-    outside = ((truth.positions_m < low) | (truth.positions_m > high)).any(axis=1)
-    if outside.any():
-        corners = (point_text(corner, 4) for corner in (low, high))
-        print_note(
-            f"{path}: {int(outside.sum())} of {pluralize(len(truth), 'pose')} outside of the "
-            f"scene, which spans {' to '.join(corners)} m: --at, --yaw, --pitch and --roll place "
-            "the file's origin"
-        )
+    selected = None if camera.camera_name == "all" else camera.camera_name
+    rig = Rig.of(calibration, selected)
+    return rig, rig_vehicle(source.stem, rig if selected is None else rig.only(selected))
 
 
 def _drive_of(request: DriveRequest | RecordRequest, vehicle: Vehicle, route: Route) -> Drive:
@@ -242,7 +219,7 @@ def _drive_of(request: DriveRequest | RecordRequest, vehicle: Vehicle, route: Ro
     channels = () if truth.also is None else parse_channels(truth.also)
     scene, backend = load_labeled_scene(world, light, truth, channels), checked_backend(request.gpu)
     if vehicle.cameras and not light.unlit:
-        sensors = [one.sensor for one in vehicle.cameras]
+        sensors = [camera.sensor for camera in vehicle.cameras]
         note_lighting(world.scene, scene, backend, sensors)
     return Drive(
         scene,
@@ -289,7 +266,7 @@ def _record(plan: PlannedDrive, folder: Path, force: bool) -> None:
             show(done, "")
     objects = len(plan.contacts or ())
     touched = f"; contact with {pluralize(objects, 'object')}" if objects else ""
-    summaries = ((one.name, one.sensor.mesh_summary) for one in plan.drive.vehicle.cameras)
+    summaries = ((each.name, each.sensor.mesh_summary) for each in plan.drive.vehicle.cameras)
     meshes = "".join(f"; {name}: {mesh}" for name, mesh in summaries if mesh != "exact")
     resumed = f", {before} of them there before" if before else ""
     out.print(

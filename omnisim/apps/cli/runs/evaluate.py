@@ -16,7 +16,7 @@ from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.drive_sweep import PointResult, run_sweep
 from omnisim.evaluation.estimator_registry import COMMAND, ESTIMATORS, estimator_named
 from omnisim.evaluation.run_evaluation import Outcome, estimator_folder, evaluate_estimator
-from omnisim.evaluation.sweep_plan import SweepPoint, find_plan, read_plan
+from omnisim.evaluation.sweep_plan import find_plan, read_plan
 
 OUTCOMES = "outcomes.json"
 POINTS, DRIVES = "points.json", "drives"
@@ -67,7 +67,7 @@ def _evaluate_run(request: EvaluateRequest) -> list[Outcome]:
     truth = recording.fine_truth
     text = f"{truth.path_length_m:.4g} m in {truth.duration_s:.4g} s."
     Report(f"Estimators: {title}", text, (section,), facts).write(request.output)
-    content = [one.as_dict() for one in outcomes]
+    content = [outcome.as_dict() for outcome in outcomes]
     write_text(request.output / OUTCOMES, json.dumps(content, indent=2) + "\n")
     out.print(f"{request.output}: written")
     rows = [dict(zip(RUN_COLUMNS, run_row(outcome), strict=True)) for outcome in outcomes]
@@ -100,7 +100,7 @@ def _sweep(request: EvaluateRequest, path: Path) -> None:
     if request.address is not None and request.engine != "ray":
         raise PlanError("--address: requires --engine ray")
     plan, points = read_plan(path)
-    place = {_key(point): index for index, point in enumerate(points)}
+    place = {(each.variation, each.label, each.seed): k for k, each in enumerate(points)}
     results: list[PointResult] = []
     folder = request.output / DRIVES
     if request.engine == "ray":
@@ -118,7 +118,7 @@ def _sweep(request: EvaluateRequest, path: Path) -> None:
     with resumable(state):
         for result in track(steps, "Drives", len(points)):
             results.append(result)  # noqa: PERF402 - `state` counts them
-    results.sort(key=lambda one: place[_key(one.point)])
+    results.sort(key=lambda each: place[each.point.variation, each.point.label, each.point.seed])
     sections = sweep_sections(plan, results)
     text = (
         f"{plan.robot} in {plan.scene} along {plan.path}: "
@@ -129,13 +129,13 @@ def _sweep(request: EvaluateRequest, path: Path) -> None:
     Report(title, text, sections, facts).write(request.output)
     content = [
         {
-            "drive": one.point.drive.name,
-            "variation": one.point.variation,
-            "value": one.point.label,
-            "seed": one.point.seed,
-            "outcomes": [each.as_dict() for each in one.outcomes],
+            "drive": result.point.drive.name,
+            "variation": result.point.variation,
+            "value": result.point.label,
+            "seed": result.point.seed,
+            "outcomes": [outcome.as_dict() for outcome in result.outcomes],
         }
-        for one in results
+        for result in results
     ]
     write_text(request.output / POINTS, json.dumps(content, indent=2) + "\n")
     out.print(f"{request.output}: written")
@@ -143,10 +143,6 @@ def _sweep(request: EvaluateRequest, path: Path) -> None:
         swept = section.tables[0]
         rows = (dict(zip(swept.columns, row, strict=True)) for row in swept.rows)
         _print_rows(_SWEPT, rows, section.title)
-    for reason in dict.fromkeys(each.reason for one in results for each in one.outcomes):
-        if reason:
-            print_note(reason)
-
-
-def _key(point: SweepPoint) -> tuple[int | None, str, int]:
-    return point.variation, point.label, point.seed
+    reasons = (outcome.reason for result in results for outcome in result.outcomes)
+    for reason in filter(None, dict.fromkeys(reasons)):
+        print_note(reason)

@@ -14,12 +14,10 @@ from omnisim.datasets.export.export_format import MAX_S, NANOSECONDS, ExportSett
 
 def run(request: ExportRequest) -> None:
     """Export a run for other tools."""
-    settings = ExportSettings(
-        parse_start_time(request.start_time), request.compressed, request.with_points
-    )
-    steps = export_run(
-        request.run, request.format, request.output, settings, request.camera_name, print_note
-    )
+    start_ns = parse_start_time(request.start_time)
+    settings = ExportSettings(start_ns, request.compressed, request.with_points)
+    where = request.run, request.format, request.output
+    steps = export_run(*where, settings, request.camera_name, print_note)
     total = next(steps)
     done = sum(1 for _ in track(steps, "exporting", total))
     size_mb = folder_bytes(request.output) / 1e6
@@ -45,10 +43,8 @@ def parse_start_time(text: str) -> int:
     except (ValueError, OverflowError):
         start_ns = -1
     if not 0 <= start_ns <= MAX_S * NANOSECONDS:
-        raise OutputError(
-            f"--start-time {text!r}: expected seconds since 1970, or a date such as "
-            "2026-01-31T12:00:00"
-        )
+        expected = "expected seconds since 1970, or a date such as 2026-01-31T12:00:00"
+        raise OutputError(f"--start-time {text!r}: {expected}")
     return start_ns
 
 

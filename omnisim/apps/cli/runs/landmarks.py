@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from omnisim.apps.cli.console import out, pluralize, print_note, track
@@ -13,6 +15,7 @@ from omnisim.core.extras import require_extra
 from omnisim.core.files.atomic_file import check_suffix, check_target
 from omnisim.perception.landmarks.color_model import (
     MODEL_SUFFIX,
+    ColorModel,
     Costs,
     load_model,
     save_model,
@@ -30,6 +33,7 @@ from omnisim.perception.localization.localize import observation_from_detection
 from omnisim.runs.run_data import RunData, read_run
 from omnisim.runs.run_labels import train_on_run
 from omnisim.runs.single_image import SingleImage, read_single_image
+from omnisim.scene.model import Landmark
 
 SHOWN, REPORTED = 6, 4  # maximum number of panoramas in the figure, and in the report
 LISTED = 8  # maximum number of steps in a note
@@ -40,11 +44,8 @@ def train(request: TrainRequest) -> None:
     check_suffix(request.output, MODEL_SUFFIX)
     check_target(request.output)
     run = read_run(request.run, request.scene, request.camera_name)
-    trained = train_on_run(
-        run,
-        Costs(request.missed, request.false_alarm),
-        lambda steps: track(steps, "learning", run.steps),
-    )
+    costs = Costs(request.missed, request.false_alarm)
+    trained = train_on_run(run, costs, lambda steps: track(steps, "learning", run.steps))
     for notice in run.notices:
         print_note(notice)
     save_model(request.output, trained.model, run.landmarks)
@@ -57,8 +58,9 @@ def train(request: TrainRequest) -> None:
         hits = curve.true_positives[chosen] if chosen >= 0 else 0.0
         alarms = curve.false_positives[chosen] if chosen >= 0 else 0.0
         out.print(
-            f"  {name}: {int(counts.sum())} pixels, Θ = {theta:.4g}: finds {100.0 * hits:.1f} % of "
-            f"its pixels and {100.0 * alarms:.2g} % of others; area under ROC {curve.area:.4f}"
+            f"  {name}: {int(counts.sum())} pixels, Θ = {theta:.4g}: true positives "
+            f"{100.0 * hits:.1f} %, false positives {100.0 * alarms:.2g} %; area under ROC "
+            f"{curve.area:.4f}"
         )
 
 
@@ -69,15 +71,21 @@ def detect(request: DetectRequest) -> None:
         check_target(request.output)
     if request.show is not None:
         require_extra("plots", "--show")
-        from omnisim.plots.plot_file import check_plot_target
+        from omnisim.plots.style import check_plot_target
 
         check_plot_target(request.show)
     model, landmarks = load_model(request.model)
-    is_run, source = request.source.is_dir(), _open(request)
-    try:
-        detector = LandmarkDetector(model, landmarks, source.mount)
-    except LocalizationError as reason:
-        raise LocalizationError(f"{request.model} for {request.source}: {reason}") from None
+    is_run = request.source.is_dir()
+    expected = "expected an image, got the run" if is_run else "expected a run, got the image"
+    others = ("height_m", "sensor") if is_run else ("scene", "camera_name")
+    refuse_given(request, f"{expected} {request.source}", *others, error=OpticsError)
+    source: RunData | SingleImage
+    if is_run:
+        source = read_run(request.source, request.scene, request.camera_name)
+    else:
+        sensor = None if request.sensor is None else read_sensor(request.sensor)
+        source = read_single_image(request.source, request.height_m, sensor)
+    detector = _detector(f"{request.model} for {request.source}", model, landmarks, source)
     shown = np.linspace(0, source.steps - 1, min(source.steps, SHOWN)).round().astype(int).tolist()
     detections: list[tuple[int, Detection]] = []
     rows, empty = [], []
@@ -89,18 +97,14 @@ def detect(request: DetectRequest) -> None:
             empty.append(step)
         if step in shown and request.show is not None:
             title = f"step {step}" if is_run else request.source.name
-            rows.append(
-                (
-                    f"{title}: {pluralize(len(step_detections), 'landmark')}",
-                    panorama,
-                    step_detections,
-                )
-            )
+            title = f"step {step}" if is_run else request.source.name
+            title += f": {pluralize(len(step_detections), 'landmark')}"
+            rows.append((title, panorama, step_detections))
     if request.output is not None:
         write_detections(request.output, detections)
     if request.show is not None:
-        from omnisim.plots.detection_plots import detections_figure
-        from omnisim.plots.plot_file import write_plot
+        from omnisim.plots.localization_plots import detections_figure
+        from omnisim.plots.style import write_plot
 
         write_plot(request.show, detections_figure(rows))
     out.print(
@@ -116,21 +120,24 @@ def detect(request: DetectRequest) -> None:
     for notice in source.notices:
         print_note(notice)
     if detector.ignored:
-        print_note(f"{', '.join(detector.ignored)}: not detected: the model lacks their colors")
+        print_note(_ignored(detector))
     if empty and is_run:
         steps = ", ".join(map(str, empty[:LISTED])) + (", ..." if len(empty) > LISTED else "")
         print_note(f"no landmark in {pluralize(len(empty), 'image')}: {steps}")
 
 
-def _open(request: DetectRequest) -> RunData | SingleImage:
-    if request.source.is_dir():
-        reason = f"expected an image, got the run {request.source}"
-        refuse_given(request, reason, "height_m", "sensor", error=OpticsError)
-        return read_run(request.source, request.scene, request.camera_name)
-    reason = f"expected a run, got the image {request.source}"
-    refuse_given(request, reason, "scene", "camera_name", error=OpticsError)
-    sensor = None if request.sensor is None else read_sensor(request.sensor)
-    return read_single_image(request.source, request.height_m, sensor)
+def _detector(
+    what: str, model: ColorModel, landmarks: Sequence[Landmark], source: RunData | SingleImage
+) -> LandmarkDetector:
+    """Detector in the images of a run, or in one image; errors name what it is for."""
+    try:
+        return LandmarkDetector(model, landmarks, source.mount)
+    except LocalizationError as reason:
+        raise LocalizationError(f"{what}: {reason}") from None
+
+
+def _ignored(detector: LandmarkDetector) -> str:
+    return f"{', '.join(detector.ignored)}: not detected: the model lacks their colors"
 
 
 def localize(request: LocalizeRequest) -> None:
@@ -146,16 +153,12 @@ def localize(request: LocalizeRequest) -> None:
         notices.append("colors were learned from this run's own labels, which no robot has")
         colors = train_on_run(data, Costs()).model
     elif request.model.is_dir():
-        raise LocalizationError(
-            f"--model: expected an .npz file of landmarks train, got the folder {request.model}"
-        )
+        expected = "expected an .npz file of landmarks train"
+        raise LocalizationError(f"--model: {expected}, got the folder {request.model}")
     else:
         colors, _ = load_model(request.model)
-    try:
-        detector = LandmarkDetector(colors, data.landmarks, data.mount)
-    except LocalizationError as reason:
-        model = request.model or request.run
-        raise LocalizationError(f"{model} for {request.run}: {reason}") from None
+    what = f"{request.model or request.run} for {request.run}"
+    detector = _detector(what, colors, data.landmarks, data)
     at = set(np.linspace(0, data.steps - 1, min(REPORTED, data.steps)).round().astype(int).tolist())
     detections, shown = [], []
     for step in track(range(data.steps), "detecting"):
@@ -165,18 +168,13 @@ def localize(request: LocalizeRequest) -> None:
             title = f"step {step}: {pluralize(len(detections[-1]), 'landmark')}"
             shown.append((title, panorama, detections[-1]))
     if detector.ignored:
-        notices.append(f"{', '.join(detector.ignored)}: not detected: the model lacks their colors")
+        notices.append(_ignored(detector))
     observations = [
         [observation_from_detection(each, chosen.measurement) for each in step_detections]
         for step_detections in detections
     ]
-    estimate = localize_run(
-        data.odometry,
-        observations,
-        LandmarkMap.of_scene(data.landmarks),
-        chosen,
-        data.mount.position_m,
-    )
+    landmarks, position_m = LandmarkMap.of_scene(data.landmarks), data.mount.position_m
+    estimate = localize_run(data.odometry, observations, landmarks, chosen, position_m)
     report = write_localized(request.output, data, estimate, chosen, detections, shown, notices)
     (section,) = report.sections
     for notice in section.notices:

@@ -12,7 +12,7 @@ from omnisim.apps.cli.console import out, pluralize, print_note, track
 from omnisim.apps.cli.runs.requests import PlotRequest, VideoRequest
 from omnisim.core.errors import RunError, SceneError
 from omnisim.core.files.image_files import read_image
-from omnisim.core.trajectories import Trajectory, read_trajectory
+from omnisim.core.trajectories import read_trajectory
 from omnisim.robots import read_odometry
 from omnisim.runs.drive import scene_contents
 from omnisim.runs.run_folder import GROUND_TRUTH, OBJECTS, ODOMETRY, PLOT, RunFolder
@@ -21,8 +21,8 @@ from omnisim.scene import Scene
 
 def plot(request: PlotRequest) -> None:
     """Plot a run from above, or the runs of robots that drove together."""
-    from omnisim.plots.plot_file import check_plot_target, write_plot
     from omnisim.plots.run_plot import RunDrawing, run_figure, steps_to_show
+    from omnisim.plots.style import check_plot_target, write_plot
 
     target = request.output or request.run / PLOT
     runs = RunFolder.read_each(request.run)
@@ -46,29 +46,23 @@ def plot(request: PlotRequest) -> None:
                 file = recorded.file(camera, recorded.index_at(camera, step), ".png")
                 images[step] = read_image(file)[0]
         drawings.append(RunDrawing(truth, reckoned, images, name))
-        title = _title(recorded, truth, reckoned, done)
+        length_m = truth.path_length_m
+        progress = "" if done == len(truth) else f" ({done} recorded)"
+        count = f"{pluralize(len(truth), 'step')}{progress}"
+        title = f"{recorded.manifest.title}: {length_m:.2f} m, {count}"
+        if reckoned is not None:
+            error_m = float(np.linalg.norm(truth.positions_m[-1, :2] - reckoned[-1]))
+            share = f" ({100.0 * error_m / length_m:.1f} %)" if length_m > 0.0 else ""
+            title += f"; odometry ends {error_m:.2f} m off{share}"
         titles.append(f"{name}: {title}" if name else title)
         steps.append(f"{done} of {pluralize(len(truth), 'step')}")
-    files = (file for one in runs for file in sorted((one.path / OBJECTS).glob("*.tum")))
+    files = (file for run in runs for file in sorted((run.path / OBJECTS).glob("*.tum")))
     others = {file.stem: read_trajectory(file) for file in files}
     for drawing in drawings:
         others.pop(drawing.name, None)
     scene = _scene(runs[0], request.scene)
     write_plot(target, run_figure("\n".join(titles), scene, drawings, others))
     out.print(f"{target}: {', '.join(steps)}")
-
-
-def _title(
-    run: RunFolder, truth: Trajectory, reckoned: NDArray[np.float64] | None, done: int
-) -> str:
-    length_m = truth.path_length_m
-    progress = "" if done == len(truth) else f" ({done} are there)"
-    title = f"{run.manifest.title}: {length_m:.2f} m, {pluralize(len(truth), 'step')}{progress}"
-    if reckoned is None:
-        return title
-    error_m = float(np.linalg.norm(truth.positions_m[-1, :2] - reckoned[-1]))
-    share = f" ({100.0 * error_m / length_m:.1f} %)" if length_m > 0.0 else ""
-    return f"{title}; odometry ends {error_m:.2f} m off{share}"
 
 
 def _scene(run: RunFolder, scene: str | None) -> Scene | None:
@@ -79,7 +73,7 @@ def _scene(run: RunFolder, scene: str | None) -> Scene | None:
     except SceneError as reason:
         if scene is not None:
             raise
-        print_note(f"drawn without a map: {reason}; pass --scene FILE")
+        print_note(f"plotted without a map: {reason}; pass --scene FILE")
         return None
     if scene_contents(loaded) != recorded.contents:
         print_note(f"{loaded.name}: has changed since the run")
@@ -95,12 +89,14 @@ def video(request: VideoRequest) -> None:
     check_video_target(output)
     for recorded in runs:
         if recorded.measurements_done(recorded.camera(request.camera_name)) == 0:
-            raise RunError(
-                f"{recorded.path}: has no images yet: run its command again to resume it"
-            )
+            remedy = "run its command again to resume it"
+            raise RunError(f"{recorded.path}: has no images yet: {remedy}")
         if notice := recorded.unfinished():
             print_note(notice)
-    views = [_View.of(recorded, request.camera_name) for recorded in runs]
+    cameras = [(recorded, recorded.camera(request.camera_name)) for recorded in runs]
+    views = [
+        _View(run, name, run.times_s(name)[: run.measurements_done(name)]) for run, name in cameras
+    ]
     longest = max(views, key=lambda view: len(view.times_s))
     times_s = longest.times_s.tolist()
 
@@ -114,27 +110,11 @@ def video(request: VideoRequest) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """Images of a camera of a run.
-
-    Attributes:
-        run: folder of the run.
-        camera: name of the camera.
-        times_s: (n,) times of the recorded images.
-    """
+    """Images of a camera of a run, recorded at times (n,)."""
 
     run: RunFolder
     camera: str
     times_s: NDArray[np.float64]
-
-    @classmethod
-    def of(cls, run: RunFolder, camera: str | None) -> _View:
-        """View of the named camera; None: the first camera.
-
-        Raises:
-            RunError: no such camera.
-        """
-        name = run.camera(camera)
-        return cls(run, name, run.times_s(name)[: run.measurements_done(name)])
 
     def at(self, time_s: float) -> NDArray[np.uint8]:
         """Latest image (height, width, 3) at `time_s` seconds; the first one if none is earlier."""
@@ -148,7 +128,5 @@ def side_by_side(images: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
         return images[0]
     height = max(image.shape[0] for image in images)
     below = (((0, height - image.shape[0]), (0, 0), (0, 0)) for image in images)
-    colors = (image[..., :3] for image in images)
-    return np.concatenate(
-        [np.pad(color, margin) for color, margin in zip(colors, below, strict=True)], axis=1
-    )
+    padded = (np.pad(image[..., :3], by) for image, by in zip(images, below, strict=True))
+    return np.concatenate(list(padded), axis=1)

@@ -66,21 +66,16 @@ class DriveRequest:
     world: SceneOptions
     robots: Annotated[
         list[str],
-        Option(
-            flags=("--robot",),
-            metavar="NAME|FILE",
-            complete=completion.complete_robot,
-            example="p2at",
-        ),
-    ]
+        Option(flags=("--robot",), metavar="NAME|FILE", complete=completion.complete_robot,
+               example="p2at"),
+    ]  # fmt: skip
     """Robot file, built-in name, or model (.sdf .urdf .xml). Several robots, each with its --path,
     drive together; NAME=FILE gives each its own folder."""
     paths: Annotated[
         list[str],
-        Option(
-            flags=("--path",), metavar="NAME|FILE", complete=completion.complete_path, example="lap"
-        ),
-    ]
+        Option(flags=("--path",), metavar="NAME|FILE", complete=completion.complete_path,
+               example="lap"),
+    ]  # fmt: skip
     """Path of the scene, or a file: .tum .kitti .csv, or EuRoC's. A .csv with only x_m and y_m
     holds waypoints."""
     output: Annotated[Path, Option(metavar="DIR")]
@@ -213,14 +208,7 @@ class ExportRequest:
     """
 
     run: RunFolder
-    format: Annotated[
-        str,
-        Option(
-            flags=("--to",),
-            metavar="FORMAT",
-            names=_FORMATS,
-        ),
-    ]
+    format: Annotated[str, Option(flags=("--to",), metavar="FORMAT", names=_FORMATS)]
     """Format: {names}."""
     output: Annotated[Path, Option(metavar="DIR")]
     """New folder; it appears when it is complete."""

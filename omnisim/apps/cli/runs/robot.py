@@ -59,7 +59,7 @@ def check_robot(request: CheckRobotRequest) -> None:
     if vehicle.body is not None:
         for notice in vehicle.body.notices:
             print_note(notice)
-    out.print(f"{request.robot}: good")
+    out.print(f"{request.robot}: valid")
     for line in _lines(vehicle, robot.body):
         out.print(f"  {line}")
 
@@ -74,10 +74,9 @@ def import_robot(request: ImportRequest) -> None:
         _import_model(request)
         return
     if request.configuration.suffix.lower() != ".ini":
-        raise OutputError(
-            f"{request.configuration}: expected a configuration of USARSim (.ini) or a model "
-            f"({' '.join(SUFFIXES)})"
-        )
+        models = f"a model ({' '.join(SUFFIXES)})"
+        expected = f"expected a configuration of USARSim (.ini) or {models}"
+        raise OutputError(f"{request.configuration}: {expected}")
     if request.resources:
         raise OutputError("--resources: expected with a model of Gazebo's, URDF's or MuJoCo's only")
     imported = usarsim.import_robot(
@@ -90,8 +89,12 @@ def import_robot(request: ImportRequest) -> None:
     imported.write(output)
     for notice in imported.notices:
         print_note(notice)
-    sensors = ", ".join(f"{one.name} ({one.type})" for one in vehicle.sensors)
-    out.print(f"{output}: {robot.name} of {imported.section}, {sensors or 'no sensors'}")
+    out.print(f"{output}: {robot.name} of {imported.section}, {_sensors(vehicle)}")
+
+
+def _sensors(vehicle: Vehicle) -> str:
+    named = (f"{sensor.name} ({sensor.type})" for sensor in vehicle.sensors)
+    return ", ".join(named) or "no sensors"
 
 
 def _import_model(request: ImportRequest) -> None:
@@ -106,8 +109,7 @@ def _import_model(request: ImportRequest) -> None:
     drawn = () if vehicle.body is None else vehicle.body.notices
     for notice in dict.fromkeys((*imported.notices, *drawn)):
         print_note(notice)
-    sensors = ", ".join(f"{one.name} ({one.type})" for one in vehicle.sensors)
-    out.print(f"{output}: {robot.name}, {sensors or 'no sensors'}")
+    out.print(f"{output}: {robot.name}, {_sensors(vehicle)}")
 
 
 def _format_drive(kinematics: Kinematics | None) -> str:
@@ -126,21 +128,20 @@ def _lines(vehicle: Vehicle, body: str | None) -> list[str]:
         nodes = len({instance.name for instance in vehicle.body.instances})
         lines.append(f"body     {body}, {vehicle.body.triangle_count} triangles, {nodes} nodes")
     lines.append(f"drive    {_format_drive(vehicle.kinematics)}")
-    is_perfect = vehicle.odometry == OdometryErrors()
-    lines.append(f"wheels   {'report the truth' if is_perfect else 'report with errors'}")
+    is_ideal = vehicle.odometry == OdometryErrors()
+    lines.append(f"odometry {'ideal' if is_ideal else 'with errors'}")
     if (box := BodyBoxes.of(vehicle)) is None:
-        lines.append("size     unknown: contacts with a scene are not looked for")
+        lines.append("size     unknown: no collision checking")
     else:
         sides = " × ".join(map(number_text, box.high_m - box.low_m))
-        clearance = f"{number_text(box.clearance_m)} m clear of the ground"
-        lines.append(f"size     {sides} m, {clearance}")
-    for one in vehicle.sensors:
-        mesh = f"{one.sensor.mesh_summary}, " if isinstance(one, MountedCamera) else ""
-        hz = "" if one.rate is None else f"{one.rate.rate_hz:g} Hz"  # some summaries have it
-        rate = f"measures at {hz}, " if hz and hz not in one.summary() else ""
-        hidden = f", does not see {', '.join(one.hides)}" if one.hides else ""
+        lines.append(f"size     {sides} m, ground clearance {number_text(box.clearance_m)} m")
+    for sensor in vehicle.sensors:
+        mesh = f"{sensor.sensor.mesh_summary}, " if isinstance(sensor, MountedCamera) else ""
+        hz = "" if sensor.rate is None else f"{sensor.rate.rate_hz:g} Hz"  # some summaries have it
+        rate = f"measures at {hz}, " if hz and hz not in sensor.summary() else ""
+        hidden = f", does not see {', '.join(sensor.hides)}" if sensor.hides else ""
         lines.append(
-            f"{one.noun:<8} {one.name}, {one.summary()}, {mesh}{rate}"
-            f"{one.origin_noun} {point_text(one.origin_m)} m{hidden}"
+            f"{sensor.noun:<8} {sensor.name}, {sensor.summary()}, {mesh}{rate}"
+            f"{sensor.origin_noun} {point_text(sensor.origin_m)} m{hidden}"
         )
     return lines

@@ -45,7 +45,7 @@ def show(request: SceneRequest) -> None:
     """Print the contents of a scene as tables or JSON, and plot it on request."""
     if request.plot is not None:
         require_extra("plots", "--plot")
-        from omnisim.plots.plot_file import check_plot_target
+        from omnisim.plots.style import check_plot_target
 
         check_plot_target(request.plot)
     scene = read_requested_scene(request.world)
@@ -57,8 +57,8 @@ def show(request: SceneRequest) -> None:
     else:
         _print_tables(document, request.all)
     if request.plot is not None:
-        from omnisim.plots.plot_file import write_plot
         from omnisim.plots.scene_plot import scene_figure
+        from omnisim.plots.style import write_plot
 
         write_plot(request.plot, scene_figure(scene))
         if not request.json:
@@ -70,7 +70,8 @@ def describe(scene: Scene) -> dict[str, Any]:
     labels, reflections = find_labels(scene), reflection_kinds(scene)
     mesh_bytes, texture_bytes = memory_bytes(scene)
     low, high = scene.bounds_m()
-    paths = [(one.name, np.array(one.waypoints_m)) for one in scene.paths]
+    paths = [(path.name, np.array(path.waypoints_m)) for path in scene.paths]
+    lights = () if is_even(scene.lighting) else scene.lighting.lights
     return {
         "scene": scene.name,
         "bounds_m": [low.tolist(), high.tolist()],
@@ -81,11 +82,11 @@ def describe(scene: Scene) -> dict[str, Any]:
         "mesh_bytes": mesh_bytes,
         "texture_bytes": texture_bytes,
         "gpu_bytes": gpu_bytes(scene),
-        "floors": [dataclasses.asdict(one) for one in floors(scene)],
-        "starts": [dataclasses.asdict(one) for one in start_summaries(scene)],
+        "floors": [dataclasses.asdict(floor) for floor in floors(scene)],
+        "starts": [dataclasses.asdict(start) for start in start_summaries(scene)],
         "cameras": [
-            {**vars(one), "lens": None if one.lens is None else one.lens.parameters()}
-            for one in scene.cameras
+            {**vars(camera), "lens": None if camera.lens is None else camera.lens.parameters()}
+            for camera in scene.cameras
         ],
         "paths": [
             {
@@ -99,35 +100,33 @@ def describe(scene: Scene) -> dict[str, Any]:
         "exposure": scene.lighting.exposure,
         "light": light_summary(scene.lighting),
         "lights": [
-            {
-                "kind": one.kind.value,
-                "intensity": one.intensity,
-                "color": list(one.color),
-                "direction" if one.kind is LightKind.DIRECTIONAL else "position_m": (
-                    one.direction if one.kind is LightKind.DIRECTIONAL else one.position_m
-                ).tolist(),
-            }
-            for one in (() if is_even(scene.lighting) else scene.lighting.lights)
+            {"kind": light.kind.value, "intensity": light.intensity, "color": list(light.color)}
+            | (
+                {"direction": light.direction.tolist()}
+                if light.kind is LightKind.DIRECTIONAL
+                else {"position_m": light.position_m.tolist()}
+            )
+            for light in lights
         ],
         "background": list(scene.background),
         "classes": [
             {
-                "id": one.id,
-                "name": one.name,
-                "instances": sum(label.class_id == one.id for label in labels.instances),
+                "id": kind.id,
+                "name": kind.name,
+                "instances": sum(label.class_id == kind.id for label in labels.instances),
             }
-            for one in labels.classes
+            for kind in labels.classes
         ],
         "classes_from": labels.source,
         "landmarks": [
-            {"name": one.name, "position_m": list(one.position_m)} for one in scene.landmarks
+            {"name": each.name, "position_m": list(each.position_m)} for each in scene.landmarks
         ],
         "dynamic_objects": [
-            {"name": one.name, "triangles": one.shape.triangle_count} for one in scene.objects
+            {"name": each.name, "triangles": each.shape.triangle_count} for each in scene.objects
         ],
         "instances": [
-            dataclasses.asdict(one) | {"reflections": list(reflections.get(one.name, ()))}
-            for one in instance_summaries(scene)
+            dataclasses.asdict(each) | {"reflections": list(reflections.get(each.name, ()))}
+            for each in instance_summaries(scene)
         ],
         "notices": list(scene.notices),
     }
@@ -136,9 +135,9 @@ def describe(scene: Scene) -> dict[str, Any]:
 def _print_tables(document: dict[str, Any], shows_all: bool) -> None:
     for name, text in _lines(document):
         out.print(f"{name:11}{printable(text)}")
-    ranked = sorted(document["instances"], key=lambda one: -one["triangles"])
+    ranked = sorted(document["instances"], key=lambda each: -each["triangles"])
     shown = ranked if shows_all else ranked[:SHOWN]
-    rows = [_row(one) for one in shown]
+    rows = [_row(instance) for instance in shown]
     titles = ["class", "triangles", "size (m)", "center (m)", "textures"]
     if any(row[-1] for row in rows):
         titles.append("reflects by")
@@ -173,48 +172,39 @@ def _lines(document: dict[str, Any]) -> list[tuple[str, str]]:
     low, high = np.array(document["bounds_m"])
     size_m = float((high - low).max())  # of which the decimals resolve a hundredth
     digits = 2 if size_m <= 0.0 else max(2, 2 - math.floor(math.log10(size_m)))
-    classes = [f"{one['name']} {one['instances']}" for one in document["classes"]]
+    mesh_mb, texture_mb, gpu_mb = (
+        f"{document[f'{kind}_bytes'] / 1e6:.1f} MB" for kind in ("mesh", "texture", "gpu")
+    )
+    textures = pluralize(document["textures"], "texture")
+    floor_heights = ", ".join(f"{floor['height_m']:z.2f} m" for floor in document["floors"])
     lines = [
         ("scene", document["scene"]),
         ("instances", f"{len(document['instances'])}, {document['triangles']:,} triangles"),
-        (
-            "memory",
-            f"meshes {_megabytes(document['mesh_bytes'])}, "
-            f"{pluralize(document['textures'], 'texture')} "
-            f"{_megabytes(document['texture_bytes'])}; "
-            f"on the GPU about {_megabytes(document['gpu_bytes'])}",
-        ),
+        ("memory", f"meshes {mesh_mb}, {textures} {texture_mb}; on the GPU about {gpu_mb}"),
         ("bounds", f"{_point(low, digits)} to {_point(high, digits)} m"),
-        ("floors", ", ".join(f"{one['height_m']:z.2f} m" for one in document["floors"]) or "none"),
+        ("floors", floor_heights or "none"),
     ]
-    for one in document["starts"]:
-        floor = "no floor" if one["floor_m"] is None else f"floor at {one['floor_m']:z.2f} m"
-        what = one["name"] or "of the camera"
-        lines.append(
-            (
-                "start",
-                f"{what}: {_point(one['position_m'], digits)} m, yaw "
-                f"{number_text(one['yaw_deg'])}°, {floor}",
-            )
-        )
-    for one in document["cameras"]:
-        yaw, pitch = (number_text(one[key]) for key in ("yaw_deg", "pitch_deg"))
-        place = f"{one['name']}: {_point(one['position_m'], digits)} m, yaw {yaw}°, pitch {pitch}°"
-        lens = "no lens" if one["lens"] is None else one["lens"]["model"]
-        lines.append(("camera", f"{place}, {lens}"))
-    for one in document["paths"]:
-        count = pluralize(one["waypoints"], "waypoint")
-        lines.append(("path", f"{one['name']}: {count}, {one['length_m']:.1f} m"))
+    for start in document["starts"]:
+        floor = "no floor" if start["floor_m"] is None else f"floor at {start['floor_m']:z.2f} m"
+        place = f"{_point(start['position_m'], digits)} m, yaw {number_text(start['yaw_deg'])}°"
+        lines.append(("start", f"{start['name'] or 'of the camera'}: {place}, {floor}"))
+    for camera in document["cameras"]:
+        yaw, pitch = (number_text(camera[key]) for key in ("yaw_deg", "pitch_deg"))
+        place = f"{_point(camera['position_m'], digits)} m, yaw {yaw}°, pitch {pitch}°"
+        lens = "no lens" if camera["lens"] is None else camera["lens"]["model"]
+        lines.append(("camera", f"{camera['name']}: {place}, {lens}"))
+    for path in document["paths"]:
+        count = pluralize(path["waypoints"], "waypoint")
+        lines.append(("path", f"{path['name']}: {count}, {path['length_m']:.1f} m"))
+    classes = [f"{kind['name']} {kind['instances']}" for kind in document["classes"]]
     lines += [
         ("lights", document["light"]),
         ("classes", f"{', '.join(classes)} (by {document['classes_from']})"),
     ]
-    names = (("landmarks", "landmarks"), ("moving", "dynamic_objects"))
-    return lines + [
-        (title, ", ".join(one["name"] for one in document[key]))
-        for title, key in names
-        if document[key]
-    ]
+    for title, key in (("landmarks", "landmarks"), ("moving", "dynamic_objects")):
+        if document[key]:
+            lines.append((title, ", ".join(each["name"] for each in document[key])))
+    return lines
 
 
 def _name_width(widths: list[int]) -> int:
@@ -222,27 +212,23 @@ def _name_width(widths: list[int]) -> int:
     return out.console.width - sum(widths) - len(widths)
 
 
-def _row(one: dict[str, Any]) -> tuple[str, ...]:
+def _row(instance: dict[str, Any]) -> tuple[str, ...]:
     """Table cells of an instance."""
-    low, high = np.array(one["min_m"]), np.array(one["max_m"])
-    sizes = [f"{width}×{height}" for width, height in one["textures_px"]]
+    low, high = np.array(instance["min_m"]), np.array(instance["max_m"])
+    sizes = [f"{width}×{height}" for width, height in instance["textures_px"]]
     return (
-        printable(one["name"]),
-        printable(one["class_name"]),
-        f"{one['triangles']:,}",
+        printable(instance["name"]),
+        printable(instance["class_name"]),
+        f"{instance['triangles']:,}",
         "×".join(number_text(size, 3) for size in high - low),
         " ".join(number_text(value, 3) for value in 0.5 * (low + high)),
         " ".join([*sizes[:1], *([f"+{len(sizes) - 1}"] if len(sizes) > 1 else [])]),
-        " ".join(one["reflections"]),
+        " ".join(instance["reflections"]),
     )
 
 
 def _point(values: Any, decimals: int) -> str:
     return "(" + ", ".join(f"{value:z.{decimals}f}" for value in values) + ")"
-
-
-def _megabytes(count: int) -> str:
-    return f"{count / 1e6:.1f} MB"
 
 
 def convert(request: SceneConvertRequest) -> None:
@@ -285,7 +271,7 @@ def bake(request: BakeRequest) -> None:
         lambda bake: print_note(estimate(bake, request.jobs)),
     )  # fmt: skip
     if baked is None:
-        out.print(f"{output}: is baked already: nothing to do")
+        out.print(f"{output}: already baked; nothing to do")
         return
     width, height = baked.atlas_px
     size_mb = sum(path.stat().st_size for path in output.iterdir()) / 1e6

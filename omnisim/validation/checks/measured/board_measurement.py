@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -11,17 +12,16 @@ from numpy.typing import NDArray
 from omnisim.cameras import KannalaBrandtCamera, OcamcalibCamera, UnifiedCamera
 from omnisim.cameras.camera import CentralCamera
 from omnisim.core.errors import MeasurementError
-from omnisim.measurement.comparison import ImageComparison, compare_images
+from omnisim.measurement.comparison import compare_images
 from omnisim.measurement.comparison.comparison import compare_image
 from omnisim.measurement.geometry import BoardView, Chessboard, measure_geometry
 from omnisim.measurement.geometry.board_detection import find_board
 from omnisim.rendering.camera.degradations import Degradation, Noise, Vignetting
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import ResultTable, Section
-from omnisim.validation.chessboards import PATTERN, SQUARE_M, board_poses_in_front, board_scene
+from omnisim.report.report import Measure, ResultTable, Section
 from omnisim.validation.fixture import Fixture
+from omnisim.validation.plain_scenes import PATTERN, SQUARE_M, board_poses_in_front, board_scene
 
 Floats = NDArray[np.float64]
 IMAGES, TWINS = 24, 4
@@ -37,26 +37,18 @@ OMNIDIR_BOUND = 1.02  # a model with fewer numbers may leave that much more
 def cameras() -> dict[str, tuple[CentralCamera, float]]:
     """Cameras to measure, by name, each with the maximum angle in rad from the axis to a board."""
     size = 640, 480
+    size, turned_rad = (640, 480), np.radians(58.0)
+    poly, affine = (-200.0, 0.0, 1.2e-3, -1e-6, 3e-9), (0.999, 2e-4, 0.0)
     return {
-        "fisheye": (
-            KannalaBrandtCamera(*size, (205.0, 205.4), (322.5, 237.0), (0.012, -8e-3, 2e-3, -5e-4)),
-            np.radians(58.0),
-        ),
-        "wide angle": (
-            UnifiedCamera(*size, (360.0, 360.6), (316.0, 243.0), 0.0, (-0.28, 0.08, 4e-4, -3e-4)),
-            np.radians(24.0),
-        ),
-        "omnidirectional": (
-            OcamcalibCamera(
-                *size, (322.0, 236.0), (-200.0, 0.0, 1.2e-3, -1e-6, 3e-9), (0.999, 2e-4, 0.0)
-            ),
-            np.radians(58.0),
-        ),
-        MIRROR: (  # decentered as OpenCV's own set of an omnidirectional camera
-            UnifiedCamera(*size, (245.0, 245.6), (316.0, 236.0), 1.03, (-0.02, 0.012, 0.01, -4e-3)),
-            np.radians(58.0),
-        ),
-    }
+        "fisheye": (KannalaBrandtCamera(*size, (205.0, 205.4), (322.5, 237.0),
+                                        (0.012, -8e-3, 2e-3, -5e-4)), turned_rad),
+        "wide angle": (UnifiedCamera(*size, (360.0, 360.6), (316.0, 243.0), 0.0,
+                                     (-0.28, 0.08, 4e-4, -3e-4)), np.radians(24.0)),
+        "omnidirectional": (OcamcalibCamera(*size, (322.0, 236.0), poly, affine), turned_rad),
+        # decentered as OpenCV's own set of an omnidirectional camera
+        MIRROR: (UnifiedCamera(*size, (245.0, 245.6), (316.0, 236.0), 1.03,
+                               (-0.02, 0.012, 0.01, -4e-3)), turned_rad),
+    }  # fmt: skip
 
 
 def check(fixture: Fixture, title: str) -> Section:
@@ -66,10 +58,17 @@ def check(fixture: Fixture, title: str) -> Section:
     for name, (camera, widest_rad) in hidden:
         sensor = OmniCamera(camera, degradation=DEGRADATION)
         images = _images(sensor, board_poses_in_front(IMAGES, widest_rad), fixture)
-        detected = _detected(images)
+        detected = []
+        for number, image in enumerate(images):
+            with suppress(MeasurementError):  # partly outside of the image
+                detected.append((find_board(image, BOARD, f"image {number}"), image))
         measured = measure_geometry([view for view, _ in detected], (640, 480))
         twin = OmniCamera(measured.camera, degradation=DEGRADATION)
-        comparison = compare_images(twin, _compared(twin, detected, measured.board_m))
+        compared = []
+        for view, image in detected[:: max(1, len(detected) // TWINS)]:
+            with suppress(MeasurementError):  # not detected in the twin's image, at its edge
+                compared.append(compare_image(twin, BOARD, view, image, measured.board_m))
+        comparison = compare_images(twin, compared)
         rise = max(abs(ring.twin_rise_px / ring.rise_px - 1.0) for ring in comparison.rings)
         numbers = np.array(
             [
@@ -104,18 +103,14 @@ def check(fixture: Fixture, title: str) -> Section:
         (
             Measure("corners in held-out images, RMS", held_out, "px", HELD_OUT_BOUND_PX),
             Measure("corners, RMS over that of cv2.omnidir", excess, "", OMNIDIR_BOUND),
-            Measure(
-                "rays over the field of the corners, but for the mirror's, largest error",
-                rays,
-                "px",
-                RAY_BOUND_PX,
-            ),
+            Measure("rays over the field of the corners, but for the mirror's, largest error",
+                    rays, "px", RAY_BOUND_PX),
             Measure("corners in the twin's images, bias by ring", bias, "px", BIAS_BOUND_PX),
             Measure("gray levels of 90 % of the squares", levels, "of 255", LEVEL_BOUND),
             Measure("rise of edges by ring, relative", rise_error, "", RISE_BOUND),
         ),
         (ResultTable("Largest errors of each camera", columns, tuple(rows)),),
-    )
+    )  # fmt: skip
 
 
 def ray_error_px(true: CentralCamera, measured: CentralCamera, views: list[BoardView]) -> float:
@@ -138,8 +133,8 @@ def omnidir_rms_px(views: Sequence[BoardView]) -> float:
     import cv2
 
     stop = (cv2.TERM_CRITERIA_COUNT + cv2.TERM_CRITERIA_EPS, 500, 1e-9)
-    objects = [one.points_3d_m[:, None] for one in views]
-    images = [one.pixels_px[:, None] for one in views]
+    objects = [view.points_3d_m[:, None] for view in views]
+    images = [view.pixels_px[:, None] for view in views]
     unknown: Any = None
     return cv2.omnidir.calibrate(objects, images, (640, 480), unknown, unknown, unknown, 0, stop)[0]
 
@@ -155,27 +150,3 @@ def _images(sensor: OmniCamera, poses: list[Floats], fixture: Fixture) -> list[N
             frame = renderer.render(np.linalg.inv(rig_from_board), frame_number=number)
             images.append(np.ascontiguousarray(frame.rgba[..., 1]))
     return images
-
-
-def _detected(images: list[NDArray[np.uint8]]) -> list[tuple[BoardView, NDArray[np.uint8]]]:
-    """Detected boards, each with its image."""
-    detected = []
-    for number, image in enumerate(images):
-        try:
-            detected.append((find_board(image, BOARD, f"image {number}"), image))
-        except MeasurementError:
-            continue  # partly outside of the image
-    return detected
-
-
-def _compared(
-    twin: OmniCamera, detected: list[tuple[BoardView, NDArray[np.uint8]]], board_m: Floats
-) -> list[ImageComparison]:
-    step = max(1, len(detected) // TWINS)
-    compared = []
-    for view, image in detected[::step]:
-        try:
-            compared.append(compare_image(twin, BOARD, view, image, board_m))
-        except MeasurementError:
-            continue  # not found again in the twin's image, at the image's edge
-    return compared

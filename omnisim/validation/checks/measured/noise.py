@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from omnisim.measurement.noise import measure_noise
-from omnisim.report.measure import Measure
-from omnisim.report.report import ResultTable, Section
+from omnisim.report.report import Measure, ResultTable, Section
 from omnisim.validation.fixture import Fixture
 from omnisim.validation.oracles.emva import BOUNDS, ReferenceCamera
 
@@ -21,7 +20,7 @@ def check(fixture: Fixture, title: str) -> Section:
     for seed in range(count):
         camera = ReferenceCamera.drawn(seed)
         measured = measure_noise(*camera.dark_and_flat(), bit_depth=camera.bit_depth)
-        values = {one.name: one.value for one in measured.quantities}
+        values = {quantity.name: quantity.value for quantity in measured.quantities}
         cells = []
         for name, (true, _) in camera.truth().items():
             errors[name].append(values.get(name, np.inf) / true - 1.0)
@@ -33,12 +32,10 @@ def check(fixture: Fixture, title: str) -> Section:
         "Parameters measured by `omnisim measure noise` against the true ones, for "
         f"{count} random cameras of the simulator of EMVA 1288. Each has two dark frames and two "
         "flat fields at each of 16 exposures, and 50 at one of them, with 640 × 480 px.",
-        tuple(
-            Measure(
-                f"{name}, largest error", 100.0 * float(np.abs(errors[name]).max()), "%",
-                100.0 * bound,
-            )
+        [
+            Measure(f"{name}, largest error", 100.0 * float(np.abs(errors[name]).max()), "%",
+                    100.0 * bound)
             for name, bound in BOUNDS.items()
-        ),
-        (ResultTable(caption, ("bits", *BOUNDS), tuple(rows)),),
+        ],
+        [ResultTable(caption, ("bits", *BOUNDS), tuple(rows))],
     )  # fmt: skip

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
+from scipy.optimize import brentq
+from scipy.special import j1, ndtr
 
 from omnisim.measurement.sharpness import MeasuredSharpness, measure_sharpness
 from omnisim.rendering.camera.degradations.effect import ImageGeometry
 from omnisim.report.measure import Measure
-from omnisim.report.report import ResultTable, Section
-from omnisim.validation.analytic_edges import Floats, gaussian, true_mtf50
+from omnisim.report.report import Measure, ResultTable, Section
+from omnisim.validation.analytic_edges import Floats
 from omnisim.validation.fixture import Fixture
 
 LENSES, QUICK_LENSES = 12, 2
@@ -20,6 +22,10 @@ CHARTS, TWIN_CHARTS, NOISE = 3, 2, 0.005
 MTF50_BOUND, TWIN_MTF50_BOUND, COLOR_BOUND_PX = 0.03, 0.05, 0.02
 SHARP_PX = 1e-3
 _RADII = np.linspace(0.1, 1.45, 10)  # in half of the shorter side; the corner is at 1.67
+PATCH_PX = 60
+DARK, BRIGHT = 0.08, 0.75
+Floats = NDArray[np.float64]
+STEP_PX = 0.005  # of the line spread's samples
 
 
 def check(fixture: Fixture, title: str) -> Section:
@@ -78,13 +84,11 @@ def largest_errors(measured: MeasuredSharpness, lens: AnalyticLens) -> tuple[flo
         for radius in _RADII.tolist()
         for widths, width in zip(widths_px, _widths_px(lens, radius), strict=True)
     ]
+    polyval = np.polynomial.polynomial.polyval
+    pairs = (color.red_offsets_px, lens.red_px), (color.blue_offsets_px, lens.blue_px)
     offsets = [
-        np.polynomial.polynomial.polyval(_RADII, (0.0, *found))
-        - np.polynomial.polynomial.polyval(_RADII, (0.0, *true))
-        for found, true in (
-            (color.red_offsets_px, lens.red_px),
-            (color.blue_offsets_px, lens.blue_px),
-        )
+        polyval(_RADII, (0.0, *measured_px)) - polyval(_RADII, (0.0, *true_px))
+        for measured_px, true_px in pairs
     ]
     return float(np.abs(shares).max()), float(np.abs(offsets).max())
 
@@ -92,11 +96,11 @@ def largest_errors(measured: MeasuredSharpness, lens: AnalyticLens) -> tuple[flo
 def normalized_errors(measured: MeasuredSharpness, lens: AnalyticLens) -> list[float]:
     """Errors of the measured widths, each divided by its standard deviation."""
     errors = []
-    for one in measured.quantities:
-        direction, _, radius = one.name.removesuffix(" px").partition(" ")
+    for quantity in measured.quantities:
+        direction, _, radius = quantity.name.removesuffix(" px").partition(" ")
         if direction in ("radial", "tangential") and radius:
             true = _widths_px(lens, float(radius) / lens.unit_px)
-            errors.append((one.value - true[direction == "tangential"]) / one.sigma)
+            errors.append((quantity.value - true[direction == "tangential"]) / quantity.sigma)
     return errors
 
 
@@ -127,30 +131,19 @@ def _mtf50(width_px: float) -> float:
     return true_mtf50(gaussian(max(width_px, SHARP_PX)), 0.0)
 
 
-# Lenses of known sharpness over the field, and their images of a chart of edges.
-
-
-PATCH_PX = 60
-DARK, BRIGHT = 0.08, 0.75
-
-
 @dataclass(frozen=True)
 class AnalyticLens:
     """Lens whose point spread is a Gaussian, with standard deviations that depend on the radius.
 
     Each quantity is a polynomial in the image radius divided by half of the shorter side, given by
     its coefficients in ascending order.
-
-    Attributes:
-        size_px: width and height of the image.
-        radial_px, tangential_px: standard deviations of the Gaussian, from the constant term on;
-            the two constants are equal.
-        red_px, blue_px: radial offsets of red and blue from green, from the linear term on.
     """
 
-    size_px: tuple[int, int]
+    size_px: tuple[int, int]  # width and height of the image
+    # standard deviations of the Gaussian, from the constant term on; the two constants are equal
     radial_px: tuple[float, ...]
     tangential_px: tuple[float, ...]
+    # radial offsets of red and blue from green, from the linear term on
     red_px: tuple[float, ...]
     blue_px: tuple[float, ...]
 
@@ -208,12 +201,10 @@ class AnalyticLens:
         return np.rint(65535.0 * image.clip(0.0, 1.0)).astype(np.uint16)
 
     def _patch(self, angle_deg: float, point_px: Floats, corner_px: NDArray[np.int64]) -> Floats:
-        """Linear colors (PATCH_PX, PATCH_PX, 3) of one patch with an edge.
+        """Linear colors (PATCH_PX, PATCH_PX, 3) of a patch with an edge.
 
-        Args:
-            angle_deg: direction of the edge's normal, from +u to +v.
-            point_px: (u, v) on the edge, relative to the patch's first pixel.
-            corner_px: (u, v) of the patch's first pixel.
+        The edge passes through `point_px`, relative to the patch's first pixel `corner_px`; its
+        normal points in direction `angle_deg`, from +u to +v.
         """
         angle = np.radians(angle_deg)
         normal = np.array((np.cos(angle), np.sin(angle)))
@@ -234,11 +225,102 @@ def _level(distances_px: Floats, widths_px: Floats, normal: Floats) -> Floats:
     """Levels (...) from 0 to 1 of an edge blurred by a Gaussian, averaged over square pixels."""
     first, second = 0.5 * np.abs(normal)
     total = np.zeros_like(distances_px)
-    for sign, offset in (
-        (1.0, first + second), (-1.0, first - second), (-1.0, second - first),
-        (1.0, -first - second),
-    ):  # fmt: skip
+    signs = ((1.0, first + second), (-1.0, first - second), (-1.0, second - first))
+    for sign, offset in (*signs, (1.0, -first - second)):
         x = (distances_px + offset) / widths_px
         density = np.exp(-0.5 * x**2) / np.sqrt(2.0 * np.pi)
         total += sign * 0.5 * widths_px**2 * ((x**2 + 1.0) * ndtr(x) + x * density)
     return total / (4.0 * first * second)
+
+
+@dataclass(frozen=True)
+class LineSpread:
+    """Line spread along the normal of an edge."""
+
+    # function from the distance in px to the unnormalized density
+    density: Callable[[Floats], Floats]
+    # function from the frequency in cycles per px to the Fourier transform, 1 at 0
+    transfer: Callable[[float], float]
+
+
+def gaussian(sigma_px: float) -> LineSpread:
+    """Line spread of a Gaussian blur."""
+    return LineSpread(
+        lambda x: np.exp(-0.5 * (x / sigma_px) ** 2),
+        lambda f: float(np.exp(-2.0 * (np.pi * sigma_px * f) ** 2)),
+    )
+
+
+def disc(radius_px: float) -> LineSpread:
+    """Line spread of an even blur disc, as from defocus with a round aperture."""
+    return LineSpread(
+        lambda x: np.sqrt(np.maximum(radius_px**2 - x**2, 0.0)),
+        lambda f: float(j1(2.0 * np.pi * radius_px * f) / (np.pi * radius_px * f)),
+    )
+
+
+def motion(length_px: float) -> LineSpread:
+    """Line spread of motion along the normal, at constant speed."""
+    return LineSpread(
+        lambda x: (np.abs(x) <= 0.5 * length_px).astype(np.float64),
+        lambda f: float(np.sinc(length_px * f)),
+    )
+
+
+def edge_levels(spread: LineSpread, angle_deg: float, reach_px: float) -> tuple[Floats, Floats]:
+    """Distances (n,) in px, up to `reach_px` from an edge, and pixel levels there, from 0 to 1.
+
+    `angle_deg` is the direction of the edge's normal, from +u to +v.
+    """
+    x = np.arange(-reach_px, reach_px + STEP_PX, STEP_PX)
+    density = spread.density(x)
+    levels = (np.cumsum(density) - 0.5 * density) / density.sum()
+    angle = np.radians(angle_deg)
+    # along the normal, a pixel is the convolution of two boxes
+    for width in (abs(float(np.cos(angle))), abs(float(np.sin(angle)))):
+        if width < 10.0 * STEP_PX:
+            continue
+        total = np.concatenate(([0.0], np.cumsum(levels) * STEP_PX))
+        at = x[0] + (np.arange(len(total)) - 0.5) * STEP_PX
+        high = np.interp(x + 0.5 * width, at, total) + np.maximum(x + 0.5 * width - at[-1], 0.0)
+        levels = (high - np.interp(x - 0.5 * width, at, total)) / width
+    return x, levels
+
+
+def edge_image(
+    spread: LineSpread,
+    angle_deg: float,
+    size_px: tuple[int, int] = (80, 80),
+    point_px: tuple[float, float] | None = None,
+    dark: float = 0.1,
+    bright: float = 0.8,
+) -> Floats:
+    """Image (height, width) of an edge.
+
+    Args:
+        spread: line spread along the normal.
+        angle_deg: direction of the normal, from +u to +v, toward the bright side.
+        size_px: width and height.
+        point_px: (u, v) on the edge; None: near the middle.
+        dark, bright: linear values of the two sides.
+    """
+    width, height = size_px
+    point = (0.5 * width + 0.13, 0.5 * height - 0.21) if point_px is None else point_px
+    u, v = np.meshgrid(np.arange(width), np.arange(height))
+    angle = np.radians(angle_deg)
+    distance = (u - point[0]) * np.cos(angle) + (v - point[1]) * np.sin(angle)
+    levels = np.interp(distance, *edge_levels(spread, angle_deg, float(width + height)))
+    return dark + (bright - dark) * levels
+
+
+def true_mtf50(spread: LineSpread, angle_deg: float) -> float:
+    """Frequency in cycles per px, along the normal, at which spread and pixel halve contrast."""
+    angle = np.radians(angle_deg)
+
+    def excess(frequency: float) -> float:
+        pixel = np.sinc(frequency * np.cos(angle)) * np.sinc(frequency * np.sin(angle))
+        return float(pixel) * spread.transfer(frequency) - 0.5
+
+    frequencies = np.arange(0.005, 0.9, 0.005).tolist()
+    first = next(frequency for frequency in frequencies if excess(frequency) < 0.0)
+    return float(brentq(excess, first - 0.005, first))

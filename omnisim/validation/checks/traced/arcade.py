@@ -12,22 +12,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.plots.style import gallery
-from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.rendering.shared_scene import BackendName
-from omnisim.rendering.stage import open_sensor
-from omnisim.report.measure import Measure
-from omnisim.report.report import CaptionedFigure, Section
+from omnisim.report.report import CaptionedFigure, Measure, Section
 from omnisim.scene import load_scene
-from omnisim.scene.model import Scene
-from omnisim.validation.fixture import Fixture, linear_image
-from omnisim.validation.psnr import converged_psnr_db, noise_floor_db
+from omnisim.validation.fixture import BACKENDS, Fixture, linear_image
+from omnisim.validation.image_differences import converged_psnr_db, noise_floor_db
 from omnisim.validation.traced_light import (
     CAMERAS,
     beside,
     inside_rim,
     samples_of,
     sensor_of,
-    traced_light,
+    traced_twice,
 )
 
 SCENE = "arcade"
@@ -49,21 +44,21 @@ def check(fixture: Fixture, title: str) -> Section:
     for camera in CAMERAS[:1] if fixture.is_quick else CAMERAS:
         sensor = sensor_of(camera, size_px)
         inside = inside_rim(sensor)
-        traced = traced_twice(scene, sensor, SAMPLES[camera])
-        rays, cube = (rendered(scene, sensor, name, fixture.device) for name in ("rays", "cube"))
-        floor_db = noise_floor_db(*traced, inside)
+        pose = sensor.base_pose(scene.start.position_m, yaw_deg=_YAW_DEG)
+        first, second = traced_twice(scene, sensor, pose, SAMPLES[camera])
+        fine = dataclasses.replace(sensor, supersampling=SUPERSAMPLING)
+        rays, cube = (
+            linear_image(fixture.render(scene, fine, pose, unlit=False, backend=backend))
+            for backend in BACKENDS
+        )
+        rays_db, cube_db = (converged_psnr_db(x, first, second, inside) for x in (rays, cube))
+        floor_db = noise_floor_db(first, second, inside)
         measures += [
-            Measure(
-                f"{camera}, back end rays",
-                converged_psnr_db(rays, *traced, inside),
-                "dB",
-                BOUND_DB,
-                at_least=True,
-            ),
-            Measure(f"{camera}, back end cube", converged_psnr_db(cube, *traced, inside), "dB"),
+            Measure(f"{camera}, back end rays", rays_db, "dB", BOUND_DB, at_least=True),
+            Measure(f"{camera}, back end cube", cube_db, "dB"),
             Measure(f"{camera}: one of Mitsuba's images against the converged one", floor_db, "dB"),
         ]
-        mean = (0.5 * (traced[0] + traced[1])).astype(np.float32)
+        mean = (0.5 * (first + second)).astype(np.float32)
         images |= beside(f"{camera}, rays", mean, rays, inside)
         images |= beside(f"{camera}, cube", mean, cube, inside)
     measures += [Measure("size", size_px, "px"), *samples_of(SAMPLES)]
@@ -74,37 +69,8 @@ def check(fixture: Fixture, title: str) -> Section:
         "or from the faces of a cube for the fisheye. The PSNR is that to Mitsuba's converged "
         "image, from two images with independent noise. Mitsuba's gloss takes no light from the "
         "color below.",
-        tuple(measures),
-        figures=(
-            CaptionedFigure(
-                "arcade",
-                gallery(images, 6, side_in=2.7),
-                "The arcade traced by Mitsuba, by both back ends of omnisim, and their difference "
-                "× 8.",
-            ),
-        ),
-    )
-
-
-def traced_twice(
-    scene: Scene, sensor: OmniCamera, samples: int
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Two images (height, width, 3), linear RGB, by Mitsuba, with independent noise."""
-    pose = _pose(scene, sensor)
-    first, second = (
-        traced_light(scene, sensor, pose, samples, bounces=True, seed=seed) for seed in (0, 1000)
-    )
-    return first, second
-
-
-def rendered(
-    scene: Scene, sensor: OmniCamera, backend: BackendName, device: int | None
-) -> NDArray[np.float32]:
-    """Image (height, width, 3), linear RGB, by omnisim."""
-    fine = dataclasses.replace(sensor, supersampling=SUPERSAMPLING)
-    with open_sensor(scene, fine, backend=backend, device=device) as renderer:
-        return linear_image(renderer.render(_pose(scene, sensor), linear=True))
-
-
-def _pose(scene: Scene, sensor: OmniCamera) -> NDArray[np.float64]:
-    return sensor.base_pose(scene.start.position_m, yaw_deg=_YAW_DEG)
+        measures,
+        figures=[CaptionedFigure("arcade", gallery(images, 6, side_in=2.7),
+                 "The arcade traced by Mitsuba, by both back ends of omnisim, and their difference "
+                 "× 8.")],
+    )  # fmt: skip

@@ -34,7 +34,9 @@ def test_convert_selects_one_camera_with_a_note(omnisim, tmp_path):
     arguments = ("calibration", "convert", TUM_VI, "--to", "opencv_fisheye", "-o", "f.yaml")
     status, out, err = omnisim(*arguments)
     assert status == 0
-    assert "the first of 2 cameras, cam0: --camera-name takes another of cam0, cam1" in err
+    assert (
+        "the first of 2 cameras, cam0, is used; --camera-name selects another of cam0, cam1" in err
+    )
     status, out, err = omnisim(*arguments, "--camera-name", "cam1")
     assert status == 0
     assert "the first" not in err
@@ -125,7 +127,7 @@ def test_the_formats_are_listed(omnisim):
         (["convert", TUM_VI, "--to", "colmap", "-o", "x", "--model", "gazebo"], "colmap has"),
         (["show", TUM_VI, "--format", "colmap"], "looks like a kalibr file"),
         (["show", "image.png"], "image.png"),
-        (["show", "foreign.png"], "foreign.png: expected an image of omnisim's"),
+        (["show", "foreign.png"], "foreign.png: expected an image by omnisim"),
         (["convert", TUM_VI, "--to", "colmap", "-o", "pipe"], "pipe: is not a regular file"),
     ],
 )
@@ -250,7 +252,7 @@ def test_notes_on_the_field_of_a_sensor_file(omnisim, tmp_path, theta_max_deg, n
 def test_show_has_one_end_of_the_field(omnisim):
     _, out, _ = omnisim("calibration", "show", FOLDER / "ocamcalib.txt")
     assert "theta max" not in out
-    assert "the model ends" in out
+    assert "model's limit" in out
 
 
 @pytest.mark.parametrize(

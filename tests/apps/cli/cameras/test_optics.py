@@ -37,8 +37,8 @@ def test_check_tells_lateral_color(omnisim, tmp_path):
     (tmp_path / "chromatic.toml").write_text("chromatic = true\n" + port)
     _, out, _ = omnisim("optics", "check", "port.toml", "--at-distance", 2)
     assert "lateral color: R and B of far points are " in out
-    assert "px at most; chromatic = true draws it" in out
-    assert "px at most; is drawn" in omnisim("optics", "check", "chromatic.toml")[1]
+    assert "px at most; set chromatic = true to simulate it" in out
+    assert "px at most; simulated" in omnisim("optics", "check", "chromatic.toml")[1]
 
 
 @pytest.mark.parametrize("name", ["folded", "dome-port", "tilted-mirror"])

@@ -42,7 +42,7 @@ def test_a_crash_is_named_with_its_place():
 
 def test_a_hang_ends_at_the_limit():
     step = run_step("hangs", module=BROKEN, limit_s=1.0)
-    assert (step.result.status, step.result.text) == (FAILED, "no end within 1 s")
+    assert (step.result.status, step.result.text) == (FAILED, "not finished within 1 s")
     assert step.seconds < 10.0
 
 
@@ -76,7 +76,7 @@ def test_the_verdict_says_what_works_and_what_to_do():
     ]  # fmt: skip
     wrong = Result(FAILED, "wrong image", "update")
     some = [step._replace(result=wrong) if step.name == "soccer" else step for step in FINE]
-    assert verdict(some) == ["OpenGL opens here, but not all is right: soccer.", "To do: update"]
+    assert verdict(some) == ["OpenGL opens here, but steps fail: soccer.", "To do: update"]
 
 
 def test_the_report_has_no_names(monkeypatch, tmp_path):

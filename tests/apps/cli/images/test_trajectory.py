@@ -210,7 +210,7 @@ def test_poses_outside_of_the_scene_are_noted(omnisim):
     assert "outside" not in omnisim(*line, "-o", "inside")[2]
     status, _, err = omnisim(*line, "--at", 500, 0, 0, "-o", "outside")
     assert status == 0
-    assert "poses.tum: 2 of 2 poses outside of the scene, which spans (" in err
+    assert "poses.tum: 2 of 2 poses outside the scene, which spans (" in err
 
 
 def test_a_run_of_a_rig_is_plotted_and_has_no_odometry_to_localize_by(record, omnisim):

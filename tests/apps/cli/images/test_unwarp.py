@@ -160,7 +160,7 @@ def test_nan_is_masked(omnisim, tmp_path, image, suffix):
     write_image(tmp_path / "a.exr", pixels, image)
     status, out, error = omnisim("unwarp", "a.exr", "--to", "cylinder", "-o", f"b{suffix}")
     assert (status, error) == (0, "")
-    assert "that the camera does not see are masked" in out
+    assert "outside the camera's view are masked" in out
     seen, _ = read_image(tmp_path / f"b{suffix}")
     colors, alpha = seen[..., :3].astype(float), seen[..., 3]
     assert np.all(colors[alpha == 0] == 0.0)

@@ -50,7 +50,7 @@ def test_scene(omnisim, scene_images):
     status, out, error = omnisim("measure", "compare", "photos", *options)
     assert status == 0, error
     assert "report: written" in out
-    assert "2 images: corners found again with a bias of 0.0" in out
+    assert "2 images: corners detected again with a bias of 0.0" in out
     assert "images brighter than the twin's by" in out
     report = json.loads((scene_images / "report" / "report.json").read_text())
     measures = {one["name"]: one["value"] for one in report["sections"][0]["measures"]}

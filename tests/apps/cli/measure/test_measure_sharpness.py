@@ -13,7 +13,7 @@ from omnisim.cameras.optics import BoardCorners, write_corners
 from omnisim.core.files.image_files import write_image, write_numbers
 from omnisim.core.srgb import srgb8_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera
-from omnisim.validation.analytic_edges import edge_image, gaussian
+from omnisim.validation.checks.measured.sharpness import edge_image, gaussian
 
 EDGES = Path(package.__file__).parents[1] / "examples" / "sharpness_edges.py"
 

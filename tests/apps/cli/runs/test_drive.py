@@ -69,8 +69,8 @@ def test_a_robot_without_sensors_says_so(omnisim, needs_opengl, tmp_path):
     assert status == 0
     assert "there before" not in out
     assert (
-        "note: bare has no sensors: nothing but its path and odometry is recorded: give its robot "
-        "file [[sensors]]\n"
+        "note: bare has no sensors: only its path and odometry are recorded: add [[sensors]] to its "
+        "robot file\n"
     ) in error
 
 
@@ -190,7 +190,7 @@ def test_a_missing_scene_costs_the_map_only(omnisim, run_folder, tmp_path):
     (tmp_path / "run" / "manifest.json").write_text(json.dumps(manifest))
     status, _, error = omnisim("plot", "run")
     assert status == 0
-    assert error.startswith("note: drawn without a map: gone.glb: no such scene file")
+    assert error.startswith("note: plotted without a map: gone.glb: no such scene file")
 
 
 def test_a_scene_is_the_same_from_any_folder(omnisim, needs_opengl, tmp_path, monkeypatch):

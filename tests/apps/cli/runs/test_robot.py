@@ -31,12 +31,12 @@ def test_check_summarizes_a_robot(omnisim):
     status, out, error = omnisim("robot", "check", "p2at")
     assert (status, error) == (0, "")
     assert out.splitlines() == [
-        "p2at: good",
+        "p2at: valid",
         "  robot    p2at, Pioneer 2 AT",
         "  body     p2at.glb, 9956 triangles, 18 nodes",
         "  drive    skid steering, 1.2 m/s, 300 °/s",
-        "  wheels   report with errors",
-        "  size     0.626 × 0.505 × 0.67 m, 0.05 m clear of the ground",
+        "  odometry with errors",
+        "  size     0.626 × 0.505 × 0.67 m, ground clearance 0.05 m",
         "  camera   omnicam, hyperbolic 360 × 360 px, 3600 polygons (auto), "
         "effective viewpoint (-0.08, 0, 0.65) m",
         "  scanner  lms200, 361 beams at 0.5° to 8.19 m, origin (0.16, 0, 0.361) m, "
@@ -48,9 +48,9 @@ def test_check_of_a_minimal_robot(omnisim, tmp_path):
     (tmp_path / "a.toml").write_text('name = "cart"\n')
     assert omnisim("robot", "check", "a.toml") == (
         0,
-        "a.toml: good\n  robot    cart, cart\n  body     none\n  drive    no kinematics\n"
-        "  wheels   report the truth\n"
-        "  size     unknown: contacts with a scene are not looked for\n",
+        "a.toml: valid\n  robot    cart, cart\n  body     none\n  drive    no kinematics\n"
+        "  odometry ideal\n"
+        "  size     unknown: no collision checking\n",
         "",
     )
 

@@ -15,7 +15,7 @@ def test_the_command_says_how_long_it_takes_and_when_there_is_nothing_to_do(omni
     status, out, error = omnisim(*bake, "-o", "a.baked")
     assert (status, out[:8], error[:12]) == (0, "a.baked:", "note: about ")
     status, out, _ = omnisim(*bake, "-o", "a.baked")
-    assert (status, out) == (0, "a.baked: is baked already: nothing to do\n")
+    assert (status, out) == (0, "a.baked: already baked; nothing to do\n")
     status, _, error = omnisim("bake", "rings", "-o", "a.baked")
     assert (status, "expected --force" in error) == (1, True)
     status, _, error = omnisim("render", "rings", "--baked", "a.baked", "-o", "a.png")

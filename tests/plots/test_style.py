@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from omnisim.core.errors import OutputError
-from omnisim.plots.plot_file import FORMATS, write_plot
+from omnisim.plots.style import FORMATS, write_plot
 
 
 @pytest.mark.parametrize("suffix", FORMATS)

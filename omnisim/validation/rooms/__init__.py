@@ -1,1 +1,0 @@
-"""Test rooms of the checks."""
