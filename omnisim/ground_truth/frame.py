@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from omnisim.core.errors import OutputError, did_you_mean
 from omnisim.core.files.image_files import is_float_format, png_bytes, write_image
 from omnisim.core.short_repr import short_repr
-from omnisim.ground_truth.boxes_3d import InstanceBox
+from omnisim.ground_truth.boxes import InstanceBox
 from omnisim.ground_truth.channel_files import (
     BOXES_3D,
+    ChannelFormat,
     sidecar_path,
     write_boxes,
     write_previews,
@@ -24,7 +25,6 @@ from omnisim.ground_truth.channel_files import (
 )
 from omnisim.ground_truth.channels import CHANNELS
 from omnisim.ground_truth.label_names import Labels
-from omnisim.ground_truth.npy import ChannelFormat
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ class Frame:
                 f"{path}: EXR holds linear colors: expected a frame rendered with linear=True"
             )
         elif self.channels and files is not ChannelFormat.NPY:
-            from omnisim.ground_truth.exr import write_exr
+            from omnisim.ground_truth.channel_files import write_exr
 
             write_exr(path, self.channels, self.labels, self.metadata, self.linear)
         else:
@@ -117,8 +117,7 @@ class Frame:
         write_boxes(path, self.channels, self.labels)
         if self.boxes_3d is not None and self.labels is not None:
             target = sidecar_path(path, BOXES_3D)
-            from omnisim.ground_truth.boxes_3d import boxes_json
-            from omnisim.ground_truth.coco import write_json
+            from omnisim.ground_truth.boxes import boxes_json, write_json
 
             write_json(target, boxes_json(self.boxes_3d, self.labels, path.name, self.metadata))
         if previews:

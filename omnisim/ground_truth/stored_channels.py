@@ -14,11 +14,9 @@ from numpy.typing import NDArray
 from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.files.image_files import is_float_format, read_channels, read_image
 from omnisim.core.srgb import linear_from_srgb8
-from omnisim.ground_truth.channel_files import sidecar_path
+from omnisim.ground_truth.channel_files import read_flo, read_npy, sidecar_path
 from omnisim.ground_truth.channels import CHANNELS, FLOWS, RANGES
-from omnisim.ground_truth.flow_files import read_flo
 from omnisim.ground_truth.label_names import Labels
-from omnisim.ground_truth.npy import read_npy
 
 # Metadata that all files of one image share.
 _IDENTITY = ("scene", "camera", "world_from_base", "world_from_optical")

@@ -25,7 +25,7 @@ from omnisim.rendering.sensor_renderer import Mounting
 from omnisim.rendering.shared_scene import SharedScene
 
 if TYPE_CHECKING:  # slow to import, and seldom needed
-    from omnisim.ground_truth.boxes_3d import OrientedBox
+    from omnisim.ground_truth.boxes import OrientedBox
 
 PendingFrame = Pending[Frame]
 
@@ -145,7 +145,7 @@ class Renderer(BatchRenderer):
                 channels = {name: computed[name] for name in names}
                 if boxes_3d:
                     full = self._boxes_in(poses, labels)
-                    from omnisim.ground_truth.boxes_3d import visible_boxes
+                    from omnisim.ground_truth.boxes import visible_boxes
 
                     boxes = visible_boxes(computed["position"], computed["instance"], labels, full)
         self._last_poses = poses

@@ -14,6 +14,8 @@ from omnisim.cameras.calibration.calibrated_camera import (
 )
 from omnisim.cameras.calibration.calibration import (
     Calibration,
+    Rig,
+    RigCamera,
     calibration_of,
     calibration_text,
     check_calibration_suffix,
@@ -21,7 +23,6 @@ from omnisim.cameras.calibration.calibration import (
     save_calibration,
 )
 from omnisim.cameras.calibration.calibration_formats import FORMATS
-from omnisim.cameras.calibration.rig import Rig, RigCamera
 
 __all__ = [
     "FORMATS",

@@ -18,15 +18,16 @@ from omnisim.cameras import (
 )
 from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera, Residuals
 from omnisim.cameras.calibration.equivalents import equivalent
-from omnisim.cameras.calibration.file_frame import (
+from omnisim.cameras.calibration.fit import Fit, fit_camera
+from omnisim.cameras.calibration.formats.format import Fixed, Format, LensT, ParsedCamera
+from omnisim.cameras.calibration.metadata import (
+    CameraMetadata,
     camera_from_lens,
     camera_metadata,
+    embed_metadata,
     is_catadioptric,
     lens_of,
 )
-from omnisim.cameras.calibration.fit import Fit, fit_camera
-from omnisim.cameras.calibration.formats.format import Fixed, Format, LensT, ParsedCamera
-from omnisim.cameras.calibration.metadata import CameraMetadata, embed_metadata
 from omnisim.cameras.camera import without_prefix
 from omnisim.cameras.models.field_of_view import angles_from_axis, largest_theta_rad, optical_axis
 from omnisim.core.errors import CalibrationError, OmnisimError

@@ -33,11 +33,11 @@ from omnisim.cameras.calibration.linear_fit import (
     MIN_SAMPLES,
     STEEPEST_RAD,
     Bounds,
+    ParameterVector,
     Samples,
     linear_fit,
     radial_profile,
 )
-from omnisim.cameras.calibration.parameter_vector import ParameterVector
 from omnisim.cameras.models.field_of_view import corner_pixels, edge_pixels, optical_axis
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.errors import CalibrationError, OpticsError

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, EucmCamera, KannalaBrandtCamera, UnifiedCamera
-from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera, pose_contradiction
+from omnisim.cameras.calibration.calibrated_camera import (
+    CalibratedCamera,
+    NamedPose,
+    pose_contradiction,
+)
 from omnisim.cameras.calibration.calibration_formats import detect_format
-from omnisim.cameras.calibration.documents import read_text
-from omnisim.cameras.calibration.file_frame import camera_from_lens
+from omnisim.cameras.calibration.documents import counted, parse_number, pose, read_text
 from omnisim.cameras.calibration.fit import Fit, fit_camera
 from omnisim.cameras.calibration.formats.format import (
     ANY,
@@ -22,7 +27,7 @@ from omnisim.cameras.calibration.formats.format import (
     error_context,
 )
 from omnisim.cameras.calibration.fov_lens import FovLens
-from omnisim.cameras.calibration.metadata import CameraMetadata, read_metadata
+from omnisim.cameras.calibration.metadata import CameraMetadata, camera_from_lens, read_metadata
 from omnisim.cameras.models.field_of_view import field_notes
 from omnisim.core.errors import CalibrationError
 
@@ -163,3 +168,60 @@ def _check_camera(camera: CentralCamera, place: str) -> None:
     rays = camera.ray_from_pixel(np.concatenate((grid.reshape(-1, 2), np.rint(center)[None])))
     if not (rays.valid & np.isfinite(rays.directions).all(axis=-1)).any():
         raise CalibrationError(f"{place}: no pixel of this camera sees anything: expected a lens")
+
+
+# KITTI-360's calibration folder: one file per fisheye camera, and the extrinsics of all cameras.
+#
+#     calib_cam_to_pose.txt   per line `image_02: ` and a 3 × 4 matrix, camera to IMU
+#     image_02.yaml …         the fisheyes, see formats/camodocal.py
+#
+# The perspective cameras of perspective.txt are not read.
+# Source: KITTI-360's documentation, "Calibrations".
+
+
+EXTRINSICS = "calib_cam_to_pose.txt"
+FORMAT = "kitti360"
+BODY = "imu"
+NUMBERS = " ".join(f"r{row}{column}" for row in "123" for column in "123t")
+
+
+def read_kitti360_folder(
+    folder: Path, mirrored: bool | None, theta_max_rad: float | None = None
+) -> tuple[CalibratedCamera, ...]:
+    """Read the fisheye cameras of a folder, at least one, with their poses relative to the IMU.
+
+    Raises:
+        CalibrationError: the folder does not exist, or a file is invalid.
+    """
+    path = folder / EXTRINSICS
+    if not path.is_file():
+        raise CalibrationError(
+            f"{folder}: expected a calibration file, or KITTI-360's folder with {EXTRINSICS}, got "
+            "another folder"
+        )
+    cameras = []
+    for name, matrix in _extrinsics(path).items():
+        file = folder / f"{name}.yaml"
+        if file.is_file():
+            read = read_cameras(file, FORMAT, mirrored, theta_max_rad)
+            (camera,), poses = read.cameras, (NamedPose(BODY, name, matrix),)
+            notes = (*read.notes, *camera.notes)
+            cameras.append(dataclasses.replace(camera, name=name, poses=poses, notes=notes))
+    if not cameras:
+        raise CalibrationError(f"{folder}: expected image_02.yaml or image_03.yaml, got neither")
+    return tuple(cameras)
+
+
+def _extrinsics(path: Path) -> dict[str, NDArray[np.float64]]:
+    """Poses (4, 4) imu_from_camera by camera name."""
+    poses = {}
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        name, colon, text = line.partition(":")
+        if not line.strip():
+            continue
+        place = f"{path}:{number}"
+        if not colon:
+            raise CalibrationError(f"{place}: expected image_00: and 12 numbers, got {line[:40]!r}")
+        values = counted([parse_number(word, place) for word in text.split()], NUMBERS, place)
+        poses[name.strip()] = pose(np.reshape(values, (3, 4)).tolist(), place)
+    return poses

@@ -18,7 +18,7 @@ from omnisim.perception.landmarks.color_model import Costs
 from omnisim.perception.landmarks.landmark_detector import LandmarkDetector
 from omnisim.perception.localization.filter import LandmarkMap
 from omnisim.perception.localization.filter_parameters import read_parameters
-from omnisim.perception.localization.localize import localize, observation_from_detection
+from omnisim.perception.localization.track import localize, observation_from_detection
 from omnisim.runs.run_data import read_run
 from omnisim.runs.run_labels import train_on_run
 

@@ -32,7 +32,6 @@ from omnisim.datasets.export.recording import Recording
 from omnisim.evaluation.estimator import Estimator
 from omnisim.evaluation.estimators import orb_slam3_program as program
 from omnisim.evaluation.estimators.camera_center import camera_center_from_base
-from omnisim.evaluation.estimators.gray_images import gray
 from omnisim.evaluation.trajectory_errors import AlignmentKind
 from omnisim.sensors.imu.mounted_imu import MountedImu
 
@@ -340,3 +339,14 @@ def _matrix(key: str, pose: Floats) -> list[str]:
 def _real(value: float) -> str:
     """Number with a decimal point, since ORB-SLAM3 refuses integers."""
     return f"{float(value):.17g}" if "." in f"{float(value):.17g}" else f"{float(value):.1f}"
+
+
+# Gray images for estimators.
+
+
+LUMA = np.array((0.299, 0.587, 0.114), dtype=np.float32)  # ITU-R BT.601, as in OpenCV
+
+
+def gray(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Gray image (height, width) of an sRGB image (height, width, 3)."""
+    return np.rint(image.astype(np.float32) @ LUMA).astype(np.uint8)

@@ -17,9 +17,9 @@ from omnisim.measurement.comparison.comparison import (
     Comparison,
     ImageComparison,
     compare_images,
+    edge_rise_px,
     even_blocks,
 )
-from omnisim.measurement.edge_rise import edge_rise_px
 from omnisim.measurement.geometry.board_detection import LUMA, read_gray
 from omnisim.measurement.sharpness.edge_fit import EdgeLine, UnusableEdge, find_edges, fit_edge
 from omnisim.rendering.camera.degradations import Encoding

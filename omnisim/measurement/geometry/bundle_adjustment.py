@@ -18,8 +18,7 @@ import scipy  # its submodules load on first use
 from numpy.typing import NDArray
 
 from omnisim.cameras import KannalaBrandtCamera
-from omnisim.cameras.calibration.linear_fit import FITTED
-from omnisim.cameras.calibration.parameter_vector import ParameterVector
+from omnisim.cameras.calibration.linear_fit import FITTED, ParameterVector
 from omnisim.cameras.optics.boards.board_pose import move_jacobians, pose_from_directions
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.errors import MeasurementError, OpticsError

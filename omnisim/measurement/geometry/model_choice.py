@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import FThetaInverseCamera, KannalaBrandtCamera, OcamcalibCamera, UnifiedCamera
 from omnisim.cameras.calibration.fit import FITTED_MODELS, fit_camera
-from omnisim.cameras.calibration.linear_fit import FITTED, Bounds
-from omnisim.cameras.calibration.parameter_vector import ParameterVector
+from omnisim.cameras.calibration.linear_fit import FITTED, Bounds, ParameterVector
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.errors import CalibrationError, MeasurementError, OpticsError
 from omnisim.measurement.geometry.bundle_adjustment import (

@@ -10,7 +10,7 @@ import scipy  # its submodules load on first use
 from numpy.typing import NDArray
 
 from omnisim.cameras import NonCentralCamera
-from omnisim.cameras.calibration.parameter_vector import ParameterVector
+from omnisim.cameras.calibration.linear_fit import ParameterVector
 from omnisim.cameras.camera import CentralCamera, Pixels
 from omnisim.cameras.optics.boards.board_pose import pose_from_directions
 from omnisim.core.errors import MeasurementError, OpticsError

@@ -15,16 +15,6 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.noise.frame_statistics import FrameStatistics
-from omnisim.measurement.noise.photon_transfer import (
-    MIN_FRAMES,
-    DarkSignal,
-    Nonuniformity,
-    PhotonTransfer,
-    dark_nonuniformity,
-    dark_signal,
-    photo_response_nonuniformity,
-    photon_transfer,
-)
 from omnisim.measurement.quantity import Quantity, Unobservable
 from omnisim.rendering.camera.degradations import Noise
 
@@ -313,3 +303,305 @@ class _Collector:
     def _add(self, name: str, value: float, sigma: float, unit: str, basis: str) -> None:
         self.parameters[name] = value
         self.quantities.append(Quantity(name, value, sigma, unit, basis))
+
+
+# Photon transfer: temporal variance against mean, whose slope is the gain of the camera.
+#
+# Source: EMVA Standard 1288, release 4.0, section 6.6 (gain from the range up to 70 % of
+# saturation) and Janesick, "Photon Transfer", SPIE, 2007.
+
+
+MAX_SHARE = 0.7  # of saturation, EMVA 1288
+MIN_LEVELS = 3
+MAX_CLIPPED = 1e-3  # share of values at the largest number
+MIN_SPAN = 4.0  # ratio of the brightest to the darkest level
+MAX_EXPONENT_ERROR = 0.05  # of the mean's growth with the exposure time
+MAX_CURVATURE = 0.15  # change of the slope over the range, as a share of the slope
+# Saturated levels: their variance is below this share of the largest one, their mean above this
+# share of the brightest one.
+_PLATEAU, _NEAR_END = 0.5, 0.9
+_BEYOND_PEAK = 3.0  # growth of the mean past the largest variance that uneven light explains
+_LINEAR = "save linear (raw) frames without gamma, sharpening or denoising"
+
+
+@dataclass(frozen=True, eq=False)
+class DarkSignal:
+    """Dark frames by exposure: mean = black_dn + rate_dn_per_s · exposure.
+
+    Attributes:
+        black_dn, black_sigma_dn: mean of a frame of zero exposure, and its standard deviation.
+        rate_dn_per_s, rate_sigma_dn_per_s: growth of the mean, and its standard deviation; 0 and
+            infinite for one exposure.
+        frames: statistics of the dark frames.
+    """
+
+    black_dn: float
+    black_sigma_dn: float
+    rate_dn_per_s: float
+    rate_sigma_dn_per_s: float
+    frames: tuple[FrameStatistics, ...]
+
+    def mean_dn(self, exposure_s: float) -> float:
+        """Mean dark value at an exposure: of frames with that exposure, else by the line."""
+        for one in self.frames:
+            if np.isclose(one.exposure_s, exposure_s, rtol=1e-6):
+                return one.mean_dn
+        return self.black_dn + self.rate_dn_per_s * exposure_s
+
+    def variance_dn2(self, exposure_s: float) -> float:
+        """Temporal variance of the dark frames whose exposure is nearest to `exposure_s`."""
+        nearest = min(self.frames, key=lambda one: abs(one.exposure_s - exposure_s))
+        return nearest.variance_dn2
+
+
+def dark_signal(darks: Sequence[FrameStatistics]) -> DarkSignal:
+    """Fit a line to the means of dark frames over exposure, weighted by their precision."""
+    times = np.array([one.exposure_s for one in darks])
+    means = np.array([one.mean_dn for one in darks])
+    pixels = np.array([one.mean_image_dn.size * one.count for one in darks])
+    sigmas = np.sqrt(np.maximum([one.variance_dn2 for one in darks], 1.0 / 12.0) / pixels)
+    if np.ptp(times) == 0.0:
+        black = float(np.average(means, weights=sigmas**-2))
+        return DarkSignal(black, float(np.min(sigmas)), 0.0, np.inf, tuple(darks))
+    line, covariance = _line(times, means, sigmas)
+    sigma = np.sqrt(np.diag(covariance))
+    return DarkSignal(line[0], float(sigma[0]), line[1], float(sigma[1]), tuple(darks))
+
+
+@dataclass(frozen=True, eq=False)
+class PhotonTransfer:
+    """Photon transfer curve.
+
+    Attributes:
+        means_dn, variances_dn2: (levels,) means and variances, minus those of the dark frames.
+        used: (levels,) True: the level is part of the fit.
+        gain_dn_per_e, gain_sigma_dn_per_e: slope of the curve, and its standard deviation.
+        saturation_dn: mean of the brightest saturated level; None: no level saturates.
+    """
+
+    means_dn: NDArray[np.float64]
+    variances_dn2: NDArray[np.float64]
+    used: NDArray[np.bool_]
+    gain_dn_per_e: float
+    gain_sigma_dn_per_e: float
+    saturation_dn: float | None
+
+
+def photon_transfer(flats: Sequence[FrameStatistics], dark: DarkSignal) -> PhotonTransfer:
+    """Fit the photon transfer curve of flat fields.
+
+    Raises:
+        MeasurementError: flats darker than the dark frames, too few levels below saturation, levels
+            that are too close to each other, or frames that are not linear in the light.
+    """
+    ordered = sorted(flats, key=lambda one: one.mean_dn)
+    times = np.array([one.exposure_s for one in ordered])
+    means = np.array([one.mean_dn - dark.mean_dn(one.exposure_s) for one in ordered])
+    variances = np.array([one.variance_dn2 - dark.variance_dn2(one.exposure_s) for one in ordered])
+    sigmas = np.array([one.variance_sigma_dn2 for one in ordered])
+    clipped = np.array([one.clipped for one in ordered])
+    peak = int(np.argmax(variances))
+    saturated = np.arange(len(ordered)) > peak
+    saturated &= (variances < _PLATEAU * variances[peak]) & (means > _NEAR_END * means.max())
+    end_dn = max(
+        (one.mean_dn for one, at_end in zip(ordered, saturated, strict=True) if at_end),
+        default=None,
+    )
+    if means[-1] <= 0.0:
+        raise MeasurementError(
+            f"{ordered[-1].name} and others: expected flats brighter than the dark frames"
+        )
+    if means[-1] > _BEYOND_PEAK * means[peak]:
+        raise MeasurementError(
+            f"flats: the variance falls while the mean grows from {means[peak]:.4g} to "
+            f"{means[-1]:.4g} DN, expected growth of both: {_LINEAR}"
+        )
+    # uneven light saturates in some pixels first: from the level with the largest variance on
+    limit = np.inf if peak == len(ordered) - 1 else MAX_SHARE * float(means[peak])
+    used = (means <= limit) & (means > 0.0) & ~saturated & ~_clipped(ordered, clipped)
+    _check(used, means, ordered)
+    _check_linear(times[used], means[used])
+    gain, gain_sigma = _slope(means[used], variances[used], sigmas[used])
+    _check_curvature(means[used], variances[used], sigmas[used], gain)
+    return PhotonTransfer(means, variances, used, gain, gain_sigma, end_dn)
+
+
+def _clipped(flats: Sequence[FrameStatistics], clipped: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """True (levels,) where too many values equal the largest value of all frames."""
+    largest = max(one.maximum_dn for one in flats)
+    at_end = np.array([one.maximum_dn >= largest for one in flats])
+    return at_end & (clipped > MAX_CLIPPED)
+
+
+def _check(
+    used: NDArray[np.bool_], means: NDArray[np.float64], flats: Sequence[FrameStatistics]
+) -> None:
+    folder = flats[0].name
+    if used.sum() < MIN_LEVELS:
+        raise MeasurementError(
+            f"{folder} and others: expected at least {MIN_LEVELS} flat levels below "
+            f"{100 * MAX_SHARE:.0f} % of saturation, got {used.sum()} of {len(flats)}: "
+            "take flats at shorter exposures"
+        )
+    span = means[used].max() / means[used].min()
+    if span < MIN_SPAN:
+        raise MeasurementError(
+            f"{folder} and others: expected flat levels that span a ratio of {MIN_SPAN:g}, got "
+            f"{span:.2g}: take flats at more different exposures"
+        )
+
+
+def _check_linear(times: NDArray[np.float64], means: NDArray[np.float64]) -> None:
+    """Reject means that are not proportional to the exposure time, if there are three times."""
+    if len(np.unique(times)) < MIN_LEVELS:
+        return
+    exponent = float(np.polyfit(np.log(times), np.log(means), 1)[0])
+    if abs(exponent - 1.0) > MAX_EXPONENT_ERROR:
+        raise MeasurementError(
+            f"flats: the mean grows as the exposure time to the power of {exponent:.2f}, expected "
+            f"1, with the same light and no automatic gain: {_LINEAR}"
+        )
+
+
+def _check_curvature(
+    means: NDArray[np.float64],
+    variances: NDArray[np.float64],
+    sigmas: NDArray[np.float64],
+    gain: float,
+) -> None:
+    """Refuse a variance that is not proportional to the mean."""
+    if len(means) <= MIN_LEVELS:
+        return
+    ratio, ratio_sigma = variances / means, sigmas / means
+    line, covariance = _line(means / means.max(), ratio, ratio_sigma)
+    change, sigma = line[1] / gain, np.sqrt(covariance[1, 1]) / gain
+    if abs(change) > MAX_CURVATURE + 3.0 * sigma:
+        raise MeasurementError(
+            f"flats: the variance per mean changes by {100 * change:.0f} % over the levels, "
+            f"expected less than {100 * MAX_CURVATURE:.0f} %: {_LINEAR}"
+        )
+
+
+def _slope(
+    means: NDArray[np.float64], variances: NDArray[np.float64], sigmas: NDArray[np.float64]
+) -> tuple[float, float]:
+    """Slope of a line through the origin, and its standard deviation."""
+    weights = sigmas**-2
+    slope = float((weights * means * variances).sum() / (weights * means * means).sum())
+    residual = (variances - slope * means) / sigmas
+    excess = max(1.0, float(residual @ residual) / max(len(means) - 1, 1))
+    sigma = np.sqrt(excess / (weights * means * means).sum())
+    return slope, float(sigma)
+
+
+def _line(
+    x: NDArray[np.float64], y: NDArray[np.float64], sigmas: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Intercept and slope (2,) of a weighted line, and their covariance (2, 2)."""
+    design = np.stack((np.ones_like(x), x), axis=1) / sigmas[:, None]
+    covariance = np.linalg.inv(design.T @ design)
+    line: NDArray[np.float64] = covariance @ design.T @ (y / sigmas)
+    residual = y / sigmas - design @ line
+    excess = max(1.0, float(residual @ residual) / max(len(x) - 2, 1))
+    return line, np.asarray(covariance * excess, dtype=np.float64)
+
+
+# Fixed pattern of a sensor, from mean images of many dark frames and flat fields.
+#
+# Source: EMVA Standard 1288, release 4.0, section 8: spatial variance split into row, column and
+# pixel variances, after subtracting the temporal noise that remains in a mean image.
+
+
+MIN_FRAMES = 16  # of a mean image; EMVA 1288 recommends more than 100
+_TREND_DEGREE = 6  # of the polynomial that takes the light's and the lens's falloff
+_DEFECT = 8.0  # robust standard deviations from the mean
+
+
+@dataclass(frozen=True, eq=False)
+class Nonuniformity:
+    """Spatial variation of a mean image, temporal noise removed.
+
+    Attributes:
+        total, row, column, pixel: standard deviations: of all pixels, of the row means, of the
+            column means, and of the rest.
+        sigma: uncertainty of `total` (standard deviation).
+        defects: (n, 2) row and column of pixels more than 8 standard deviations off the median.
+        pattern: (height, width) deviations from the mean.
+    """
+
+    total: float
+    row: float
+    column: float
+    pixel: float
+    sigma: float
+    defects: NDArray[np.int64]
+    pattern: NDArray[np.float64]
+
+
+def dark_nonuniformity(stack: FrameStatistics) -> Nonuniformity:
+    """Nonuniformity of dark frames, in DN."""
+    deviations = stack.mean_image_dn - stack.mean_dn
+    return _nonuniformity(deviations, stack.variance_dn2 / stack.count)
+
+
+def photo_response_nonuniformity(
+    flat: FrameStatistics, stack: FrameStatistics, dark: DarkSignal, mosaic: bool
+) -> Nonuniformity:
+    """Nonuniformity of the response as a share of the mean response.
+
+    Args:
+        flat: flat field.
+        stack: dark frames of the same sensor; their pattern is subtracted.
+        dark: dark signal by exposure.
+        mosaic: the frames have a Bayer mosaic; the mean of each of its four colors is subtracted.
+    """
+    offset = dark.mean_dn(flat.exposure_s) - stack.mean_dn
+    signal = flat.mean_image_dn - stack.mean_image_dn - offset
+    trend = np.empty_like(signal)
+    step = 2 if mosaic else 1
+    for row in range(step):
+        for column in range(step):
+            plane = np.s_[row::step, column::step]
+            trend[plane] = _trend(signal[plane])
+    response = signal / trend - 1.0
+    temporal = flat.variance_dn2 / flat.count + stack.variance_dn2 / stack.count
+    return _nonuniformity(response, temporal * float(np.mean(trend**-2)))
+
+
+def _nonuniformity(deviations: NDArray[np.float64], temporal: float) -> Nonuniformity:
+    """Nonuniformity of a mean image's deviations; `temporal` is the variance of its noise."""
+    rows, columns = deviations.shape
+    measured = float(deviations.var(ddof=1))
+    of_rows = float(deviations.mean(axis=1).var(ddof=1)) - temporal / columns
+    of_columns = float(deviations.mean(axis=0).var(ddof=1)) - temporal / rows
+    total = measured - temporal
+    # a mean over a row still has a share of the pixels' variance
+    parts = np.linalg.solve(
+        [[1.0, 1.0, 1.0], [1.0, 0.0, 1.0 / columns], [0.0, 1.0, 1.0 / rows]],
+        [total, of_rows, of_columns],
+    )
+    row, column, pixel = np.sqrt(np.maximum(parts, 0.0)).tolist()
+    spread = float(np.sqrt(max(total, 0.0)))
+    variance_sigma = measured * np.sqrt(2.0 / (deviations.size - 1))
+    sigma = variance_sigma / (2.0 * spread) if spread > 0.0 else np.sqrt(variance_sigma)
+    middle = float(np.median(deviations))
+    robust = 1.4826 * float(np.median(np.abs(deviations - middle)))
+    is_defect = np.abs(deviations - middle) > _DEFECT * max(robust, np.sqrt(temporal))
+    # noise widens the pattern: narrower by as much, it has the spread that was measured
+    shrink = np.sqrt(max(total, 0.0) / measured) if measured > 0.0 else 0.0
+    pattern = np.where(is_defect, deviations, deviations * shrink)
+    return Nonuniformity(spread, row, column, pixel, float(sigma), np.argwhere(is_defect), pattern)
+
+
+def _trend(signal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Polynomial of the image coordinates that best fits an image (height, width)."""
+    x, y = (
+        np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, size), _TREND_DEGREE)
+        for size in signal.shape[::-1]
+    )
+    # on a grid, the best polynomial follows from its parts along rows and columns
+    along_x, along_y = np.linalg.qr(x)[0], np.linalg.qr(y)[0]
+    coefficients = along_y.T @ signal @ along_x
+    orders = np.add.outer(np.arange(_TREND_DEGREE + 1), np.arange(_TREND_DEGREE + 1))
+    coefficients[orders > _TREND_DEGREE] = 0.0
+    return along_y @ coefficients @ along_x.T

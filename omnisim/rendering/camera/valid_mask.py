@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, pixel_grid
+from omnisim.cameras.mirrors.mirror_mesh import sectors_and_rings
 from omnisim.cameras.mirrors.mirror_mesh_rays import inside_rim
-from omnisim.cameras.mirrors.tessellation import sectors_and_rings
 
 BLOCK_PIXELS = 1 << 20  # pixels per step, to bound the memory of intermediate arrays
 

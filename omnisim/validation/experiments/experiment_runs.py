@@ -12,7 +12,7 @@ from omnisim.perception.landmarks.color_model import PixelRates, Training, pixel
 from omnisim.perception.landmarks.landmark_detector import Detection, LandmarkDetector
 from omnisim.perception.localization.filter import LandmarkMap, Observation
 from omnisim.perception.localization.filter_parameters import FilterParameters, read_parameters
-from omnisim.perception.localization.localize import observation_from_detection
+from omnisim.perception.localization.track import observation_from_detection
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.run_data import RunData
 from omnisim.runs.run_labels import RunLabels

@@ -17,8 +17,7 @@ from omnisim.core.trajectories.odometry import Odometry, OdometryErrors
 from omnisim.perception.landmarks.landmark_detector import Detection, LandmarkDetector
 from omnisim.perception.localization.filter import LandmarkMap, Observation
 from omnisim.perception.localization.filter_parameters import FilterParameters
-from omnisim.perception.localization.localize import localize
-from omnisim.perception.localization.track import Interval, Track, mean_interval
+from omnisim.perception.localization.track import Interval, Track, localize, mean_interval
 from omnisim.robots import simulate_odometry
 from omnisim.runs.run_data import RunData
 

@@ -23,7 +23,7 @@ from omnisim.perception.landmarks.color_model import ColorModel
 from omnisim.perception.landmarks.landmark_detector import LandmarkDetector
 from omnisim.perception.localization.filter import LandmarkMap
 from omnisim.perception.localization.filter_parameters import FilterParameters
-from omnisim.perception.localization.localize import observation_from_detection
+from omnisim.perception.localization.track import observation_from_detection
 from omnisim.rendering.camera.degradations import Jpeg, Vignetting, WhiteBalance
 from omnisim.rendering.camera.degradations.defocus import covered_share
 from omnisim.rendering.camera.degradations.image_geometry import ImageGeometry

@@ -40,7 +40,7 @@ from omnisim.scene import Scene
 from omnisim.sensors.sensor_names import FOLDER_NAME, folder_name
 
 if TYPE_CHECKING:  # needed by rigs only
-    from omnisim.cameras.calibration.rig import Rig
+    from omnisim.cameras.calibration.calibration import Rig
 
 NO_SENSORS = (
     "has no sensors: nothing but its path and odometry is recorded: give its robot file [[sensors]]"
@@ -180,7 +180,7 @@ def _rig(camera: RigOptions, path: Path) -> tuple[Rig, Vehicle]:
     """Rig with all cameras named by the poses, and vehicle of the selected cameras."""
     # formats and fits of calibrations take time to import
     from omnisim.apps.cli.cameras.calibration import read_calibration
-    from omnisim.cameras.calibration.rig import Rig, RigCamera
+    from omnisim.cameras.calibration.calibration import Rig, RigCamera
     from omnisim.robots.rig_vehicle import rig_vehicle
 
     if camera.robot is not None:
@@ -204,7 +204,7 @@ def _robot_rig(camera: RigOptions, robot: str) -> tuple[Rig, Vehicle]:
     """Rig of a robot's central cameras on its base, and the robot with all of its sensors."""
     reason = "expected the robot's sensors with --robot"
     refuse_given(camera, reason, "sensor", "calibration_file", "camera_name", "optics", "mirrored")
-    from omnisim.cameras.calibration.rig import Rig, RigCamera
+    from omnisim.cameras.calibration.calibration import Rig, RigCamera
 
     vehicle = Vehicle.load(robot)
     cameras = (

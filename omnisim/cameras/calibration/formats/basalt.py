@@ -32,7 +32,7 @@ from omnisim.cameras import (
     UnifiedCamera,
 )
 from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
-from omnisim.cameras.calibration.fields import (
+from omnisim.cameras.calibration.documents import (
     ForeignTable,
     Size,
     Unread,
@@ -48,8 +48,9 @@ from omnisim.cameras.calibration.formats.format import (
     ParsedCamera,
     error_context,
 )
-from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
-from omnisim.cameras.calibration.formats.quaternion_pose import (
+from omnisim.cameras.calibration.formats.pinhole import (
+    Intrinsics,
+    pinhole,
     pose_from_quaternion,
     position_and_quaternion,
 )

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from omnisim.cameras import CentralCamera, KannalaBrandtCamera, UnifiedCamera
-from omnisim.cameras.calibration.fields import (
+from omnisim.cameras.calibration.documents import (
     ROLLING_SHUTTER,
     ForeignTable,
     Size,
@@ -37,8 +37,7 @@ from omnisim.cameras.calibration.formats.format import (
     ParsedCamera,
     error_context,
 )
-from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
-from omnisim.cameras.calibration.formats.yaml_text import yaml_float
+from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole, yaml_float
 from omnisim.core.files.parameters import Number, Table
 
 CamodocalLens = UnifiedCamera | KannalaBrandtCamera

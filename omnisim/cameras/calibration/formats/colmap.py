@@ -30,7 +30,7 @@ from omnisim.cameras import (
     RationalPolynomialCamera,
     UnifiedCamera,
 )
-from omnisim.cameras.calibration.fields import (
+from omnisim.cameras.calibration.documents import (
     check_choice,
     counted,
     parse_number,

@@ -15,8 +15,13 @@ import numpy as np
 
 from omnisim.cameras import CentralCamera, RationalPolynomialCamera, UnifiedCamera
 from omnisim.cameras.calibration.calibrated_camera import NamedPose
-from omnisim.cameras.calibration.documents import parse_json, parse_yaml
-from omnisim.cameras.calibration.fields import ForeignTable, short, unread_keys
+from omnisim.cameras.calibration.documents import (
+    ForeignTable,
+    parse_json,
+    parse_yaml,
+    short,
+    unread_keys,
+)
 from omnisim.cameras.camera import without_prefix
 from omnisim.core.errors import CalibrationError, OpticsError
 

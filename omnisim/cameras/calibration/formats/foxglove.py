@@ -13,14 +13,14 @@ from collections.abc import Sequence
 from typing import Any
 
 from omnisim.cameras import CentralCamera
-from omnisim.cameras.calibration.formats.camera_info import (
+from omnisim.cameras.calibration.formats.format import MetadataPlace, ParsedCamera
+from omnisim.cameras.calibration.formats.ros import (
     IDENTITY,
     CameraInfo,
     CameraInfoLens,
     CameraInfoMessage,
     camera_info,
 )
-from omnisim.cameras.calibration.formats.format import MetadataPlace, ParsedCamera
 
 
 class Foxglove(CameraInfo):

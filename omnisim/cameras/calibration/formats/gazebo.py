@@ -37,16 +37,16 @@ from omnisim.cameras import (
     StereographicCamera,
     UnifiedCamera,
 )
-from omnisim.cameras.calibration.documents import parse_xml
-from omnisim.cameras.calibration.equivalents import IDEAL_FISHEYES
-from omnisim.cameras.calibration.fields import (
+from omnisim.cameras.calibration.documents import (
     ForeignTable,
     Unread,
     check_choice,
     parse_number,
     parse_size,
+    parse_xml,
     unexpected,
 )
+from omnisim.cameras.calibration.equivalents import IDEAL_FISHEYES
 from omnisim.cameras.calibration.formats.format import (
     ANY,
     Format,

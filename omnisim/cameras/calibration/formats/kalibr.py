@@ -38,8 +38,7 @@ from omnisim.cameras import (
     UnifiedCamera,
 )
 from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
-from omnisim.cameras.calibration.documents import parse_yaml
-from omnisim.cameras.calibration.fields import (
+from omnisim.cameras.calibration.documents import (
     ROLLING_SHUTTER,
     ForeignTable,
     Matrix,
@@ -48,6 +47,7 @@ from omnisim.cameras.calibration.fields import (
     check_choice,
     counted,
     parse,
+    parse_yaml,
     pose,
     unexpected,
 )
@@ -58,8 +58,7 @@ from omnisim.cameras.calibration.formats.format import (
     ParsedCamera,
     error_context,
 )
-from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
-from omnisim.cameras.calibration.formats.yaml_text import yaml_floats
+from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole, yaml_floats
 from omnisim.cameras.calibration.fov_lens import FovLens
 from omnisim.core.files.parameters import Number
 from omnisim.core.poses import inverse

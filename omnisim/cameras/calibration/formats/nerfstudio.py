@@ -32,7 +32,7 @@ import numpy as np
 
 from omnisim.cameras import CentralCamera, EquirectangularCamera, KannalaBrandtCamera, UnifiedCamera
 from omnisim.cameras.calibration.calibrated_camera import NamedPose
-from omnisim.cameras.calibration.fields import (
+from omnisim.cameras.calibration.documents import (
     ROLLING_SHUTTER,
     ForeignTable,
     Matrix,

@@ -26,7 +26,7 @@ from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, OcamcalibCamera
-from omnisim.cameras.calibration.fields import parse_number, parse_size, unexpected
+from omnisim.cameras.calibration.documents import parse_number, parse_size, unexpected
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.errors import CalibrationError
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from omnisim.cameras import CAMERA_MODELS, CentralCamera, camera_from_parameters
 from omnisim.cameras.calibration.calibrated_camera import NamedPose
-from omnisim.cameras.calibration.fields import (
+from omnisim.cameras.calibration.documents import (
     ForeignTable,
     Matrix,
     Unread,

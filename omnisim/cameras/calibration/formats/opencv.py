@@ -32,14 +32,14 @@ from omnisim.cameras import (
     RationalPolynomialCamera,
     UnifiedCamera,
 )
-from omnisim.cameras.calibration.documents import parse_yaml
-from omnisim.cameras.calibration.fields import (
+from omnisim.cameras.calibration.documents import (
     ForeignTable,
     Numbers,
     Size,
     Unread,
     counted,
     parse,
+    parse_yaml,
     unexpected,
 )
 from omnisim.cameras.calibration.formats.format import (
@@ -57,8 +57,9 @@ from omnisim.cameras.calibration.formats.pinhole import (
     check_no_skew,
     fisheye,
     matrix_intrinsics,
+    yaml_float,
+    yaml_matrix,
 )
-from omnisim.cameras.calibration.formats.yaml_text import yaml_float, yaml_matrix
 from omnisim.core.errors import CalibrationError
 from omnisim.core.files.parameters import Number
 

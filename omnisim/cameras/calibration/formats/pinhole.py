@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from omnisim.cameras import (
     CentralCamera,
@@ -12,8 +16,9 @@ from omnisim.cameras import (
     RationalPolynomialCamera,
     UnifiedCamera,
 )
+from omnisim.cameras.calibration.documents import counted, unexpected
 from omnisim.cameras.calibration.equivalents import equivalent
-from omnisim.cameras.calibration.fields import counted, unexpected
+from omnisim.core.poses import pose_from_rotation, rotation_from_quaternion
 
 COEFFICIENT_COUNTS = (0, 4, 5, 8, 12, 14)  # allowed by OpenCV
 
@@ -97,3 +102,50 @@ def brown_pinhole(
     if any(used[5:]):
         return RationalPolynomialCamera(*intrinsics, used)
     return pinhole(intrinsics, used[:5] if used[4] else used[:4])
+
+
+# Poses as a position and a quaternion x, y, z, w.
+
+
+def pose_from_quaternion(
+    position_m: Sequence[float], quaternion: Sequence[float], place: str
+) -> NDArray[np.float64]:
+    """Pose (4, 4) from a position and a quaternion of any length except 0.
+
+    Raises:
+        CalibrationError: the quaternion is 0, or far too long.
+    """
+    length = float(np.linalg.norm(np.clip(quaternion, -1e100, 1e100)))
+    if not 1e-9 < length < 1e99:
+        raise unexpected(f"{place}: quaternion", "x, y, z, w of length 1", list(quaternion))
+    return pose_from_rotation(rotation_from_quaternion(np.asarray(quaternion) / length), position_m)
+
+
+def position_and_quaternion(pose: NDArray[np.float64]) -> tuple[list[float], list[float]]:
+    """Position and quaternion x, y, z, w (of either sign) of a pose (4, 4)."""
+    return pose[:3, 3].tolist(), Rotation.from_matrix(pose[:3, :3]).as_quat().tolist()
+
+
+# Numbers and matrices in YAML that every reader parses as identical floats.
+
+
+def yaml_float(value: float) -> str:
+    """Float that always has a decimal point: YAML 1.1 parses 1e-05 as a string."""
+    text = repr(float(value))
+    return text if "." in text else text.replace("e", ".0e")
+
+
+def yaml_floats(values: Iterable[float]) -> str:
+    """List of floats on one line."""
+    return "[" + ", ".join(map(yaml_float, values)) + "]"
+
+
+def yaml_matrix(
+    key: str, rows: int, columns: int, values: Sequence[float], opencv: bool = False
+) -> str:
+    """Row-major matrix under a key; `opencv`: in the format of `cv2.FileStorage`."""
+    tag, indent, kind = (" !!opencv-matrix", "   ", "   dt: d\n") if opencv else ("", "  ", "")
+    return (
+        f"{key}:{tag}\n{indent}rows: {rows}\n{indent}cols: {columns}\n{kind}"
+        f"{indent}data: {yaml_floats(values)}\n"
+    )

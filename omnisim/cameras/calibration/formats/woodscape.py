@@ -19,7 +19,7 @@ from typing import Any
 
 from omnisim.cameras import CentralCamera, FThetaCamera
 from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
-from omnisim.cameras.calibration.fields import (
+from omnisim.cameras.calibration.documents import (
     ForeignTable,
     Numbers,
     Size,
@@ -35,7 +35,7 @@ from omnisim.cameras.calibration.formats.format import (
     ParsedCamera,
     error_context,
 )
-from omnisim.cameras.calibration.formats.quaternion_pose import (
+from omnisim.cameras.calibration.formats.pinhole import (
     pose_from_quaternion,
     position_and_quaternion,
 )

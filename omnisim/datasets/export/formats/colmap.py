@@ -28,17 +28,15 @@ from omnisim.core.poses import inverse, quaternion_from_rotation
 from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
 from omnisim.datasets.export.lens_camera import (
     LensCamera,
+    Observations,
+    ScenePoints,
     image_name,
     note_missing_ranges,
+    observations,
+    sample_points,
     write_images,
 )
 from omnisim.datasets.export.recording import Recording
-from omnisim.datasets.export.scene_points import (
-    Observations,
-    ScenePoints,
-    observations,
-    sample_points,
-)
 
 # COLMAP's numbers of its models, by the names of `parameters`.
 MODEL_IDS = {

@@ -23,19 +23,19 @@ from omnisim.cameras.calibration.formats.nerfstudio import Nerfstudio as Nerfstu
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import atomic_write, write_text
 from omnisim.core.files.image_files import write_numbers
-from omnisim.datasets.export.depth_images import FarDepths
-from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
+from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, FarDepths, PrintNote
 from omnisim.datasets.export.lens_camera import (
     IMAGES,
     MASKS,
     LensCamera,
+    ScenePoints,
     image_name,
     mask_name,
     note_missing_ranges,
+    sample_points,
     write_images,
 )
 from omnisim.datasets.export.recording import Recording
-from omnisim.datasets.export.scene_points import ScenePoints, sample_points
 
 DEPTHS, POINTS = "depths", "points.ply"
 STEPS_PER_M = 1000.0  # nerfstudio's default depth_unit_scale_factor is 1/1000

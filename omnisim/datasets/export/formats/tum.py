@@ -19,9 +19,9 @@ from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.image_files import write_numbers
 from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.formats import tum
-from omnisim.datasets.export.depth_images import FarDepths
 from omnisim.datasets.export.export_format import (
     ExportSettings,
+    FarDepths,
     OneCameraFormat,
     PrintNote,
     restamped,

@@ -44,7 +44,7 @@ from rosbags.typesys.stores.ros2_humble import std_msgs__msg__Header as Header
 from rosbags.typesys.stores.ros2_humble import std_msgs__msg__String as String
 from rosbags.typesys.stores.ros2_humble import tf2_msgs__msg__TFMessage as TFMessage
 
-from omnisim.cameras.calibration.formats.camera_info import IDENTITY, CameraInfoLens, camera_info
+from omnisim.cameras.calibration.formats.ros import IDENTITY, CameraInfoLens, camera_info
 from omnisim.core.poses import quaternion_from_rotation
 from omnisim.datasets.export.export_format import NANOSECONDS
 

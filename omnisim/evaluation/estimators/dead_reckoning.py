@@ -1,4 +1,4 @@
-"""Integration of an IMU's readings, from the true state at the first of them."""
+"""Dead reckoning by the wheels, and by an IMU."""
 
 from __future__ import annotations
 
@@ -15,6 +15,24 @@ from omnisim.datasets.export.recording import ImuReadings, Recording
 from omnisim.evaluation.estimator import Estimator
 from omnisim.sensors.imu.imu import STANDARD_GRAVITY_MPS2
 from omnisim.sensors.imu.mounted_imu import MountedImu
+
+
+class WheelOdometry(Estimator):
+    """Dead reckoning by the recorded wheel readings, from the true start."""
+
+    title = "wheel odometry"
+    alignment = "none"
+    is_level = True
+
+    def estimate(self, run: Recording, work: Path) -> Trajectory:
+        """Poses of the base at the steps."""
+        if run.odometry is None:
+            raise EstimatorError("the run has no wheels")
+        return run.odometry.dead_reckoned()
+
+
+# Integration of an IMU's readings, from the true state at the first of them.
+
 
 Floats = NDArray[np.float64]
 
