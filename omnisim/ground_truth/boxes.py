@@ -54,20 +54,15 @@ class BoxLimits:
 def coco_image(
     instances: NDArray[np.integer[Any]], labels: Labels, file_name: str, image_id: int = 0
 ) -> dict[str, Any]:
-    """COCO data of one image.
-
-    Args:
-        instances: (height, width) channel `instance`.
-        labels: labels of the instances.
-        file_name: file name of the image.
-        image_id: ID of the image.
-    """
+    """COCO data of one image, from its channel `instance` (height, width)."""
     height, width = instances.shape
     annotations = []
     for number, counts in _runs(instances).items():
         label = labels.instances[number - 1]
-        rows, columns = np.nonzero(_box(instances, number, counts))
+        # the mask, cropped to the columns of the instance
         first = counts[0] // height
+        last = sum(counts[: len(counts) - len(counts) % 2]) - 1
+        rows, columns = np.nonzero(instances[:, first : last // height + 1] == number)
         x, y = first + int(columns.min()), int(rows.min())
         annotations.append(
             {
@@ -82,10 +77,8 @@ def coco_image(
                 "instance_name": label.name,
             }
         )
-    return _whole(
-        labels, [{"id": image_id, "file_name": file_name, "width": width, "height": height}],
-        annotations,
-    )  # fmt: skip
+    image = {"id": image_id, "file_name": file_name, "width": width, "height": height}
+    return _whole(labels, [image], annotations)
 
 
 def _runs(instances: NDArray[np.integer[Any]]) -> dict[int, list[int]]:
@@ -105,26 +98,16 @@ def _runs(instances: NDArray[np.integer[Any]]) -> dict[int, list[int]]:
     return counts_of
 
 
-def _box(instances: NDArray[np.integer[Any]], number: int, counts: list[int]) -> NDArray[np.bool_]:
-    """Mask (height, columns) of an instance, cropped to its columns."""
-    height = instances.shape[0]
-    last = sum(counts[: len(counts) - len(counts) % 2]) - 1
-    return instances[:, counts[0] // height : last // height + 1] == number
-
-
 def _whole(
     labels: Labels, images: list[dict[str, Any]], annotations: list[dict[str, Any]]
 ) -> dict[str, Any]:
-    numbered = [
-        annotation | {"id": number} for number, annotation in enumerate(annotations, start=1)
-    ]
     return {
         "info": {"description": _ABOUT, "contributor": f"omnisim {__version__}"},
         "images": images,
         "categories": [
             {"id": label.id, "name": label.name, "supercategory": ""} for label in labels.classes
         ],
-        "annotations": numbered,
+        "annotations": [one | {"id": number} for number, one in enumerate(annotations, start=1)],
     }
 
 
@@ -159,13 +142,10 @@ def mask_from_runs(height: int, width: int, counts: Sequence[int]) -> NDArray[np
 
 
 def polygons_of_mask(mask: NDArray[np.bool_]) -> list[list[float]]:
-    """Polygons of a mask, one per region: x, y, x, y … in px from the image's top left corner.
+    """Polygons of a mask (height, width), one per region: x, y, x, y … in px from the top left.
 
     Pixels that share only a corner are in different regions. A polygon excludes a hole by a line to
     the hole and back.
-
-    Args:
-        mask: (height, width) mask.
     """
     from scipy import ndimage  # slow to import, and seldom needed
 
@@ -298,10 +278,9 @@ class InstanceBox:
     """Boxes of an instance in an image, world frame.
 
     Attributes:
-        label: label of the instance.
-        pixels: number of pixels that show the instance.
-        full: box of its whole surface.
-        visible: box of the points hit by the pixels' rays, along the same axes.
+        label, pixels: label of the instance, and number of pixels that show it.
+        full, visible: boxes of its whole surface, and of the points hit by the pixels' rays, along
+            the same axes.
     """
 
     label: InstanceLabel
@@ -319,13 +298,10 @@ def visible_boxes(
     labels: Labels,
     full: Mapping[int, OrientedBox],
 ) -> tuple[InstanceBox, ...]:
-    """Boxes of the instances in an image, in order of ID.
+    """Boxes of the instances in an image, in order of ID, given the whole instances' by ID.
 
-    Args:
-        positions_m: (height, width, 3) channel `position`.
-        instances: (height, width) channel `instance`.
-        labels: labels of the instances.
-        full: boxes of the whole instances by ID, world frame.
+    Channels are `position` (height, width, 3) and `instance` (height, width); boxes are in the
+    world.
     """
     ids = instances.ravel()
     order = np.argsort(ids, kind="stable")
@@ -343,25 +319,15 @@ def visible_boxes(
 
 
 def boxes_json(
-    boxes: Sequence[InstanceBox],
-    labels: Labels,
-    file_name: str,
-    metadata: Mapping[str, Any],
+    boxes: Sequence[InstanceBox], labels: Labels, file_name: str, metadata: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """JSON content with the boxes of one image in the world and camera frames.
+    """JSON content with the boxes (world frame) of one image in the world and camera frames.
 
-    Args:
-        boxes: boxes in the world frame.
-        labels: labels with the class names.
-        file_name: file name of the image.
-        metadata: metadata of the image, with the camera's pose.
+    The metadata have the camera's pose.
     """
     world_from_optical = np.array(metadata["world_from_optical"])
     names = {label.id: label.name for label in labels.classes}
-    frames = {
-        "world": np.eye(4),
-        "camera": inverse(world_from_optical),
-    }
+    frames = {"world": np.eye(4), "camera": inverse(world_from_optical)}
     return {
         "info": {"description": _ABOUT_3D, "contributor": f"omnisim {__version__}"},
         "file_name": file_name,

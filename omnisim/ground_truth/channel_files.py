@@ -51,12 +51,7 @@ from omnisim.ground_truth.label_names import Labels
 from omnisim.ground_truth.previews import preview
 
 BOXES_3D, OVERLAY = "boxes_3d.json", "overlay.png"
-_SIDECARS = (
-    "channels.json",
-    "coco.json",
-    BOXES_3D,
-    OVERLAY,
-)  # in addition to the channels' own files
+_SIDECARS = ("channels.json", "coco.json", BOXES_3D, OVERLAY)  # beside the channels' own files
 _MAX_ID = 2**16 - 1
 FINEST_RANGE_STEPS_PER_M = 1000
 _NOTHING_HIT = _MAX_ID
@@ -95,10 +90,8 @@ def write_sidecars(
     """Write the files of the channels next to the image, and a JSON file that describes them.
 
     Args:
-        image: path of the image.
-        channels: channels by name.
-        labels: labels of the class and instance IDs; None: no labels.
-        metadata: metadata of the image.
+        image, metadata: path and metadata of the image.
+        channels, labels: channels by name, and labels of the IDs; None: no labels.
         has_ray: (height, width) mask, false outside the lens or the mirror.
         channel_format: format of the channel files; layers of an EXR are not written here.
 
@@ -119,11 +112,9 @@ def write_sidecars(
             path = sidecar_path(image, f"{name}.npy")
             write_npy(path, values)
             described[name]["npy"] = {
-                "file": path.name,
-                "dtype": values.dtype.name,
-                "shape": values.shape,
+                "file": path.name, "dtype": values.dtype.name, "shape": values.shape,
                 "about": channel.about,
-            }
+            }  # fmt: skip
     content = dict(metadata) | {"channels": described}
     if labels is not None:
         content["labels"] = labels.to_json()
@@ -142,12 +133,7 @@ def write_boxes(image: Path, channels: Mapping[str, NDArray[Any]], labels: Label
 
 
 def limit_boxes(image: Path, limits: BoxLimits, shares: Mapping[int, float]) -> None:
-    """Add visible shares to the boxes next to an image, and remove boxes beyond the limits.
-
-    Args:
-        image: path of the image.
-        limits: limits for the boxes to keep.
-        shares: visible shares of the instances by ID; empty: unknown.
+    """Add visible shares (by ID; empty: unknown) to the boxes next to an image, and apply limits.
 
     Raises:
         KeyError: the limits require a visible share that is unknown.
@@ -249,11 +235,7 @@ _NUMBERS: dict[str, tuple[Callable[[NDArray[Any]], NDArray[Any]], dict[str, int]
 
 
 def _write(
-    image: Path,
-    name: str,
-    values: NDArray[Any],
-    labels: Labels | None,
-    metadata: Mapping[str, Any],
+    image: Path, name: str, values: NDArray[Any], labels: Labels | None, metadata: Mapping[str, Any]
 ) -> tuple[list[str], dict[str, Any]]:
     """Write one channel; return its file names, and the scale of the stored values."""
     path = sidecar_path(image, f"{name}.png")
@@ -272,18 +254,13 @@ def _write(
         path = path.with_suffix(".exr")
         write_exr(path, {name: values}, labels, metadata)
     else:
-        write_numbers(path, _ids(path, name, values, labels))
+        if values.max(initial=0) > _MAX_ID:
+            message = f"{values.max()} instances: 16 bits hold {_MAX_ID}: expected .exr"
+            raise OutputError(f"{path}: {message}")
+        # by the scene's labels, not by this image's: all images of a scene get the same bit depth
+        few = name in CLASSES and labels is not None and labels.classes[-1].id < 256
+        write_numbers(path, values.astype(np.uint8 if few else np.uint16))
     return [path.name], scale
-
-
-def _ids(
-    path: Path, name: str, ids: NDArray[np.integer[Any]], labels: Labels | None
-) -> NDArray[np.uint8 | np.uint16]:
-    if ids.max(initial=0) > _MAX_ID:
-        raise OutputError(f"{path}: {ids.max()} instances: 16 bits hold {_MAX_ID}: expected .exr")
-    # by the scene's labels, not by this image's: all images of a scene get the same bit depth
-    few = name in CLASSES and labels is not None and labels.classes[-1].id < 256
-    return ids.astype(np.uint8 if few else np.uint16)
 
 
 # All channels in one EXR file, together with the image's colors if there are any.
@@ -300,14 +277,8 @@ def write_exr(
 
     All layers are 32-bit floats, which are exact for integers up to 2^24. Positions are relative to
     the world's origin, so float32 rounds distant ones: to 0.1 mm at 1 km. The attributes
-    `omnisim:<channel>` describe the channels; the label table is in the metadata.
-
-    Args:
-        path: output file.
-        channels: channels by name.
-        labels: labels of the class and instance IDs; None: no labels.
-        metadata: metadata of the image.
-        linear: (height, width, 3 or 4) linear colors; None: no colors.
+    `omnisim:<channel>` describe the channels; the label table is in the metadata. Linear colors are
+    (height, width, 3 or 4).
 
     Raises:
         OutputError: the file cannot be written.

@@ -15,11 +15,7 @@ _MATERIALS = {"roughness", "metallic", "emissive"}
 
 
 class HitDetails(NamedTuple):
-    """Optional surface properties at hits, in addition to points and triangles.
-
-    Attributes:
-        normals, albedos, materials: True: determine these fields of `Hits`.
-    """
+    """Optional surface properties at hits, beside points and triangles: fields of `Hits`."""
 
     normals: bool = False
     albedos: bool = False
@@ -129,7 +125,6 @@ class EchoLimits(NamedTuple):
         returns: number of returns of a beam: 1, or 2.
         min_intensity: intensity of the faintest echo that is detected at `range_max_m`, relative to
             a white surface met perpendicularly; nearer echoes may be fainter by the squared range.
-        range_max_m: nominal maximum range.
     """
 
     returns: int

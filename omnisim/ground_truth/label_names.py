@@ -20,13 +20,7 @@ _MAX_ID = 2**32 - 1  # maximum of uint32, the channels' type
 
 @dataclass(frozen=True)
 class ClassLabel:
-    """Semantic class.
-
-    Attributes:
-        id: value in the channel.
-        name: class name.
-        color: 8-bit sRGB, for images.
-    """
+    """Semantic class: value in the channel, name, and 8-bit sRGB color for images."""
 
     id: int
     name: str
@@ -35,14 +29,7 @@ class ClassLabel:
 
 @dataclass(frozen=True)
 class InstanceLabel:
-    """Instance: all parts with the same name.
-
-    Attributes:
-        id: value in the channel.
-        name: node name.
-        class_id: ID of the class.
-        object_name: dynamic object that contains the instance; None: the static scene.
-    """
+    """Instance: all parts with the same name, of a class, in a dynamic object; None: static."""
 
     id: int
     name: str

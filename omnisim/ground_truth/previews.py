@@ -142,10 +142,6 @@ def _occlusion(codes: NDArray[Any]) -> NDArray[np.uint8]:
     return table.take(codes, axis=0)
 
 
-def _valid(valid: NDArray[Any]) -> NDArray[np.uint8]:
-    return np.repeat(255 * valid[..., None], 3, axis=-1).astype(np.uint8)
-
-
 _PREVIEWS: dict[str, Callable[[NDArray[Any]], NDArray[np.uint8]]] = {
     "range": _distances,
     "range_through": _distances,
@@ -166,7 +162,7 @@ _PREVIEWS: dict[str, Callable[[NDArray[Any]], NDArray[np.uint8]]] = {
     "occluded_backward": _occlusion,
     "scene_flow": _vectors,
     "scene_flow_camera": _vectors,
-    "valid": _valid,
+    "valid": lambda valid: np.repeat(255 * valid[..., None], 3, axis=-1).astype(np.uint8),
 }
 
 

@@ -20,7 +20,7 @@ from omnisim.cameras.calibration.calibrated_camera import (
 )
 from omnisim.cameras.calibration.calibration_formats import format_named
 from omnisim.cameras.calibration.encode import encode_cameras
-from omnisim.cameras.calibration.read import FORMAT, read_cameras, read_kitti360_folder
+from omnisim.cameras.calibration.read import FORMAT, CameraFile, read_cameras, read_kitti360_folder
 from omnisim.core.errors import CalibrationError, NoticeWarning, OutputError, did_you_mean
 from omnisim.core.files.atomic_file import atomic_write, check_target
 from omnisim.core.short_repr import short_repr
@@ -31,12 +31,10 @@ _ALSO = {".yaml": (".yml",), ".sdf": (".xml", ".world", ".urdf")}
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Cameras of a calibration file, in file order.
+    """Cameras of a calibration file, at least one, in file order and with distinct names.
 
     Attributes:
-        cameras: cameras of the file, at least one, with distinct names.
-        format: name of the file format.
-        source: file name, for messages.
+        format, source: names of the file format, and of the file, for messages.
         file_notes: notes on the whole file, one sentence each.
     """
 
@@ -92,11 +90,7 @@ class Calibration:
         return self.cameras[0]
 
     def only(self, name: str) -> Calibration:
-        """Calibration reduced to one camera.
-
-        Raises:
-            CalibrationError: the file has no such camera.
-        """
+        """Calibration reduced to one camera, as `camera` finds it."""
         return dataclasses.replace(self, cameras=(self.camera(name),))
 
     def save(self, path: str | Path, format: str, model: str | None = None) -> Calibration:
@@ -110,11 +104,7 @@ class Calibration:
 
 
 def calibration_of(camera: CentralCamera | CameraSensor, name: str = "cam0") -> Calibration:
-    """Wrap a camera as a calibration that can be saved.
-
-    Args:
-        camera: a camera model, or a renderer's sensor.
-        name: camera name in the file.
+    """Wrap a camera model, or a renderer's sensor, as a calibration that can be saved.
 
     Raises:
         CalibrationError: `camera` is neither.
@@ -158,12 +148,10 @@ def load_calibration(
     except OSError as reason:  # the name is too long
         raise CalibrationError(f"{path}: cannot be read: {reason.strerror}") from None
     if is_folder:
-        calibration = Calibration(
-            read_kitti360_folder(path, mirrored, limit_rad), FORMAT, str(path)
-        )
+        file = CameraFile(read_kitti360_folder(path, mirrored, limit_rad), FORMAT, ())
     else:
         file = read_cameras(path, format, mirrored, limit_rad)
-        calibration = Calibration(file.cameras, file.format, str(path), file.notes)
+    calibration = Calibration(file.cameras, file.format, str(path), file.notes)
     selected = calibration if camera is None else calibration.only(camera)
     for one in selected.cameras:
         if limit_rad not in (None, math.pi) and one.camera.domain_limit_rad is None:
@@ -214,9 +202,8 @@ def check_calibration_suffix(path: Path, format: str) -> None:
     form = format_named(format)
     known = (form.suffix, *_ALSO.get(form.suffix, ()))
     if path.suffix and path.suffix.lower() not in known:
-        raise OutputError(
-            f"{path}: expected {' or '.join(known)} for {form.name}, got {path.suffix}"
-        )
+        names = " or ".join(known)
+        raise OutputError(f"{path}: expected {names} for {form.name}, got {path.suffix}")
 
 
 def calibration_text(
@@ -247,11 +234,9 @@ def calibration_text(
 
 @dataclass(frozen=True, eq=False)
 class RigCamera:
-    """Camera on a rig.
+    """Camera on a rig, by its name in the file.
 
     Attributes:
-        name: camera name in the file.
-        model: camera model.
         body_from_camera: (4, 4) pose of its optical frame (x right, y down, z forward).
         time_shift_s: offset from camera timestamps to IMU timestamps.
     """
@@ -267,11 +252,10 @@ class RigCamera:
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """Cameras on one body.
+    """Cameras on one body, at least one, in file order.
 
     Attributes:
         body: name of the body frame: a frame other than the cameras', or the first camera.
-        cameras: cameras of the rig, at least one, in file order.
     """
 
     body: str
@@ -300,11 +284,8 @@ class Rig:
     def of(cls, calibration: Calibration, name: str | None = None) -> Rig:
         """Build a rig from the cameras of a calibration.
 
-        Args:
-            calibration: cameras with extrinsics.
-            name: name of the only required camera, or None if all are required. The other cameras
-                may then lack extrinsics; if the named camera lacks them too, it becomes a rig of
-                its own.
+        With a name, only that camera is required. The other cameras may then lack extrinsics; if
+        the named camera lacks them too, it becomes a rig of its own.
 
         Raises:
             CalibrationError: the file lacks a camera's pose on the body, or two chains of poses

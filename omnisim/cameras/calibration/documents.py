@@ -263,9 +263,8 @@ class ForeignTable(Table):
     A subclass states further keys of its format, in addition to its base's.
 
     Attributes:
-        also_read: keys that are read without a field.
+        also_read, harmless: keys that are read without a field, and keys without effect.
         unread: keys that change an image or a pose, and are not read; given in words.
-        harmless: keys that change neither.
         inner: tables in this one by their keys, in lists or alone; "*": of all other keys.
     """
 

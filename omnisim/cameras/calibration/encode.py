@@ -16,7 +16,7 @@ from omnisim.cameras import (
     EquirectangularCamera,
     MirroredCamera,
 )
-from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera, Residuals
+from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera, NamedPose, Residuals
 from omnisim.cameras.calibration.equivalents import equivalent
 from omnisim.cameras.calibration.fit import Fit, fit_camera
 from omnisim.cameras.calibration.formats.format import Fixed, Format, LensT, ParsedCamera
@@ -39,13 +39,7 @@ GRID_MARGIN_RAD = math.radians(5.0)  # bound on the angle that a grid misses
 
 
 class EncodedCamera(NamedTuple, Generic[LensT]):
-    """A camera in a model of a format.
-
-    Attributes:
-        lens: lens in one of the format's models.
-        metadata: omnisim's metadata about the camera.
-        residuals: residuals of the fit, if the lens was fitted.
-    """
+    """A camera in a model of a format, its metadata, and the residuals if it was fitted."""
 
     lens: LensT
     metadata: CameraMetadata
@@ -55,19 +49,26 @@ class EncodedCamera(NamedTuple, Generic[LensT]):
 def encode_cameras(
     cameras: Sequence[CalibratedCamera], form: Format[LensT], model: str | None, source: str
 ) -> tuple[str, tuple[CalibratedCamera, ...]]:
-    """Text of a file, and the cameras as written.
+    """Text of a file, and the cameras as written; `source` names their file in messages.
 
-    Args:
-        cameras: cameras to write, at most as many as the format holds.
-        form: file format.
-        model: name of the model to write, or None for the nearest.
-        source: name of the cameras' file, for messages.
+    A model's name makes it the one to write, in place of the nearest.
 
     Raises:
         CalibrationError: the format cannot hold one of the cameras; states the reason.
     """
+    # names that the format allows, also in the poses
+    names = [form.camera_name(index, camera.name) for index, camera in enumerate(cameras)]
+    if len(set(names)) < len(names):
+        names = [form.camera_name(index, "") for index in range(len(names))]
+    new = {camera.name: name for camera, name in zip(cameras, names, strict=True)}
     parsed, metadata, written = [], [], []
-    for camera, named in zip(cameras, _renamed(cameras, form), strict=True):
+    for camera in cameras:
+        poses = tuple(
+            NamedPose(new.get(one.target, one.target), new.get(one.source, one.source),
+                      one.target_from_source)
+            for one in camera.poses
+        )  # fmt: skip
+        named = dataclasses.replace(camera, name=new[camera.name], poses=poses)
         encoded = encode(named, form, f"{source}: {camera.name}", model)
         parsed.append(ParsedCamera(named.name, encoded.lens, named.poses))
         metadata.append(encoded.metadata.with_poses(named.poses))
@@ -102,7 +103,14 @@ def encode(
         raise CalibrationError(
             f"{place}: {form.name} has no panorama, and this one is {source.model_name}"
         )
-    fit = _best_fit(source, form, place, target, reasons)
+    # a mirrored lens is fitted as the lens itself
+    lens = source.lens if isinstance(source, MirroredCamera) else source
+    mirrored = lens is source and is_catadioptric(source)
+
+    def fit_model(model: type[LensT], fixed: Fixed) -> Fit[LensT]:
+        return fit_camera(lens, model, mirrored=mirrored, fixed=fixed)
+
+    fit = nearest_fit(source, form, place, target, fit_model, reasons)
     limit_rad = fit.camera.domain_limit_rad or source.domain_limit_rad
     # keeps the source's own error as a central approximation of non-central optics
     at_distances = () if camera.residuals is None else camera.residuals.at_distances
@@ -128,8 +136,7 @@ def _encode_exactly(
 ) -> EncodedCamera[LensT] | None:
     """Encode the lens exactly, or return None and add the reasons to `reasons`.
 
-    Raises:
-        CalibrationError: the format's angle limit is inside the camera's field of view.
+    Refuses a camera whose field of view reaches beyond the format's angle limit.
     """
     source = camera.camera
     native = form.native(source)
@@ -165,29 +172,6 @@ def model_named(model: str | None, form: Format[Any]) -> type[CentralCamera] | N
     return target
 
 
-def _renamed(cameras: Sequence[CalibratedCamera], form: Format[Any]) -> list[CalibratedCamera]:
-    """Rename the cameras, also in their poses, to names that the format allows."""
-    names = [form.camera_name(index, camera.name) for index, camera in enumerate(cameras)]
-    if len(set(names)) < len(names):
-        names = [form.camera_name(index, "") for index in range(len(names))]
-    new = {camera.name: name for camera, name in zip(cameras, names, strict=True)}
-    return [
-        dataclasses.replace(
-            camera,
-            name=new[camera.name],
-            poses=tuple(
-                dataclasses.replace(
-                    pose,
-                    target=new.get(pose.target, pose.target),
-                    source=new.get(pose.source, pose.source),
-                )
-                for pose in camera.poses
-            ),
-        )
-        for camera in cameras
-    ]
-
-
 def caveats(lens: CentralCamera, form: Format[Any]) -> tuple[str, ...]:
     """Notes about other tools that interpret the file differently."""
     notes = form.lens_caveats(lens)
@@ -221,24 +205,6 @@ def _widest_rad(camera: CentralCamera) -> float:
     return float(angles_from_axis(rays.directions[rays.valid], axis).max(initial=0.0))
 
 
-def _best_fit(
-    camera: CentralCamera,
-    form: Format[LensT],
-    place: str,
-    model: type[CentralCamera] | None,
-    reasons: list[str],
-) -> Fit[LensT]:
-    """Fit with the smallest maximum residual, among those that cover the whole image."""
-    # a mirrored lens is fitted as the lens itself
-    source = camera.lens if isinstance(camera, MirroredCamera) else camera
-    mirrored = source is camera and is_catadioptric(camera)
-
-    def fit(target: type[LensT], fixed: Fixed) -> Fit[LensT]:
-        return fit_camera(source, target, mirrored=mirrored, fixed=fixed)
-
-    return nearest_fit(camera, form, place, model, fit, reasons)
-
-
 def nearest_fit(
     camera: CentralCamera,
     form: Format[LensT],
@@ -250,8 +216,7 @@ def nearest_fit(
     """Fit with the smallest maximum residual among the models of a format.
 
     Args:
-        camera: source camera.
-        form: file format.
+        camera, form: source camera and file format.
         place: file and camera, for messages.
         model: the only model to try; None: all models.
         fit_model: function that fits a model, given the attributes that the format fixes.

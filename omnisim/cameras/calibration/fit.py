@@ -60,7 +60,6 @@ class Fit(NamedTuple, Generic[CameraT]):
     """A camera fitted in another model.
 
     Attributes:
-        camera: fitted camera.
         residuals: residuals over the source's valid cone, at pixels not used by the fit.
         covered: share of the source's valid pixels that the fitted camera sees.
         rotation: (3, 3) target_from_source of the axes; the identity unless it was fitted too.
@@ -125,10 +124,7 @@ def fit_camera(
 def samples_of(camera: CentralCamera, mirrored: bool, phase: float = 0.0) -> Samples:
     """Valid pixels, spread evenly over the image and along its edge, with their rays.
 
-    Args:
-        camera: source camera.
-        mirrored: rays are in `mirrored_frame`.
-        phase: offset in [0, 1] of the pixel sequence; another phase gives other pixels.
+    If mirrored, rays are in `mirrored_frame`. Another phase in [0, 1] gives other pixels.
     """
     inner = _spread_pixels(camera, AREA_SAMPLES, phase)
     share = float(camera.ray_from_pixel(inner).valid.mean())
@@ -246,9 +242,8 @@ def _refined(
     rotated: bool,
 ) -> tuple[ParametricCamera, NDArray[np.float64]]:
     """Camera at the local minimum of the squared errors near `start`, and its rotation (3, 3)."""
-    parameters = ParameterVector(
-        start, {name: bounds for name, bounds in free.items() if name not in fixed}
-    )
+    varied = {name: bounds for name, bounds in free.items() if name not in fixed}
+    parameters = ParameterVector(start, varied)
     count = len(parameters.start)
     turns = [np.zeros(3)] if rotated else []
     first = np.concatenate([parameters.start, *turns])
@@ -286,11 +281,7 @@ def _refined(
 def _evaluate(
     source: CentralCamera, target: CameraT, mirrored: bool, rotation: NDArray[np.float64]
 ) -> Fit[CameraT]:
-    """Fit with residuals at pixels not used by the fit.
-
-    Raises:
-        CalibrationError: the target sees nothing of the source's field of view.
-    """
+    """Fit with residuals at pixels not used by the fit; refuses a target that sees none of them."""
     samples = samples_of(source, mirrored, phase=0.5).rotated(rotation)
     seen = target.pixel_from_ray(samples.directions)
     if not seen.valid.any():

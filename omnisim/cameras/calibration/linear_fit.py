@@ -57,8 +57,7 @@ class Samples:
     """Source pixels and their rays, in the target's optical frame.
 
     Attributes:
-        pixels_px: (n, 2) positions in the image.
-        directions: (n, 3) unit directions.
+        pixels_px, directions: (n, 2) positions in the image, and (n, 3) unit directions.
         on_area: (n,) True for samples spread over the image, False on its edge.
     """
 
@@ -86,11 +85,9 @@ class Profile(NamedTuple):
     """Source camera as a radially symmetric lens.
 
     Attributes:
-        size: image width and height, px.
-        center_px: (u, v) of the axis.
+        size, center_px: image width and height, and (u, v) of the axis.
         aspect: ratio of the focal length along v to that along u.
-        theta_rad: (n,) angles from +z.
-        radii_px: (n,) distances from the axis, in pixels along u.
+        theta_rad, radii_px: (n,) angles from +z, and distances from the axis in pixels along u.
     """
 
     size: tuple[int, int]
@@ -275,10 +272,6 @@ def _gazebo(profile: Profile) -> GazeboCamera:
     return min(candidates, key=lambda candidate: candidate[0])[1]
 
 
-def _perspective(profile: Profile) -> PerspectiveCamera:
-    return PerspectiveCamera(*profile.size, _perspective_focal(profile), profile.center_px)
-
-
 def _fisheye(model: type[IdealFisheye], profile: Profile) -> IdealFisheye:
     c1, c2, function = IDEAL_FISHEYES[model]
     limit = model.largest_theta_rad
@@ -311,7 +304,9 @@ class FittedModel(NamedTuple):
 
 
 FITTED: Mapping[type[ParametricCamera], FittedModel] = {
-    PerspectiveCamera: FittedModel(_perspective, _FOCAL),
+    PerspectiveCamera: FittedModel(
+        lambda one: PerspectiveCamera(*one.size, _perspective_focal(one), one.center_px), _FOCAL
+    ),
     KannalaBrandtCamera: FittedModel(_kannala_brandt, {**_FOCALS, "coefficients": FREE}),
     UnifiedCamera: FittedModel(_unified, {**_FOCALS, "xi": (0.0, math.inf), "distortion": FREE}),
     RationalPolynomialCamera: FittedModel(_rational, {**_FOCALS, "distortion": FREE}),
@@ -351,8 +346,7 @@ class ParameterVector(Generic[CameraT]):
 
     Attributes:
         labels: attribute, or attribute and index, of each number.
-        start: (n,) numbers of the initial camera.
-        low, high: (n,) bounds.
+        start, low, high: (n,) numbers of the initial camera, and bounds.
         units: (n,) attribute's value per number of the vector.
     """
 

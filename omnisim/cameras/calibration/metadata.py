@@ -162,12 +162,7 @@ def embed_metadata(text: str, metadata: Sequence[CameraMetadata], place: Metadat
 
 
 def read_metadata(text: str, place: MetadataPlace, source: str) -> dict[str, CameraMetadata]:
-    """Metadata in a file, by camera name.
-
-    Args:
-        text: content of the file.
-        place: location of the metadata in its format.
-        source: file name, for messages.
+    """Metadata in a file of a format, by camera name; `source` names the file in messages.
 
     Raises:
         CalibrationError: the metadata is malformed.
@@ -218,11 +213,7 @@ def camera_metadata(
 ) -> CameraMetadata:
     """Metadata of a camera that a file describes by `lens_of`, or natively (None).
 
-    Args:
-        name: camera name in the file.
-        camera: camera represented by the lens in the file; None: stored natively.
-        limit_rad: angle from the axis where the domain ends, or None.
-        residuals: residuals of the lens in the file, if it was fitted.
+    `limit_rad` is the angle from the axis where the domain ends; residuals are of a fitted lens.
     """
     return CameraMetadata(
         camera=name,

@@ -50,8 +50,7 @@ def read_cameras(
     """Read a calibration file.
 
     Args:
-        path: calibration file.
-        format: name of the format, or None to detect it.
+        path, format: calibration file, and name of its format, or None to detect it.
         mirrored: True if the cameras look into mirrors; None to take it from their metadata.
         theta_max_rad: angle from the axis where the field of view ends, for models that have it;
             None to take it from their metadata.
@@ -88,36 +87,22 @@ def read_cameras(
 def _calibrated(
     parsed: ParsedCamera[CentralCamera], metadata: CameraMetadata, place: str
 ) -> CalibratedCamera:
-    lens = parsed.lens
-    notes = parsed.notes
+    lens, notes = parsed.lens, parsed.notes
     if isinstance(lens, FovLens):
         lens, note = _nearest_model(lens, place)
         notes = (*notes, note)
     with error_context(place):
         camera = camera_from_lens(lens, metadata)
         _check_camera(camera, place)
+    poses = metadata.poses(parsed.poses, place)
     notes = (*notes, *field_notes(camera))
     return CalibratedCamera(
-        parsed.name,
-        camera,
-        metadata.poses(parsed.poses, place),
-        metadata.residuals,
-        notes,
-        lens.model_name,
-        parsed.time_shift_s,
+        parsed.name, camera, poses, metadata.residuals, notes, lens.model_name, parsed.time_shift_s
     )
 
 
 def _nearest_model(lens: FovLens, source: str) -> tuple[CentralCamera, str]:
-    """omnisim model nearest to a lens of another model, and a note about its residuals.
-
-    Args:
-        lens: lens of a model that omnisim lacks.
-        source: file and camera, for messages.
-
-    Raises:
-        CalibrationError: no model is close enough.
-    """
+    """Model of omnisim nearest to a lens of another model, and a note about its residuals."""
     place = f"{source}: {lens.model_name}"
     best: Fit[CentralCamera] | None = None
     candidates: tuple[tuple[type[CentralCamera], Fixed], ...] = (
@@ -148,11 +133,7 @@ def _nearest_model(lens: FovLens, source: str) -> tuple[CentralCamera, str]:
 
 
 def _check_camera(camera: CentralCamera, place: str) -> None:
-    """Reject a camera with an empty image, or with an axis far outside it.
-
-    Raises:
-        CalibrationError: an empty image, or an axis too far outside; names the size or the center.
-    """
+    """Reject a camera with an empty image, or with an axis far outside it."""
     size = np.array([camera.width_px, camera.height_px], dtype=np.float64)
     center = np.asarray(camera.principal_point_px)
     offset = np.maximum(-0.5 - center, center - (size - 0.5)) / size

@@ -32,13 +32,11 @@ class MirrorMesh:
     """Triangles with vertices on the mirror, in the mirror frame.
 
     Attributes:
-        vertices_m: (n, 3) float64, meters.
-        normals: (n, 3) float64, unit, on the reflecting side.
+        vertices_m, normals: (n, 3) float64, meters; unit vectors on the reflecting side.
         triangles: (m, 3) int64, counter-clockwise seen from the pinhole.
         polygons: polygon count as in the paper: each triangle at the apex is one polygon, and so is
             each cell of two triangles in the other rings.
-        sectors: number of polygons around the axis.
-        rings: number of polygons from the apex to the rim.
+        sectors, rings: number of polygons around the axis, and from the apex to the rim.
     """
 
     vertices_m: NDArray[np.float64]
@@ -70,8 +68,7 @@ class UnfoldedMirrorMesh:
     """Mirror mesh clipped along the cube edges, with one copy of each vertex per face.
 
     Attributes:
-        vertices_m: (n, 3) float64, mirror frame, meters.
-        normals: (n, 3) float64, unit.
+        vertices_m, normals: (n, 3) float64, mirror frame, meters; unit vectors.
         texture_coordinates: (n, 2) float64 in [0, 1] on the unfolded cube (`omnisim.core.cube`),
             origin at the top left of the image.
         triangles: (m, 3) int64, counter-clockwise seen from the pinhole.
@@ -133,14 +130,18 @@ def tessellate(mirror: HyperbolicMirror, polygons: int) -> MirrorMesh:
     apex = np.array([[0.0, 0.0, mirror.vertex_height_m]])
     circles = mirror.surface_points(theta[:, None], azimuth[None, :]).positions_m
     vertices = np.concatenate((apex, circles.reshape(-1, 3)))
-    return MirrorMesh(
-        vertices_m=vertices,
-        normals=mirror.normals(vertices),
-        triangles=_triangles(sectors, rings),
-        polygons=polygons,
-        sectors=sectors,
-        rings=rings,
-    )
+    # vertex 0 on the axis, and `rings` circles of `sectors` vertices
+    here = np.arange(sectors, dtype=np.int64)
+    following = (here + 1) % sectors
+    fan = np.stack((np.zeros_like(here), 1 + here, 1 + following), axis=-1)
+    inner = 1 + sectors * np.arange(rings - 1, dtype=np.int64)[:, None]
+    outer = inner + sectors
+    lower = np.stack((inner + here, outer + here, outer + following), axis=-1)
+    upper = np.stack((inner + here, outer + following, inner + following), axis=-1)
+    cells = np.stack((lower, upper), axis=2)  # the two triangles of a cell stay together
+    triangles = np.concatenate((fan, cells.reshape(-1, 3)))
+    normals = mirror.normals(vertices)
+    return MirrorMesh(vertices, normals, triangles, polygons, sectors, rings)
 
 
 def sector_triangles_m(mirror: HyperbolicMirror, sectors: int, rings: int) -> NDArray[np.float64]:
@@ -177,19 +178,6 @@ def _best_split(polygons: int) -> tuple[int, int] | None:
     return min(splits, key=lambda split: abs(math.log(split[0] / (4.0 * split[1]))), default=None)
 
 
-def _triangles(sectors: int, rings: int) -> NDArray[np.int64]:
-    """Triangles (m, 3) over vertex 0 on the axis and `rings` circles of `sectors` vertices."""
-    here = np.arange(sectors, dtype=np.int64)
-    following = (here + 1) % sectors
-    fan = np.stack((np.zeros_like(here), 1 + here, 1 + following), axis=-1)
-    inner = 1 + sectors * np.arange(rings - 1, dtype=np.int64)[:, None]
-    outer = inner + sectors
-    lower = np.stack((inner + here, outer + here, outer + following), axis=-1)
-    upper = np.stack((inner + here, outer + following, inner + following), axis=-1)
-    cells = np.stack((lower, upper), axis=2)  # the two triangles of a cell stay together
-    return np.concatenate((fan, cells.reshape(-1, 3)))
-
-
 # Clipping of a mirror's mesh along the cube edges, for texture coordinates (Fig. 6).
 #
 # Within one cube face, projection from the effective viewpoint gives a polygon its texture
@@ -205,12 +193,7 @@ _ON_EDGE = 1e-12
 
 
 def unfold(mirror: HyperbolicMirror, mesh: MirrorMesh) -> UnfoldedMirrorMesh:
-    """Clip a mesh along the cube edges and compute its texture coordinates.
-
-    Args:
-        mirror: mirror shape.
-        mesh: tessellation of that mirror.
-    """
+    """Clip a mirror's mesh along the cube edges and compute its texture coordinates."""
     clipper = _Clipper(mirror, mesh.vertices_m)
     parts = [clipper.clip_to_face(face, mesh.triangles) for face in range(len(FACE_NAMES))]
     positions = np.array(clipper.positions)
@@ -218,23 +201,14 @@ def unfold(mirror: HyperbolicMirror, mesh: MirrorMesh) -> UnfoldedMirrorMesh:
     for face, corners in enumerate(parts):
         used, local = np.unique(corners, return_inverse=True)
         vertices.append(positions[used])
-        coordinates.append(_texture_coordinates(positions[used], face))
+        tangents = face_tangents(positions[used] @ RIG_FROM_MIRROR.T, face)
+        inside = 0.5 + 0.5 * np.clip(tangents, -1.0, 1.0) / CELL_TANGENT  # clip: rounding only
+        coordinates.append((inside + LAYOUT_CELLS[face]) / (LAYOUT_COLUMNS, LAYOUT_ROWS))
         triangles.append(local.reshape(-1, 3) + base)
         base += len(used)
-    stacked = np.concatenate(vertices)
-    return UnfoldedMirrorMesh(
-        vertices_m=stacked,
-        normals=mirror.normals(stacked),
-        texture_coordinates=np.concatenate(coordinates),
-        triangles=np.concatenate(triangles).astype(np.int64),
-    )
-
-
-def _texture_coordinates(positions: NDArray[np.float64], face: int) -> NDArray[np.float64]:
-    """Coordinates (n, 2) on the unfolded cube, origin at the top left."""
-    tangents = face_tangents(positions @ RIG_FROM_MIRROR.T, face)
-    inside = 0.5 + 0.5 * np.clip(tangents, -1.0, 1.0) / CELL_TANGENT  # clip: rounding only
-    return (inside + LAYOUT_CELLS[face]) / (LAYOUT_COLUMNS, LAYOUT_ROWS)
+    stacked, corners = np.concatenate(vertices), np.concatenate(triangles).astype(np.int64)
+    normals = mirror.normals(stacked)
+    return UnfoldedMirrorMesh(stacked, normals, np.concatenate(coordinates), corners)
 
 
 class _Clipper:
@@ -361,7 +335,10 @@ def mesh_error(mirror: HyperbolicMirror, polygons: int, rim_radius_px: float) ->
     corners = _sector(mirror, *sectors_and_rings(polygons))
     lattice = _lattice(_FINE_STEPS)
     errors_px = focal_length_px * _sample(mirror, corners, lattice.coordinates).errors
-    weights = _areas(corners)[:, None] * lattice.weights
+    # areas in the image, in squared tangents at the pinhole
+    seen = corners[..., :2] / (1.0 - corners[..., 2:])
+    (x1, y1), (x2, y2) = (seen[:, 1] - seen[:, 0]).T, (seen[:, 2] - seen[:, 0]).T
+    weights = (0.5 * np.abs(x1 * y2 - x2 * y1))[:, None] * lattice.weights
     order = np.argsort(errors_px, axis=None)
     share = np.cumsum(weights.ravel()[order]) / weights.sum()
     percentile_95_px = errors_px.ravel()[order][np.searchsorted(share, 0.95)]
@@ -374,19 +351,14 @@ def largest_error(
 ) -> float:
     """Largest error of a mesh within a part of the image, in tangents at the pinhole.
 
-    The mesh's straight edges lie inside the round rim; that gap counts as an error, too.
-
-    Args:
-        mirror: mirror shape.
-        sectors, rings: polygons of the mesh around the axis, and from the apex to the rim.
-        annulus: visible part of the mirror.
+    The mesh's straight edges lie inside the round rim; that gap counts as an error, too. `sectors`
+    and `rings` are its polygons around the axis, and from the apex to the rim.
     """
     corners = _sector(mirror, sectors, rings)
     lattice = _lattice(_STEPS).coordinates
     samples = _sample(mirror, corners, lattice)
-    is_shown = (samples.radii.max(axis=1) >= annulus.inner) & (
-        samples.radii.min(axis=1) <= annulus.outer
-    )
+    is_shown = samples.radii.max(axis=1) >= annulus.inner
+    is_shown &= samples.radii.min(axis=1) <= annulus.outer
     peaks = np.where(is_shown, samples.errors.max(axis=1), 0.0)
     high = np.flatnonzero(peaks > 0.9 * peaks.max())  # candidates for the largest error
     around = lattice[samples.errors[high].argmax(axis=1)][:, None]
@@ -394,24 +366,16 @@ def largest_error(
     near /= near.sum(axis=-1, keepdims=True)
     largest = _sample(mirror, corners[high], near).errors.max(initial=0.0)
     rim = _rim_tangent(mirror)
-    lost = (
-        min(rim, annulus.outer) - rim * math.cos(math.pi / sectors) if rim > annulus.inner else 0.0
-    )
-    return max(float(largest), lost)
+    lost = min(rim, annulus.outer) - rim * math.cos(math.pi / sectors)
+    return max(float(largest), lost if rim > annulus.inner else 0.0)
 
 
 def needed_polygons(
     mirror: HyperbolicMirror, max_error: float, annulus: Annulus = WHOLE_MIRROR
 ) -> int | None:
-    """Smallest polygon count within an error bound, with four sectors per ring.
+    """Smallest polygon count within an error bound, with four sectors per ring; None: too many.
 
-    Args:
-        mirror: mirror shape.
-        max_error: tolerance in tangents at the pinhole: pixels over the focal length.
-        annulus: visible part of the mirror.
-
-    Returns:
-        Number of polygons, or None if `MAX_POLYGONS` are not enough.
+    The tolerance is in tangents at the pinhole, pixels over the focal length, in an annulus.
     """
 
     def suffices(rings: int) -> bool:
@@ -421,12 +385,7 @@ def needed_polygons(
 
 
 def fewest_polygons(suffices: Callable[[int], bool], largest_rings: int) -> int | None:
-    """Smallest polygon count, four sectors per ring, whose rings suffice; None if there is none.
-
-    Args:
-        suffices: True for a sufficient number of rings.
-        largest_rings: limit of the number of rings.
-    """
+    """Smallest polygon count, four sectors per ring, whose rings suffice; None: over the limit."""
     doubled = [2**n for n in range(1, largest_rings.bit_length())]
     enough = next(filter(suffices, doubled), None)
     if enough is None:
@@ -437,28 +396,17 @@ def fewest_polygons(suffices: Callable[[int], bool], largest_rings: int) -> int 
 
 
 class _Samples(NamedTuple):
-    """Samples of triangles, in tangents at the pinhole.
+    """Samples of triangles, in tangents at the pinhole."""
 
-    Attributes:
-        errors: (triangles, samples).
-        radii: (triangles, samples) distances from the axis in the image.
-    """
-
-    errors: NDArray[np.float64]
-    radii: NDArray[np.float64]
+    errors: NDArray[np.float64]  # (triangles, samples)
+    radii: NDArray[np.float64]  # (triangles, samples) distances from the axis in the image
 
 
 class _Lattice(NamedTuple):
-    """Sample points across a triangle, edges included.
+    """Sample points across a triangle, edges included; weights of a mean."""
 
-    Attributes:
-        coordinates: (samples, 3), barycentric.
-        weights: (samples,) weights of a mean: the number of lattice triangles that meet at a
-            sample.
-    """
-
-    coordinates: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    coordinates: NDArray[np.float64]  # (samples, 3), barycentric
+    weights: NDArray[np.float64]  # (samples,) by the lattice triangles that meet at a sample
 
 
 @lru_cache
@@ -486,13 +434,6 @@ def _sample(
     radii = across / (1.0 - points[..., 2])
     annulus = mirror.tangent_from_theta(np.arctan2(across, points[..., 2]))
     return _Samples(np.abs(annulus - radii), radii)
-
-
-def _areas(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Areas (triangles,) of triangles in the image, in squared tangents at the pinhole."""
-    seen = corners[..., :2] / (1.0 - corners[..., 2:])
-    (x1, y1), (x2, y2) = (seen[:, 1] - seen[:, 0]).T, (seen[:, 2] - seen[:, 0]).T
-    return 0.5 * np.abs(x1 * y2 - x2 * y1)
 
 
 def _rim_tangent(mirror: HyperbolicMirror) -> float:

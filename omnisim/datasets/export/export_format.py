@@ -57,8 +57,8 @@ class ExportFormat(ABC):
 
     Attributes:
         name: name on the command line.
-        sensors: classes of supported sensors besides cameras.
-        lone_sensors: classes of sensors that are supported only in runs without a camera.
+        sensors, lone_sensors: classes of supported sensors besides cameras, and of sensors that are
+            supported only in runs without a camera.
         holds_motion: True: stores the base's motion, and so supports runs without any sensor.
         channels: supported channels of ground truth.
         dates_stamps: True: stamps count from 1970.
@@ -87,12 +87,6 @@ class ExportFormat(ABC):
         self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
     ) -> Iterator[int]:
         """Write a run into an empty folder; yield the number of finished steps after each.
-
-        Args:
-            recording: run to export.
-            folder: folder that becomes the export.
-            settings: settings of the export.
-            print_note: callback for notes on content that the format does not support.
 
         Raises:
             OmnisimError: a file of the run is damaged, or the format lacks required content.
@@ -145,12 +139,7 @@ MAX_DEPTH = np.iinfo(np.uint16).max
 
 
 class FarDepths:
-    """Encoder of depths as integer steps, 0 for none; counts the depths that exceed its range.
-
-    Args:
-        camera: name of the camera, for the note.
-        steps_per_m: steps per meter.
-    """
+    """Encoder of a camera's depths as integer steps, 0 for none; counts those past its range."""
 
     def __init__(self, camera: str, steps_per_m: float):
         self._camera, self._steps_per_m = camera, steps_per_m

@@ -45,23 +45,14 @@ _ABOUT_X, _ABOUT_Y = np.diag([1.0, -1.0, -1.0, 1.0]), np.diag([-1.0, 1.0, -1.0, 
 
 @dataclass(frozen=True, eq=False)
 class LensCamera:
-    """Camera of a run as a lens.
-
-    Attributes:
-        recorded: camera of the run.
-        model: central model of the camera.
-    """
+    """Camera of a run as a lens, by the central model of the camera."""
 
     recorded: RecordedCamera
     model: CentralCamera
 
     @classmethod
     def of(cls, recorded: RecordedCamera, print_note: PrintNote) -> LensCamera:
-        """Convert a camera to a lens.
-
-        Args:
-            recorded: camera of the run.
-            print_note: callback for a note if the images are flipped.
+        """Convert a camera to a lens; a note says if the images are flipped.
 
         Raises:
             RunError: the camera is non-central.
@@ -110,12 +101,9 @@ class LensCamera:
         save_calibration(calibration_of(self.lens, self.name), path, "omnisim")
 
     def encode(self, form: Format[LensT], print_note: PrintNote, model: str | None = None) -> LensT:
-        """Lens in a model of a calibration format, exact or the best fit.
+        """Lens in a model of a calibration format, exact or the best fit; a note states the error.
 
-        Args:
-            form: calibration format.
-            print_note: callback for a note on the residual of a fit.
-            model: name of the only allowed model; None: any.
+        A model's name makes it the only one allowed.
 
         Raises:
             CalibrationError: no model of the format fits.
@@ -185,8 +173,7 @@ class LensCamera:
     def mask(self, front_only: bool = False) -> NDArray[np.bool_] | None:
         """Mask (height, width) of the pixels that show the scene; None: all pixels.
 
-        Args:
-            front_only: True: leave out rays at and past 90° from the axis.
+        `front_only` leaves out rays at and past 90° from the axis.
         """
         shown = self.recorded.valid
         if (covered := self.recorded.mount.covered) is not None:
@@ -202,11 +189,7 @@ class LensCamera:
 
 
 def flipped_lens(lens: LensCameraT, place: str) -> LensCameraT:
-    """Lens whose image is that of another lens, flipped left to right.
-
-    Args:
-        lens: lens to flip.
-        place: name of the camera in messages.
+    """Lens whose image is that of another lens, flipped left to right; `place` names the camera.
 
     Raises:
         CalibrationError: the lens's model does not support flipped images.
@@ -255,13 +238,7 @@ def write_images(
     """Write masks and images; yield the number of finished steps after each.
 
     A mask is 255 where the image shows the scene, else 0; a camera without invalid pixels has none.
-
-    Args:
-        recording: run to export.
-        cameras: cameras of the images.
-        folder: folder of the export.
-        front_only: True: also mask pixels at and past 90° from the lens's axis, except in
-            panoramas.
+    `front_only` also masks pixels at and past 90° from the lens's axis, except in panoramas.
 
     Raises:
         OmnisimError: a file cannot be read or written.
@@ -310,12 +287,7 @@ class Observations(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ScenePoints:
-    """Points of the scene.
-
-    Attributes:
-        positions_m: (n, 3) in the world.
-        colors: (n, 3) sRGB.
-    """
+    """Points of the scene: positions (n, 3) in the world, and colors (n, 3), sRGB."""
 
     positions_m: NDArray[np.float64]
     colors: NDArray[np.uint8]
@@ -327,12 +299,7 @@ class ScenePoints:
 def sample_points(
     recording: Recording, cameras: list[LensCamera], max_points: int = MAX_POINTS
 ) -> ScenePoints:
-    """Points seen by evenly spaced pixels of all images; empty if no image has ranges.
-
-    Args:
-        recording: run to export.
-        cameras: cameras that see the points.
-        max_points: approximate maximum number of points.
+    """About `max_points` points seen by evenly spaced pixels of all images; empty without ranges.
 
     Raises:
         OmnisimError: a file is missing or damaged.
@@ -346,9 +313,8 @@ def sample_points(
         for camera in ranged:
             ranges_m = camera.recorded.channel(step, "range")
             chosen = np.full(ranges_m.shape, np.inf, dtype=ranges_m.dtype)
-            chosen[step_px // 2 :: step_px, step_px // 2 :: step_px] = ranges_m[
-                step_px // 2 :: step_px, step_px // 2 :: step_px
-            ]
+            spread = slice(step_px // 2, None, step_px)
+            chosen[spread, spread] = ranges_m[spread, spread]
             points_m, hit = camera.recorded.points_m(chosen)
             base_from_optical = camera.recorded.mount.base_from_optical
             pose = recording.truth.world_from_base[step] @ base_from_optical
@@ -362,11 +328,7 @@ def observations(
 ) -> Iterator[Observations]:
     """Points visible in each image, step by step and camera by camera.
 
-    Args:
-        recording: run to export.
-        cameras: cameras of the images.
-        points: points of the scene.
-        front_only: True: leave out points at and past 90° from a lens's axis, except in panoramas.
+    `front_only` leaves out points at and past 90° from a lens's axis, except in panoramas.
 
     Raises:
         OmnisimError: a file is missing or damaged.

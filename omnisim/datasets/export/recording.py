@@ -80,11 +80,7 @@ class Recording:
 
     @classmethod
     def read(cls, path: Path, camera_name: str | None = None) -> Recording:
-        """Read a run.
-
-        Args:
-            path: folder of the run.
-            camera_name: only camera to export; None: all cameras.
+        """Read a run, with one of its cameras or all.
 
         Raises:
             OmnisimError: not a run, an unfinished run, an unknown camera, or a damaged file.
@@ -150,12 +146,9 @@ class Recording:
     def in_frames(self, names: Sequence[str], print_note: Callable[[str], None]) -> Recording:
         """Recording whose steps are frames, at the measurements of the slowest of several sensors.
 
-        A frame has the measurement of each other sensor that is nearest in time. If no sensor has
-        its own rate, the result is the recording itself.
-
-        Args:
-            names: sensors of the frames.
-            print_note: callback for notes on sensors that measure at other times.
+        A frame has the measurement of each other sensor that is nearest in time; notes name sensors
+        that measure at other times. If no sensor has its own rate, the result is the recording
+        itself.
         """
         if not any(self.run.has_own_rate(name) for name in names):
             return self
@@ -169,11 +162,7 @@ class Recording:
                     f"{name}: measures up to {late_s:.3g} s from {clock}, whose times are taken"
                 )
         poses = self.states(times[clock]).world_from_base
-        cameras = tuple(
-            dataclasses.replace(camera, indices=frames.get(camera.name)) for camera in self.cameras
-        )
-        truth = Trajectory(times[clock], poses)
-        return dataclasses.replace(self, truth=truth, odometry=None, cameras=cameras, frames=frames)
+        return self._framed(Trajectory(times[clock], poses), frames)
 
     def every(self, stride: int) -> Recording:
         """Recording with every `stride`-th step or frame, from the first, and no wheel odometry."""
@@ -182,10 +171,13 @@ class Recording:
         names = self.frames or [camera.name for camera in self.cameras]
         numbers = np.arange(self.steps)
         frames = {name: self.frames.get(name, numbers)[::stride] for name in names}
+        truth = Trajectory(self.truth.times_s[::stride], self.truth.world_from_base[::stride])
+        return self._framed(truth, frames)
+
+    def _framed(self, truth: Trajectory, frames: dict[str, NDArray[np.intp]]) -> Recording:
         cameras = tuple(
             dataclasses.replace(camera, indices=frames.get(camera.name)) for camera in self.cameras
         )
-        truth = Trajectory(self.truth.times_s[::stride], self.truth.world_from_base[::stride])
         return dataclasses.replace(self, truth=truth, odometry=None, cameras=cameras, frames=frames)
 
     def imu_readings(self, name: str) -> ImuReadings:
@@ -209,13 +201,9 @@ class Recording:
         return ImuReadings(values[:, 0], values[:, 1:], None)
 
     def start_state(self, name: str, first_s: float) -> MotionStates:
-        """True state of the base at a sensor's first measurement, one row.
+        """True state of the base at a sensor's first measurement, stamped `first_s`; one row.
 
         It does not depend on an error of the sensor's stamps.
-
-        Args:
-            name: name of the sensor.
-            first_s: stamp of its first measurement.
 
         Raises:
             RunError: the file of the state cannot be read, or is damaged.
@@ -240,23 +228,14 @@ class Recording:
     def mount(
         self, world_from_sensor: NDArray[np.float64], time_s: float | None = None
     ) -> NDArray[np.float64]:
-        """Pose (4, 4) of a sensor on the base, from its pose in the world at a time.
-
-        Args:
-            world_from_sensor: (4, 4) pose of the sensor.
-            time_s: time of that pose; None: the first step.
-        """
+        """Pose (4, 4) of a sensor on the base, from its world pose at a time (None: first step)."""
         world_from_base = self.truth.world_from_base[0]
         if time_s is not None and time_s != self.truth.times_s[0]:
             world_from_base = self.states(np.array([time_s])).world_from_base[0]
         return inverse(world_from_base) @ world_from_sensor
 
     def cloud(self, name: str, step: int) -> StoredCloud:
-        """Point cloud of a lidar.
-
-        Args:
-            name: name of the lidar.
-            step: index of the frame if `frames` has the lidar, else of the lidar's measurement.
+        """Point cloud of a lidar at a frame, or by its own number if `frames` has not the lidar.
 
         Raises:
             RunError: the file cannot be read, or is damaged.
@@ -280,9 +259,8 @@ class Recording:
         Raises:
             RunError: the lidar's first file cannot be read, or is damaged.
         """
-        return self.mount(
-            self.cloud(name, 0).header.pose("world_from_lidar"), self.times_s(name)[0]
-        )
+        pose = self.cloud(name, 0).header.pose("world_from_lidar")
+        return self.mount(pose, self.times_s(name)[0])
 
     def base_from_imu(self, name: str) -> NDArray[np.float64]:
         """Pose (4, 4) of an IMU on the base.
@@ -326,8 +304,7 @@ class RecordedCamera:
     """Camera of a run.
 
     Attributes:
-        run: folder of the run.
-        name: name of the camera.
+        run, name: folder of the run, and name of the camera.
         mount: model, pose on the base, and mask of pixels that show the scene.
         indices: (n,) number of the camera's image at each frame; None: the frame's own number.
     """
@@ -448,10 +425,9 @@ class RecordedCamera:
         return self._rays[2]
 
     def points_m(self, ranges_m: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Points (n, 3) in the optical frame for pixels with a hit, and a mask of these pixels.
+        """Points (n, 3) in the optical frame of rays with ranges (height, width), and their mask.
 
-        Args:
-            ranges_m: (height, width) length of each pixel's ray; +inf: no hit.
+        A range of +inf is no hit.
         """
         directions, origins_m, valid = self._rays
         hit = np.isfinite(ranges_m) & valid

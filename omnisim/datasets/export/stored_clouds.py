@@ -17,12 +17,7 @@ from omnisim.sensors.lidar.point_files import PLAIN_POINT, POINT
 
 
 class FileHeader:
-    """Header of a file of a run.
-
-    Args:
-        path: path of the file, for messages.
-        lines: lines `key: value`.
-    """
+    """Header of a file of a run: lines `key: value`, and its path for messages."""
 
     def __init__(self, path: Path, lines: Iterable[str]):
         self._path = path
@@ -83,10 +78,9 @@ _COUNTS = {".ply": "element vertex ", ".pcd": "POINTS "}
 
 @dataclass(frozen=True, eq=False)
 class StoredCloud:
-    """Point cloud of a revolution.
+    """Point cloud of a revolution, with parameters and poses of the lidar in its header.
 
     Attributes:
-        header: parameters and poses of the lidar.
         points: (n,) records of type `POINT`, or `PLAIN_POINT` in older runs, of
             `omnisim.sensors.lidar.point_files`.
     """
@@ -138,12 +132,7 @@ MAX_NUMBER = 1e30  # within the range of the formats' floats
 
 @dataclass(frozen=True, eq=False)
 class StoredTable:
-    """Table of a sensor.
-
-    Attributes:
-        header: parameters and pose of the sensor.
-        columns: by name, (n,) values each.
-    """
+    """Table of a sensor: parameters and pose of the sensor, and values (n,) by column."""
 
     header: FileHeader
     columns: dict[str, NDArray[np.float64]]

@@ -42,13 +42,8 @@ class LandmarkLocalization(Estimator):
             [observation_from_detection(one, parameters.measurement) for one in detector(image)]
             for image in data.images()
         ]
-        track = localize(
-            data.odometry,
-            observations,
-            LandmarkMap.of_scene(data.landmarks),
-            parameters,
-            data.mount.position_m,
-        )
+        known, camera_m = LandmarkMap.of_scene(data.landmarks), data.mount.position_m
+        track = localize(data.odometry, observations, known, parameters, camera_m)
         z_m = float(run.truth.positions_m[0, 2])
         poses = [
             pose((x_m, y_m, z_m), yaw_deg=float(np.degrees(yaw_rad)))

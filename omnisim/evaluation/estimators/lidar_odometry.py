@@ -83,32 +83,27 @@ class SmallGicpOdometry(Estimator):
         pose, motion = np.eye(4), np.eye(4)
         poses: list[Floats] = []
         for sweep in sweeps:
-            cloud, _ = small_gicp.preprocess_points(
-                compensated(sweep, motion), SAMPLING_M, NEIGHBORS, 1
-            )
+            points_m = compensated(sweep, motion)
+            cloud, _ = small_gicp.preprocess_points(points_m, SAMPLING_M, NEIGHBORS, 1)
             if poses:
                 result = small_gicp.align(
                     voxels, cloud, pose @ motion, max_correspondence_distance=MAX_DISTANCE_M,
                     num_threads=1,
                 )  # fmt: skip
-                before, pose = pose, _without_rounding(result.T_target_source)
+                before, found = pose, result.T_target_source
+                # without accumulated rounding errors
+                pose = pose_from_rotation(nearest_rotation(found[:3, :3]), found[:3, 3])
                 motion = inverse(before) @ pose
             voxels.insert(cloud, pose)
             poses.append(pose)
         return sweeps.trajectory(poses)
 
 
-def _without_rounding(pose: Floats) -> Floats:
-    """Pose (4, 4) with its rotation made orthonormal, against accumulated rounding errors."""
-    return pose_from_rotation(nearest_rotation(pose[:3, :3]), pose[:3, 3])
-
-
 def compensated(sweep: LidarSweep, motion: Floats) -> Floats:
-    """Points (n, 3) in the lidar's frame at the end of the revolution.
+    """Points (n, 3) of a revolution in the lidar's frame at its end.
 
-    Args:
-        sweep: revolution.
-        motion: (4, 4) pose of the lidar at the end in its frame at the start; velocity is constant.
+    `motion` is the (4, 4) pose of the lidar at the end in its frame at the start, at constant
+    velocity.
     """
     back = inverse(motion)
     turn = scipy.spatial.transform.Rotation.from_matrix(back[:3, :3]).as_rotvec()

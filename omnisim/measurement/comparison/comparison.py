@@ -41,12 +41,11 @@ class ImageComparison:
     Attributes:
         name: image file.
         image, twin: (height, width) gray levels.
-        corners_px: (n, 2) corners in the image.
-        offsets_px: (n, 2) corners found in the twin, minus those in the image; NaN: not found.
-        rises_px: (edges, 2) 10-90 % rise of each edge in the image and in the twin; NaN: not seen.
-        edge_centers_px: (edges, 2) middle of each edge in the image.
-        levels: (patches, 2) gray levels of squares or other patches of one color in the image and
-            in the twin.
+        corners_px, offsets_px: (n, 2) corners in the image, and corners in the twin minus these;
+            NaN: not found.
+        rises_px, edge_centers_px: (edges, 2) 10-90 % rise of each edge in the image and in the twin
+            (NaN: not seen), and middle of each edge in the image.
+        levels: (patches, 2) gray levels of patches of one color in the image and in the twin.
         blocks: (blocks, 2, 2) gray level and noise of even blocks in the image and in the twin.
     """
 
@@ -67,9 +66,8 @@ class Ring:
 
     Attributes:
         radius_px: outer radius about the principal point.
-        corners: number of corners.
-        lost: number of corners that are too far off, or not found, in the twin; `bias_px` and
-            `rms_px` exclude them.
+        corners, lost: number of corners, and of those too far off, or not found, in the twin;
+            `bias_px` and `rms_px` exclude them.
         bias_px: (2,) mean or median offset of the corners along the radius and across the radius;
             NaN: all are lost.
         rms_px: root mean square of the corners' offsets.
@@ -104,10 +102,7 @@ class Comparison:
 
     @property
     def bias_px(self) -> float:
-        """Largest absolute offset of a ring's corners, along or across the radius.
-
-        Infinite if all corners of a ring are lost.
-        """
+        """Largest absolute offset of a ring's corners, along or across; infinite: all are lost."""
         biases = [float(np.abs(ring.bias_px).max()) for ring in self.rings]
         return max(bias if math.isfinite(bias) else math.inf for bias in biases)
 
@@ -129,8 +124,7 @@ def compare_image(
 
     Args:
         sensor: twin of the camera.
-        board: calibration board.
-        view: the board in the image.
+        board, view: calibration board, and its corners in the image.
         image: (height, width) gray image.
         board_m: (corners, 3) measured positions of the board's corners; None: flat.
         mirrored: the camera looks into a mirror.
@@ -139,6 +133,8 @@ def compare_image(
         MeasurementError: the image and the sensor differ in size, or the board is outside the
             twin's field of view or not found in the twin's image.
     """
+    import cv2
+
     camera = sensor.model
     if (camera.width_px, camera.height_px) != image.shape[::-1]:
         raise MeasurementError(
@@ -166,28 +162,15 @@ def compare_image(
         [edge_rise_px(one, start, end, pattern.clear) for one in (image, twin)]
         for start, end in zip(starts, ends, strict=True)
     ]
-    levels = [patch_levels(one, samples) for one in (image, twin)]
-    return ImageComparison(
-        view.name,
-        image,
-        twin,
-        view.pixels_px,
-        _offsets_px(view, found),
-        np.array(rises).reshape(-1, 2),
-        0.5 * (starts + ends),
-        np.stack(levels, axis=1),
-        even_blocks(image, twin, _board_field(view, image)),
-    )
-
-
-def _board_field(view: BoardView, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Mask (height, width) of the convex hull of a board's corners; 255: inside."""
-    import cv2
-
-    field = np.zeros(image.shape, dtype=np.uint8)
+    levels = np.stack([patch_levels(one, samples) for one in (image, twin)], axis=1)
+    field = np.zeros(image.shape, dtype=np.uint8)  # 255 among the corners
     hull = cv2.convexHull(np.rint(view.pixels_px).astype(np.int32))
     cv2.fillConvexPoly(field, hull, (255,))
-    return field
+    return ImageComparison(
+        view.name, image, twin, view.pixels_px, _offsets_px(view, found),
+        np.array(rises).reshape(-1, 2), 0.5 * (starts + ends), levels,
+        even_blocks(image, twin, field),
+    )  # fmt: skip
 
 
 def _offsets_px(view: BoardView, found: BoardView) -> Floats:
@@ -247,17 +230,10 @@ def compare_images(
         of_edges = (edge_radii >= low) & (edge_radii < high) & np.isfinite(rises).all(axis=1)
         seen = rises[of_edges]
         median = np.median(seen, axis=0) if len(seen) >= min_edges else np.full(2, np.nan)
-        rings.append(
-            Ring(
-                float(radii[in_ring].max()),
-                int(in_ring.sum()),
-                int(in_ring.sum() - inside.sum()),
-                bias,
-                rms,
-                float(median[0]),
-                float(median[1]),
-            )
-        )
+        count = int(in_ring.sum())
+        lost = count - int(inside.sum())
+        radius_px = float(radii[in_ring].max())
+        rings.append(Ring(radius_px, count, lost, bias, rms, *median.tolist()))
     levels = np.concatenate([one.levels for one in images])
     noise = noise_by_level([one.blocks for one in images])
     return Comparison(tuple(images), tuple(rings), levels[:, 1] - levels[:, 0], noise)
@@ -310,11 +286,8 @@ def even_blocks(
 ) -> Floats:
     """Mean level and noise of blocks that are even in both images: (blocks, 2, 2).
 
-    The second axis is image and twin, the third mean and standard deviation.
-
-    Args:
-        image, twin: (height, width) gray images.
-        field: (height, width) mask of the blocks to use; 0: not used.
+    The second axis is image and twin (height, width), the third mean and standard deviation. Blocks
+    are within `field` (height, width); 0: not used.
     """
     whole = _blocks(field > 0).all(axis=(2, 3))
     parts, is_even = [], whole
@@ -335,11 +308,7 @@ def even_blocks(
 
 
 def noise_by_level(blocks: Sequence[Floats]) -> tuple[NoiseLevel, ...]:
-    """Noise in bins of gray levels that have enough blocks.
-
-    Args:
-        blocks: blocks (n, 2, 2) of each image, from `even_blocks`.
-    """
+    """Noise in bins of gray levels that have enough of the blocks (n, 2, 2) of each image."""
     both = np.concatenate([np.zeros((0, 2, 2)), *blocks])
     bins = np.floor(both[..., 0] / BIN_LEVELS).astype(np.int64)
     rows = []
@@ -373,8 +342,7 @@ def pose_indices(
     Args:
         files: image files.
         names: name of each pose's image; None: not known.
-        count: number of poses.
-        source: file of the poses, for messages.
+        count, source: number of poses, and their file, for messages.
 
     Raises:
         MeasurementError: an image without a pose, a name twice, or another number of poses.
@@ -420,8 +388,8 @@ def edge_rise_px(
 
     Args:
         image: (height, width) gray image.
-        start_px, end_px: (2,) ends of the edge, at corners of the board; the middle half of the
-            edge is used.
+        start_px, end_px: (2,) ends of the edge, at corners of the board; the middle half is used.
+        clear: share of the length, to both sides, without other edges.
     """
     along = end_px - start_px
     length = float(np.linalg.norm(along))
@@ -444,13 +412,7 @@ def edge_rise_px(
 
 
 def _rise_px(distances: NDArray[np.float64], levels: NDArray[np.float64], reach: float) -> float:
-    """Distance between 10 % and 90 % of a rise, px; NaN: no clear rise.
-
-    Args:
-        distances: (n,) signed distances from the edge, px.
-        levels: (n,) gray levels.
-        reach: largest distance, px.
-    """
+    """Rise, px, of gray levels (n,) by distances (n,) up to `reach`; NaN: no clear one."""
     sides = levels[distances < -0.5 * reach], levels[distances > 0.5 * reach]
     if min(map(len, sides)) < 3:
         return math.nan

@@ -25,11 +25,10 @@ DICTIONARIES = ("4X4", "5X5", "6X6", "7X7")
 
 @dataclass(frozen=True)
 class Chessboard:
-    """Chessboard.
+    """Chessboard of squares with sides `square_m`.
 
     Attributes:
         columns, rows: inner corners along a row and along a column.
-        square_m: side of a square.
 
     Raises:
         MeasurementError: fewer than 3 corners in a direction, or a side that is not positive.
@@ -49,8 +48,7 @@ class CharucoBoard:
 
     Attributes:
         columns, rows: squares along a row and along a column.
-        square_m: side of a square.
-        marker_m: side of a marker.
+        square_m, marker_m: sides of a square and of a marker.
         dictionary: OpenCV's dictionary without its prefix, such as "5X5_100".
 
     Raises:
@@ -132,15 +130,16 @@ def read_board(text: str) -> Board:
     if kind == "chessboard":
         return Chessboard(columns, rows, size_m)
     if kind == "charuco":
-        return CharucoBoard(columns, rows, _length_m(parts[1]), _length_m(parts[2]), parts[3])
-    return AprilGrid(columns, rows, _length_m(parts[1]), _ratio(parts[2]))
+        return CharucoBoard(columns, rows, size_m, _length_m(parts[2]), parts[3])
+    try:
+        return AprilGrid(columns, rows, size_m, float(parts[2]))
+    except ValueError:
+        message = f"board: spacing: expected a number such as 0.3, got {parts[2]!r}"
+        raise MeasurementError(message) from None
 
 
 def _kalibr_board(path: Path) -> Board:
-    """Board of a Kalibr target file.
-
-    Source: Kalibr's wiki, "Calibration targets".
-    """
+    """Board of a Kalibr target file. Source: Kalibr's wiki, "Calibration targets"."""
     try:
         table = parse_yaml(read_text(path), str(path))
     except CalibrationError as reason:
@@ -185,14 +184,6 @@ def _length_m(text: str) -> float:
     return float(match[1]) * _UNITS_M[match[2] or "m"]
 
 
-def _ratio(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        message = f"board: spacing: expected a number such as 0.3, got {text!r}"
-        raise MeasurementError(message) from None
-
-
 def _check(columns: int, rows: int, least: int, **sizes: float) -> None:
     if min(columns, rows) < least or max(columns, rows) > 100:
         got = f"{columns} x {rows}"
@@ -200,9 +191,6 @@ def _check(columns: int, rows: int, least: int, **sizes: float) -> None:
     for name, size in sizes.items():
         if not 0.0 < size < 100.0:  # also rejects NaN
             raise MeasurementError(f"board: {name}: expected more than 0, got {size:g}")
-
-
-# Corners of a board in one image.
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,12 +215,7 @@ class BoardView:
 
 @dataclass(frozen=True)
 class RejectedImage:
-    """Image without a usable board.
-
-    Attributes:
-        name: image file.
-        reason: reason why the image has no usable board.
-    """
+    """Image without a usable board, and the reason."""
 
     name: str
     reason: str

@@ -90,8 +90,7 @@ def measure_geometry(
     choose the model, which is then fitted to all.
 
     Args:
-        views: view of the board in each image.
-        size_px: width and height of the images.
+        views, size_px: view of the board in each image, and width and height of the images.
         mirrored: True if the camera looks into a mirror.
         models: names of the models to try, from `CANDIDATES`.
         is_flat: True: the board is assumed exactly flat and exactly printed.
@@ -127,7 +126,7 @@ def measure_geometry(
         choice.held_out_rms_px,
         (*rejected, *outlying),
         model_quantities(chosen, corners),
-        unobservable_quantities(fit, corners, is_held_out=choice.is_held_out),
+        unobservable_quantities(fit, corners, math.isfinite(choice.held_out_rms_px)),
     )
 
 
@@ -144,8 +143,7 @@ def fit_shape(
 ) -> tuple[list[BoardView], Adjustment, float | None]:
     """Fit the board's shape, if that predicts held-out images better than a flat board.
 
-    Returns:
-        Views, fit of the lens, and stiffness of the board in px/m; None: the board is flat.
+    Returns views, fit of the lens, and stiffness of the board in px/m; None: the board is flat.
     """
     corners = Corners.of(views)
     flat = preliminary_lens(first, corners)
@@ -201,18 +199,22 @@ def measure_optics(
     The errors in held-out images are those of fits without a fifth of the images.
 
     Args:
-        table: table of the optics file, close to the true values.
+        table, name: table of the optics file, close to the true values, and its name for messages.
         free: keys of the parameters to fit, see `FreeParameters`.
         views: view of the board in each image.
-        name: name of the optics file, for messages.
 
     Raises:
         MeasurementError: too few images, corners that the system does not show, or images that do
             not determine the parameters.
     """
+
+    def fit_system(kept: Sequence[BoardView]) -> FittedViews[SystemCalibration]:
+        fit = calibrate_system(table, free, _boards(kept), name)
+        return FittedViews(fit.errors_px, fit)
+
     used, copies = remove_copies(views)
     try:
-        used, outlying, fit = remove_outliers(used, lambda kept: _fit(table, free, kept, name))
+        used, outlying, fit = remove_outliers(used, fit_system)
     except OpticsError as reason:
         raise MeasurementError(str(reason)) from None
     held_out_px = _held_out_rms_px(fit, free, used, name)
@@ -231,20 +233,10 @@ def measure_optics(
         -fit.errors_px,  # measured minus predicted
         held_out_px,
         (*copies, *outlying),
-        tuple(
-            Quantity(one.name, one.value, one.sigma, _unit(one.name), basis)
-            for one in fit.parameters
-        ),
+        tuple(Quantity(one.name, one.value, one.sigma, _unit(one.name), basis)
+              for one in fit.parameters),
         unobservable,
-    )
-
-
-def _fit(
-    table: Mapping[str, Any], free: Sequence[str], views: Sequence[BoardView], name: str
-) -> FittedViews[SystemCalibration]:
-    """Parameters fitted to views."""
-    fit = calibrate_system(table, free, _boards(views), name)
-    return FittedViews(fit.errors_px, fit)
+    )  # fmt: skip
 
 
 def _held_out_rms_px(
@@ -295,12 +287,7 @@ _MAX_CORNER_RATIO = 8.0  # factor of the corners' median error: 9.4 standard dev
 
 
 class FittedViews(NamedTuple, Generic[Fit]):
-    """Camera fitted to views.
-
-    Attributes:
-        errors_px: (n, 2) errors of all corners, in the order of the views.
-        fit: fitted camera, poses and whatever belongs to them.
-    """
+    """Camera, poses and so on fitted to views, and errors (n, 2) of all corners in order."""
 
     errors_px: Floats
     fit: Fit
@@ -322,11 +309,7 @@ def remove_copies(views: Sequence[BoardView]) -> tuple[list[BoardView], list[Rej
 def remove_outliers(
     views: list[BoardView], fit: Callable[[list[BoardView]], FittedViews[Fit]]
 ) -> tuple[list[BoardView], list[RejectedImage], Fit]:
-    """Views that fit one camera, rejected images, and the fit to these views.
-
-    Args:
-        views: view of the board in each image.
-        fit: fits a camera to views.
+    """Views that fit one camera, rejected images, and the fit to these views, made by `fit`.
 
     Raises:
         MeasurementError: too few views remain, too many are rejected, or a corner is an outlier in
@@ -358,15 +341,19 @@ def remove_outliers(
         if not is_outlier.any():
             return views, rejected, fitted.fit
         _check_board(is_outlier, corners)
-        views = _without_corners(views, is_outlier, corners, rejected)
+        kept = []
+        for index, view in enumerate(views):
+            is_used = ~is_outlier[slice(*corners.starts[index : index + 2])]
+            if is_used.sum() < MIN_CORNERS:
+                reason = f"{(~is_used).sum()} of {len(is_used)} corners are outliers"
+                rejected.append(RejectedImage(view.name, reason))
+            else:
+                kept.append(BoardView(view.name, view.points_m[is_used], view.pixels_px[is_used]))
+        views = kept
 
 
 def fit_lens(views: list[BoardView], size_px: tuple[int, int]) -> FittedViews[Adjustment]:
-    """Preliminary lens of views, with the errors of the lens that judges outliers.
-
-    Args:
-        views: view of the board in each image.
-        size_px: width and height of the images.
+    """Preliminary lens of views in images of a size, with the errors that judge outliers.
 
     Raises:
         MeasurementError: no lens fits.
@@ -376,15 +363,7 @@ def fit_lens(views: list[BoardView], size_px: tuple[int, int]) -> FittedViews[Ad
 
 
 def _check_board(is_outlier: NDArray[np.bool_], corners: Corners) -> None:
-    """Reject a board with a corner that is an outlier in most images.
-
-    Args:
-        is_outlier: (n,) True for outliers.
-        corners: corners in the images.
-
-    Raises:
-        MeasurementError: a corner is an outlier in more than half of its images.
-    """
+    """Reject a board with a corner that is an outlier (n,) in more than half of its images."""
     seen = np.bincount(corners.label, minlength=len(corners.nominal_m))
     off = np.bincount(corners.label[is_outlier], minlength=len(corners.nominal_m))
     worst = int(np.argmax(off / np.maximum(seen, 1)))
@@ -394,24 +373,6 @@ def _check_board(is_outlier: NDArray[np.bool_], corners: Corners) -> None:
             f"the board's corner at ({x:.4g}, {y:.4g}) mm is off its place in {off[worst]} of "
             f"{seen[worst]} images: {CHECK_BOARD}"
         )
-
-
-def _without_corners(
-    views: list[BoardView],
-    is_outlier: NDArray[np.bool_],
-    corners: Corners,
-    rejected: list[RejectedImage],
-) -> list[BoardView]:
-    """Views without outliers; views with too few remaining corners are appended to `rejected`."""
-    kept = []
-    for index, view in enumerate(views):
-        is_used = ~is_outlier[slice(*corners.starts[index : index + 2])]
-        if is_used.sum() < MIN_CORNERS:
-            reason = f"{(~is_used).sum()} of {len(is_used)} corners are outliers"
-            rejected.append(RejectedImage(view.name, reason))
-        else:
-            kept.append(BoardView(view.name, view.points_m[is_used], view.pixels_px[is_used]))
-    return kept
 
 
 def check_focal_length(first: Adjustment) -> None:
@@ -434,8 +395,8 @@ def check_focal_length(first: Adjustment) -> None:
 def preliminary_lens(first: Adjustment, corners: Corners) -> Candidate:
     """Preliminary lens for the rejection of outliers and the choice of the board's shape.
 
-    It is a Kannala-Brandt lens, unless the unified model with decentering, as for a misaligned
-    mirror, fits much better.
+    A Kannala-Brandt lens, unless the unified model with decentering (a misaligned mirror) fits
+    better.
     """
     radial = fit_candidate("kannala_brandt", corners, first, None)
     try:

@@ -84,7 +84,13 @@ def measure_noise(
     result.gain()
     result.dark()
     result.saturation()
-    stack, flat = max(darks, key=lambda one: one.count), _flat_stack(flats, dark, curve)
+    # the flat with enough frames nearest to 50 % of saturation
+    end_dn = curve.saturation_dn
+    end_dn = max(one.mean_dn for one in flats) if end_dn is None else end_dn
+    stacks = [one for one in flats if one.count >= MIN_FRAMES and one.mean_dn < 0.9 * end_dn]
+    middle_dn = 0.5 * (dark.black_dn + end_dn)
+    flat = min(stacks, key=lambda one: abs(one.mean_dn - middle_dn), default=None)
+    stack = max(darks, key=lambda one: one.count)
     result.pattern(stack, flat)
     return MeasuredNoise(
         noise=Noise(bit_depth=bits, **result.parameters),
@@ -118,11 +124,8 @@ def _aligned(
     used = (bits >> shift).bit_length()
     if bit_depth is not None and used > bit_depth:
         raise MeasurementError(f"bit depth {bit_depth}: expected at least {used}, which values use")
-    return (
-        [one.shifted(shift) for one in darks],
-        [one.shifted(shift) for one in flats],
-        bit_depth or used,
-    )
+    shifted = [[one.shifted(shift) for one in frames] for frames in (darks, flats)]
+    return shifted[0], shifted[1], bit_depth or used
 
 
 def _check_dark(dark: FrameStatistics, largest_dn: float) -> None:
@@ -131,41 +134,25 @@ def _check_dark(dark: FrameStatistics, largest_dn: float) -> None:
             f"{dark.name}: expected at most {100 * MAX_ZEROS:g} % of the dark values at 0, got "
             f"{100 * dark.zeros:.2g} %: raise the camera's black level"
         )
-    blocks = _block_means(dark.mean_image_dn)
-    leak = float(np.ptp(blocks))
-    pixels = dark.mean_image_dn.size / blocks.size
-    noise = float(np.std(dark.mean_image_dn)) / math.sqrt(pixels)
-    if leak > MAX_LEAK * largest_dn + _LEAK_SIGMAS * noise:
-        row, column = np.unravel_index(int(np.argmax(blocks)), blocks.shape)
-        vertical = "upper" if row < len(blocks) / 2 else "lower"
-        horizontal = "left" if column < blocks.shape[1] / 2 else "right"
-        side = f"{vertical} {horizontal}"
-        raise MeasurementError(
-            f"{dark.name}: expected even dark frames, got {leak:.3g} DN more at the {side}: light "
-            "leaks in, cover the lens"
-        )
-
-
-def _block_means(image: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Means of 8 × 8 equal blocks of an image; of fewer if it has fewer rows or columns."""
+    # means of 8 × 8 equal blocks, of fewer if there are fewer rows or columns
+    image = dark.mean_image_dn
     rows, columns = (min(_LEAK_BLOCKS, size) for size in image.shape)
-    return np.array(
+    blocks = np.array(
         [
             [part.mean() for part in np.array_split(strip, columns, axis=1)]
             for strip in np.array_split(image, rows, axis=0)
         ]
     )
-
-
-def _flat_stack(
-    flats: Sequence[FrameStatistics], dark: DarkSignal, curve: PhotonTransfer
-) -> FrameStatistics | None:
-    """Flat field with enough frames nearest to 50 % of saturation; None: too few frames in all."""
-    brightest = max(one.mean_dn for one in flats)
-    end_dn = brightest if curve.saturation_dn is None else curve.saturation_dn
-    stacks = [one for one in flats if one.count >= MIN_FRAMES and one.mean_dn < 0.9 * end_dn]
-    middle_dn = 0.5 * (dark.black_dn + end_dn)
-    return min(stacks, key=lambda one: abs(one.mean_dn - middle_dn), default=None)
+    leak = float(np.ptp(blocks))
+    noise = float(np.std(image)) / math.sqrt(image.size / blocks.size)
+    if leak > MAX_LEAK * largest_dn + _LEAK_SIGMAS * noise:
+        row, column = np.unravel_index(int(np.argmax(blocks)), blocks.shape)
+        side = "upper" if row < len(blocks) / 2 else "lower"
+        side += " left" if column < blocks.shape[1] / 2 else " right"
+        raise MeasurementError(
+            f"{dark.name}: expected even dark frames, got {leak:.3g} DN more at the {side}: light "
+            "leaks in, cover the lens"
+        )
 
 
 class _Collector:
@@ -183,11 +170,8 @@ class _Collector:
 
     def gain(self) -> None:
         """Measure the gain of the converter."""
-        levels = int(self._curve.used.sum())
-        self._add(
-            "gain_e_per_dn", self._gain, self._gain * self._gain_share, "e/DN",
-            f"slope of the temporal variance over {levels} flat levels",
-        )  # fmt: skip
+        basis = f"slope of the temporal variance over {self._curve.used.sum()} flat levels"
+        self._add("gain_e_per_dn", self._gain, self._gain * self._gain_share, "e/DN", basis)
 
     def dark(self) -> None:
         """Measure black level, dark current and read noise."""
@@ -198,16 +182,10 @@ class _Collector:
         frames = f"{count} dark frames at {exposures} exposure{'s' if exposures > 1 else ''}"
         rate_e, rate_sigma = gain * dark.rate_dn_per_s, gain * dark.rate_sigma_dn_per_s
         if not math.isfinite(rate_sigma):
-            self.unobservable.append(
-                Unobservable("dark_current_e_per_s", "take dark frames at two exposures or more")
-            )
+            self._miss("dark_current_e_per_s", "take dark frames at two exposures or more")
         elif rate_e < _SIGNIFICANT * rate_sigma:
             limit = f"below {max(rate_e, 0.0) + 2.0 * rate_sigma:.3g} e/s"
-            self.unobservable.append(
-                Unobservable(
-                    "dark_current_e_per_s", f"{limit}: take dark frames at longer exposures"
-                )
-            )
+            self._miss("dark_current_e_per_s", f"{limit}: take dark frames at longer exposures")
         else:
             sigma = math.hypot(rate_sigma, rate_e * self._gain_share)
             self._add("dark_current_e_per_s", rate_e, sigma, "e/s", f"growth over {frames}")
@@ -230,7 +208,7 @@ class _Collector:
             reason = ""
         if reason:
             self.parameters["read_noise_e"] = gain * math.sqrt(max(read_dn2, 0.0))
-            self.unobservable.append(Unobservable("read_noise_e", reason))
+            self._miss("read_noise_e", reason)
             return
         read_dn = math.sqrt(read_dn2)
         sigma_dn = sigma_dn2 / (2.0 * read_dn)
@@ -242,12 +220,8 @@ class _Collector:
         end_dn = self._curve.saturation_dn
         if end_dn is None:
             brightest = float(self._curve.means_dn.max())
-            self.unobservable.append(
-                Unobservable(
-                    "full_well_e",
-                    f"above {self._gain * brightest:.4g} e: take a flat that saturates all pixels",
-                )
-            )
+            limit = f"above {self._gain * brightest:.4g} e"
+            self._miss("full_well_e", f"{limit}: take a flat that saturates all pixels")
             white_dn = self._largest_dn - self._dark.black_dn
             self.parameters["full_well_e"] = self._gain * white_dn
             return
@@ -261,18 +235,14 @@ class _Collector:
         """Measure both nonuniformities and the map of deviations, and find defective pixels."""
         few = f"take {MIN_FRAMES} frames or more"
         if dark.count < MIN_FRAMES:
-            self.unobservable += [
-                Unobservable("dsnu_e", f"{few} in the dark"),
-                Unobservable("prnu", few),
-            ]
+            self._miss("dsnu_e", f"{few} in the dark")
+            self._miss("prnu", few)
             return
         dsnu = dark_nonuniformity(dark)
         gain = self._gain
         self._add_parts("dsnu_e", dsnu, gain, "e", f"{dark.count} dark frames")
         if flat is None:
-            self.unobservable.append(
-                Unobservable("prnu", f"{few} of a flat near 50 % of saturation")
-            )
+            self._miss("prnu", f"{few} of a flat near 50 % of saturation")
             self.defects = dsnu.defects
             return
         prnu = photo_response_nonuniformity(flat, dark, self._dark, self._mosaic)
@@ -284,25 +254,24 @@ class _Collector:
     def _add_parts(
         self, name: str, spread: Nonuniformity, factor: float, unit: str, basis: str
     ) -> None:
-        sigma = factor * math.hypot(
-            spread.sigma, spread.total * self._gain_share if factor != 1.0 else 0.0
-        )
+        of_gain = spread.total * self._gain_share if factor != 1.0 else 0.0
+        sigma = factor * math.hypot(spread.sigma, of_gain)
         if spread.total < _SIGNIFICANT * spread.sigma:
             limit = factor * (spread.total + 2.0 * spread.sigma)
-            self.unobservable.append(
-                Unobservable(name, f"below {limit:.2g} {unit}: take more frames")
-            )
+            self._miss(name, f"below {limit:.2g} {unit}: take more frames")
             return
         self._add(name, factor * spread.total, sigma, unit, basis)
         stem, ending = (name[:-2], "_e") if name.endswith("_e") else (name, "")
         for part in ("row", "column", "pixel"):
-            value = factor * getattr(spread, part)
-            quantity = Quantity(f"{stem}_{part}{ending}", value, math.nan, unit, basis)
-            self.quantities.append(quantity)
+            named, value = f"{stem}_{part}{ending}", factor * getattr(spread, part)
+            self.quantities.append(Quantity(named, value, math.nan, unit, basis))
 
     def _add(self, name: str, value: float, sigma: float, unit: str, basis: str) -> None:
         self.parameters[name] = value
         self.quantities.append(Quantity(name, value, sigma, unit, basis))
+
+    def _miss(self, name: str, reason: str) -> None:
+        self.unobservable.append(Unobservable(name, reason))
 
 
 # Photon transfer: temporal variance against mean, whose slope is the gain of the camera.
@@ -350,8 +319,7 @@ class DarkSignal:
 
     def variance_dn2(self, exposure_s: float) -> float:
         """Temporal variance of the dark frames whose exposure is nearest to `exposure_s`."""
-        nearest = min(self.frames, key=lambda one: abs(one.exposure_s - exposure_s))
-        return nearest.variance_dn2
+        return min(self.frames, key=lambda one: abs(one.exposure_s - exposure_s)).variance_dn2
 
 
 def dark_signal(darks: Sequence[FrameStatistics]) -> DarkSignal:
@@ -399,14 +367,12 @@ def photon_transfer(flats: Sequence[FrameStatistics], dark: DarkSignal) -> Photo
     means = np.array([one.mean_dn - dark.mean_dn(one.exposure_s) for one in ordered])
     variances = np.array([one.variance_dn2 - dark.variance_dn2(one.exposure_s) for one in ordered])
     sigmas = np.array([one.variance_sigma_dn2 for one in ordered])
-    clipped = np.array([one.clipped for one in ordered])
     peak = int(np.argmax(variances))
     saturated = np.arange(len(ordered)) > peak
     saturated &= (variances < _PLATEAU * variances[peak]) & (means > _NEAR_END * means.max())
-    end_dn = max(
-        (one.mean_dn for one, at_end in zip(ordered, saturated, strict=True) if at_end),
-        default=None,
-    )
+    at_end = (one.mean_dn for one, is_end in zip(ordered, saturated, strict=True) if is_end)
+    end_dn = max(at_end, default=None)
+    first = f"{ordered[0].name} and others"
     if means[-1] <= 0.0:
         raise MeasurementError(
             f"{ordered[-1].name} and others: expected flats brighter than the dark frames"
@@ -418,37 +384,25 @@ def photon_transfer(flats: Sequence[FrameStatistics], dark: DarkSignal) -> Photo
         )
     # uneven light saturates in some pixels first: from the level with the largest variance on
     limit = np.inf if peak == len(ordered) - 1 else MAX_SHARE * float(means[peak])
-    used = (means <= limit) & (means > 0.0) & ~saturated & ~_clipped(ordered, clipped)
-    _check(used, means, ordered)
-    _check_linear(times[used], means[used])
-    gain, gain_sigma = _slope(means[used], variances[used], sigmas[used])
-    _check_curvature(means[used], variances[used], sigmas[used], gain)
-    return PhotonTransfer(means, variances, used, gain, gain_sigma, end_dn)
-
-
-def _clipped(flats: Sequence[FrameStatistics], clipped: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """True (levels,) where too many values equal the largest value of all frames."""
-    largest = max(one.maximum_dn for one in flats)
-    at_end = np.array([one.maximum_dn >= largest for one in flats])
-    return at_end & (clipped > MAX_CLIPPED)
-
-
-def _check(
-    used: NDArray[np.bool_], means: NDArray[np.float64], flats: Sequence[FrameStatistics]
-) -> None:
-    folder = flats[0].name
+    largest = max(one.maximum_dn for one in ordered)
+    is_clipped = [one.maximum_dn >= largest and one.clipped > MAX_CLIPPED for one in ordered]
+    used = (means <= limit) & (means > 0.0) & ~saturated & ~np.array(is_clipped)
     if used.sum() < MIN_LEVELS:
         raise MeasurementError(
-            f"{folder} and others: expected at least {MIN_LEVELS} flat levels below "
-            f"{100 * MAX_SHARE:.0f} % of saturation, got {used.sum()} of {len(flats)}: "
+            f"{first}: expected at least {MIN_LEVELS} flat levels below "
+            f"{100 * MAX_SHARE:.0f} % of saturation, got {used.sum()} of {len(ordered)}: "
             "take flats at shorter exposures"
         )
     span = means[used].max() / means[used].min()
     if span < MIN_SPAN:
         raise MeasurementError(
-            f"{folder} and others: expected flat levels that span a ratio of {MIN_SPAN:g}, got "
+            f"{first}: expected flat levels that span a ratio of {MIN_SPAN:g}, got "
             f"{span:.2g}: take flats at more different exposures"
         )
+    _check_linear(times[used], means[used])
+    gain, gain_sigma = _slope(means[used], variances[used], sigmas[used])
+    _check_curvature(means[used], variances[used], sigmas[used], gain)
+    return PhotonTransfer(means, variances, used, gain, gain_sigma, end_dn)
 
 
 def _check_linear(times: NDArray[np.float64], means: NDArray[np.float64]) -> None:
@@ -551,8 +505,7 @@ def photo_response_nonuniformity(
 
     Args:
         flat: flat field.
-        stack: dark frames of the same sensor; their pattern is subtracted.
-        dark: dark signal by exposure.
+        stack, dark: dark frames of the same sensor, whose pattern is subtracted, and their signal.
         mosaic: the frames have a Bayer mosaic; the mean of each of its four colors is subtracted.
     """
     offset = dark.mean_dn(flat.exposure_s) - stack.mean_dn

@@ -65,8 +65,7 @@ def measure_response(
         images: for each exposure time, (height, width) levels of a static scene: of one image, or
             the mean of several.
         exposures_s: exposure times.
-        black_dn: level without light.
-        white_dn: largest level.
+        black_dn, white_dn: level without light, and largest level.
         name: name of the images, for messages.
 
     Raises:
@@ -82,7 +81,11 @@ def measure_response(
         )
     if len({image.shape for image in images}) > 1:
         raise MeasurementError(f"{name}: images of several sizes: expected one camera")
-    stack = np.stack([_sample(images[index]) for index in order])
+    steps = [max(1, math.ceil(images[index].size / MAX_PIXELS)) for index in order]
+    stack = np.stack([
+        images[index].reshape(-1)[::step].astype(np.float64)
+        for index, step in zip(order, steps, strict=True)
+    ])  # fmt: skip
     levels = (stack - black_dn) / (white_dn - black_dn)
     brightest = float(np.max(levels))
     if not MIN_BRIGHTEST < brightest < MAX_BRIGHTEST:
@@ -123,18 +126,8 @@ def measure_response(
     return MeasuredResponse(encodings[best], quantities, errors, light, knots)
 
 
-def _sample(image: NDArray[Any]) -> Floats:
-    """Evenly spread pixels (n,) of an image, at most 20 000."""
-    step = max(1, math.ceil(image.size / MAX_PIXELS))
-    return image.reshape(-1)[::step].astype(np.float64)
-
-
 def _check_order(levels: Floats, times: Floats, name: str) -> None:
-    """Reject images that become darker with the exposure time.
-
-    Raises:
-        MeasurementError: naming both exposure times.
-    """
+    """Reject images that become darker with the exposure time."""
     means = np.median(levels, axis=1)
     for index in range(1, len(times)):
         if means[index] < means[index - 1] - 0.01:
@@ -144,28 +137,17 @@ def _check_order(levels: Floats, times: Floats, name: str) -> None:
             )
 
 
-def _predicted(
-    inverse: Callable[[Floats], Floats], levels: Floats, times: Floats, used: NDArray[np.bool_]
-) -> Floats:
-    """Light (images, pixels) expected at each exposure time, from each pixel's mean per second.
-
-    Args:
-        inverse: inverse response, from levels to light.
-        levels: (images, pixels) levels in [0, 1].
-        times: (images,) exposure times, s.
-        used: (images, pixels) False: too dark or too bright.
-    """
-    weights = used * times[:, None]
-    seen = inverse(levels) * used
-    per_second = seen.sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-30)
-    return per_second * times[:, None]
-
-
 def _error(
     inverse: Callable[[Floats], Floats], levels: Floats, times: Floats, used: NDArray[np.bool_]
 ) -> float:
-    """Root mean square error of the levels predicted with an inverse response, of full scale 1."""
-    light = _predicted(inverse, levels, times, used)
+    """Root mean square error of levels (images, pixels) predicted with an inverse response.
+
+    White is 1; levels that are not `used` are too dark or too bright.
+    """
+    # of each pixel, from its mean light per second
+    weights = used * times[:, None]
+    per_second = (inverse(levels) * used).sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-30)
+    light = per_second * times[:, None]
     # back to levels along the inverse's slope
     grid = np.linspace(0.0, 1.0, 2049)
     expected = np.interp(light, inverse(grid), grid)

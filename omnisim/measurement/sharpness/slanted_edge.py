@@ -28,8 +28,7 @@ class EdgeSharpness:
 
     Attributes:
         image: number of the image.
-        center_px: (2,) position (u, v) in the image.
-        normal: (2,) unit vector from the dark to the bright side.
+        center_px, normal: (2,) position (u, v), and unit vector from the dark to the bright side.
         length_px, slant_deg: length, and angle to the pixel rows or columns, the smaller.
         mtf50, mtf50_sigma: frequency at which the modulation is one half, cycles per pixel.
         rise_px, rise_sigma_px: distance from 10 to 90 % of the edge.
@@ -82,13 +81,11 @@ def pixel_transfer(frequency: float, normal: Floats) -> float:
 def measure_edge(
     light: NDArray[np.float64], clipped: NDArray[np.bool_], line: EdgeLine, image: int = 0
 ) -> EdgeSharpness:
-    """Measure the sharpness of an edge.
+    """Measure the sharpness of an edge, near a line in an image of a number.
 
     Args:
         light: (height, width, 1 or 3) linear values, 1: white.
         clipped: (height, width) True: the pixel is at a limit of its values.
-        line: approximate ends of the edge.
-        image: number of the image.
 
     Raises:
         UnusableEdge: the edge has a flaw.
@@ -111,21 +108,12 @@ def measure_edge(
             other = edge_spread(light[edge.rows, edge.columns, channel], edge)
             estimates = shifts(spread, other, float(high[0] - low[0]))
             shift[index], shift_sigma[index] = estimates[0], deviation(estimates)
+    asymmetry = float((2.0 * middle[0] - low[0] - high[0]) / (high[0] - low[0]))
     return EdgeSharpness(
-        image=image,
-        center_px=edge.center_px,
-        normal=edge.normal,
-        length_px=edge.length_px,
-        slant_deg=edge.slant_deg,
-        mtf50=float(mtf50[0]),
-        mtf50_sigma=deviation(mtf50),
-        rise_px=float(high[0] - low[0]),
-        rise_sigma_px=deviation(high - low),
-        asymmetry=float((2.0 * middle[0] - low[0] - high[0]) / (high[0] - low[0])),
-        transfer=transfer[0],
-        shifts_px=shift,
-        shift_sigmas_px=shift_sigma,
-    )
+        image, edge.center_px, edge.normal, edge.length_px, edge.slant_deg,
+        float(mtf50[0]), deviation(mtf50), float(high[0] - low[0]), deviation(high - low),
+        asymmetry, transfer[0], shift, shift_sigma,
+    )  # fmt: skip
 
 
 # Edge spread and modulation transfer of a fitted edge.
@@ -195,9 +183,7 @@ def edge_spread(values: Floats, edge: FittedEdge) -> EdgeSpread:
 def modulation_transfer(spread: EdgeSpread, rise_px: float) -> Floats:
     """Modulation transfer (1 + GROUPS, frequencies) at `FREQUENCIES`.
 
-    Args:
-        spread: edge spread functions.
-        rise_px: distance from 10 to 90 % of the edge; sets the width of the window.
+    `rise_px`, from 10 to 90 % of the edge, sets the width of the window.
     """
     distances = np.abs(spread.distances_px)
     first, last = _FLAT * rise_px + 1.0, min(_END * rise_px + 3.0, distances.max())
@@ -225,10 +211,7 @@ def _centers_px(count: int) -> Floats:
 
 
 def _trend(spread: EdgeSpread, edge_px: float) -> Floats:
-    """Slopes (1 + GROUPS,) of uneven light, per px: mean of both sides beyond `edge_px`.
-
-    0 if a side is too narrow.
-    """
+    """Slopes (1 + GROUPS,) of light per px, mean of both sides beyond `edge_px`; 0: too narrow."""
     slopes = np.zeros(len(spread.levels))
     for is_side in (spread.distances_px > edge_px, spread.distances_px < -edge_px):
         if is_side.sum() * BIN_PX < _MIN_TREND_PX:

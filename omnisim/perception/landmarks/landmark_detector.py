@@ -127,23 +127,24 @@ class LandmarkDetector:
             finding = measure_wide(self.panorama, doubled, region, landmark)
             if finding is not None:
                 measured.append((landmark, finding))
-        return [self._detection(landmark, best) for landmark, best in _best_of_each(measured)]
+        best: dict[str, tuple[Landmark, LandmarkMeasurement]] = {}
+        for landmark, finding in measured:  # a landmark exists only once
+            other = best.get(landmark.name)
+            if other is None or finding.area_px > other[1].area_px:
+                best[landmark.name] = (landmark, finding)
+        return [self._detection(landmark, finding) for landmark, finding in best.values()]
 
     def _detection(self, landmark: Landmark, finding: LandmarkMeasurement) -> Detection:
         width = self.panorama.camera.width_px
-        turns = finding.left // width  # boxes start within the panorama
-        bearing = float(self.panorama.bearings_rad(finding.column))
+        start = finding.left // width * width  # boxes start within the panorama
         return Detection(
             landmark.name,
-            wrap_angle(bearing),
+            wrap_angle(float(self.panorama.bearings_rad(finding.column))),
             finding.range_m,
             finding.range_eq2_m,
             finding.column_sigma_px / self.panorama.camera.focal_length_px,
             finding.range_sigma_m,
-            finding.left - turns * width,
-            finding.right - turns * width,
-            finding.top,
-            finding.bottom,
+            *(finding.left - start, finding.right - start, finding.top, finding.bottom),
             finding.area_px,
         )
 
@@ -172,18 +173,6 @@ def _stacked(regions: Sequence[Region]) -> list[tuple[Region, Region]]:
             if abs(lower.top - upper.bottom) <= slack and overlap >= 0.5 * narrow:
                 pairs.append((lower, upper))
     return pairs
-
-
-def _best_of_each(
-    measured: list[tuple[Landmark, LandmarkMeasurement]],
-) -> list[tuple[Landmark, LandmarkMeasurement]]:
-    """Keep the measurement with the most pixels of each landmark, which exists only once."""
-    best: dict[str, tuple[Landmark, LandmarkMeasurement]] = {}
-    for landmark, finding in measured:
-        other = best.get(landmark.name)
-        if other is None or finding.area_px > other[1].area_px:
-            best[landmark.name] = (landmark, finding)
-    return list(best.values())
 
 
 # Detections as CSV: one per line, `step` first; angles in degrees.
@@ -240,12 +229,8 @@ class LandmarkMeasurement:
     """Measurement of one landmark; columns may exceed the panorama's right edge.
 
     Attributes:
-        column: column at the landmark's bearing, with a fraction.
-        column_sigma_px: standard deviation of `column`.
-        range_m, range_eq2_m, range_sigma_m: ranges along the ground, and standard deviation, see
-            `Detection`.
-        left, right, top, bottom: box, see `Detection`.
-        area_px: number of pixels with the landmark's colors.
+        column, column_sigma_px: column at its bearing, with a fraction, and standard deviation.
+        range_m, range_eq2_m, range_sigma_m, left, right, top, bottom, area_px: see `Detection`.
     """
 
     column: float
@@ -261,21 +246,22 @@ class LandmarkMeasurement:
 
 
 def measure_pillar(
-    panorama: Panorama,
-    pixels: NDArray[np.uint8],
-    lower: Region,
-    upper: Region,
-    landmark: Landmark,
+    panorama: Panorama, pixels: NDArray[np.uint8], lower: Region, upper: Region, landmark: Landmark
 ) -> LandmarkMeasurement | None:
-    """Measure a pillar from two of its bands; None: it cannot be a pillar of this size.
+    """Measure a pillar from regions of its two upper bands; None: it has another size.
 
-    Args:
-        panorama: geometry of the panorama.
-        pixels: sRGB pixels of the panorama, with its left half repeated on the right.
-        lower, upper: regions of the pillar's two upper bands.
-        landmark: landmark with the heights of its bands.
+    `pixels` are the panorama's, sRGB, with its left half repeated on the right.
     """
-    column, core = _axis(lower, upper)
+    left, right = min(lower.left, upper.left), max(lower.right, upper.right)
+    counts = np.zeros(right - left)
+    for region in (lower, upper):
+        start = region.left - left
+        counts[start : start + region.mask.shape[1]] += region.mask.sum(axis=0)
+    column = left + float(counts @ np.arange(len(counts))) / float(counts.sum())
+    # at the lowest point of the bands' lower edges, which bend around the pillar
+    half = max(0.5, 0.2 * float(np.count_nonzero(counts)))
+    first = max(left, round(column - half))
+    core = slice(first, max(first + 1, min(right, round(column + half) + 1)))
     rows = slice(max(upper.top - 3, 0), min(lower.bottom + lower.mask.shape[0] + 3, len(pixels)))
     profile = LINEAR_FROM_SRGB8[pixels[rows, core]].mean(axis=1)
     middle = _edge_between(profile, _inner(upper, rows.start), _inner(lower, rows.start))
@@ -297,7 +283,6 @@ def measure_pillar(
     if fitted is None:
         return None
     range_m, range_eq2_m, sigma_m = fitted
-    left, right = min(lower.left, upper.left), max(lower.right, upper.right)
     width_px = 2.0 * radius_m / range_m * panorama.camera.focal_length_px
     if not 0.4 * width_px - 1.5 <= right - left <= 1.8 * width_px + 2.5:
         return None
@@ -305,20 +290,6 @@ def measure_pillar(
         column, COLUMN_SIGMA_PX, range_m, range_eq2_m, sigma_m,
         left, right, upper.top, lower.bottom, lower.area_px + upper.area_px,
     )  # fmt: skip
-
-
-def _axis(lower: Region, upper: Region) -> tuple[float, slice]:
-    """Middle column of a pillar, and the columns around it."""
-    left, right = min(lower.left, upper.left), max(lower.right, upper.right)
-    counts = np.zeros(right - left)
-    for region in (lower, upper):
-        start = region.left - left
-        counts[start : start + region.mask.shape[1]] += region.mask.sum(axis=0)
-    column = left + float(counts @ np.arange(len(counts))) / float(counts.sum())
-    # at the lowest point of the bands' lower edges, which bend around the pillar
-    half = max(0.5, 0.2 * float(np.count_nonzero(counts)))
-    first = max(left, round(column - half))
-    return column, slice(first, max(first + 1, min(right, round(column + half) + 1)))
 
 
 def _inner(region: Region, first: int) -> slice:
@@ -329,13 +300,10 @@ def _inner(region: Region, first: int) -> slice:
 
 
 def _edge_between(profile: NDArray[np.float64], one: slice, other: slice) -> float:
-    """Row, with a fraction, at which a profile (n, 3) changes from one color to another.
+    """Row, with a fraction, at which a profile (n, 3), linear, changes from one color to another.
 
-    NaN if the colors are alike, or one of them has no rows.
-
-    Args:
-        profile: linear colors from top to bottom.
-        one, other: rows with the first color, and lower rows with the second color.
+    The rows `one` have the first color, the lower rows `other` the second. NaN if the colors are
+    alike, or one of them has no rows.
     """
     first, last = (one.start + one.stop - 1) // 2, (other.start + other.stop - 1 + 1) // 2
     upper, lower = profile[one], profile[other]
@@ -353,18 +321,11 @@ def _edge_between(profile: NDArray[np.float64], one: slice, other: slice) -> flo
 def _fit_range(
     panorama: Panorama, edges: list[tuple[float, float, float, float]]
 ) -> tuple[float, float, float] | None:
-    """Fit ranges along the ground to the rows of edges at known heights.
+    """Range by the exact relation, range by Eq. 2, and standard deviation, in m, of edges.
 
-    The edge with the largest residual is dropped while edges disagree, since it may be hidden.
-
-    Args:
-        panorama: geometry of the panorama.
-        edges: height in m, row, standard deviation of the row in px, and distance in m in front of
-            the pillar's axis, of each edge.
-
-    Returns:
-        Range by the exact relation, range by Eq. 2, and standard deviation, in m. None: fewer than
-            two edges agree, or an edge is out of range.
+    An edge has a height in m, a row, its standard deviation in px, and a distance in m in front of
+    the pillar's axis. The edge with the largest residual is dropped while edges disagree, since it
+    may be hidden. None: fewer than two edges agree, or an edge is out of range.
     """
     while len(edges) >= 2:
         ranges, paper, sigmas = [], [], []
@@ -393,11 +354,7 @@ def measure_wide(
 ) -> LandmarkMeasurement | None:
     """Measure a wide landmark of one color on the ground; None: the region cannot be the landmark.
 
-    Args:
-        panorama: geometry of the panorama.
-        pixels: sRGB pixels of the panorama, with its left half repeated on the right.
-        region: region of the landmark's color.
-        landmark: landmark with its height and footprint.
+    `pixels` are the panorama's, sRGB, with its left half repeated on the right.
     """
     height, width = region.mask.shape
     if height < 3 or width < 4:
@@ -446,12 +403,9 @@ def measure_wide(
 def _lower_edges(
     pixels: NDArray[np.uint8], bottom: NDArray[np.intp], columns: NDArray[np.intp]
 ) -> NDArray[np.float64]:
-    """Rows (n,), with fractions, of a region's lower edge.
+    """Rows (n,), with fractions, of a region's lower edge in columns (n,) of the panorama.
 
-    Args:
-        pixels: sRGB pixels of the panorama.
-        bottom: (n,) lowest whole row of the region in each column.
-        columns: (n,) columns of the panorama.
+    `bottom` (n,) is the lowest whole row of the region in each column.
     """
     steps = np.arange(-2, 3)  # no farther: the next thing, a line, may be narrow
     rows = np.clip(bottom[:, None] + steps, 0, len(pixels) - 1)
@@ -472,10 +426,9 @@ _EIGHT = np.ones((3, 3), dtype=np.int8)
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Pixels of one class that are connected by edges or corners.
+    """Pixels of one class (`color`) that are connected by edges or corners.
 
     Attributes:
-        color: class of the pixels.
         top, left: position of the mask in the panorama; columns may exceed its right edge.
         mask: (height, width) mask of the region's pixels in its bounding box.
     """
@@ -510,8 +463,7 @@ def find_regions(classes: NDArray[np.uint8], colors: int, min_area_px: int) -> l
     """Regions of a panorama, each once; a region may cross the panorama's left and right edge.
 
     Args:
-        classes: (height, width) classes of pixels; 0: no color.
-        colors: number of colors.
+        classes, colors: (height, width) classes of pixels, 0: no color; number of colors.
         min_area_px: minimum number of pixels of a region.
     """
     width = classes.shape[1]

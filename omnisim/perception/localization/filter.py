@@ -31,10 +31,9 @@ _SINGULAR = 1e-12
 
 
 class Association(NamedTuple):
-    """Data association of one observation.
+    """Data association of one observation with the most likely landmark.
 
     Attributes:
-        landmark: most likely landmark.
         range_m, bearing_rad: measurement.
         range_innovation_m, bearing_innovation_rad: measured minus expected value.
         distance_squared: squared Mahalanobis distance; infinite: the innovation has no covariance.
@@ -56,12 +55,11 @@ class Estimate:
     """Belief after a step.
 
     Attributes:
-        time_s: time of the step.
         pose: (3,) x and y in meters, yaw in radians within ±π.
         covariance: (3, 3) covariance of the pose.
         associations: associations of the observations, in the order of the observations.
-        nis: normalized innovation squared of all accepted observations; NaN: none was accepted.
-        nis_degrees: degrees of freedom of `nis`.
+        nis, nis_degrees: normalized innovation squared of all accepted observations (NaN: none was
+            accepted), and its degrees of freedom.
         steps_rejected: number of successive steps, up to this one, with all observations rejected.
     """
 
@@ -96,11 +94,9 @@ class LocalizationFilter:
     """Extended Kalman filter of one robot's pose.
 
     Args:
-        landmarks: map of the landmarks.
-        parameters: noise and gate.
+        landmarks, parameters: map of the landmarks; noise and gate.
         camera_m: x and y of the effective viewpoint in the base frame.
-        time_s: time of the first pose.
-        pose: (3,) start: x, y, yaw.
+        time_s, pose: time of the start, and its x, y, yaw (3,).
         covariance: (3, 3) covariance of the start; None: from the parameters.
 
     Raises:
@@ -218,7 +214,17 @@ class LocalizationFilter:
     ) -> tuple[list[_Hypothesis], list[Verdict]]:
         """Gate each observation, and assign the nearest one to each landmark."""
         for observation in observations:
-            _check(observation)
+            if not (
+                observation.candidates
+                and math.isfinite(observation.range_m)
+                and math.isfinite(observation.bearing_rad)
+                and 0.0 <= observation.range_sigma_m < math.inf
+                and 0.0 <= observation.bearing_sigma_rad < math.inf
+            ):
+                raise LocalizationError(
+                    "observation: expected a candidate, finite numbers, and sigmas of 0 or more, "
+                    f"got {observation}"
+                )
         x, y, yaw = pose.tolist()
         spread = covariance.tolist()
         nearest = [
@@ -283,20 +289,6 @@ class LocalizationFilter:
         )  # fmt: skip
 
 
-def _check(observation: Observation) -> None:
-    if not (
-        observation.candidates
-        and math.isfinite(observation.range_m)
-        and math.isfinite(observation.bearing_rad)
-        and 0.0 <= observation.range_sigma_m < math.inf
-        and 0.0 <= observation.bearing_sigma_rad < math.inf
-    ):
-        raise LocalizationError(
-            "observation: expected a candidate, finite numbers, and sigmas of 0 or more, "
-            f"got {observation}"
-        )
-
-
 def _estimate(
     time_s: float,
     pose: NDArray[np.float64],
@@ -330,9 +322,8 @@ class Observation:
 
     Attributes:
         candidates: names of the possible landmarks; one name if the colors are unambiguous.
-        range_m: distance along the ground from below the effective viewpoint.
-        bearing_rad: counter-clockwise from the vehicle's front.
-        range_sigma_m, bearing_sigma_rad: standard deviations.
+        range_m, range_sigma_m: distance along the ground from below the effective viewpoint.
+        bearing_rad, bearing_sigma_rad: counter-clockwise from the vehicle's front.
     """
 
     candidates: tuple[str, ...]
@@ -346,13 +337,7 @@ Corners = tuple[tuple[float, float], ...]  # x and y of a landmark's corners in 
 
 
 class LandmarkMap:
-    """Map of landmarks.
-
-    Args:
-        corners_m: by landmark's name, (n, 2) corners in the world; a single corner for a point.
-
-    Attributes:
-        corners_m: corners of each landmark, by name.
+    """Map of landmarks: (n, 2) corners in the world by name; a single corner for a point.
 
     Raises:
         LocalizationError: no landmark, or corners that are not finite.
@@ -372,17 +357,11 @@ class LandmarkMap:
     def of_scene(
         cls, landmarks: Iterable[Landmark], offsets_m: Mapping[str, ArrayLike] | None = None
     ) -> LandmarkMap:
-        """Build the map of a scene's landmarks.
-
-        Args:
-            landmarks: landmarks with positions and footprints.
-            offsets_m: by name, errors (2,) of the map, which are added to the positions.
-        """
+        """Build the map of a scene's landmarks; errors (2,) by name are added to positions."""
         offsets, corners = offsets_m or {}, {}
         for landmark in landmarks:
-            middle = np.array(landmark.position_m[:2]) + np.asarray(
-                offsets.get(landmark.name, 0.0), dtype=np.float64
-            )
+            offset = np.asarray(offsets.get(landmark.name, 0.0), dtype=np.float64)
+            middle = np.array(landmark.position_m[:2]) + offset
             half = 0.5 * np.array(landmark.footprint_m)
             if landmark.is_slim:
                 corners[landmark.name] = middle[None]
@@ -426,15 +405,14 @@ def predict_measurement(
     arm_x = cosine * camera_m[0] - sine * camera_m[1]
     arm_y = sine * camera_m[0] + cosine * camera_m[1]
     offsets = [(corner_x - x - arm_x, corner_y - y - arm_y) for corner_x, corner_y in corners_m]
-    near_x, near_y = min(offsets, key=_squared)
+    near_x, near_y = min(offsets, key=lambda offset: offset[0] * offset[0] + offset[1] * offset[1])
     distance = max(math.hypot(near_x, near_y), NEAREST_M)
     unit_x, unit_y = near_x / distance, near_y / distance
     if len(offsets) == 1:
         bearing, right, left = math.atan2(near_y, near_x), offsets[0], offsets[0]
     else:
         # directions relative to their sum, so that none wraps around
-        sum_x = sum(offset[0] for offset in offsets)
-        sum_y = sum(offset[1] for offset in offsets)
+        sum_x, sum_y = (sum(axis) for axis in zip(*offsets, strict=True))
         turns = [
             (math.atan2(sum_x * dy - sum_y * dx, sum_x * dx + sum_y * dy), (dx, dy))
             for dx, dy in offsets
@@ -452,10 +430,6 @@ def predict_measurement(
     )  # fmt: skip
 
 
-def _squared(offset: tuple[float, float]) -> float:
-    return offset[0] * offset[0] + offset[1] * offset[1]
-
-
 # Motion model of a planar pose from wheel readings, and its Jacobians.
 
 
@@ -470,8 +444,8 @@ def move(
 
     Args:
         pose: (3,) x and y in meters and yaw in radians, world.
-        distance_m: length of the arc, negative backward; the paper's v times the step's duration.
-        turn_rad: turn along the arc; the paper's δφ.
+        distance_m, turn_rad: length of the arc, negative backward, and turn along it; the paper's v
+            times the step's duration, and δφ.
 
     Returns:
         The new pose (3,), yaw not wrapped; its Jacobians (3, 3) by the pose and (3, 2) by distance

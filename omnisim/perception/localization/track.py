@@ -1,4 +1,4 @@
-"""Localization of a whole run by its odometry and observations."""
+"""Localization of a whole run by its odometry and observations: estimates, and their quality."""
 
 from __future__ import annotations
 
@@ -53,8 +53,7 @@ def localize(
         odometry: readings, from the known start.
         observations: observations of each step; those of the first step are unused, as the start is
             known.
-        landmarks: map of the landmarks.
-        parameters: parameters of the filter.
+        landmarks, parameters: map of the landmarks, and parameters of the filter.
         camera_m: x and y of the effective viewpoint in the base frame.
         covariance: (3, 3) covariance of the start; None: from the parameters.
 
@@ -76,12 +75,7 @@ def localize(
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Estimates of a run, one per step; the first is the start.
-
-    Attributes:
-        estimates: estimates of the filter.
-        reckoned: (n, 3) x, y, yaw by dead reckoning.
-    """
+    """Estimates of a run, one per step from the start, and x, y, yaw (n, 3) by dead reckoning."""
 
     estimates: tuple[Estimate, ...]
     reckoned: NDArray[np.float64]
@@ -106,12 +100,10 @@ class Track:
 
     def counts(self, accepted: bool) -> NDArray[np.intp]:
         """Numbers (n,) of accepted, or of rejected, observations."""
-        return np.array(
-            [
-                sum((each.verdict == "accepted") == accepted for each in estimate.associations)
-                for estimate in self.estimates
-            ]
-        )
+        return np.array([
+            sum((each.verdict == "accepted") == accepted for each in estimate.associations)
+            for estimate in self.estimates
+        ])  # fmt: skip
 
     @property
     def gate_opening_step(self) -> int | None:
@@ -122,19 +114,15 @@ class Track:
 
     def errors_m(self, true_poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Distances (n,) of the estimates from the true positions."""
-        return _distances(self.poses, true_poses)
+        return np.linalg.norm(self.poses[:, :2] - true_poses[:, :2], axis=1)
 
     def reckoned_errors_m(self, true_poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Distances (n,) of dead reckoning from the true positions."""
-        return _distances(self.reckoned, true_poses)
+        return np.linalg.norm(self.reckoned[:, :2] - true_poses[:, :2], axis=1)
 
     def nees(self, true_poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Normalized estimation error squared (n,); NaN where the covariance is singular."""
         return nees(pose_errors(self.poses, true_poses), self.covariances)
-
-
-def _distances(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.linalg.norm(poses[:, :2] - others[:, :2], axis=1)
 
 
 def notices(track: Track, parameters: FilterParameters) -> list[str]:
@@ -238,14 +226,7 @@ def write_track(folder: Path, track: Track) -> None:
     lines = [_MEASUREMENT_COLUMNS]
     for step, estimate in enumerate(track.estimates):
         for association in estimate.associations:
-            numbers = (
-                association.range_m,
-                association.bearing_rad,
-                association.range_innovation_m,
-                association.bearing_innovation_rad,
-                association.distance_squared,
-            )
             cells = [str(step), f"{estimate.time_s:.9f}", association.landmark]
-            cells += [f"{number:.6f}" for number in numbers]
+            cells += [f"{number:.6f}" for number in association[1:-1]]
             lines.append(",".join((*cells, association.verdict)))
     write_text(folder / MEASUREMENTS, "\n".join(lines) + "\n")

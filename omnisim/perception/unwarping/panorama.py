@@ -26,8 +26,7 @@ class CameraMount:
     """Camera on a vehicle.
 
     Attributes:
-        camera: camera model.
-        base_from_optical: (4, 4) pose on the vehicle.
+        camera, base_from_optical: camera model, and its pose (4, 4) on the vehicle.
         covered: (height, width) pixels that show the scene; None: all valid pixels of the model.
         caveat: note on the assumed single viewpoint of non-central optics, and the errors of this
             assumption; None: a central camera, or no assumption.
@@ -69,7 +68,6 @@ class Panorama:
         width_px: columns of the whole turn; None: the length of the horizon in the image, pixels.
 
     Attributes:
-        mount: camera on the vehicle.
         camera: camera model of the panorama, a cylinder.
 
     Raises:

@@ -39,13 +39,11 @@ class _RowBlock(NamedTuple):
 class Unwarping:
     """Remap table from the pixels of a view to an image.
 
-    The table of a very large view is not kept but recomputed for each image.
-
-    A pixel of the view is valid if the image shows all its samples.
+    The table of a very large view is not kept but recomputed for each image. A pixel of the view is
+    valid if the image shows all its samples.
 
     Args:
-        camera: camera of the image.
-        view: camera of the view, at the same effective viewpoint.
+        camera, view: cameras of the image and of the view, at the same effective viewpoint.
         camera_from_view: (3, 3) rotation between their optical frames.
         covered: (height, width) pixels of the image that show the scene; None: the model's valid
             pixels.
@@ -113,7 +111,9 @@ class Unwarping:
                     for step, weight in zip((0, 1, width, width + 1), weights, strict=True):
                         total += weight[..., None] * flat.take(corner + step, axis=0, mode="clip")
             seen = total[valid] / np.float32(len(lookups))
-            result[rows][valid] = _encode(seen) if is_encoded else seen
+            if is_encoded:  # as 8-bit sRGB
+                seen = _SRGB[np.rint(np.clip(seen, 0.0, 1.0) * _STEPS).astype(np.int32)]
+            result[rows][valid] = seen
         return result
 
     def _make_blocks(self) -> Iterator[_RowBlock]:
@@ -149,11 +149,6 @@ class Unwarping:
         return corner, weights, inside & pixels.valid & rays.valid
 
 
-def _encode(linear: NDArray[Any]) -> NDArray[np.uint8]:
-    """Encode linear light as 8-bit sRGB."""
-    return _SRGB[np.rint(np.clip(linear, 0.0, 1.0) * _STEPS).astype(np.int32)]
-
-
 def _samples_needed(
     camera: CentralCamera, view: CentralCamera, camera_from_view: NDArray[np.float64]
 ) -> int:
@@ -163,17 +158,14 @@ def _samples_needed(
     grid = np.stack(np.meshgrid(u, v), axis=-1)
 
     def pixels(step: tuple[float, float]) -> Any:
-        return camera.pixel_from_ray(
-            view.ray_from_pixel(grid + step).directions @ camera_from_view.T
-        )
+        directions = view.ray_from_pixel(grid + step).directions
+        return camera.pixel_from_ray(directions @ camera_from_view.T)
 
     center, right, down = pixels((0.0, 0.0)), pixels((0.5, 0.0)), pixels((0.0, 0.5))
     seen = center.valid & right.valid & down.valid
     if not seen.any():
         return 1
-    steps = np.stack(
-        (right.positions_px - center.positions_px, down.positions_px - center.positions_px)
-    )
+    steps = np.stack([other.positions_px - center.positions_px for other in (right, down)])
     longest = 2.0 * np.linalg.norm(steps, axis=-1)[:, seen].max()
     return int(min(MAX_SAMPLES, max(1, math.ceil(longest - 0.5))))
 
@@ -199,8 +191,7 @@ class ChannelUnwarping:
     point leaves the view.
 
     Args:
-        camera: camera of the image.
-        view: camera of the view, at the same effective viewpoint.
+        camera, view: cameras of the image and of the view, at the same effective viewpoint.
         camera_from_view: (3, 3) rotation between their optical frames.
         covered: (height, width) pixels of the image with a ray; None: the camera's valid pixels.
 
@@ -236,15 +227,11 @@ class ChannelUnwarping:
             raise OpticsError("the image shows nothing of this view")
 
     def __call__(
-        self,
-        channels: Mapping[str, NDArray[Any]],
-        world_from_view: ArrayLike | None = None,
+        self, channels: Mapping[str, NDArray[Any]], world_from_view: ArrayLike | None = None
     ) -> dict[str, NDArray[Any]]:
-        """Unwarp channels by name; `Channel.empty` where the view is not `valid`.
+        """Unwarp channels of a frame by name; `Channel.empty` where the view is not `valid`.
 
-        Args:
-            channels: channels of the image, as in a frame.
-            world_from_view: (4, 4) pose of the view's optical frame, required for `z`.
+        `z` requires the pose (4, 4) of the view's optical frame.
 
         Raises:
             OutputError: `z` without `position` or the pose, or an array of another size.
@@ -255,8 +242,13 @@ class ChannelUnwarping:
             if name in channels
         }
         unwarped = {name: values for pair in flows.values() for name, values in pair.items()}
+        width, height = self._camera.width_px, self._camera.height_px
         for name, values in channels.items():
-            self._check_size(name, values)
+            if values.shape[:2] != (height, width):
+                raise OutputError(
+                    f"channel {name!r}: expected {width} × {height} px, as its image, got "
+                    f"{values.shape[1]} × {values.shape[0]}"
+                )
             if name == "z":
                 unwarped[name] = self._depths(channels, world_from_view)
             elif name not in unwarped:
@@ -265,16 +257,14 @@ class ChannelUnwarping:
                 unwarped[name] = unwarped[name] @ self._camera_from_view.astype(np.float32)
         if "valid" in unwarped:
             unwarped["valid"] = unwarped["valid"] & self.valid
-        return {name: self._filled(name, unwarped[name]) for name in channels}
+        result = {name: unwarped[name].astype(CHANNELS[name].dtype) for name in channels}
+        for name, values in result.items():
+            values[~self.valid] = CHANNELS[name].empty
+        return result
 
     def _take(self, values: NDArray[Any]) -> NDArray[Any]:
         flat = values.reshape(-1, *values.shape[2:])
         return flat.take(self._nearest, axis=0)
-
-    def _filled(self, name: str, values: NDArray[Any]) -> NDArray[Any]:
-        filled = values.astype(CHANNELS[name].dtype)
-        filled[~self.valid] = CHANNELS[name].empty
-        return filled
 
     def _depths(
         self, channels: Mapping[str, NDArray[Any]], world_from_view: ArrayLike | None
@@ -318,11 +308,3 @@ class ChannelUnwarping:
         rays = self._camera.ray_from_pixel(positions_px)
         pixels = self._view.pixel_from_ray(rays.directions @ self._camera_from_view)
         return pixels.positions_px.copy(), rays.valid & pixels.valid
-
-    def _check_size(self, name: str, values: NDArray[Any]) -> None:
-        width, height = self._camera.width_px, self._camera.height_px
-        if values.shape[:2] != (height, width):
-            raise OutputError(
-                f"channel {name!r}: expected {width} × {height} px, as its image, got "
-                f"{values.shape[1]} × {values.shape[0]}"
-            )

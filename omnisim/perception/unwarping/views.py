@@ -25,12 +25,7 @@ STEEPEST_RAD = math.radians(85.0)  # of a cylinder's rows: at 90° they are infi
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Camera at the effective viewpoint with its orientation.
-
-    Attributes:
-        camera: camera model of the view.
-        base_from_view: (3, 3) rotation from the view's optical frame to the vehicle's base.
-    """
+    """Camera at the effective viewpoint, and its (3, 3) rotation to the vehicle's base."""
 
     camera: CentralCamera
     base_from_view: NDArray[np.float64]
@@ -91,8 +86,7 @@ def birdseye_view(
     """Bird's eye view: a square map of the ground, the vehicle in the middle, its front up.
 
     Args:
-        size_px: side of the map in pixels.
-        half_extent_m: distance from the middle to an edge.
+        size_px, half_extent_m: side of the map, and distance from its middle to an edge.
         height_m: height of the effective viewpoint above the ground.
         yaw_rad: heading of the top of the map, counter-clockwise from the vehicle's front.
 
@@ -111,30 +105,19 @@ def birdseye_view(
 
 
 def highest_elevation_deg(camera: CentralCamera, base_from_optical: NDArray[np.float64]) -> float:
-    """Find the highest whole degree of elevation, up to 60, visible at all azimuths; 0: none.
+    """Highest whole degree of elevation, up to 60, visible at all azimuths; 0: none.
 
-    Args:
-        camera: level or tilted camera.
-        base_from_optical: (3, 3) rotation from its optical frame to the vehicle's base.
+    `base_from_optical` is the (3, 3) rotation of the camera, level or tilted.
     """
     azimuth = np.radians(np.arange(0.0, 360.0, 5.0))
     for elevation_deg in range(60, -60, -1):
         elevation = math.radians(elevation_deg)
-        base = np.stack(
-            (
-                math.cos(elevation) * np.cos(azimuth),
-                math.cos(elevation) * np.sin(azimuth),
-                np.full_like(azimuth, math.sin(elevation)),
-            ),
-            axis=-1,
-        )
+        x, y = math.cos(elevation) * np.cos(azimuth), math.cos(elevation) * np.sin(azimuth)
+        base = np.stack((x, y, np.full_like(azimuth, math.sin(elevation))), axis=-1)
         pixels = camera.pixel_from_ray(base @ base_from_optical)
-        inside = np.all(
-            (pixels.positions_px >= 0.0)
-            & (pixels.positions_px <= (camera.width_px - 1, camera.height_px - 1)),
-            axis=-1,
-        )
-        if np.all(pixels.valid & inside):
+        last = camera.width_px - 1, camera.height_px - 1
+        inside = (pixels.positions_px >= 0.0) & (pixels.positions_px <= last)
+        if np.all(pixels.valid & inside.all(axis=-1)):
             return float(elevation_deg)
     return 0.0
 

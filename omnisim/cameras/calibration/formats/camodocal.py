@@ -53,10 +53,6 @@ class _Distortion(Table):
     p1: Number
     p2: Number
 
-    @property
-    def values(self) -> tuple[float, ...]:
-        return self.k1, self.k2, self.p1, self.p2
-
 
 class _Gammas(Table):
     gamma1: Number
@@ -193,14 +189,13 @@ def _lens(head: _Head, data: dict[str, Any], source: str) -> CentralCamera:
         mei = parse(data, _Mei, source)
         plane = mei.projection_parameters
         intrinsics = Intrinsics(*size, (plane.gamma1, plane.gamma2), (plane.u0, plane.v0))
-        return UnifiedCamera(
-            *intrinsics, mei.mirror_parameters.xi, mei.distortion_parameters.values
-        )
+        distortion = tuple(dict(mei.distortion_parameters).values())
+        return UnifiedCamera(*intrinsics, mei.mirror_parameters.xi, distortion)
     if head.model_type == "PINHOLE":
         flat = parse(data, _Pinhole, source)
         focal = flat.projection_parameters
         intrinsics = Intrinsics(*size, (focal.fx, focal.fy), (focal.cx, focal.cy))
-        return pinhole(intrinsics, flat.distortion_parameters.values)
+        return pinhole(intrinsics, tuple(dict(flat.distortion_parameters).values()))
     wide = parse(data, _Fisheye, source).projection_parameters
     intrinsics = Intrinsics(*size, (wide.mu, wide.mv), (wide.u0, wide.v0))
     return KannalaBrandtCamera(*intrinsics, (wide.k2, wide.k3, wide.k4, wide.k5))

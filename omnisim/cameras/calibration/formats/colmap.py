@@ -68,13 +68,8 @@ MODELS = {
 OTHERS = ("SIMPLE_DIVISION", "DIVISION", "RAD_TAN_THIN_PRISM_FISHEYE")  # not omnisim's models
 LINE = "CAMERA_ID MODEL WIDTH HEIGHT PARAMS…"
 CENTER_PX = 0.5  # center of the first pixel
-ColmapLens = (
-    UnifiedCamera
-    | RationalPolynomialCamera
-    | KannalaBrandtCamera
-    | EucmCamera
-    | EquirectangularCamera
-)
+_Pinhole = UnifiedCamera | RationalPolynomialCamera
+ColmapLens = _Pinhole | KannalaBrandtCamera | EucmCamera | EquirectangularCamera
 
 
 class Colmap(Format[ColmapLens]):
@@ -119,9 +114,10 @@ class Colmap(Format[ColmapLens]):
 
     def encode(self, cameras: Sequence[ParsedCamera[ColmapLens]]) -> str:
         """Text of a file with one line per camera."""
-        text = "# Camera list with one line of data per camera:\n"
-        text += "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
-        text += f"# Number of cameras: {len(cameras)}\n"
+        text = (
+            "# Camera list with one line of data per camera:\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, "
+            f"PARAMS[]\n# Number of cameras: {len(cameras)}\n"
+        )
         for camera in cameras:
             model, values = parameters(camera.lens)
             size = f"{camera.lens.width_px} {camera.lens.height_px}"

@@ -47,10 +47,9 @@ class ParsedCamera(Generic[LensT_co]):
     """One camera as its file describes it.
 
     Attributes:
-        name: camera name in the file.
         lens: camera model that looks along +z of the file frame.
-        poses: camera poses in the file.
-        time_shift_s: offset from camera timestamps to IMU timestamps.
+        poses, time_shift_s: camera poses in the file, and offset from camera timestamps to IMU
+            timestamps.
         notes: contradictions in the file, one sentence each.
     """
 

@@ -1,4 +1,4 @@
-"""Foxglove's CameraCalibration as JSON: ROS's CameraInfo with other names; see `camera_info`.
+"""Foxglove's CameraCalibration as JSON: ROS's CameraInfo with other names; see `ros.py`.
 
 `kannala_brandt` is ROS's `equidistant`; omnisim has no model for `fisheye62`.
 

@@ -117,11 +117,9 @@ class Kalibr(Format[KalibrLens]):
     suffix = ".yaml"
     models = (UnifiedCamera, KannalaBrandtCamera, EucmCamera, DoubleSphereCamera)
     fits = (
-        (UnifiedCamera, NO_SKEW),
-        (KannalaBrandtCamera, ANY),
-        (EucmCamera, ANY),
+        (UnifiedCamera, NO_SKEW), (KannalaBrandtCamera, ANY), (EucmCamera, ANY),
         (DoubleSphereCamera, ANY),
-    )
+    )  # fmt: skip
     signature = re.compile(r"""(?:^|[{,])[ \t]*["']?camera_model["']?[ \t]*:""", re.M)
     several = True
     tables = (_Chain,)

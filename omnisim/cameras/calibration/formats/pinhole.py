@@ -86,10 +86,7 @@ def brown_pinhole(
 ) -> CentralCamera:
     """Pinhole camera with OpenCV's coefficients, in the simplest model that supports them.
 
-    Args:
-        intrinsics: size, focal lengths and principal point.
-        coefficients: empty, or k1 k2 p1 p2, k3, k4 k5 k6, s1 s2 s3 s4, τx τy, in OpenCV's order.
-        place: file and key, for messages.
+    They are none, or k1 k2 p1 p2, k3, k4 k5 k6, s1 s2 s3 s4, τx τy; `place` names file and key.
 
     Raises:
         CalibrationError: OpenCV does not allow this number of coefficients.

@@ -9,6 +9,10 @@
 Pixel (0, 0) is the center of the first pixel, as in omnisim. Rays at or beyond 90° from the axis
 have no model: `P` and every rectified image lie in a plane.
 
+camera_info_manager stores a YAML file with `camera_matrix: {rows, cols, data}`; camera_calibration
+writes fisheyes with `camera_model: fisheye` in place of a distortion model; `ros2 topic echo`
+prints the message itself, with `k`, `d`, and `---` below.
+
 Source: sensor_msgs/CameraInfo, image_pipeline/CameraInfo.
 """
 
@@ -78,12 +82,7 @@ class CameraInfoMessage(
 
 
 class CameraInfo(Format[CameraInfoLens]):
-    """Base of the formats with a CameraInfo.
-
-    Attributes:
-        distortion_models: names of Brown's distortion models.
-        fisheye_models: names of the Kannala-Brandt models.
-    """
+    """Base of the formats with a CameraInfo: names of Brown's and of the Kannala-Brandt models."""
 
     models = (UnifiedCamera, RationalPolynomialCamera, KannalaBrandtCamera)
     fits = ((UnifiedCamera, PINHOLE), (RationalPolynomialCamera, ANY), (KannalaBrandtCamera, ANY))
@@ -107,11 +106,7 @@ class CameraInfo(Format[CameraInfoLens]):
         source: str,
         keys: tuple[str, str],
     ) -> CentralCamera:
-        """Lens from an image size, distortion model, K and D; `keys` name K and D in messages.
-
-        Raises:
-            CalibrationError: the model is unknown, or the numbers do not fit it.
-        """
+        """Lens from an image size, distortion model, K and D; `keys` name K and D in messages."""
         intrinsics, skew_px = matrix_intrinsics(size_px, matrix, f"{source}: {keys[0]}")
         if skew_px and model in self.fisheye_models:
             (_, fy), (_, cy) = intrinsics.focal_lengths_px, intrinsics.principal_point_px
@@ -226,14 +221,10 @@ class Ros(CameraInfo):
         if is_fisheye and fields.distortion_model not in self.fisheye_models:
             place = f"{source}: distortion_model"
             raise unexpected(place, "a fisheye's, as camera_model", fields.distortion_model)
-        lens = self._lens(
-            (fields.image_width, fields.image_height),
-            fields.distortion_model or "plumb_bob",
-            fields.camera_matrix.data,
-            fields.distortion_coefficients.data,
-            source,
-            ("camera_matrix", "distortion_coefficients"),
-        )
+        keys = ("camera_matrix", "distortion_coefficients")
+        size_px, matrix = (fields.image_width, fields.image_height), fields.camera_matrix.data
+        model, coefficients = fields.distortion_model, fields.distortion_coefficients.data
+        lens = self._lens(size_px, model or "plumb_bob", matrix, coefficients, source, keys)
         projection = fields.projection_matrix.data if fields.projection_matrix else []
         notes = baseline_notes("projection_matrix", projection)
         return [ParsedCamera(fields.camera_name or "camera", lens, notes=notes)]

@@ -53,8 +53,8 @@ class Nerfstudio(ExportFormat):
     ) -> Iterator[int]:
         """Write the data set."""
         cameras = [LensCamera.of(camera, print_note) for camera in recording.cameras]
-        lenses = [intrinsics(camera.encode(NerfstudioCalibration(), print_note))
-                  for camera in cameras]  # fmt: skip
+        form = NerfstudioCalibration()
+        lenses = [intrinsics(camera.encode(form, print_note)) for camera in cameras]
         models = {lens["camera_model"] for lens in lenses}
         if len(models) > 1:
             raise OutputError(
@@ -69,14 +69,14 @@ class Nerfstudio(ExportFormat):
         if len(points):
             document["ply_file_path"] = POINTS
             write_ply(folder / POINTS, points)
+        deep = [one for one in cameras if one.is_pinhole and one.recorded.has("range")]
         document["frames"] = [
             frame | ({} if shared else lens)
             for camera, lens in zip(cameras, lenses, strict=True)
-            for frame in _frames(recording, camera)
+            for frame in _frames(recording, camera, camera in deep)
         ]
         write_text(folder / "transforms.json", json.dumps(document, indent=2) + "\n")
-        depths = {camera: FarDepths(camera.name, STEPS_PER_M)
-                  for camera in cameras if _has_depths(camera)}  # fmt: skip
+        depths = {camera: FarDepths(camera.name, STEPS_PER_M) for camera in deep}
         for camera in depths:
             (folder / DEPTHS / camera.name).mkdir(parents=True)
         for done in write_images(recording, cameras, folder):
@@ -88,11 +88,7 @@ class Nerfstudio(ExportFormat):
             far.note(print_note)
 
 
-def _has_depths(camera: LensCamera) -> bool:
-    return camera.is_pinhole and camera.recorded.has("range")
-
-
-def _frames(recording: Recording, camera: LensCamera) -> Iterator[dict[str, Any]]:
+def _frames(recording: Recording, camera: LensCamera, has_depths: bool) -> Iterator[dict[str, Any]]:
     """Frames of a camera, without intrinsics."""
     has_mask = camera.mask() is not None
     for step, world_from_base in enumerate(recording.truth.world_from_base):
@@ -100,7 +96,7 @@ def _frames(recording: Recording, camera: LensCamera) -> Iterator[dict[str, Any]
         frame: dict[str, Any] = {"file_path": f"{IMAGES}/{name}"}
         if has_mask:
             frame["mask_path"] = f"{MASKS}/{mask_name(camera)}"
-        if _has_depths(camera):
+        if has_depths:
             frame["depth_file_path"] = f"{DEPTHS}/{name}"
         opengl = world_from_base @ camera.base_from_lens * OPENGL_FROM_OPENCV
         yield {**frame, "transform_matrix": (opengl + 0.0).tolist()}

@@ -55,10 +55,8 @@ class Tum(OneCameraFormat):
             print_note(f"{camera.name}: no depths: TUM's are a pinhole's, along its axis")
         if not has_images and len(depth_cameras) > 1:
             print_note(f"depth is {camera.name}: {', '.join(depth_cameras[1:])} left out")
-        stamps = [
-            seconds_text(stamp)
-            for stamp in settings.stamps_ns(recording.truth.times_s, recording.run.path)
-        ]
+        stamps_ns = settings.stamps_ns(recording.truth.times_s, recording.run.path)
+        stamps = [seconds_text(stamp) for stamp in stamps_ns]
         times_s = recording.state_times_s
         poses = recording.states(times_s).world_from_base @ camera.base_from_lens
         lines = tum.lines(Trajectory(times_s, poses))

@@ -55,7 +55,6 @@ from omnisim.cameras.calibration.formats.ros import CameraInfoLens, Ros
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.poses import inverse
-from omnisim.core.trajectories.odometry import Odometry
 from omnisim.datasets.export.export_format import (
     NANOSECONDS,
     ExportFormat,
@@ -91,16 +90,7 @@ class StampedMessage(NamedTuple):
 
 
 class Stream(ABC):
-    """Stream of one sensor.
-
-    Args:
-        recording: run to export.
-        name: name of the sensor.
-        settings: settings of the export.
-
-    Attributes:
-        frame: name of the sensor's frame.
-    """
+    """Stream of one sensor of a run, by name, in the frame `frame`."""
 
     def __init__(self, recording: Recording, name: str, settings: ExportSettings):
         self.recording, self.name, self.settings = recording, name, settings
@@ -291,11 +281,7 @@ class ImuStream(Stream):
 
     def messages_of(self, step: int) -> Iterator[StampedMessage]:
         """Messages of the readings after the previous step, up to a step's time."""
-        steps_s, times_s = self.recording.truth.times_s, self._readings.times_s
-        begin_s = steps_s[step - 1] if step > 0 else -np.inf
-        end_s = steps_s[step] if step < len(steps_s) - 1 else np.inf
-        first, last = np.searchsorted(times_s, (begin_s, end_s), side="right")
-        for index in range(first, last):
+        for index in _since(self.recording.truth.times_s, step, self._readings.times_s):
             yield from self.messages_at(index, self._stamps_ns[index])
 
     @cached_property
@@ -305,6 +291,13 @@ class ImuStream(Stream):
     @cached_property
     def _stamps_ns(self) -> list[int]:
         return self.settings.stamps_ns(self._readings.times_s, self.recording.run.path)
+
+
+def _since(steps_s: NDArray[np.float64], step: int, times_s: NDArray[np.float64]) -> range:
+    """Indices of the times (n,) after the previous step, up to a step's time."""
+    begin_s = steps_s[step - 1] if step > 0 else -np.inf
+    end_s = steps_s[step] if step < len(steps_s) - 1 else np.inf
+    return range(*np.searchsorted(times_s, (begin_s, end_s), side="right").tolist())
 
 
 def ros_name(name: str) -> str:
@@ -327,9 +320,7 @@ def colored_points(
 ) -> NDArray[np.void]:
     """Records (n,) of points with x, y, z; and with colors, rgb as ROS viewers expect."""
     xyz = points_m.astype(np.float32)
-    columns: list[tuple[str, NDArray[Any]]] = [
-        (axis, xyz[:, index]) for index, axis in enumerate("xyz")
-    ]
+    columns: list[tuple[str, NDArray[Any]]] = list(zip("xyz", xyz.T, strict=True))
     if colors is not None:
         bgra = np.zeros((len(colors), 4), dtype=np.uint8)
         bgra[:, :3] = colors[:, ::-1]
@@ -373,10 +364,18 @@ class Ros2Bag(ExportFormat):
                 )
         folder.rmdir()  # rosbags creates it
         with Bag(folder, self.storage) as bag:
-            _write_latched(bag, streams, stamps_ns[0])
+            first_ns = stamps_ns[0]
+            mounts = {(BASE, stream.frame): stream.base_from_frame() for stream in streams}
+            if mounts:
+                frames = messages.transforms(first_ns, mounts)
+                bag.write("/tf_static", first_ns, frames, is_latched=True)
+            for stream in streams:
+                if isinstance(stream, CameraStream):
+                    content = messages.text(stream.calibration)
+                    bag.write(f"/{stream.topic}/calibration", first_ns, content, is_latched=True)
             if recording.run.has(LABELS):
                 text = (recording.run.path / LABELS).read_text(encoding="utf-8")
-                bag.write("/labels", stamps_ns[0], messages.text(text), is_latched=True)
+                bag.write("/labels", first_ns, messages.text(text), is_latched=True)
             for step, stamp_ns in enumerate(stamps_ns):
                 stamped = [one for stream in streams for one in stream.messages_of(step)]
                 stamped += motion.between(step)
@@ -424,16 +423,6 @@ def open_streams(recording: Recording, settings: ExportSettings) -> list[Stream]
     return streams
 
 
-def _write_latched(bag: Bag, streams: list[Stream], stamp_ns: int) -> None:
-    mounts = {(BASE, stream.frame): stream.base_from_frame() for stream in streams}
-    if mounts:
-        bag.write("/tf_static", stamp_ns, messages.transforms(stamp_ns, mounts), is_latched=True)
-    for stream in streams:
-        if isinstance(stream, CameraStream):
-            text = messages.text(stream.calibration)
-            bag.write(f"/{stream.topic}/calibration", stamp_ns, text, is_latched=True)
-
-
 class _Motion:
     """Messages of a run's motion."""
 
@@ -448,11 +437,8 @@ class _Motion:
 
     def between(self, step: int) -> Iterator[StampedMessage]:
         """Messages of the true states after the previous step, up to a step's time."""
-        steps_s, states = self._truth.times_s, self._states
-        begin_s = steps_s[step - 1] if step > 0 else -np.inf
-        end_s = steps_s[step] if step < len(steps_s) - 1 else np.inf
-        first, last = np.searchsorted(self._state_times_s, (begin_s, end_s), side="right")
-        for index in range(first, last):
+        states = self._states
+        for index in _since(self._truth.times_s, step, self._state_times_s):
             stamp_ns, pose = self._stamps_ns[index], states.world_from_base[index]
             truth = messages.pose_stamped(stamp_ns, MAP, pose)
             yield StampedMessage("/ground_truth/pose", stamp_ns, truth)
@@ -471,22 +457,18 @@ class _Motion:
                 (MAP, ODOM): map_from_base @ inverse(odom_from_base),
                 (ODOM, BASE): odom_from_base,
             }
-            speed_mps, turn_rate_radps = self._rates(self._odometry, step)
+            speed_mps = turn_rate_radps = 0.0  # since the previous step, by the wheels
+            if step > 0:
+                wheels, before = self._odometry, step - 1
+                duration_s = float(wheels.times_s[step] - wheels.times_s[before])
+                speed_mps = float(wheels.distances_m[before]) / duration_s
+                turn_rate_radps = float(wheels.turns_rad[before]) / duration_s
             rates = (speed_mps, 0.0, 0.0), (0.0, 0.0, turn_rate_radps)
             reading = messages.odometry(stamp_ns, (ODOM, BASE), odom_from_base, *rates)
             bag.write("/odom", stamp_ns, reading)
         for name, motion in self._objects.items():
             poses[MAP, ros_name(name)] = motion.world_from_base[step]
         bag.write("/tf", stamp_ns, messages.transforms(stamp_ns, poses))
-
-    @staticmethod
-    def _rates(odometry: Odometry, step: int) -> tuple[float, float]:
-        """Speed and turn rate since the previous step, as reported by the wheels."""
-        if step == 0:
-            return 0.0, 0.0
-        duration_s = float(odometry.times_s[step] - odometry.times_s[step - 1])
-        distance_m, turn_rad = odometry.distances_m[step - 1], odometry.turns_rad[step - 1]
-        return float(distance_m) / duration_s, float(turn_rad) / duration_s
 
 
 # ROS 2 bags: topics and messages in MCAP or SQLite files, by rosbags.
@@ -498,28 +480,8 @@ STORAGE = {"mcap": StoragePlugin.MCAP, "sqlite": StoragePlugin.SQLITE3}
 _UNLIMITED = QosTime(0, 0)
 
 
-def _qos(durability: QosDurability) -> Qos:
-    depth = 1 if durability is QosDurability.TRANSIENT_LOCAL else 10
-    return Qos(
-        QosHistory.KEEP_LAST,
-        depth,
-        QosReliability.RELIABLE,
-        durability,
-        _UNLIMITED,
-        _UNLIMITED,
-        QosLiveliness.AUTOMATIC,
-        _UNLIMITED,
-        False,
-    )
-
-
 class Bag:
-    """Bag open for writing; a context manager.
-
-    Args:
-        folder: new folder of the bag.
-        storage: key of `STORAGE`.
-    """
+    """Bag open for writing to a new folder in a storage of `STORAGE`; a context manager."""
 
     def __init__(self, folder: Path, storage: str):
         self._store = get_typestore(Stores.ROS2_HUMBLE)
@@ -544,17 +506,18 @@ class Bag:
     def write(self, topic: str, stamp_ns: int, message: object, is_latched: bool = False) -> None:
         """Write a message of a type in `omnisim.datasets.export.ros2.ros_messages`.
 
-        Args:
-            topic: topic; all of its messages have the same type.
-            stamp_ns: stamp of the message, nanoseconds since 1970.
-            message: contents of the message.
-            is_latched: True: late subscribers receive the topic's last message, too.
+        All messages of a topic have the same type. Late subscribers receive a latched topic's last
+        message, too. Stamps are nanoseconds since 1970.
         """
         kind = type(message).__name__.replace("__", "/")
         if topic not in self._connections:
             durability = QosDurability.TRANSIENT_LOCAL if is_latched else QosDurability.VOLATILE
+            quality = Qos(
+                QosHistory.KEEP_LAST, 1 if is_latched else 10, QosReliability.RELIABLE, durability,
+                _UNLIMITED, _UNLIMITED, QosLiveliness.AUTOMATIC, _UNLIMITED, False,
+            )  # fmt: skip
             self._connections[topic] = self._writer.add_connection(
-                topic, kind, typestore=self._store, offered_qos_profiles=[_qos(durability)]
+                topic, kind, typestore=self._store, offered_qos_profiles=[quality]
             )
         self._writer.write(
             self._connections[topic], stamp_ns, self._store.serialize_cdr(message, kind)
