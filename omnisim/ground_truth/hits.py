@@ -50,18 +50,13 @@ NO_DETAILS = HitDetails()
 
 
 class ThroughHits(NamedTuple):
-    """Surfaces that pixels show behind glass and after mirrors, (height, width) each.
+    """Surfaces that pixels show behind glass and after mirrors, (height, width) each."""
 
-    Attributes:
-        ranges_m: lengths of the paths; +inf: no hit.
-        draw_ids: 1 + draw item; 0: no hit.
-        cosines: cosines of the angles of incidence there; NaN: neither glass nor mirror before it.
-        shares: share of light, mean of linear RGB, that panes and mirrors on the way leave.
-    """
-
-    ranges_m: NDArray[np.float32]
-    draw_ids: NDArray[np.uint32]
+    ranges_m: NDArray[np.float32]  # lengths of the paths; +inf: no hit
+    draw_ids: NDArray[np.uint32]  # 1 + draw item; 0: no hit
+    # cosines of the angles of incidence there; NaN: neither glass nor mirror before it
     cosines: NDArray[np.float32]
+    # share of light, mean of linear RGB, that panes and mirrors on the way leave
     shares: NDArray[np.float32]
 
     @classmethod
@@ -133,18 +128,12 @@ class EchoLimits(NamedTuple):
 
 
 class LidarBeams(NamedTuple):
-    """Beam directions of a lidar.
+    """Beam directions of a lidar."""
 
-    Attributes:
-        elevations_rad: (rings,), ascending.
-        azimuths_rad: (firings,), evenly descending from π over a full turn.
-        max_range_m: range beyond which surfaces may be omitted.
-        echo_limits: limits of echoes behind glass and mirrors; None: beams end at them.
-    """
-
-    elevations_rad: NDArray[np.float64]
-    azimuths_rad: NDArray[np.float64]
-    max_range_m: float
+    elevations_rad: NDArray[np.float64]  # (rings,), ascending
+    azimuths_rad: NDArray[np.float64]  # (firings,), evenly descending from π over a full turn
+    max_range_m: float  # range beyond which surfaces may be omitted
+    # limits of echoes behind glass and mirrors; None: beams end at them
     echo_limits: EchoLimits | None = None
 
     @property
@@ -157,14 +146,10 @@ class LidarBeams(NamedTuple):
 
 
 class LidarPoses(NamedTuple):
-    """Poses of a lidar and of all dynamic objects at one time.
+    """Poses of a lidar and of all dynamic objects at one time."""
 
-    Attributes:
-        world_from_lidar: (4, 4) pose.
-        world_from_objects: (4, 4) poses, in the order of the stage's objects.
-    """
-
-    world_from_lidar: NDArray[np.float64]
+    world_from_lidar: NDArray[np.float64]  # (4, 4) pose
+    # (4, 4) poses, in the order of the stage's objects
     world_from_objects: Sequence[NDArray[np.float64]] = ()
 
     @property
@@ -214,17 +199,12 @@ class Slice:
 
 
 class Revolution(NamedTuple):
-    """Motion during a lidar's revolution.
+    """Motion during a lidar's revolution."""
 
-    Attributes:
-        slices: slices with equal numbers of firings; the last may have fewer.
-        shares: (firings,) elapsed fraction, at each firing, of the slice that contains it.
-        rotations: (firings, 3, 3) world_from_lidar at each firing.
-    """
-
-    slices: tuple[Slice, ...]
+    slices: tuple[Slice, ...]  # slices with equal numbers of firings; the last may have fewer
+    # (firings,) elapsed fraction, at each firing, of the slice that contains it
     shares: NDArray[np.float64]
-    rotations: NDArray[np.float64]
+    rotations: NDArray[np.float64]  # (firings, 3, 3) world_from_lidar at each firing
 
 
 class BeamHits(NamedTuple):

@@ -39,19 +39,12 @@ class InstanceLabel:
 
 @dataclass(frozen=True)
 class Labels:
-    """Classes and instances of a scene.
+    """Classes and instances of a scene."""
 
-    Attributes:
-        classes: classes in order of ID, without `NOTHING`.
-        instances: instances with IDs from 1 in order, without `NOTHING`.
-        source: origin of the classes: "table", or "names" of the instances.
-        unlabeled: names without a class in the table.
-    """
-
-    classes: tuple[ClassLabel, ...]
-    instances: tuple[InstanceLabel, ...]
-    source: str
-    unlabeled: tuple[str, ...] = ()
+    classes: tuple[ClassLabel, ...]  # classes in order of ID, without `NOTHING`
+    instances: tuple[InstanceLabel, ...]  # instances with IDs from 1 in order, without `NOTHING`
+    source: str  # origin of the classes: "table", or "names" of the instances
+    unlabeled: tuple[str, ...] = ()  # names without a class in the table
 
     def __repr__(self) -> str:
         return short_repr(

@@ -39,20 +39,14 @@ class NamedPose:
 
 @dataclass(frozen=True)
 class Residuals:
-    """Reprojection residuals of a fitted camera: image distances from the source camera.
+    """Reprojection residuals of a fitted camera: image distances from the source camera."""
 
-    Attributes:
-        rms_px: root mean square, weighted evenly over the pixels that both cameras see.
-        max_px: maximum, including the edge.
-        theta_max_rad: largest angle from the lens axis that both cameras see.
-        at_distances: residuals of points by their distance from the viewpoint; only if the source,
-            or the optics to which it was fitted, is non-central.
-    """
-
-    rms_px: float
-    max_px: float
-    theta_max_rad: float
+    rms_px: float  # root mean square, weighted evenly over the pixels that both cameras see
+    max_px: float  # maximum, including the edge
+    theta_max_rad: float  # largest angle from the lens axis that both cameras see
     source_model: str
+    # residuals of points by their distance from the viewpoint; only if the source, or the optics to
+    # which it was fitted, is non-central
     at_distances: tuple[CentralError, ...] = ()
 
 

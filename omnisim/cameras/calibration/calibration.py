@@ -31,9 +31,10 @@ _ALSO = {".yaml": (".yml",), ".sdf": (".xml", ".world", ".urdf")}
 
 @dataclass(frozen=True, eq=False)
 class Calibration:
-    """Cameras of a calibration file, at least one, in file order and with distinct names.
+    """Cameras of a calibration file, in file order.
 
     Attributes:
+        cameras: cameras of the file, at least one, with distinct names.
         format, source: names of the file format, and of the file, for messages.
         file_notes: notes on the whole file, one sentence each.
     """
@@ -234,17 +235,13 @@ def calibration_text(
 
 @dataclass(frozen=True, eq=False)
 class RigCamera:
-    """Camera on a rig, by its name in the file.
-
-    Attributes:
-        body_from_camera: (4, 4) pose of its optical frame (x right, y down, z forward).
-        time_shift_s: offset from camera timestamps to IMU timestamps.
-    """
+    """Camera on a rig, by its name in the file."""
 
     name: str
     model: CentralCamera
+    # (4, 4) pose of its optical frame (x right, y down, z forward)
     body_from_camera: NDArray[np.float64]
-    time_shift_s: float = 0.0
+    time_shift_s: float = 0.0  # offset from camera timestamps to IMU timestamps
 
     def __repr__(self) -> str:
         return short_repr(self, repr(self.name), summary(self.model))
@@ -252,13 +249,9 @@ class RigCamera:
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """Cameras on one body, at least one, in file order.
+    """Cameras on one body, at least one, in file order."""
 
-    Attributes:
-        body: name of the body frame: a frame other than the cameras', or the first camera.
-    """
-
-    body: str
+    body: str  # name of the body frame: a frame other than the cameras', or the first camera
     cameras: tuple[RigCamera, ...]
 
     def __repr__(self) -> str:

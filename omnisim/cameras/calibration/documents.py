@@ -241,16 +241,11 @@ Matrix = list[list[Number]]
 
 
 class Unread(NamedTuple):
-    """Key of a format that omnisim does not use although it changes an image or a pose.
+    """Key of a format that omnisim does not use although it changes an image or a pose."""
 
-    Attributes:
-        effect: meaning of the key, and what to do about it.
-        neutral: values without effect, besides nothing and zeros.
-        is_fault: True if the camera would be wrong without it: an error instead of a notice.
-    """
-
-    effect: str
-    neutral: tuple[Any, ...] = ()
+    effect: str  # meaning of the key, and what to do about it
+    neutral: tuple[Any, ...] = ()  # values without effect, besides nothing and zeros
+    # True if the camera would be wrong without it: an error instead of a notice
     is_fault: bool = False
 
 

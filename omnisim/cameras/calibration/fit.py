@@ -57,17 +57,12 @@ FITTED_MODELS = {model.model_name: model for model in FITTED}
 
 
 class Fit(NamedTuple, Generic[CameraT]):
-    """A camera fitted in another model.
-
-    Attributes:
-        residuals: residuals over the source's valid cone, at pixels not used by the fit.
-        covered: share of the source's valid pixels that the fitted camera sees.
-        rotation: (3, 3) target_from_source of the axes; the identity unless it was fitted too.
-    """
+    """A camera fitted in another model."""
 
     camera: CameraT
-    residuals: Residuals
-    covered: float
+    residuals: Residuals  # residuals over the source's valid cone, at pixels not used by the fit
+    covered: float  # share of the source's valid pixels that the fitted camera sees
+    # (3, 3) target_from_source of the axes; the identity unless it was fitted too
     rotation: NDArray[np.float64]
 
 

@@ -54,16 +54,12 @@ IdealFisheye = EquidistantCamera | StereographicCamera | EquisolidCamera | Ortho
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Source pixels and their rays, in the target's optical frame.
+    """Source pixels and their rays, in the target's optical frame."""
 
-    Attributes:
-        pixels_px, directions: (n, 2) positions in the image, and (n, 3) unit directions.
-        on_area: (n,) True for samples spread over the image, False on its edge.
-    """
-
+    # pixels_px, directions: (n, 2) positions in the image, and (n, 3) unit directions
     pixels_px: NDArray[np.float64]
     directions: NDArray[np.float64]
-    on_area: NDArray[np.bool_]
+    on_area: NDArray[np.bool_]  # (n,) True for samples spread over the image, False on its edge
 
     @cached_property
     def theta_rad(self) -> NDArray[np.float64]:

@@ -41,17 +41,11 @@ UNIT_TOLERANCE = 1e-5  # a hundred times a float's rounding
 
 @dataclass(frozen=True, eq=False)
 class RayTable:
-    """Rays of an image's pixels, optical frame, and the camera's metadata if the file has any.
+    """Rays of an image's pixels, optical frame, and the camera's metadata if the file has any."""
 
-    Attributes:
-        directions: (height, width, 3) float32, unit vectors where valid.
-        origins_m: (height, width, 3) float32, points on the rays.
-        valid: (height, width), True if the pixel sees something.
-    """
-
-    directions: NDArray[np.float32]
-    origins_m: NDArray[np.float32]
-    valid: NDArray[np.bool_]
+    directions: NDArray[np.float32]  # (height, width, 3) float32, unit vectors where valid
+    origins_m: NDArray[np.float32]  # (height, width, 3) float32, points on the rays
+    valid: NDArray[np.bool_]  # (height, width), True if the pixel sees something
     metadata: dict[str, Any]
 
     def __repr__(self) -> str:

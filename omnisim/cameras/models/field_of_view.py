@@ -27,24 +27,19 @@ class FieldOfView:
 
     An angle of view is swept by a ray through the axis, from one edge of the valid pixels to the
     other; it may exceed 180°.
-
-    Attributes:
-        covered: share of valid pixels.
-        axis: (3,) zero direction of the angles: +z of the optical frame, −z for a mirror.
-        theta_max_rad: largest angle from the axis in the image.
-        theta_limit_rad: largest angle from the axis if the image had no edges: limited by θ_max, a
-            fold or the model itself; π without a limit.
-        horizontal_rad, vertical_rad: angles of view along the row and the column of the axis.
-        diagonal_rad: larger of the two angles of view from corner to corner.
     """
 
-    covered: float
+    covered: float  # share of valid pixels
+    # (3,) zero direction of the angles: +z of the optical frame, −z for a mirror
     axis: tuple[float, float, float]
-    theta_max_rad: float
+    theta_max_rad: float  # largest angle from the axis in the image
+    # largest angle from the axis if the image had no edges: limited by θ_max, a fold or the model
+    # itself; π without a limit
     theta_limit_rad: float
+    # horizontal_rad, vertical_rad: angles of view along the row and the column of the axis
     horizontal_rad: float
     vertical_rad: float
-    diagonal_rad: float
+    diagonal_rad: float  # larger of the two angles of view from corner to corner
 
 
 def field_of_view(camera: CentralCamera) -> FieldOfView:

@@ -24,16 +24,11 @@ PrintNote = Callable[[str], None]
 
 @dataclass(frozen=True)
 class ExportSettings:
-    """Settings of an export.
+    """Settings of an export."""
 
-    Attributes:
-        start_ns: stamp of the time 0 s, nanoseconds since 1970.
-        compressed: True: images as PNG files instead of pixels, if the format has both.
-        with_points: True: also points from each camera's ranges, if the format has point clouds.
-    """
-
-    start_ns: int = 0
-    compressed: bool = False
+    start_ns: int = 0  # stamp of the time 0 s, nanoseconds since 1970
+    compressed: bool = False  # True: images as PNG files instead of pixels, if the format has both
+    # True: also points from each camera's ranges, if the format has point clouds
     with_points: bool = False
 
     def stamps_ns(self, times_s: NDArray[np.float64], source: Path) -> list[int]:

@@ -12,18 +12,13 @@ if TYPE_CHECKING:  # slow to import
 
 
 class FormatEntry(NamedTuple):
-    """Location of a format's class below `omnisim.datasets.export`, before it is imported.
+    """Location of a format's class below `omnisim.datasets.export`, before it is imported."""
 
-    Attributes:
-        title: contents and readers, for lists.
-        extra: required extra; None: no extra.
-        takes_samples: True: also exports data sets, whose samples become steps of a recording.
-    """
-
-    title: str
+    title: str  # contents and readers, for lists
     module: str
     class_name: str
-    extra: str | None = None
+    extra: str | None = None  # required extra; None: no extra
+    # True: also exports data sets, whose samples become steps of a recording
     takes_samples: bool = False
 
 

@@ -274,14 +274,10 @@ AGREEMENT = 0.01  # share of the range
 
 
 class Observations(NamedTuple):
-    """Points visible in an image.
+    """Points visible in an image."""
 
-    Attributes:
-        points: (n,) indices of the points, ascending.
-        pixels: (n, 2) projections into the exported image, px from the center of the first pixel.
-    """
-
-    points: NDArray[np.intp]
+    points: NDArray[np.intp]  # (n,) indices of the points, ascending
+    # (n, 2) projections into the exported image, px from the center of the first pixel
     pixels: NDArray[np.float64]
 
 

@@ -63,19 +63,13 @@ class Recording:
     measurements are numbered from 0, stamped by `times_s(name)`, in the files `run.file(name,
     index, suffix)`; `indices_at(name, step)` are those since the previous step. Formats with one
     measurement of each sensor per frame use `in_frames`, with frames in place of steps.
-
-    Attributes:
-        run: folder of the run.
-        truth: poses of the base at the steps or frames.
-        odometry: readings of the wheels; None: there are none.
-        cameras: exported cameras.
-        frames: by sensor name, number of its measurement at each frame; empty: frames are steps.
     """
 
-    run: RunFolder
-    truth: Trajectory
-    odometry: Odometry | None
-    cameras: tuple[RecordedCamera, ...]
+    run: RunFolder  # folder of the run
+    truth: Trajectory  # poses of the base at the steps or frames
+    odometry: Odometry | None  # readings of the wheels; None: there are none
+    cameras: tuple[RecordedCamera, ...]  # exported cameras
+    # by sensor name, number of its measurement at each frame; empty: frames are steps
     frames: Mapping[str, NDArray[np.intp]] = field(default_factory=dict)
 
     @classmethod

@@ -116,16 +116,11 @@ def compensated(sweep: LidarSweep, motion: Floats) -> Floats:
 
 
 class LidarSweep(NamedTuple):
-    """Revolution of a lidar.
+    """Revolution of a lidar."""
 
-    Attributes:
-        points_m: (n, 3) points, each in the lidar's frame at the point's own time.
-        share: (n,) time of each point, from 0 at the start of the revolution to 1 at its end.
-        range_min_m, range_max_m: range limits of the lidar.
-    """
-
-    points_m: Floats
-    share: Floats
+    points_m: Floats  # (n, 3) points, each in the lidar's frame at the point's own time
+    share: Floats  # (n,) time of each point, from 0 at the start of the revolution to 1 at its end
+    # range_min_m, range_max_m: range limits of the lidar
     range_min_m: float
     range_max_m: float
 

@@ -86,19 +86,12 @@ class Ring:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Images compared with the twin's, and the errors of the twin in each ring.
+    """Images compared with the twin's, and the errors of the twin in each ring."""
 
-    Attributes:
-        images: each image with its twin.
-        rings: rings of the image with equally many corners, from the middle outward.
-        level_errors: (patches,) gray levels of the twin minus those of the images.
-        noise: noise of images and twin by gray level.
-    """
-
-    images: tuple[ImageComparison, ...]
-    rings: tuple[Ring, ...]
-    level_errors: Floats
-    noise: tuple[NoiseLevel, ...]
+    images: tuple[ImageComparison, ...]  # each image with its twin
+    rings: tuple[Ring, ...]  # rings of the image with equally many corners, from the middle outward
+    level_errors: Floats  # (patches,) gray levels of the twin minus those of the images
+    noise: tuple[NoiseLevel, ...]  # noise of images and twin by gray level
 
     @property
     def bias_px(self) -> float:
@@ -267,16 +260,11 @@ _MASK = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]])
 
 
 class NoiseLevel(NamedTuple):
-    """Noise at one gray level.
+    """Noise at one gray level."""
 
-    Attributes:
-        level: middle of the bin of gray levels.
-        blocks: number of blocks in the images.
-        noise, twin_noise: median standard deviation in the images and in the twin's, gray levels.
-    """
-
-    level: float
-    blocks: int
+    level: float  # middle of the bin of gray levels
+    blocks: int  # number of blocks in the images
+    # noise, twin_noise: median standard deviation in the images and in the twin's, gray levels
     noise: float
     twin_noise: float
 

@@ -239,17 +239,12 @@ _PAPER = 1  # squares of white paper around the squares of a board
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Rectangles of one color, large enough for a comparison of their gray levels.
+    """Rectangles of one color, large enough for a comparison of their gray levels."""
 
-    Attributes:
-        rectangles_m: (patches, 4) left, top, right and bottom on the board.
-        between_m: (patches, 4) rectangle of four corners of the board that contains each patch.
-        is_black: (patches,) True for ink.
-    """
-
-    rectangles_m: Floats
+    rectangles_m: Floats  # (patches, 4) left, top, right and bottom on the board
+    # (patches, 4) rectangle of four corners of the board that contains each patch
     between_m: Floats
-    is_black: Bools
+    is_black: Bools  # (patches,) True for ink
 
     @property
     def centers_m(self) -> Floats:
@@ -263,22 +258,16 @@ class Patches:
 
 @dataclass(frozen=True, eq=False)
 class PrintedPattern:
-    """Print of a board in its own plane, x along the rows and y along the columns.
+    """Print of a board in its own plane, x along the rows and y along the columns."""
 
-    Attributes:
-        x_m, y_m: (columns + 1,) and (rows + 1,) lines between cells, ascending.
-        is_black: (rows, columns) True for cells of ink.
-        patches: patches whose gray levels are compared.
-        edges_m: (edges, 2, 2) both ends of edges between ink and paper, at corners of the board.
-        clear: share of an edge's length up to which each side is of one color.
-    """
-
+    # x_m, y_m: (columns + 1,) and (rows + 1,) lines between cells, ascending
     x_m: Floats
     y_m: Floats
-    is_black: Bools
-    patches: Patches
+    is_black: Bools  # (rows, columns) True for cells of ink
+    patches: Patches  # patches whose gray levels are compared
+    # (edges, 2, 2) both ends of edges between ink and paper, at corners of the board
     edges_m: Floats
-    clear: float
+    clear: float  # share of an edge's length up to which each side is of one color
 
     @property
     def cell_centers_m(self) -> Floats:

@@ -79,19 +79,15 @@ class CharucoBoard:
 class AprilGrid:
     """Kalibr's grid of AprilTags (36h11) with ids along its rows, from the lower left.
 
-    Attributes:
-        columns, rows: tags along a row and along a column.
-        tag_m: side of a tag's black square.
-        spacing: gap between tags divided by `tag_m`.
-
     Raises:
         MeasurementError: no tags, or lengths that are not positive.
     """
 
+    # columns, rows: tags along a row and along a column
     columns: int
     rows: int
-    tag_m: float
-    spacing: float
+    tag_m: float  # side of a tag's black square
+    spacing: float  # gap between tags divided by `tag_m`
 
     def __post_init__(self) -> None:
         _check(self.columns, self.rows, 1, tag=self.tag_m, spacing=self.spacing)
@@ -195,17 +191,12 @@ def _check(columns: int, rows: int, least: int, **sizes: float) -> None:
 
 @dataclass(frozen=True, eq=False)
 class BoardView:
-    """Corners of a board in one image.
+    """Corners of a board in one image."""
 
-    Attributes:
-        name: image file, or another name of the image.
-        points_m: (n, 2) positions on the flat board: x along the rows, y along the columns.
-        pixels_px: (n, 2) positions in the image.
-    """
-
-    name: str
+    name: str  # image file, or another name of the image
+    # (n, 2) positions on the flat board: x along the rows, y along the columns
     points_m: NDArray[np.float64]
-    pixels_px: NDArray[np.float64]
+    pixels_px: NDArray[np.float64]  # (n, 2) positions in the image
 
     @property
     def points_3d_m(self) -> NDArray[np.float64]:

@@ -32,21 +32,13 @@ _MAX_DAMPING = 1e12
 
 
 class Adjustment(NamedTuple):
-    """Camera, poses and board shape with the smallest reprojection errors.
+    """Camera, poses and board shape with the smallest reprojection errors."""
 
-    Attributes:
-        camera: fitted camera.
-        poses: (images, 4, 4) poses of the board in the camera's optical frame.
-        shape_m: (corners, 3) offsets of the board's corners from their nominal positions.
-        errors_px: (n, 2) measured minus predicted corners of all images, in order.
-        covariance: (p, p) covariance of the camera's free parameters, for errors of 1 px.
-    """
-
-    camera: ParametricCamera
-    poses: Floats
-    shape_m: Floats
-    errors_px: Floats
-    covariance: Floats
+    camera: ParametricCamera  # fitted camera
+    poses: Floats  # (images, 4, 4) poses of the board in the camera's optical frame
+    shape_m: Floats  # (corners, 3) offsets of the board's corners from their nominal positions
+    errors_px: Floats  # (n, 2) measured minus predicted corners of all images, in order
+    covariance: Floats  # (p, p) covariance of the camera's free parameters, for errors of 1 px
 
     @property
     def rms_px(self) -> float:
@@ -67,21 +59,13 @@ def rms_px(errors_px: Floats) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """Corners of a board in several images, in the order of the images.
+    """Corners of a board in several images, in the order of the images."""
 
-    Attributes:
-        nominal_m: (corners, 3) nominal positions of the corners in the board's frame.
-        label: (n,) index into `nominal_m`.
-        pixels_px: (n, 2) positions in the image.
-        image: (n,) index of the image, ascending.
-        starts: (images + 1,) index of the first corner of each image, then n.
-    """
-
-    nominal_m: Floats
-    label: NDArray[np.int64]
-    pixels_px: Floats
-    image: NDArray[np.int64]
-    starts: NDArray[np.int64]
+    nominal_m: Floats  # (corners, 3) nominal positions of the corners in the board's frame
+    label: NDArray[np.int64]  # (n,) index into `nominal_m`
+    pixels_px: Floats  # (n, 2) positions in the image
+    image: NDArray[np.int64]  # (n,) index of the image, ascending
+    starts: NDArray[np.int64]  # (images + 1,) index of the first corner of each image, then n
 
     @classmethod
     def of(cls, views: Sequence[BoardView], nominal_m: Floats | None = None) -> Corners:

@@ -39,34 +39,22 @@ from omnisim.measurement.quantity import Quantity, Unobservable
 
 @dataclass(frozen=True, eq=False)
 class MeasuredGeometry:
-    """Camera model measured from a board in images.
+    """Camera model measured from a board in images."""
 
-    Attributes:
-        camera: camera with the chosen model, or a fitted optical system.
-        model: name of the chosen model; "optics": an optical system.
-        models: all models, the best on held-out images first.
-        views: view of the board in each used image.
-        poses: (images, 4, 4) optical_from_board; if mirrored, for the lens, not its mirror image.
-        board_m: (corners, 3) measured positions of the board's corners; z = 0 for a flat board.
-        errors_px: (n, 2) measured minus predicted corners of all views, in order.
-        held_out_rms_px: root mean square error in held-out images; NaN: no fit shows all their
-            corners.
-        rejected: rejected images with their reasons.
-        quantities: parameters of the camera.
-        unobservable: quantities that the images do not determine.
-    """
-
-    camera: CentralCamera
-    model: str
-    models: tuple[ModelResult, ...]
-    views: tuple[BoardView, ...]
+    camera: CentralCamera  # camera with the chosen model, or a fitted optical system
+    model: str  # name of the chosen model; "optics": an optical system
+    models: tuple[ModelResult, ...]  # all models, the best on held-out images first
+    views: tuple[BoardView, ...]  # view of the board in each used image
+    # (images, 4, 4) optical_from_board; if mirrored, for the lens, not its mirror image
     poses: Floats
+    # (corners, 3) measured positions of the board's corners; z = 0 for a flat board
     board_m: Floats
-    errors_px: Floats
+    errors_px: Floats  # (n, 2) measured minus predicted corners of all views, in order
+    # root mean square error in held-out images; NaN: no fit shows all their corners
     held_out_rms_px: float
-    rejected: tuple[RejectedImage, ...]
-    quantities: tuple[Quantity, ...]
-    unobservable: tuple[Unobservable, ...]
+    rejected: tuple[RejectedImage, ...]  # rejected images with their reasons
+    quantities: tuple[Quantity, ...]  # parameters of the camera
+    unobservable: tuple[Unobservable, ...]  # quantities that the images do not determine
 
     @property
     def rms_px(self) -> float:

@@ -27,39 +27,25 @@ _MAX_ERROR_RATIO = 1.5  # factor of the smallest error of all models; models bey
 
 @dataclass(frozen=True)
 class ModelResult:
-    """Errors of a camera model fitted to the corners.
+    """Errors of a camera model fitted to the corners."""
 
-    Attributes:
-        name: name of the model.
-        parameters: number of free parameters; 0: the model could not be fitted.
-        rms_px: root mean square distance of the corners from their predictions; NaN: no fit.
-        held_out_rms_px: the same in held-out images; NaN: not measured, since the model does not
-            fit or does not show all corners. Models other than the chosen one are fitted to at most
-            `MAX_COMPARED` images.
-        reason: reason for rejecting the model; "": not rejected.
-    """
-
-    name: str
-    parameters: int
-    rms_px: float
+    name: str  # name of the model
+    parameters: int  # number of free parameters; 0: the model could not be fitted
+    rms_px: float  # root mean square distance of the corners from their predictions; NaN: no fit
+    # the same in held-out images; NaN: not measured, since the model does not fit or does not show
+    # all corners. Models other than the chosen one are fitted to at most `MAX_COMPARED` images.
     held_out_rms_px: float
-    reason: str = ""
+    reason: str = ""  # reason for rejecting the model; "": not rejected
 
 
 @dataclass(frozen=True, eq=False)
 class ModelChoice:
-    """Camera model chosen by its errors in held-out images.
+    """Camera model chosen by its errors in held-out images."""
 
-    Attributes:
-        chosen: chosen model, fitted to all images.
-        held_out_rms_px: its root mean square error in held-out images; NaN: no fit shows all their
-            corners.
-        models: results of all models, the best on held-out images first.
-    """
-
-    chosen: Candidate
+    chosen: Candidate  # chosen model, fitted to all images
+    # its root mean square error in held-out images; NaN: no fit shows all their corners
     held_out_rms_px: float
-    models: tuple[ModelResult, ...]
+    models: tuple[ModelResult, ...]  # results of all models, the best on held-out images first
 
 
 def choose_model(

@@ -30,15 +30,11 @@ class BoardSurface:
 
     Between and beyond its corners the offsets from the plane are interpolated by a thin plate.
 
-    Attributes:
-        nominal_m: (corners, 2) corners on the flat board.
-        offsets_m: (corners, 3) offsets of the real corners.
-
     Source: Duchon, "Splines minimizing rotation-invariant semi-norms" (1977).
     """
 
-    nominal_m: Floats
-    offsets_m: Floats
+    nominal_m: Floats  # (corners, 2) corners on the flat board
+    offsets_m: Floats  # (corners, 3) offsets of the real corners
 
     @classmethod
     def flat(cls) -> BoardSurface:

@@ -24,26 +24,19 @@ MIN_FRAMES = 2  # one difference
 
 @dataclass(frozen=True, eq=False)
 class FrameStatistics:
-    """Statistics of the frames at one exposure.
+    """Statistics of the frames at one exposure."""
 
-    Attributes:
-        name, count: folder of the frames, for messages, and their number.
-        mean_image_dn: (height, width) mean of the frames.
-        variance_dn2: temporal variance, mean over the pixels, without the drift of the light.
-        maximum_dn, clipped: largest value in any frame, and share of the values that equal it.
-        zeros: share of values that are 0.
-        bits: bitwise OR of all values.
-    """
-
+    # name, count: folder of the frames, for messages, and their number
     name: str
     exposure_s: float
     count: int
-    mean_image_dn: NDArray[np.float64]
-    variance_dn2: float
+    mean_image_dn: NDArray[np.float64]  # (height, width) mean of the frames
+    variance_dn2: float  # temporal variance, mean over the pixels, without the drift of the light
+    # maximum_dn, clipped: largest value in any frame, and share of the values that equal it
     maximum_dn: float
     clipped: float
-    zeros: float
-    bits: int
+    zeros: float  # share of values that are 0
+    bits: int  # bitwise OR of all values
 
     @property
     def mean_dn(self) -> float:

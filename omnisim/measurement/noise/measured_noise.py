@@ -29,26 +29,17 @@ _SIGNIFICANT = 3.0  # standard deviations
 
 @dataclass(frozen=True, eq=False)
 class MeasuredNoise:
-    """Noise of a camera.
+    """Noise of a camera."""
 
-    Attributes:
-        noise: noise parameters for the sensor file, without the pattern.
-        quantities: measured quantities with their standard deviations.
-        unobservable: quantities that the frames do not determine.
-        curve: photon transfer curve.
-        pattern: (height, width, 2) float32: deviation of each pixel's gain as a share, and of its
-            dark signal in electrons; None: too few frames.
-        defects: (n, 2) row and column of defective pixels.
-        exposure_s: exposure time of the frames used to measure the pattern.
-    """
-
-    noise: Noise
-    quantities: tuple[Quantity, ...]
-    unobservable: tuple[Unobservable, ...]
-    curve: PhotonTransfer
+    noise: Noise  # noise parameters for the sensor file, without the pattern
+    quantities: tuple[Quantity, ...]  # measured quantities with their standard deviations
+    unobservable: tuple[Unobservable, ...]  # quantities that the frames do not determine
+    curve: PhotonTransfer  # photon transfer curve
+    # (height, width, 2) float32: deviation of each pixel's gain as a share, and of its dark signal
+    # in electrons; None: too few frames
     pattern: NDArray[np.float32] | None
-    defects: NDArray[np.int64]
-    exposure_s: float
+    defects: NDArray[np.int64]  # (n, 2) row and column of defective pixels
+    exposure_s: float  # exposure time of the frames used to measure the pattern
 
 
 def measure_noise(
@@ -338,21 +329,16 @@ def dark_signal(darks: Sequence[FrameStatistics]) -> DarkSignal:
 
 @dataclass(frozen=True, eq=False)
 class PhotonTransfer:
-    """Photon transfer curve.
+    """Photon transfer curve."""
 
-    Attributes:
-        means_dn, variances_dn2: (levels,) means and variances, minus those of the dark frames.
-        used: (levels,) True: the level is part of the fit.
-        gain_dn_per_e, gain_sigma_dn_per_e: slope of the curve, and its standard deviation.
-        saturation_dn: mean of the brightest saturated level; None: no level saturates.
-    """
-
+    # means_dn, variances_dn2: (levels,) means and variances, minus those of the dark frames
     means_dn: NDArray[np.float64]
     variances_dn2: NDArray[np.float64]
-    used: NDArray[np.bool_]
+    used: NDArray[np.bool_]  # (levels,) True: the level is part of the fit
+    # gain_dn_per_e, gain_sigma_dn_per_e: slope of the curve, and its standard deviation
     gain_dn_per_e: float
     gain_sigma_dn_per_e: float
-    saturation_dn: float | None
+    saturation_dn: float | None  # mean of the brightest saturated level; None: no level saturates
 
 
 def photon_transfer(flats: Sequence[FrameStatistics], dark: DarkSignal) -> PhotonTransfer:

@@ -31,23 +31,16 @@ MIN_LIGHT = 0.02  # of the brightest block: darker ones are outside of the image
 
 @dataclass(frozen=True, eq=False)
 class MeasuredVignetting:
-    """Vignetting measured from a flat field.
+    """Vignetting measured from a flat field."""
 
-    Attributes:
-        vignetting: degradation for the sensor file, with the fitted coefficients.
-        quantities: the coefficients, and the relative light at the largest fitted radius.
-        gradient: (2,) relative change of the illumination over the image's width and height.
-        residual: root mean square error of the fit, as a share of the light in the middle.
-        middle: light in the middle of the image, in the units of the flat field.
-        radii, light, fitted: (blocks,) radius in units of half the shorter side, relative light
-            without the gradient, and the fitted profile.
-    """
-
-    vignetting: Vignetting
+    vignetting: Vignetting  # degradation for the sensor file, with the fitted coefficients
+    # the coefficients, and the relative light at the largest fitted radius
     quantities: tuple[Quantity, ...]
-    gradient: Floats
-    residual: float
-    middle: float
+    gradient: Floats  # (2,) relative change of the illumination over the image's width and height
+    residual: float  # root mean square error of the fit, as a share of the light in the middle
+    middle: float  # light in the middle of the image, in the units of the flat field
+    # radii, light, fitted: (blocks,) radius in units of half the shorter side, relative light
+    # without the gradient, and the fitted profile
     radii: Floats
     light: Floats
     fitted: Floats
@@ -170,21 +163,13 @@ _POINTS = 200
 
 
 class RadialProfile(NamedTuple):
-    """Light (a + b r² + c r⁴ + …) / (1 + k r²)² of blocks, and its gradient over the image.
+    """Light (a + b r² + c r⁴ + …) / (1 + k r²)² of blocks, and its gradient over the image."""
 
-    Attributes:
-        solution: (terms,) coefficients a, b, c and so on.
-        rate: k, the squared tangent of the field angle at r = 1; 0: a polynomial.
-        gradient: (2,) relative change of the light over the image's width and height.
-        is_kept: (blocks,) False: outliers.
-        residuals: (blocks,) measured minus fitted light.
-    """
-
-    solution: Floats
-    rate: float
-    gradient: Floats
-    is_kept: NDArray[np.bool_]
-    residuals: Floats
+    solution: Floats  # (terms,) coefficients a, b, c and so on
+    rate: float  # k, the squared tangent of the field angle at r = 1; 0: a polynomial
+    gradient: Floats  # (2,) relative change of the light over the image's width and height
+    is_kept: NDArray[np.bool_]  # (blocks,) False: outliers
+    residuals: Floats  # (blocks,) measured minus fitted light
 
     @property
     def rms(self) -> float:

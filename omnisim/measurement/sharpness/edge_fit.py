@@ -58,40 +58,29 @@ class UnusableEdge(Exception):
 
 @dataclass(frozen=True, eq=False)
 class EdgeLine:
-    """Approximate position of an edge.
+    """Approximate position of an edge."""
 
-    Attributes:
-        start_px, end_px: (2,) positions (u, v) of the ends.
-        reach_px: distance from the edge, to both sides, without other edges.
-    """
-
+    # start_px, end_px: (2,) positions (u, v) of the ends
     start_px: Floats
     end_px: Floats
-    reach_px: float
+    reach_px: float  # distance from the edge, to both sides, without other edges
 
 
 @dataclass(frozen=True, eq=False)
 class FittedEdge:
-    """Pixels around an edge, by their distance from it.
+    """Pixels around an edge, by their distance from it."""
 
-    Attributes:
-        center_px: (2,) point on the edge, in the middle of its length.
-        normal: (2,) unit vector from the dark to the bright side at `center_px`.
-        length_px, reach_px: length of the edge, and largest distance of a pixel from it.
-        slant_deg: angle to the pixel rows or columns, whichever is smaller.
-        distances_px: (n,) signed distance of each pixel's center, positive on the bright side.
-        rows, columns: (n,) indices of the pixels.
-        contrast, noise: difference between the two sides, and sigma of a pixel's value; 1: white.
-    """
-
-    center_px: Floats
-    normal: Floats
+    center_px: Floats  # (2,) point on the edge, in the middle of its length
+    normal: Floats  # (2,) unit vector from the dark to the bright side at `center_px`
+    # length_px, reach_px: length of the edge, and largest distance of a pixel from it
     length_px: float
     reach_px: float
-    slant_deg: float
-    distances_px: Floats
+    slant_deg: float  # angle to the pixel rows or columns, whichever is smaller
+    distances_px: Floats  # (n,) signed distance of each pixel's center, positive on the bright side
+    # rows, columns: (n,) indices of the pixels
     rows: NDArray[np.int64]
     columns: NDArray[np.int64]
+    # contrast, noise: difference between the two sides, and sigma of a pixel's value; 1: white
     contrast: float
     noise: float
 

@@ -331,19 +331,13 @@ Design = Callable[[int], Floats]  # (n, terms) by the degree
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Linear combination of basis functions.
+    """Linear combination of basis functions."""
 
-    Attributes:
-        degree: degree of the polynomial, chosen by Akaike's information criterion.
-        coefficients: (terms,) coefficients of the least-squares fit.
-        covariance: (terms, terms) covariance of the coefficients, with the scatter of the edges.
-        used: (n,) False: an outlier.
-    """
-
-    degree: int
-    coefficients: Floats
+    degree: int  # degree of the polynomial, chosen by Akaike's information criterion
+    coefficients: Floats  # (terms,) coefficients of the least-squares fit
+    # (terms, terms) covariance of the coefficients, with the scatter of the edges
     covariance: Floats
-    used: NDArray[np.bool_]
+    used: NDArray[np.bool_]  # (n,) False: an outlier
 
     def at(self, design: Floats) -> tuple[Floats, Floats]:
         """Values (n,) and standard deviations (n,) of the curve for basis functions (n, terms)."""

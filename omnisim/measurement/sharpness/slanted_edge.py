@@ -135,15 +135,10 @@ _SMOOTHING_PX = 1.0
 
 @dataclass(frozen=True, eq=False)
 class EdgeSpread:
-    """Edge spread functions of all pixels, and of all pixels without each of the groups.
+    """Edge spread functions of all pixels, and of all pixels without each of the groups."""
 
-    Attributes:
-        distances_px: (bins,) centers of the bins.
-        levels: (1 + GROUPS, bins) from 0 (dark) to 1 (bright); the first row is of all pixels.
-    """
-
-    distances_px: Floats
-    levels: Floats
+    distances_px: Floats  # (bins,) centers of the bins
+    levels: Floats  # (1 + GROUPS, bins) from 0 (dark) to 1 (bright); the first row is of all pixels
 
 
 def edge_spread(values: Floats, edge: FittedEdge) -> EdgeSpread:

@@ -33,34 +33,23 @@ _FINE = 8  # steps of the search per independent frequency
 
 
 class LineProfiles(NamedTuple):
-    """Light of the rows and columns of frames.
+    """Light of the rows and columns of frames."""
 
-    Attributes:
-        rows: (frames, height) mean light of each row.
-        columns: (frames, width) mean light of each column.
-    """
-
-    rows: Floats
-    columns: Floats
+    rows: Floats  # (frames, height) mean light of each row
+    columns: Floats  # (frames, width) mean light of each column
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredTiming:
-    """Timing of a camera.
+    """Timing of a camera."""
 
-    Attributes:
-        readout_s: time from the first to the last line; 0: a global shutter.
-        lines: "rows" or "columns": the lines that are read out one after another.
-        quantities: readout, line time, flicker and exposure, as far as they are determined.
-        unobservable: quantities that the frames do not determine.
-        profile, fitted: (frames, lines) light of each line, divided by the scene's light, and
-            fitted bands, for plots.
-    """
-
-    readout_s: float
-    lines: str
+    readout_s: float  # time from the first to the last line; 0: a global shutter
+    lines: str  # "rows" or "columns": the lines that are read out one after another
+    # readout, line time, flicker and exposure, as far as they are determined
     quantities: tuple[Quantity, ...]
-    unobservable: tuple[Unobservable, ...]
+    unobservable: tuple[Unobservable, ...]  # quantities that the frames do not determine
+    # profile, fitted: (frames, lines) light of each line, divided by the scene's light, and fitted
+    # bands, for plots
     profile: Floats
     fitted: Floats
 

@@ -40,22 +40,14 @@ _GLOBAL = 4.0  # standard deviations below which the readout time is 0
 
 @dataclass(frozen=True, eq=False)
 class MeasuredReadout:
-    """Readout of a camera.
+    """Readout of a camera."""
 
-    Attributes:
-        readout_s: time from the first to the last line; 0: a global shutter.
-        lines: "rows" or "columns": the lines that are read out one after another.
-        quantities: readout time and line time, with their standard deviations.
-        unobservable: quantities that the images do not determine.
-        pixels_px: (n, 2) corners of all images.
-        errors_px, frozen_px: (n, 2) their errors with the readout, and without it.
-    """
-
-    readout_s: float
-    lines: str
-    quantities: tuple[Quantity, ...]
-    unobservable: tuple[Unobservable, ...]
-    pixels_px: Floats
+    readout_s: float  # time from the first to the last line; 0: a global shutter
+    lines: str  # "rows" or "columns": the lines that are read out one after another
+    quantities: tuple[Quantity, ...]  # readout time and line time, with their standard deviations
+    unobservable: tuple[Unobservable, ...]  # quantities that the images do not determine
+    pixels_px: Floats  # (n, 2) corners of all images
+    # errors_px, frozen_px: (n, 2) their errors with the readout, and without it
     errors_px: Floats
     frozen_px: Floats
 
@@ -159,19 +151,13 @@ def _located(
 
 
 class _Fit(NamedTuple):
-    """Poses and readout with the smallest errors.
+    """Poses and readout with the smallest errors."""
 
-    Attributes:
-        moves: (images, 6) rotation vectors, and translations as shares of the board's distance.
-        errors_px: (n, 2) measured minus predicted corners.
-        readout: frames from the first to the last line.
-        sigma: its standard deviation.
-    """
-
+    # (images, 6) rotation vectors, and translations as shares of the board's distance
     moves: Floats
-    errors_px: Floats
-    readout: float
-    sigma: float
+    errors_px: Floats  # (n, 2) measured minus predicted corners
+    readout: float  # frames from the first to the last line
+    sigma: float  # its standard deviation
 
 
 class _Problem:

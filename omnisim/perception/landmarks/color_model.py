@@ -66,20 +66,16 @@ def likelihood_ratios(counts: NDArray[np.float64], smoothing: float) -> NDArray[
 class ColorModel:
     """Histograms of landmark colors, with their thresholds.
 
-    Attributes:
-        colors, thresholds: names of the landmark colors, and Θ for each.
-        counts: (1 + colors, BINS³) numbers of pixels, neg first.
-        smoothing: see `likelihood_ratios`.
-
     Raises:
         LocalizationError: a color or neg without pixels, a repeated color name, or a threshold or
             smoothing that is not above 0.
     """
 
+    # colors, thresholds: names of the landmark colors, and Θ for each
     colors: tuple[str, ...]
-    counts: NDArray[np.float64]
+    counts: NDArray[np.float64]  # (1 + colors, BINS³) numbers of pixels, neg first
     thresholds: tuple[float, ...]
-    smoothing: float = 1.0
+    smoothing: float = 1.0  # see `likelihood_ratios`
 
     def __post_init__(self) -> None:
         if self.counts.shape != (1 + len(self.colors), BINS**3) or not self.colors:
@@ -135,17 +131,11 @@ class ColorModel:
 
 @dataclass(frozen=True, eq=False)
 class Roc:
-    """Receiver operating characteristic: both rates at every Θ at which one of them changes.
+    """Receiver operating characteristic: both rates at every Θ at which one of them changes."""
 
-    Attributes:
-        thresholds: (n,) descending.
-        true_positives: (n,) share of the landmark's pixels above Θ.
-        false_positives: (n,) share of neg's pixels above Θ.
-    """
-
-    thresholds: NDArray[np.float64]
-    true_positives: NDArray[np.float64]
-    false_positives: NDArray[np.float64]
+    thresholds: NDArray[np.float64]  # (n,) descending
+    true_positives: NDArray[np.float64]  # (n,) share of the landmark's pixels above Θ
+    false_positives: NDArray[np.float64]  # (n,) share of neg's pixels above Θ
 
     @property
     def area(self) -> float:
@@ -330,17 +320,11 @@ def train_colors(colors: Sequence[str], images: Iterable[LabeledPixels], costs: 
 
 @dataclass(frozen=True, eq=False)
 class PixelRates:
-    """Classification rates of a model per pixel, by color.
+    """Classification rates of a model per pixel, by color."""
 
-    Attributes:
-        recall: share of the color's pixels that are recognized.
-        false_alarms: share of neg's pixels that are taken for the color.
-        curves: receiver operating characteristic.
-    """
-
-    recall: dict[str, float]
-    false_alarms: dict[str, float]
-    curves: dict[str, Roc]
+    recall: dict[str, float]  # share of the color's pixels that are recognized
+    false_alarms: dict[str, float]  # share of neg's pixels that are taken for the color
+    curves: dict[str, Roc]  # receiver operating characteristic
 
 
 def pixel_rates(model: ColorModel, images: Iterable[LabeledPixels]) -> PixelRates:

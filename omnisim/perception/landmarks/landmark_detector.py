@@ -426,17 +426,13 @@ _EIGHT = np.ones((3, 3), dtype=np.int8)
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Pixels of one class (`color`) that are connected by edges or corners.
-
-    Attributes:
-        top, left: position of the mask in the panorama; columns may exceed its right edge.
-        mask: (height, width) mask of the region's pixels in its bounding box.
-    """
+    """Pixels of one class (`color`) that are connected by edges or corners."""
 
     color: int
+    # top, left: position of the mask in the panorama; columns may exceed its right edge
     top: int
     left: int
-    mask: NDArray[np.bool_]
+    mask: NDArray[np.bool_]  # (height, width) mask of the region's pixels in its bounding box
 
     @property
     def bottom(self) -> int:

@@ -44,20 +44,15 @@ class MetadataPlace(Enum):
 
 @dataclass(frozen=True, eq=False)
 class ParsedCamera(Generic[LensT_co]):
-    """One camera as its file describes it.
-
-    Attributes:
-        lens: camera model that looks along +z of the file frame.
-        poses, time_shift_s: camera poses in the file, and offset from camera timestamps to IMU
-            timestamps.
-        notes: contradictions in the file, one sentence each.
-    """
+    """One camera as its file describes it."""
 
     name: str
-    lens: LensT_co
+    lens: LensT_co  # camera model that looks along +z of the file frame
+    # poses, time_shift_s: camera poses in the file, and offset from camera timestamps to IMU
+    # timestamps
     poses: tuple[NamedPose, ...] = ()
     time_shift_s: float = 0.0
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # contradictions in the file, one sentence each
 
 
 class Format(ABC, Generic[LensT]):

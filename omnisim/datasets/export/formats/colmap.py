@@ -52,18 +52,13 @@ Track = list[tuple[int, int]]  # images that see a point, and its index in each 
 
 
 class Image(NamedTuple):
-    """Image of the reconstruction, and its visible points.
+    """Image of the reconstruction, and its visible points."""
 
-    Attributes:
-        id, camera_id: numbers of the image and of its camera, from 1.
-        name: path below the folder of images.
-        lens_from_world: (4, 4) pose of the world in the lens's frame.
-    """
-
+    # id, camera_id: numbers of the image and of its camera, from 1
     id: int
     camera_id: int
-    name: str
-    lens_from_world: NDArray[np.float64]
+    name: str  # path below the folder of images
+    lens_from_world: NDArray[np.float64]  # (4, 4) pose of the world in the lens's frame
     seen: Observations
 
 
