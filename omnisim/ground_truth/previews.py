@@ -143,27 +143,15 @@ def _occlusion(codes: NDArray[Any]) -> NDArray[np.uint8]:
 
 
 _PREVIEWS: dict[str, Callable[[NDArray[Any]], NDArray[np.uint8]]] = {
-    "range": _distances,
-    "range_through": _distances,
-    "z": _signed,
-    "position": _positions,
-    "normals": _normals,
-    "normals_camera": _normals,
-    "albedo": srgb8_from_linear,
-    "roughness": _shares,
-    "metallic": _shares,
-    "emissive": lambda light: srgb8_from_linear(np.clip(light, 0.0, 1.0)),
-    "semantic": _ids,
-    "semantic_through": _ids,
-    "instance": _ids,
-    "flow": _flow,
-    "occluded": _occlusion,
-    "flow_backward": _flow,
-    "occluded_backward": _occlusion,
-    "scene_flow": _vectors,
+    "range": _distances, "range_through": _distances, "z": _signed, "position": _positions,
+    "normals": _normals, "normals_camera": _normals, "albedo": srgb8_from_linear,
+    "roughness": _shares, "metallic": _shares,
+    "emissive": lambda light: srgb8_from_linear(np.clip(light, 0.0, 1.0)), "semantic": _ids,
+    "semantic_through": _ids, "instance": _ids, "flow": _flow, "occluded": _occlusion,
+    "flow_backward": _flow, "occluded_backward": _occlusion, "scene_flow": _vectors,
     "scene_flow_camera": _vectors,
     "valid": lambda valid: np.repeat(255 * valid[..., None], 3, axis=-1).astype(np.uint8),
-}
+}  # fmt: skip
 
 
 # Legends for the false colors of channels.

@@ -25,17 +25,7 @@ from omnisim.cameras.calibration.calibration import (
 from omnisim.cameras.calibration.calibration_formats import FORMATS
 
 __all__ = [
-    "FORMATS",
-    "CalibratedCamera",
-    "Calibration",
-    "NamedPose",
-    "Residuals",
-    "Rig",
-    "RigCamera",
-    "calibration_of",
-    "calibration_text",
-    "check_calibration_suffix",
-    "find_pose",
-    "load_calibration",
-    "save_calibration",
-]
+    "FORMATS", "CalibratedCamera", "Calibration", "NamedPose", "Residuals", "Rig", "RigCamera",
+    "calibration_of", "calibration_text", "check_calibration_suffix", "find_pose",
+    "load_calibration", "save_calibration",
+]  # fmt: skip

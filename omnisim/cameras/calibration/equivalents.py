@@ -207,13 +207,7 @@ def _rational(camera: CentralCamera) -> RationalPolynomialCamera | None:
 
 
 _CONVERSIONS: Mapping[type[CentralCamera], Callable[[CentralCamera], CentralCamera | None]] = {
-    UnifiedCamera: _unified,
-    EucmCamera: _eucm,
-    DoubleSphereCamera: _double_sphere,
-    KannalaBrandtCamera: _kannala_brandt,
-    FThetaCamera: _f_theta,
-    OcamcalibCamera: _ocamcalib,
-    GazeboCamera: _gazebo,
-    PerspectiveCamera: _perspective,
-    RationalPolynomialCamera: _rational,
-}
+    UnifiedCamera: _unified, EucmCamera: _eucm, DoubleSphereCamera: _double_sphere,
+    KannalaBrandtCamera: _kannala_brandt, FThetaCamera: _f_theta, OcamcalibCamera: _ocamcalib,
+    GazeboCamera: _gazebo, PerspectiveCamera: _perspective, RationalPolynomialCamera: _rational,
+}  # fmt: skip

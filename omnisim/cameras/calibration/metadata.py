@@ -216,11 +216,9 @@ def camera_metadata(
     `limit_rad` is the angle from the axis where the domain ends; residuals are of a fitted lens.
     """
     return CameraMetadata(
-        camera=name,
-        mirrored=camera is not None and is_catadioptric(camera),
-        turned=isinstance(camera, EllipticCamera),
-        theta_max_rad=limit_rad,
-    ).with_residuals(residuals)
+        camera=name, mirrored=camera is not None and is_catadioptric(camera),
+        turned=isinstance(camera, EllipticCamera), theta_max_rad=limit_rad,
+    ).with_residuals(residuals)  # fmt: skip
 
 
 def camera_from_lens(lens: CentralCamera, metadata: CameraMetadata) -> CentralCamera:

@@ -193,16 +193,11 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
         (s1, s2), (s3, s4) = self.prism.tolist()
         rows = self.plane_from_sensor.tolist()
         return {
-            **super().uniforms(),
-            "u_numerator": (k1, k2, k3),
-            "u_denominator": (k4, k5, k6),
-            "u_tangential": (p2, p1),
-            "u_prism": (s1, s3, s2, s4),
-            "u_plane_from_sensor_x": tuple(rows[0]),
-            "u_plane_from_sensor_y": tuple(rows[1]),
-            "u_plane_from_sensor_w": tuple(rows[2]),
-            "u_radius_max": self.radius_limit,
-        }
+            **super().uniforms(), "u_numerator": (k1, k2, k3), "u_denominator": (k4, k5, k6),
+            "u_tangential": (p2, p1), "u_prism": (s1, s3, s2, s4),
+            "u_plane_from_sensor_x": tuple(rows[0]), "u_plane_from_sensor_y": tuple(rows[1]),
+            "u_plane_from_sensor_w": tuple(rows[2]), "u_radius_max": self.radius_limit,
+        }  # fmt: skip
 
 
 def _even_polynomial(

@@ -39,11 +39,9 @@ MAX_MISFIT_PX = 0.5  # error of the second lens with the first one's coefficient
 _TAIL = 300  # characters of the process's output in a message
 # EuRoC's names of the noise densities in a run's IMU parameters, by ORB-SLAM3's names.
 NOISE = {
-    "NoiseGyro": "gyroscope_noise_density",
-    "NoiseAcc": "accelerometer_noise_density",
-    "GyroWalk": "gyroscope_random_walk",
-    "AccWalk": "accelerometer_random_walk",
-}
+    "NoiseGyro": "gyroscope_noise_density", "NoiseAcc": "accelerometer_noise_density",
+    "GyroWalk": "gyroscope_random_walk", "AccWalk": "accelerometer_random_walk",
+}  # fmt: skip
 Floats = NDArray[np.float64]
 
 
@@ -88,12 +86,9 @@ class OrbSlam3(CameraTracker):
         (work / program.SETTINGS).write_text(settings_text(lenses, fps, second, imu))
         np.save(work / program.TIMES, times_s)
         request = {
-            "vocabulary": str(unpacked_vocabulary(work)),
-            "width_px": lenses[0].width_px,
-            "height_px": lenses[0].height_px,
-            "cameras": self.cameras,
-            "fps": fps,
-        }
+            "vocabulary": str(unpacked_vocabulary(work)), "width_px": lenses[0].width_px,
+            "height_px": lenses[0].height_px, "cameras": self.cameras, "fps": fps,
+        }  # fmt: skip
         (work / program.REQUEST).write_text(json.dumps(request))
         _run_program(work, _frames(run, cameras))
         return _trajectory(work, times_s, self.tracked_from_base(run) @ base_from_body)

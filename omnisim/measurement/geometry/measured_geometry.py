@@ -104,18 +104,11 @@ def measure_geometry(
     fit = chosen.fit
     check_shape(fit.shape_m, spacing_m, corners)
     return MeasuredGeometry(
-        MirroredCamera(fit.camera) if mirrored else fit.camera,
-        chosen.name,
-        choice.models,
-        tuple(used),
-        fit.poses,
-        corners.nominal_m + fit.shape_m,
-        fit.errors_px,
-        choice.held_out_rms_px,
-        (*rejected, *outlying),
-        model_quantities(chosen, corners),
+        MirroredCamera(fit.camera) if mirrored else fit.camera, chosen.name, choice.models,
+        tuple(used), fit.poses, corners.nominal_m + fit.shape_m, fit.errors_px,
+        choice.held_out_rms_px, (*rejected, *outlying), model_quantities(chosen, corners),
         unobservable_quantities(fit, corners, math.isfinite(choice.held_out_rms_px)),
-    )
+    )  # fmt: skip
 
 
 # Shape of a printed board, fitted together with the lens.

@@ -84,14 +84,10 @@ def measure_noise(
     stack = max(darks, key=lambda one: one.count)
     result.pattern(stack, flat)
     return MeasuredNoise(
-        noise=Noise(bit_depth=bits, **result.parameters),
-        quantities=tuple(result.quantities),
-        unobservable=tuple(result.unobservable),
-        curve=curve,
-        pattern=result.map,
-        defects=result.defects,
-        exposure_s=(flat or stack).exposure_s,
-    )
+        noise=Noise(bit_depth=bits, **result.parameters), quantities=tuple(result.quantities),
+        unobservable=tuple(result.unobservable), curve=curve, pattern=result.map,
+        defects=result.defects, exposure_s=(flat or stack).exposure_s,
+    )  # fmt: skip
 
 
 def _aligned(

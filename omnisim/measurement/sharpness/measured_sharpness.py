@@ -117,15 +117,11 @@ def measure_sharpness(
         center_px = 0.5 * (size_px[0] - 1), 0.5 * (size_px[1] - 1)
     curves = field_curves(edges, size_px, center_px)
     return MeasuredSharpness(
-        point_spread=curves.point_spread,
-        chromatic_aberration=curves.chromatic_aberration,
+        point_spread=curves.point_spread, chromatic_aberration=curves.chromatic_aberration,
         quantities=(*_ring_quantities(edges, curves), *curves.quantities),
-        unobservable=tuple(curves.unobservable),
-        edges=tuple(edges),
-        flaws=dict(flaws),
-        size_px=size_px,
-        center_px=center_px,
-    )
+        unobservable=tuple(curves.unobservable), edges=tuple(edges), flaws=dict(flaws),
+        size_px=size_px, center_px=center_px,
+    )  # fmt: skip
 
 
 def _check_linear(edges: Sequence[EdgeSharpness]) -> None:

@@ -138,15 +138,12 @@ class LandmarkDetector:
         width = self.panorama.camera.width_px
         start = finding.left // width * width  # boxes start within the panorama
         return Detection(
-            landmark.name,
-            wrap_angle(float(self.panorama.bearings_rad(finding.column))),
-            finding.range_m,
-            finding.range_eq2_m,
-            finding.column_sigma_px / self.panorama.camera.focal_length_px,
-            finding.range_sigma_m,
+            landmark.name, wrap_angle(float(self.panorama.bearings_rad(finding.column))),
+            finding.range_m, finding.range_eq2_m,
+            finding.column_sigma_px / self.panorama.camera.focal_length_px, finding.range_sigma_m,
             *(finding.left - start, finding.right - start, finding.top, finding.bottom),
             finding.area_px,
-        )
+        )  # fmt: skip
 
 
 def _add(known: dict[Key, Landmark], key: Key, landmark: Landmark) -> None:
@@ -194,12 +191,9 @@ def write_detections(path: Path, detections: Iterable[tuple[int, Detection]]) ->
     lines = [COLUMNS]
     for step, detection in detections:
         numbers = (
-            math.degrees(detection.bearing_rad),
-            detection.range_m,
-            detection.range_eq2_m,
-            math.degrees(detection.bearing_sigma_rad),
-            detection.range_sigma_m,
-        )
+            math.degrees(detection.bearing_rad), detection.range_m, detection.range_eq2_m,
+            math.degrees(detection.bearing_sigma_rad), detection.range_sigma_m,
+        )  # fmt: skip
         box = (detection.left, detection.right, detection.top, detection.bottom, detection.area_px)
         cells = (*(f"{number:.6f}" for number in numbers), *map(str, box))
         lines.append(",".join((str(step), detection.landmark, *cells)))

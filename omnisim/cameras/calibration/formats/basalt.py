@@ -58,12 +58,9 @@ from omnisim.core.files.parameters import Number
 
 FOCAL = "fx fy cx cy"
 INTRINSICS = {
-    "pinhole": FOCAL,
-    "ucm": f"{FOCAL} alpha",
-    "eucm": f"{FOCAL} alpha beta",
-    "ds": f"{FOCAL} xi alpha",
-    "kb4": f"{FOCAL} k1 k2 k3 k4",
-}
+    "pinhole": FOCAL, "ucm": f"{FOCAL} alpha", "eucm": f"{FOCAL} alpha beta",
+    "ds": f"{FOCAL} xi alpha", "kb4": f"{FOCAL} k1 k2 k3 k4",
+}  # fmt: skip
 OTHERS = {
     "pinhole-radtan8": "k1, k2, p1, p2, k3 … k6 are OpenCV's: pass them as an opencv_pinhole file"
 }

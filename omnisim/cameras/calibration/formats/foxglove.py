@@ -44,14 +44,9 @@ class Foxglove(CameraInfo):
         (camera,) = cameras
         model, d, k, p = camera_info(camera.lens)
         data = {
-            "timestamp": {"sec": 0, "nsec": 0},
-            "frame_id": camera.name,
-            "width": camera.lens.width_px,
-            "height": camera.lens.height_px,
-            "distortion_model": "kannala_brandt" if model == "equidistant" else model,
-            "D": d,
-            "K": k,
-            "R": list(IDENTITY),
-            "P": p,
-        }
+            "timestamp": {"sec": 0, "nsec": 0}, "frame_id": camera.name,
+            "width": camera.lens.width_px, "height": camera.lens.height_px,
+            "distortion_model": "kannala_brandt" if model == "equidistant" else model, "D": d,
+            "K": k, "R": list(IDENTITY), "P": p,
+        }  # fmt: skip
         return json.dumps(data, indent=2) + "\n"

@@ -64,20 +64,16 @@ from omnisim.core.files.parameters import Number
 from omnisim.core.poses import inverse
 
 INTRINSICS = {
-    "pinhole": "fu fv pu pv",
-    "omni": "xi fu fv pu pv",
-    "ds": "xi alpha fu fv pu pv",
+    "pinhole": "fu fv pu pv", "omni": "xi fu fv pu pv", "ds": "xi alpha fu fv pu pv",
     "eucm": "alpha beta fu fv pu pv",
-}
+}  # fmt: skip
 RENAMED = {"distortion_coefficients": "distortion_coeffs"}  # keys of a sensor.yaml
 MATRIX = " ".join(f"r{row}{column}" for row in "1234" for column in "1234")
 DISTORTIONS = {"radtan": "k1 k2 p1 p2", "equidistant": "k1 k2 k3 k4", "fov": "w", "none": ""}
 PAIRS = {
-    "pinhole": ("radtan", "equidistant", "fov", "none"),
-    "omni": ("radtan", "none"),
-    "ds": ("none",),
-    "eucm": ("none",),
-}
+    "pinhole": ("radtan", "equidistant", "fov", "none"), "omni": ("radtan", "none"),
+    "ds": ("none",), "eucm": ("none",),
+}  # fmt: skip
 KalibrLens = UnifiedCamera | KannalaBrandtCamera | EucmCamera | DoubleSphereCamera
 
 

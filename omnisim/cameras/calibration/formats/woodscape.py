@@ -102,10 +102,8 @@ class Woodscape(Format[FThetaCamera]):
         k1, k2, k3, k4 = (*lens.coefficients_px, 0.0, 0.0, 0.0)[:4]
         u, v = lens.principal_point_px
         intrinsic = {
-            "aspect_ratio": lens.aspect_ratio,
-            "cx_offset": u - (0.5 * lens.width_px - 0.5),
-            "cy_offset": v - (0.5 * lens.height_px - 0.5),
-            "height": float(lens.height_px),
+            "aspect_ratio": lens.aspect_ratio, "cx_offset": u - (0.5 * lens.width_px - 0.5),
+            "cy_offset": v - (0.5 * lens.height_px - 0.5), "height": float(lens.height_px),
             "k1": k1, "k2": k2, "k3": k3, "k4": k4,
             "model": "radial_poly", "poly_order": 4, "width": float(lens.width_px),
         }  # fmt: skip

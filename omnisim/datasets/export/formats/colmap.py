@@ -41,13 +41,9 @@ from omnisim.datasets.export.recording import Recording
 
 # COLMAP's numbers of its models, by the names of `parameters`.
 MODEL_IDS = {
-    "PINHOLE": 1,
-    "OPENCV": 4,
-    "OPENCV_FISHEYE": 5,
-    "FULL_OPENCV": 6,
-    "EUCM": 16,
+    "PINHOLE": 1, "OPENCV": 4, "OPENCV_FISHEYE": 5, "FULL_OPENCV": 6, "EUCM": 16,
     "EQUIRECTANGULAR": 17,
-}
+}  # fmt: skip
 Track = list[tuple[int, int]]  # images that see a point, and its index in each of them
 
 

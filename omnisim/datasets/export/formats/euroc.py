@@ -103,16 +103,12 @@ def _begin_camera(
     intervals_s = np.diff(stamps_ns) * 1e-9
     rate = [f"rate_hz: {1.0 / np.median(intervals_s):.6g}"] if len(intervals_s) else []
     lines = [
-        "sensor_type: camera",
-        f"comment: {camera.name}",
-        *_pose_lines(body_from_lens),
-        *rate,
+        "sensor_type: camera", f"comment: {camera.name}", *_pose_lines(body_from_lens), *rate,
         f"resolution: [{lens.width_px}, {lens.height_px}]",
-        f"camera_model: {values['camera_model']}",
-        f"intrinsics: {_numbers(values['intrinsics'])}",
+        f"camera_model: {values['camera_model']}", f"intrinsics: {_numbers(values['intrinsics'])}",
         f"distortion_model: {DISTORTIONS.get(distortion, distortion)}",
         f"distortion_coefficients: {_numbers(coefficients)}",
-    ]
+    ]  # fmt: skip
     write_lines(folder / "sensor.yaml", iter(lines))
 
 
