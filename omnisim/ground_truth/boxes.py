@@ -31,14 +31,11 @@ VISIBLE_SHARE = "visible_share"  # key of an annotation, if the share is known
 class BoxLimits:
     """Limits for annotated objects.
 
-    Attributes:
-        min_area_px: minimum number of visible pixels.
-        min_visible: minimum visible share, 0 to 1, of the pixels that the object would cover alone;
-            None: no limit, and the share may be unknown.
+    A share is of the pixels that the object would cover alone; None: no limit, or it is unknown.
     """
 
-    min_area_px: int = 1
-    min_visible: float | None = None
+    min_area_px: int = 1  # minimum number of visible pixels
+    min_visible: float | None = None  # minimum visible share, 0 to 1
 
     def keeps(self, annotation: Mapping[str, Any]) -> bool:
         """True if an annotation is within the limits.

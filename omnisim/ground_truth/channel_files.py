@@ -89,11 +89,8 @@ def write_sidecars(
 ) -> None:
     """Write the files of the channels next to the image, and a JSON file that describes them.
 
-    Args:
-        image, metadata: path and metadata of the image.
-        channels, labels: channels by name, and labels of the IDs; None: no labels.
-        has_ray: (height, width) mask, false outside the lens or the mirror.
-        channel_format: format of the channel files; layers of an EXR are not written here.
+    `has_ray` (height, width) is false outside the lens or the mirror. Layers of an EXR are not
+    written.
 
     Raises:
         OutputError: a file cannot be written, or values exceed 16 bits.

@@ -116,13 +116,11 @@ class Hits(NamedTuple):
 class EchoLimits(NamedTuple):
     """Limits of a receiver behind glass and mirrors.
 
-    Attributes:
-        returns: number of returns of a beam: 1, or 2.
-        min_intensity: intensity of the faintest echo that is detected at `range_max_m`, relative to
-            a white surface met perpendicularly; nearer echoes may be fainter by the squared range.
+    The faintest echo that is detected at `range_max_m` has `min_intensity`, relative to a white
+    surface met perpendicularly; nearer echoes may be fainter by the squared range.
     """
 
-    returns: int
+    returns: int  # number of returns of a beam: 1, or 2
     min_intensity: float
     range_max_m: float
 
@@ -160,16 +158,11 @@ class LidarPoses(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Slice:
-    """Part of a revolution, in which all points of the world move straight at constant speed.
+    """Part of a revolution, in which all points of the world move straight at constant speed."""
 
-    Attributes:
-        first, last: range of firings; `last` is the first firing of the next slice.
-        start, middle, end: poses at these times of the slice.
-    """
-
-    first: int
-    last: int
-    start: LidarPoses
+    first: int  # first of its firings
+    last: int  # first firing of the next slice
+    start: LidarPoses  # poses at these times of the slice
     middle: LidarPoses
     end: LidarPoses
 

@@ -213,14 +213,10 @@ def nearest_fit(
     fit_model: Callable[[type[LensT], Fixed], Fit[LensT]],
     reasons: list[str],
 ) -> Fit[LensT]:
-    """Fit with the smallest maximum residual among the models of a format.
+    """Fit with the smallest maximum residual among a format's models, or of the only `model`.
 
-    Args:
-        camera, form: source camera and file format.
-        place: file and camera, for messages.
-        model: the only model to try; None: all models.
-        fit_model: function that fits a model, given the attributes that the format fixes.
-        reasons: reasons for rejected models so far, for messages; extended in place.
+    `fit_model` fits a model, given the attributes that the format fixes; `place` is file and
+    camera, for messages. The reasons for rejected models are added to `reasons`.
 
     Raises:
         CalibrationError: no model is close enough; states the reasons.

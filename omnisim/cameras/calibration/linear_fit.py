@@ -78,19 +78,13 @@ class Samples:
 
 
 class Profile(NamedTuple):
-    """Source camera as a radially symmetric lens.
+    """Source camera as a radially symmetric lens."""
 
-    Attributes:
-        size, center_px: image width and height, and (u, v) of the axis.
-        aspect: ratio of the focal length along v to that along u.
-        theta_rad, radii_px: (n,) angles from +z, and distances from the axis in pixels along u.
-    """
-
-    size: tuple[int, int]
-    center_px: tuple[float, float]
-    aspect: float
-    theta_rad: NDArray[np.float64]
-    radii_px: NDArray[np.float64]
+    size: tuple[int, int]  # width and height of the image
+    center_px: tuple[float, float]  # (u, v) of the axis
+    aspect: float  # ratio of the focal length along v to that along u
+    theta_rad: NDArray[np.float64]  # (n,) angles from +z
+    radii_px: NDArray[np.float64]  # (n,) distances from the axis in pixels along u
 
     def intrinsics(
         self, focal_px: float

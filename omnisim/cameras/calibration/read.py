@@ -47,13 +47,10 @@ class CameraFile(NamedTuple):
 def read_cameras(
     path: Path, format: str | None, mirrored: bool | None, theta_max_rad: float | None = None
 ) -> CameraFile:
-    """Read a calibration file.
+    """Read a calibration file; format None: detected.
 
-    Args:
-        path, format: calibration file, and name of its format, or None to detect it.
-        mirrored: True if the cameras look into mirrors; None to take it from their metadata.
-        theta_max_rad: angle from the axis where the field of view ends, for models that have it;
-            None to take it from their metadata.
+    `mirrored` (the cameras look into mirrors) and `theta_max_rad` (angle from the axis where the
+    field of view ends) are taken from the file's metadata if None.
 
     Raises:
         CalibrationError: the file is invalid; names file, key, actual and expected value.

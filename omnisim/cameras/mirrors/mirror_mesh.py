@@ -31,20 +31,16 @@ from omnisim.core.short_repr import short_repr
 class MirrorMesh:
     """Triangles with vertices on the mirror, in the mirror frame.
 
-    Attributes:
-        vertices_m, normals: (n, 3) float64, meters; unit vectors on the reflecting side.
-        triangles: (m, 3) int64, counter-clockwise seen from the pinhole.
-        polygons: polygon count as in the paper: each triangle at the apex is one polygon, and so is
-            each cell of two triangles in the other rings.
-        sectors, rings: number of polygons around the axis, and from the apex to the rim.
+    Polygons are counted as in the paper: each triangle at the apex is one polygon, and so is each
+    cell of two triangles in the other rings.
     """
 
-    vertices_m: NDArray[np.float64]
-    normals: NDArray[np.float64]
-    triangles: NDArray[np.int64]
+    vertices_m: NDArray[np.float64]  # (n, 3)
+    normals: NDArray[np.float64]  # (n, 3) unit vectors on the reflecting side
+    triangles: NDArray[np.int64]  # (m, 3) counter-clockwise seen from the pinhole
     polygons: int
-    sectors: int
-    rings: int
+    sectors: int  # polygons around the axis
+    rings: int  # polygons from the apex to the rim
 
     def __repr__(self) -> str:
         shape = f"{self.sectors} sectors × {self.rings} rings"
@@ -65,19 +61,13 @@ class MirrorMesh:
 
 @dataclass(frozen=True)
 class UnfoldedMirrorMesh:
-    """Mirror mesh clipped along the cube edges, with one copy of each vertex per face.
+    """Mirror mesh clipped along the cube edges, with one copy of each vertex per face."""
 
-    Attributes:
-        vertices_m, normals: (n, 3) float64, mirror frame, meters; unit vectors.
-        texture_coordinates: (n, 2) float64 in [0, 1] on the unfolded cube (`omnisim.core.cube`),
-            origin at the top left of the image.
-        triangles: (m, 3) int64, counter-clockwise seen from the pinhole.
-    """
-
-    vertices_m: NDArray[np.float64]
-    normals: NDArray[np.float64]
+    vertices_m: NDArray[np.float64]  # (n, 3) mirror frame
+    normals: NDArray[np.float64]  # (n, 3) unit vectors
+    # (n, 2) in [0, 1] on the unfolded cube (`omnisim.core.cube`), origin at the image's top left
     texture_coordinates: NDArray[np.float64]
-    triangles: NDArray[np.int64]
+    triangles: NDArray[np.int64]  # (m, 3) counter-clockwise seen from the pinhole
 
 
 # Tessellation of a mirror into polygons, as in the paper's Fig. 3.

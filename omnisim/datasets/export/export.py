@@ -24,16 +24,11 @@ def export_run(
     camera_name: str | None = None,
     print_note: PrintNote = lambda note: None,
 ) -> Iterator[int]:
-    """Export a run to a folder; yield the number of steps, then the number of finished steps.
+    """Export a run to a new folder; yield the number of steps, then the number of finished steps.
 
-    The folder appears when it is complete. If a format has no stamps per sensor, the steps are
-    frames, see `Recording.in_frames`.
-
-    Args:
-        run, output: folder of the finished run, and new folder.
-        format, settings: key of `export_formats.FORMATS`, and settings of the export.
-        camera_name: only camera to export; None: all that the format supports.
-        print_note: callback for notes on content that the format does not support.
+    The folder appears when it is complete. If a format (key of `export_formats.FORMATS`) has no
+    stamps per sensor, the steps are frames, see `Recording.in_frames`. With a camera's name, only
+    that camera is exported; `print_note` takes notes on content that the format does not support.
 
     Raises:
         OmnisimError: an unknown format, a setting that the format does not use, an unfinished run,

@@ -42,17 +42,12 @@ NOTED_S = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class ImuReadings:
-    """Readings of an IMU.
+    """Readings of an IMU."""
 
-    Attributes:
-        times_s: (n,) times of the readings.
-        values: (n, 6) angular rate in rad/s and specific force in m/s², in the IMU's frame.
-        biases: (n, 6) biases of the readings, in the same units; None: not recorded.
-    """
-
-    times_s: NDArray[np.float64]
+    times_s: NDArray[np.float64]  # (n,)
+    # (n, 6) angular rate in rad/s and specific force in m/s², IMU's frame
     values: NDArray[np.float64]
-    biases: NDArray[np.float64] | None
+    biases: NDArray[np.float64] | None  # (n, 6) in the same units; None: not recorded
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,17 +290,12 @@ IMAGE = ".png"
 
 @dataclass(frozen=True, eq=False)
 class RecordedCamera:
-    """Camera of a run.
-
-    Attributes:
-        run, name: folder of the run, and name of the camera.
-        mount: model, pose on the base, and mask of pixels that show the scene.
-        indices: (n,) number of the camera's image at each frame; None: the frame's own number.
-    """
+    """Camera of a run."""
 
     run: RunFolder
     name: str
-    mount: CameraMount
+    mount: CameraMount  # model, pose on the base, and mask of pixels that show the scene
+    # (n,) number of the camera's image at each frame; None: the frame's own number
     indices: NDArray[np.intp] | None = field(default=None, kw_only=True)
 
     @classmethod

@@ -80,9 +80,8 @@ _COUNTS = {".ply": "element vertex ", ".pcd": "POINTS "}
 class StoredCloud:
     """Point cloud of a revolution, with parameters and poses of the lidar in its header.
 
-    Attributes:
-        points: (n,) records of type `POINT`, or `PLAIN_POINT` in older runs, of
-            `omnisim.sensors.lidar.point_files`.
+    Points (n,) are of type `POINT`, or `PLAIN_POINT` in older runs, of
+    `omnisim.sensors.lidar.point_files`.
     """
 
     header: FileHeader

@@ -62,15 +62,10 @@ class ImuIntegration(Estimator):
 def integrate(
     readings: ImuReadings, world_from_imu: Floats, velocity_mps: Floats, gravity_mps2: float
 ) -> Floats:
-    """Poses (n, 4, 4) of an IMU at its readings.
+    """Poses (n, 4, 4) of an IMU at its readings, from pose (4, 4) and velocity (3,) at the first.
 
     A reading is the mean over the period centered at its time. Each step between two times
-    therefore uses half a period of either reading.
-
-    Args:
-        readings: angular rates and specific forces.
-        world_from_imu, velocity_mps: pose (4, 4), and velocity (3,) in the world, at the first one.
-        gravity_mps2: gravitational acceleration along the world's −z.
+    therefore uses half a period of either reading. Gravity is along the world's −z.
     """
     halves_s = 0.5 * np.diff(readings.times_s)
     poses = [np.array(world_from_imu, dtype=np.float64)]

@@ -241,16 +241,11 @@ VIEWER = (
 
 @dataclass(frozen=True, eq=False)
 class ImuSettings:
-    """IMU parameters of a settings file.
+    """IMU parameters of a settings file."""
 
-    Attributes:
-        imu_from_camera, rate_hz: (4, 4) pose of the first camera, and readings per second.
-        noise: densities of noise and random walk of gyroscope and accelerometer, by their keys in
-            the settings file, in SI units.
-    """
-
-    imu_from_camera: Floats
-    rate_hz: float
+    imu_from_camera: Floats  # (4, 4) pose of the first camera
+    rate_hz: float  # readings per second
+    # densities of noise and random walk by their keys in the settings file, SI units
     noise: dict[str, float]
 
 

@@ -36,52 +36,31 @@ MAX_OFFSET_PX = 1.0  # beyond it, another edge was found: the corner counts as l
 
 @dataclass(frozen=True, eq=False)
 class ImageComparison:
-    """Image of a board compared with the twin's rendered image.
+    """Image of a board compared with the twin's rendered image; not found or seen: NaN."""
 
-    Attributes:
-        name: image file.
-        image, twin: (height, width) gray levels.
-        corners_px, offsets_px: (n, 2) corners in the image, and corners in the twin minus these;
-            NaN: not found.
-        rises_px, edge_centers_px: (edges, 2) 10-90 % rise of each edge in the image and in the twin
-            (NaN: not seen), and middle of each edge in the image.
-        levels: (patches, 2) gray levels of patches of one color in the image and in the twin.
-        blocks: (blocks, 2, 2) gray level and noise of even blocks in the image and in the twin.
-    """
-
-    name: str
-    image: NDArray[np.uint8]
-    twin: NDArray[np.uint8]
-    corners_px: Floats
-    offsets_px: Floats
-    rises_px: Floats
-    edge_centers_px: Floats
-    levels: Floats
+    name: str  # image file
+    image: NDArray[np.uint8]  # (height, width) gray levels
+    twin: NDArray[np.uint8]  # (height, width) gray levels
+    corners_px: Floats  # (n, 2) corners in the image
+    offsets_px: Floats  # (n, 2) corners in the twin minus those in the image
+    rises_px: Floats  # (edges, 2) 10-90 % rise of each edge in the image and in the twin
+    edge_centers_px: Floats  # (edges, 2) middle of each edge in the image
+    levels: Floats  # (patches, 2) gray levels of patches of one color in the image and in the twin
+    # (blocks, 2, 2) gray level and noise of even blocks in the image and in the twin
     blocks: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class Ring:
-    """Errors of the twin in a ring of the image.
+    """Errors of the twin in a ring of the image; NaN: all corners are lost, or too few edges."""
 
-    Attributes:
-        radius_px: outer radius about the principal point.
-        corners, lost: number of corners, and of those too far off, or not found, in the twin;
-            `bias_px` and `rms_px` exclude them.
-        bias_px: (2,) mean or median offset of the corners along the radius and across the radius;
-            NaN: all are lost.
-        rms_px: root mean square of the corners' offsets.
-        rise_px, twin_rise_px: median 10-90 % rise of edges in the images and in the twin; NaN: too
-            few edges.
-    """
-
-    radius_px: float
-    corners: int
-    lost: int
-    bias_px: Floats
-    rms_px: float
-    rise_px: float
-    twin_rise_px: float
+    radius_px: float  # outer radius about the principal point
+    corners: int  # number of corners
+    lost: int  # corners too far off, or not found, in the twin; bias and rms exclude them
+    bias_px: Floats  # (2,) mean or median offset of the corners along and across the radius
+    rms_px: float  # root mean square of the corners' offsets
+    rise_px: float  # median 10-90 % rise of edges in the images
+    twin_rise_px: float  # the same in the twin
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,14 +92,9 @@ def compare_image(
     board_m: Floats | None = None,
     mirrored: bool = False,
 ) -> ImageComparison:
-    """Render a board in the pose that it has in an image, and compare both images.
+    """Render a board in the pose that it has in a gray image, and compare both images.
 
-    Args:
-        sensor: twin of the camera.
-        board, view: calibration board, and its corners in the image.
-        image: (height, width) gray image.
-        board_m: (corners, 3) measured positions of the board's corners; None: flat.
-        mirrored: the camera looks into a mirror.
+    The board's corners are at `board_m` (corners, 3), as measured; None: flat.
 
     Raises:
         MeasurementError: the image and the sensor differ in size, or the board is outside the
@@ -191,14 +165,10 @@ def compare_images(
     average: Callable[[Floats], np.floating[Any]] = np.mean,
     min_edges: int = 1,
 ) -> Comparison:
-    """Errors of a twin over the field.
+    """Errors of a twin over the field, from at least one image beside its twin.
 
-    Args:
-        sensor: twin of the camera.
-        images: images beside their twins, at least one.
-        max_offset_px: offset beyond which a corner counts as lost.
-        average: average of a ring's offsets.
-        min_edges: edges of a ring without which its rise is unknown.
+    A corner farther off than `max_offset_px` is lost; the rise of a ring with fewer edges is
+    unknown.
     """
     center = np.array(sensor.model.principal_point_px)
     corners = np.concatenate([one.corners_px for one in images])
@@ -322,15 +292,10 @@ def _blocks(values: NDArray[_T]) -> NDArray[_T]:
 def pose_indices(
     files: Sequence[Path], names: Sequence[str] | None, count: int, source: Path
 ) -> NDArray[np.intp]:
-    """Index of the pose of each image (files,).
+    """Index of the pose of each image (files,), from the names of the poses' images.
 
     Names are compared without their folders and suffixes. Without names, there must be as many
-    poses as images, in the order of the images' names.
-
-    Args:
-        files: image files.
-        names: name of each pose's image; None: not known.
-        count, source: number of poses, and their file, for messages.
+    poses (`count`, in the file `source`) as images, in the order of the images' names.
 
     Raises:
         MeasurementError: an image without a pose, a name twice, or another number of poses.
@@ -374,10 +339,8 @@ def edge_rise_px(
 ) -> float:
     """Distance over which an edge rises from 10 % to 90 %, px; NaN: too short, faint or blurred.
 
-    Args:
-        image: (height, width) gray image.
-        start_px, end_px: (2,) ends of the edge, at corners of the board; the middle half is used.
-        clear: share of the length, to both sides, without other edges.
+    Uses the middle half of the edge between two corners (2,) of the board; a share `clear` of its
+    length, to both sides, is without other edges.
     """
     along = end_px - start_px
     length = float(np.linalg.norm(along))

@@ -40,13 +40,9 @@ def compare_scene(
     *,
     unlit: bool = False,
 ) -> Iterator[ImageComparison]:
-    """Render a scene from the pose of each image, and compare both; yields one image at a time.
+    """Render a scene, at 0 s, from each image's pose, and compare both; yields one image at a time.
 
-    Args:
-        sensor: twin of the camera.
-        scene: scene in the images, at 0 s of its own time.
-        photos: image files, each with the pose (4, 4) world_from_base of the camera's vehicle.
-        unlit: render plain base colors, without lights.
+    The poses (4, 4) are world_from_base of the camera's vehicle. Unlit: plain base colors.
 
     Raises:
         MeasurementError: an image that cannot be read, or differs from the sensor in size.

@@ -42,14 +42,7 @@ def render_twin(
     patches: Patches,
     image: NDArray[np.uint8],
 ) -> NDArray[np.uint8]:
-    """Gray image (height, width) of a board by the twin, under light that fits a camera's image.
-
-    Args:
-        sensor: twin of the camera.
-        board, pattern: the board in the image, and its print.
-        patches: patches to which the light is fitted.
-        image: (height, width) gray image of the camera.
-    """
+    """Gray image (height, width) of a printed board by the twin, in light fitted to patches."""
     encoding = sensor.degradation.encoding or Encoding()  # sRGB if it has none
     # the twin's own vignetting is divided out, since it is rendered again
     geometry = ImageGeometry.of_camera(sensor.model)
@@ -112,15 +105,12 @@ class BoardLight(NamedTuple):
     """Smooth light on a board: quadratic polynomials of the position, of paper and of ink.
 
     Ink has its own polynomial: it shines, and the lens's stray light, which is the same for both,
-    is much to it. Beyond the fitted patches, the light is that of their edge.
-
-    Attributes:
-        low_m, high_m: (2,) corners of the rectangle of all patches.
-        paper, ink: (6,) coefficients of 1, x, y, x², x y, y²; x and y are −1 to 1 in the rectangle.
+    is much to it. Beyond the fitted patches, the light is that of their edge. The coefficients (6,)
+    are of 1, x, y, x², x y, y²; x and y are −1 to 1 in the rectangle of all patches.
     """
 
-    low_m: Floats
-    high_m: Floats
+    low_m: Floats  # (2,) lower corner of the rectangle
+    high_m: Floats  # (2,) upper corner
     paper: Floats
     ink: Floats
 
@@ -131,14 +121,9 @@ class BoardLight(NamedTuple):
 
 
 def fit_light(patches: Patches, light: Floats, is_used: NDArray[np.bool_]) -> BoardLight:
-    """Fit smooth light to the patches of a board.
+    """Fit smooth light to the linear light (patches,) of those patches of a board that are used.
 
     Of boards with few patches, the light of ink is taken as a constant share of that of paper.
-
-    Args:
-        patches: patches of the board.
-        light: (patches,) linear light.
-        is_used: (patches,) False: patches whose light is unknown.
     """
     low: Floats = patches.rectangles_m[:, :2].min(axis=0)
     high: Floats = patches.rectangles_m[:, 2:].max(axis=0)

@@ -45,16 +45,10 @@ _MIN_WINDOW_PX = 2
 def find_board(
     image: NDArray[np.uint8], board: Board, name: str = "image", mirrored: bool = False
 ) -> BoardView:
-    """Find a board's corners in an image (height, width), gray.
-
-    Args:
-        image: gray image.
-        board, name: the board, and the name of the image in the result.
-        mirrored: the camera looks into a mirror, so the image shows the board mirrored.
+    """Find a board's corners in a gray image (height, width), named in the result.
 
     Raises:
-        MeasurementError: no board, another board, or wrong corners; the message does not name the
-            image.
+        MeasurementError: no board, another board, or wrong corners; without the image's name.
     """
     seen = np.ascontiguousarray(image[:, ::-1]) if mirrored else image
     if isinstance(board, Chessboard):
@@ -468,10 +462,6 @@ def find_boards(
     files: Sequence[Path], board: Board, mirrored: bool = False
 ) -> Iterator[BoardSearch]:
     """Search for a board in images; yields results in the order of the files.
-
-    Args:
-        files, board: image files, and the board to search for.
-        mirrored: True if the camera looks into a mirror.
 
     Raises:
         MeasurementError: a file that cannot be read, or images of several sizes.

@@ -196,16 +196,12 @@ def adjust(
     stiffness_px_per_m: float | None = None,
     converged: float = CONVERGED,
 ) -> Adjustment:
-    """Fit a camera's free parameters, the poses of the board, and optionally the board's shape.
+    """Fit a camera's free parameters, if any, the board's poses, and optionally the board's shape.
 
-    Args:
-        parameters: camera and its free parameters; without any, only poses are fitted.
-        corners: corners in the images.
-        poses: (images, 4, 4) initial poses.
-        shape_m: (corners, 3) initial offsets of the board's corners; None: 0.
-        stiffness_px_per_m: image error with the same cost as an offset of 1 m of a corner; None:
-            the offsets are held constant.
-        converged: relative decrease of the cost at which the fit ends.
+    Starts from `poses` (images, 4, 4) and the offsets `shape_m` (corners, 3) of the board's corners
+    (None: 0). The stiffness is the image error with the same cost as an offset of 1 m of a corner
+    (None: the offsets are held); the fit ends when the cost decreases by a share less than
+    `converged`.
 
     Raises:
         OpticsError: the initial camera does not show all corners.

@@ -89,11 +89,7 @@ def pixels_of_points(camera: CentralCamera, points_m: Floats) -> Pixels:
 def locate_board(
     camera: CentralCamera, view: BoardView, surface: BoardSurface | None = None
 ) -> PlacedBoard:
-    """Fit the pose of a board in an image.
-
-    Args:
-        camera, view: camera of the image, and the board in it.
-        surface: shape of the board; None: flat. Non-central cameras take the board as flat.
+    """Fit the pose of a board in a camera's image; surface None: flat, as always if non-central.
 
     Raises:
         MeasurementError: the camera does not show the corners.

@@ -64,11 +64,9 @@ class FrameStatistics:
 def frame_statistics(
     frames: Iterable[NDArray[Any]], exposure_s: float, name: str = "frames"
 ) -> FrameStatistics:
-    """Statistics of frames (height, width) of unsigned integers, taken at one exposure.
+    """Statistics of two or more frames (height, width) of unsigned integers, taken at one exposure.
 
-    Args:
-        frames: at least two frames; only one is in memory at a time.
-        exposure_s, name: exposure time and name of the frames.
+    Only one frame is in memory at a time.
 
     Raises:
         MeasurementError: fewer than two frames, or frames of several sizes.

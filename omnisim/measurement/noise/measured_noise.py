@@ -282,19 +282,12 @@ _LINEAR = "save linear (raw) frames without gamma, sharpening or denoising"
 
 @dataclass(frozen=True, eq=False)
 class DarkSignal:
-    """Dark frames by exposure: mean = black_dn + rate_dn_per_s · exposure.
+    """Dark frames by exposure: mean = black_dn + rate_dn_per_s · exposure."""
 
-    Attributes:
-        black_dn, black_sigma_dn: mean of a frame of zero exposure, and its standard deviation.
-        rate_dn_per_s, rate_sigma_dn_per_s: growth of the mean, and its standard deviation; 0 and
-            infinite for one exposure.
-        frames: statistics of the dark frames.
-    """
-
-    black_dn: float
+    black_dn: float  # mean of a frame of zero exposure
     black_sigma_dn: float
-    rate_dn_per_s: float
-    rate_sigma_dn_per_s: float
+    rate_dn_per_s: float  # growth of the mean; 0 for one exposure
+    rate_sigma_dn_per_s: float  # infinite for one exposure
     frames: tuple[FrameStatistics, ...]
 
     def mean_dn(self, exposure_s: float) -> float:
@@ -455,23 +448,15 @@ _DEFECT = 8.0  # robust standard deviations from the mean
 
 @dataclass(frozen=True, eq=False)
 class Nonuniformity:
-    """Spatial variation of a mean image, temporal noise removed.
+    """Spatial variation of a mean image, temporal noise removed: standard deviations."""
 
-    Attributes:
-        total, row, column, pixel: standard deviations: of all pixels, of the row means, of the
-            column means, and of the rest.
-        sigma: uncertainty of `total` (standard deviation).
-        defects: (n, 2) row and column of pixels more than 8 standard deviations off the median.
-        pattern: (height, width) deviations from the mean.
-    """
-
-    total: float
-    row: float
-    column: float
-    pixel: float
-    sigma: float
-    defects: NDArray[np.int64]
-    pattern: NDArray[np.float64]
+    total: float  # of all pixels
+    row: float  # of the row means
+    column: float  # of the column means
+    pixel: float  # of the rest
+    sigma: float  # uncertainty of `total` (standard deviation)
+    defects: NDArray[np.int64]  # (n, 2) row and column of pixels more than 8 sigmas off the median
+    pattern: NDArray[np.float64]  # (height, width) deviations from the mean
 
 
 def dark_nonuniformity(stack: FrameStatistics) -> Nonuniformity:
@@ -483,12 +468,10 @@ def dark_nonuniformity(stack: FrameStatistics) -> Nonuniformity:
 def photo_response_nonuniformity(
     flat: FrameStatistics, stack: FrameStatistics, dark: DarkSignal, mosaic: bool
 ) -> Nonuniformity:
-    """Nonuniformity of the response as a share of the mean response.
+    """Nonuniformity of the response of a flat field as a share of the mean response.
 
-    Args:
-        flat: flat field.
-        stack, dark: dark frames of the same sensor, whose pattern is subtracted, and their signal.
-        mosaic: the frames have a Bayer mosaic; the mean of each of its four colors is subtracted.
+    The pattern of the dark frames `stack` is subtracted, and with a Bayer mosaic the mean of each
+    of its four colors.
     """
     offset = dark.mean_dn(flat.exposure_s) - stack.mean_dn
     signal = flat.mean_image_dn - stack.mean_image_dn - offset

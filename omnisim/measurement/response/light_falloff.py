@@ -199,10 +199,8 @@ class RadialProfile(NamedTuple):
 def fit_profile(light: Floats, squared: Floats, offsets: Floats, brightest: float) -> RadialProfile:
     """Fit the profile with the fewest unknowns among those as good as the best one.
 
-    Args:
-        light, squared: (blocks,) light, and squared radius in units of half the shorter side.
-        offsets: (blocks, 2) x and y from the center, as shares of the image's width and height.
-        brightest: light of the brightest blocks.
+    Light, squared radius (blocks,) in units of half the shorter side, and offsets (blocks, 2) from
+    the center, as shares of the image's width and height.
     """
     polynomials = [
         _fit(light, squared, offsets, count + 1, 0.0, brightest)

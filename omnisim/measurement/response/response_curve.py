@@ -35,21 +35,13 @@ _SMOOTHNESS = 0.1  # weight of the curve's second differences, in pixels
 
 @dataclass(frozen=True, eq=False)
 class MeasuredResponse:
-    """Response of a camera.
+    """Response of a camera."""
 
-    Attributes:
-        encoding: named transfer function, or a curve.
-        quantities: exponent of the best power function, and error of `encoding`.
-        errors: root mean square error of each function, as a share of full scale, by name.
-        light, levels: (n,) solved curve: light as a share of the light of white, and the level
-            in [0, 1].
-    """
-
-    encoding: Encoding
-    quantities: tuple[Quantity, ...]
-    errors: dict[str, float]
-    light: Floats
-    levels: Floats
+    encoding: Encoding  # named transfer function, or a curve
+    quantities: tuple[Quantity, ...]  # exponent of the best power function, and error of `encoding`
+    errors: dict[str, float]  # root mean square error of each function, as a share of full scale
+    light: Floats  # (n,) solved curve: light as a share of the light of white
+    levels: Floats  # (n,) its levels in [0, 1]
 
 
 def measure_response(

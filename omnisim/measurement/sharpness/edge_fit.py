@@ -86,12 +86,9 @@ class FittedEdge:
 
 
 def fit_edge(light: Floats, clipped: NDArray[np.bool_], line: EdgeLine) -> FittedEdge:
-    """Fit a parabola along the edge and a normal distribution across it.
+    """Fit a parabola along the edge near a line, and a normal distribution across it.
 
-    Args:
-        light: (height, width) linear values, 1: white.
-        clipped: (height, width) True: the pixel is at a limit of its values.
-        line: approximate ends of the edge.
+    Of linear values (height, width), 1: white; clipped pixels are at a limit of their values.
 
     Raises:
         UnusableEdge: the edge has a flaw.
@@ -255,12 +252,8 @@ def linear_light(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Linear light (height, width, 1 or 3) of stored values, and a mask of clipped pixels.
 
-    White is 1 for floats, and the largest value of the converter's bits for integers.
-
-    Args:
-        pixels: (height, width) or (height, width, channels) values.
-        encoding: encoding of the values; None: linear.
-        name: file name in messages.
+    White is 1 for floats, and the largest value of the converter's bits for integers. Encoding
+    None: linear.
 
     Raises:
         MeasurementError: not one or three channels, or values that are not finite.

@@ -35,25 +35,16 @@ _REMEDY = "photograph slanted black and white edges, such as a turned chessboard
 
 @dataclass(frozen=True, eq=False)
 class MeasuredSharpness:
-    """Sharpness of a camera.
+    """Sharpness of a camera."""
 
-    Attributes:
-        point_spread: widths over the field; None: the optics are sharper than the pixels show.
-        chromatic_aberration: lateral color; None: not measured.
-        quantities, unobservable: measured quantities with their sigmas, and those that the images
-            do not determine.
-        edges, flaws: measured edges, and number of unusable ones for each reason.
-        size_px, center_px: width and height of the images, and (u, v) of the center of the radii.
-    """
-
-    point_spread: PointSpread | None
-    chromatic_aberration: ChromaticAberration | None
+    point_spread: PointSpread | None  # None: the optics are sharper than the pixels show
+    chromatic_aberration: ChromaticAberration | None  # lateral color; None: not measured
     quantities: tuple[Quantity, ...]
-    unobservable: tuple[Unobservable, ...]
+    unobservable: tuple[Unobservable, ...]  # not determined by the images
     edges: tuple[EdgeSharpness, ...]
-    flaws: dict[Flaw, int]
-    size_px: tuple[int, int]
-    center_px: tuple[float, float]
+    flaws: dict[Flaw, int]  # number of unusable edges for each reason
+    size_px: tuple[int, int]  # width and height of the images
+    center_px: tuple[float, float]  # (u, v) of the center of the radii
 
 
 def measure_sharpness(
@@ -178,19 +169,13 @@ DIGITS = 4  # of the keys: their errors depend on each other, and rounding would
 
 @dataclass(frozen=True, eq=False)
 class FieldCurves:
-    """Point spread and lateral color over the field, with the measured quantities.
+    """Point spread and lateral color over the field (None: not determined), and quantities."""
 
-    Attributes:
-        radii_px: (edges,) image radius of each edge.
-        point_spread, chromatic_aberration: degradations for the sensor file; None: not determined.
-        quantities, unobservable: measured quantities, and those that the edges do not determine.
-    """
-
-    radii_px: Floats
+    radii_px: Floats  # (edges,) image radius of each edge
     point_spread: PointSpread | None
     chromatic_aberration: ChromaticAberration | None
     quantities: list[Quantity]
-    unobservable: list[Unobservable]
+    unobservable: list[Unobservable]  # not determined by the edges
 
 
 def field_curves(
@@ -344,10 +329,8 @@ class Curve:
 def fit_curve(design: Design, values: Floats, sigmas: Floats, degrees: Sequence[int]) -> Curve:
     """Fit a curve to values (n,) with standard deviations `sigmas` (n,), without outliers.
 
-    Args:
-        design: function from a degree to the basis functions (n, terms).
-        values, sigmas: (n,) values, and their standard deviations.
-        degrees: degrees to try, ascending; all but the first need three values per term.
+    `design` gives the basis functions (n, terms) of a degree. Of the ascending degrees, all but the
+    first need three values per term.
     """
     count = len(values)
     usable = [
@@ -388,12 +371,8 @@ def _solve(rows: Floats, values: Floats, sigmas: Floats, used: NDArray[np.bool_]
 def spread_rows(radii: Floats, radial_share: Floats, degree: int, isotropic: bool) -> Floats:
     """Basis functions (n, terms) of the variance of the point spread along the edges' normals.
 
-    The radial and the tangential variance are polynomials of the radius, equal in the center.
-
-    Args:
-        radii, radial_share: (n,) relative image radii, and squared cosine of normal and radius.
-        degree: degree of the polynomials.
-        isotropic: True if both variances are equal.
+    The radial and the tangential variance are polynomials of the relative radius (n,), equal in the
+    center, or everywhere if isotropic. The share is the squared cosine of normal and radius.
     """
     columns = [np.ones_like(radii)]
     for power in range(1, degree + 1):

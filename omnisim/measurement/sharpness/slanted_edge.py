@@ -24,33 +24,22 @@ _NARROWER = 0.6  # of the reach, for a second try beside other edges
 
 @dataclass(frozen=True, eq=False)
 class EdgeSharpness:
-    """Sharpness of an edge.
+    """Sharpness of an edge."""
 
-    Attributes:
-        image: number of the image.
-        center_px, normal: (2,) position (u, v), and unit vector from the dark to the bright side.
-        length_px, slant_deg: length, and angle to the pixel rows or columns, the smaller.
-        mtf50, mtf50_sigma: frequency at which the modulation is one half, cycles per pixel.
-        rise_px, rise_sigma_px: distance from 10 to 90 % of the edge.
-        asymmetry: distance from 10 to 50 % minus distance from 50 to 90 %, over their sum.
-        transfer: (frequencies,) modulation transfer at `FREQUENCIES`.
-        shifts_px, shift_sigmas_px: (2,) distances of the red and of the blue edge from the green
-            one, toward the bright side; NaN: a gray image.
-    """
-
-    image: int
-    center_px: Floats
-    normal: Floats
+    image: int  # number of the image
+    center_px: Floats  # (2,) position (u, v)
+    normal: Floats  # (2,) unit vector from the dark to the bright side
     length_px: float
-    slant_deg: float
-    mtf50: float
+    slant_deg: float  # angle to the pixel rows or columns, the smaller
+    mtf50: float  # frequency at which the modulation is one half, cycles per pixel
     mtf50_sigma: float
-    rise_px: float
+    rise_px: float  # distance from 10 to 90 % of the edge
     rise_sigma_px: float
-    asymmetry: float
-    transfer: Floats
+    asymmetry: float  # distance from 10 to 50 % minus distance from 50 to 90 %, over their sum
+    transfer: Floats  # (frequencies,) modulation transfer at `FREQUENCIES`
+    # (2,) distances of the red and of the blue edge from the green one, toward the bright side
     shifts_px: Floats
-    shift_sigmas_px: Floats
+    shift_sigmas_px: Floats  # (2,); NaN, as are the shifts: a gray image
 
     @property
     def variance_px2(self) -> float:
@@ -81,11 +70,9 @@ def pixel_transfer(frequency: float, normal: Floats) -> float:
 def measure_edge(
     light: NDArray[np.float64], clipped: NDArray[np.bool_], line: EdgeLine, image: int = 0
 ) -> EdgeSharpness:
-    """Measure the sharpness of an edge, near a line in an image of a number.
+    """Measure an edge near a line, in linear values (height, width, 1 or 3) of which 1 is white.
 
-    Args:
-        light: (height, width, 1 or 3) linear values, 1: white.
-        clipped: (height, width) True: the pixel is at a limit of its values.
+    Clipped pixels are at a limit of their values; `image` is the image's number.
 
     Raises:
         UnusableEdge: the edge has a flaw.

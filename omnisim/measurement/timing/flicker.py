@@ -160,20 +160,14 @@ class _Peak(NamedTuple):
 
 
 class _Bands(NamedTuple):
-    """Fitted bands.
+    """Fitted bands."""
 
-    Attributes:
-        frequency, sigma: periods per line, and their standard deviation.
-        modulation, modulation_sigma: amplitude as a share of the mean light, and its sigma.
-        profile, fitted: (frames, lines) light divided by the scene's light, and the fitted bands.
-    """
-
-    frequency: float
-    sigma: float
-    modulation: float
+    frequency: float  # periods per line
+    sigma: float  # standard deviation of the frequency
+    modulation: float  # amplitude as a share of the mean light
     modulation_sigma: float
-    profile: Floats
-    fitted: Floats
+    profile: Floats  # (frames, lines) light divided by the scene's light
+    fitted: Floats  # (frames, lines) fitted bands
 
 
 def _without_scene(light: Floats) -> Floats:

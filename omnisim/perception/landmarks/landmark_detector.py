@@ -35,30 +35,23 @@ MIN_PX = 4  # minimum area of a region
 class Detection:
     """Landmark detected in an image.
 
-    Attributes:
-        landmark: name of the landmark.
-        bearing_rad: bearing of a pillar's axis, or of the middle between the outermost corners of a
-            wide landmark, counter-clockwise from the vehicle's front.
-        range_m: distance along the ground from below the effective viewpoint to a pillar's axis, or
-            to the nearest corner of a wide landmark, by the exact relation.
-        range_eq2_m: the same range by the inverse of the paper's Eq. 2; NaN: it does not apply.
-        bearing_sigma_rad, range_sigma_m: standard deviations from the noise of the pixels.
-        left, right, top, bottom: box in the panorama, px; `right` and `bottom` are the first column
-            and row outside.
-        area_px: number of pixels with the landmark's colors.
+    The range is along the ground from below the effective viewpoint to a pillar's axis, or to the
+    nearest corner of a wide landmark; the bearing is of the axis, or of the middle between the
+    outermost corners, counter-clockwise from the vehicle's front. Sigmas are from the pixels'
+    noise.
     """
 
-    landmark: str
+    landmark: str  # its name
     bearing_rad: float
-    range_m: float
-    range_eq2_m: float
+    range_m: float  # by the exact relation
+    range_eq2_m: float  # by the inverse of the paper's Eq. 2; NaN: it does not apply
     bearing_sigma_rad: float
     range_sigma_m: float
-    left: int
-    right: int
+    left: int  # box in the panorama, px
+    right: int  # first column outside
     top: int
-    bottom: int
-    area_px: int
+    bottom: int  # first row outside
+    area_px: int  # number of pixels with the landmark's colors
 
 
 class LandmarkDetector:
@@ -220,14 +213,9 @@ MAX_M = 30.0  # maximum range: beyond, landmarks of these sizes are below a pixe
 
 @dataclass(frozen=True)
 class LandmarkMeasurement:
-    """Measurement of one landmark; columns may exceed the panorama's right edge.
+    """A landmark as measured, see `Detection`; columns may exceed the panorama's right edge."""
 
-    Attributes:
-        column, column_sigma_px: column at its bearing, with a fraction, and standard deviation.
-        range_m, range_eq2_m, range_sigma_m, left, right, top, bottom, area_px: see `Detection`.
-    """
-
-    column: float
+    column: float  # column at its bearing, with a fraction
     column_sigma_px: float
     range_m: float
     range_eq2_m: float
@@ -450,11 +438,9 @@ def wrapped_around(panorama: NDArray[Scalar]) -> NDArray[Scalar]:
 
 
 def find_regions(classes: NDArray[np.uint8], colors: int, min_area_px: int) -> list[Region]:
-    """Regions of a panorama, each once; a region may cross the panorama's left and right edge.
+    """Regions of a panorama's classes (0: none) of at least `min_area_px` pixels, each once.
 
-    Args:
-        classes, colors: (height, width) classes of pixels, 0: no color; number of colors.
-        min_area_px: minimum number of pixels of a region.
+    A region may cross the panorama's left and right edge.
     """
     width = classes.shape[1]
     colored = np.flatnonzero(classes.any(axis=1))

@@ -33,43 +33,30 @@ _SINGULAR = 1e-12
 class Association(NamedTuple):
     """Data association of one observation with the most likely landmark.
 
-    Attributes:
-        range_m, bearing_rad: measurement.
-        range_innovation_m, bearing_innovation_rad: measured minus expected value.
-        distance_squared: squared Mahalanobis distance; infinite: the innovation has no covariance.
-        verdict: accepted; gated: outside the validation gate; superseded: another observation fits
-            this landmark better; singular: the innovation covariance has no inverse.
+    Accepted; gated: outside the validation gate; superseded: another observation fits this landmark
+    better; singular: the innovation covariance has no inverse.
     """
 
     landmark: str
-    range_m: float
+    range_m: float  # measured
     bearing_rad: float
-    range_innovation_m: float
+    range_innovation_m: float  # measured minus expected
     bearing_innovation_rad: float
-    distance_squared: float
+    distance_squared: float  # squared Mahalanobis distance; infinite: singular
     verdict: Verdict
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Belief after a step.
-
-    Attributes:
-        pose: (3,) x and y in meters, yaw in radians within ±π.
-        covariance: (3, 3) covariance of the pose.
-        associations: associations of the observations, in the order of the observations.
-        nis, nis_degrees: normalized innovation squared of all accepted observations (NaN: none was
-            accepted), and its degrees of freedom.
-        steps_rejected: number of successive steps, up to this one, with all observations rejected.
-    """
+    """Belief after a step."""
 
     time_s: float
-    pose: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    associations: tuple[Association, ...] = ()
-    nis: float = math.nan
-    nis_degrees: int = 0
-    steps_rejected: int = 0
+    pose: NDArray[np.float64]  # (3,) x and y in meters, yaw in radians within ±π
+    covariance: NDArray[np.float64]  # (3, 3) of the pose
+    associations: tuple[Association, ...] = ()  # in the order of the observations
+    nis: float = math.nan  # normalized innovation squared of all accepted observations; NaN: none
+    nis_degrees: int = 0  # its degrees of freedom
+    steps_rejected: int = 0  # successive steps, up to this one, with all observations rejected
 
 
 class _Hypothesis(NamedTuple):
@@ -318,17 +305,12 @@ NEAREST_M = 1e-6
 
 @dataclass(frozen=True)
 class Observation:
-    """Measurement of one landmark in one image.
+    """Measurement of one landmark in one image."""
 
-    Attributes:
-        candidates: names of the possible landmarks; one name if the colors are unambiguous.
-        range_m, range_sigma_m: distance along the ground from below the effective viewpoint.
-        bearing_rad, bearing_sigma_rad: counter-clockwise from the vehicle's front.
-    """
-
+    # names of the possible landmarks; one if the colors are unambiguous
     candidates: tuple[str, ...]
-    range_m: float
-    bearing_rad: float
+    range_m: float  # along the ground from below the effective viewpoint
+    bearing_rad: float  # counter-clockwise from the vehicle's front
     range_sigma_m: float
     bearing_sigma_rad: float
 
@@ -387,18 +369,11 @@ class LandmarkMap:
 def predict_measurement(
     pose: tuple[float, float, float], camera_m: tuple[float, float], corners_m: Corners
 ) -> tuple[float, ...]:
-    """Predict range and bearing of a landmark from a pose, with their Jacobian.
+    """Predict range and bearing of a landmark from a pose (x, y, yaw), with their Jacobian.
 
-    Computes in plain floats: for one landmark at a time NumPy takes ten times as long.
-
-    Args:
-        pose: pose of the base: x and y in meters, yaw in radians; world.
-        camera_m: x and y of the effective viewpoint in the base frame.
-        corners_m: corners of the landmark.
-
-    Returns:
-        Range in meters and its derivatives by x, y and yaw; bearing in radians, not wrapped, and
-        its derivatives.
+    Gives the range in meters and its derivatives by x, y and yaw; then the bearing in radians, not
+    wrapped, and its derivatives. The camera is the effective viewpoint in the base frame. Computes
+    in plain floats: for one landmark at a time NumPy takes ten times as long.
     """
     x, y, yaw = pose
     cosine, sine = math.cos(yaw), math.sin(yaw)
@@ -440,16 +415,10 @@ _STRAIGHT_RAD = 1e-8
 def move(
     pose: NDArray[np.float64], distance_m: float, turn_rad: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Follow an arc from a pose.
+    """Follow an arc from a pose (x, y, yaw); the paper's v times the step's duration, and δφ.
 
-    Args:
-        pose: (3,) x and y in meters and yaw in radians, world.
-        distance_m, turn_rad: length of the arc, negative backward, and turn along it; the paper's v
-            times the step's duration, and δφ.
-
-    Returns:
-        The new pose (3,), yaw not wrapped; its Jacobians (3, 3) by the pose and (3, 2) by distance
-        and turn.
+    Gives the new pose (3,), yaw not wrapped, and its Jacobians (3, 3) by the pose and (3, 2) by
+    distance (negative backward) and turn.
 
     Source: the arcs of `omnisim.core.trajectories.odometry`, which dead reckoning follows.
     """

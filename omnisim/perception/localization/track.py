@@ -47,15 +47,10 @@ def localize(
     camera_m: tuple[float, float],
     covariance: ArrayLike | None = None,
 ) -> Track:
-    """Localize a robot along a run.
+    """Localize a robot along a run from the known start and the observations of each later step.
 
-    Args:
-        odometry: readings, from the known start.
-        observations: observations of each step; those of the first step are unused, as the start is
-            known.
-        landmarks, parameters: map of the landmarks, and parameters of the filter.
-        camera_m: x and y of the effective viewpoint in the base frame.
-        covariance: (3, 3) covariance of the start; None: from the parameters.
+    `camera_m` is x and y of the effective viewpoint in the base frame; `covariance` (3, 3) is the
+    start's, by default from the parameters.
 
     Raises:
         LocalizationError: invalid readings or observations.

@@ -25,17 +25,14 @@ _LEVEL = 1e-9  # maximum error of a rotation about the upright axis
 class CameraMount:
     """Camera on a vehicle.
 
-    Attributes:
-        camera, base_from_optical: camera model, and its pose (4, 4) on the vehicle.
-        covered: (height, width) pixels that show the scene; None: all valid pixels of the model.
-        caveat: note on the assumed single viewpoint of non-central optics, and the errors of this
-            assumption; None: a central camera, or no assumption.
+    The caveat is of the assumed single viewpoint of non-central optics, and of its errors.
     """
 
     camera: CentralCamera
-    base_from_optical: NDArray[np.float64]
+    base_from_optical: NDArray[np.float64]  # (4, 4) pose on the vehicle
+    # (height, width) pixels that show the scene; None: all valid
     covered: NDArray[np.bool_] | None = None
-    caveat: str | None = None
+    caveat: str | None = None  # None: a central camera, or no assumption
 
     def assuming_viewpoint(self) -> CameraMount:
         """The same mount; for non-central optics, as if all rays met in one point."""

@@ -34,13 +34,10 @@ class View:
 def cylinder_view(
     width_px: int, lowest_rad: float, highest_rad: float, yaw_rad: float = 0.0
 ) -> View:
-    """Cylindrical view of a whole turn, left to right clockwise.
+    """Cylindrical view of a whole turn of `width_px`, left to right clockwise.
 
-    Args:
-        width_px: columns of the whole turn; the middle one looks toward `yaw_rad`, the left and
-            right edges look back.
-        lowest_rad, highest_rad: elevation of the lowest and highest row above the horizon.
-        yaw_rad: heading of the middle column, counter-clockwise from the vehicle's front.
+    The middle column looks toward `yaw_rad`, counter-clockwise from the vehicle's front, the left
+    and right edges back; elevations are of the lowest and highest row above the horizon.
 
     Raises:
         OpticsError: elevations that leave no row between them, or are too steep for a cylinder.
@@ -65,13 +62,9 @@ def perspective_view(
     yaw_rad: float = 0.0,
     pitch_rad: float = 0.0,
 ) -> View:
-    """Perspective view of a pinhole camera.
+    """Perspective view of a pinhole camera, with its field of view between the left and right edge.
 
-    Args:
-        width_px, height_px: size of the image.
-        field_of_view_rad: angle between the left and the right edge of the image.
-        yaw_rad: heading, counter-clockwise from the vehicle's front.
-        pitch_rad: pitch, positive downward as in REP 103.
+    Yaw is counter-clockwise from the vehicle's front, pitch positive downward as in REP 103.
 
     Raises:
         OpticsError: a field of view that is not between 0 and 180°, or a size below 1.
@@ -85,10 +78,8 @@ def birdseye_view(
 ) -> View:
     """Bird's eye view: a square map of the ground, the vehicle in the middle, its front up.
 
-    Args:
-        size_px, half_extent_m: side of the map, and distance from its middle to an edge.
-        height_m: height of the effective viewpoint above the ground.
-        yaw_rad: heading of the top of the map, counter-clockwise from the vehicle's front.
+    `half_extent_m` is from the middle to an edge; the effective viewpoint is `height_m` above the
+    ground; the top of the map heads `yaw_rad` counter-clockwise from the vehicle's front.
 
     Raises:
         OpticsError: an extent, height or size that is not above 0.
