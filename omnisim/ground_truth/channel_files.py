@@ -1,5 +1,7 @@
 """Sidecar files of an 8-bit image: one file per channel in standard formats, and descriptions.
 
+A file that cannot be written, or is damaged, raises `OutputError`.
+
 frame.range.png             16 bits: 0 outside the camera, 65535: no hit; a step is 1 mm, or
                             2, 5, 10 mm … for ranges beyond 65.534 m, as stated in the JSON
 frame.range_through.png     as frame.range.png, with its own scale
@@ -119,11 +121,7 @@ def write_sidecars(
 
 
 def write_boxes(image: Path, channels: Mapping[str, NDArray[Any]], labels: Labels | None) -> None:
-    """Write the instances' boxes next to the image, given labels and an instance channel.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
+    """Write the instances' boxes next to the image, given labels and an instance channel."""
     if labels is not None and "instance" in channels:
         content = coco_image(channels["instance"], labels, image.name)
         write_json(sidecar_path(image, "coco.json"), content)
@@ -149,11 +147,7 @@ def limit_boxes(image: Path, limits: BoxLimits, shares: Mapping[int, float]) -> 
 def write_previews(
     image: Path, channels: Mapping[str, NDArray[Any]], labels: Labels | None
 ) -> list[Path]:
-    """Write false-color images of the channels next to the image, and return their paths.
-
-    Raises:
-        OutputError: a file cannot be written.
-    """
+    """Write false-color images of the channels next to the image, and return their paths."""
     files = []
     for name, values in channels.items():
         files.append(sidecar_path(image, f"{name}.preview.png"))
@@ -276,9 +270,6 @@ def write_exr(
     the world's origin, so float32 rounds distant ones: to 0.1 mm at 1 km. The attributes
     `omnisim:<channel>` describe the channels; the label table is in the metadata. Linear colors are
     (height, width, 3 or 4).
-
-    Raises:
-        OutputError: the file cannot be written.
     """
     layers: dict[str, NDArray[Any]] = {}
     if linear is not None:
@@ -299,21 +290,13 @@ def write_exr(
 
 
 def write_npy(path: Path, values: NDArray[Any]) -> None:
-    """Write an array unchanged, including its dtype.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
+    """Write an array unchanged, including its dtype."""
     with atomic_write(path) as partial, partial.open("wb") as file:
         np.save(file, values, allow_pickle=False)
 
 
 def read_npy(path: Path) -> NDArray[Any]:
-    """Read a numeric array.
-
-    Raises:
-        OutputError: the file is missing or damaged, or holds no numbers.
-    """
+    """Read a numeric array."""
     try:
         # memory-mapped, so that a damaged header cannot request more memory than the file has
         with warnings.catch_warnings(action="ignore"):  # about headers from Python 2
@@ -339,9 +322,6 @@ def write_flo(path: Path, flow_px: NDArray[np.float32]) -> None:
     """Write flow (height, width, 2) in Middlebury's format, with 1e10 in place of NaN.
 
     Source: Baker et al., "A database and evaluation methodology for optical flow", flow-code.
-
-    Raises:
-        OutputError: the file cannot be written.
     """
     height, width = flow_px.shape[:2]
     known = np.where(np.isnan(flow_px), _FLO_UNKNOWN, flow_px).astype("<f4")
@@ -354,11 +334,7 @@ def write_flo(path: Path, flow_px: NDArray[np.float32]) -> None:
 
 
 def read_flo(path: Path) -> NDArray[np.float32]:
-    """Read flow (height, width, 2) from Middlebury's format, with NaN for unknown flow.
-
-    Raises:
-        OutputError: the file cannot be read, or has another format.
-    """
+    """Read flow (height, width, 2) from Middlebury's format, with NaN for unknown flow."""
     try:
         data = path.read_bytes()
     except OSError as reason:
@@ -379,9 +355,6 @@ def write_kitti_flow(path: Path, flow_px: NDArray[np.float32]) -> None:
     KITTI's flow_occ.
 
     Source: KITTI, devkit of the flow benchmark 2015, readme.
-
-    Raises:
-        OutputError: the file cannot be written.
     """
     known: NDArray[np.bool_] = np.all(~np.isnan(flow_px), axis=-1)
     steps = np.rint(KITTI_STEPS_PER_PX * np.where(known[..., None], flow_px, 0.0)) + _KITTI_ZERO

@@ -1,7 +1,8 @@
 """Safe parsing of untrusted calibration files in YAML, JSON or XML.
 
-Every error is one line that names the file. YAML numbers follow version 1.2 (1e-3 is a number).
-The loader knows OpenCV's matrices and constructs no Python objects.
+Every fault is a `CalibrationError` of one line that names file, key, actual and expected value.
+YAML numbers follow version 1.2 (1e-3 is a number). The loader knows OpenCV's matrices and
+constructs no Python objects.
 """
 
 from __future__ import annotations
@@ -64,11 +65,7 @@ _Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _opencv_matrix)
 
 
 def read_text(path: Path) -> str:
-    """Read a text file.
-
-    Raises:
-        CalibrationError: the file cannot be read, is empty or too large, or is not text.
-    """
+    """Read a text file."""
     try:
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
@@ -94,11 +91,7 @@ def read_text(path: Path) -> str:
 
 
 def parse_yaml(text: str, source: str) -> dict[str, Any]:
-    """Mapping in a YAML text.
-
-    Raises:
-        CalibrationError: the text is not YAML, or not a mapping.
-    """
+    """Mapping in a YAML text."""
     try:
         data = _load_yaml(_HEADER.sub("", text))
     except yaml.MarkedYAMLError as reason:
@@ -116,11 +109,7 @@ def parse_yaml(text: str, source: str) -> dict[str, Any]:
 
 
 def parse_json(text: str, source: str) -> dict[str, Any]:
-    """Object in a JSON text.
-
-    Raises:
-        CalibrationError: the text is not JSON, or not an object.
-    """
+    """Object in a JSON text."""
 
     def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         fields: dict[str, Any] = {}
@@ -142,11 +131,7 @@ def parse_json(text: str, source: str) -> dict[str, Any]:
 
 
 def parse_xml(text: str, source: str) -> ElementTree.Element:
-    """Root element of an XML text.
-
-    Raises:
-        CalibrationError: the text is not XML, or declares entities, which could grow without bound.
-    """
+    """Root element of an XML text without entities, which could grow without bound."""
     if re.search(r"<!\s*(DOCTYPE|ENTITY)", text, re.IGNORECASE):
         raise CalibrationError(f"{source}: expected XML without entities of its own, got a DOCTYPE")
     try:
@@ -156,11 +141,7 @@ def parse_xml(text: str, source: str) -> ElementTree.Element:
 
 
 def _load_yaml(text: str) -> Any:
-    """Value of a YAML text, unless its aliases (*name) expand it too far.
-
-    Raises:
-        yaml.YAMLError: the text is not YAML, or expands too far.
-    """
+    """Value of a YAML text, unless its aliases (*name) expand it too far."""
     loader = _Loader(text)
     try:
         node = loader.get_single_node()
@@ -215,11 +196,7 @@ def unexpected(place: str, expected: str, got: object) -> CalibrationError:
 def check_choice(
     value: str, choices: Iterable[str], place: str, others: Mapping[str, str] | None = None
 ) -> None:
-    """Reject a word that is not among the choices; `others` are remedies for words of the format.
-
-    Raises:
-        CalibrationError: the word is invalid; names the place, the choices and the word.
-    """
+    """Reject a word that is not among the choices; `others` are remedies for words of formats."""
     choices = list(choices)
     if value in choices:
         return
@@ -324,11 +301,7 @@ def _is_neutral(value: Any, neutral: tuple[Any, ...]) -> bool:
 
 
 def parse(data: Any, model: type[TableT], source: str) -> TableT:
-    """Validate `data` against `model`; `source` names file and place in messages.
-
-    Raises:
-        CalibrationError: the data is invalid; names place, key, actual and expected value.
-    """
+    """Validate `data` against `model`; `source` names file and place in messages."""
     if not isinstance(data, Mapping):
         raise unexpected(source, "keys with values", data)
     try:
@@ -341,11 +314,7 @@ def parse(data: Any, model: type[TableT], source: str) -> TableT:
 
 
 def parse_number(word: str, place: str) -> float:
-    """Parse a finite number in a text file.
-
-    Raises:
-        CalibrationError: the word is not a finite number.
-    """
+    """Parse a finite number in a text file."""
     try:
         value = float(word)
     except ValueError:
@@ -356,11 +325,7 @@ def parse_number(word: str, place: str) -> float:
 
 
 def parse_size(word: str, place: str) -> int:
-    """Parse a number of pixels in a text file.
-
-    Raises:
-        CalibrationError: the word is not a number of pixels.
-    """
+    """Parse a number of pixels in a text file."""
     try:
         return _whole_size(parse_number(word, place))
     except ValueError:
@@ -368,11 +333,7 @@ def parse_size(word: str, place: str) -> int:
 
 
 def counted(values: Sequence[float], names: str, source: str) -> list[float]:
-    """Check that there is one value per space-separated name, and return the values.
-
-    Raises:
-        CalibrationError: there are more or fewer values than names.
-    """
+    """Check that there is one value per space-separated name, and return the values."""
     expected = names.split()
     if len(values) != len(expected):
         numbers = f"{len(expected)} numbers: {', '.join(expected)}"
@@ -381,11 +342,7 @@ def counted(values: Sequence[float], names: str, source: str) -> list[float]:
 
 
 def pose(matrix: Sequence[Sequence[float]], source: str) -> NDArray[np.float64]:
-    """Pose (4, 4) from rows; a fourth row is added to three.
-
-    Raises:
-        CalibrationError: the matrix is not a pose.
-    """
+    """Pose (4, 4) from rows; a fourth row is added to three."""
     rows = [list(row) for row in matrix]
     if len(rows) == 3:
         rows.append([0.0, 0.0, 0.0, 1.0])

@@ -1,4 +1,7 @@
-"""Text of calibration files: exact where the format has the model, else the best fit."""
+"""Text of calibration files: exact where the format has the model, else the best fit.
+
+If the format cannot hold a camera, a `CalibrationError` states the reasons.
+"""
 
 from __future__ import annotations
 
@@ -52,9 +55,6 @@ def encode_cameras(
     """Text of a file, and the cameras as written; `source` names their file in messages.
 
     A model's name makes it the one to write, in place of the nearest.
-
-    Raises:
-        CalibrationError: the format cannot hold one of the cameras; states the reason.
     """
     # names that the format allows, also in the poses
     names = [form.camera_name(index, camera.name) for index, camera in enumerate(cameras)]
@@ -88,11 +88,7 @@ def encode_cameras(
 def encode(
     camera: CalibratedCamera, form: Format[LensT], place: str, model: str | None = None
 ) -> EncodedCamera[LensT]:
-    """Encode a camera in a model of a format; `place` names file and camera in messages.
-
-    Raises:
-        CalibrationError: no model is close enough; states the reason.
-    """
+    """Encode a camera in a model of a format; `place` names file and camera in messages."""
     source = camera.camera
     reasons: list[str] = []
     exact = _encode_exactly(camera, form, place, model, reasons)
@@ -159,11 +155,7 @@ def _encode_exactly(
 
 
 def model_named(model: str | None, form: Format[Any]) -> type[CentralCamera] | None:
-    """Model with the given name in a format; None for None.
-
-    Raises:
-        CalibrationError: the format has no model of that name.
-    """
+    """Model with the given name in a format; None for None."""
     target = None if model is None else CAMERA_MODELS.get(model)
     if model is not None and target not in form.models:
         names: dict[type[CentralCamera], str] = {one: name for name, one in CAMERA_MODELS.items()}
@@ -217,9 +209,6 @@ def nearest_fit(
 
     `fit_model` fits a model, given the attributes that the format fixes; `place` is file and
     camera, for messages. The reasons for rejected models are added to `reasons`.
-
-    Raises:
-        CalibrationError: no model is close enough; states the reasons.
     """
     middle = 0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)
     centered = {"principal_point_px": middle} if form.centered else {}

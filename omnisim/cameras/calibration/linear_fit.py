@@ -3,7 +3,8 @@
 Each uses the source's principal point and ratio of focal lengths, and only the angle θ from +z and
 the radius r about the axis. If the source is symmetric about its axis and the target can be the
 same lens, this is already the answer. The unified models, for example, satisfy
-r (α + (1 − α) cos θ) = f sin θ, which is linear in α and f.
+r (α + (1 − α) cos θ) = f sin θ, which is linear in α and f. Numbers of no valid camera, and a
+target that sees too few samples, raise `OpticsError`.
 """
 
 from __future__ import annotations
@@ -96,11 +97,7 @@ class Profile(NamedTuple):
 def radial_profile(
     camera: CentralCamera, samples: Samples, center_px: tuple[float, float] | None = None
 ) -> Profile:
-    """Radial profile of a camera about its principal point, or about `center_px` of the target.
-
-    Raises:
-        OpticsError: too few samples are in front of the target.
-    """
+    """Radial profile of a camera about its principal point, or about `center_px` of the target."""
     if len(samples.theta_rad) < MIN_SAMPLES or samples.theta_rad.min() > math.radians(170.0):
         raise OpticsError("it shows next to nothing that could be compared")
     scale = camera.pixels_per_plane if isinstance(camera, PlaneCamera) else 1.0
@@ -116,11 +113,7 @@ def radial_profile(
 def linear_fit(
     model: type[ParametricCamera], profile: Profile, is_pinhole: bool
 ) -> ParametricCamera:
-    """Initial camera of a model in `FITTED`; a unified one with ξ = 0 for a pinhole.
-
-    Raises:
-        OpticsError: no camera of this model is near the profile.
-    """
+    """Initial camera of a model in `FITTED`; a unified one with ξ = 0 for a pinhole."""
     return _pinhole(profile) if is_pinhole else FITTED[model].initialize(profile)
 
 
@@ -363,11 +356,7 @@ class ParameterVector(Generic[CameraT]):
         self.low, self.high = (low / self._units)[self._used], (high / self._units)[self._used]
 
     def camera(self, vector: NDArray[np.float64]) -> CameraT:
-        """Camera with other numbers (n,).
-
-        Raises:
-            OpticsError: the numbers do not make a valid camera.
-        """
+        """Camera with other numbers (n,)."""
         if not self._names:
             return self._camera
         values = self._all.copy()

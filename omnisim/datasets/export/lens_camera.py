@@ -2,7 +2,8 @@
 
 A catadioptric image is mirror-inverted; the image of a lens is not. Flipped left to right, it is
 the image of a lens whose frame is the optical frame after a half turn. The channels of ground truth
-are flipped, too; the points in space are the same.
+are flipped, too; the points in space are the same. A file that cannot be read or written raises an
+`OmnisimError`.
 """
 
 from __future__ import annotations
@@ -93,11 +94,7 @@ class LensCamera:
         return flipped_lens(lens, str(self.recorded.run.path / self.name))
 
     def save_calibration(self, path: Path) -> None:
-        """Write the lens to an omnisim calibration file.
-
-        Raises:
-            OutputError: the file cannot be written.
-        """
+        """Write the lens to an omnisim calibration file."""
         save_calibration(calibration_of(self.lens, self.name), path, "omnisim")
 
     def encode(self, form: Format[LensT], print_note: PrintNote, model: str | None = None) -> LensT:
@@ -125,11 +122,7 @@ class LensCamera:
         return np.ascontiguousarray(values[:, ::-1]) if self.is_flipped else values
 
     def copy_image(self, step: int, target: Path) -> None:
-        """Write the image of a step as a PNG file.
-
-        Raises:
-            OutputError: a file cannot be read or written.
-        """
+        """Write the image of a step as a PNG file."""
         image = self.recorded.image(step)  # fails for a damaged image, before anything is copied
         source = self.recorded.image_file(step)
         if self.is_flipped or source.suffix != target.suffix:
@@ -151,11 +144,7 @@ class LensCamera:
         return isinstance(self.model, EquirectangularCamera)
 
     def depths_m(self, step: int) -> NDArray[np.float32]:
-        """Depths (height, width) along the lens's axis, from the channel range; +inf: no hit.
-
-        Raises:
-            OutputError: a file is missing or damaged.
-        """
+        """Depths (height, width) along the lens's axis, from the channel range; +inf: no hit."""
         ranges_m = self.recorded.channel(step, "range")
         along = self.recorded.directions @ self.axis
         hit = np.isfinite(ranges_m)
@@ -239,9 +228,6 @@ def write_images(
 
     A mask is 255 where the image shows the scene, else 0; a camera without invalid pixels has none.
     `front_only` also masks pixels at and past 90° from the lens's axis, except in panoramas.
-
-    Raises:
-        OmnisimError: a file cannot be read or written.
     """
     for camera in cameras:
         (folder / IMAGES / camera.name).mkdir(parents=True)
@@ -295,11 +281,7 @@ class ScenePoints:
 def sample_points(
     recording: Recording, cameras: list[LensCamera], max_points: int = MAX_POINTS
 ) -> ScenePoints:
-    """About `max_points` points seen by evenly spaced pixels of all images; empty without ranges.
-
-    Raises:
-        OmnisimError: a file is missing or damaged.
-    """
+    """About `max_points` points seen by evenly spaced pixels of all images; none without ranges."""
     ranged = [camera for camera in cameras if camera.recorded.has("range")]
     pixels = recording.steps * sum(math.prod(camera.recorded.size_px) for camera in ranged)
     step_px = max(1, math.ceil(math.sqrt(pixels / max_points)))
@@ -325,9 +307,6 @@ def observations(
     """Points visible in each image, step by step and camera by camera.
 
     `front_only` leaves out points at and past 90° from a lens's axis, except in panoramas.
-
-    Raises:
-        OmnisimError: a file is missing or damaged.
     """
     for step in range(recording.steps):
         for camera in cameras:

@@ -1,4 +1,7 @@
-"""Recorded runs for exporters: poses, odometry and sensors."""
+"""Recorded runs for exporters: poses, odometry and sensors.
+
+A file that is missing or damaged, or has another size than its camera, raises an `OmnisimError`.
+"""
 
 from __future__ import annotations
 
@@ -170,11 +173,7 @@ class Recording:
         return dataclasses.replace(self, truth=truth, odometry=None, cameras=cameras, frames=frames)
 
     def imu_readings(self, name: str) -> ImuReadings:
-        """Readings of an IMU.
-
-        Raises:
-            RunError: a file of readings cannot be read, or is damaged.
-        """
+        """Readings of an IMU."""
         folder, columns = self.run.path / name, IMU_COLUMNS.split(",")
         if (folder / READINGS).is_file():
             table = read_table(folder / READINGS, *columns).columns
@@ -193,9 +192,6 @@ class Recording:
         """True state of the base at a sensor's first measurement, stamped `first_s`; one row.
 
         It does not depend on an error of the sensor's stamps.
-
-        Raises:
-            RunError: the file of the state cannot be read, or is damaged.
         """
         path = self.run.path / name / START
         return read_states(path)[1] if path.is_file() else self.states(np.array([first_s]))
@@ -206,11 +202,7 @@ class Recording:
         return [name for name in manifest.sensors if issubclass(manifest.sensor_class(name), kind)]
 
     def objects(self) -> dict[str, Trajectory]:
-        """Poses of other vehicles and dynamic objects by name.
-
-        Raises:
-            TrajectoryError: a file is damaged.
-        """
+        """Poses of other vehicles and dynamic objects by name."""
         files = sorted((self.run.path / OBJECTS).glob("*.tum"))
         return {file.stem: read_trajectory(file) for file in files}
 
@@ -224,39 +216,23 @@ class Recording:
         return inverse(world_from_base) @ world_from_sensor
 
     def cloud(self, name: str, step: int) -> StoredCloud:
-        """Point cloud of a lidar at a frame, or by its own number if `frames` has not the lidar.
-
-        Raises:
-            RunError: the file cannot be read, or is damaged.
-        """
+        """Point cloud of a lidar at a frame, or by its own number if `frames` has not the lidar."""
         table = self.run.manifest.sensors[name].model_extra or {}
         index = self.index_of(name, step)
         return read_cloud(self.run.file(name, index, f".{table['file_format']}"))
 
     def depth_camera(self, name: str) -> RecordedCamera:
-        """Depth camera; its images are depths.
-
-        Raises:
-            RunError: the calibration cannot be read.
-        """
+        """Depth camera; its images are depths."""
         camera = RecordedCamera.read(self.run, name)
         return dataclasses.replace(camera, indices=self.frames.get(name))
 
     def base_from_lidar(self, name: str) -> NDArray[np.float64]:
-        """Pose (4, 4) of a lidar on the base.
-
-        Raises:
-            RunError: the lidar's first file cannot be read, or is damaged.
-        """
+        """Pose (4, 4) of a lidar on the base."""
         pose = self.cloud(name, 0).header.pose("world_from_lidar")
         return self.mount(pose, self.times_s(name)[0])
 
     def base_from_imu(self, name: str) -> NDArray[np.float64]:
-        """Pose (4, 4) of an IMU on the base.
-
-        Raises:
-            RunError: the IMU's parameters cannot be read.
-        """
+        """Pose (4, 4) of an IMU on the base."""
         path = self.run.path / name / PARAMETERS
         try:
             numbers = np.array(parse_yaml(read_text(path), str(path))["T_BS"]["data"])
@@ -265,11 +241,7 @@ class Recording:
             raise RunError(f"{path}: T_BS: expected the 16 numbers of a pose") from None
 
     def imu_parameters(self, name: str) -> str:
-        """Text of an IMU's parameters, with EuRoC's keys.
-
-        Raises:
-            CalibrationError: the file cannot be read.
-        """
+        """Text of an IMU's parameters, with EuRoC's keys."""
         return read_text(self.run.path / name / PARAMETERS)
 
 
@@ -300,11 +272,7 @@ class RecordedCamera:
 
     @classmethod
     def read(cls, run: RunFolder, name: str) -> RecordedCamera:
-        """Read the calibration of a camera.
-
-        Raises:
-            RunError: the calibration cannot be read.
-        """
+        """Read the calibration of a camera."""
         return cls(run, name, read_mount(run.path / name / CALIBRATION))
 
     @property
@@ -337,12 +305,7 @@ class RecordedCamera:
         return self.run.file(self.name, index, IMAGE)
 
     def image(self, step: int) -> NDArray[np.uint8]:
-        """Image (height, width, 3) of a step, sRGB.
-
-        Raises:
-            OutputError: the file is missing or damaged.
-            RunError: the image has another size than the camera's.
-        """
+        """Image (height, width, 3) of a step, sRGB."""
         path = self.image_file(step)
         pixels, _ = read_image(path)
         width, height = self.size_px
@@ -354,12 +317,7 @@ class RecordedCamera:
         return np.ascontiguousarray(pixels[..., :3])
 
     def depths_m(self, step: int) -> NDArray[np.float32]:
-        """Depths (height, width) of a depth camera along its axis; +inf: none.
-
-        Raises:
-            OutputError: the file is missing or damaged.
-            RunError: the image has another size than the camera's.
-        """
+        """Depths (height, width) of a depth camera along its axis; +inf: none."""
         path = self.image_file(step)
         depths = read_image(path)[0][..., 0]
         width, height = self.size_px
@@ -372,12 +330,7 @@ class RecordedCamera:
         return channel in self.run.manifest.channels
 
     def channel(self, step: int, name: str) -> NDArray[Any]:
-        """Channel (height, width, …) of ground truth at a step.
-
-        Raises:
-            OutputError: a file is missing or damaged.
-            RunError: the channel has another size than the image.
-        """
+        """Channel (height, width, …) of ground truth at a step."""
         path = self.image_file(step)
         values: NDArray[Any] = StoredChannels(path, {}).read([name])[name]
         width, height = self.size_px
@@ -386,11 +339,7 @@ class RecordedCamera:
         return values
 
     def labels(self, step: int) -> Labels | None:
-        """Labels of the classes and instances at a step; None: unknown.
-
-        Raises:
-            OutputError: the table is damaged.
-        """
+        """Labels of the classes and instances at a step; None: unknown."""
         return StoredChannels(self.image_file(step), {}).labels
 
     @cached_property

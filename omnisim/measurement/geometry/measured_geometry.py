@@ -1,4 +1,4 @@
-"""Measurement of a camera model from a board in images."""
+"""Measurement of a camera model from a board in images; faults raise `MeasurementError`."""
 
 from __future__ import annotations
 
@@ -141,11 +141,7 @@ def fit_shape(
 
 
 def check_shape(shape_m: Floats, spacing_m: float, corners: Corners) -> None:
-    """Reject a board whose fitted shape is far from its nominal shape.
-
-    Raises:
-        MeasurementError: a corner's offset in the plane is too large.
-    """
+    """Reject a board whose fitted shape is far from its nominal shape."""
     offsets = np.linalg.norm(shape_m[:, :2], axis=1)
     worst = int(np.argmax(offsets))
     if offsets[worst] > MAX_SHAPE_ERROR * spacing_m:
@@ -290,12 +286,7 @@ def remove_copies(views: Sequence[BoardView]) -> tuple[list[BoardView], list[Rej
 def remove_outliers(
     views: list[BoardView], fit: Callable[[list[BoardView]], FittedViews[Fit]]
 ) -> tuple[list[BoardView], list[RejectedImage], Fit]:
-    """Views that fit one camera, rejected images, and the fit to these views, made by `fit`.
-
-    Raises:
-        MeasurementError: too few views remain, too many are rejected, or a corner is an outlier in
-            most images.
-    """
+    """Views that fit one camera, rejected images, and the fit to these views, made by `fit`."""
     rejected: list[RejectedImage] = []
     count = len(views)
     while True:
@@ -334,11 +325,7 @@ def remove_outliers(
 
 
 def fit_lens(views: list[BoardView], size_px: tuple[int, int]) -> FittedViews[Adjustment]:
-    """Preliminary lens of views in images of a size, with the errors that judge outliers.
-
-    Raises:
-        MeasurementError: no lens fits.
-    """
+    """Preliminary lens of views in images of a size, with the errors that judge outliers."""
     first = initial_adjustment(views, size_px)
     return FittedViews(preliminary_lens(first, Corners.of(views)).fit.errors_px, first)
 
@@ -357,11 +344,7 @@ def _check_board(is_outlier: NDArray[np.bool_], corners: Corners) -> None:
 
 
 def check_focal_length(first: Adjustment) -> None:
-    """Reject boards that do not determine the focal length.
-
-    Raises:
-        MeasurementError: the standard deviation of the focal length is too large.
-    """
+    """Reject boards that do not determine the focal length."""
     sigma = float(first.unit_sigmas[0]) * first.rms_px
     focal = float(first.camera.parameters()["focal_lengths_px"][0])  # type: ignore[arg-type, index]
     normals = first.poses[:, :3, 2]

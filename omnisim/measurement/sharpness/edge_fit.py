@@ -88,10 +88,8 @@ class FittedEdge:
 def fit_edge(light: Floats, clipped: NDArray[np.bool_], line: EdgeLine) -> FittedEdge:
     """Fit a parabola along the edge near a line, and a normal distribution across it.
 
-    Of linear values (height, width), 1: white; clipped pixels are at a limit of their values.
-
-    Raises:
-        UnusableEdge: the edge has a flaw.
+    Of linear values (height, width), 1: white; clipped pixels are at a limit of their values. A
+    flaw of the edge raises `UnusableEdge`.
     """
     along = line.end_px - line.start_px
     length_px = float(np.hypot(*along))

@@ -1,4 +1,4 @@
-"""Sharpness of one edge anywhere in an image."""
+"""Sharpness of one edge anywhere in an image; `UnusableEdge` names a flaw that prevents it."""
 
 from __future__ import annotations
 
@@ -73,9 +73,6 @@ def measure_edge(
     """Measure an edge near a line, in linear values (height, width, 1 or 3) of which 1 is white.
 
     Clipped pixels are at a limit of their values; `image` is the image's number.
-
-    Raises:
-        UnusableEdge: the edge has a flaw.
     """
     main = light[..., GREEN if light.shape[2] == 3 else 0]
     try:
@@ -129,11 +126,7 @@ class EdgeSpread:
 
 
 def edge_spread(values: Floats, edge: FittedEdge) -> EdgeSpread:
-    """Edge spread of the values (n,) of an edge's pixels.
-
-    Raises:
-        UnusableEdge: bins near the edge have no pixel.
-    """
+    """Edge spread of the values (n,) of an edge's pixels."""
     count = 2 * int(edge.reach_px / BIN_PX)
     centers = _centers_px(count)
     bins = np.floor(edge.distances_px / BIN_PX + 0.5 * count).astype(np.int64)
@@ -204,11 +197,7 @@ def _trend(spread: EdgeSpread, edge_px: float) -> Floats:
 
 
 def half_modulation(transfer: Floats) -> Floats:
-    """Lowest frequency (1 + GROUPS,) at which the transfer is one half, cycles per pixel.
-
-    Raises:
-        UnusableEdge: the transfer does not fall to one half.
-    """
+    """Lowest frequency (1 + GROUPS,) at which the transfer is one half, cycles per pixel."""
     below = transfer < 0.5
     if not below.any(axis=1).all():
         raise UnusableEdge(Flaw.UNEVEN)
@@ -223,9 +212,6 @@ def crossings(spread: EdgeSpread, level: float) -> Floats:
     """Distance (1 + GROUPS,), px, at which each edge spread function rises through a level.
 
     Of several crossings, the one nearest to the edge.
-
-    Raises:
-        UnusableEdge: an edge spread function does not cross the level.
     """
     middle = len(spread.distances_px) // 2
     result = np.empty(len(spread.levels))

@@ -1,4 +1,8 @@
-"""Parts shared by many formats: camera matrices, and pinhole cameras with Brown's distortion."""
+"""Parts shared by many formats: camera matrices, and pinhole cameras with Brown's distortion.
+
+Lists of numbers that are not as expected raise a `CalibrationError` that names their place, and
+numbers of no valid camera an `OpticsError`.
+"""
 
 from __future__ import annotations
 
@@ -35,11 +39,7 @@ class Intrinsics(NamedTuple):
 def matrix_intrinsics(
     size_px: tuple[int, int], matrix: Sequence[float], place: str
 ) -> tuple[Intrinsics, float]:
-    """Intrinsics and skew of a row-major camera matrix K; `place` names it in messages.
-
-    Raises:
-        CalibrationError: the list does not have nine numbers, or is not a camera matrix.
-    """
+    """Intrinsics and skew of a row-major camera matrix K; `place` names it in messages."""
     fx, skew, cx, zero, fy, cy, *last_row = counted(matrix, "fx s cx 0 fy cy 0 0 1", place)
     if [zero, *last_row] != [0.0, 0.0, 0.0, 1.0]:
         raise unexpected(place, "[fx, s, cx, 0, fy, cy, 0, 0, 1]", matrix)
@@ -47,11 +47,7 @@ def matrix_intrinsics(
 
 
 def check_no_skew(skew_px: float, place: str) -> None:
-    """Reject a skew.
-
-    Raises:
-        CalibrationError: the skew is not 0; the message names the camera matrix.
-    """
+    """Reject a skew."""
     if skew_px:
         raise unexpected(place, "no skew", skew_px)
 
@@ -59,12 +55,7 @@ def check_no_skew(skew_px: float, place: str) -> None:
 def fisheye(
     intrinsics: Intrinsics, coefficients: Sequence[float], place: str
 ) -> KannalaBrandtCamera:
-    """Kannala-Brandt lens with k1, k2, k3, k4; `place` names these in messages.
-
-    Raises:
-        CalibrationError: the list does not have four coefficients.
-        OpticsError: the numbers do not make a valid camera.
-    """
+    """Kannala-Brandt lens with k1, k2, k3, k4; `place` names these in messages."""
     four = counted(coefficients, "k1 k2 k3 k4", place)
     return KannalaBrandtCamera(*intrinsics, tuple(four))
 
@@ -72,11 +63,7 @@ def fisheye(
 def pinhole(
     intrinsics: Intrinsics, distortion: Sequence[float] = (0.0,) * 4, skew_px: float = 0.0
 ) -> CentralCamera:
-    """Pinhole camera with k1, k2, p1, p2 (k3): unified with ξ = 0, or the perspective model.
-
-    Raises:
-        OpticsError: the numbers do not make a valid camera.
-    """
+    """Pinhole camera with k1, k2, p1, p2 (k3): unified with ξ = 0, or the perspective model."""
     unified = UnifiedCamera(*intrinsics, 0.0, tuple(distortion), skew_px)
     return equivalent(unified, PerspectiveCamera) or unified
 
@@ -87,10 +74,6 @@ def brown_pinhole(
     """Pinhole camera with OpenCV's coefficients, in the simplest model that supports them.
 
     They are none, or k1 k2 p1 p2, k3, k4 k5 k6, s1 s2 s3 s4, τx τy; `place` names file and key.
-
-    Raises:
-        CalibrationError: OpenCV does not allow this number of coefficients.
-        OpticsError: the numbers do not make a valid camera.
     """
     if len(coefficients) not in COEFFICIENT_COUNTS:
         expected = "k1, k2, p1, p2, k3 and optionally k4, k5, k6, s1, s2, s3, s4, τx, τy"
@@ -107,11 +90,7 @@ def brown_pinhole(
 def pose_from_quaternion(
     position_m: Sequence[float], quaternion: Sequence[float], place: str
 ) -> NDArray[np.float64]:
-    """Pose (4, 4) from a position and a quaternion of any length except 0.
-
-    Raises:
-        CalibrationError: the quaternion is 0, or far too long.
-    """
+    """Pose (4, 4) from a position and a quaternion of any length except 0."""
     length = float(np.linalg.norm(np.clip(quaternion, -1e100, 1e100)))
     if not 1e-9 < length < 1e99:
         raise unexpected(f"{place}: quaternion", "x, y, z, w of length 1", list(quaternion))

@@ -110,10 +110,7 @@ _FIELDS = {"x": "float", "y": "float", "z": "float", "red": "uchar", "green": "u
 
 
 def write_ply(path: Path, points: ScenePoints) -> None:
-    """Write positions in meters and sRGB colors, binary.
-
-    Raises:
-        OutputError: the file cannot be written.
+    """Write positions in meters and sRGB colors, binary; `OutputError` if it cannot be written.
 
     Source: Turk, The PLY Polygon File Format (1994).
     """

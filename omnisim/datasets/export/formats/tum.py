@@ -79,11 +79,7 @@ class Tum(OneCameraFormat):
 
 
 def write_lines(path: Path, lines: Iterator[str]) -> None:
-    """Write lines to a text file.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
+    """Write lines to a text file; `OutputError` if it cannot be written."""
     write_text(path, "".join(f"{line}\n" for line in lines))
 
 
