@@ -38,13 +38,8 @@ def preview(name: str, values: NDArray[Any], labels: Labels | None = None) -> ND
     return _PREVIEWS[name](values)
 
 
-def range_limits(distances: NDArray[Any]) -> tuple[float, float]:
-    """Ranges with the brightest and the darkest preview color; 1 m if none is finite."""
-    near, far = np.exp(_log_limits(distances)).tolist()
-    return near, far
-
-
 def _log_limits(distances: NDArray[Any]) -> NDArray[np.float64]:
+    """Logarithms of the ranges with the brightest and the darkest preview color; 0 if none."""
     seen = np.isfinite(distances) & (distances > 0.0)
     if not seen.any():
         return np.zeros(2)
@@ -180,7 +175,7 @@ def legend(name: str, values: NDArray[Any], labels: Labels | None = None) -> Leg
     items; or "text", with `text`.
     """
     if name in RANGES:
-        near, far = range_limits(values)
+        near, far = np.exp(_log_limits(values)).tolist()
         colors = [_hex(color) for color in NEAR_TO_FAR.tolist()]
         return _ramp(near, far, CHANNELS[name].unit, colors, "logarithmic")
     if name == "z":

@@ -202,17 +202,17 @@ def unfold(mirror: HyperbolicMirror, mesh: MirrorMesh) -> UnfoldedMirrorMesh:
 
 
 class _Clipper:
-    """Clips triangles to the cells of the cube faces, and shares new vertices.
-
-    Attributes:
-        positions: position (3,) of each vertex in m, mirror frame, new vertices last.
-    """
+    """Clips triangles to the cells of the cube faces, and shares new vertices."""
 
     def __init__(self, mirror: HyperbolicMirror, positions: NDArray[np.float64]):
         self._mirror = mirror
-        self.positions = list(positions)
+        self.positions = list(positions)  # (3,) of each vertex in m, mirror frame, new ones last
         self._crossings: dict[tuple[int, int, tuple[float, ...]], int] = {}
-        self._fixed = _edge_distances(positions)
+        # signed distances (6 faces, n, 4 planes) in m from the planes; 0 on an edge
+        planes = np.array([_edge_planes(face) for face in range(len(FACE_NAMES))])
+        distances = np.einsum("fpj,nj->fnp", planes, positions)
+        near = np.abs(distances) <= _ON_EDGE * np.linalg.norm(positions, axis=1)[:, None]
+        self._fixed = np.where(near, 0.0, distances)
 
     def clip_to_face(self, face: int, triangles: NDArray[np.int64]) -> NDArray[np.int64]:
         """Parts of triangles (n, 3) inside the cell of one face, as triangles (m, 3)."""
@@ -271,14 +271,6 @@ def _edge_planes(face: int) -> NDArray[np.float64]:
     return np.array([forward - right, forward + right, forward - down, forward + down]) @ (
         RIG_FROM_MIRROR
     )
-
-
-def _edge_distances(positions: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signed distances (6 faces, n, 4 planes) in m of points from the planes; 0 on an edge."""
-    planes = np.array([_edge_planes(face) for face in range(len(FACE_NAMES))])
-    distances = np.einsum("fpj,nj->fnp", planes, positions)
-    near = np.abs(distances) <= _ON_EDGE * np.linalg.norm(positions, axis=1)[:, None]
-    return np.where(near, 0.0, distances)
 
 
 # Image distortion caused by a mirror's mesh, computed without rendering.

@@ -27,15 +27,12 @@ DICTIONARIES = ("4X4", "5X5", "6X6", "7X7")
 class Chessboard:
     """Chessboard of squares with sides `square_m`.
 
-    Attributes:
-        columns, rows: inner corners along a row and along a column.
-
     Raises:
         MeasurementError: fewer than 3 corners in a direction, or a side that is not positive.
     """
 
-    columns: int
-    rows: int
+    columns: int  # inner corners along a row
+    rows: int  # inner corners along a column
     square_m: float
 
     def __post_init__(self) -> None:
@@ -46,21 +43,16 @@ class Chessboard:
 class CharucoBoard:
     """Chessboard with ArUco markers in its white squares.
 
-    Attributes:
-        columns, rows: squares along a row and along a column.
-        square_m, marker_m: sides of a square and of a marker.
-        dictionary: OpenCV's dictionary without its prefix, such as "5X5_100".
-
     Raises:
         MeasurementError: fewer than 3 squares in a direction, sides that are not positive, a marker
             as large as its square, or an unknown dictionary.
     """
 
-    columns: int
-    rows: int
-    square_m: float
-    marker_m: float
-    dictionary: str
+    columns: int  # squares along a row
+    rows: int  # squares along a column
+    square_m: float  # side of a square
+    marker_m: float  # side of a marker
+    dictionary: str  # OpenCV's dictionary without its prefix, such as "5X5_100"
 
     def __post_init__(self) -> None:
         _check(self.columns, self.rows, 3, square=self.square_m, marker=self.marker_m)

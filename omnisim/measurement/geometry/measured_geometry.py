@@ -74,8 +74,8 @@ def measure_geometry(
 
     All models are fitted together with the poses of the board. The board's shape is fitted, too, if
     that predicts held-out images better. Among the models that predict held-out images as well as
-    the best one, the model with the fewest parameters is chosen. At most 40 images
-    choose the model, which is then fitted to all.
+    the best one, the model with the fewest parameters is chosen. At most 40 images choose the
+    model, which is then fitted to all.
 
     Args:
         views, size_px: view of the board in each image, and width and height of the images.

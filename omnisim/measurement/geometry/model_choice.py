@@ -68,7 +68,15 @@ def choose_model(
     for name in models:
         try:
             candidate = fit_candidate(name, part, start, stiffness)
-            _check_determined(candidate)
+            # the corners must determine the focal lengths separately
+            values, fit = candidate.parameters.start, candidate.fit
+            sigmas = fit.unit_sigmas * fit.rms_px
+            for label, value, sigma in zip(
+                candidate.parameters.labels, values, sigmas, strict=True
+            ):
+                if label.startswith("focal_length") and sigma > MAX_MODEL_SIGMA * value:
+                    numbers = f"{label} = {value:.4g} ± {sigma:.2g} px"
+                    raise CalibrationError(f"camera: {name}: not determined: {numbers}")
             candidates.append(candidate)
         except (CalibrationError, OpticsError) as reason:
             results.append(ModelResult(name, 0, math.nan, math.nan, str(reason)))
@@ -99,16 +107,6 @@ def choose_model(
         results.append(ModelResult(one.name, len(one.parameters.start), one.fit.rms_px, rms))
     results.sort(key=lambda one: (math.isnan(one.held_out_rms_px), one.held_out_rms_px, one.rms_px))
     return ModelChoice(chosen, held_out_rms.get(chosen.name, math.nan), tuple(results))
-
-
-def _check_determined(candidate: Candidate) -> None:
-    """Reject a model whose focal lengths the corners do not determine separately."""
-    parameters, fit = candidate.parameters, candidate.fit
-    sigmas = fit.unit_sigmas * fit.rms_px
-    for label, value, sigma in zip(parameters.labels, parameters.start, sigmas, strict=True):
-        if label.startswith("focal_length") and sigma > MAX_MODEL_SIGMA * value:
-            numbers = f"{label} = {value:.4g} ± {sigma:.2g} px"
-            raise CalibrationError(f"camera: {candidate.name}: not determined: {numbers}")
 
 
 def _subset(corners: Corners, first: Adjustment) -> tuple[Corners, Adjustment]:

@@ -225,7 +225,8 @@ class _Collector:
             self._miss("dsnu_e", f"{few} in the dark")
             self._miss("prnu", few)
             return
-        dsnu = dark_nonuniformity(dark)
+        noise_dn2 = dark.variance_dn2 / dark.count
+        dsnu = _nonuniformity(dark.mean_image_dn - dark.mean_dn, noise_dn2)
         gain = self._gain
         self._add_parts("dsnu_e", dsnu, gain, "e", f"{dark.count} dark frames")
         if flat is None:
@@ -457,12 +458,6 @@ class Nonuniformity:
     sigma: float  # uncertainty of `total` (standard deviation)
     defects: NDArray[np.int64]  # (n, 2) row and column of pixels more than 8 sigmas off the median
     pattern: NDArray[np.float64]  # (height, width) deviations from the mean
-
-
-def dark_nonuniformity(stack: FrameStatistics) -> Nonuniformity:
-    """Nonuniformity of dark frames, in DN."""
-    deviations = stack.mean_image_dn - stack.mean_dn
-    return _nonuniformity(deviations, stack.variance_dn2 / stack.count)
 
 
 def photo_response_nonuniformity(

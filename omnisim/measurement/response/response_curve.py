@@ -85,7 +85,13 @@ def measure_response(
             f"{name}: the brightest pixel is at {100.0 * brightest:.0f} % of white, {white_dn:g}: "
             "expected exposure times up to white, and the camera's own white level"
         )
-    _check_order(levels, times, name)
+    means = np.median(levels, axis=1)
+    for index in range(1, len(times)):
+        if means[index] < means[index - 1] - 0.01:
+            raise MeasurementError(
+                f"{name}: {1e3 * times[index]:g} ms is darker than {1e3 * times[index - 1]:g} ms: "
+                "expected a still scene, constant light, and no automatic exposure"
+            )
     used = (levels > LOW) & (levels < HIGH)
     used &= used.sum(axis=0) >= 2
     if used.sum() < 200:
@@ -110,23 +116,18 @@ def measure_response(
         "curve": Encoding(curve=tuple(zip(light.tolist(), knots.tolist(), strict=True))),
     }
     basis = f"{int(used.any(axis=0).sum())} pixels at {len(times)} exposure times"
-    sigma = _gamma_sigma(levels, times, used, gamma)
+    # standard deviation of the exponent, from eighths of the pixels; NaN: too few pixels
+    parts = [
+        _best_gamma(levels[:, start::8], times, used[:, start::8])
+        for start in range(8)
+        if used[:, start::8].sum() >= 20
+    ]
+    sigma = float(np.std(parts, ddof=1) / math.sqrt(len(parts))) if len(parts) > 2 else math.nan
     quantities = (
         Quantity("gamma", gamma, sigma, "", f"{basis}, as a power"),
         Quantity("response_error", errors[best], math.nan, "of full scale", f"{basis}, as {best}"),
     )
     return MeasuredResponse(encodings[best], quantities, errors, light, knots)
-
-
-def _check_order(levels: Floats, times: Floats, name: str) -> None:
-    """Reject images that become darker with the exposure time."""
-    means = np.median(levels, axis=1)
-    for index in range(1, len(times)):
-        if means[index] < means[index - 1] - 0.01:
-            raise MeasurementError(
-                f"{name}: {1e3 * times[index]:g} ms is darker than {1e3 * times[index - 1]:g} ms: "
-                "expected a still scene, constant light, and no automatic exposure"
-            )
 
 
 def _error(
@@ -153,16 +154,6 @@ def _best_gamma(levels: Floats, times: Floats, used: NDArray[np.bool_]) -> float
         return _error(lambda values: np.clip(values, 0.0, 1.0) ** gamma, levels, times, used)
 
     return float(minimize_scalar(error, bounds=(0.3, 4.0), method="bounded").x)
-
-
-def _gamma_sigma(levels: Floats, times: Floats, used: NDArray[np.bool_], gamma: float) -> float:
-    """Standard deviation of the exponent, from eighths of the pixels; NaN: too few pixels."""
-    parts = [
-        _best_gamma(levels[:, start::8], times, used[:, start::8])
-        for start in range(8)
-        if used[:, start::8].sum() >= 20
-    ]
-    return float(np.std(parts, ddof=1) / math.sqrt(len(parts))) if len(parts) > 2 else math.nan
 
 
 def _simplest(errors: dict[str, float]) -> str:

@@ -58,13 +58,8 @@ class EdgeSharpness:
         return abs(rate) / (2.0 * step) * self.mtf50_sigma
 
     def _variance_px2(self, mtf50: float) -> float:
-        pixel = pixel_transfer(mtf50, self.normal)
+        pixel = float(np.prod(np.sinc(mtf50 * self.normal)))  # transfer of a square pixel
         return float(np.log(2.0 * pixel) / (2.0 * np.pi**2 * mtf50**2))
-
-
-def pixel_transfer(frequency: float, normal: Floats) -> float:
-    """Modulation transfer of a square pixel along a direction."""
-    return float(np.prod(np.sinc(frequency * normal)))
 
 
 def measure_edge(
