@@ -110,7 +110,7 @@ class Unwarping:
                 for corner, weights in lookups:
                     for step, weight in zip((0, 1, width, width + 1), weights, strict=True):
                         total += weight[..., None] * flat.take(corner + step, axis=0, mode="clip")
-            seen = total[valid] / np.float32(len(lookups))
+            seen: NDArray[Any] = total[valid] / np.float32(len(lookups))
             if is_encoded:  # as 8-bit sRGB
                 seen = _SRGB[np.rint(np.clip(seen, 0.0, 1.0) * _STEPS).astype(np.int32)]
             result[rows][valid] = seen
