@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, EquidistantCamera
 from omnisim.core import poses
-from omnisim.ground_truth.boxes_3d import InstanceBox, OrientedBox
+from omnisim.ground_truth.boxes import InstanceBox, OrientedBox
 from omnisim.ground_truth.label_names import distinct_color
 from omnisim.plots.contact_sheet import save_contact_sheet
 from omnisim.rendering.camera.omnicamera import OmniCamera

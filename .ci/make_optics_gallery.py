@@ -19,8 +19,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / ".ci")]
 from pages import save_jpeg, write_image_file  # noqa: E402
 
 from omnisim import OmniCamera, open_sensor  # noqa: E402
-from omnisim.cameras.mirrors.mirror_mesh_error import MeshError  # noqa: E402
-from omnisim.cameras.mirrors.tessellation import PAPER_POLYGON_COUNTS  # noqa: E402
+from omnisim.cameras.mirrors.mirror_mesh import PAPER_POLYGON_COUNTS, MeshError  # noqa: E402
 from omnisim.cameras.optics import OpticalSystem, measure_centrality, read_optics_file  # noqa: E402
 from omnisim.cameras.optics.mesh_error import SystemMeshErrors  # noqa: E402
 from omnisim.cameras.optics.mesh_rays import has_mesh  # noqa: E402

@@ -26,7 +26,7 @@ from omnisim.cameras import KannalaBrandtCamera
 from omnisim.core.errors import EstimatorError
 from omnisim.core.extras import require_extra
 from omnisim.core.poses import pose
-from omnisim.evaluation.estimators.gray_images import gray
+from omnisim.evaluation.estimators.orb_slam3 import gray
 from omnisim.rendering.camera.omnicamera import OmniCamera
 
 BRANCHING, DEPTH = 6, 5

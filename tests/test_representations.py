@@ -12,7 +12,7 @@ import omnisim
 from omnisim.cameras import EquidistantCamera, PerspectiveCamera, RadialTableCamera
 from omnisim.cameras.calibration.ray_table import ray_table
 from omnisim.cameras.mirrors import HyperbolicMirror
-from omnisim.cameras.mirrors.tessellation import tessellate
+from omnisim.cameras.mirrors.mirror_mesh import tessellate
 from omnisim.core.errors import CalibrationError, OpticsError, SceneError
 from omnisim.core.files.image_files import read_image
 from omnisim.core.package_files import SCENES

@@ -20,7 +20,7 @@ from benchmarks.peers.face_target import (
 )
 from benchmarks.peers.peer import CAMERA, ImagePeer
 from omnisim.cameras.mirrors import tessellate
-from omnisim.cameras.mirrors.unfolding import unfold
+from omnisim.cameras.mirrors.mirror_mesh import unfold
 from omnisim.core.cube import CELL_TANGENT, FACE_FROM_RIG, LAYOUT_CELLS, LAYOUT_COLUMNS, LAYOUT_ROWS
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS
 from omnisim.scene.model import Scene

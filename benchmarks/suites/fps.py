@@ -28,7 +28,7 @@ from benchmarks.scenes import PAPERS_MAPS, load_scenes
 from benchmarks.settings import SETTINGS, at_setting
 from benchmarks.suites.fps_figure import fps_figure
 from benchmarks.timer import Timings, time_interleaved
-from omnisim.cameras.mirrors.mirror_mesh_error import mesh_error
+from omnisim.cameras.mirrors.mirror_mesh import mesh_error
 from omnisim.rendering.stage import Stage
 from omnisim.robots.vehicle import Vehicle
 from omnisim.scene import Scene

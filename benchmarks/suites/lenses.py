@@ -13,7 +13,6 @@ from typing import Any
 
 import moderngl
 import numpy as np
-from omnisim.plots.plot_file import Figure
 
 from benchmarks.bounds import Limits
 from benchmarks.options import Options

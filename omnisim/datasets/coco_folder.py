@@ -18,7 +18,7 @@ from typing import Any
 from omnisim.core.errors import PlanError
 from omnisim.core.files.atomic_file import atomic_folder, check_new_folder, write_text
 from omnisim.datasets.generate.samples import Shards
-from omnisim.ground_truth.coco import VISIBLE_SHARE, BoxLimits, mask_from_runs, polygons_of_mask
+from omnisim.ground_truth.boxes import VISIBLE_SHARE, BoxLimits, mask_from_runs, polygons_of_mask
 
 IMAGES, LABELS, ANNOTATIONS = "images", "labels", "annotations.json"
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0

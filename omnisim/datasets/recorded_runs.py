@@ -24,8 +24,7 @@ from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.export import for_format
 from omnisim.datasets.export.export_format import ExportSettings, PrintNote
 from omnisim.datasets.export.export_formats import format_named
-from omnisim.datasets.export.recorded_camera import RecordedCamera
-from omnisim.datasets.export.recording import Recording
+from omnisim.datasets.export.recording import RecordedCamera, Recording
 from omnisim.datasets.generate.samples import Shards, in_shard
 from omnisim.runs.run_folder import RunFolder
 from omnisim.runs.run_manifest import MANIFEST_FORMAT, parse_manifest

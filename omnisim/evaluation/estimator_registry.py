@@ -12,13 +12,13 @@ if TYPE_CHECKING:
 
 # Module in `omnisim.evaluation.estimators`, and class, by the name on the command line.
 ESTIMATORS = {
-    "wheels": ("wheel_odometry", "WheelOdometry"),
-    "imu": ("imu_integration", "ImuIntegration"),
-    "kiss-icp": ("kiss_icp_odometry", "KissIcpOdometry"),
-    "kiss-icp-skewed": ("kiss_icp_odometry", "SkewedKissIcpOdometry"),
+    "wheels": ("dead_reckoning", "WheelOdometry"),
+    "imu": ("dead_reckoning", "ImuIntegration"),
+    "kiss-icp": ("lidar_odometry", "KissIcpOdometry"),
+    "kiss-icp-skewed": ("lidar_odometry", "SkewedKissIcpOdometry"),
     "colmap": ("colmap_mapping", "ColmapMapping"),
     "colmap-rig": ("colmap_mapping", "ColmapRigMapping"),
-    "small-gicp": ("small_gicp_odometry", "SmallGicpOdometry"),
+    "small-gicp": ("lidar_odometry", "SmallGicpOdometry"),
     "landmarks": ("landmark_localization", "LandmarkLocalization"),
     "orb-slam3": ("orb_slam3", "OrbSlam3"),
     "orb-slam3-imu": ("orb_slam3", "OrbSlam3Inertial"),

@@ -7,11 +7,6 @@ from omnisim.ground_truth.channels import CHANNELS, Channel, check_channels, par
 from omnisim.ground_truth.label_names import ClassLabel, InstanceLabel, Labels
 
 __all__ = [
-    "CHANNELS",
-    "Channel",
-    "ClassLabel",
-    "InstanceLabel",
-    "Labels",
-    "check_channels",
+    "CHANNELS", "Channel", "ClassLabel", "InstanceLabel", "Labels", "check_channels",
     "parse_channels",
-]
+]  # fmt: skip

@@ -1,60 +1,84 @@
 """Sidecar files of an 8-bit image: one file per channel in standard formats, and descriptions.
 
-    frame.range.png             16 bits: 0 outside the camera, 65535: no hit; a step is 1 mm, or
-                                2, 5, 10 mm … for ranges beyond 65.534 m, as stated in the JSON
-    frame.range_through.png     as frame.range.png, with its own scale
-    frame.z.exr, frame.position.exr            as in the EXR of all channels
-    frame.scene_flow.exr, frame.scene_flow_camera.exr    as in the EXR of all channels
-    frame.normals.png, frame.normals_camera.png    16 bits, 32768 + 32767 n; 0 0 0: no hit
-    frame.albedo.png            8 bits, sRGB
-    frame.roughness.png, frame.metallic.png    16 bits, 1 + 65534 x; 0: no hit
-    frame.emissive.exr          as in the EXR of all channels
-    frame.semantic.png          8 bits, or 16 if a class ID exceeds 255
-    frame.semantic_through.png  as frame.semantic.png
-    frame.instance.png          16 bits
-    frame.flow.flo, frame.flow.png             formats of Middlebury and KITTI
-    frame.occluded.png          8 bits: 0 visible, 1 occluded, 2 outside, 255 no ray
-    frame.flow_backward.flo, frame.flow_backward.png, frame.occluded_backward.png    as forward
-    frame.valid.png             8 bits: 0 or 255
-    frame.range.npy ...         any channel as an array, in the format npy, see `CHANNELS`
-    frame.channels.json         units, scales, labels, camera and pose
-    frame.coco.json             boxes and masks of the instances, with the channel instance
-    frame.boxes_3d.json         oriented 3-D boxes of the instances
-    frame.overlay.png           the image with boxes or masks, to look at
-"""  # fmt: skip
+A file that cannot be written, or is damaged, raises `OutputError`.
+
+frame.range.png             16 bits: 0 outside the camera, 65535: no hit; a step is 1 mm, or
+                            2, 5, 10 mm … for ranges beyond 65.534 m, as stated in the JSON
+frame.range_through.png     as frame.range.png, with its own scale
+frame.z.exr, frame.position.exr            as in the EXR of all channels
+frame.scene_flow.exr, frame.scene_flow_camera.exr    as in the EXR of all channels
+frame.normals.png, frame.normals_camera.png    16 bits, 32768 + 32767 n; 0 0 0: no hit
+frame.albedo.png            8 bits, sRGB
+frame.roughness.png, frame.metallic.png    16 bits, 1 + 65534 x; 0: no hit
+frame.emissive.exr          as in the EXR of all channels
+frame.semantic.png          8 bits, or 16 if a class ID exceeds 255
+frame.semantic_through.png  as frame.semantic.png
+frame.instance.png          16 bits
+frame.flow.flo, frame.flow.png             formats of Middlebury and KITTI
+frame.occluded.png          8 bits: 0 visible, 1 occluded, 2 outside, 255 no ray
+frame.flow_backward.flo, frame.flow_backward.png, frame.occluded_backward.png    as forward
+frame.valid.png             8 bits: 0 or 255
+frame.range.npy ...         any channel as an array, in the format npy, see `CHANNELS`
+frame.channels.json         units, scales, labels, camera and pose
+frame.coco.json             boxes and masks of the instances, with the channel instance
+frame.boxes_3d.json         oriented 3-D boxes of the instances
+frame.overlay.png           the image with boxes or masks, to look at
+"""
 
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Callable, Mapping
+from enum import StrEnum
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import OutputError
-from omnisim.core.files.image_files import is_float_format, write_image, write_numbers
+from omnisim.core.files.atomic_file import atomic_write
+from omnisim.core.files.image_files import (
+    is_float_format,
+    write_channels,
+    write_image,
+    write_numbers,
+)
 from omnisim.core.srgb import srgb8_from_linear
+from omnisim.ground_truth.boxes import VISIBLE_SHARE, BoxLimits, coco_image, write_json
 from omnisim.ground_truth.channels import CHANNELS, CLASSES, FLOWS, RANGES
-from omnisim.ground_truth.coco import VISIBLE_SHARE, BoxLimits, coco_image, write_json
-from omnisim.ground_truth.exr import write_exr
-from omnisim.ground_truth.flow_files import KITTI_STEPS_PER_PX, write_flo, write_kitti_flow
 from omnisim.ground_truth.label_names import Labels
-from omnisim.ground_truth.npy import ChannelFormat, write_npy
 from omnisim.ground_truth.previews import preview
 
 BOXES_3D, OVERLAY = "boxes_3d.json", "overlay.png"
-_SIDECARS = (
-    "channels.json",
-    "coco.json",
-    BOXES_3D,
-    OVERLAY,
-)  # in addition to the channels' own files
+_SIDECARS = ("channels.json", "coco.json", BOXES_3D, OVERLAY)  # beside the channels' own files
 _MAX_ID = 2**16 - 1
 FINEST_RANGE_STEPS_PER_M = 1000
 _NOTHING_HIT = _MAX_ID
 _IN_STEPS = "in steps, at least 1; the scale is this image's own"
+
+
+class ChannelFormat(StrEnum):
+    """File formats of an image's channels."""
+
+    AUTO = "auto"  # EXR: layers; other image formats: PNG, EXR and FLO files
+    NPY = "npy"
+    BOTH = "both"
+
+    @classmethod
+    def parse(cls, text: str | None) -> ChannelFormat:
+        """Format by name; None: `AUTO`.
+
+        Raises:
+            OutputError: an unknown name.
+        """
+        try:
+            return cls.AUTO if text is None else cls(text.strip().lower())
+        except ValueError:
+            names = ", ".join(cls)
+            raise OutputError(f"channel format: expected one of {names}, got {text!r}") from None
 
 
 def write_sidecars(
@@ -67,13 +91,8 @@ def write_sidecars(
 ) -> None:
     """Write the files of the channels next to the image, and a JSON file that describes them.
 
-    Args:
-        image: path of the image.
-        channels: channels by name.
-        labels: labels of the class and instance IDs; None: no labels.
-        metadata: metadata of the image.
-        has_ray: (height, width) mask, false outside the lens or the mirror.
-        channel_format: format of the channel files; layers of an EXR are not written here.
+    `has_ray` (height, width) is false outside the lens or the mirror. Layers of an EXR are not
+    written.
 
     Raises:
         OutputError: a file cannot be written, or values exceed 16 bits.
@@ -92,11 +111,9 @@ def write_sidecars(
             path = sidecar_path(image, f"{name}.npy")
             write_npy(path, values)
             described[name]["npy"] = {
-                "file": path.name,
-                "dtype": values.dtype.name,
-                "shape": values.shape,
+                "file": path.name, "dtype": values.dtype.name, "shape": values.shape,
                 "about": channel.about,
-            }
+            }  # fmt: skip
     content = dict(metadata) | {"channels": described}
     if labels is not None:
         content["labels"] = labels.to_json()
@@ -104,23 +121,14 @@ def write_sidecars(
 
 
 def write_boxes(image: Path, channels: Mapping[str, NDArray[Any]], labels: Labels | None) -> None:
-    """Write the instances' boxes next to the image, given labels and an instance channel.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
+    """Write the instances' boxes next to the image, given labels and an instance channel."""
     if labels is not None and "instance" in channels:
         content = coco_image(channels["instance"], labels, image.name)
         write_json(sidecar_path(image, "coco.json"), content)
 
 
 def limit_boxes(image: Path, limits: BoxLimits, shares: Mapping[int, float]) -> None:
-    """Add visible shares to the boxes next to an image, and remove boxes beyond the limits.
-
-    Args:
-        image: path of the image.
-        limits: limits for the boxes to keep.
-        shares: visible shares of the instances by ID; empty: unknown.
+    """Add visible shares (by ID; empty: unknown) to the boxes next to an image, and apply limits.
 
     Raises:
         KeyError: the limits require a visible share that is unknown.
@@ -139,11 +147,7 @@ def limit_boxes(image: Path, limits: BoxLimits, shares: Mapping[int, float]) -> 
 def write_previews(
     image: Path, channels: Mapping[str, NDArray[Any]], labels: Labels | None
 ) -> list[Path]:
-    """Write false-color images of the channels next to the image, and return their paths.
-
-    Raises:
-        OutputError: a file cannot be written.
-    """
+    """Write false-color images of the channels next to the image, and return their paths."""
     files = []
     for name, values in channels.items():
         files.append(sidecar_path(image, f"{name}.preview.png"))
@@ -222,11 +226,7 @@ _NUMBERS: dict[str, tuple[Callable[[NDArray[Any]], NDArray[Any]], dict[str, int]
 
 
 def _write(
-    image: Path,
-    name: str,
-    values: NDArray[Any],
-    labels: Labels | None,
-    metadata: Mapping[str, Any],
+    image: Path, name: str, values: NDArray[Any], labels: Labels | None, metadata: Mapping[str, Any]
 ) -> tuple[list[str], dict[str, Any]]:
     """Write one channel; return its file names, and the scale of the stored values."""
     path = sidecar_path(image, f"{name}.png")
@@ -245,15 +245,121 @@ def _write(
         path = path.with_suffix(".exr")
         write_exr(path, {name: values}, labels, metadata)
     else:
-        write_numbers(path, _ids(path, name, values, labels))
+        if values.max(initial=0) > _MAX_ID:
+            message = f"{values.max()} instances: 16 bits hold {_MAX_ID}: expected .exr"
+            raise OutputError(f"{path}: {message}")
+        # by the scene's labels, not by this image's: all images of a scene get the same bit depth
+        few = name in CLASSES and labels is not None and labels.classes[-1].id < 256
+        write_numbers(path, values.astype(np.uint8 if few else np.uint16))
     return [path.name], scale
 
 
-def _ids(
-    path: Path, name: str, ids: NDArray[np.integer[Any]], labels: Labels | None
-) -> NDArray[np.uint8 | np.uint16]:
-    if ids.max(initial=0) > _MAX_ID:
-        raise OutputError(f"{path}: {ids.max()} instances: 16 bits hold {_MAX_ID}: expected .exr")
-    # by the scene's labels, not by this image's: all images of a scene get the same bit depth
-    few = name in CLASSES and labels is not None and labels.classes[-1].id < 256
-    return ids.astype(np.uint8 if few else np.uint16)
+# All channels in one EXR file, together with the image's colors if there are any.
+
+
+def write_exr(
+    path: Path,
+    channels: Mapping[str, NDArray[Any]],
+    labels: Labels | None,
+    metadata: Mapping[str, Any],
+    linear: NDArray[Any] | None = None,
+) -> None:
+    """Write channels under the names of `Channel.layers`, and optional colors as R, G, B, A.
+
+    All layers are 32-bit floats, which are exact for integers up to 2^24. Positions are relative to
+    the world's origin, so float32 rounds distant ones: to 0.1 mm at 1 km. The attributes
+    `omnisim:<channel>` describe the channels; the label table is in the metadata. Linear colors are
+    (height, width, 3 or 4).
+    """
+    layers: dict[str, NDArray[Any]] = {}
+    if linear is not None:
+        layers |= {name: linear[..., index] for index, name in enumerate("RGBA"[: linear.shape[2]])}
+    attributes = {}
+    for name, values in channels.items():
+        channel = CHANNELS[name]
+        planes = values.reshape(*values.shape[:2], -1)
+        layers |= {layer: planes[..., index] for index, layer in enumerate(channel.layers)}
+        unit = f"{channel.unit}; " if channel.unit else ""
+        attributes[f"omnisim:{name}"] = f"{', '.join(channel.layers)}: {unit}{channel.about}"
+    if labels is not None and channels.keys() & {*CLASSES, "instance"}:
+        metadata = {**metadata, "labels": labels.to_json()}
+    write_channels(path, layers, metadata, attributes)
+
+
+# Channels as NumPy .npy files.
+
+
+def write_npy(path: Path, values: NDArray[Any]) -> None:
+    """Write an array unchanged, including its dtype."""
+    with atomic_write(path) as partial, partial.open("wb") as file:
+        np.save(file, values, allow_pickle=False)
+
+
+def read_npy(path: Path) -> NDArray[Any]:
+    """Read a numeric array."""
+    try:
+        # memory-mapped, so that a damaged header cannot request more memory than the file has
+        with warnings.catch_warnings(action="ignore"):  # about headers from Python 2
+            values = np.array(np.load(path, mmap_mode="r", allow_pickle=False))
+    except OSError as reason:
+        raise OutputError(f"{path}: cannot be read: {reason.strerror or 'damaged'}") from None
+    except (ValueError, TypeError, EOFError, ArithmeticError, SyntaxError, TokenError):
+        raise OutputError(f"{path}: expected an array of numbers, as NumPy writes it") from None
+    if values.dtype.kind not in "fiub":
+        raise OutputError(f"{path}: expected an array of numbers, got {values.dtype}")
+    return values
+
+
+# Optical flow in two common formats: Middlebury's .flo and KITTI's PNG.
+
+
+_FLO_MAGIC = np.float32(202021.25)  # "PIEH"
+_FLO_UNKNOWN, _FLO_LARGEST = np.float32(1e10), 1e9
+KITTI_STEPS_PER_PX, _KITTI_ZERO = 64.0, 2**15
+
+
+def write_flo(path: Path, flow_px: NDArray[np.float32]) -> None:
+    """Write flow (height, width, 2) in Middlebury's format, with 1e10 in place of NaN.
+
+    Source: Baker et al., "A database and evaluation methodology for optical flow", flow-code.
+    """
+    height, width = flow_px.shape[:2]
+    known = np.where(np.isnan(flow_px), _FLO_UNKNOWN, flow_px).astype("<f4")
+    with atomic_write(path) as partial:
+        partial.write_bytes(
+            _FLO_MAGIC.astype("<f4").tobytes()
+            + np.array([width, height], dtype="<i4").tobytes()
+            + known.tobytes()
+        )
+
+
+def read_flo(path: Path) -> NDArray[np.float32]:
+    """Read flow (height, width, 2) from Middlebury's format, with NaN for unknown flow."""
+    try:
+        data = path.read_bytes()
+    except OSError as reason:
+        raise OutputError(f"{path}: cannot be read: {reason.strerror}") from None
+    width, height = np.frombuffer(data[4:12], "<i4").tolist() if len(data) >= 12 else (0, 0)
+    is_flo = data[:4] == _FLO_MAGIC.astype("<f4").tobytes() and min(width, height) > 0
+    if not is_flo or len(data) != 12 + 8 * width * height:
+        raise OutputError(f"{path}: expected optical flow in Middlebury's format")
+    flow_px = np.frombuffer(data[12:], "<f4").reshape(height, width, 2).astype(np.float32)
+    flow_px[flow_px > _FLO_LARGEST] = np.nan
+    return flow_px
+
+
+def write_kitti_flow(path: Path, flow_px: NDArray[np.float32]) -> None:
+    """Write flow (height, width, 2) as 16-bit RGB: 64 u + 2^15, 64 v + 2^15, and 1 if valid.
+
+    Flow that is NaN or beyond ±512 px is invalid: 0, 0, 0. Occluded points are included, as in
+    KITTI's flow_occ.
+
+    Source: KITTI, devkit of the flow benchmark 2015, readme.
+    """
+    known: NDArray[np.bool_] = np.all(~np.isnan(flow_px), axis=-1)
+    steps = np.rint(KITTI_STEPS_PER_PX * np.where(known[..., None], flow_px, 0.0)) + _KITTI_ZERO
+    known &= np.all((steps >= 0) & (steps < 2**16), axis=-1)
+    pixels = np.zeros((*known.shape, 3), dtype=np.uint16)
+    pixels[known, :2] = steps[known]
+    pixels[known, 2] = 1
+    write_numbers(path, pixels)

@@ -19,27 +19,12 @@ from typing import Literal
 from omnisim.core.errors import OutputError, did_you_mean
 
 ChannelName = Literal[
-    "range",
-    "range_through",
-    "z",
-    "position",
-    "normals",
-    "normals_camera",
-    "albedo",
-    "roughness",
-    "metallic",
-    "emissive",
-    "semantic",
-    "semantic_through",
-    "instance",
-    "flow",
-    "occluded",
-    "flow_backward",
-    "occluded_backward",
-    "scene_flow",
-    "scene_flow_camera",
+    "range", "range_through", "z", "position", "normals", "normals_camera",
+    "albedo", "roughness", "metallic", "emissive",
+    "semantic", "semantic_through", "instance",
+    "flow", "occluded", "flow_backward", "occluded_backward", "scene_flow", "scene_flow_camera",
     "valid",
-]
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -47,9 +32,7 @@ class Channel:
     """One ground-truth channel.
 
     Attributes:
-        name: channel name.
         layers: layer names in an EXR file, one per component.
-        dtype: data type of the array.
         unit: unit of the values; empty: no unit.
         about: description of the contents, including values without a hit.
         empty: value of pixels without a ray.
@@ -183,16 +166,10 @@ RANGES, CLASSES = ("range", "range_through"), ("semantic", "semantic_through")
 THROUGH = frozenset(("range_through", "semantic_through"))
 # Alternative names.
 _SYNONYMS = {
-    "depth": "range",
-    "normal": "normals",
-    "class": "semantic",
-    "semantics": "semantic",
-    "forward_flow": "flow",
-    "flow_forward": "flow",
-    "backward_flow": "flow_backward",
-    "metalness": "metallic",
-    "emission": "emissive",
-}
+    "depth": "range", "normal": "normals", "class": "semantic", "semantics": "semantic",
+    "forward_flow": "flow", "flow_forward": "flow", "backward_flow": "flow_backward",
+    "metalness": "metallic", "emission": "emissive",
+}  # fmt: skip
 
 
 def parse_channels(text: str) -> tuple[str, ...]:

@@ -14,17 +14,19 @@ from numpy.typing import NDArray
 from omnisim.core.errors import OutputError, did_you_mean
 from omnisim.core.files.image_files import is_float_format, png_bytes, write_image
 from omnisim.core.short_repr import short_repr
-from omnisim.ground_truth.boxes_3d import InstanceBox
+from omnisim.ground_truth.boxes import InstanceBox, boxes_json, write_json
 from omnisim.ground_truth.channel_files import (
     BOXES_3D,
+    ChannelFormat,
     sidecar_path,
     write_boxes,
+    write_exr,
     write_previews,
     write_sidecars,
 )
 from omnisim.ground_truth.channels import CHANNELS
 from omnisim.ground_truth.label_names import Labels
-from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.ground_truth.previews import preview
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,8 +108,6 @@ class Frame:
                 f"{path}: EXR holds linear colors: expected a frame rendered with linear=True"
             )
         elif self.channels and files is not ChannelFormat.NPY:
-            from omnisim.ground_truth.exr import write_exr
-
             write_exr(path, self.channels, self.labels, self.metadata, self.linear)
         else:
             write_image(path, self.linear, self.metadata)
@@ -116,11 +116,8 @@ class Frame:
             write_sidecars(path, self.channels, self.labels, self.metadata, has_ray, files)
         write_boxes(path, self.channels, self.labels)
         if self.boxes_3d is not None and self.labels is not None:
-            target = sidecar_path(path, BOXES_3D)
-            from omnisim.ground_truth.boxes_3d import boxes_json
-            from omnisim.ground_truth.coco import write_json
-
-            write_json(target, boxes_json(self.boxes_3d, self.labels, path.name, self.metadata))
+            boxes = boxes_json(self.boxes_3d, self.labels, path.name, self.metadata)
+            write_json(sidecar_path(path, BOXES_3D), boxes)
         if previews:
             write_previews(path, self.channels, self.labels)
 
@@ -131,9 +128,7 @@ class Frame:
 class FrameChannels(dict[str, NDArray[Any]]):
     """Ground truth of a frame: arrays (height, width) or (height, width, n) by name.
 
-    Args:
-        channels: arrays by channel name.
-        labels: labels of classes and instances, for the preview colors; None: no labels.
+    Labels, if any, give the preview's colors.
     """
 
     def __init__(self, channels: Mapping[str, NDArray[Any]], labels: Labels | None = None):
@@ -154,8 +149,6 @@ class FrameChannels(dict[str, NDArray[Any]]):
         """Contact sheet of the previews, for display in notebooks."""
         figures = []
         for name, values in self.items():
-            from omnisim.ground_truth.previews import preview
-
             data = b64encode(png_bytes(preview(name, values, self._labels))).decode("ascii")
             unit = f", {CHANNELS[name].unit}" if CHANNELS[name].unit else ""
             figures.append(

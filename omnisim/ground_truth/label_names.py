@@ -20,13 +20,7 @@ _MAX_ID = 2**32 - 1  # maximum of uint32, the channels' type
 
 @dataclass(frozen=True)
 class ClassLabel:
-    """Semantic class.
-
-    Attributes:
-        id: value in the channel.
-        name: class name.
-        color: 8-bit sRGB, for images.
-    """
+    """Semantic class: value in the channel, name, and 8-bit sRGB color for images."""
 
     id: int
     name: str
@@ -35,14 +29,7 @@ class ClassLabel:
 
 @dataclass(frozen=True)
 class InstanceLabel:
-    """Instance: all parts with the same name.
-
-    Attributes:
-        id: value in the channel.
-        name: node name.
-        class_id: ID of the class.
-        object_name: dynamic object that contains the instance; None: the static scene.
-    """
+    """Instance: all parts with the same name, of a class, in a dynamic object; None: static."""
 
     id: int
     name: str
@@ -52,19 +39,12 @@ class InstanceLabel:
 
 @dataclass(frozen=True)
 class Labels:
-    """Classes and instances of a scene.
+    """Classes and instances of a scene."""
 
-    Attributes:
-        classes: classes in order of ID, without `NOTHING`.
-        instances: instances with IDs from 1 in order, without `NOTHING`.
-        source: origin of the classes: "table", or "names" of the instances.
-        unlabeled: names without a class in the table.
-    """
-
-    classes: tuple[ClassLabel, ...]
-    instances: tuple[InstanceLabel, ...]
-    source: str
-    unlabeled: tuple[str, ...] = ()
+    classes: tuple[ClassLabel, ...]  # classes in order of ID, without `NOTHING`
+    instances: tuple[InstanceLabel, ...]  # instances with IDs from 1 in order, without `NOTHING`
+    source: str  # origin of the classes: "table", or "names" of the instances
+    unlabeled: tuple[str, ...] = ()  # names without a class in the table
 
     def __repr__(self) -> str:
         return short_repr(

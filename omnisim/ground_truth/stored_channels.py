@@ -14,11 +14,9 @@ from numpy.typing import NDArray
 from omnisim.core.errors import OmnisimError, OutputError
 from omnisim.core.files.image_files import is_float_format, read_channels, read_image
 from omnisim.core.srgb import linear_from_srgb8
-from omnisim.ground_truth.channel_files import sidecar_path
+from omnisim.ground_truth.channel_files import read_flo, read_npy, sidecar_path
 from omnisim.ground_truth.channels import CHANNELS, FLOWS, RANGES
-from omnisim.ground_truth.flow_files import read_flo
 from omnisim.ground_truth.label_names import Labels
-from omnisim.ground_truth.npy import read_npy
 
 # Metadata that all files of one image share.
 _IDENTITY = ("scene", "camera", "world_from_base", "world_from_optical")
@@ -83,7 +81,10 @@ class StoredChannels:
         run = self._image.parent.parent
         if not tables and (run / "manifest.json").is_file() and (run / "labels.json").is_file():
             tables.append(_read_json(run / "labels.json"))
-        return _labels(tables[0], self._image) if tables else None
+        try:
+            return Labels.from_json(tables[0]) if tables else None
+        except (KeyError, TypeError, ValueError):
+            raise OutputError(f"{self._image}: its table of labels is damaged") from None
 
     def _is_inside(self, name: str) -> bool:
         """True for a layer of the image file itself, which is never older than the image."""
@@ -174,10 +175,3 @@ def _read_json(path: Path) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise OutputError(f"{path}: expected JSON, as omnisim writes it, got another kind")
     return content
-
-
-def _labels(table: Any, image: Path) -> Labels:
-    try:
-        return Labels.from_json(table)
-    except (KeyError, TypeError, ValueError):
-        raise OutputError(f"{image}: its table of labels is damaged") from None

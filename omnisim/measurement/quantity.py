@@ -7,31 +7,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Quantity:
-    """Measured quantity.
+    """Measured quantity."""
 
-    Attributes:
-        name: key of the sensor file, or a name in its style.
-        value: measured value.
-        sigma: standard deviation of `value`; NaN: unknown.
-        unit: unit of `value` and `sigma`; "": a ratio.
-        basis: description of the images and points behind the value.
-    """
-
-    name: str
-    value: float
-    sigma: float
-    unit: str
-    basis: str
+    name: str  # key of the sensor file, or a name in its style
+    value: float  # measured value
+    sigma: float  # standard deviation of `value`; NaN: unknown
+    unit: str  # unit of `value` and `sigma`; "": a ratio
+    basis: str  # description of the images and points behind the value
 
 
 @dataclass(frozen=True)
 class Unobservable:
-    """Quantity that the images do not determine.
+    """Quantity that the images do not determine."""
 
-    Attributes:
-        name: key of the sensor file, or a name in its style.
-        reason: shortcoming of the images, and the images that would determine the quantity.
-    """
-
-    name: str
-    reason: str
+    name: str  # key of the sensor file, or a name in its style
+    reason: str  # shortcoming of the images, and the images that would determine the quantity

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 from scipy import ndimage
 
-from omnisim.ground_truth.coco import coco_image
+from omnisim.ground_truth.boxes import coco_image
 from omnisim.ground_truth.label_names import NOTHING, Labels
 
 READABLE_PX = 480  # smaller images are magnified by a whole number to at least this short side

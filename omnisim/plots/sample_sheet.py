@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from omnisim.ground_truth.label_names import Labels
-from omnisim.ground_truth.legends import legend
-from omnisim.ground_truth.previews import preview
+from omnisim.ground_truth.previews import legend, preview
 
 GAP_PX, LINE_PX, FONT_PX = 6, 15, 11
 INK = (30, 30, 30)

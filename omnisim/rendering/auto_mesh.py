@@ -5,8 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera
-from omnisim.cameras.mirrors.mirror_mesh_error import Annulus, largest_error, needed_polygons
-from omnisim.cameras.mirrors.tessellation import MAX_POLYGONS, sectors_and_rings
+from omnisim.cameras.mirrors.mirror_mesh import (
+    MAX_POLYGONS,
+    Annulus,
+    largest_error,
+    needed_polygons,
+    sectors_and_rings,
+)
 
 MAX_ERROR_PX = 0.1
 # Rasterizers snap vertices to a grid of this size, which adds to the mesh's own error.

@@ -24,7 +24,7 @@ from omnisim.rendering.sensor_renderer import Mounting, SensorRenderer
 from omnisim.rendering.shared_scene import SharedScene
 
 if TYPE_CHECKING:
-    from omnisim.ground_truth.boxes_3d import OrientedBox
+    from omnisim.ground_truth.boxes import OrientedBox
 
 PendingFrame = Pending[Frame]
 # World states, or vehicle poses (n, 4, 4) if nothing else moves.
@@ -150,7 +150,7 @@ class Renderer(SensorRenderer[OmniCamera, CameraBackend]):
                 channels = {name: computed[name] for name in names}
                 if boxes_3d:
                     full = self._boxes_in(poses, labels)
-                    from omnisim.ground_truth.boxes_3d import visible_boxes
+                    from omnisim.ground_truth.boxes import visible_boxes
 
                     boxes = visible_boxes(computed["position"], computed["instance"], labels, full)
         self._last_poses = poses

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
-from omnisim.cameras.calibration.rig import Rig
+from omnisim.cameras.calibration.calibration import Rig
 from omnisim.core.errors import CalibrationError
 from omnisim.core.poses import inverse, pose_from_rotation
 from omnisim.core.trajectories.odometry import OdometryErrors

@@ -30,7 +30,7 @@ from omnisim.core.trajectories.body_motion import BodyMotion
 from omnisim.core.trajectories.odometry import Odometry
 from omnisim.core.trajectories.spline_motion import SplineMotion
 from omnisim.core.version import __version__
-from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.ground_truth.channel_files import ChannelFormat
 from omnisim.rendering.contract import Pending
 from omnisim.rendering.missed_surfaces import viewpoint_notes
 from omnisim.rendering.shared_scene import BackendName

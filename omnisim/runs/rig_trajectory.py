@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from omnisim.cameras.calibration import load_calibration
 from omnisim.cameras.calibration.calibrated_camera import WORLD
-from omnisim.cameras.calibration.rig import Rig
+from omnisim.cameras.calibration.calibration import Rig
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.errors import TrajectoryError, did_you_mean
 from omnisim.core.poses import inverse, pose_from_rotation

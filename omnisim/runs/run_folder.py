@@ -22,7 +22,7 @@ A rig has no wheels; instead of the odometry it has:
 With ground-truth channels it also has these files (labels.json also with a lidar):
 
     labels.json                             numbers, names and colors of classes and instances
-    <camera>/000000.channels.exr ...        the channels of a step, see omnisim/ground_truth/exr.py
+    <camera>/000000.channels.exr ...        the channels of a step, see `channel_files.py`
     <camera>/000000.range.npy ...           one file per channel instead, in the format npy
     <camera>/000000.channels.json ...       the channels' units and meanings, with the format npy
     <camera>/000000.coco.json ...           boxes of the instances at a step, with `instance`
@@ -56,8 +56,8 @@ from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import read_trajectory
 from omnisim.core.trajectories.trajectory import MAX_S
 from omnisim.ground_truth import CHANNELS, Labels
+from omnisim.ground_truth.boxes import merged, write_json
 from omnisim.ground_truth.channels import CLASSES
-from omnisim.ground_truth.coco import merged, write_json
 from omnisim.runs.run_manifest import Manifest, first_difference, parse_manifest, read_manifest
 from omnisim.sensors.omnicamera.mounted_omnicamera import BOXES_SUFFIX
 from omnisim.sensors.sensor import MountedSensor, StepContent

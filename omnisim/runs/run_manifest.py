@@ -11,7 +11,7 @@ from pydantic import AfterValidator, ConfigDict, Field
 
 from omnisim.core.errors import RunError, did_you_mean
 from omnisim.core.files.parameters import Table, parse_table
-from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.ground_truth.channel_files import ChannelFormat
 from omnisim.scene import Scene, read_scene
 from omnisim.sensors.sensor import MountedSensor
 from omnisim.sensors.sensor_names import SensorName

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from omnisim.core.files.fingerprint import fingerprint
 from omnisim.core.short_repr import counted, short_repr
-from omnisim.ground_truth.boxes_3d import OrientedBox
+from omnisim.ground_truth.boxes import OrientedBox
 from omnisim.scene import editing
 from omnisim.scene.arrays import import_arrays
 from omnisim.scene.files.source_digests import SourceDigests

@@ -23,7 +23,7 @@ from omnisim.core.short_repr import short_repr
 from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.body_motion import BodyMotion
 from omnisim.core.world import Motion
-from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.ground_truth.channel_files import ChannelFormat
 from omnisim.rendering.contract import Pending
 from omnisim.rendering.sensor_renderer import Mounting
 from omnisim.rendering.shared_scene import Closeable, SharedScene

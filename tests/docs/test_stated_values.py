@@ -10,7 +10,7 @@ import pytest
 
 from omnisim.cameras.calibration.calibrated_camera import MAX_GAP_M, MAX_GAP_RAD
 from omnisim.cameras.mirrors.hyperbolic_mirror import DEFAULT_RIM_RAD, PAPER_METERS_PER_UNIT
-from omnisim.cameras.mirrors.tessellation import MAX_POLYGONS
+from omnisim.cameras.mirrors.mirror_mesh import MAX_POLYGONS
 from omnisim.core.package_files import preset_names
 from omnisim.datasets.export.export_formats import FORMATS as EXPORTS
 from omnisim.datasets.export.export_formats import LAYOUTS

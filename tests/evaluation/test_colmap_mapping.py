@@ -11,8 +11,7 @@ from omnisim.datasets.export.export import for_format
 from omnisim.datasets.export.export_format import ExportSettings
 from omnisim.datasets.export.export_formats import format_named
 from omnisim.datasets.export.recording import Recording
-from omnisim.evaluation.estimators.camera_center import camera_center_from_base
-from omnisim.evaluation.estimators.colmap_mapping import _trajectory
+from omnisim.evaluation.estimators.colmap_mapping import ColmapMapping, _trajectory
 from tests.evaluation.test_estimators import ROBOT
 
 MIRROR = """
@@ -44,7 +43,7 @@ def test_the_true_model_of_a_mirror_is_the_true_way(tmp_path):
     for _ in form.write(run, tmp_path, ExportSettings(), _ignore):
         pass
     models = {0: pycolmap.Reconstruction(tmp_path / "sparse" / "0")}
-    tracked_from_base = camera_center_from_base(run)
+    tracked_from_base = ColmapMapping().tracked_from_base(run)
     estimate = _trajectory(models, run, tracked_from_base)
     truth = run.truth.world_from_base @ inverse(tracked_from_base)
     np.testing.assert_allclose(estimate.times_s, run.truth.times_s)

@@ -30,8 +30,8 @@ from omnisim.core.trajectories.trajectory_files import FORMATS
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.stored_clouds import read_cloud, read_table
 from omnisim.ground_truth import ClassLabel, InstanceLabel, Labels
+from omnisim.ground_truth.channel_files import write_exr
 from omnisim.ground_truth.channels import CHANNELS
-from omnisim.ground_truth.exr import write_exr
 from omnisim.ground_truth.frame import Frame
 from omnisim.ground_truth.stored_channels import StoredChannels
 from omnisim.perception.landmarks.color_model import BINS, ColorModel, load_model, save_model

@@ -9,7 +9,7 @@ import pytest
 from omnisim.core.errors import OutputError
 from omnisim.core.files.image_files import read_channels, read_image
 from omnisim.ground_truth import CHANNELS, ClassLabel, InstanceLabel, Labels
-from omnisim.ground_truth.coco import coco_image, merged
+from omnisim.ground_truth.boxes import coco_image, merged
 from omnisim.ground_truth.frame import Frame
 from omnisim.ground_truth.previews import preview
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnisim.ground_truth.coco import mask_from_runs, polygons_of_mask
+from omnisim.ground_truth.boxes import mask_from_runs, polygons_of_mask
 
 pytestmark = pytest.mark.filterwarnings("ignore:__array__:DeprecationWarning")  # of its masks
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from omnisim.measurement.edge_rise import edge_rise_px
+from omnisim.measurement.comparison.comparison import edge_rise_px
 
 GAUSSIAN_RISE = 2.5631  # 10-90 % rise of a Gaussian with σ = 1
 

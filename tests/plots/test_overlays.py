@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from omnisim.ground_truth.coco import coco_image
+from omnisim.ground_truth.boxes import coco_image
 from omnisim.ground_truth.label_names import ClassLabel, InstanceLabel, Labels
 from omnisim.plots.overlays import MASK_SHARE, Captions, boxes_overlay, labels_overlay
 

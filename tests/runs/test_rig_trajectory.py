@@ -8,7 +8,7 @@ import pytest
 
 from omnisim.cameras import PerspectiveCamera
 from omnisim.cameras.calibration import load_calibration
-from omnisim.cameras.calibration.rig import Rig, RigCamera
+from omnisim.cameras.calibration.calibration import Rig, RigCamera
 from omnisim.core.coordinate_frames import BASE_FROM_OPTICAL_LOOKING_AHEAD
 from omnisim.core.errors import OmnisimError
 from omnisim.core.poses import inverse, pose, pose_from_rotation

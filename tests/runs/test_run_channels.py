@@ -9,7 +9,7 @@ import pytest
 from omnisim.core.errors import RunError
 from omnisim.core.files.image_files import read_channels
 from omnisim.ground_truth import CHANNELS
-from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.ground_truth.channel_files import ChannelFormat
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive
 from omnisim.runs.route import Route

@@ -33,8 +33,8 @@ from omnisim.core.errors import (
 from omnisim.core.extras import require_extra
 from omnisim.core.poses import pose
 from omnisim.core.short_repr import number_text, point_text
+from omnisim.ground_truth.channel_files import ChannelFormat
 from omnisim.ground_truth.channels import CLASSES
-from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.baking.settings import emission_notes
 from omnisim.rendering.camera.degradations import Degradation
 from omnisim.rendering.camera.omnicamera import OmniCamera, Polygons

@@ -27,8 +27,7 @@ from omnisim.apps.live.view_maker import UNWARPED, ViewMaker, probe
 from omnisim.core.errors import OmnisimError
 from omnisim.core.files.image_files import image_bytes, png_bytes
 from omnisim.ground_truth import CHANNELS
-from omnisim.ground_truth.legends import legend
-from omnisim.ground_truth.previews import preview
+from omnisim.ground_truth.previews import legend, preview
 
 COARSE_JPEG, VIEW_JPEG = 85, 90  # JPEG qualities
 PROBED = ("range", "position", "semantic", "instance")  # channels for a probe

@@ -14,6 +14,8 @@ from omnisim.cameras.calibration.calibrated_camera import (
 )
 from omnisim.cameras.calibration.calibration import (
     Calibration,
+    Rig,
+    RigCamera,
     calibration_of,
     calibration_text,
     check_calibration_suffix,
@@ -21,20 +23,9 @@ from omnisim.cameras.calibration.calibration import (
     save_calibration,
 )
 from omnisim.cameras.calibration.calibration_formats import FORMATS
-from omnisim.cameras.calibration.rig import Rig, RigCamera
 
 __all__ = [
-    "FORMATS",
-    "CalibratedCamera",
-    "Calibration",
-    "NamedPose",
-    "Residuals",
-    "Rig",
-    "RigCamera",
-    "calibration_of",
-    "calibration_text",
-    "check_calibration_suffix",
-    "find_pose",
-    "load_calibration",
-    "save_calibration",
-]
+    "FORMATS", "CalibratedCamera", "Calibration", "NamedPose", "Residuals", "Rig", "RigCamera",
+    "calibration_of", "calibration_text", "check_calibration_suffix", "find_pose",
+    "load_calibration", "save_calibration",
+]  # fmt: skip

@@ -27,12 +27,7 @@ OPTICS = "optics"  # frame of the optical system to which a central camera was f
 
 @dataclass(frozen=True, eq=False)
 class NamedPose:
-    """Pose of one frame in another.
-
-    Attributes:
-        target, source: frame names.
-        target_from_source: (4, 4) pose in meters.
-    """
+    """Pose (4, 4) target_from_source of one named frame in another, in meters."""
 
     target: str
     source: str
@@ -44,21 +39,14 @@ class NamedPose:
 
 @dataclass(frozen=True)
 class Residuals:
-    """Reprojection residuals of a fitted camera: image distances from the source camera.
+    """Reprojection residuals of a fitted camera: image distances from the source camera."""
 
-    Attributes:
-        rms_px: root mean square, weighted evenly over the pixels that both cameras see.
-        max_px: maximum, including the edge.
-        theta_max_rad: largest angle from the lens axis that both cameras see.
-        source_model: model of the source camera.
-        at_distances: residuals of points by their distance from the viewpoint; only if the source,
-            or the optics to which it was fitted, is non-central.
-    """
-
-    rms_px: float
-    max_px: float
-    theta_max_rad: float
+    rms_px: float  # root mean square, weighted evenly over the pixels that both cameras see
+    max_px: float  # maximum, including the edge
+    theta_max_rad: float  # largest angle from the lens axis that both cameras see
     source_model: str
+    # residuals of points by their distance from the viewpoint; only if the source, or the optics to
+    # which it was fitted, is non-central
     at_distances: tuple[CentralError, ...] = ()
 
 
@@ -67,14 +55,13 @@ class CalibratedCamera:
     """One camera of a calibration file.
 
     Attributes:
-        name: camera name in the file.
+        name, file_model: camera name and lens model in the file, if there is a file.
         camera: camera model. A mirror that the file describes by a lens becomes a mirror model
             again, or a `MirroredCamera`: rays are in the optical frame, not in the file's.
-        poses: camera poses in the file.
+        poses, time_shift_s: camera poses in the file, and offset from camera timestamps to IMU
+            timestamps.
         residuals: residuals of the fit, if the camera was fitted.
         notes: notes for the user, one sentence each.
-        file_model: lens model in the file, if there is a file.
-        time_shift_s: offset from camera timestamps to IMU timestamps.
 
     Raises:
         OpticsError: the camera is non-central, and no calibration file can hold it.

@@ -8,13 +8,20 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
 from omnisim.cameras import CameraSensor, CentralCamera, summary
-from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera
+from omnisim.cameras.calibration.calibrated_camera import (
+    WORLD,
+    CalibratedCamera,
+    find_pose,
+    pose_contradiction,
+)
 from omnisim.cameras.calibration.calibration_formats import format_named
 from omnisim.cameras.calibration.encode import encode_cameras
-from omnisim.cameras.calibration.kitti360_folder import FORMAT, read_kitti360_folder
-from omnisim.cameras.calibration.read import read_cameras
-from omnisim.core.errors import CalibrationError, NoticeWarning, OutputError
+from omnisim.cameras.calibration.read import FORMAT, CameraFile, read_cameras, read_kitti360_folder
+from omnisim.core.errors import CalibrationError, NoticeWarning, OutputError, did_you_mean
 from omnisim.core.files.atomic_file import atomic_write, check_target
 from omnisim.core.short_repr import short_repr
 
@@ -28,8 +35,7 @@ class Calibration:
 
     Attributes:
         cameras: cameras of the file, at least one, with distinct names.
-        format: name of the file format.
-        source: file name, for messages.
+        format, source: names of the file format, and of the file, for messages.
         file_notes: notes on the whole file, one sentence each.
     """
 
@@ -85,11 +91,7 @@ class Calibration:
         return self.cameras[0]
 
     def only(self, name: str) -> Calibration:
-        """Calibration reduced to one camera.
-
-        Raises:
-            CalibrationError: the file has no such camera.
-        """
+        """Calibration reduced to one camera, as `camera` finds it."""
         return dataclasses.replace(self, cameras=(self.camera(name),))
 
     def save(self, path: str | Path, format: str, model: str | None = None) -> Calibration:
@@ -103,11 +105,7 @@ class Calibration:
 
 
 def calibration_of(camera: CentralCamera | CameraSensor, name: str = "cam0") -> Calibration:
-    """Wrap a camera as a calibration that can be saved.
-
-    Args:
-        camera: a camera model, or a renderer's sensor.
-        name: camera name in the file.
+    """Wrap a camera model, or a renderer's sensor, as a calibration that can be saved.
 
     Raises:
         CalibrationError: `camera` is neither.
@@ -151,12 +149,10 @@ def load_calibration(
     except OSError as reason:  # the name is too long
         raise CalibrationError(f"{path}: cannot be read: {reason.strerror}") from None
     if is_folder:
-        calibration = Calibration(
-            read_kitti360_folder(path, mirrored, limit_rad), FORMAT, str(path)
-        )
+        file = CameraFile(read_kitti360_folder(path, mirrored, limit_rad), FORMAT, ())
     else:
         file = read_cameras(path, format, mirrored, limit_rad)
-        calibration = Calibration(file.cameras, file.format, str(path), file.notes)
+    calibration = Calibration(file.cameras, file.format, str(path), file.notes)
     selected = calibration if camera is None else calibration.only(camera)
     for one in selected.cameras:
         if limit_rad not in (None, math.pi) and one.camera.domain_limit_rad is None:
@@ -207,9 +203,8 @@ def check_calibration_suffix(path: Path, format: str) -> None:
     form = format_named(format)
     known = (form.suffix, *_ALSO.get(form.suffix, ()))
     if path.suffix and path.suffix.lower() not in known:
-        raise OutputError(
-            f"{path}: expected {' or '.join(known)} for {form.name}, got {path.suffix}"
-        )
+        names = " or ".join(known)
+        raise OutputError(f"{path}: expected {names} for {form.name}, got {path.suffix}")
 
 
 def calibration_text(
@@ -228,3 +223,91 @@ def calibration_text(
         )
     text, written = encode_cameras(calibration.cameras, form, model, calibration.source)
     return text, Calibration(written, form.name, calibration.source)
+
+
+# Camera rigs: the cameras of a calibration on the body that carries them.
+#
+# A calibration gives poses in pairs: a camera relative to the previous one, or to the IMU. The rig
+# chains them to poses on one body. The body is the frame that the file names beside its cameras
+# (`imu`, `vehicle`, `base`), or the first camera if there is none. A pose in the world is not a
+# mounting.
+
+
+@dataclass(frozen=True, eq=False)
+class RigCamera:
+    """Camera on a rig, by its name in the file."""
+
+    name: str
+    model: CentralCamera
+    # (4, 4) pose of its optical frame (x right, y down, z forward)
+    body_from_camera: NDArray[np.float64]
+    time_shift_s: float = 0.0  # offset from camera timestamps to IMU timestamps
+
+    def __repr__(self) -> str:
+        return short_repr(self, repr(self.name), summary(self.model))
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """Cameras on one body, at least one, in file order."""
+
+    body: str  # name of the body frame: a frame other than the cameras', or the first camera
+    cameras: tuple[RigCamera, ...]
+
+    def __repr__(self) -> str:
+        return short_repr(self, f"on {self.body}", *(camera.name for camera in self.cameras))
+
+    @property
+    def has_body(self) -> bool:
+        """True if the body is not one of the cameras."""
+        return self.body not in [camera.name for camera in self.cameras]
+
+    def only(self, name: str) -> Rig:
+        """Rig with only one of the cameras, on the same body.
+
+        Raises:
+            CalibrationError: there is no camera of that name.
+        """
+        names = [camera.name for camera in self.cameras]
+        if name not in names:
+            raise CalibrationError(f"camera {name!r}: {did_you_mean(name, names)}")
+        return Rig(self.body, (self.cameras[names.index(name)],))
+
+    @classmethod
+    def of(cls, calibration: Calibration, name: str | None = None) -> Rig:
+        """Build a rig from the cameras of a calibration.
+
+        With a name, only that camera is required. The other cameras may then lack extrinsics; if
+        the named camera lacks them too, it becomes a rig of its own.
+
+        Raises:
+            CalibrationError: the file lacks a camera's pose on the body, or two chains of poses
+                contradict each other.
+        """
+        names = calibration.names
+        poses = [
+            pose
+            for camera in calibration.cameras
+            for pose in camera.poses
+            if WORLD not in (pose.target, pose.source)
+        ]
+        contradiction = pose_contradiction(poses)
+        if contradiction is not None:
+            raise CalibrationError(f"{calibration.source}: {contradiction}")
+        frames = [frame for pose in poses for frame in (pose.target, pose.source)]
+        body = next((frame for frame in frames if frame not in names), names[0])
+        cameras = []
+        for camera in calibration.cameras:
+            pose = find_pose(poses, body, camera.name)
+            if pose is not None:
+                cameras.append(RigCamera(camera.name, camera.camera, pose, camera.time_shift_s))
+            elif name is None:
+                raise CalibrationError(
+                    f"{calibration.source}: {camera.name}: expected its pose from {body}, got no "
+                    "extrinsics: --camera-name takes one camera"
+                )
+            elif name == camera.name:
+                return cls.of(calibration.only(name))
+        if name is not None:
+            calibration.camera(name)  # raises if it does not exist
+        return cls(body, tuple(cameras))

@@ -1,4 +1,7 @@
-"""Text of calibration files: exact where the format has the model, else the best fit."""
+"""Text of calibration files: exact where the format has the model, else the best fit.
+
+If the format cannot hold a camera, a `CalibrationError` states the reasons.
+"""
 
 from __future__ import annotations
 
@@ -16,17 +19,18 @@ from omnisim.cameras import (
     EquirectangularCamera,
     MirroredCamera,
 )
-from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera, Residuals
+from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera, NamedPose, Residuals
 from omnisim.cameras.calibration.equivalents import equivalent
-from omnisim.cameras.calibration.file_frame import (
+from omnisim.cameras.calibration.fit import Fit, fit_camera
+from omnisim.cameras.calibration.formats.format import Fixed, Format, LensT, ParsedCamera
+from omnisim.cameras.calibration.metadata import (
+    CameraMetadata,
     camera_from_lens,
     camera_metadata,
+    embed_metadata,
     is_catadioptric,
     lens_of,
 )
-from omnisim.cameras.calibration.fit import Fit, fit_camera
-from omnisim.cameras.calibration.formats.format import Fixed, Format, LensT, ParsedCamera
-from omnisim.cameras.calibration.metadata import CameraMetadata, embed_metadata
 from omnisim.cameras.camera import without_prefix
 from omnisim.cameras.models.field_of_view import angles_from_axis, largest_theta_rad, optical_axis
 from omnisim.core.errors import CalibrationError, OmnisimError
@@ -38,13 +42,7 @@ GRID_MARGIN_RAD = math.radians(5.0)  # bound on the angle that a grid misses
 
 
 class EncodedCamera(NamedTuple, Generic[LensT]):
-    """A camera in a model of a format.
-
-    Attributes:
-        lens: lens in one of the format's models.
-        metadata: omnisim's metadata about the camera.
-        residuals: residuals of the fit, if the lens was fitted.
-    """
+    """A camera in a model of a format, its metadata, and the residuals if it was fitted."""
 
     lens: LensT
     metadata: CameraMetadata
@@ -54,19 +52,23 @@ class EncodedCamera(NamedTuple, Generic[LensT]):
 def encode_cameras(
     cameras: Sequence[CalibratedCamera], form: Format[LensT], model: str | None, source: str
 ) -> tuple[str, tuple[CalibratedCamera, ...]]:
-    """Text of a file, and the cameras as written.
+    """Text of a file, and the cameras as written; `source` names their file in messages.
 
-    Args:
-        cameras: cameras to write, at most as many as the format holds.
-        form: file format.
-        model: name of the model to write, or None for the nearest.
-        source: name of the cameras' file, for messages.
-
-    Raises:
-        CalibrationError: the format cannot hold one of the cameras; states the reason.
+    A model's name makes it the one to write, in place of the nearest.
     """
+    # names that the format allows, also in the poses
+    names = [form.camera_name(index, camera.name) for index, camera in enumerate(cameras)]
+    if len(set(names)) < len(names):
+        names = [form.camera_name(index, "") for index in range(len(names))]
+    new = {camera.name: name for camera, name in zip(cameras, names, strict=True)}
     parsed, metadata, written = [], [], []
-    for camera, named in zip(cameras, _renamed(cameras, form), strict=True):
+    for camera in cameras:
+        poses = tuple(
+            NamedPose(new.get(one.target, one.target), new.get(one.source, one.source),
+                      one.target_from_source)
+            for one in camera.poses
+        )  # fmt: skip
+        named = dataclasses.replace(camera, name=new[camera.name], poses=poses)
         encoded = encode(named, form, f"{source}: {camera.name}", model)
         parsed.append(ParsedCamera(named.name, encoded.lens, named.poses))
         metadata.append(encoded.metadata.with_poses(named.poses))
@@ -86,11 +88,7 @@ def encode_cameras(
 def encode(
     camera: CalibratedCamera, form: Format[LensT], place: str, model: str | None = None
 ) -> EncodedCamera[LensT]:
-    """Encode a camera in a model of a format; `place` names file and camera in messages.
-
-    Raises:
-        CalibrationError: no model is close enough; states the reason.
-    """
+    """Encode a camera in a model of a format; `place` names file and camera in messages."""
     source = camera.camera
     reasons: list[str] = []
     exact = _encode_exactly(camera, form, place, model, reasons)
@@ -101,7 +99,14 @@ def encode(
         raise CalibrationError(
             f"{place}: {form.name} has no panorama, and this one is {source.model_name}"
         )
-    fit = _best_fit(source, form, place, target, reasons)
+    # a mirrored lens is fitted as the lens itself
+    lens = source.lens if isinstance(source, MirroredCamera) else source
+    mirrored = lens is source and is_catadioptric(source)
+
+    def fit_model(model: type[LensT], fixed: Fixed) -> Fit[LensT]:
+        return fit_camera(lens, model, mirrored=mirrored, fixed=fixed)
+
+    fit = nearest_fit(source, form, place, target, fit_model, reasons)
     limit_rad = fit.camera.domain_limit_rad or source.domain_limit_rad
     # keeps the source's own error as a central approximation of non-central optics
     at_distances = () if camera.residuals is None else camera.residuals.at_distances
@@ -127,8 +132,7 @@ def _encode_exactly(
 ) -> EncodedCamera[LensT] | None:
     """Encode the lens exactly, or return None and add the reasons to `reasons`.
 
-    Raises:
-        CalibrationError: the format's angle limit is inside the camera's field of view.
+    Refuses a camera whose field of view reaches beyond the format's angle limit.
     """
     source = camera.camera
     native = form.native(source)
@@ -151,40 +155,13 @@ def _encode_exactly(
 
 
 def model_named(model: str | None, form: Format[Any]) -> type[CentralCamera] | None:
-    """Model with the given name in a format; None for None.
-
-    Raises:
-        CalibrationError: the format has no model of that name.
-    """
+    """Model with the given name in a format; None for None."""
     target = None if model is None else CAMERA_MODELS.get(model)
     if model is not None and target not in form.models:
         names: dict[type[CentralCamera], str] = {one: name for name, one in CAMERA_MODELS.items()}
         known = ", ".join(names[one] for one in form.models)
         raise CalibrationError(f"--model {model}: {form.name} has {known}")
     return target
-
-
-def _renamed(cameras: Sequence[CalibratedCamera], form: Format[Any]) -> list[CalibratedCamera]:
-    """Rename the cameras, also in their poses, to names that the format allows."""
-    names = [form.camera_name(index, camera.name) for index, camera in enumerate(cameras)]
-    if len(set(names)) < len(names):
-        names = [form.camera_name(index, "") for index in range(len(names))]
-    new = {camera.name: name for camera, name in zip(cameras, names, strict=True)}
-    return [
-        dataclasses.replace(
-            camera,
-            name=new[camera.name],
-            poses=tuple(
-                dataclasses.replace(
-                    pose,
-                    target=new.get(pose.target, pose.target),
-                    source=new.get(pose.source, pose.source),
-                )
-                for pose in camera.poses
-            ),
-        )
-        for camera in cameras
-    ]
 
 
 def caveats(lens: CentralCamera, form: Format[Any]) -> tuple[str, ...]:
@@ -220,24 +197,6 @@ def _widest_rad(camera: CentralCamera) -> float:
     return float(angles_from_axis(rays.directions[rays.valid], axis).max(initial=0.0))
 
 
-def _best_fit(
-    camera: CentralCamera,
-    form: Format[LensT],
-    place: str,
-    model: type[CentralCamera] | None,
-    reasons: list[str],
-) -> Fit[LensT]:
-    """Fit with the smallest maximum residual, among those that cover the whole image."""
-    # a mirrored lens is fitted as the lens itself
-    source = camera.lens if isinstance(camera, MirroredCamera) else camera
-    mirrored = source is camera and is_catadioptric(camera)
-
-    def fit(target: type[LensT], fixed: Fixed) -> Fit[LensT]:
-        return fit_camera(source, target, mirrored=mirrored, fixed=fixed)
-
-    return nearest_fit(camera, form, place, model, fit, reasons)
-
-
 def nearest_fit(
     camera: CentralCamera,
     form: Format[LensT],
@@ -246,18 +205,10 @@ def nearest_fit(
     fit_model: Callable[[type[LensT], Fixed], Fit[LensT]],
     reasons: list[str],
 ) -> Fit[LensT]:
-    """Fit with the smallest maximum residual among the models of a format.
+    """Fit with the smallest maximum residual among a format's models, or of the only `model`.
 
-    Args:
-        camera: source camera.
-        form: file format.
-        place: file and camera, for messages.
-        model: the only model to try; None: all models.
-        fit_model: function that fits a model, given the attributes that the format fixes.
-        reasons: reasons for rejected models so far, for messages; extended in place.
-
-    Raises:
-        CalibrationError: no model is close enough; states the reasons.
+    `fit_model` fits a model, given the attributes that the format fixes; `place` is file and
+    camera, for messages. The reasons for rejected models are added to `reasons`.
     """
     middle = 0.5 * (camera.width_px - 1), 0.5 * (camera.height_px - 1)
     centered = {"principal_point_px": middle} if form.centered else {}

@@ -134,13 +134,9 @@ def _kannala_brandt(camera: CentralCamera) -> KannalaBrandtCamera | None:
     else:
         return None
     return KannalaBrandtCamera(
-        camera.width_px,
-        camera.height_px,
-        focals,
-        camera.principal_point_px,
-        (*coefficients, 0.0, 0.0, 0.0, 0.0)[:4],
-        camera.theta_max_rad,
-    )
+        camera.width_px, camera.height_px, focals, camera.principal_point_px,
+        (*coefficients, 0.0, 0.0, 0.0, 0.0)[:4], camera.theta_max_rad,
+    )  # fmt: skip
 
 
 def _f_theta(camera: CentralCamera) -> FThetaCamera | None:
@@ -171,13 +167,9 @@ def _ocamcalib(camera: CentralCamera) -> OcamcalibCamera | None:
     gamma_u, gamma_v = unified.focal_lengths_px
     polynomial = (-gamma_u,) if unified.xi == 0.0 else (-0.5 * gamma_u, 0.0, 0.5 / gamma_u)
     return OcamcalibCamera(
-        camera.width_px,
-        camera.height_px,
-        camera.principal_point_px,
-        polynomial,
-        (gamma_v / gamma_u, 0.0, 0.0),
-        _theta_max_rad(camera),
-    )
+        camera.width_px, camera.height_px, camera.principal_point_px, polynomial,
+        (gamma_v / gamma_u, 0.0, 0.0), _theta_max_rad(camera),
+    )  # fmt: skip
 
 
 def _gazebo(camera: CentralCamera) -> GazeboCamera | None:
@@ -185,16 +177,9 @@ def _gazebo(camera: CentralCamera) -> GazeboCamera | None:
         return None
     c1, c2, function = IDEAL_FISHEYES[type(camera)]
     return GazeboCamera(
-        camera.width_px,
-        camera.height_px,
-        camera.focal_length_px,
-        camera.principal_point_px,
-        c1,
-        c2,
-        0.0,
-        function,
-        _theta_max_rad(camera),
-    )
+        camera.width_px, camera.height_px, camera.focal_length_px, camera.principal_point_px,
+        c1, c2, 0.0, function, _theta_max_rad(camera),
+    )  # fmt: skip
 
 
 def _theta_max_rad(camera: CentralCamera) -> float:
@@ -216,22 +201,13 @@ def _rational(camera: CentralCamera) -> RationalPolynomialCamera | None:
     if unified is None or unified.xi or unified.skew_px:
         return None
     return RationalPolynomialCamera(
-        camera.width_px,
-        camera.height_px,
-        unified.focal_lengths_px,
-        unified.principal_point_px,
+        camera.width_px, camera.height_px, unified.focal_lengths_px, unified.principal_point_px,
         (*unified.distortion[:4], unified.k3, 0.0, 0.0, 0.0),
-    )
+    )  # fmt: skip
 
 
 _CONVERSIONS: Mapping[type[CentralCamera], Callable[[CentralCamera], CentralCamera | None]] = {
-    UnifiedCamera: _unified,
-    EucmCamera: _eucm,
-    DoubleSphereCamera: _double_sphere,
-    KannalaBrandtCamera: _kannala_brandt,
-    FThetaCamera: _f_theta,
-    OcamcalibCamera: _ocamcalib,
-    GazeboCamera: _gazebo,
-    PerspectiveCamera: _perspective,
-    RationalPolynomialCamera: _rational,
-}
+    UnifiedCamera: _unified, EucmCamera: _eucm, DoubleSphereCamera: _double_sphere,
+    KannalaBrandtCamera: _kannala_brandt, FThetaCamera: _f_theta, OcamcalibCamera: _ocamcalib,
+    GazeboCamera: _gazebo, PerspectiveCamera: _perspective, RationalPolynomialCamera: _rational,
+}  # fmt: skip

@@ -33,11 +33,11 @@ from omnisim.cameras.calibration.linear_fit import (
     MIN_SAMPLES,
     STEEPEST_RAD,
     Bounds,
+    ParameterVector,
     Samples,
     linear_fit,
     radial_profile,
 )
-from omnisim.cameras.calibration.parameter_vector import ParameterVector
 from omnisim.cameras.models.field_of_view import corner_pixels, edge_pixels, optical_axis
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.errors import CalibrationError, OpticsError
@@ -57,18 +57,12 @@ FITTED_MODELS = {model.model_name: model for model in FITTED}
 
 
 class Fit(NamedTuple, Generic[CameraT]):
-    """A camera fitted in another model.
-
-    Attributes:
-        camera: fitted camera.
-        residuals: residuals over the source's valid cone, at pixels not used by the fit.
-        covered: share of the source's valid pixels that the fitted camera sees.
-        rotation: (3, 3) target_from_source of the axes; the identity unless it was fitted too.
-    """
+    """A camera fitted in another model."""
 
     camera: CameraT
-    residuals: Residuals
-    covered: float
+    residuals: Residuals  # residuals over the source's valid cone, at pixels not used by the fit
+    covered: float  # share of the source's valid pixels that the fitted camera sees
+    # (3, 3) target_from_source of the axes; the identity unless it was fitted too
     rotation: NDArray[np.float64]
 
 
@@ -125,10 +119,7 @@ def fit_camera(
 def samples_of(camera: CentralCamera, mirrored: bool, phase: float = 0.0) -> Samples:
     """Valid pixels, spread evenly over the image and along its edge, with their rays.
 
-    Args:
-        camera: source camera.
-        mirrored: rays are in `mirrored_frame`.
-        phase: offset in [0, 1] of the pixel sequence; another phase gives other pixels.
+    If mirrored, rays are in `mirrored_frame`. Another phase in [0, 1] gives other pixels.
     """
     inner = _spread_pixels(camera, AREA_SAMPLES, phase)
     share = float(camera.ray_from_pixel(inner).valid.mean())
@@ -246,9 +237,8 @@ def _refined(
     rotated: bool,
 ) -> tuple[ParametricCamera, NDArray[np.float64]]:
     """Camera at the local minimum of the squared errors near `start`, and its rotation (3, 3)."""
-    parameters = ParameterVector(
-        start, {name: bounds for name, bounds in free.items() if name not in fixed}
-    )
+    varied = {name: bounds for name, bounds in free.items() if name not in fixed}
+    parameters = ParameterVector(start, varied)
     count = len(parameters.start)
     turns = [np.zeros(3)] if rotated else []
     first = np.concatenate([parameters.start, *turns])
@@ -286,11 +276,7 @@ def _refined(
 def _evaluate(
     source: CentralCamera, target: CameraT, mirrored: bool, rotation: NDArray[np.float64]
 ) -> Fit[CameraT]:
-    """Fit with residuals at pixels not used by the fit.
-
-    Raises:
-        CalibrationError: the target sees nothing of the source's field of view.
-    """
+    """Fit with residuals at pixels not used by the fit; refuses a target that sees none of them."""
     samples = samples_of(source, mirrored, phase=0.5).rotated(rotation)
     seen = target.pixel_from_ray(samples.directions)
     if not seen.valid.any():

@@ -24,17 +24,11 @@ MAX_THETA_RAD = math.radians(88.9)
 class FovLens(TwoFocalCamera, RadialCamera):
     """Lens of the FOV model.
 
-    Attributes:
-        width_px, height_px: image size.
-        focal_lengths_px: (fx, fy).
-        principal_point_px: (u, v) of the optical axis.
-        w: field of view of the ideal fisheye, in radians.
-
     Raises:
         OpticsError: w is not between 0 and π.
     """
 
-    w: float
+    w: float  # field of view of the ideal fisheye, in radians
     model_name = "fov"
 
     def __post_init__(self) -> None:

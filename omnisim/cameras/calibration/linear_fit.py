@@ -3,16 +3,18 @@
 Each uses the source's principal point and ratio of focal lengths, and only the angle θ from +z and
 the radius r about the axis. If the source is symmetric about its axis and the target can be the
 same lens, this is already the answer. The unified models, for example, satisfy
-r (α + (1 − α) cos θ) = f sin θ, which is linear in α and f.
+r (α + (1 − α) cos θ) = f sin θ, which is linear in α and f. Numbers of no valid camera, and a
+target that sees too few samples, raise `OpticsError`.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import NamedTuple
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,17 +55,12 @@ IdealFisheye = EquidistantCamera | StereographicCamera | EquisolidCamera | Ortho
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Source pixels and their rays, in the target's optical frame.
+    """Source pixels and their rays, in the target's optical frame."""
 
-    Attributes:
-        pixels_px: (n, 2) positions in the image.
-        directions: (n, 3) unit directions.
-        on_area: (n,) True for samples spread over the image, False on its edge.
-    """
-
+    # pixels_px, directions: (n, 2) positions in the image, and (n, 3) unit directions
     pixels_px: NDArray[np.float64]
     directions: NDArray[np.float64]
-    on_area: NDArray[np.bool_]
+    on_area: NDArray[np.bool_]  # (n,) True for samples spread over the image, False on its edge
 
     @cached_property
     def theta_rad(self) -> NDArray[np.float64]:
@@ -82,21 +79,13 @@ class Samples:
 
 
 class Profile(NamedTuple):
-    """Source camera as a radially symmetric lens.
+    """Source camera as a radially symmetric lens."""
 
-    Attributes:
-        size: image width and height, px.
-        center_px: (u, v) of the axis.
-        aspect: ratio of the focal length along v to that along u.
-        theta_rad: (n,) angles from +z.
-        radii_px: (n,) distances from the axis, in pixels along u.
-    """
-
-    size: tuple[int, int]
-    center_px: tuple[float, float]
-    aspect: float
-    theta_rad: NDArray[np.float64]
-    radii_px: NDArray[np.float64]
+    size: tuple[int, int]  # width and height of the image
+    center_px: tuple[float, float]  # (u, v) of the axis
+    aspect: float  # ratio of the focal length along v to that along u
+    theta_rad: NDArray[np.float64]  # (n,) angles from +z
+    radii_px: NDArray[np.float64]  # (n,) distances from the axis in pixels along u
 
     def intrinsics(
         self, focal_px: float
@@ -108,11 +97,7 @@ class Profile(NamedTuple):
 def radial_profile(
     camera: CentralCamera, samples: Samples, center_px: tuple[float, float] | None = None
 ) -> Profile:
-    """Radial profile of a camera about its principal point, or about `center_px` of the target.
-
-    Raises:
-        OpticsError: too few samples are in front of the target.
-    """
+    """Radial profile of a camera about its principal point, or about `center_px` of the target."""
     if len(samples.theta_rad) < MIN_SAMPLES or samples.theta_rad.min() > math.radians(170.0):
         raise OpticsError("it shows next to nothing that could be compared")
     scale = camera.pixels_per_plane if isinstance(camera, PlaneCamera) else 1.0
@@ -128,11 +113,7 @@ def radial_profile(
 def linear_fit(
     model: type[ParametricCamera], profile: Profile, is_pinhole: bool
 ) -> ParametricCamera:
-    """Initial camera of a model in `FITTED`; a unified one with ξ = 0 for a pinhole.
-
-    Raises:
-        OpticsError: no camera of this model is near the profile.
-    """
+    """Initial camera of a model in `FITTED`; a unified one with ξ = 0 for a pinhole."""
     return _pinhole(profile) if is_pinhole else FITTED[model].initialize(profile)
 
 
@@ -274,10 +255,6 @@ def _gazebo(profile: Profile) -> GazeboCamera:
     return min(candidates, key=lambda candidate: candidate[0])[1]
 
 
-def _perspective(profile: Profile) -> PerspectiveCamera:
-    return PerspectiveCamera(*profile.size, _perspective_focal(profile), profile.center_px)
-
-
 def _fisheye(model: type[IdealFisheye], profile: Profile) -> IdealFisheye:
     c1, c2, function = IDEAL_FISHEYES[model]
     limit = model.largest_theta_rad
@@ -310,7 +287,9 @@ class FittedModel(NamedTuple):
 
 
 FITTED: Mapping[type[ParametricCamera], FittedModel] = {
-    PerspectiveCamera: FittedModel(_perspective, _FOCAL),
+    PerspectiveCamera: FittedModel(
+        lambda one: PerspectiveCamera(*one.size, _perspective_focal(one), one.center_px), _FOCAL
+    ),
     KannalaBrandtCamera: FittedModel(_kannala_brandt, {**_FOCALS, "coefficients": FREE}),
     UnifiedCamera: FittedModel(_unified, {**_FOCALS, "xi": (0.0, math.inf), "distortion": FREE}),
     RationalPolynomialCamera: FittedModel(_rational, {**_FOCALS, "distortion": FREE}),
@@ -332,3 +311,75 @@ FITTED: Mapping[type[ParametricCamera], FittedModel] = {
         for model in (EquidistantCamera, StereographicCamera, EquisolidCamera, OrthographicCamera)
     },
 }
+
+
+# Free parameters of a camera as a vector, for solvers.
+
+
+CameraT = TypeVar("CameraT", bound=ParametricCamera)
+
+
+class ParameterVector(Generic[CameraT]):
+    """Numbers of a camera that a solver may change, each in units of similar effect.
+
+    Args:
+        camera: initial camera.
+        free: bounds of the free attributes, by name.
+        fixed: labels of numbers that are held constant, such as `affine.2`.
+
+    Attributes:
+        labels: attribute, or attribute and index, of each number.
+        start, low, high: (n,) numbers of the initial camera, and bounds.
+        units: (n,) attribute's value per number of the vector.
+    """
+
+    def __init__(
+        self, camera: CameraT, free: Mapping[str, Bounds], fixed: Collection[str] = ()
+    ) -> None:
+        self._camera, self._names = camera, list(free)
+        values = [np.atleast_1d(getattr(camera, name)).astype(np.float64) for name in free]
+        self._lengths = [len(value) for value in values]
+        labels = [
+            f"{name}.{index}" if isinstance(getattr(camera, name), tuple) else name
+            for name, length in zip(free, self._lengths, strict=True)
+            for index in range(length)
+        ]
+        units = [_units(name, value, camera) for name, value in zip(free, values, strict=True)]
+        self._all = np.concatenate([np.zeros(0), *values])
+        self._units = np.concatenate([np.zeros(0), *units])
+        bounds = np.repeat(np.reshape(list(free.values()), (-1, 2)), self._lengths, axis=0)
+        low, high = bounds.T
+        self._used = np.array([label not in fixed for label in labels], dtype=bool)
+        self.labels = [label for label, used in zip(labels, self._used, strict=True) if used]
+        self.units = self._units[self._used]
+        self.start = (self._all / self._units)[self._used]
+        self.low, self.high = (low / self._units)[self._used], (high / self._units)[self._used]
+
+    def camera(self, vector: NDArray[np.float64]) -> CameraT:
+        """Camera with other numbers (n,)."""
+        if not self._names:
+            return self._camera
+        values = self._all.copy()
+        values[self._used] = vector * self.units
+        parts = np.split(values, np.cumsum(self._lengths)[:-1])
+        changes: dict[str, Any] = {
+            name: tuple(part.tolist())
+            if isinstance(getattr(self._camera, name), tuple)
+            else float(part[0])
+            for name, part in zip(self._names, parts, strict=True)
+        }
+        return dataclasses.replace(self._camera, **changes)
+
+
+def _units(name: str, values: NDArray[np.float64], camera: ParametricCamera) -> NDArray[np.float64]:
+    """Step units (n,) of a parameter's values that move the image by similar distances.
+
+    The units of a polynomial of the image radius are powers of the radius.
+    """
+    powers = np.arange(len(values), dtype=np.float64)
+    if name == "coefficients" and isinstance(camera, FThetaInverseCamera):
+        powers += 1.0  # without a constant term
+    elif name != "polynomial":
+        return np.ones(len(values))
+    radius_px = 0.5 * max(camera.width_px, camera.height_px)
+    return radius_px**-powers

@@ -41,18 +41,11 @@ UNIT_TOLERANCE = 1e-5  # a hundred times a float's rounding
 
 @dataclass(frozen=True, eq=False)
 class RayTable:
-    """Rays of an image's pixels.
+    """Rays of an image's pixels, optical frame, and the camera's metadata if the file has any."""
 
-    Attributes:
-        directions: (height, width, 3) float32, unit vectors where valid, optical frame.
-        origins_m: (height, width, 3) float32, points on the rays, optical frame.
-        valid: (height, width), True if the pixel sees something.
-        metadata: camera metadata; empty if the file has none.
-    """
-
-    directions: NDArray[np.float32]
-    origins_m: NDArray[np.float32]
-    valid: NDArray[np.bool_]
+    directions: NDArray[np.float32]  # (height, width, 3) float32, unit vectors where valid
+    origins_m: NDArray[np.float32]  # (height, width, 3) float32, points on the rays
+    valid: NDArray[np.bool_]  # (height, width), True if the pixel sees something
     metadata: dict[str, Any]
 
     def __repr__(self) -> str:
@@ -81,12 +74,7 @@ def ray_table(camera: CentralCamera) -> RayTable:
 def write_ray_table(
     path: str | Path, camera: CentralCamera, metadata: dict[str, Any] | None = None
 ) -> None:
-    """Write the rays of a camera to an EXR file.
-
-    Args:
-        path: output file.
-        camera: camera model.
-        metadata: additional metadata, such as the camera's pose.
+    """Write the rays of a camera to an EXR file, with metadata such as the camera's pose.
 
     Raises:
         OutputError: the suffix is not EXR's, or the file cannot be written; no partial file is
@@ -94,10 +82,8 @@ def write_ray_table(
     """
     table = ray_table(camera)
     channels: dict[str, NDArray[Any]] = {}
-    for at, axis in enumerate(AXES):
-        channels[f"direction.{axis}"] = table.directions[..., at]
-    for at, axis in enumerate(AXES):
-        channels[f"origin.{axis}"] = table.origins_m[..., at]
+    for name, values in (("direction", table.directions), ("origin", table.origins_m)):
+        channels |= {f"{name}.{axis}": values[..., at] for at, axis in enumerate(AXES)}
     channels["valid"] = table.valid
     write_channels(Path(path), channels, {**(metadata or {}), **table.metadata}, ATTRIBUTES)
 
@@ -120,14 +106,8 @@ def read_ray_table(path: str | Path) -> RayTable:
     lengths = np.linalg.norm(rays[:, :3].astype(np.float64), axis=-1)
     error = np.abs(lengths - 1.0).max(initial=0.0)
     if not (np.isfinite(rays).all() and error <= UNIT_TOLERANCE):
-        raise OutputError(
-            f"{path}: direction: expected unit vectors where valid is 1, got "
-            + (
-                f"an error of {error:.3g}"
-                if math.isfinite(error)
-                else "numbers that are not finite"
-            )
-        )
+        got = f"an error of {error:.3g}" if math.isfinite(error) else "numbers that are not finite"
+        raise OutputError(f"{path}: direction: expected unit vectors where valid is 1, got {got}")
     return RayTable(directions, origins, valid, data.metadata or {})
 
 

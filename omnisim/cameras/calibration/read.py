@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, EucmCamera, KannalaBrandtCamera, UnifiedCamera
-from omnisim.cameras.calibration.calibrated_camera import CalibratedCamera, pose_contradiction
+from omnisim.cameras.calibration.calibrated_camera import (
+    CalibratedCamera,
+    NamedPose,
+    pose_contradiction,
+)
 from omnisim.cameras.calibration.calibration_formats import detect_format
-from omnisim.cameras.calibration.documents import read_text
-from omnisim.cameras.calibration.file_frame import camera_from_lens
+from omnisim.cameras.calibration.documents import counted, parse_number, pose, read_text
 from omnisim.cameras.calibration.fit import Fit, fit_camera
 from omnisim.cameras.calibration.formats.format import (
     ANY,
@@ -22,7 +27,7 @@ from omnisim.cameras.calibration.formats.format import (
     error_context,
 )
 from omnisim.cameras.calibration.fov_lens import FovLens
-from omnisim.cameras.calibration.metadata import CameraMetadata, read_metadata
+from omnisim.cameras.calibration.metadata import CameraMetadata, camera_from_lens, read_metadata
 from omnisim.cameras.models.field_of_view import field_notes
 from omnisim.core.errors import CalibrationError
 
@@ -42,14 +47,10 @@ class CameraFile(NamedTuple):
 def read_cameras(
     path: Path, format: str | None, mirrored: bool | None, theta_max_rad: float | None = None
 ) -> CameraFile:
-    """Read a calibration file.
+    """Read a calibration file; format None: detected.
 
-    Args:
-        path: calibration file.
-        format: name of the format, or None to detect it.
-        mirrored: True if the cameras look into mirrors; None to take it from their metadata.
-        theta_max_rad: angle from the axis where the field of view ends, for models that have it;
-            None to take it from their metadata.
+    `mirrored` (the cameras look into mirrors) and `theta_max_rad` (angle from the axis where the
+    field of view ends) are taken from the file's metadata if None.
 
     Raises:
         CalibrationError: the file is invalid; names file, key, actual and expected value.
@@ -83,36 +84,22 @@ def read_cameras(
 def _calibrated(
     parsed: ParsedCamera[CentralCamera], metadata: CameraMetadata, place: str
 ) -> CalibratedCamera:
-    lens = parsed.lens
-    notes = parsed.notes
+    lens, notes = parsed.lens, parsed.notes
     if isinstance(lens, FovLens):
         lens, note = _nearest_model(lens, place)
         notes = (*notes, note)
     with error_context(place):
         camera = camera_from_lens(lens, metadata)
         _check_camera(camera, place)
+    poses = metadata.poses(parsed.poses, place)
     notes = (*notes, *field_notes(camera))
     return CalibratedCamera(
-        parsed.name,
-        camera,
-        metadata.poses(parsed.poses, place),
-        metadata.residuals,
-        notes,
-        lens.model_name,
-        parsed.time_shift_s,
+        parsed.name, camera, poses, metadata.residuals, notes, lens.model_name, parsed.time_shift_s
     )
 
 
 def _nearest_model(lens: FovLens, source: str) -> tuple[CentralCamera, str]:
-    """omnisim model nearest to a lens of another model, and a note about its residuals.
-
-    Args:
-        lens: lens of a model that omnisim lacks.
-        source: file and camera, for messages.
-
-    Raises:
-        CalibrationError: no model is close enough.
-    """
+    """Model of omnisim nearest to a lens of another model, and a note about its residuals."""
     place = f"{source}: {lens.model_name}"
     best: Fit[CentralCamera] | None = None
     candidates: tuple[tuple[type[CentralCamera], Fixed], ...] = (
@@ -143,11 +130,7 @@ def _nearest_model(lens: FovLens, source: str) -> tuple[CentralCamera, str]:
 
 
 def _check_camera(camera: CentralCamera, place: str) -> None:
-    """Reject a camera with an empty image, or with an axis far outside it.
-
-    Raises:
-        CalibrationError: an empty image, or an axis too far outside; names the size or the center.
-    """
+    """Reject a camera with an empty image, or with an axis far outside it."""
     size = np.array([camera.width_px, camera.height_px], dtype=np.float64)
     center = np.asarray(camera.principal_point_px)
     offset = np.maximum(-0.5 - center, center - (size - 0.5)) / size
@@ -163,3 +146,60 @@ def _check_camera(camera: CentralCamera, place: str) -> None:
     rays = camera.ray_from_pixel(np.concatenate((grid.reshape(-1, 2), np.rint(center)[None])))
     if not (rays.valid & np.isfinite(rays.directions).all(axis=-1)).any():
         raise CalibrationError(f"{place}: no pixel of this camera sees anything: expected a lens")
+
+
+# KITTI-360's calibration folder: one file per fisheye camera, and the extrinsics of all cameras.
+#
+#     calib_cam_to_pose.txt   per line `image_02: ` and a 3 × 4 matrix, camera to IMU
+#     image_02.yaml …         the fisheyes, see formats/camodocal.py
+#
+# The perspective cameras of perspective.txt are not read.
+# Source: KITTI-360's documentation, "Calibrations".
+
+
+EXTRINSICS = "calib_cam_to_pose.txt"
+FORMAT = "kitti360"
+BODY = "imu"
+NUMBERS = " ".join(f"r{row}{column}" for row in "123" for column in "123t")
+
+
+def read_kitti360_folder(
+    folder: Path, mirrored: bool | None, theta_max_rad: float | None = None
+) -> tuple[CalibratedCamera, ...]:
+    """Read the fisheye cameras of a folder, at least one, with their poses relative to the IMU.
+
+    Raises:
+        CalibrationError: the folder does not exist, or a file is invalid.
+    """
+    path = folder / EXTRINSICS
+    if not path.is_file():
+        raise CalibrationError(
+            f"{folder}: expected a calibration file, or KITTI-360's folder with {EXTRINSICS}, got "
+            "another folder"
+        )
+    cameras = []
+    for name, matrix in _extrinsics(path).items():
+        file = folder / f"{name}.yaml"
+        if file.is_file():
+            read = read_cameras(file, FORMAT, mirrored, theta_max_rad)
+            (camera,), poses = read.cameras, (NamedPose(BODY, name, matrix),)
+            notes = (*read.notes, *camera.notes)
+            cameras.append(dataclasses.replace(camera, name=name, poses=poses, notes=notes))
+    if not cameras:
+        raise CalibrationError(f"{folder}: expected image_02.yaml or image_03.yaml, got neither")
+    return tuple(cameras)
+
+
+def _extrinsics(path: Path) -> dict[str, NDArray[np.float64]]:
+    """Poses (4, 4) imu_from_camera by camera name."""
+    poses = {}
+    for number, line in enumerate(read_text(path).splitlines(), start=1):
+        name, colon, text = line.partition(":")
+        if not line.strip():
+            continue
+        place = f"{path}:{number}"
+        if not colon:
+            raise CalibrationError(f"{place}: expected image_00: and 12 numbers, got {line[:40]!r}")
+        values = counted([parse_number(word, place) for word in text.split()], NUMBERS, place)
+        poses[name.strip()] = pose(np.reshape(values, (3, 4)).tolist(), place)
+    return poses

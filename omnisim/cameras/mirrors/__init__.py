@@ -5,7 +5,6 @@ that looks at the mirror, meters. Azimuth turns from +x to +y.
 """
 
 from omnisim.cameras.mirrors.hyperbolic_mirror import HyperbolicMirror, SurfacePoints
-from omnisim.cameras.mirrors.mirror_mesh import MirrorMesh
-from omnisim.cameras.mirrors.tessellation import tessellate
+from omnisim.cameras.mirrors.mirror_mesh import MirrorMesh, tessellate
 
 __all__ = ["HyperbolicMirror", "MirrorMesh", "SurfacePoints", "tessellate"]

@@ -97,10 +97,7 @@ class HyperbolicCamera(FocalCamera):
 
     @property
     def unified_focal_length_px(self) -> float:
-        """γ of the unified (Geyer, Mei) model with the mirror's ξ: f/(k − 1).
-
-        The frame of that model is the optical frame with z reflected, (x, y, −z).
-        """
+        """γ of the unified (Geyer, Mei) model with the mirror's ξ; its frame has z reflected."""
         return self.focal_length_px / (self.mirror.k - 1.0)
 
     @property
@@ -164,19 +161,15 @@ class HyperbolicCamera(FocalCamera):
 
     def parameters(self) -> CameraParameters:
         """Model name and parameters, plus ξ and γ of the unified model."""
+        mirror = self.mirror
         return {
-            "model": self.model_name,
-            "width_px": self.width_px,
-            "height_px": self.height_px,
+            "model": self.model_name, "width_px": self.width_px, "height_px": self.height_px,
             "focal_length_px": self.focal_length_px,
             "principal_point_px": list(self.principal_point_px),
-            "k": self.mirror.k,
-            "c": self.mirror.c,
-            "meters_per_unit": self.mirror.meters_per_unit,
-            "theta_max_deg": math.degrees(self.mirror.theta_max_rad),
-            "xi": self.mirror.xi,
-            "unified_focal_length_px": self.unified_focal_length_px,
-        }
+            "k": mirror.k, "c": mirror.c, "meters_per_unit": mirror.meters_per_unit,
+            "theta_max_deg": math.degrees(mirror.theta_max_rad),
+            "xi": mirror.xi, "unified_focal_length_px": self.unified_focal_length_px,
+        }  # fmt: skip
 
 
 def image_radius_eq2_px(theta_rad: ArrayLike, horizon_radius_px: float) -> NDArray[np.float64]:
@@ -193,10 +186,5 @@ def image_radius_eq2_px(theta_rad: ArrayLike, horizon_radius_px: float) -> NDArr
 def theta_from_image_radius_eq2_rad(
     radius_px: ArrayLike, horizon_radius_px: float
 ) -> NDArray[np.float64]:
-    """Incidence θ (...,) by the inverse of Eq. 2.
-
-    Args:
-        radius_px: (...,) image radii.
-        horizon_radius_px: radius h of the 90° circle.
-    """
+    """Incidence θ (...,) of image radii (...,) by the inverse of Eq. 2; h is the horizon's."""
     return 2.0 * np.arctan(np.asarray(radius_px, dtype=np.float64) / horizon_radius_px)

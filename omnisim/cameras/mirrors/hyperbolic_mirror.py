@@ -161,14 +161,8 @@ class HyperbolicMirror(Parameters, name="mirror"):
         )
         rho = self.rho_m(theta)
         sin_theta = np.sin(theta)
-        positions = np.stack(
-            (
-                rho * sin_theta * np.cos(azimuth),
-                rho * sin_theta * np.sin(azimuth),
-                rho * np.cos(theta),
-            ),
-            axis=-1,
-        )
+        x, y = rho * sin_theta * np.cos(azimuth), rho * sin_theta * np.sin(azimuth)
+        positions = np.stack((x, y, rho * np.cos(theta)), axis=-1)
         valid = (theta >= 0.0) & (theta <= self.theta_max_rad)
         return SurfacePoints(positions, valid)
 

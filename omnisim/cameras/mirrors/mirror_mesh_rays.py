@@ -14,17 +14,10 @@ from omnisim.core.coordinate_frames import MIRROR_FROM_OPTICAL
 
 
 def mesh_rays(camera: HyperbolicCamera, mesh: MirrorMesh, pixels_px: NDArray[np.float64]) -> Rays:
-    """Rays of pixels (..., 2) through the points of the flat polygons that they see.
+    """Rays of pixels (..., 2) of a camera through the points of the flat polygons that they see.
 
-    Beyond the mesh's rim, pixels see the planes of its outermost polygons, and are invalid.
-
-    Args:
-        camera: camera that looks at the mirror.
-        mesh: mesh of its mirror.
-        pixels_px: (..., 2) pixels.
-
-    Returns:
-        Unit directions (..., 3) in the optical frame, and their validity (...,).
+    Beyond the rim of the mirror's mesh, pixels see the planes of its outermost polygons, and are
+    invalid. Directions (..., 3) are unit vectors in the optical frame.
 
     Source: section 2.3 of the paper.
     """

@@ -27,39 +27,29 @@ class FieldOfView:
 
     An angle of view is swept by a ray through the axis, from one edge of the valid pixels to the
     other; it may exceed 180°.
-
-    Attributes:
-        covered: share of valid pixels.
-        axis: (3,) zero direction of the angles: +z of the optical frame, −z for a mirror.
-        theta_max_rad: largest angle from the axis in the image.
-        theta_limit_rad: largest angle from the axis if the image had no edges: limited by θ_max, a
-            fold or the model itself; π without a limit.
-        horizontal_rad, vertical_rad: angles of view along the row and the column of the axis.
-        diagonal_rad: larger of the two angles of view from corner to corner.
     """
 
-    covered: float
+    covered: float  # share of valid pixels
+    # (3,) zero direction of the angles: +z of the optical frame, −z for a mirror
     axis: tuple[float, float, float]
-    theta_max_rad: float
+    theta_max_rad: float  # largest angle from the axis in the image
+    # largest angle from the axis if the image had no edges: limited by θ_max, a fold or the model
+    # itself; π without a limit
     theta_limit_rad: float
+    # horizontal_rad, vertical_rad: angles of view along the row and the column of the axis
     horizontal_rad: float
     vertical_rad: float
-    diagonal_rad: float
+    diagonal_rad: float  # larger of the two angles of view from corner to corner
 
 
 def field_of_view(camera: CentralCamera) -> FieldOfView:
     """Field of view of a camera's image."""
     axis = optical_axis(camera)
     left, right, up, down, *corners = _sweeps(camera)
-    return FieldOfView(
-        covered_share(camera),
-        (0.0, 0.0, axis),
-        largest_theta_rad(camera),
-        _model_limit_rad(camera, axis),
-        left + right,
-        up + down,
-        max(corners[0] + corners[3], corners[1] + corners[2]),
-    )
+    widest_rad, limit_rad = largest_theta_rad(camera), _model_limit_rad(camera, axis)
+    diagonal = max(corners[0] + corners[3], corners[1] + corners[2])
+    angles = widest_rad, limit_rad, left + right, up + down, diagonal
+    return FieldOfView(covered_share(camera), (0.0, 0.0, axis), *angles)
 
 
 def field_notes(camera: CentralCamera) -> tuple[str, ...]:
@@ -113,16 +103,11 @@ def angles_from_axis(directions: NDArray[np.float64], axis: float) -> NDArray[np
 
 
 def edge_pixels(camera: CentralCamera, count: int, phase: float = 0.0) -> NDArray[np.float64]:
-    """Positions (n, 2) on the edge of the valid pixels.
+    """Positions (n, 2) on the edge of the valid pixels, on `count` lines from the center.
 
     Positions are exact to the last bit where the domain ends in the image. Elsewhere they lie on
-    the image border, half a pixel outside the outermost pixel centers.
-
-    Args:
-        camera: camera model.
-        count: number of lines from the center, evenly spaced in angle; lines without a valid pixel
-            give no position.
-        phase: rotation of the lines, as a share of the angle between two of them.
+    the image border, half a pixel outside the outermost pixel centers. Lines are evenly spaced in
+    angle, and rotated by a share (`phase`) of it; those without a valid pixel give no position.
     """
     angles = (np.arange(count) + phase) * (2.0 * math.pi / count)
     outwards = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
@@ -191,12 +176,8 @@ def _model_limit_rad(camera: CentralCamera, axis: float) -> float:
     azimuth = np.linspace(0.0, 2.0 * math.pi, 16, endpoint=False)
 
     def is_seen(theta: float) -> bool:
-        across = math.sin(theta)
-        rays = np.stack(
-            (across * np.cos(azimuth), across * np.sin(azimuth),
-             np.full(azimuth.shape, axis * math.cos(theta))),
-            axis=-1,
-        )  # fmt: skip
+        x, y = math.sin(theta) * np.cos(azimuth), math.sin(theta) * np.sin(azimuth)
+        rays = np.stack((x, y, np.full(azimuth.shape, axis * math.cos(theta))), axis=-1)
         return bool(camera.pixel_from_ray(rays).valid.any())
 
     thetas = np.linspace(0.0, math.pi, SAMPLES)

@@ -29,10 +29,8 @@ from omnisim.core.files.parameters import Number, Positive
 
 _MAX_ARGUMENT = {"sin": 0.5 * math.pi, "tan": math.radians(89.9), "id": math.inf}
 FUNCTIONS: Mapping[str, Callable[[NDArray[np.float64]], NDArray[np.float64]]] = {
-    "sin": np.sin,
-    "tan": np.tan,
-    "id": np.positive,
-}
+    "sin": np.sin, "tan": np.tan, "id": np.positive,
+}  # fmt: skip
 _INVERSES = {"sin": np.arcsin, "tan": np.arctan, "id": np.positive}
 
 

@@ -49,10 +49,8 @@ class OcamcalibCamera(RadialCamera):
     polynomial: Annotated[tuple[Signed, ...], Field(min_length=1, max_length=MAX_COEFFICIENTS)]
     """a0 … aN, N at most 7; typically a0 = −200, a1 = 0 and a2 = 1e-3."""
     affine: Annotated[Coefficients, Field(min_length=3, max_length=3), described("c, d, e")] = (
-        1.0,
-        0.0,
-        0.0,
-    )
+        1.0, 0.0, 0.0,
+    )  # fmt: skip
     """c, d, e of the affine map; typically 1, 0, 0."""
     theta_max_rad: WideTheta = math.pi
     """Angle from the axis where the domain ends."""

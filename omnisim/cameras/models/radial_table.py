@@ -81,11 +81,8 @@ class RadialTableCamera(RadialCamera):
         left = np.clip(np.searchsorted(nodes, theta, side="right") - 1, 0, len(nodes) - 2)
         width = nodes[left + 1] - nodes[left]
         t = (theta - nodes[left]) / width
-        slopes = self.slopes_px
-        return (
-            t, width, radii[left], radii[left + 1],
-            slopes[left] * width, slopes[left + 1] * width,
-        )  # fmt: skip
+        first, last = self.slopes_px[left] * width, self.slopes_px[left + 1] * width
+        return t, width, radii[left], radii[left + 1], first, last
 
     def _radius_from_theta(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         t, _, r0, r1, m0, m1 = self._local(theta)

@@ -56,10 +56,8 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
             raise self._error("distortion", expected)
         for name, tilt in zip(("τx", "τy"), self.tilt_rad, strict=True):
             if not abs(tilt) <= MAX_TILT_RAD:
-                limit = f"{MAX_TILT_RAD:.3g}"
-                raise OpticsError(
-                    f"camera: distortion: {name}: expected −{limit} to {limit}, got {tilt:g}"
-                )
+                limits = f"−{MAX_TILT_RAD:.3g} to {MAX_TILT_RAD:.3g}"
+                raise OpticsError(f"camera: distortion: {name}: expected {limits}, got {tilt:g}")
 
     @property
     def prism(self) -> NDArray[np.float64]:
@@ -109,9 +107,8 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
             polynomial.polymul(polynomial.polyder(polynomial.polymulx(above)), below),
             polynomial.polymul(polynomial.polymulx(above), polynomial.polyder(below)),
         )
-        along = polynomial.polysub(
-            along, polynomial.polymul(bend, polynomial.polymul(below, below))
-        )
+        bends = polynomial.polymul(bend, polynomial.polymul(below, below))
+        along = polynomial.polysub(along, bends)
         return min(pole * (1.0 - 1e-9), first_root(across, pole), first_root(along, pole))
 
     def _growth(self, radius: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
@@ -170,17 +167,14 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
         xx, xy = across * x + 2.0 * px * x + diagonal, across * y + 2.0 * py * x
         yx, yy = down * x + 2.0 * px * y, down * y + 2.0 * py * y + diagonal
         ex, ey = error.T
-        determinant = xx * yy - xy * yx
-        return np.asarray(
-            np.stack((yy * ex - xy * ey, xx * ey - yx * ex), axis=-1) / determinant[:, None]
-        )
+        step = np.stack((yy * ex - xy * ey, xx * ey - yx * ex), axis=-1)
+        return np.asarray(step / (xx * yy - xy * yx)[:, None])
 
     def _rays_from_plane(self, plane: NDArray[np.float64]) -> Rays:
         distorted = _mapped(self.plane_from_sensor, plane)
         points = self._undistort(distorted.positions)
-        directions = np.concatenate(
-            (points.positions, np.ones_like(points.positions[..., :1])), axis=-1
-        )
+        depth = np.ones_like(points.positions[..., :1])
+        directions = np.concatenate((points.positions, depth), axis=-1)
         directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
         return Rays(directions, points.valid & distorted.valid)
 
@@ -199,16 +193,11 @@ class RationalPolynomialCamera(TwoFocalCamera, PlaneCamera):
         (s1, s2), (s3, s4) = self.prism.tolist()
         rows = self.plane_from_sensor.tolist()
         return {
-            **super().uniforms(),
-            "u_numerator": (k1, k2, k3),
-            "u_denominator": (k4, k5, k6),
-            "u_tangential": (p2, p1),
-            "u_prism": (s1, s3, s2, s4),
-            "u_plane_from_sensor_x": tuple(rows[0]),
-            "u_plane_from_sensor_y": tuple(rows[1]),
-            "u_plane_from_sensor_w": tuple(rows[2]),
-            "u_radius_max": self.radius_limit,
-        }
+            **super().uniforms(), "u_numerator": (k1, k2, k3), "u_denominator": (k4, k5, k6),
+            "u_tangential": (p2, p1), "u_prism": (s1, s3, s2, s4),
+            "u_plane_from_sensor_x": tuple(rows[0]), "u_plane_from_sensor_y": tuple(rows[1]),
+            "u_plane_from_sensor_w": tuple(rows[2]), "u_radius_max": self.radius_limit,
+        }  # fmt: skip
 
 
 def _even_polynomial(

@@ -94,10 +94,6 @@ class UnifiedCamera(TwoFocalCamera, PlaneCamera):
     def uniforms(self) -> Uniforms:
         """Values for `shaders/camera/unified.glsl`."""
         return {
-            **super().uniforms(),
-            "u_xi": self.xi,
-            "u_distortion": self.distortion[:4],
-            "u_k3": self.k3,
-            "u_skew_px": self.skew_px,
-            "u_radius_max": self.radius_limit,
-        }
+            **super().uniforms(), "u_xi": self.xi, "u_distortion": self.distortion[:4],
+            "u_k3": self.k3, "u_skew_px": self.skew_px, "u_radius_max": self.radius_limit,
+        }  # fmt: skip

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from omnisim.cameras import CentralCamera
-from omnisim.cameras.mirrors.mirror_mesh_error import MeshError, fewest_polygons
+from omnisim.cameras.mirrors.mirror_mesh import MeshError, fewest_polygons
 from omnisim.cameras.optics.centrality import ray_jacobians
 from omnisim.cameras.optics.mesh_rays import MeshRays, as_system
 from omnisim.cameras.optics.shapes.shape import Floats

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from omnisim.cameras.mirrors.mirror_mesh import UnfoldedMirrorMesh
-from omnisim.cameras.mirrors.tessellation import RING_EXPONENT, sectors_and_rings
+from omnisim.cameras.mirrors.mirror_mesh import RING_EXPONENT, UnfoldedMirrorMesh, sectors_and_rings
 from omnisim.cameras.optics.profile_file import profile_lengths_m
 from omnisim.cameras.optics.shapes.shape import Floats
 from omnisim.cameras.optics.surface import Surface

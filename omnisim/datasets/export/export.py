@@ -24,18 +24,11 @@ def export_run(
     camera_name: str | None = None,
     print_note: PrintNote = lambda note: None,
 ) -> Iterator[int]:
-    """Export a run to a folder; yield the number of steps, then the number of finished steps.
+    """Export a run to a new folder; yield the number of steps, then the number of finished steps.
 
-    The folder appears when it is complete. If a format has no stamps per sensor, the steps are
-    frames, see `Recording.in_frames`.
-
-    Args:
-        run: folder of the finished run.
-        format: name of the format, a key of `export_formats.FORMATS`.
-        output: new folder.
-        settings: settings of the export.
-        camera_name: only camera to export; None: all that the format supports.
-        print_note: callback for notes on content that the format does not support.
+    The folder appears when it is complete. If a format (key of `export_formats.FORMATS`) has no
+    stamps per sensor, the steps are frames, see `Recording.in_frames`. With a camera's name, only
+    that camera is exported; `print_note` takes notes on content that the format does not support.
 
     Raises:
         OmnisimError: an unknown format, a setting that the format does not use, an unfinished run,
@@ -50,7 +43,13 @@ def export_run(
     if run.resolve() in output.resolve().parents:
         raise OutputError(f"{output}: is inside of the run: expected a folder elsewhere")
     form, settings = format_named(format), settings or ExportSettings()
-    _check_settings(settings, form)
+    for option, is_given, is_used, others in (
+        ("--compressed", settings.compressed, form.has_messages, "ros2-mcap or ros2-sqlite"),
+        ("--points", settings.with_points, form.has_messages, "ros2-mcap or ros2-sqlite"),
+        ("--start-time", settings.start_ns != 0, form.dates_stamps, "a format with stamps"),
+    ):
+        if is_given and not is_used:
+            raise OutputError(f"{option}: expected with --to {others}, got {form.name}")
     recording = for_format(recording, form, print_note)
     if form.dates_stamps and settings.start_ns == 0:
         print_note("times begin in 1970: --start-time says otherwise")
@@ -91,18 +90,3 @@ def for_format(recording: Recording, form: ExportFormat, print_note: PrintNote) 
     if channels:
         print_note(f"{form.name} has no place for the channels {', '.join(channels)}: left out")
     return recording
-
-
-def _check_settings(settings: ExportSettings, form: ExportFormat) -> None:
-    """Refuse settings that a format does not use.
-
-    Raises:
-        OutputError: the message names the option and the formats that use it.
-    """
-    for option, is_given, is_used, others in (
-        ("--compressed", settings.compressed, form.has_messages, "ros2-mcap or ros2-sqlite"),
-        ("--points", settings.with_points, form.has_messages, "ros2-mcap or ros2-sqlite"),
-        ("--start-time", settings.start_ns != 0, form.dates_stamps, "a format with stamps"),
-    ):
-        if is_given and not is_used:
-            raise OutputError(f"{option}: expected with --to {others}, got {form.name}")

@@ -7,14 +7,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.errors import OutputError
-from omnisim.datasets.export.recorded_camera import RecordedCamera
-from omnisim.datasets.export.recording import Recording
+from omnisim.datasets.export.recording import RecordedCamera, Recording
 from omnisim.sensors.sensor import MountedSensor
 
 NANOSECONDS = 1_000_000_000
@@ -25,16 +24,11 @@ PrintNote = Callable[[str], None]
 
 @dataclass(frozen=True)
 class ExportSettings:
-    """Settings of an export.
+    """Settings of an export."""
 
-    Attributes:
-        start_ns: stamp of the time 0 s, nanoseconds since 1970.
-        compressed: True: images as PNG files instead of pixels, if the format has both.
-        with_points: True: also points from each camera's ranges, if the format has point clouds.
-    """
-
-    start_ns: int = 0
-    compressed: bool = False
+    start_ns: int = 0  # stamp of the time 0 s, nanoseconds since 1970
+    compressed: bool = False  # True: images as PNG files instead of pixels, if the format has both
+    # True: also points from each camera's ranges, if the format has point clouds
     with_points: bool = False
 
     def stamps_ns(self, times_s: NDArray[np.float64], source: Path) -> list[int]:
@@ -58,8 +52,8 @@ class ExportFormat(ABC):
 
     Attributes:
         name: name on the command line.
-        sensors: classes of supported sensors besides cameras.
-        lone_sensors: classes of sensors that are supported only in runs without a camera.
+        sensors, lone_sensors: classes of supported sensors besides cameras, and of sensors that are
+            supported only in runs without a camera.
         holds_motion: True: stores the base's motion, and so supports runs without any sensor.
         channels: supported channels of ground truth.
         dates_stamps: True: stamps count from 1970.
@@ -88,12 +82,6 @@ class ExportFormat(ABC):
         self, recording: Recording, folder: Path, settings: ExportSettings, print_note: PrintNote
     ) -> Iterator[int]:
         """Write a run into an empty folder; yield the number of finished steps after each.
-
-        Args:
-            recording: run to export.
-            folder: folder that becomes the export.
-            settings: settings of the export.
-            print_note: callback for notes on content that the format does not support.
 
         Raises:
             OmnisimError: a file of the run is damaged, or the format lacks required content.
@@ -137,3 +125,30 @@ def restamped(lines: Iterable[str], stamps: Iterable[str], separator: str) -> It
     yield next(rows)
     for line, stamp in zip(rows, stamps, strict=True):
         yield stamp + separator + line.partition(separator)[2]
+
+
+# Depths as 16-bit images.
+
+
+MAX_DEPTH = np.iinfo(np.uint16).max
+
+
+class FarDepths:
+    """Encoder of a camera's depths as integer steps, 0 for none; counts those past its range."""
+
+    def __init__(self, camera: str, steps_per_m: float):
+        self._camera, self._steps_per_m = camera, steps_per_m
+        self._count = 0
+
+    def encode(self, depths_m: NDArray[np.floating[Any]]) -> NDArray[np.uint16]:
+        """Integer steps (height, width) of depths; +inf and depths out of range become 0."""
+        steps = np.round(np.where(np.isfinite(depths_m), depths_m, 0.0) * self._steps_per_m)
+        fits = (steps >= 0.0) & (steps <= MAX_DEPTH)
+        self._count += int(np.count_nonzero(~fits))
+        return np.where(fits, steps, 0.0).astype(np.uint16)
+
+    def note(self, print_note: PrintNote) -> None:
+        """Print a note with the number of depths out of range, if there are any."""
+        if self._count:
+            limit_m = MAX_DEPTH / self._steps_per_m
+            print_note(f"{self._camera}: {self._count} depths past {limit_m:.1f} m are 0: none")

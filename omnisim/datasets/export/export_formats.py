@@ -12,20 +12,13 @@ if TYPE_CHECKING:  # slow to import
 
 
 class FormatEntry(NamedTuple):
-    """Location of a format's class, and its description before it is imported.
+    """Location of a format's class below `omnisim.datasets.export`, before it is imported."""
 
-    Attributes:
-        title: contents and readers, for lists.
-        module: module below `omnisim.datasets.export`.
-        class_name: class in the module.
-        extra: required extra; None: no extra.
-        takes_samples: True: also exports data sets, whose samples become steps of a recording.
-    """
-
-    title: str
+    title: str  # contents and readers, for lists
     module: str
     class_name: str
-    extra: str | None = None
+    extra: str | None = None  # required extra; None: no extra
+    # True: also exports data sets, whose samples become steps of a recording
     takes_samples: bool = False
 
 
@@ -40,9 +33,7 @@ FORMATS = {
         "KITTI odometry: pinholes, deskewed point clouds, poses", "formats.kitti", "Kitti"
     ),
     "kitti360": FormatEntry(
-        "KITTI-360: fisheyes, pinholes, lidar, poses",
-        "formats.kitti360",
-        "Kitti360",
+        "KITTI-360: fisheyes, pinholes, lidar, poses", "formats.kitti360", "Kitti360",
         takes_samples=True,
     ),
     "tum": FormatEntry("TUM RGB-D: images, depths of a pinhole, poses", "formats.tum", "Tum"),
@@ -50,32 +41,23 @@ FORMATS = {
         "EuRoC MAV and TUM VI: cameras, IMU, true states", "formats.euroc", "Euroc"
     ),
     "nerfstudio": FormatEntry(
-        "nerfstudio: transforms.json, images, points",
-        "formats.nerfstudio",
-        "Nerfstudio",
+        "nerfstudio: transforms.json, images, points", "formats.nerfstudio", "Nerfstudio",
         takes_samples=True,
     ),
     "colmap": FormatEntry(
-        "COLMAP: reconstruction as text, images, points",
-        "formats.colmap",
-        "Colmap",
+        "COLMAP: reconstruction as text, images, points", "formats.colmap", "Colmap",
         takes_samples=True,
     ),
     "colmap-binary": FormatEntry(
-        "COLMAP: reconstruction in binary files, images, points",
-        "formats.colmap",
-        "ColmapBinary",
+        "COLMAP: reconstruction in binary files, images, points", "formats.colmap", "ColmapBinary",
         takes_samples=True,
     ),
     "tartanair": FormatEntry(
         "TartanAir V2: images, depths, classes, poses", "formats.tartanair", "Tartanair"
     ),
-}
-LAYOUTS = (
-    "coco",
-    "yolo",
-    *(name for name, entry in FORMATS.items() if entry.takes_samples),
-)  # of data sets
+}  # fmt: skip
+# Of data sets.
+LAYOUTS = ("coco", "yolo", *(name for name, entry in FORMATS.items() if entry.takes_samples))
 
 
 def check_format(name: str) -> str:

@@ -2,18 +2,20 @@
 
 A catadioptric image is mirror-inverted; the image of a lens is not. Flipped left to right, it is
 the image of a lens whose frame is the optical frame after a half turn. The channels of ground truth
-are flipped, too; the points in space are the same.
+are flipped, too; the points in space are the same. A file that cannot be read or written raises an
+`OmnisimError`.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,15 +29,15 @@ from omnisim.cameras import (
 )
 from omnisim.cameras.calibration import CalibratedCamera, calibration_of, save_calibration
 from omnisim.cameras.calibration.encode import caveats, encode
-from omnisim.cameras.calibration.file_frame import is_catadioptric, lens_of
 from omnisim.cameras.calibration.formats.format import Format, LensT
+from omnisim.cameras.calibration.metadata import is_catadioptric, lens_of
 from omnisim.cameras.camera import pixel_grid
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.errors import CalibrationError
 from omnisim.core.files.image_files import write_image, write_numbers
+from omnisim.core.poses import inverse
 from omnisim.datasets.export.export_format import PrintNote
-from omnisim.datasets.export.recorded_camera import RecordedCamera
-from omnisim.datasets.export.recording import Recording
+from omnisim.datasets.export.recording import RecordedCamera, Recording
 
 LensCameraT = TypeVar("LensCameraT", bound=CentralCamera)
 # Half turns from the frame of a flipped lens to the optical frame.
@@ -44,23 +46,14 @@ _ABOUT_X, _ABOUT_Y = np.diag([1.0, -1.0, -1.0, 1.0]), np.diag([-1.0, 1.0, -1.0, 
 
 @dataclass(frozen=True, eq=False)
 class LensCamera:
-    """Camera of a run as a lens.
-
-    Attributes:
-        recorded: camera of the run.
-        model: central model of the camera.
-    """
+    """Camera of a run as a lens, by the central model of the camera."""
 
     recorded: RecordedCamera
     model: CentralCamera
 
     @classmethod
     def of(cls, recorded: RecordedCamera, print_note: PrintNote) -> LensCamera:
-        """Convert a camera to a lens.
-
-        Args:
-            recorded: camera of the run.
-            print_note: callback for a note if the images are flipped.
+        """Convert a camera to a lens; a note says if the images are flipped.
 
         Raises:
             RunError: the camera is non-central.
@@ -101,20 +94,13 @@ class LensCamera:
         return flipped_lens(lens, str(self.recorded.run.path / self.name))
 
     def save_calibration(self, path: Path) -> None:
-        """Write the lens to an omnisim calibration file.
-
-        Raises:
-            OutputError: the file cannot be written.
-        """
+        """Write the lens to an omnisim calibration file."""
         save_calibration(calibration_of(self.lens, self.name), path, "omnisim")
 
     def encode(self, form: Format[LensT], print_note: PrintNote, model: str | None = None) -> LensT:
-        """Lens in a model of a calibration format, exact or the best fit.
+        """Lens in a model of a calibration format, exact or the best fit; a note states the error.
 
-        Args:
-            form: calibration format.
-            print_note: callback for a note on the residual of a fit.
-            model: name of the only allowed model; None: any.
+        A model's name makes it the only one allowed.
 
         Raises:
             CalibrationError: no model of the format fits.
@@ -136,11 +122,7 @@ class LensCamera:
         return np.ascontiguousarray(values[:, ::-1]) if self.is_flipped else values
 
     def copy_image(self, step: int, target: Path) -> None:
-        """Write the image of a step as a PNG file.
-
-        Raises:
-            OutputError: a file cannot be read or written.
-        """
+        """Write the image of a step as a PNG file."""
         image = self.recorded.image(step)  # fails for a damaged image, before anything is copied
         source = self.recorded.image_file(step)
         if self.is_flipped or source.suffix != target.suffix:
@@ -162,11 +144,7 @@ class LensCamera:
         return isinstance(self.model, EquirectangularCamera)
 
     def depths_m(self, step: int) -> NDArray[np.float32]:
-        """Depths (height, width) along the lens's axis, from the channel range; +inf: no hit.
-
-        Raises:
-            OutputError: a file is missing or damaged.
-        """
+        """Depths (height, width) along the lens's axis, from the channel range; +inf: no hit."""
         ranges_m = self.recorded.channel(step, "range")
         along = self.recorded.directions @ self.axis
         hit = np.isfinite(ranges_m)
@@ -184,8 +162,7 @@ class LensCamera:
     def mask(self, front_only: bool = False) -> NDArray[np.bool_] | None:
         """Mask (height, width) of the pixels that show the scene; None: all pixels.
 
-        Args:
-            front_only: True: leave out rays at and past 90° from the axis.
+        `front_only` leaves out rays at and past 90° from the axis.
         """
         shown = self.recorded.valid
         if (covered := self.recorded.mount.covered) is not None:
@@ -201,11 +178,7 @@ class LensCamera:
 
 
 def flipped_lens(lens: LensCameraT, place: str) -> LensCameraT:
-    """Lens whose image is that of another lens, flipped left to right.
-
-    Args:
-        lens: lens to flip.
-        place: name of the camera in messages.
+    """Lens whose image is that of another lens, flipped left to right; `place` names the camera.
 
     Raises:
         CalibrationError: the lens's model does not support flipped images.
@@ -254,16 +227,7 @@ def write_images(
     """Write masks and images; yield the number of finished steps after each.
 
     A mask is 255 where the image shows the scene, else 0; a camera without invalid pixels has none.
-
-    Args:
-        recording: run to export.
-        cameras: cameras of the images.
-        folder: folder of the export.
-        front_only: True: also mask pixels at and past 90° from the lens's axis, except in
-            panoramas.
-
-    Raises:
-        OmnisimError: a file cannot be read or written.
+    `front_only` also masks pixels at and past 90° from the lens's axis, except in panoramas.
     """
     for camera in cameras:
         (folder / IMAGES / camera.name).mkdir(parents=True)
@@ -282,3 +246,95 @@ def note_missing_ranges(cameras: list[LensCamera], contents: str, print_note: Pr
     """Print a note that `contents` are missing, if no camera recorded ranges."""
     if not any(camera.recorded.has("range") for camera in cameras):
         print_note(f"no {contents}: they come from ranges, which --also range records")
+
+
+# Points of the scene from the ranges of a run's images, with the images that see each point.
+#
+# Every k-th row and column of every image gives points. An image sees a point if the range of the
+# pixel nearest to the point's projection equals the point's distance to 1 %. On surfaces that are
+# not seen at grazing angles, the two differ by less; where an occluder hides the point, by more.
+
+
+MAX_POINTS = 20_000
+AGREEMENT = 0.01  # share of the range
+
+
+class Observations(NamedTuple):
+    """Points visible in an image."""
+
+    points: NDArray[np.intp]  # (n,) indices of the points, ascending
+    # (n, 2) projections into the exported image, px from the center of the first pixel
+    pixels: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ScenePoints:
+    """Points of the scene: positions (n, 3) in the world, and colors (n, 3), sRGB."""
+
+    positions_m: NDArray[np.float64]
+    colors: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.positions_m)
+
+
+def sample_points(
+    recording: Recording, cameras: list[LensCamera], max_points: int = MAX_POINTS
+) -> ScenePoints:
+    """About `max_points` points seen by evenly spaced pixels of all images; none without ranges."""
+    ranged = [camera for camera in cameras if camera.recorded.has("range")]
+    pixels = recording.steps * sum(math.prod(camera.recorded.size_px) for camera in ranged)
+    step_px = max(1, math.ceil(math.sqrt(pixels / max_points)))
+    positions: list[NDArray[Any]] = [np.zeros((0, 3))]
+    colors: list[NDArray[Any]] = [np.zeros((0, 3), dtype=np.uint8)]
+    for step in range(recording.steps):
+        for camera in ranged:
+            ranges_m = camera.recorded.channel(step, "range")
+            chosen = np.full(ranges_m.shape, np.inf, dtype=ranges_m.dtype)
+            spread = slice(step_px // 2, None, step_px)
+            chosen[spread, spread] = ranges_m[spread, spread]
+            points_m, hit = camera.recorded.points_m(chosen)
+            base_from_optical = camera.recorded.mount.base_from_optical
+            pose = recording.truth.world_from_base[step] @ base_from_optical
+            positions.append(points_m @ pose[:3, :3].T + pose[:3, 3])
+            colors.append(camera.recorded.image(step)[hit])
+    return ScenePoints(np.concatenate(positions), np.concatenate(colors))
+
+
+def observations(
+    recording: Recording, cameras: list[LensCamera], points: ScenePoints, front_only: bool
+) -> Iterator[Observations]:
+    """Points visible in each image, step by step and camera by camera.
+
+    `front_only` leaves out points at and past 90° from a lens's axis, except in panoramas.
+    """
+    for step in range(recording.steps):
+        for camera in cameras:
+            yield _observations(recording, camera, step, points, front_only)
+
+
+def _observations(
+    recording: Recording, camera: LensCamera, step: int, points: ScenePoints, front_only: bool
+) -> Observations:
+    if not camera.recorded.has("range"):
+        return Observations(np.zeros(0, dtype=np.intp), np.zeros((0, 2)))
+    pose = recording.truth.world_from_base[step] @ camera.recorded.mount.base_from_optical
+    optical_from_world = inverse(pose)
+    local_m = points.positions_m @ optical_from_world[:3, :3].T + optical_from_world[:3, 3]
+    distances_m = np.linalg.norm(local_m, axis=-1)
+    projected = camera.model.pixel_from_ray(local_m)
+    width, height = camera.recorded.size_px
+    nearest = np.rint(np.where(projected.valid[:, None], projected.positions_px, -1.0))
+    inside = projected.valid & np.all((nearest >= 0) & (nearest < (width, height)), axis=-1)
+    if front_only and not camera.is_panorama:
+        inside &= local_m @ camera.axis > 0.0
+    seen = np.flatnonzero(inside)
+    u, v = nearest[seen].astype(np.intp).T
+    ranges_m = camera.recorded.channel(step, "range")[v, u]
+    with np.errstate(invalid="ignore"):  # of missing hits
+        agrees = np.abs(ranges_m - distances_m[seen]) <= AGREEMENT * distances_m[seen]
+    seen = seen[agrees]
+    pixels = projected.positions_px[seen]
+    if camera.is_flipped:
+        pixels = np.stack((width - 1 - pixels[:, 0], pixels[:, 1]), axis=-1)
+    return Observations(seen, pixels)

@@ -1,4 +1,7 @@
-"""Recorded runs for exporters: poses, odometry and sensors."""
+"""Recorded runs for exporters: poses, odometry and sensors.
+
+A file that is missing or damaged, or has another size than its camera, raises an `OmnisimError`.
+"""
 
 from __future__ import annotations
 
@@ -7,22 +10,30 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from omnisim.cameras import CentralCamera, NonCentralCamera
 from omnisim.cameras.calibration.documents import parse_yaml, read_text
+from omnisim.cameras.camera import pixel_grid
 from omnisim.core.errors import OmnisimError, RunError
+from omnisim.core.files.image_files import read_image
 from omnisim.core.poses import check_pose, inverse
 from omnisim.core.trajectories import Trajectory, read_trajectory
 from omnisim.core.trajectories.body_motion import MotionStates
 from omnisim.core.trajectories.odometry import Odometry
 from omnisim.core.trajectories.spline_motion import SplineMotion
-from omnisim.datasets.export.recorded_camera import RecordedCamera
 from omnisim.datasets.export.stored_clouds import StoredCloud, read_cloud, read_table
+from omnisim.ground_truth.label_names import Labels
+from omnisim.ground_truth.stored_channels import StoredChannels
+from omnisim.perception.unwarping.panorama import CameraMount
 from omnisim.robots import read_odometry
 from omnisim.runs.run_folder import GROUND_TRUTH, OBJECTS, ODOMETRY, STATES, RunFolder
 from omnisim.runs.true_states import read_states
+from omnisim.sensors.calibration_file import CALIBRATION, read_mount
+from omnisim.sensors.depth_camera.mounted_depth_camera import STEPS_PER_M
 from omnisim.sensors.imu.mounted_imu import BIAS_COLUMNS, BIASES, PARAMETERS, READINGS
 from omnisim.sensors.imu.mounted_imu import COLUMNS as IMU_COLUMNS
 from omnisim.sensors.sensor import MountedSensor
@@ -34,17 +45,12 @@ NOTED_S = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class ImuReadings:
-    """Readings of an IMU.
+    """Readings of an IMU."""
 
-    Attributes:
-        times_s: (n,) times of the readings.
-        values: (n, 6) angular rate in rad/s and specific force in m/s², in the IMU's frame.
-        biases: (n, 6) biases of the readings, in the same units; None: not recorded.
-    """
-
-    times_s: NDArray[np.float64]
+    times_s: NDArray[np.float64]  # (n,)
+    # (n, 6) angular rate in rad/s and specific force in m/s², IMU's frame
     values: NDArray[np.float64]
-    biases: NDArray[np.float64] | None
+    biases: NDArray[np.float64] | None  # (n, 6) in the same units; None: not recorded
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,28 +61,18 @@ class Recording:
     measurements are numbered from 0, stamped by `times_s(name)`, in the files `run.file(name,
     index, suffix)`; `indices_at(name, step)` are those since the previous step. Formats with one
     measurement of each sensor per frame use `in_frames`, with frames in place of steps.
-
-    Attributes:
-        run: folder of the run.
-        truth: poses of the base at the steps or frames.
-        odometry: readings of the wheels; None: there are none.
-        cameras: exported cameras.
-        frames: by sensor name, number of its measurement at each frame; empty: frames are steps.
     """
 
-    run: RunFolder
-    truth: Trajectory
-    odometry: Odometry | None
-    cameras: tuple[RecordedCamera, ...]
+    run: RunFolder  # folder of the run
+    truth: Trajectory  # poses of the base at the steps or frames
+    odometry: Odometry | None  # readings of the wheels; None: there are none
+    cameras: tuple[RecordedCamera, ...]  # exported cameras
+    # by sensor name, number of its measurement at each frame; empty: frames are steps
     frames: Mapping[str, NDArray[np.intp]] = field(default_factory=dict)
 
     @classmethod
     def read(cls, path: Path, camera_name: str | None = None) -> Recording:
-        """Read a run.
-
-        Args:
-            path: folder of the run.
-            camera_name: only camera to export; None: all cameras.
+        """Read a run, with one of its cameras or all.
 
         Raises:
             OmnisimError: not a run, an unfinished run, an unknown camera, or a damaged file.
@@ -142,12 +138,9 @@ class Recording:
     def in_frames(self, names: Sequence[str], print_note: Callable[[str], None]) -> Recording:
         """Recording whose steps are frames, at the measurements of the slowest of several sensors.
 
-        A frame has the measurement of each other sensor that is nearest in time. If no sensor has
-        its own rate, the result is the recording itself.
-
-        Args:
-            names: sensors of the frames.
-            print_note: callback for notes on sensors that measure at other times.
+        A frame has the measurement of each other sensor that is nearest in time; notes name sensors
+        that measure at other times. If no sensor has its own rate, the result is the recording
+        itself.
         """
         if not any(self.run.has_own_rate(name) for name in names):
             return self
@@ -161,11 +154,7 @@ class Recording:
                     f"{name}: measures up to {late_s:.3g} s from {clock}, whose times are taken"
                 )
         poses = self.states(times[clock]).world_from_base
-        cameras = tuple(
-            dataclasses.replace(camera, indices=frames.get(camera.name)) for camera in self.cameras
-        )
-        truth = Trajectory(times[clock], poses)
-        return dataclasses.replace(self, truth=truth, odometry=None, cameras=cameras, frames=frames)
+        return self._framed(Trajectory(times[clock], poses), frames)
 
     def every(self, stride: int) -> Recording:
         """Recording with every `stride`-th step or frame, from the first, and no wheel odometry."""
@@ -174,18 +163,17 @@ class Recording:
         names = self.frames or [camera.name for camera in self.cameras]
         numbers = np.arange(self.steps)
         frames = {name: self.frames.get(name, numbers)[::stride] for name in names}
+        truth = Trajectory(self.truth.times_s[::stride], self.truth.world_from_base[::stride])
+        return self._framed(truth, frames)
+
+    def _framed(self, truth: Trajectory, frames: dict[str, NDArray[np.intp]]) -> Recording:
         cameras = tuple(
             dataclasses.replace(camera, indices=frames.get(camera.name)) for camera in self.cameras
         )
-        truth = Trajectory(self.truth.times_s[::stride], self.truth.world_from_base[::stride])
         return dataclasses.replace(self, truth=truth, odometry=None, cameras=cameras, frames=frames)
 
     def imu_readings(self, name: str) -> ImuReadings:
-        """Readings of an IMU.
-
-        Raises:
-            RunError: a file of readings cannot be read, or is damaged.
-        """
+        """Readings of an IMU."""
         folder, columns = self.run.path / name, IMU_COLUMNS.split(",")
         if (folder / READINGS).is_file():
             table = read_table(folder / READINGS, *columns).columns
@@ -201,16 +189,9 @@ class Recording:
         return ImuReadings(values[:, 0], values[:, 1:], None)
 
     def start_state(self, name: str, first_s: float) -> MotionStates:
-        """True state of the base at a sensor's first measurement, one row.
+        """True state of the base at a sensor's first measurement, stamped `first_s`; one row.
 
         It does not depend on an error of the sensor's stamps.
-
-        Args:
-            name: name of the sensor.
-            first_s: stamp of its first measurement.
-
-        Raises:
-            RunError: the file of the state cannot be read, or is damaged.
         """
         path = self.run.path / name / START
         return read_states(path)[1] if path.is_file() else self.states(np.array([first_s]))
@@ -221,67 +202,37 @@ class Recording:
         return [name for name in manifest.sensors if issubclass(manifest.sensor_class(name), kind)]
 
     def objects(self) -> dict[str, Trajectory]:
-        """Poses of other vehicles and dynamic objects by name.
-
-        Raises:
-            TrajectoryError: a file is damaged.
-        """
+        """Poses of other vehicles and dynamic objects by name."""
         files = sorted((self.run.path / OBJECTS).glob("*.tum"))
         return {file.stem: read_trajectory(file) for file in files}
 
     def mount(
         self, world_from_sensor: NDArray[np.float64], time_s: float | None = None
     ) -> NDArray[np.float64]:
-        """Pose (4, 4) of a sensor on the base, from its pose in the world at a time.
-
-        Args:
-            world_from_sensor: (4, 4) pose of the sensor.
-            time_s: time of that pose; None: the first step.
-        """
+        """Pose (4, 4) of a sensor on the base, from its world pose at a time (None: first step)."""
         world_from_base = self.truth.world_from_base[0]
         if time_s is not None and time_s != self.truth.times_s[0]:
             world_from_base = self.states(np.array([time_s])).world_from_base[0]
         return inverse(world_from_base) @ world_from_sensor
 
     def cloud(self, name: str, step: int) -> StoredCloud:
-        """Point cloud of a lidar.
-
-        Args:
-            name: name of the lidar.
-            step: index of the frame if `frames` has the lidar, else of the lidar's measurement.
-
-        Raises:
-            RunError: the file cannot be read, or is damaged.
-        """
+        """Point cloud of a lidar at a frame, or by its own number if `frames` has not the lidar."""
         table = self.run.manifest.sensors[name].model_extra or {}
         index = self.index_of(name, step)
         return read_cloud(self.run.file(name, index, f".{table['file_format']}"))
 
     def depth_camera(self, name: str) -> RecordedCamera:
-        """Depth camera; its images are depths.
-
-        Raises:
-            RunError: the calibration cannot be read.
-        """
+        """Depth camera; its images are depths."""
         camera = RecordedCamera.read(self.run, name)
         return dataclasses.replace(camera, indices=self.frames.get(name))
 
     def base_from_lidar(self, name: str) -> NDArray[np.float64]:
-        """Pose (4, 4) of a lidar on the base.
-
-        Raises:
-            RunError: the lidar's first file cannot be read, or is damaged.
-        """
-        return self.mount(
-            self.cloud(name, 0).header.pose("world_from_lidar"), self.times_s(name)[0]
-        )
+        """Pose (4, 4) of a lidar on the base."""
+        pose = self.cloud(name, 0).header.pose("world_from_lidar")
+        return self.mount(pose, self.times_s(name)[0])
 
     def base_from_imu(self, name: str) -> NDArray[np.float64]:
-        """Pose (4, 4) of an IMU on the base.
-
-        Raises:
-            RunError: the IMU's parameters cannot be read.
-        """
+        """Pose (4, 4) of an IMU on the base."""
         path = self.run.path / name / PARAMETERS
         try:
             numbers = np.array(parse_yaml(read_text(path), str(path))["T_BS"]["data"])
@@ -290,11 +241,7 @@ class Recording:
             raise RunError(f"{path}: T_BS: expected the 16 numbers of a pose") from None
 
     def imu_parameters(self, name: str) -> str:
-        """Text of an IMU's parameters, with EuRoC's keys.
-
-        Raises:
-            CalibrationError: the file cannot be read.
-        """
+        """Text of an IMU's parameters, with EuRoC's keys."""
         return read_text(self.run.path / name / PARAMETERS)
 
 
@@ -305,3 +252,117 @@ def _nearest(times_s: NDArray[np.float64], wanted_s: NDArray[np.float64]) -> NDA
     before = np.maximum(after - 1, 0)
     is_before = wanted_s - times_s[before] <= times_s[after] - wanted_s
     return np.where(is_before, before, after)
+
+
+# Cameras of a recorded run: images and ground truth at each step.
+
+
+IMAGE = ".png"
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedCamera:
+    """Camera of a run."""
+
+    run: RunFolder
+    name: str
+    mount: CameraMount  # model, pose on the base, and mask of pixels that show the scene
+    # (n,) number of the camera's image at each frame; None: the frame's own number
+    indices: NDArray[np.intp] | None = field(default=None, kw_only=True)
+
+    @classmethod
+    def read(cls, run: RunFolder, name: str) -> RecordedCamera:
+        """Read the calibration of a camera."""
+        return cls(run, name, read_mount(run.path / name / CALIBRATION))
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height of the images."""
+        return self.mount.camera.width_px, self.mount.camera.height_px
+
+    @property
+    def has_one_viewpoint(self) -> bool:
+        """False for non-central optics."""
+        return not isinstance(self.mount.camera, NonCentralCamera)
+
+    @property
+    def central(self) -> CentralCamera:
+        """Central model of the camera.
+
+        Raises:
+            RunError: the camera is non-central.
+        """
+        if not self.has_one_viewpoint:
+            raise RunError(
+                f"{self.run.path / self.name}: expected a central camera, got optics: "
+                "`omnisim calibration convert` fits one to it"
+            )
+        return self.mount.camera
+
+    def image_file(self, step: int) -> Path:
+        """Image file of a step."""
+        index = step if self.indices is None else int(self.indices[step])
+        return self.run.file(self.name, index, IMAGE)
+
+    def image(self, step: int) -> NDArray[np.uint8]:
+        """Image (height, width, 3) of a step, sRGB."""
+        path = self.image_file(step)
+        pixels, _ = read_image(path)
+        width, height = self.size_px
+        if pixels.shape[:2] != (height, width) or pixels.shape[2] < 3 or pixels.dtype != np.uint8:
+            raise RunError(
+                f"{path}: expected {width} × {height} px of 3 × uint8, got {pixels.shape[1]} × "
+                f"{pixels.shape[0]} px of {pixels.shape[2]} × {pixels.dtype}"
+            )
+        return np.ascontiguousarray(pixels[..., :3])
+
+    def depths_m(self, step: int) -> NDArray[np.float32]:
+        """Depths (height, width) of a depth camera along its axis; +inf: none."""
+        path = self.image_file(step)
+        depths = read_image(path)[0][..., 0]
+        width, height = self.size_px
+        if depths.shape != (height, width) or depths.dtype != np.uint16:
+            raise RunError(f"{path}: expected depths of {width} × {height} px in 16 bits")
+        return np.where(depths, depths / STEPS_PER_M, np.inf).astype("f4")
+
+    def has(self, channel: str) -> bool:
+        """True if the run has a channel of ground truth."""
+        return channel in self.run.manifest.channels
+
+    def channel(self, step: int, name: str) -> NDArray[Any]:
+        """Channel (height, width, …) of ground truth at a step."""
+        path = self.image_file(step)
+        values: NDArray[Any] = StoredChannels(path, {}).read([name])[name]
+        width, height = self.size_px
+        if values.shape[:2] != (height, width):
+            raise RunError(f"{path}: channel {name!r}: expected {width} × {height} px")
+        return values
+
+    def labels(self, step: int) -> Labels | None:
+        """Labels of the classes and instances at a step; None: unknown."""
+        return StoredChannels(self.image_file(step), {}).labels
+
+    @cached_property
+    def _rays(self) -> tuple[NDArray[np.float64], NDArray[np.float64] | None, NDArray[np.bool_]]:
+        rays = self.mount.camera.ray_from_pixel(pixel_grid(*self.size_px))
+        return rays.directions, rays.origins_m, rays.valid
+
+    @property
+    def directions(self) -> NDArray[np.float64]:
+        """Unit vectors (height, width, 3) along the pixels' rays, optical frame."""
+        return self._rays[0]
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Mask (height, width) of the pixels with a ray."""
+        return self._rays[2]
+
+    def points_m(self, ranges_m: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Points (n, 3) in the optical frame of rays with ranges (height, width), and their mask.
+
+        A range of +inf is no hit.
+        """
+        directions, origins_m, valid = self._rays
+        hit = np.isfinite(ranges_m) & valid
+        points: NDArray[np.float64] = directions[hit] * ranges_m[hit, None]
+        return points if origins_m is None else points + origins_m[hit], hit

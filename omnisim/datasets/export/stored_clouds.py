@@ -1,4 +1,4 @@
-"""Stored clouds and scans of a run."""
+"""Stored clouds and scans of a run; a missing or damaged file or value raises `RunError`."""
 
 from __future__ import annotations
 
@@ -17,12 +17,7 @@ from omnisim.sensors.lidar.point_files import PLAIN_POINT, POINT
 
 
 class FileHeader:
-    """Header of a file of a run.
-
-    Args:
-        path: path of the file, for messages.
-        lines: lines `key: value`.
-    """
+    """Header of a file of a run: lines `key: value`, and its path for messages."""
 
     def __init__(self, path: Path, lines: Iterable[str]):
         self._path = path
@@ -30,41 +25,25 @@ class FileHeader:
 
     @property
     def values(self) -> dict[str, Any]:
-        """Values by key, in the order of the file; lines without a value are left out.
-
-        Raises:
-            RunError: a value is damaged.
-        """
+        """Values by key, in the order of the file; lines without a value are left out."""
         return {key: self.value(key) for key, text in self._texts.items() if text}
 
     def value(self, key: str) -> Any:
-        """Value of a key.
-
-        Raises:
-            RunError: the value is missing or damaged.
-        """
+        """Value of a key."""
         try:
             return json.loads(self._texts[key])
         except (KeyError, ValueError, RecursionError):
             raise RunError(f"{self._path}: {key}: is missing or damaged: expected JSON") from None
 
     def number(self, key: str) -> float:
-        """Number of a key.
-
-        Raises:
-            RunError: the value is missing, damaged, or not a number.
-        """
+        """Number of a key."""
         value = self.value(key)
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise RunError(f"{self._path}: {key}: expected a number, got {value!r}")
         return float(value)
 
     def pose(self, key: str) -> NDArray[np.float64]:
-        """Pose (4, 4) of a key.
-
-        Raises:
-            RunError: the value is missing, damaged, or not a pose.
-        """
+        """Pose (4, 4) of a key."""
         try:
             return check_pose(self.value(key))
         except OmnisimError as reason:
@@ -83,12 +62,10 @@ _COUNTS = {".ply": "element vertex ", ".pcd": "POINTS "}
 
 @dataclass(frozen=True, eq=False)
 class StoredCloud:
-    """Point cloud of a revolution.
+    """Point cloud of a revolution, with parameters and poses of the lidar in its header.
 
-    Attributes:
-        header: parameters and poses of the lidar.
-        points: (n,) records of type `POINT`, or `PLAIN_POINT` in older runs, of
-            `omnisim.sensors.lidar.point_files`.
+    Points (n,) are of type `POINT`, or `PLAIN_POINT` in older runs, of
+    `omnisim.sensors.lidar.point_files`.
     """
 
     header: FileHeader
@@ -108,11 +85,7 @@ class StoredCloud:
 
 
 def read_cloud(path: Path) -> StoredCloud:
-    """Read a point cloud written by `PointCloud.save`.
-
-    Raises:
-        RunError: the file cannot be read, was written by another program, or is damaged.
-    """
+    """Read a point cloud written by `PointCloud.save`."""
     try:
         content = path.read_bytes()
     except OSError as reason:
@@ -138,23 +111,14 @@ MAX_NUMBER = 1e30  # within the range of the formats' floats
 
 @dataclass(frozen=True, eq=False)
 class StoredTable:
-    """Table of a sensor.
-
-    Attributes:
-        header: parameters and pose of the sensor.
-        columns: by name, (n,) values each.
-    """
+    """Table of a sensor: parameters and pose of the sensor, and values (n,) by column."""
 
     header: FileHeader
     columns: dict[str, NDArray[np.float64]]
 
 
 def read_table(path: Path, *names: str) -> StoredTable:
-    """Read a table with the given columns.
-
-    Raises:
-        RunError: the file cannot be read, or is damaged.
-    """
+    """Read a table with the given columns."""
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, ValueError) as reason:

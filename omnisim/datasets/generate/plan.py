@@ -14,7 +14,7 @@ from omnisim.core.files.toml_file import read_toml
 from omnisim.datasets.generate.distributions import MAX_SEED, Distributed, Distribution
 from omnisim.datasets.generate.plan_vary import MAX_IMAGES, VaryTable, fixed
 from omnisim.ground_truth import check_channels
-from omnisim.ground_truth.coco import BoxLimits
+from omnisim.ground_truth.boxes import BoxLimits
 
 Weight = Annotated[float, Field(strict=True, gt=0.0, le=1e9)]
 Where = Literal["free", "path", "around", "poses"]

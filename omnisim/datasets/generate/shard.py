@@ -22,8 +22,8 @@ from omnisim.datasets.generate.prepared_plan import PreparedPlan
 from omnisim.datasets.generate.sample_renderer import RenderedSample, SampleRenderer
 from omnisim.datasets.statistics import Statistics
 from omnisim.datasets.tar_file import write_tar
+from omnisim.ground_truth.boxes import BoxLimits
 from omnisim.ground_truth.channel_files import limit_boxes
-from omnisim.ground_truth.coco import BoxLimits
 
 MAX_WAITING = 4  # samples rendered but not yet written
 KEY_DIGITS = 9

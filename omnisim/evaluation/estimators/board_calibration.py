@@ -26,10 +26,9 @@ ITERATIONS, PRECISION = 200, 1e-9  # limits of OpenCV's solvers
 
 
 class BoardCalibration(Estimator):
-    """Method that calibrates the first camera from its images of a board.
+    """Method that calibrates the first camera from its images of a board, such as "8x6:80mm".
 
-    Args:
-        board: description of the board, such as "8x6:80mm", as in `omnisim measure geometry`.
+    The description is that of `omnisim measure geometry`.
 
     Raises:
         MeasurementError: the description of the board is invalid.
@@ -59,11 +58,7 @@ class BoardCalibration(Estimator):
 
     @abstractmethod
     def calibrate(self, views: Sequence[BoardView], size_px: tuple[int, int]) -> CentralCamera:
-        """Calibrate a camera.
-
-        Args:
-            views: the board in each image.
-            size_px: width and height of the images.
+        """Calibrate a camera from the board in each image, and the images' width and height.
 
         Raises:
             OmnisimError: the views do not determine the camera.

@@ -6,7 +6,7 @@ Source: Schönberger & Frahm, "Structure-from-motion revisited", CVPR 2016; pack
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,7 @@ from omnisim.datasets.export.export_format import ExportSettings
 from omnisim.datasets.export.export_formats import format_named
 from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
-from omnisim.evaluation.estimator import Estimator
-from omnisim.evaluation.estimators.camera_center import camera_center_from_base
-from omnisim.evaluation.trajectory_errors import AlignmentKind
+from omnisim.evaluation.estimators.camera_center import CameraTracker
 
 if TYPE_CHECKING:
     import pycolmap
@@ -31,12 +29,11 @@ OVERLAP = 8  # following images that each image is matched with
 MIN_IMAGES, MAX_IMAGES = 3, 40  # per camera; of a longer run, images at equal intervals are taken
 
 
-class ColmapMapping(Estimator):
+class ColmapMapping(CameraTracker):
     """Incremental mapping with the sequence of the first camera's images."""
 
     title = "COLMAP (one camera)"
     package, module = "pycolmap", "pycolmap"
-    alignment: ClassVar[AlignmentKind] = "sim3"
     all_cameras = False
 
     def estimate(self, run: Recording, work: Path) -> Trajectory:
@@ -68,8 +65,9 @@ class ColmapMapping(Estimator):
         pairing.overlap, pairing.quadratic_overlap = OVERLAP, False
         matching = pycolmap.FeatureMatchingOptions()
         matching.use_gpu = False
+        cpu = pycolmap.Device.cpu
         pycolmap.match_sequential(
-            database, matching_options=matching, pairing_options=pairing, device=pycolmap.Device.cpu
+            database, matching_options=matching, pairing_options=pairing, device=cpu
         )
         mapping = pycolmap.IncrementalPipelineOptions()
         mapping.random_seed = 0
@@ -78,14 +76,7 @@ class ColmapMapping(Estimator):
         models = pycolmap.incremental_mapping(
             database, export / "images", work / "models", options=mapping
         )
-        return _trajectory(models, taken, self._tracked_from_base(taken))
-
-    def base_from_tracked(self, run: Recording) -> NDArray[np.float64]:
-        """Frame at the first camera's center, with the base's axes; if the scale is known: base."""
-        return inverse(self._tracked_from_base(run))
-
-    def _tracked_from_base(self, run: Recording) -> NDArray[np.float64]:
-        return camera_center_from_base(run) if self.alignment == "sim3" else np.eye(4)
+        return _trajectory(models, taken, self.tracked_from_base(taken))
 
 
 class ColmapRigMapping(ColmapMapping):
@@ -111,14 +102,10 @@ def _extract(camera: pycolmap.Camera, database: Path, export: Path, name: str) -
     extraction.sift.max_num_features = FEATURES
     images = sorted((export / "images" / name).iterdir())
     pycolmap.extract_features(
-        database,
-        export / "images",
-        image_names=[f"{name}/{path.name}" for path in images],
-        camera_mode=pycolmap.CameraMode.SINGLE,
-        reader_options=reader,
-        extraction_options=extraction,
-        device=pycolmap.Device.cpu,
-    )
+        database, export / "images", image_names=[f"{name}/{path.name}" for path in images],
+        camera_mode=pycolmap.CameraMode.SINGLE, reader_options=reader,
+        extraction_options=extraction, device=pycolmap.Device.cpu,
+    )  # fmt: skip
 
 
 def _apply_rig(given: pycolmap.Reconstruction, database: Path, names: list[str]) -> None:
@@ -129,11 +116,8 @@ def _apply_rig(given: pycolmap.Reconstruction, database: Path, names: list[str])
     cameras = [pycolmap.RigConfigCamera(ref_sensor=True, image_prefix=f"{names[0]}/")]
     for number, name in enumerate(names[1:], start=2):
         sensor = pycolmap.sensor_t(pycolmap.SensorType.CAMERA, number)
-        cameras.append(
-            pycolmap.RigConfigCamera(
-                image_prefix=f"{name}/", cam_from_rig=rig.sensor_from_rig(sensor)
-            )
-        )
+        pose = rig.sensor_from_rig(sensor)
+        cameras.append(pycolmap.RigConfigCamera(image_prefix=f"{name}/", cam_from_rig=pose))
     with pycolmap.Database.open(database) as opened:
         pycolmap.apply_rig_config([pycolmap.RigConfig(cameras=cameras)], opened)
 
@@ -143,11 +127,7 @@ def _trajectory(
     taken: Recording,
     tracked_from_base: NDArray[np.float64],
 ) -> Trajectory:
-    """Poses of the tracked frame at the images of the first camera, in the largest model.
-
-    Raises:
-        EstimatorError: the largest model has too few images.
-    """
+    """Poses of the tracked frame at the images of the first camera, in the largest model."""
     camera = taken.cameras[0]
     poses = {}
     if models:

@@ -18,7 +18,7 @@ from omnisim.perception.landmarks.color_model import Costs
 from omnisim.perception.landmarks.landmark_detector import LandmarkDetector
 from omnisim.perception.localization.filter import LandmarkMap
 from omnisim.perception.localization.filter_parameters import read_parameters
-from omnisim.perception.localization.localize import localize, observation_from_detection
+from omnisim.perception.localization.track import localize, observation_from_detection
 from omnisim.runs.run_data import read_run
 from omnisim.runs.run_labels import train_on_run
 
@@ -42,13 +42,8 @@ class LandmarkLocalization(Estimator):
             [observation_from_detection(one, parameters.measurement) for one in detector(image)]
             for image in data.images()
         ]
-        track = localize(
-            data.odometry,
-            observations,
-            LandmarkMap.of_scene(data.landmarks),
-            parameters,
-            data.mount.position_m,
-        )
+        known, camera_m = LandmarkMap.of_scene(data.landmarks), data.mount.position_m
+        track = localize(data.odometry, observations, known, parameters, camera_m)
         z_m = float(run.truth.positions_m[0, 2])
         poses = [
             pose((x_m, y_m, z_m), yaw_deg=float(np.degrees(yaw_rad)))

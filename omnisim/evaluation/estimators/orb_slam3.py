@@ -15,7 +15,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 import scipy
@@ -29,11 +28,8 @@ from omnisim.core.poses import inverse, pose_from_rotation
 from omnisim.core.trajectories import Trajectory
 from omnisim.datasets.export.lens_camera import LensCamera
 from omnisim.datasets.export.recording import Recording
-from omnisim.evaluation.estimator import Estimator
 from omnisim.evaluation.estimators import orb_slam3_program as program
-from omnisim.evaluation.estimators.camera_center import camera_center_from_base
-from omnisim.evaluation.estimators.gray_images import gray
-from omnisim.evaluation.trajectory_errors import AlignmentKind
+from omnisim.evaluation.estimators.camera_center import CameraTracker
 from omnisim.sensors.imu.mounted_imu import MountedImu
 
 # ORB descriptors of rendered images, for place recognition; `.ci/train_orb_vocabulary.py` makes it.
@@ -43,20 +39,17 @@ MAX_MISFIT_PX = 0.5  # error of the second lens with the first one's coefficient
 _TAIL = 300  # characters of the process's output in a message
 # EuRoC's names of the noise densities in a run's IMU parameters, by ORB-SLAM3's names.
 NOISE = {
-    "NoiseGyro": "gyroscope_noise_density",
-    "NoiseAcc": "accelerometer_noise_density",
-    "GyroWalk": "gyroscope_random_walk",
-    "AccWalk": "accelerometer_random_walk",
-}
+    "NoiseGyro": "gyroscope_noise_density", "NoiseAcc": "accelerometer_noise_density",
+    "GyroWalk": "gyroscope_random_walk", "AccWalk": "accelerometer_random_walk",
+}  # fmt: skip
 Floats = NDArray[np.float64]
 
 
-class OrbSlam3(Estimator):
+class OrbSlam3(CameraTracker):
     """Feature-based SLAM with the first camera."""
 
     title = "ORB-SLAM3 (one camera)"
     package, module, extra = "pyorbslam3", "pyorbslam3", "orb-slam3"
-    alignment: ClassVar[AlignmentKind] = "sim3"
     is_repeatable = False
     cameras = 1
     has_imu = False
@@ -81,7 +74,10 @@ class OrbSlam3(Estimator):
         imu, second = None, None
         if self.has_imu:
             name = run.sensors(MountedImu)[0]
-            imu = _imu_settings(run, name, base_from_body)
+            parameters = parse_yaml(run.imu_parameters(name), name)
+            noise = {key: float(parameters[own]) for key, own in NOISE.items()}
+            imu_from_camera = inverse(run.base_from_imu(name)) @ base_from_body
+            imu = ImuSettings(imu_from_camera, float(parameters["rate_hz"]), noise)
             base_from_body = run.base_from_imu(name)
             readings = run.imu_readings(name)
             np.save(work / program.IMU, np.column_stack((readings.times_s, readings.values)))
@@ -90,22 +86,12 @@ class OrbSlam3(Estimator):
         (work / program.SETTINGS).write_text(settings_text(lenses, fps, second, imu))
         np.save(work / program.TIMES, times_s)
         request = {
-            "vocabulary": str(unpacked_vocabulary(work)),
-            "width_px": lenses[0].width_px,
-            "height_px": lenses[0].height_px,
-            "cameras": self.cameras,
-            "fps": fps,
-        }
+            "vocabulary": str(unpacked_vocabulary(work)), "width_px": lenses[0].width_px,
+            "height_px": lenses[0].height_px, "cameras": self.cameras, "fps": fps,
+        }  # fmt: skip
         (work / program.REQUEST).write_text(json.dumps(request))
         _run_program(work, _frames(run, cameras))
-        return _trajectory(work, times_s, self._tracked_from_base(run) @ base_from_body)
-
-    def base_from_tracked(self, run: Recording) -> Floats:
-        """Frame at the first camera's center, with the base's axes; if the scale is known: base."""
-        return inverse(self._tracked_from_base(run))
-
-    def _tracked_from_base(self, run: Recording) -> Floats:
-        return camera_center_from_base(run) if self.alignment == "sim3" else np.eye(4)
+        return _trajectory(work, times_s, self.tracked_from_base(run) @ base_from_body)
 
 
 class OrbSlam3Stereo(OrbSlam3):
@@ -142,12 +128,7 @@ def _refuse_late(note: str) -> None:
 
 
 def _check_pair(lenses: list[KannalaBrandtCamera]) -> None:
-    """Reject a second lens that differs from the first one in size or distortion.
-
-    Raises:
-        EstimatorError: the image sizes differ, or the first lens's coefficients misfit the second
-            lens by more than `MAX_MISFIT_PX`.
-    """
+    """Reject a second lens that differs from the first one in size, or by `MAX_MISFIT_PX`."""
     first, second = lenses[0], lenses[-1]
     if (first.width_px, first.height_px) != (second.width_px, second.height_px):
         raise EstimatorError("expected two cameras of the same image size")
@@ -160,15 +141,6 @@ def _check_pair(lenses: list[KannalaBrandtCamera]) -> None:
             "ORB-SLAM3 uses the first lens's coefficients for both lenses: "
             f"the second lens's error would be {misfit_px:.3g} px"
         )
-
-
-def _imu_settings(run: Recording, name: str, base_from_camera: Floats) -> ImuSettings:
-    parameters = parse_yaml(run.imu_parameters(name), name)
-    return ImuSettings(
-        inverse(run.base_from_imu(name)) @ base_from_camera,
-        float(parameters["rate_hz"]),
-        {key: float(parameters[own]) for key, own in NOISE.items()},
-    )
 
 
 def _frames(run: Recording, cameras: list[LensCamera]) -> Iterator[bytes]:
@@ -202,11 +174,7 @@ def unpacked_vocabulary(folder: Path) -> Path:
 
 
 def _run_program(work: Path, frames: Iterator[bytes]) -> None:
-    """Run ORB-SLAM3 in its own process.
-
-    Raises:
-        EstimatorError: the process failed.
-    """
+    """Run ORB-SLAM3 in its own process."""
     log = work / "output.txt"
     with log.open("wb") as output:
         process = subprocess.Popen(
@@ -234,9 +202,6 @@ def _trajectory(work: Path, times_s: Floats, tracked_from_body: Floats) -> Traje
     """Trajectory of the tracked frame from the files of frame and keyframe poses.
 
     Frame poses are in the frame of the first keyframe, keyframe poses in the world.
-
-    Raises:
-        EstimatorError: no frame was tracked.
     """
     frames, keyframes = (_poses(work / name) for name in (program.FRAMES, program.KEYFRAMES))
     if not len(frames[0]) or not len(keyframes[0]):
@@ -276,17 +241,11 @@ VIEWER = (
 
 @dataclass(frozen=True, eq=False)
 class ImuSettings:
-    """IMU parameters of a settings file.
+    """IMU parameters of a settings file."""
 
-    Attributes:
-        imu_from_camera: (4, 4) pose of the first camera in the IMU's frame.
-        rate_hz: readings per second.
-        noise: densities of noise and random walk of gyroscope and accelerometer, by their keys in
-            the settings file, in SI units.
-    """
-
-    imu_from_camera: Floats
-    rate_hz: float
+    imu_from_camera: Floats  # (4, 4) pose of the first camera
+    rate_hz: float  # readings per second
+    # densities of noise and random walk by their keys in the settings file, SI units
     noise: dict[str, float]
 
 
@@ -296,14 +255,9 @@ def settings_text(
     first_from_second: Floats | None = None,
     imu: ImuSettings | None = None,
 ) -> str:
-    """Text of a settings file.
+    """Text of a settings file for one or two lenses of the same size, with an IMU or without.
 
-    Args:
-        lenses: one or two lenses of the same size.
-        fps: images per second.
-        first_from_second: (4, 4) pose of the second camera in the first one's frame; None: one
-            camera.
-        imu: IMU parameters; None: no IMU.
+    `first_from_second` is the (4, 4) pose of the second camera.
     """
     first = lenses[0]
     lines = ["%YAML:1.0", "---", 'File.version: "1.0"', 'Camera.type: "KannalaBrandt8"']
@@ -340,3 +294,14 @@ def _matrix(key: str, pose: Floats) -> list[str]:
 def _real(value: float) -> str:
     """Number with a decimal point, since ORB-SLAM3 refuses integers."""
     return f"{float(value):.17g}" if "." in f"{float(value):.17g}" else f"{float(value):.1f}"
+
+
+# Gray images for estimators.
+
+
+LUMA = np.array((0.299, 0.587, 0.114), dtype=np.float32)  # ITU-R BT.601, as in OpenCV
+
+
+def gray(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Gray image (height, width) of an sRGB image (height, width, 3)."""
+    return np.rint(image.astype(np.float32) @ LUMA).astype(np.uint8)

@@ -67,15 +67,12 @@ def wait_for_mapping() -> None:
     """Wait until all other threads are idle, so that the map is independent of the load."""
     end_s, idle = time.monotonic() + MAX_WAIT_S, 0
     seen: dict[str, Slices] = {}
+    own = str(threading.get_native_id())
     while idle < IDLE_CHECKS and time.monotonic() < end_s:
         time.sleep(CHECK_S)
-        busy = [_is_busy(task, seen) for task in _other_threads()]
+        tasks = [task for task in Path("/proc/self/task").iterdir() if task.name != own]
+        busy = [_is_busy(task, seen) for task in tasks]
         idle = 0 if any(busy) else idle + 1
-
-
-def _other_threads() -> list[Path]:
-    own = str(threading.get_native_id())
-    return [task for task in Path("/proc/self/task").iterdir() if task.name != own]
 
 
 def _is_busy(task: Path, seen: dict[str, Slices]) -> bool:

@@ -32,11 +32,9 @@ class OwnCommand(Estimator):
     def estimate(self, run: Recording, work: Path) -> Trajectory:
         """Poses of the base from the command's TUM file."""
         path = work / "estimate.tum"
-        paths = {"{run}": str(run.run.path.absolute()), "{out}": str(path)}
-        arguments = [
-            word.replace("{run}", paths["{run}"]).replace("{out}", paths["{out}"])
-            for word in shlex.split(self.command)
-        ]
+        source = str(run.run.path.absolute())
+        words = shlex.split(self.command)
+        arguments = [word.replace("{run}", source).replace("{out}", str(path)) for word in words]
         try:
             done = subprocess.run(
                 arguments, capture_output=True, text=True, errors="replace", cwd=work, check=False

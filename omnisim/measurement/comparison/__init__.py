@@ -10,12 +10,6 @@ from omnisim.measurement.comparison.scene_comparison import compare_scene, compa
 from omnisim.measurement.geometry.placed_board import BoardSurface, locate_board
 
 __all__ = [
-    "BoardSurface",
-    "Comparison",
-    "ImageComparison",
-    "compare_images",
-    "compare_scene",
-    "compare_scene_images",
-    "locate_board",
-    "pose_indices",
-]
+    "BoardSurface", "Comparison", "ImageComparison", "compare_images", "compare_scene",
+    "compare_scene_images", "locate_board", "pose_indices",
+]  # fmt: skip

@@ -24,7 +24,6 @@ from omnisim.measurement.comparison.twin_board import (
     render_twin,
     visible_patches,
 )
-from omnisim.measurement.edge_rise import edge_rise_px
 from omnisim.measurement.geometry.board_detection import find_board
 from omnisim.measurement.geometry.boards import Board, BoardView
 from omnisim.measurement.geometry.placed_board import BoardSurface, locate_board
@@ -37,78 +36,45 @@ MAX_OFFSET_PX = 1.0  # beyond it, another edge was found: the corner counts as l
 
 @dataclass(frozen=True, eq=False)
 class ImageComparison:
-    """Image of a board compared with the twin's rendered image.
+    """Image of a board compared with the twin's rendered image; not found or seen: NaN."""
 
-    Attributes:
-        name: image file.
-        image, twin: (height, width) gray levels.
-        corners_px: (n, 2) corners in the image.
-        offsets_px: (n, 2) corners found in the twin, minus those in the image; NaN: not found.
-        rises_px: (edges, 2) 10-90 % rise of each edge in the image and in the twin; NaN: not seen.
-        edge_centers_px: (edges, 2) middle of each edge in the image.
-        levels: (patches, 2) gray levels of squares or other patches of one color in the image and
-            in the twin.
-        blocks: (blocks, 2, 2) gray level and noise of even blocks in the image and in the twin.
-    """
-
-    name: str
-    image: NDArray[np.uint8]
-    twin: NDArray[np.uint8]
-    corners_px: Floats
-    offsets_px: Floats
-    rises_px: Floats
-    edge_centers_px: Floats
-    levels: Floats
+    name: str  # image file
+    image: NDArray[np.uint8]  # (height, width) gray levels
+    twin: NDArray[np.uint8]  # (height, width) gray levels
+    corners_px: Floats  # (n, 2) corners in the image
+    offsets_px: Floats  # (n, 2) corners in the twin minus those in the image
+    rises_px: Floats  # (edges, 2) 10-90 % rise of each edge in the image and in the twin
+    edge_centers_px: Floats  # (edges, 2) middle of each edge in the image
+    levels: Floats  # (patches, 2) gray levels of patches of one color in the image and in the twin
+    # (blocks, 2, 2) gray level and noise of even blocks in the image and in the twin
     blocks: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class Ring:
-    """Errors of the twin in a ring of the image.
+    """Errors of the twin in a ring of the image; NaN: all corners are lost, or too few edges."""
 
-    Attributes:
-        radius_px: outer radius about the principal point.
-        corners: number of corners.
-        lost: number of corners that are too far off, or not found, in the twin; `bias_px` and
-            `rms_px` exclude them.
-        bias_px: (2,) mean or median offset of the corners along the radius and across the radius;
-            NaN: all are lost.
-        rms_px: root mean square of the corners' offsets.
-        rise_px, twin_rise_px: median 10-90 % rise of edges in the images and in the twin; NaN: too
-            few edges.
-    """
-
-    radius_px: float
-    corners: int
-    lost: int
-    bias_px: Floats
-    rms_px: float
-    rise_px: float
-    twin_rise_px: float
+    radius_px: float  # outer radius about the principal point
+    corners: int  # number of corners
+    lost: int  # corners too far off, or not found, in the twin; bias and rms exclude them
+    bias_px: Floats  # (2,) mean or median offset of the corners along and across the radius
+    rms_px: float  # root mean square of the corners' offsets
+    rise_px: float  # median 10-90 % rise of edges in the images
+    twin_rise_px: float  # the same in the twin
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Images compared with the twin's, and the errors of the twin in each ring.
+    """Images compared with the twin's, and the errors of the twin in each ring."""
 
-    Attributes:
-        images: each image with its twin.
-        rings: rings of the image with equally many corners, from the middle outward.
-        level_errors: (patches,) gray levels of the twin minus those of the images.
-        noise: noise of images and twin by gray level.
-    """
-
-    images: tuple[ImageComparison, ...]
-    rings: tuple[Ring, ...]
-    level_errors: Floats
-    noise: tuple[NoiseLevel, ...]
+    images: tuple[ImageComparison, ...]  # each image with its twin
+    rings: tuple[Ring, ...]  # rings of the image with equally many corners, from the middle outward
+    level_errors: Floats  # (patches,) gray levels of the twin minus those of the images
+    noise: tuple[NoiseLevel, ...]  # noise of images and twin by gray level
 
     @property
     def bias_px(self) -> float:
-        """Largest absolute offset of a ring's corners, along or across the radius.
-
-        Infinite if all corners of a ring are lost.
-        """
+        """Largest absolute offset of a ring's corners, along or across; infinite: all are lost."""
         biases = [float(np.abs(ring.bias_px).max()) for ring in self.rings]
         return max(bias if math.isfinite(bias) else math.inf for bias in biases)
 
@@ -126,20 +92,16 @@ def compare_image(
     board_m: Floats | None = None,
     mirrored: bool = False,
 ) -> ImageComparison:
-    """Render a board in the pose that it has in an image, and compare both images.
+    """Render a board in the pose that it has in a gray image, and compare both images.
 
-    Args:
-        sensor: twin of the camera.
-        board: calibration board.
-        view: the board in the image.
-        image: (height, width) gray image.
-        board_m: (corners, 3) measured positions of the board's corners; None: flat.
-        mirrored: the camera looks into a mirror.
+    The board's corners are at `board_m` (corners, 3), as measured; None: flat.
 
     Raises:
         MeasurementError: the image and the sensor differ in size, or the board is outside the
             twin's field of view or not found in the twin's image.
     """
+    import cv2
+
     camera = sensor.model
     if (camera.width_px, camera.height_px) != image.shape[::-1]:
         raise MeasurementError(
@@ -167,28 +129,15 @@ def compare_image(
         [edge_rise_px(one, start, end, pattern.clear) for one in (image, twin)]
         for start, end in zip(starts, ends, strict=True)
     ]
-    levels = [patch_levels(one, samples) for one in (image, twin)]
-    return ImageComparison(
-        view.name,
-        image,
-        twin,
-        view.pixels_px,
-        _offsets_px(view, found),
-        np.array(rises).reshape(-1, 2),
-        0.5 * (starts + ends),
-        np.stack(levels, axis=1),
-        even_blocks(image, twin, _board_field(view, image)),
-    )
-
-
-def _board_field(view: BoardView, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Mask (height, width) of the convex hull of a board's corners; 255: inside."""
-    import cv2
-
-    field = np.zeros(image.shape, dtype=np.uint8)
+    levels = np.stack([patch_levels(one, samples) for one in (image, twin)], axis=1)
+    field = np.zeros(image.shape, dtype=np.uint8)  # 255 among the corners
     hull = cv2.convexHull(np.rint(view.pixels_px).astype(np.int32))
     cv2.fillConvexPoly(field, hull, (255,))
-    return field
+    return ImageComparison(
+        view.name, image, twin, view.pixels_px, _offsets_px(view, found),
+        np.array(rises).reshape(-1, 2), 0.5 * (starts + ends), levels,
+        even_blocks(image, twin, field),
+    )  # fmt: skip
 
 
 def _offsets_px(view: BoardView, found: BoardView) -> Floats:
@@ -216,14 +165,10 @@ def compare_images(
     average: Callable[[Floats], np.floating[Any]] = np.mean,
     min_edges: int = 1,
 ) -> Comparison:
-    """Errors of a twin over the field.
+    """Errors of a twin over the field, from at least one image beside its twin.
 
-    Args:
-        sensor: twin of the camera.
-        images: images beside their twins, at least one.
-        max_offset_px: offset beyond which a corner counts as lost.
-        average: average of a ring's offsets.
-        min_edges: edges of a ring without which its rise is unknown.
+    A corner farther off than `max_offset_px` is lost; the rise of a ring with fewer edges is
+    unknown.
     """
     center = np.array(sensor.model.principal_point_px)
     corners = np.concatenate([one.corners_px for one in images])
@@ -248,17 +193,10 @@ def compare_images(
         of_edges = (edge_radii >= low) & (edge_radii < high) & np.isfinite(rises).all(axis=1)
         seen = rises[of_edges]
         median = np.median(seen, axis=0) if len(seen) >= min_edges else np.full(2, np.nan)
-        rings.append(
-            Ring(
-                float(radii[in_ring].max()),
-                int(in_ring.sum()),
-                int(in_ring.sum() - inside.sum()),
-                bias,
-                rms,
-                float(median[0]),
-                float(median[1]),
-            )
-        )
+        count = int(in_ring.sum())
+        lost = count - int(inside.sum())
+        radius_px = float(radii[in_ring].max())
+        rings.append(Ring(radius_px, count, lost, bias, rms, *median.tolist()))
     levels = np.concatenate([one.levels for one in images])
     noise = noise_by_level([one.blocks for one in images])
     return Comparison(tuple(images), tuple(rings), levels[:, 1] - levels[:, 0], noise)
@@ -292,16 +230,11 @@ _MASK = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]])
 
 
 class NoiseLevel(NamedTuple):
-    """Noise at one gray level.
+    """Noise at one gray level."""
 
-    Attributes:
-        level: middle of the bin of gray levels.
-        blocks: number of blocks in the images.
-        noise, twin_noise: median standard deviation in the images and in the twin's, gray levels.
-    """
-
-    level: float
-    blocks: int
+    level: float  # middle of the bin of gray levels
+    blocks: int  # number of blocks in the images
+    # noise, twin_noise: median standard deviation in the images and in the twin's, gray levels
     noise: float
     twin_noise: float
 
@@ -311,11 +244,8 @@ def even_blocks(
 ) -> Floats:
     """Mean level and noise of blocks that are even in both images: (blocks, 2, 2).
 
-    The second axis is image and twin, the third mean and standard deviation.
-
-    Args:
-        image, twin: (height, width) gray images.
-        field: (height, width) mask of the blocks to use; 0: not used.
+    The second axis is image and twin (height, width), the third mean and standard deviation. Blocks
+    are within `field` (height, width); 0: not used.
     """
     whole = _blocks(field > 0).all(axis=(2, 3))
     parts, is_even = [], whole
@@ -336,11 +266,7 @@ def even_blocks(
 
 
 def noise_by_level(blocks: Sequence[Floats]) -> tuple[NoiseLevel, ...]:
-    """Noise in bins of gray levels that have enough blocks.
-
-    Args:
-        blocks: blocks (n, 2, 2) of each image, from `even_blocks`.
-    """
+    """Noise in bins of gray levels that have enough of the blocks (n, 2, 2) of each image."""
     both = np.concatenate([np.zeros((0, 2, 2)), *blocks])
     bins = np.floor(both[..., 0] / BIN_LEVELS).astype(np.int64)
     rows = []
@@ -366,16 +292,10 @@ def _blocks(values: NDArray[_T]) -> NDArray[_T]:
 def pose_indices(
     files: Sequence[Path], names: Sequence[str] | None, count: int, source: Path
 ) -> NDArray[np.intp]:
-    """Index of the pose of each image (files,).
+    """Index of the pose of each image (files,), from the names of the poses' images.
 
     Names are compared without their folders and suffixes. Without names, there must be as many
-    poses as images, in the order of the images' names.
-
-    Args:
-        files: image files.
-        names: name of each pose's image; None: not known.
-        count: number of poses.
-        source: file of the poses, for messages.
+    poses (`count`, in the file `source`) as images, in the order of the images' names.
 
     Raises:
         MeasurementError: an image without a pose, a name twice, or another number of poses.
@@ -398,3 +318,65 @@ def pose_indices(
         if file.stem in repeated:
             raise MeasurementError(f"{source}: several poses of {file.stem}: expected one")
     return np.array([index_of_stem[file.stem] for file in files])
+
+
+# Rise of brightness across a straight edge.
+#
+# Source: ISO 12233:2023, edge spread function: pixels binned by their distance from the edge.
+
+
+BIN_PX = 0.25
+MIN_LENGTH_PX = 6.0
+MIN_CONTRAST = 20.0  # of 255
+_REACH_PX = 8.0
+
+
+def edge_rise_px(
+    image: NDArray[np.uint8],
+    start_px: NDArray[np.float64],
+    end_px: NDArray[np.float64],
+    clear: float = 0.4,
+) -> float:
+    """Distance over which an edge rises from 10 % to 90 %, px; NaN: too short, faint or blurred.
+
+    Uses the middle half of the edge between two corners (2,) of the board; a share `clear` of its
+    length, to both sides, is without other edges.
+    """
+    along = end_px - start_px
+    length = float(np.linalg.norm(along))
+    if length < MIN_LENGTH_PX:
+        return math.nan
+    along = along / length
+    across = np.array([-along[1], along[0]])
+    middle, half = 0.5 * (start_px + end_px), 0.25 * length
+    reach = min(_REACH_PX, clear * length)
+    corner = np.abs(along) * half + np.abs(across) * reach
+    low = np.floor(middle - corner).astype(np.int64).clip(0)
+    high = np.ceil(middle + corner).astype(np.int64) + 1
+    part = image[low[1] : high[1], low[0] : high[0]].astype(np.float64)
+    if part.size < 12:
+        return math.nan
+    v, u = np.indices(part.shape)
+    offsets = np.stack((u + low[0], v + low[1]), axis=-1) - middle
+    inside = (np.abs(offsets @ along) <= half) & (np.abs(offsets @ across) <= reach)
+    return _rise_px((offsets @ across)[inside], part[inside], reach)
+
+
+def _rise_px(distances: NDArray[np.float64], levels: NDArray[np.float64], reach: float) -> float:
+    """Rise, px, of gray levels (n,) by distances (n,) up to `reach`; NaN: no clear one."""
+    sides = levels[distances < -0.5 * reach], levels[distances > 0.5 * reach]
+    if min(map(len, sides)) < 3:
+        return math.nan
+    black, white = (float(np.median(side)) for side in sides)
+    if abs(white - black) < MIN_CONTRAST:
+        return math.nan
+    share = (levels - black) / (white - black)
+    bins = np.floor((distances + reach) / BIN_PX).astype(np.int64)
+    count = np.bincount(bins)
+    filled = count > 0
+    positions = np.bincount(bins, distances)[filled] / count[filled]
+    profile = np.maximum.accumulate(np.bincount(bins, share)[filled] / count[filled])
+    if profile[0] > 0.1 or profile[-1] < 0.9:
+        return math.nan
+    low, high = (float(np.interp(part, profile, positions)) for part in (0.1, 0.9))
+    return high - low

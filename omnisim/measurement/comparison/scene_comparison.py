@@ -17,11 +17,11 @@ from omnisim.measurement.comparison.comparison import (
     Comparison,
     ImageComparison,
     compare_images,
+    edge_rise_px,
     even_blocks,
 )
-from omnisim.measurement.edge_rise import edge_rise_px
 from omnisim.measurement.geometry.board_detection import LUMA, read_gray
-from omnisim.measurement.sharpness.edge_fit import EdgeLine, UnusableEdge, find_edges, fit_edge
+from omnisim.measurement.sharpness.edge_fit import UnusableEdge, find_edges, fit_edge
 from omnisim.rendering.camera.degradations import Encoding
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.stage import open_sensor
@@ -40,13 +40,9 @@ def compare_scene(
     *,
     unlit: bool = False,
 ) -> Iterator[ImageComparison]:
-    """Render a scene from the pose of each image, and compare both; yields one image at a time.
+    """Render a scene, at 0 s, from each image's pose, and compare both; yields one image at a time.
 
-    Args:
-        sensor: twin of the camera.
-        scene: scene in the images, at 0 s of its own time.
-        photos: image files, each with the pose (4, 4) world_from_base of the camera's vehicle.
-        unlit: render plain base colors, without lights.
+    The poses (4, 4) are world_from_base of the camera's vehicle. Unlit: plain base colors.
 
     Raises:
         MeasurementError: an image that cannot be read, or differs from the sensor in size.
@@ -79,49 +75,27 @@ def check_size(path: Path, image: NDArray[np.uint8], sensor: OmniCamera) -> None
 def compare_scene_image(
     name: str, image: NDArray[np.uint8], twin: NDArray[np.uint8], field: NDArray[np.uint8]
 ) -> ImageComparison:
-    """Compare a gray image (height, width) with the twin's.
-
-    Args:
-        name: name of the image.
-        image: gray image of the camera.
-        twin: gray image of the twin.
-        field: (height, width) mask of the pixels to compare, see `seen_field`.
-    """
+    """Compare a gray image (height, width) with the twin's, within a mask of `seen_field`."""
     corners, offsets = track_corners(image, twin, field)
-    edges = _clean_edges(image, field)
-    rises = [
-        [edge_rise_px(gray, edge.start_px, edge.end_px) for gray in (image, twin)] for edge in edges
-    ]
-    centers = [0.5 * (edge.start_px + edge.end_px) for edge in edges]
-    blocks = even_blocks(image, twin, field)
-    return ImageComparison(
-        name,
-        image,
-        twin,
-        corners,
-        offsets,
-        np.array(rises).reshape(-1, 2),
-        np.array(centers).reshape(-1, 2),
-        blocks[..., 0],
-        blocks,
-    )
-
-
-def _clean_edges(image: NDArray[np.uint8], field: NDArray[np.uint8]) -> list[EdgeLine]:
-    """Straight edges between two even areas of an image, within a mask."""
     light = image / 255.0
     clipped = np.zeros(image.shape, dtype=np.bool_)  # white and black paper count, too
-    edges = []
+    rises, centers = [], []
     for edge in find_edges(light):
-        column, row = np.rint(0.5 * (edge.start_px + edge.end_px)).astype(int).tolist()
+        center = 0.5 * (edge.start_px + edge.end_px)
+        column, row = np.rint(center).astype(int).tolist()
         if not field[row, column]:
             continue
         try:
             fit_edge(light, clipped, edge)
         except UnusableEdge:
             continue
-        edges.append(edge)
-    return edges
+        centers.append(center)
+        rises.append([edge_rise_px(gray, edge.start_px, edge.end_px) for gray in (image, twin)])
+    blocks = even_blocks(image, twin, field)
+    return ImageComparison(
+        name, image, twin, corners, offsets, np.array(rises).reshape(-1, 2),
+        np.array(centers).reshape(-1, 2), blocks[..., 0], blocks,
+    )  # fmt: skip
 
 
 def compare_scene_images(sensor: OmniCamera, images: list[ImageComparison]) -> Comparison:
@@ -188,12 +162,8 @@ def seen_field(camera: CentralCamera) -> Gray:
 def track_corners(image: Gray, twin: Gray, field: Gray) -> tuple[Floats, Floats]:
     """Corners (n, 2) in an image, and their offsets (n, 2) in the twin's; NaN: not found.
 
-    Brightness and contrast may differ: both images are normalized around each pixel first.
-
-    Args:
-        image: (height, width) gray image of the camera.
-        twin: (height, width) gray image of the twin.
-        field: (height, width) mask of pixels where corners are searched.
+    Brightness and contrast may differ: both images (height, width) are normalized around each pixel
+    first. Corners are searched within `field` (height, width).
     """
     import cv2
 

@@ -42,18 +42,22 @@ def render_twin(
     patches: Patches,
     image: NDArray[np.uint8],
 ) -> NDArray[np.uint8]:
-    """Gray image (height, width) of a board by the twin, under light that fits a camera's image.
-
-    Args:
-        sensor: twin of the camera.
-        board: the board in the image.
-        pattern: printed pattern.
-        patches: patches to which the light is fitted.
-        image: (height, width) gray image of the camera.
-    """
-    light = _seen_light(sensor, board, patches, image)
-    background = float(_encoding(sensor).linearized(np.array(np.median(image) / 255.0)))
-    scene = board_scene(board, pattern, light, background)
+    """Gray image (height, width) of a printed board by the twin, in light fitted to patches."""
+    encoding = sensor.degradation.encoding or Encoding()  # sRGB if it has none
+    # the twin's own vignetting is divided out, since it is rendered again
+    geometry = ImageGeometry.of_camera(sensor.model)
+    falloff = np.ones((geometry.height_px, geometry.width_px, 4), dtype=np.float32)
+    if sensor.degradation.vignetting is not None:
+        falloff = sensor.degradation.vignetting.apply(falloff, geometry)
+    pixels = patch_samples_px(patches, board)
+    levels = patch_levels(image, pixels)
+    light = encoding.linearized(levels / 255.0)
+    light /= np.maximum(patch_levels(falloff[..., 1], pixels), _MIN_FALLOFF)
+    is_used = levels < _CLIPPED  # the light of clipped paper is unknown
+    if (is_used & ~patches.is_black).sum() < MIN_PATCHES:
+        is_used[:] = True
+    background = float(encoding.linearized(np.array(np.median(image) / 255.0)))
+    scene = board_scene(board, pattern, fit_light(patches, light, is_used), background)
     rig_from_board = np.eye(4)
     rig_from_board[:3] = sensor.model.rig_from_optical @ board.pose[:3]
     base_from_board = sensor.base_from_rig @ rig_from_board
@@ -65,14 +69,7 @@ def render_twin(
 def board_scene(
     board: PlacedBoard, pattern: PrintedPattern, light: BoardLight, background: float
 ) -> Scene:
-    """Scene of a board in its own frame.
-
-    Args:
-        board: board, whose shape is used.
-        pattern: printed pattern.
-        light: linear light on the board.
-        background: linear light of the background.
-    """
+    """Scene of a board in its own frame, under linear light, before a background of such light."""
     lines = np.stack(np.meshgrid(pattern.x_m, pattern.y_m), axis=-1)
     corners = (np.s_[:-1, :-1], np.s_[:-1, 1:], np.s_[1:, 1:], np.s_[1:, :-1])
     points = board.surface.points(lines)
@@ -94,33 +91,6 @@ def board_scene(
     )
 
 
-def _seen_light(
-    sensor: OmniCamera, board: PlacedBoard, patches: Patches, image: NDArray[np.uint8]
-) -> BoardLight:
-    """Smooth light on a board, without the twin's own vignetting, which is rendered again."""
-    pixels = patch_samples_px(patches, board)
-    levels = patch_levels(image, pixels)
-    light = _encoding(sensor).linearized(levels / 255.0)
-    light /= np.maximum(patch_levels(_falloff(sensor), pixels), _MIN_FALLOFF)
-    is_used = levels < _CLIPPED  # the light of clipped paper is unknown
-    if (is_used & ~patches.is_black).sum() < MIN_PATCHES:
-        is_used[:] = True
-    return fit_light(patches, light, is_used)
-
-
-def _encoding(sensor: OmniCamera) -> Encoding:
-    """Transfer function of a camera; sRGB if it has none."""
-    return sensor.degradation.encoding or Encoding()
-
-
-def _falloff(sensor: OmniCamera) -> NDArray[np.float32]:
-    """Share (height, width) of the light that vignetting leaves."""
-    geometry = ImageGeometry.of_camera(sensor.model)
-    light = np.ones((geometry.height_px, geometry.width_px, 4), dtype=np.float32)
-    vignetting = sensor.degradation.vignetting
-    return light[..., 1] if vignetting is None else vignetting.apply(light, geometry)[..., 1]
-
-
 # Light on a board: gray levels of even patches, and smooth light fitted to them.
 
 
@@ -135,16 +105,12 @@ class BoardLight(NamedTuple):
     """Smooth light on a board: quadratic polynomials of the position, of paper and of ink.
 
     Ink has its own polynomial: it shines, and the lens's stray light, which is the same for both,
-    is much to it. Beyond the fitted patches, the light is that of their edge.
-
-    Attributes:
-        low_m, high_m: (2,) corners of the rectangle of all patches.
-        paper, ink: (6,) coefficients of 1, x, y, x², x y, y², with x and y from -1 to 1 in the
-            rectangle.
+    is much to it. Beyond the fitted patches, the light is that of their edge. The coefficients (6,)
+    are of 1, x, y, x², x y, y²; x and y are −1 to 1 in the rectangle of all patches.
     """
 
-    low_m: Floats
-    high_m: Floats
+    low_m: Floats  # (2,) lower corner of the rectangle
+    high_m: Floats  # (2,) upper corner
     paper: Floats
     ink: Floats
 
@@ -155,14 +121,9 @@ class BoardLight(NamedTuple):
 
 
 def fit_light(patches: Patches, light: Floats, is_used: NDArray[np.bool_]) -> BoardLight:
-    """Fit smooth light to the patches of a board.
+    """Fit smooth light to the linear light (patches,) of those patches of a board that are used.
 
     Of boards with few patches, the light of ink is taken as a constant share of that of paper.
-
-    Args:
-        patches: patches of the board.
-        light: (patches,) linear light.
-        is_used: (patches,) False: patches whose light is unknown.
     """
     low: Floats = patches.rectangles_m[:, :2].min(axis=0)
     high: Floats = patches.rectangles_m[:, 2:].max(axis=0)
@@ -224,13 +185,9 @@ def patch_samples_px(patches: Patches, board: PlacedBoard) -> Floats:
 def matching_pattern(
     image: NDArray[np.uint8], patterns: list[PrintedPattern], board: PlacedBoard, view: BoardView
 ) -> PrintedPattern:
-    """Pattern whose ink is darkest in an image, compared with its paper.
+    """Pattern of the same cells whose ink is darkest in an image (height, width), beside its paper.
 
-    Args:
-        image: (height, width) gray image.
-        patterns: patterns of the same cells.
-        board: the board in the image.
-        view: detected corners, among which the cells are compared.
+    Only cells among the detected corners of the view are compared.
     """
     if len(patterns) == 1:
         return patterns[0]
@@ -267,17 +224,12 @@ _PAPER = 1  # squares of white paper around the squares of a board
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Rectangles of one color, large enough for a comparison of their gray levels.
+    """Rectangles of one color, large enough for a comparison of their gray levels."""
 
-    Attributes:
-        rectangles_m: (patches, 4) left, top, right and bottom on the board.
-        between_m: (patches, 4) rectangle of four corners of the board that contains each patch.
-        is_black: (patches,) True for ink.
-    """
-
-    rectangles_m: Floats
+    rectangles_m: Floats  # (patches, 4) left, top, right and bottom on the board
+    # (patches, 4) rectangle of four corners of the board that contains each patch
     between_m: Floats
-    is_black: Bools
+    is_black: Bools  # (patches,) True for ink
 
     @property
     def centers_m(self) -> Floats:
@@ -291,24 +243,16 @@ class Patches:
 
 @dataclass(frozen=True, eq=False)
 class PrintedPattern:
-    """Print of a board in its own plane, x along the rows and y along the columns.
+    """Print of a board in its own plane, x along the rows and y along the columns."""
 
-    Attributes:
-        x_m: (columns + 1,) positions of the vertical lines between cells, ascending.
-        y_m: (rows + 1,) positions of the horizontal lines, ascending.
-        is_black: (rows, columns) True for cells of ink.
-        patches: patches whose gray levels are compared.
-        edges_m: (edges, 2, 2) both ends of edges between ink and paper, at corners of the board.
-        clear: distance from an edge, as a share of its length, up to which each side is of one
-            color.
-    """
-
+    # x_m, y_m: (columns + 1,) and (rows + 1,) lines between cells, ascending
     x_m: Floats
     y_m: Floats
-    is_black: Bools
-    patches: Patches
+    is_black: Bools  # (rows, columns) True for cells of ink
+    patches: Patches  # patches whose gray levels are compared
+    # (edges, 2, 2) both ends of edges between ink and paper, at corners of the board
     edges_m: Floats
-    clear: float
+    clear: float  # share of an edge's length up to which each side is of one color
 
     @property
     def cell_centers_m(self) -> Floats:
@@ -320,8 +264,8 @@ class PrintedPattern:
 def possible_patterns(board: Board) -> list[PrintedPattern]:
     """Patterns that a board's description permits; an image tells which one was printed.
 
-    The first square of a chessboard is black or white, and the tags of an AprilGrid have any of
-    four rotations.
+    The first square of a chessboard is black or white; an AprilGrid's tags have any of four
+    rotations.
     """
     if isinstance(board, Chessboard):
         return [_chessboard(board, first) for first in (0, 1)]
@@ -349,15 +293,10 @@ def _charuco(board: CharucoBoard) -> PrintedPattern:
     bits = len(next(iter(markers.values())))
     lines = np.concatenate(([0.0], np.linspace(margin, side - margin, bits + 1)))
     x, y = (
-        np.concatenate(
-            (
-                [-side],
-                *(side * index + lines for index in range(count)),
-                side * (count + np.arange(2.0)),
-            )
-        )
+        np.concatenate(([-side], *(side * index + lines for index in range(count)),
+                        side * (count + np.arange(2.0))))
         for count in (board.columns, board.rows)
-    )
+    )  # fmt: skip
     squares = _checkers(board.rows, board.columns, 0)
     cells = np.kron(squares, np.ones((bits + 2, bits + 2), dtype=bool))
     for (row, column), marker in markers.items():
@@ -387,15 +326,10 @@ def _april_grid(board: AprilGrid, quarter_turns: int) -> PrintedPattern:
     starts_x = pitch * np.arange(board.columns)
     starts_y = -tag - pitch * np.arange(board.rows)[::-1]  # y is down, rows count upward
     x, y = (
-        np.concatenate(
-            (
-                starts[0] - gap * np.array([2.0, 1.0]),
-                *(start + lines for start in starts),
-                starts[-1] + tag + gap * np.array([1.0, 2.0]),
-            )
-        )
+        np.concatenate((starts[0] - gap * np.array([2.0, 1.0]), *(one + lines for one in starts),
+                        starts[-1] + tag + gap * np.array([1.0, 2.0])))
         for starts in (starts_x, starts_y)
-    )
+    )  # fmt: skip
     cells = np.zeros((len(y) - 1, len(x) - 1), dtype=bool)
     cells[1 :: bits + 1, 1 :: bits + 1] = True
     for number, code in enumerate(codes):

@@ -17,16 +17,7 @@ from omnisim.measurement.geometry.measured_geometry import (
 from omnisim.measurement.geometry.model_choice import ModelResult
 
 __all__ = [
-    "AprilGrid",
-    "BoardView",
-    "CharucoBoard",
-    "Chessboard",
-    "MeasuredGeometry",
-    "ModelResult",
-    "RejectedImage",
-    "find_boards",
-    "measure_geometry",
-    "measure_optics",
-    "read_board",
+    "AprilGrid", "BoardView", "CharucoBoard", "Chessboard", "MeasuredGeometry", "ModelResult",
+    "RejectedImage", "find_boards", "measure_geometry", "measure_optics", "read_board",
     "read_gray",
-]
+]  # fmt: skip

@@ -45,17 +45,10 @@ _MIN_WINDOW_PX = 2
 def find_board(
     image: NDArray[np.uint8], board: Board, name: str = "image", mirrored: bool = False
 ) -> BoardView:
-    """Find a board's corners in an image.
-
-    Args:
-        image: (height, width) gray image.
-        board: the board.
-        name: name of the image.
-        mirrored: the camera looks into a mirror, so the image shows the board mirrored.
+    """Find a board's corners in a gray image (height, width), named in the result.
 
     Raises:
-        MeasurementError: no board, another board, or wrong corners; the message does not name the
-            image.
+        MeasurementError: no board, another board, or wrong corners; without the image's name.
     """
     seen = np.ascontiguousarray(image[:, ::-1]) if mirrored else image
     if isinstance(board, Chessboard):
@@ -90,11 +83,7 @@ def _chessboard(image: NDArray[np.uint8], board: Chessboard) -> Corners:
 def _chessboard_corners(
     image: NDArray[np.uint8], board: Chessboard, grid: NDArray[np.float64] | None
 ) -> Corners:
-    """Corners of a chessboard, located from a rough grid (rows, columns, 2) or None.
-
-    Raises:
-        MeasurementError: no board of this size, or wrong corners.
-    """
+    """Corners of a chessboard, located from a rough grid (rows, columns, 2) or None."""
     import cv2
 
     size = board.columns, board.rows
@@ -127,8 +116,7 @@ def _chessboard_corners(
 def _by_quadrangles(image: NDArray[np.uint8], size: tuple[int, int]) -> tuple[bool, Any]:
     """OpenCV's search for black quadrangles: True if all corners are found, and the corners.
 
-    Large images are searched at half their size, as the search takes seconds where there is no
-    board.
+    Large images are searched at half their size: the search takes seconds without a board.
     """
     import cv2
 
@@ -197,8 +185,10 @@ def _charuco(image: NDArray[np.uint8], board: CharucoBoard) -> Corners:
     x, y = numbers % columns + 1, numbers // columns + 1
     points = np.stack((x, y), axis=1) * board.square_m
     rough = pixels.reshape(-1, 2).astype(np.float64)
+    distances = np.linalg.norm(rough[:, None] - rough, axis=2)
+    np.fill_diagonal(distances, np.inf)
     share = 0.5 * (board.square_m - board.marker_m) / board.square_m  # of a square, beside markers
-    window = _window(_shortest_px(rough) * min(_REACH, share))
+    window = _window(float(distances.min()) * min(_REACH, share))
     return _checked(points, *_kept(rough, _located(image, rough, window), window))
 
 
@@ -235,13 +225,6 @@ def _window(reach_px: float) -> int:
     return int(np.clip(reach_px, _MIN_WINDOW_PX, _MAX_WINDOW_PX))
 
 
-def _shortest_px(corners: NDArray[np.float64]) -> float:
-    """Smallest distance between corners (n, 2)."""
-    distances = np.linalg.norm(corners[:, None] - corners, axis=2)
-    np.fill_diagonal(distances, np.inf)
-    return float(distances.min())
-
-
 def _kept(
     rough: NDArray[np.float64], fine: NDArray[np.float64], window: int
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
@@ -252,11 +235,7 @@ def _kept(
 def _checked(
     points: NDArray[np.float64], pixels: NDArray[np.float64], is_kept: NDArray[np.bool_]
 ) -> Corners:
-    """Kept corners (m, 2) of (n, 2), if they are arranged as on a board seen from its front.
-
-    Raises:
-        MeasurementError: too few corners, or another arrangement.
-    """
+    """Kept corners (m, 2) of (n, 2), if they are arranged as on a board seen from its front."""
     points, pixels = points[is_kept], pixels[is_kept]
     if len(points) < MIN_CORNERS:
         message = f"{len(points)} of {len(is_kept)} corners are sharp: expected {MIN_CORNERS}"
@@ -289,12 +268,9 @@ def _plane_residual(points: NDArray[np.float64], pixels: NDArray[np.float64]) ->
 
 
 def _mirror_hint(image: NDArray[np.uint8], detect: Any, index: int) -> str:
-    """Hint for the message that the image is mirrored, if its reflection shows tags; else "".
+    """Hint that the image is mirrored, if its reflection shows tags; else "".
 
-    Args:
-        image: (height, width) gray image.
-        detect: function of OpenCV that detects tags in an image.
-        index: index of the tags' ids in the result of `detect`.
+    `detect` is OpenCV's function, whose result has the tags' ids at `index`.
     """
     tags = detect(np.ascontiguousarray(image[:, ::-1]))[index]
     if tags is None or len(tags) < 3:
@@ -397,12 +373,7 @@ def grid_fault(grid: Grid) -> str | None:
 
 
 def squares_fault(image: NDArray[np.uint8], grid: Grid) -> str | None:
-    """Fault in the colors of the squares between a grid's corners, or None.
-
-    Args:
-        image: (height, width) gray image.
-        grid: corners of a chessboard.
-    """
+    """Fault in the colors of the squares between a chessboard's corners, or None."""
     levels = _square_levels(image, grid)
     signs = _signs(levels.shape)
     contrasts = []
@@ -417,12 +388,7 @@ def squares_fault(image: NDArray[np.uint8], grid: Grid) -> str | None:
 
 
 def size_fault(image: NDArray[np.uint8], grid: Grid) -> str | None:
-    """Fault if squares continue beyond a grid's outermost ones, or None.
-
-    Args:
-        image: (height, width) gray image.
-        grid: corners of a chessboard.
-    """
+    """Fault if squares continue beyond a chessboard's outermost corners, or None."""
     inner = _square_levels(image, grid)
     contrast = abs(float((inner * _signs(inner.shape)).mean()))
     wider = grid
@@ -468,12 +434,7 @@ _LOW, _HIGH = 0.5, 99.8  # percentiles of 16-bit images that map to black and wh
 
 
 class BoardSearch(NamedTuple):
-    """Result of the search for a board in one image.
-
-    Attributes:
-        found: corners of the board, or the rejected image with the reason.
-        size_px: width and height of the image.
-    """
+    """Board in one image: its corners or the rejected image, and the image's width and height."""
 
     found: BoardView | RejectedImage
     size_px: tuple[int, int]
@@ -502,11 +463,6 @@ def find_boards(
 ) -> Iterator[BoardSearch]:
     """Search for a board in images; yields results in the order of the files.
 
-    Args:
-        files: image files.
-        board: board to search for.
-        mirrored: True if the camera looks into a mirror.
-
     Raises:
         MeasurementError: a file that cannot be read, or images of several sizes.
     """
@@ -525,9 +481,7 @@ def find_boards(
             first = result.size_px if first is None else first
             if result.size_px != first:
                 pool.shutdown(wait=False, cancel_futures=True)
-                seen, wanted = (
-                    f"{width} × {height} px" for width, height in (result.size_px, first)
-                )
+                seen, wanted = (f"{size[0]} × {size[1]} px" for size in (result.size_px, first))
                 raise MeasurementError(
                     f"{path}: {seen}, but {files[0].name} has {wanted}: "
                     "expected images of one camera"
@@ -541,10 +495,7 @@ def read_gray(path: Path) -> NDArray[np.uint8]:
     Raises:
         MeasurementError: the file is missing or damaged, or is not an image of 8 or 16 bits.
     """
-    return _as_gray(read_photo(path), path)
-
-
-def _as_gray(pixels: NDArray[Any], path: Path) -> NDArray[np.uint8]:
+    pixels = read_photo(path)
     if pixels.dtype not in (np.uint8, np.uint16):
         raise MeasurementError(f"{path}: expected 8 or 16 bits, got {pixels.dtype}")
     gray = pixels[..., 0] if pixels.shape[2] < 3 else pixels[..., :3] @ LUMA

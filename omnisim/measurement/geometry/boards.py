@@ -25,18 +25,14 @@ DICTIONARIES = ("4X4", "5X5", "6X6", "7X7")
 
 @dataclass(frozen=True)
 class Chessboard:
-    """Chessboard.
-
-    Attributes:
-        columns, rows: inner corners along a row and along a column.
-        square_m: side of a square.
+    """Chessboard of squares with sides `square_m`.
 
     Raises:
         MeasurementError: fewer than 3 corners in a direction, or a side that is not positive.
     """
 
-    columns: int
-    rows: int
+    columns: int  # inner corners along a row
+    rows: int  # inner corners along a column
     square_m: float
 
     def __post_init__(self) -> None:
@@ -47,22 +43,16 @@ class Chessboard:
 class CharucoBoard:
     """Chessboard with ArUco markers in its white squares.
 
-    Attributes:
-        columns, rows: squares along a row and along a column.
-        square_m: side of a square.
-        marker_m: side of a marker.
-        dictionary: OpenCV's dictionary without its prefix, such as "5X5_100".
-
     Raises:
         MeasurementError: fewer than 3 squares in a direction, sides that are not positive, a marker
             as large as its square, or an unknown dictionary.
     """
 
-    columns: int
-    rows: int
-    square_m: float
-    marker_m: float
-    dictionary: str
+    columns: int  # squares along a row
+    rows: int  # squares along a column
+    square_m: float  # side of a square
+    marker_m: float  # side of a marker
+    dictionary: str  # OpenCV's dictionary without its prefix, such as "5X5_100"
 
     def __post_init__(self) -> None:
         _check(self.columns, self.rows, 3, square=self.square_m, marker=self.marker_m)
@@ -81,19 +71,15 @@ class CharucoBoard:
 class AprilGrid:
     """Kalibr's grid of AprilTags (36h11) with ids along its rows, from the lower left.
 
-    Attributes:
-        columns, rows: tags along a row and along a column.
-        tag_m: side of a tag's black square.
-        spacing: gap between tags divided by `tag_m`.
-
     Raises:
         MeasurementError: no tags, or lengths that are not positive.
     """
 
+    # columns, rows: tags along a row and along a column
     columns: int
     rows: int
-    tag_m: float
-    spacing: float
+    tag_m: float  # side of a tag's black square
+    spacing: float  # gap between tags divided by `tag_m`
 
     def __post_init__(self) -> None:
         _check(self.columns, self.rows, 1, tag=self.tag_m, spacing=self.spacing)
@@ -132,15 +118,16 @@ def read_board(text: str) -> Board:
     if kind == "chessboard":
         return Chessboard(columns, rows, size_m)
     if kind == "charuco":
-        return CharucoBoard(columns, rows, _length_m(parts[1]), _length_m(parts[2]), parts[3])
-    return AprilGrid(columns, rows, _length_m(parts[1]), _ratio(parts[2]))
+        return CharucoBoard(columns, rows, size_m, _length_m(parts[2]), parts[3])
+    try:
+        return AprilGrid(columns, rows, size_m, float(parts[2]))
+    except ValueError:
+        message = f"board: spacing: expected a number such as 0.3, got {parts[2]!r}"
+        raise MeasurementError(message) from None
 
 
 def _kalibr_board(path: Path) -> Board:
-    """Board of a Kalibr target file.
-
-    Source: Kalibr's wiki, "Calibration targets".
-    """
+    """Board of a Kalibr target file. Source: Kalibr's wiki, "Calibration targets"."""
     try:
         table = parse_yaml(read_text(path), str(path))
     except CalibrationError as reason:
@@ -185,14 +172,6 @@ def _length_m(text: str) -> float:
     return float(match[1]) * _UNITS_M[match[2] or "m"]
 
 
-def _ratio(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError:
-        message = f"board: spacing: expected a number such as 0.3, got {text!r}"
-        raise MeasurementError(message) from None
-
-
 def _check(columns: int, rows: int, least: int, **sizes: float) -> None:
     if min(columns, rows) < least or max(columns, rows) > 100:
         got = f"{columns} x {rows}"
@@ -202,22 +181,14 @@ def _check(columns: int, rows: int, least: int, **sizes: float) -> None:
             raise MeasurementError(f"board: {name}: expected more than 0, got {size:g}")
 
 
-# Corners of a board in one image.
-
-
 @dataclass(frozen=True, eq=False)
 class BoardView:
-    """Corners of a board in one image.
+    """Corners of a board in one image."""
 
-    Attributes:
-        name: image file, or another name of the image.
-        points_m: (n, 2) positions on the flat board: x along the rows, y along the columns.
-        pixels_px: (n, 2) positions in the image.
-    """
-
-    name: str
+    name: str  # image file, or another name of the image
+    # (n, 2) positions on the flat board: x along the rows, y along the columns
     points_m: NDArray[np.float64]
-    pixels_px: NDArray[np.float64]
+    pixels_px: NDArray[np.float64]  # (n, 2) positions in the image
 
     @property
     def points_3d_m(self) -> NDArray[np.float64]:
@@ -227,12 +198,7 @@ class BoardView:
 
 @dataclass(frozen=True)
 class RejectedImage:
-    """Image without a usable board.
-
-    Attributes:
-        name: image file.
-        reason: reason why the image has no usable board.
-    """
+    """Image without a usable board, and the reason."""
 
     name: str
     reason: str

@@ -18,8 +18,7 @@ import scipy  # its submodules load on first use
 from numpy.typing import NDArray
 
 from omnisim.cameras import KannalaBrandtCamera
-from omnisim.cameras.calibration.linear_fit import FITTED
-from omnisim.cameras.calibration.parameter_vector import ParameterVector
+from omnisim.cameras.calibration.linear_fit import FITTED, ParameterVector
 from omnisim.cameras.optics.boards.board_pose import move_jacobians, pose_from_directions
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.errors import MeasurementError, OpticsError
@@ -33,21 +32,13 @@ _MAX_DAMPING = 1e12
 
 
 class Adjustment(NamedTuple):
-    """Camera, poses and board shape with the smallest reprojection errors.
+    """Camera, poses and board shape with the smallest reprojection errors."""
 
-    Attributes:
-        camera: fitted camera.
-        poses: (images, 4, 4) poses of the board in the camera's optical frame.
-        shape_m: (corners, 3) offsets of the board's corners from their nominal positions.
-        errors_px: (n, 2) measured minus predicted corners of all images, in order.
-        covariance: (p, p) covariance of the camera's free parameters, for errors of 1 px.
-    """
-
-    camera: ParametricCamera
-    poses: Floats
-    shape_m: Floats
-    errors_px: Floats
-    covariance: Floats
+    camera: ParametricCamera  # fitted camera
+    poses: Floats  # (images, 4, 4) poses of the board in the camera's optical frame
+    shape_m: Floats  # (corners, 3) offsets of the board's corners from their nominal positions
+    errors_px: Floats  # (n, 2) measured minus predicted corners of all images, in order
+    covariance: Floats  # (p, p) covariance of the camera's free parameters, for errors of 1 px
 
     @property
     def rms_px(self) -> float:
@@ -56,10 +47,7 @@ class Adjustment(NamedTuple):
 
     @property
     def unit_sigmas(self) -> Floats:
-        """Standard deviations (p,) of the camera's free parameters, for errors of 1 px.
-
-        Infinite if rounding makes the variance negative.
-        """
+        """Sigmas (p,) of the free parameters for errors of 1 px; infinite: lost to rounding."""
         variances = np.diagonal(self.covariance)
         return np.sqrt(np.where(variances < 0.0, np.inf, variances))
 
@@ -71,50 +59,31 @@ def rms_px(errors_px: Floats) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """Corners of a board in several images, in the order of the images.
+    """Corners of a board in several images, in the order of the images."""
 
-    Attributes:
-        nominal_m: (corners, 3) nominal positions of the corners in the board's frame.
-        label: (n,) index into `nominal_m`.
-        pixels_px: (n, 2) positions in the image.
-        image: (n,) index of the image, ascending.
-        starts: (images + 1,) index of the first corner of each image, then n.
-    """
-
-    nominal_m: Floats
-    label: NDArray[np.int64]
-    pixels_px: Floats
-    image: NDArray[np.int64]
-    starts: NDArray[np.int64]
+    nominal_m: Floats  # (corners, 3) nominal positions of the corners in the board's frame
+    label: NDArray[np.int64]  # (n,) index into `nominal_m`
+    pixels_px: Floats  # (n, 2) positions in the image
+    image: NDArray[np.int64]  # (n,) index of the image, ascending
+    starts: NDArray[np.int64]  # (images + 1,) index of the first corner of each image, then n
 
     @classmethod
     def of(cls, views: Sequence[BoardView], nominal_m: Floats | None = None) -> Corners:
-        """Concatenate the corners of several views.
-
-        Args:
-            views: view of the board in each image.
-            nominal_m: (corners, 3) nominal positions; None: those that occur in the views.
-        """
+        """Concatenate the corners of views; `nominal_m` None: the positions in the views."""
         points = np.concatenate([view.points_3d_m for view in views])
         if nominal_m is None:
             nominal_m = np.unique(points, axis=0)
         label_of_point = {tuple(point): number for number, point in enumerate(nominal_m.tolist())}
         label = np.array([label_of_point[tuple(point)] for point in points.tolist()])
+        pixels = np.concatenate([view.pixels_px for view in views])
         counts = [len(view.points_m) for view in views]
-        return cls(
-            nominal_m,
-            label,
-            np.concatenate([view.pixels_px for view in views]),
-            np.repeat(np.arange(len(views)), counts),
-            np.cumsum([0, *counts]),
-        )
+        image = np.repeat(np.arange(len(views)), counts)
+        return cls(nominal_m, label, pixels, image, np.cumsum([0, *counts]))
 
     def arms_m(self, poses: Floats, shape_m: Floats) -> Floats:
         """Vectors (n, 3) from the board's origin to the corners, in the camera's axes.
 
-        Args:
-            poses: (images, 4, 4) poses of the board in the camera's frame.
-            shape_m: (corners, 3) offsets from the nominal positions.
+        The board has the poses (images, 4, 4), and is bent by `shape_m` (corners, 3).
         """
         points = (self.nominal_m + shape_m)[self.label]
         return np.einsum("nij,nj->ni", poses[self.image, :3, :3], points)
@@ -165,9 +134,8 @@ class _Problem:
             return None
         errors = self.corners.pixels_px - seen.positions_px
         prior = 0.0 if self._stiffness is None else np.square(self._stiffness * shape_m).sum()
-        return _State(
-            vector, shape_m, poses, camera, errors, float(np.square(errors).sum() + prior)
-        )
+        cost = float(np.square(errors).sum() + prior)
+        return _State(vector, shape_m, poses, camera, errors, cost)
 
     def blocks(self, state: _State) -> _Blocks:
         """Normal equations at a state."""
@@ -180,7 +148,8 @@ class _Problem:
             self.parameters, state.vector, points, corners.pixels_px - state.errors_px
         )
         by_shape = by_point @ state.poses[corners.image, :3, :3]
-        count, cameras, images = self._common_count, len(state.vector), len(state.poses)
+        cameras, images = len(state.vector), len(state.poses)
+        count = cameras + (0 if self._stiffness is None else corners.nominal_m.size)
         starts = corners.starts[:-1]
         common, common_side = np.zeros((count, count)), np.zeros(count)
         mixed = np.zeros((images, count, 6))
@@ -198,27 +167,25 @@ class _Problem:
             np.add.at(common_side, bends, _sides(by_shape, state.errors_px))
             common[range(cameras, count), range(cameras, count)] += self._stiffness**2
             common_side[cameras:] -= self._stiffness**2 * state.shape_m.ravel()
-        return _Blocks(
-            common,
-            mixed,
-            np.add.reduceat(_products(by_pose, by_pose), starts),
-            common_side,
-            np.add.reduceat(_sides(by_pose, state.errors_px), starts),
-        )
+        poses = np.add.reduceat(_products(by_pose, by_pose), starts)
+        pose_side = np.add.reduceat(_sides(by_pose, state.errors_px), starts)
+        return _Blocks(common, mixed, poses, common_side, pose_side)
 
     def moved(self, state: _State, step: Floats, moves: Floats) -> _State | None:
-        """State after a step (c,) and moves (images, 6), clipped to the bounds; None: invalid."""
+        """State after a step (c,) within the bounds, and moves (images, 6); None: invalid.
+
+        Moves are rotation vectors, and translations.
+        """
         parameters, count = self.parameters, len(state.vector)
         vector = np.clip(state.vector + step[:count], parameters.low, parameters.high)
         shape = state.shape_m
         if self._stiffness is not None:
             shape = shape + step[count:].reshape(-1, 3)
-        return self.state(vector, shape, _moved_poses(state.poses, moves))
-
-    @property
-    def _common_count(self) -> int:
-        shape = 0 if self._stiffness is None else self.corners.nominal_m.size
-        return len(self.parameters.start) + shape
+        poses = state.poses.copy()
+        turns = scipy.spatial.transform.Rotation.from_rotvec(moves[:, :3]).as_matrix()
+        poses[:, :3, :3] = turns @ state.poses[:, :3, :3]
+        poses[:, :3, 3] += moves[:, 3:]
+        return self.state(vector, shape, poses)
 
 
 def adjust(
@@ -229,16 +196,12 @@ def adjust(
     stiffness_px_per_m: float | None = None,
     converged: float = CONVERGED,
 ) -> Adjustment:
-    """Fit a camera's free parameters, the poses of the board, and optionally the board's shape.
+    """Fit a camera's free parameters, if any, the board's poses, and optionally the board's shape.
 
-    Args:
-        parameters: camera and its free parameters; without any, only poses are fitted.
-        corners: corners in the images.
-        poses: (images, 4, 4) initial poses.
-        shape_m: (corners, 3) initial offsets of the board's corners; None: 0.
-        stiffness_px_per_m: image error with the same cost as an offset of 1 m of a corner; None:
-            the offsets are held constant.
-        converged: relative decrease of the cost at which the fit ends.
+    Starts from `poses` (images, 4, 4) and the offsets `shape_m` (corners, 3) of the board's corners
+    (None: 0). The stiffness is the image error with the same cost as an offset of 1 m of a corner
+    (None: the offsets are held); the fit ends when the cost decreases by a share less than
+    `converged`.
 
     Raises:
         OpticsError: the initial camera does not show all corners.
@@ -274,15 +237,6 @@ def _products(left: Floats, right: Floats) -> Floats:
 def _sides(jacobian: Floats, errors_px: Floats) -> Floats:
     """Products (n, p) of the derivatives (n, 2, p) and the errors (n, 2) of n corners."""
     return (errors_px[:, :, None] * jacobian).sum(axis=1)
-
-
-def _moved_poses(poses: Floats, moves: Floats) -> Floats:
-    """Poses (images, 4, 4) after moves (images, 6): rotation vectors, and translations."""
-    moved = poses.copy()
-    turns = scipy.spatial.transform.Rotation.from_rotvec(moves[:, :3]).as_matrix()
-    moved[:, :3, :3] = turns @ poses[:, :3, :3]
-    moved[:, :3, 3] += moves[:, 3:]
-    return moved
 
 
 def _camera_jacobian(
@@ -328,19 +282,15 @@ def _solve(blocks: _Blocks, damping: float) -> tuple[Floats, Floats]:
     side = blocks.common_side - np.einsum("bic,bi->c", weights, blocks.pose_side)
     scale = _scale(reduced)
     scaled = reduced / np.outer(scale, scale)
-    step = _solution(scaled, side / scale) / scale if len(side) else side
+    step = side
+    if len(side):
+        try:
+            factor = scipy.linalg.cho_factor(scaled, check_finite=False)
+            step = scipy.linalg.cho_solve(factor, side / scale, check_finite=False) / scale
+        except scipy.linalg.LinAlgError:  # singular: the shortest solution
+            step = np.linalg.lstsq(scaled, side / scale, rcond=1e-14)[0] / scale
     rest = blocks.pose_side - np.einsum("bci,c->bi", blocks.mixed, step)
     return step, np.linalg.solve(poses, rest[..., None])[..., 0]
-
-
-def _solution(matrix: Floats, side: Floats) -> Floats:
-    """Solution (n,) of symmetric equations, the shortest one if they are singular."""
-    try:
-        factor = scipy.linalg.cho_factor(matrix, check_finite=False)
-        solution: Floats = scipy.linalg.cho_solve(factor, side, check_finite=False)
-    except scipy.linalg.LinAlgError:
-        solution = np.asarray(np.linalg.lstsq(matrix, side, rcond=1e-14)[0], dtype=np.float64)
-    return solution
 
 
 def _covariance(
@@ -381,11 +331,7 @@ _MAX_RADIUS_RAD = 0.98 * math.pi
 
 
 def initial_adjustment(views: Sequence[BoardView], size_px: tuple[int, int]) -> Adjustment:
-    """Lens of Kannala and Brandt that fits the corners, with the poses of the boards.
-
-    Args:
-        views: the board in each image.
-        size_px: width and height of the images.
+    """Lens of Kannala and Brandt that fits the corners in images of a size, with the boards' poses.
 
     Raises:
         MeasurementError: no lens fits the corners.
@@ -400,7 +346,9 @@ def initial_adjustment(views: Sequence[BoardView], size_px: tuple[int, int]) -> 
         residuals = [_first_residual_px(lens, view) for view in some]
         candidates.append((float(np.median(residuals)), lens))
     first = min(candidates, key=lambda candidate: candidate[0])[1]
-    poses = np.stack([_first_pose(first, view) for view in views])
+    poses = np.stack(
+        [pose_from_directions(_directions(first, view), view.points_m) for view in views]
+    )
     camera: ParametricCamera = first
     corners = Corners.of(views)
     free = FITTED[KannalaBrandtCamera].free
@@ -428,14 +376,11 @@ def _directions(camera: KannalaBrandtCamera, view: BoardView) -> NDArray[np.floa
     return np.concatenate((across, np.cos(theta)), axis=1)
 
 
-def _first_pose(camera: KannalaBrandtCamera, view: BoardView) -> NDArray[np.float64]:
-    return pose_from_directions(_directions(camera, view), view.points_m)
-
-
 def _first_residual_px(camera: KannalaBrandtCamera, view: BoardView) -> float:
     """Root mean square of a board's angular errors, times the focal length, px."""
-    pose = _first_pose(camera, view)
+    directions = _directions(camera, view)
+    pose = pose_from_directions(directions, view.points_m)
     predicted = view.points_3d_m @ pose[:3, :3].T + pose[:3, 3]
     predicted /= np.linalg.norm(predicted, axis=1, keepdims=True)
-    errors = np.linalg.norm(predicted - _directions(camera, view), axis=1)
+    errors = np.linalg.norm(predicted - directions, axis=1)
     return camera.focal_lengths_px[0] * float(np.sqrt(np.mean(errors**2)))

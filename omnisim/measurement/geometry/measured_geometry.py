@@ -1,23 +1,32 @@
-"""Measurement of a camera model from a board in images."""
+"""Measurement of a camera model from a board in images; faults raise `MeasurementError`."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omnisim.cameras import MirroredCamera
 from omnisim.cameras.camera import CentralCamera
 from omnisim.cameras.optics.boards.board_corners import BoardCorners
 from omnisim.cameras.optics.boards.calibrate import SystemCalibration, calibrate_system
 from omnisim.core.errors import CalibrationError, MeasurementError, OpticsError
+from omnisim.measurement.geometry.board_detection import MIN_CORNERS
 from omnisim.measurement.geometry.boards import BoardView, RejectedImage
-from omnisim.measurement.geometry.bundle_adjustment import Adjustment, Corners, Floats, rms_px
+from omnisim.measurement.geometry.bundle_adjustment import (
+    Adjustment,
+    Corners,
+    Floats,
+    initial_adjustment,
+    rms_px,
+)
 from omnisim.measurement.geometry.model_choice import (
     CANDIDATES,
+    Candidate,
     ModelResult,
     choose_model,
     fit_candidate,
@@ -25,48 +34,27 @@ from omnisim.measurement.geometry.model_choice import (
     model_quantities,
     unobservable_quantities,
 )
-from omnisim.measurement.geometry.outliers import (
-    CHECK_BOARD,
-    FittedViews,
-    check_focal_length,
-    fit_lens,
-    preliminary_lens,
-    remove_copies,
-    remove_outliers,
-)
 from omnisim.measurement.quantity import Quantity, Unobservable
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredGeometry:
-    """Camera model measured from a board in images.
+    """Camera model measured from a board in images."""
 
-    Attributes:
-        camera: camera with the chosen model, or a fitted optical system.
-        model: name of the chosen model; "optics": an optical system.
-        models: all models, the best on held-out images first.
-        views: view of the board in each used image.
-        poses: (images, 4, 4) optical_from_board; if mirrored, for the lens, not its mirror image.
-        board_m: (corners, 3) measured positions of the board's corners; z = 0 for a flat board.
-        errors_px: (n, 2) measured minus predicted corners of all views, in order.
-        held_out_rms_px: root mean square error in held-out images; NaN: no fit shows all their
-            corners.
-        rejected: rejected images with their reasons.
-        quantities: parameters of the camera.
-        unobservable: quantities that the images do not determine.
-    """
-
-    camera: CentralCamera
-    model: str
-    models: tuple[ModelResult, ...]
-    views: tuple[BoardView, ...]
+    camera: CentralCamera  # camera with the chosen model, or a fitted optical system
+    model: str  # name of the chosen model; "optics": an optical system
+    models: tuple[ModelResult, ...]  # all models, the best on held-out images first
+    views: tuple[BoardView, ...]  # view of the board in each used image
+    # (images, 4, 4) optical_from_board; if mirrored, for the lens, not its mirror image
     poses: Floats
+    # (corners, 3) measured positions of the board's corners; z = 0 for a flat board
     board_m: Floats
-    errors_px: Floats
+    errors_px: Floats  # (n, 2) measured minus predicted corners of all views, in order
+    # root mean square error in held-out images; NaN: no fit shows all their corners
     held_out_rms_px: float
-    rejected: tuple[RejectedImage, ...]
-    quantities: tuple[Quantity, ...]
-    unobservable: tuple[Unobservable, ...]
+    rejected: tuple[RejectedImage, ...]  # rejected images with their reasons
+    quantities: tuple[Quantity, ...]  # parameters of the camera
+    unobservable: tuple[Unobservable, ...]  # quantities that the images do not determine
 
     @property
     def rms_px(self) -> float:
@@ -86,12 +74,11 @@ def measure_geometry(
 
     All models are fitted together with the poses of the board. The board's shape is fitted, too, if
     that predicts held-out images better. Among the models that predict held-out images as well as
-    the best one, the model with the fewest parameters is chosen. At most 40 images
-    choose the model, which is then fitted to all.
+    the best one, the model with the fewest parameters is chosen. At most 40 images choose the
+    model, which is then fitted to all.
 
     Args:
-        views: view of the board in each image.
-        size_px: width and height of the images.
+        views, size_px: view of the board in each image, and width and height of the images.
         mirrored: True if the camera looks into a mirror.
         models: names of the models to try, from `CANDIDATES`.
         is_flat: True: the board is assumed exactly flat and exactly printed.
@@ -117,18 +104,11 @@ def measure_geometry(
     fit = chosen.fit
     check_shape(fit.shape_m, spacing_m, corners)
     return MeasuredGeometry(
-        MirroredCamera(fit.camera) if mirrored else fit.camera,
-        chosen.name,
-        choice.models,
-        tuple(used),
-        fit.poses,
-        corners.nominal_m + fit.shape_m,
-        fit.errors_px,
-        choice.held_out_rms_px,
-        (*rejected, *outlying),
-        model_quantities(chosen, corners),
-        unobservable_quantities(fit, corners, is_held_out=choice.is_held_out),
-    )
+        MirroredCamera(fit.camera) if mirrored else fit.camera, chosen.name, choice.models,
+        tuple(used), fit.poses, corners.nominal_m + fit.shape_m, fit.errors_px,
+        choice.held_out_rms_px, (*rejected, *outlying), model_quantities(chosen, corners),
+        unobservable_quantities(fit, corners, math.isfinite(choice.held_out_rms_px)),
+    )  # fmt: skip
 
 
 # Shape of a printed board, fitted together with the lens.
@@ -144,8 +124,7 @@ def fit_shape(
 ) -> tuple[list[BoardView], Adjustment, float | None]:
     """Fit the board's shape, if that predicts held-out images better than a flat board.
 
-    Returns:
-        Views, fit of the lens, and stiffness of the board in px/m; None: the board is flat.
+    Returns views, fit of the lens, and stiffness of the board in px/m; None: the board is flat.
     """
     corners = Corners.of(views)
     flat = preliminary_lens(first, corners)
@@ -162,11 +141,7 @@ def fit_shape(
 
 
 def check_shape(shape_m: Floats, spacing_m: float, corners: Corners) -> None:
-    """Reject a board whose fitted shape is far from its nominal shape.
-
-    Raises:
-        MeasurementError: a corner's offset in the plane is too large.
-    """
+    """Reject a board whose fitted shape is far from its nominal shape."""
     offsets = np.linalg.norm(shape_m[:, :2], axis=1)
     worst = int(np.argmax(offsets))
     if offsets[worst] > MAX_SHAPE_ERROR * spacing_m:
@@ -201,18 +176,22 @@ def measure_optics(
     The errors in held-out images are those of fits without a fifth of the images.
 
     Args:
-        table: table of the optics file, close to the true values.
+        table, name: table of the optics file, close to the true values, and its name for messages.
         free: keys of the parameters to fit, see `FreeParameters`.
         views: view of the board in each image.
-        name: name of the optics file, for messages.
 
     Raises:
         MeasurementError: too few images, corners that the system does not show, or images that do
             not determine the parameters.
     """
+
+    def fit_system(kept: Sequence[BoardView]) -> FittedViews[SystemCalibration]:
+        fit = calibrate_system(table, free, _boards(kept), name)
+        return FittedViews(fit.errors_px, fit)
+
     used, copies = remove_copies(views)
     try:
-        used, outlying, fit = remove_outliers(used, lambda kept: _fit(table, free, kept, name))
+        used, outlying, fit = remove_outliers(used, fit_system)
     except OpticsError as reason:
         raise MeasurementError(str(reason)) from None
     held_out_px = _held_out_rms_px(fit, free, used, name)
@@ -231,20 +210,10 @@ def measure_optics(
         -fit.errors_px,  # measured minus predicted
         held_out_px,
         (*copies, *outlying),
-        tuple(
-            Quantity(one.name, one.value, one.sigma, _unit(one.name), basis)
-            for one in fit.parameters
-        ),
+        tuple(Quantity(one.name, one.value, one.sigma, _unit(one.name), basis)
+              for one in fit.parameters),
         unobservable,
-    )
-
-
-def _fit(
-    table: Mapping[str, Any], free: Sequence[str], views: Sequence[BoardView], name: str
-) -> FittedViews[SystemCalibration]:
-    """Parameters fitted to views."""
-    fit = calibrate_system(table, free, _boards(views), name)
-    return FittedViews(fit.errors_px, fit)
+    )  # fmt: skip
 
 
 def _held_out_rms_px(
@@ -279,3 +248,124 @@ def _unit(key: str) -> str:
     """Unit of the parameter of a key such as `surfaces.0.tilt_deg.1`."""
     names = [part for part in key.split(".") if not part.isdecimal()]
     return _UNITS.get(names[-1].rpartition("_")[2], "")
+
+
+# Rejection of images and corners that do not fit one lens and one rigid board.
+
+
+MIN_IMAGES = 5
+MAX_REJECTED = 0.34  # largest share of rejected images
+MAX_FOCAL_SIGMA = 0.03
+MIN_DECENTERED = 0.8  # error with decentering relative to that without, below which it is used
+CHECK_BOARD = "check the board's size, and that its squares are square and of one size"
+Fit = TypeVar("Fit")
+_MAX_IMAGE_RATIO = 4.0  # factor of the images' median error
+_MAX_CORNER_RATIO = 8.0  # factor of the corners' median error: 9.4 standard deviations
+
+
+class FittedViews(NamedTuple, Generic[Fit]):
+    """Camera, poses and so on fitted to views, and errors (n, 2) of all corners in order."""
+
+    errors_px: Floats
+    fit: Fit
+
+
+def remove_copies(views: Sequence[BoardView]) -> tuple[list[BoardView], list[RejectedImage]]:
+    """Views without duplicates (bit-identical corners), and the rejected images."""
+    known: dict[bytes, str] = {}
+    used, rejected = [], []
+    for view in views:
+        first = known.setdefault(view.pixels_px.tobytes(), view.name)
+        if first == view.name:
+            used.append(view)
+        else:
+            rejected.append(RejectedImage(view.name, f"the same image as {first}"))
+    return used, rejected
+
+
+def remove_outliers(
+    views: list[BoardView], fit: Callable[[list[BoardView]], FittedViews[Fit]]
+) -> tuple[list[BoardView], list[RejectedImage], Fit]:
+    """Views that fit one camera, rejected images, and the fit to these views, made by `fit`."""
+    rejected: list[RejectedImage] = []
+    count = len(views)
+    while True:
+        if len(views) < MIN_IMAGES:
+            found = f"{len(views)} images with a usable board"
+            raise MeasurementError(f"{found}: expected at least {MIN_IMAGES}")
+        fitted = fit(views)
+        corners = Corners.of(views)
+        lengths = np.linalg.norm(fitted.errors_px, axis=1)
+        ends = zip(corners.starts[:-1], corners.starts[1:], strict=True)
+        medians = np.array([np.median(lengths[slice(*pair)]) for pair in ends])
+        worst, usual = int(np.argmax(medians)), float(np.median(medians))
+        if medians[worst] > max(_MAX_IMAGE_RATIO * usual, 0.1):
+            reason = f"{medians[worst]:.2g} px off a lens that fits the others to {usual:.2g} px"
+            rejected.append(RejectedImage(views[worst].name, reason))
+            views = [view for index, view in enumerate(views) if index != worst]
+            if len(rejected) > MAX_REJECTED * count:
+                raise MeasurementError(
+                    f"{len(rejected)} of {count} images contradict the others: expected one "
+                    "camera, one lens setting and one rigid board"
+                )
+            continue
+        is_outlier = lengths > max(_MAX_CORNER_RATIO * float(np.median(lengths)), 0.3)
+        if not is_outlier.any():
+            return views, rejected, fitted.fit
+        _check_board(is_outlier, corners)
+        kept = []
+        for index, view in enumerate(views):
+            is_used = ~is_outlier[slice(*corners.starts[index : index + 2])]
+            if is_used.sum() < MIN_CORNERS:
+                reason = f"{(~is_used).sum()} of {len(is_used)} corners are outliers"
+                rejected.append(RejectedImage(view.name, reason))
+            else:
+                kept.append(BoardView(view.name, view.points_m[is_used], view.pixels_px[is_used]))
+        views = kept
+
+
+def fit_lens(views: list[BoardView], size_px: tuple[int, int]) -> FittedViews[Adjustment]:
+    """Preliminary lens of views in images of a size, with the errors that judge outliers."""
+    first = initial_adjustment(views, size_px)
+    return FittedViews(preliminary_lens(first, Corners.of(views)).fit.errors_px, first)
+
+
+def _check_board(is_outlier: NDArray[np.bool_], corners: Corners) -> None:
+    """Reject a board with a corner that is an outlier (n,) in more than half of its images."""
+    seen = np.bincount(corners.label, minlength=len(corners.nominal_m))
+    off = np.bincount(corners.label[is_outlier], minlength=len(corners.nominal_m))
+    worst = int(np.argmax(off / np.maximum(seen, 1)))
+    if 2 * off[worst] > seen[worst]:
+        x, y = 1e3 * corners.nominal_m[worst, :2]
+        raise MeasurementError(
+            f"the board's corner at ({x:.4g}, {y:.4g}) mm is off its place in {off[worst]} of "
+            f"{seen[worst]} images: {CHECK_BOARD}"
+        )
+
+
+def check_focal_length(first: Adjustment) -> None:
+    """Reject boards that do not determine the focal length."""
+    sigma = float(first.unit_sigmas[0]) * first.rms_px
+    focal = float(first.camera.parameters()["focal_lengths_px"][0])  # type: ignore[arg-type, index]
+    normals = first.poses[:, :3, 2]
+    spread = float(np.degrees(np.arccos(np.clip((normals @ normals.T).min(), -1.0, 1.0))))
+    if not sigma <= MAX_FOCAL_SIGMA * focal:
+        raise MeasurementError(
+            f"the boards do not determine the focal length: {focal:.4g} ± {sigma:.2g} px; they "
+            f"face within {spread:.0f}° of each other: tilt the board, and show it near the edges"
+        )
+
+
+def preliminary_lens(first: Adjustment, corners: Corners) -> Candidate:
+    """Preliminary lens for the rejection of outliers and the choice of the board's shape.
+
+    A Kannala-Brandt lens, unless the unified model with decentering (a misaligned mirror) fits
+    better.
+    """
+    radial = fit_candidate("kannala_brandt", corners, first, None)
+    try:
+        decentered = fit_candidate("unified", corners, first, None)
+    except (CalibrationError, OpticsError):
+        return radial
+    is_better = decentered.fit.rms_px < MIN_DECENTERED * radial.fit.rms_px
+    return decentered if is_better else radial

@@ -13,16 +13,10 @@ from numpy.typing import NDArray
 
 from omnisim.cameras import FThetaInverseCamera, KannalaBrandtCamera, OcamcalibCamera, UnifiedCamera
 from omnisim.cameras.calibration.fit import FITTED_MODELS, fit_camera
-from omnisim.cameras.calibration.linear_fit import FITTED, Bounds
-from omnisim.cameras.calibration.parameter_vector import ParameterVector
+from omnisim.cameras.calibration.linear_fit import FITTED, Bounds, ParameterVector
 from omnisim.cameras.parametric_camera import ParametricCamera
 from omnisim.core.errors import CalibrationError, MeasurementError, OpticsError
-from omnisim.measurement.geometry.bundle_adjustment import (
-    Adjustment,
-    Corners,
-    adjust,
-    rms_px,
-)
+from omnisim.measurement.geometry.bundle_adjustment import Adjustment, Corners, adjust, rms_px
 from omnisim.measurement.quantity import Quantity, Unobservable
 
 MAX_COMPARED = 40  # images for the comparison of models; the chosen model is fitted to all
@@ -33,44 +27,25 @@ _MAX_ERROR_RATIO = 1.5  # factor of the smallest error of all models; models bey
 
 @dataclass(frozen=True)
 class ModelResult:
-    """Errors of a camera model fitted to the corners.
+    """Errors of a camera model fitted to the corners."""
 
-    Attributes:
-        name: name of the model.
-        parameters: number of free parameters; 0: the model could not be fitted.
-        rms_px: root mean square distance of the corners from their predictions; NaN: no fit.
-        held_out_rms_px: the same in held-out images; NaN: not measured, since the model does not
-            fit or does not show all corners. Models other than the chosen one are fitted to at most
-            `MAX_COMPARED` images.
-        reason: reason for rejecting the model; "": not rejected.
-    """
-
-    name: str
-    parameters: int
-    rms_px: float
+    name: str  # name of the model
+    parameters: int  # number of free parameters; 0: the model could not be fitted
+    rms_px: float  # root mean square distance of the corners from their predictions; NaN: no fit
+    # the same in held-out images; NaN: not measured, since the model does not fit or does not show
+    # all corners. Models other than the chosen one are fitted to at most `MAX_COMPARED` images.
     held_out_rms_px: float
-    reason: str = ""
+    reason: str = ""  # reason for rejecting the model; "": not rejected
 
 
 @dataclass(frozen=True, eq=False)
 class ModelChoice:
-    """Camera model chosen by its errors in held-out images.
+    """Camera model chosen by its errors in held-out images."""
 
-    Attributes:
-        chosen: chosen model, fitted to all images.
-        held_out_rms_px: its root mean square error in held-out images; NaN: no fit shows all their
-            corners.
-        models: results of all models, the best on held-out images first.
-    """
-
-    chosen: Candidate
+    chosen: Candidate  # chosen model, fitted to all images
+    # its root mean square error in held-out images; NaN: no fit shows all their corners
     held_out_rms_px: float
-    models: tuple[ModelResult, ...]
-
-    @property
-    def is_held_out(self) -> bool:
-        """True if the error in held-out images is known."""
-        return math.isfinite(self.held_out_rms_px)
+    models: tuple[ModelResult, ...]  # results of all models, the best on held-out images first
 
 
 def choose_model(
@@ -82,29 +57,48 @@ def choose_model(
 
     Args:
         models: names of the models to try.
-        corners: corners in the images.
-        first: fit of a Kannala-Brandt lens.
+        corners, first: corners in the images, and the Kannala-Brandt lens fitted to them.
         stiffness: stiffness of the board in px/m, see `adjust`; None: its shape is not fitted.
 
     Raises:
         MeasurementError: no model fits the lens.
     """
     part, start = _subset(corners, first)
-    candidates, results = _candidates(models, part, start, stiffness)
+    candidates, results = [], []
+    for name in models:
+        try:
+            candidate = fit_candidate(name, part, start, stiffness)
+            # the corners must determine the focal lengths separately
+            values, fit = candidate.parameters.start, candidate.fit
+            sigmas = fit.unit_sigmas * fit.rms_px
+            for label, value, sigma in zip(
+                candidate.parameters.labels, values, sigmas, strict=True
+            ):
+                if label.startswith("focal_length") and sigma > MAX_MODEL_SIGMA * value:
+                    numbers = f"{label} = {value:.4g} ± {sigma:.2g} px"
+                    raise CalibrationError(f"camera: {name}: not determined: {numbers}")
+            candidates.append(candidate)
+        except (CalibrationError, OpticsError) as reason:
+            results.append(ModelResult(name, 0, math.nan, math.nan, str(reason)))
+    if not candidates:
+        reasons = "; ".join(f"{one.name}: {one.reason}" for one in results)
+        raise MeasurementError(f"no model describes the lens: {reasons}")
     limit = _MAX_ERROR_RATIO * min(one.fit.rms_px for one in candidates)
-    errors = {
-        one.name: _held_out(one, part, stiffness) if one.fit.rms_px <= limit else None
-        for one in candidates
-    }
+    near = [one for one in candidates if one.fit.rms_px <= limit]
+    errors = {one.name: _held_out(one, part, stiffness) for one in near}
     known = {name: one for name, one in errors.items() if one is not None}
     if known:
         chosen = _chosen([one for one in candidates if one.name in known], known, part)
     else:
         chosen = min(candidates, key=lambda one: one.fit.rms_px)
     if part is not corners:
-        chosen, held_out = _refitted(chosen.name, corners, first, stiffness)
+        try:
+            chosen = fit_candidate(chosen.name, corners, first, stiffness)
+        except (CalibrationError, OpticsError) as reason:
+            raise MeasurementError(f"{reason}, in all images") from None
         candidates = [chosen if one.name == chosen.name else one for one in candidates]
-        known = {name: one for name, one in known.items() if name != chosen.name}
+        known.pop(chosen.name, None)
+        held_out = _held_out(chosen, corners, stiffness)
         if held_out is not None:
             known[chosen.name] = held_out
     held_out_rms = {name: rms_px(one) for name, one in known.items()}
@@ -113,42 +107,6 @@ def choose_model(
         results.append(ModelResult(one.name, len(one.parameters.start), one.fit.rms_px, rms))
     results.sort(key=lambda one: (math.isnan(one.held_out_rms_px), one.held_out_rms_px, one.rms_px))
     return ModelChoice(chosen, held_out_rms.get(chosen.name, math.nan), tuple(results))
-
-
-def _candidates(
-    models: Sequence[str], corners: Corners, first: Adjustment, stiffness: float | None
-) -> tuple[list[Candidate], list[ModelResult]]:
-    """Fitted models, and results of the models that cannot be fitted.
-
-    Raises:
-        MeasurementError: no model can be fitted.
-    """
-    fitted, failed = [], []
-    for name in models:
-        try:
-            candidate = fit_candidate(name, corners, first, stiffness)
-            _check_determined(candidate)
-            fitted.append(candidate)
-        except (CalibrationError, OpticsError) as reason:
-            failed.append(ModelResult(name, 0, math.nan, math.nan, str(reason)))
-    if not fitted:
-        reasons = "; ".join(f"{one.name}: {one.reason}" for one in failed)
-        raise MeasurementError(f"no model describes the lens: {reasons}")
-    return fitted, failed
-
-
-def _check_determined(candidate: Candidate) -> None:
-    """Reject a model whose focal lengths the corners do not determine separately.
-
-    Raises:
-        CalibrationError: the standard deviation of a focal length is too large.
-    """
-    parameters, fit = candidate.parameters, candidate.fit
-    sigmas = fit.unit_sigmas * fit.rms_px
-    for label, value, sigma in zip(parameters.labels, parameters.start, sigmas, strict=True):
-        if label.startswith("focal_length") and sigma > MAX_MODEL_SIGMA * value:
-            numbers = f"{label} = {value:.4g} ± {sigma:.2g} px"
-            raise CalibrationError(f"camera: {candidate.name}: not determined: {numbers}")
 
 
 def _subset(corners: Corners, first: Adjustment) -> tuple[Corners, Adjustment]:
@@ -161,21 +119,6 @@ def _subset(corners: Corners, first: Adjustment) -> tuple[Corners, Adjustment]:
     rows = is_used[corners.image]
     part = first._replace(poses=first.poses[is_used], errors_px=first.errors_px[rows])
     return select_images(corners, is_used), part
-
-
-def _refitted(
-    name: str, corners: Corners, first: Adjustment, stiffness: float | None
-) -> tuple[Candidate, Floats | None]:
-    """Model fitted to all images, and its held-out errors (n, 2) in px.
-
-    Raises:
-        MeasurementError: the model does not fit the lens in all images.
-    """
-    try:
-        candidate = fit_candidate(name, corners, first, stiffness)
-    except (CalibrationError, OpticsError) as reason:
-        raise MeasurementError(f"{reason}, in all images") from None
-    return candidate, _held_out(candidate, corners, stiffness)
 
 
 def _held_out(candidate: Candidate, corners: Corners, stiffness: float | None) -> Floats | None:
@@ -233,13 +176,7 @@ Parameters = ParameterVector[ParametricCamera]
 
 
 class Candidate(NamedTuple):
-    """Camera model fitted to all images.
-
-    Attributes:
-        name: name of the model, one of `CANDIDATES`.
-        parameters: free parameters of the model, with the fitted camera as their start.
-        fit: fitted camera, poses and shape of the board.
-    """
+    """Camera model of `CANDIDATES` fitted to all images; `parameters` start at the fit."""
 
     name: str
     parameters: Parameters
@@ -249,13 +186,9 @@ class Candidate(NamedTuple):
 def fit_candidate(
     name: str, corners: Corners, first: Adjustment, stiffness_px_per_m: float | None
 ) -> Candidate:
-    """Fit a model, starting from a fitted Kannala-Brandt lens.
+    """Fit a model of `CANDIDATES`, starting from a fitted Kannala-Brandt lens.
 
-    Args:
-        name: one of `CANDIDATES`.
-        corners: corners in the images.
-        first: fit of the Kannala-Brandt lens.
-        stiffness_px_per_m: see `adjust`; None: the board's shape is not fitted.
+    Without a stiffness (see `adjust`), the board's shape is not fitted.
 
     Raises:
         CalibrationError: the model cannot describe this lens.

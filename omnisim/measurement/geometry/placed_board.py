@@ -10,7 +10,7 @@ import scipy  # its submodules load on first use
 from numpy.typing import NDArray
 
 from omnisim.cameras import NonCentralCamera
-from omnisim.cameras.calibration.parameter_vector import ParameterVector
+from omnisim.cameras.calibration.linear_fit import ParameterVector
 from omnisim.cameras.camera import CentralCamera, Pixels
 from omnisim.cameras.optics.boards.board_pose import pose_from_directions
 from omnisim.core.errors import MeasurementError, OpticsError
@@ -18,7 +18,6 @@ from omnisim.measurement.geometry.boards import BoardView
 from omnisim.measurement.geometry.bundle_adjustment import Corners, adjust
 
 if TYPE_CHECKING:
-    from omnisim.cameras.optics.system import OpticalSystem
     from omnisim.cameras.parametric_camera import ParametricCamera
 
 Floats = NDArray[np.float64]
@@ -31,15 +30,11 @@ class BoardSurface:
 
     Between and beyond its corners the offsets from the plane are interpolated by a thin plate.
 
-    Attributes:
-        nominal_m: (corners, 2) corners on the flat board.
-        offsets_m: (corners, 3) offsets of the real corners.
-
     Source: Duchon, "Splines minimizing rotation-invariant semi-norms" (1977).
     """
 
-    nominal_m: Floats
-    offsets_m: Floats
+    nominal_m: Floats  # (corners, 2) corners on the flat board
+    offsets_m: Floats  # (corners, 3) offsets of the real corners
 
     @classmethod
     def flat(cls) -> BoardSurface:
@@ -48,12 +43,9 @@ class BoardSurface:
 
     @classmethod
     def measured(cls, corners_m: Floats, points_m: Floats) -> BoardSurface:
-        """Surface through measured corners.
+        """Surface through measured corners (corners, 3), by the nominal ones (n, 2).
 
-        Args:
-            corners_m: (corners, 3) measured positions; those without a nominal corner within a
-                quarter of the spacing are ignored.
-            points_m: (n, 2) nominal corners.
+        Measured corners without a nominal one within a quarter of the spacing are ignored.
         """
         tree = scipy.spatial.KDTree(points_m)
         spacing_m = float(np.asarray(tree.query(points_m, k=2)[0])[:, 1].min())
@@ -75,13 +67,7 @@ class BoardSurface:
 
 @dataclass(frozen=True, eq=False)
 class PlacedBoard:
-    """Board in the pose that it has in an image.
-
-    Attributes:
-        camera: camera of the image.
-        surface: shape of the board.
-        pose: (4, 4) optical_from_board.
-    """
+    """Board of a shape in the pose (4, 4) optical_from_board that it has in a camera's image."""
 
     camera: CentralCamera
     surface: BoardSurface
@@ -103,12 +89,7 @@ def pixels_of_points(camera: CentralCamera, points_m: Floats) -> Pixels:
 def locate_board(
     camera: CentralCamera, view: BoardView, surface: BoardSurface | None = None
 ) -> PlacedBoard:
-    """Fit the pose of a board in an image.
-
-    Args:
-        camera: camera of the image.
-        view: the board in the image.
-        surface: shape of the board; None: flat. Non-central cameras take the board as flat.
+    """Fit the pose of a board in a camera's image; surface None: flat, as always if non-central.
 
     Raises:
         MeasurementError: the camera does not show the corners.
@@ -120,7 +101,12 @@ def locate_board(
         raise MeasurementError(message)
     try:
         if isinstance(camera, NonCentralCamera):
-            pose = _pose_before_optics(cast("OpticalSystem", camera), view)
+            from omnisim.cameras.optics.boards.board_corners import BoardCorners
+            from omnisim.cameras.optics.boards.calibrate import calibrate_system
+
+            table = {key: value for key, value in camera.parameters().items() if key != "model"}
+            boards = [BoardCorners(view.points_m, view.pixels_px)]
+            pose = calibrate_system(table, (), boards).poses[0]
             return PlacedBoard(camera, BoardSurface.flat(), pose)
         corners = Corners.of([view])
         pose = pose_from_directions(rays.directions, view.points_m)
@@ -129,17 +115,3 @@ def locate_board(
         return PlacedBoard(camera, surface, adjust(fixed, corners, pose[None], shape_m).poses[0])
     except OpticsError as reason:
         raise MeasurementError(f"{view.name}: {reason}") from None
-
-
-def _pose_before_optics(system: OpticalSystem, view: BoardView) -> Floats:
-    """Pose (4, 4) of a flat board before a non-central system.
-
-    Raises:
-        OpticsError: the system does not see the corners.
-    """
-    from omnisim.cameras.optics.boards.board_corners import BoardCorners
-    from omnisim.cameras.optics.boards.calibrate import calibrate_system
-
-    table = {key: value for key, value in system.parameters().items() if key != "model"}
-    boards = [BoardCorners(view.points_m, view.pixels_px)]
-    return calibrate_system(table, (), boards).poses[0]

@@ -10,11 +10,6 @@ from omnisim.measurement.noise.frame_statistics import (
 from omnisim.measurement.noise.measured_noise import MeasuredNoise, measure_noise
 
 __all__ = [
-    "FrameSet",
-    "FrameStatistics",
-    "MeasuredNoise",
-    "find_frame_sets",
-    "frame_statistics",
-    "measure_noise",
-    "read_statistics",
-]
+    "FrameSet", "FrameStatistics", "MeasuredNoise", "find_frame_sets", "frame_statistics",
+    "measure_noise", "read_statistics",
+]  # fmt: skip

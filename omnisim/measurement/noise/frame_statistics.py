@@ -24,29 +24,19 @@ MIN_FRAMES = 2  # one difference
 
 @dataclass(frozen=True, eq=False)
 class FrameStatistics:
-    """Statistics of the frames at one exposure.
+    """Statistics of the frames at one exposure."""
 
-    Attributes:
-        name: folder of the frames, for messages.
-        exposure_s: exposure time.
-        count: number of frames.
-        mean_image_dn: (height, width) mean of the frames.
-        variance_dn2: temporal variance, mean over the pixels, without the drift of the light.
-        maximum_dn: largest value in any frame.
-        clipped: share of values that equal `maximum_dn`.
-        zeros: share of values that are 0.
-        bits: bitwise OR of all values.
-    """
-
+    # name, count: folder of the frames, for messages, and their number
     name: str
     exposure_s: float
     count: int
-    mean_image_dn: NDArray[np.float64]
-    variance_dn2: float
+    mean_image_dn: NDArray[np.float64]  # (height, width) mean of the frames
+    variance_dn2: float  # temporal variance, mean over the pixels, without the drift of the light
+    # maximum_dn, clipped: largest value in any frame, and share of the values that equal it
     maximum_dn: float
     clipped: float
-    zeros: float
-    bits: int
+    zeros: float  # share of values that are 0
+    bits: int  # bitwise OR of all values
 
     @property
     def mean_dn(self) -> float:
@@ -74,12 +64,9 @@ class FrameStatistics:
 def frame_statistics(
     frames: Iterable[NDArray[Any]], exposure_s: float, name: str = "frames"
 ) -> FrameStatistics:
-    """Statistics of frames (height, width) of unsigned integers, taken at one exposure.
+    """Statistics of two or more frames (height, width) of unsigned integers, taken at one exposure.
 
-    Args:
-        frames: at least two frames; only one is in memory at a time.
-        exposure_s: exposure time of the frames.
-        name: name of the frames, for messages.
+    Only one frame is in memory at a time.
 
     Raises:
         MeasurementError: fewer than two frames, or frames of several sizes.
@@ -110,16 +97,10 @@ def frame_statistics(
     # exact: sums of whole numbers
     spread = (count * squares - total * total) / (count * (count - 1))
     drift = float(np.var(means, ddof=1))
+    variance_dn2 = max(float(spread.mean()) - drift, 0.0)
+    shares = clipped / (count * total.size), zeros / (count * total.size)
     return FrameStatistics(
-        name=name,
-        exposure_s=exposure_s,
-        count=count,
-        mean_image_dn=total / count,
-        variance_dn2=max(float(spread.mean()) - drift, 0.0),
-        maximum_dn=float(largest),
-        clipped=clipped / (count * total.size),
-        zeros=zeros / (count * total.size),
-        bits=bits,
+        name, exposure_s, count, total / count, variance_dn2, float(largest), *shares, bits
     )
 
 
@@ -137,13 +118,7 @@ _EXPOSURE = re.compile(r"(\d+(?:\.\d+)?)\s*(s|ms|us|µs)(?:[-_ ].*)?")
 
 @dataclass(frozen=True)
 class FrameSet:
-    """Frames of one exposure.
-
-    Attributes:
-        folder: folder of the frames.
-        exposure_s: exposure time.
-        files: image files, sorted by name.
-    """
+    """Image files of one exposure in a folder, sorted by name."""
 
     folder: Path
     exposure_s: float
@@ -153,9 +128,7 @@ class FrameSet:
 def find_frame_sets(folder: Path, is_lossy_allowed: bool = False) -> list[FrameSet]:
     """Find the frames of a folder with one folder per exposure, such as `2.5ms` or `1ms-bright`.
 
-    Args:
-        folder: folder with one folder per exposure.
-        is_lossy_allowed: accept JPEG and WebP, which preserve mean values but not noise.
+    JPEG and WebP, which preserve mean values but not noise, have to be allowed.
 
     Raises:
         MeasurementError: the folder is missing or empty, a folder is not named by an exposure
@@ -163,26 +136,24 @@ def find_frame_sets(folder: Path, is_lossy_allowed: bool = False) -> list[FrameS
     """
     if not folder.is_dir():
         raise MeasurementError(f"{folder}: expected a folder with one folder per exposure")
-    sets = [
-        _frame_set(path, is_lossy_allowed) for path in sorted(folder.iterdir()) if path.is_dir()
-    ]
+    sets = []
+    for inner in (path for path in sorted(folder.iterdir()) if path.is_dir()):
+        match = _EXPOSURE.fullmatch(inner.name)
+        if match is None:
+            raise MeasurementError(f"{inner}: expected an exposure time as name, such as 2.5ms")
+        files = tuple(path for path in sorted(inner.iterdir()) if not path.name.startswith("."))
+        for path in files:
+            if is_lossy(path) and not is_lossy_allowed:
+                raise MeasurementError(
+                    f"{path}: lossy compression changes the noise: save PNG or TIFF"
+                )
+            if not is_lossy(path) and path.suffix.lower() not in SUFFIXES + RAW_SUFFIXES:
+                expected = " ".join(SUFFIXES)
+                raise MeasurementError(f"{path}: expected images ({expected}) only")
+        sets.append(FrameSet(inner, float(match[1]) * _UNITS_S[match[2]], files))
     if not sets:
         raise MeasurementError(f"{folder}: expected folders such as 1ms and 2.5ms, got none")
     return sorted(sets, key=lambda one: one.exposure_s)
-
-
-def _frame_set(folder: Path, is_lossy_allowed: bool) -> FrameSet:
-    match = _EXPOSURE.fullmatch(folder.name)
-    if match is None:
-        raise MeasurementError(f"{folder}: expected an exposure time as name, such as 2.5ms")
-    files = tuple(path for path in sorted(folder.iterdir()) if not path.name.startswith("."))
-    for path in files:
-        if is_lossy(path) and not is_lossy_allowed:
-            raise MeasurementError(f"{path}: lossy compression changes the noise: save PNG or TIFF")
-        if not is_lossy(path) and path.suffix.lower() not in SUFFIXES + RAW_SUFFIXES:
-            expected = " ".join(SUFFIXES)
-            raise MeasurementError(f"{path}: expected images ({expected}) only")
-    return FrameSet(folder, float(match[1]) * _UNITS_S[match[2]], files)
 
 
 def read_statistics(frames: FrameSet) -> FrameStatistics:
@@ -192,17 +163,17 @@ def read_statistics(frames: FrameSet) -> FrameStatistics:
         MeasurementError: a damaged file, a file that is not a raw image of one channel and 8 or 16
             bits, too few frames, or frames of several sizes.
     """
-    return frame_statistics(_read(frames), frames.exposure_s, str(frames.folder))
 
+    def read() -> Iterator[NDArray[Any]]:
+        for path in frames.files:
+            pixels = read_mosaic(path)
+            if pixels.dtype not in (np.uint8, np.uint16):
+                raise MeasurementError(f"{path}: expected 8 or 16 bits, got {pixels.dtype}")
+            if pixels.shape[2] != 1:
+                raise MeasurementError(
+                    f"{path}: expected raw frames of one channel, got {pixels.shape[2]}: "
+                    "demosaicing mixes the noise of pixels"
+                )
+            yield pixels[..., 0]
 
-def _read(frames: FrameSet) -> Iterator[NDArray[Any]]:
-    for path in frames.files:
-        pixels = read_mosaic(path)
-        if pixels.dtype not in (np.uint8, np.uint16):
-            raise MeasurementError(f"{path}: expected 8 or 16 bits, got {pixels.dtype}")
-        if pixels.shape[2] != 1:
-            raise MeasurementError(
-                f"{path}: expected raw frames of one channel, got {pixels.shape[2]}: "
-                "demosaicing mixes the noise of pixels"
-            )
-        yield pixels[..., 0]
+    return frame_statistics(read(), frames.exposure_s, str(frames.folder))

@@ -15,16 +15,6 @@ from numpy.typing import NDArray
 
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.noise.frame_statistics import FrameStatistics
-from omnisim.measurement.noise.photon_transfer import (
-    MIN_FRAMES,
-    DarkSignal,
-    Nonuniformity,
-    PhotonTransfer,
-    dark_nonuniformity,
-    dark_signal,
-    photo_response_nonuniformity,
-    photon_transfer,
-)
 from omnisim.measurement.quantity import Quantity, Unobservable
 from omnisim.rendering.camera.degradations import Noise
 
@@ -39,26 +29,17 @@ _SIGNIFICANT = 3.0  # standard deviations
 
 @dataclass(frozen=True, eq=False)
 class MeasuredNoise:
-    """Noise of a camera.
+    """Noise of a camera."""
 
-    Attributes:
-        noise: noise parameters for the sensor file, without the pattern.
-        quantities: measured quantities with their standard deviations.
-        unobservable: quantities that the frames do not determine.
-        curve: photon transfer curve.
-        pattern: (height, width, 2) float32: deviation of each pixel's gain as a share, and of its
-            dark signal in electrons; None: too few frames.
-        defects: (n, 2) row and column of defective pixels.
-        exposure_s: exposure time of the frames used to measure the pattern.
-    """
-
-    noise: Noise
-    quantities: tuple[Quantity, ...]
-    unobservable: tuple[Unobservable, ...]
-    curve: PhotonTransfer
+    noise: Noise  # noise parameters for the sensor file, without the pattern
+    quantities: tuple[Quantity, ...]  # measured quantities with their standard deviations
+    unobservable: tuple[Unobservable, ...]  # quantities that the frames do not determine
+    curve: PhotonTransfer  # photon transfer curve
+    # (height, width, 2) float32: deviation of each pixel's gain as a share, and of its dark signal
+    # in electrons; None: too few frames
     pattern: NDArray[np.float32] | None
-    defects: NDArray[np.int64]
-    exposure_s: float
+    defects: NDArray[np.int64]  # (n, 2) row and column of defective pixels
+    exposure_s: float  # exposure time of the frames used to measure the pattern
 
 
 def measure_noise(
@@ -94,17 +75,19 @@ def measure_noise(
     result.gain()
     result.dark()
     result.saturation()
-    stack, flat = max(darks, key=lambda one: one.count), _flat_stack(flats, dark, curve)
+    # the flat with enough frames nearest to 50 % of saturation
+    end_dn = curve.saturation_dn
+    end_dn = max(one.mean_dn for one in flats) if end_dn is None else end_dn
+    stacks = [one for one in flats if one.count >= MIN_FRAMES and one.mean_dn < 0.9 * end_dn]
+    middle_dn = 0.5 * (dark.black_dn + end_dn)
+    flat = min(stacks, key=lambda one: abs(one.mean_dn - middle_dn), default=None)
+    stack = max(darks, key=lambda one: one.count)
     result.pattern(stack, flat)
     return MeasuredNoise(
-        noise=Noise(bit_depth=bits, **result.parameters),
-        quantities=tuple(result.quantities),
-        unobservable=tuple(result.unobservable),
-        curve=curve,
-        pattern=result.map,
-        defects=result.defects,
-        exposure_s=(flat or stack).exposure_s,
-    )
+        noise=Noise(bit_depth=bits, **result.parameters), quantities=tuple(result.quantities),
+        unobservable=tuple(result.unobservable), curve=curve, pattern=result.map,
+        defects=result.defects, exposure_s=(flat or stack).exposure_s,
+    )  # fmt: skip
 
 
 def _aligned(
@@ -128,11 +111,8 @@ def _aligned(
     used = (bits >> shift).bit_length()
     if bit_depth is not None and used > bit_depth:
         raise MeasurementError(f"bit depth {bit_depth}: expected at least {used}, which values use")
-    return (
-        [one.shifted(shift) for one in darks],
-        [one.shifted(shift) for one in flats],
-        bit_depth or used,
-    )
+    shifted = [[one.shifted(shift) for one in frames] for frames in (darks, flats)]
+    return shifted[0], shifted[1], bit_depth or used
 
 
 def _check_dark(dark: FrameStatistics, largest_dn: float) -> None:
@@ -141,41 +121,25 @@ def _check_dark(dark: FrameStatistics, largest_dn: float) -> None:
             f"{dark.name}: expected at most {100 * MAX_ZEROS:g} % of the dark values at 0, got "
             f"{100 * dark.zeros:.2g} %: raise the camera's black level"
         )
-    blocks = _block_means(dark.mean_image_dn)
-    leak = float(np.ptp(blocks))
-    pixels = dark.mean_image_dn.size / blocks.size
-    noise = float(np.std(dark.mean_image_dn)) / math.sqrt(pixels)
-    if leak > MAX_LEAK * largest_dn + _LEAK_SIGMAS * noise:
-        row, column = np.unravel_index(int(np.argmax(blocks)), blocks.shape)
-        vertical = "upper" if row < len(blocks) / 2 else "lower"
-        horizontal = "left" if column < blocks.shape[1] / 2 else "right"
-        side = f"{vertical} {horizontal}"
-        raise MeasurementError(
-            f"{dark.name}: expected even dark frames, got {leak:.3g} DN more at the {side}: light "
-            "leaks in, cover the lens"
-        )
-
-
-def _block_means(image: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Means of 8 × 8 equal blocks of an image; of fewer if it has fewer rows or columns."""
+    # means of 8 × 8 equal blocks, of fewer if there are fewer rows or columns
+    image = dark.mean_image_dn
     rows, columns = (min(_LEAK_BLOCKS, size) for size in image.shape)
-    return np.array(
+    blocks = np.array(
         [
             [part.mean() for part in np.array_split(strip, columns, axis=1)]
             for strip in np.array_split(image, rows, axis=0)
         ]
     )
-
-
-def _flat_stack(
-    flats: Sequence[FrameStatistics], dark: DarkSignal, curve: PhotonTransfer
-) -> FrameStatistics | None:
-    """Flat field with enough frames nearest to 50 % of saturation; None: too few frames in all."""
-    brightest = max(one.mean_dn for one in flats)
-    end_dn = brightest if curve.saturation_dn is None else curve.saturation_dn
-    stacks = [one for one in flats if one.count >= MIN_FRAMES and one.mean_dn < 0.9 * end_dn]
-    middle_dn = 0.5 * (dark.black_dn + end_dn)
-    return min(stacks, key=lambda one: abs(one.mean_dn - middle_dn), default=None)
+    leak = float(np.ptp(blocks))
+    noise = float(np.std(image)) / math.sqrt(image.size / blocks.size)
+    if leak > MAX_LEAK * largest_dn + _LEAK_SIGMAS * noise:
+        row, column = np.unravel_index(int(np.argmax(blocks)), blocks.shape)
+        side = "upper" if row < len(blocks) / 2 else "lower"
+        side += " left" if column < blocks.shape[1] / 2 else " right"
+        raise MeasurementError(
+            f"{dark.name}: expected even dark frames, got {leak:.3g} DN more at the {side}: light "
+            "leaks in, cover the lens"
+        )
 
 
 class _Collector:
@@ -193,11 +157,8 @@ class _Collector:
 
     def gain(self) -> None:
         """Measure the gain of the converter."""
-        levels = int(self._curve.used.sum())
-        self._add(
-            "gain_e_per_dn", self._gain, self._gain * self._gain_share, "e/DN",
-            f"slope of the temporal variance over {levels} flat levels",
-        )  # fmt: skip
+        basis = f"slope of the temporal variance over {self._curve.used.sum()} flat levels"
+        self._add("gain_e_per_dn", self._gain, self._gain * self._gain_share, "e/DN", basis)
 
     def dark(self) -> None:
         """Measure black level, dark current and read noise."""
@@ -208,16 +169,10 @@ class _Collector:
         frames = f"{count} dark frames at {exposures} exposure{'s' if exposures > 1 else ''}"
         rate_e, rate_sigma = gain * dark.rate_dn_per_s, gain * dark.rate_sigma_dn_per_s
         if not math.isfinite(rate_sigma):
-            self.unobservable.append(
-                Unobservable("dark_current_e_per_s", "take dark frames at two exposures or more")
-            )
+            self._miss("dark_current_e_per_s", "take dark frames at two exposures or more")
         elif rate_e < _SIGNIFICANT * rate_sigma:
             limit = f"below {max(rate_e, 0.0) + 2.0 * rate_sigma:.3g} e/s"
-            self.unobservable.append(
-                Unobservable(
-                    "dark_current_e_per_s", f"{limit}: take dark frames at longer exposures"
-                )
-            )
+            self._miss("dark_current_e_per_s", f"{limit}: take dark frames at longer exposures")
         else:
             sigma = math.hypot(rate_sigma, rate_e * self._gain_share)
             self._add("dark_current_e_per_s", rate_e, sigma, "e/s", f"growth over {frames}")
@@ -240,7 +195,7 @@ class _Collector:
             reason = ""
         if reason:
             self.parameters["read_noise_e"] = gain * math.sqrt(max(read_dn2, 0.0))
-            self.unobservable.append(Unobservable("read_noise_e", reason))
+            self._miss("read_noise_e", reason)
             return
         read_dn = math.sqrt(read_dn2)
         sigma_dn = sigma_dn2 / (2.0 * read_dn)
@@ -252,12 +207,8 @@ class _Collector:
         end_dn = self._curve.saturation_dn
         if end_dn is None:
             brightest = float(self._curve.means_dn.max())
-            self.unobservable.append(
-                Unobservable(
-                    "full_well_e",
-                    f"above {self._gain * brightest:.4g} e: take a flat that saturates all pixels",
-                )
-            )
+            limit = f"above {self._gain * brightest:.4g} e"
+            self._miss("full_well_e", f"{limit}: take a flat that saturates all pixels")
             white_dn = self._largest_dn - self._dark.black_dn
             self.parameters["full_well_e"] = self._gain * white_dn
             return
@@ -271,18 +222,15 @@ class _Collector:
         """Measure both nonuniformities and the map of deviations, and find defective pixels."""
         few = f"take {MIN_FRAMES} frames or more"
         if dark.count < MIN_FRAMES:
-            self.unobservable += [
-                Unobservable("dsnu_e", f"{few} in the dark"),
-                Unobservable("prnu", few),
-            ]
+            self._miss("dsnu_e", f"{few} in the dark")
+            self._miss("prnu", few)
             return
-        dsnu = dark_nonuniformity(dark)
+        noise_dn2 = dark.variance_dn2 / dark.count
+        dsnu = _nonuniformity(dark.mean_image_dn - dark.mean_dn, noise_dn2)
         gain = self._gain
         self._add_parts("dsnu_e", dsnu, gain, "e", f"{dark.count} dark frames")
         if flat is None:
-            self.unobservable.append(
-                Unobservable("prnu", f"{few} of a flat near 50 % of saturation")
-            )
+            self._miss("prnu", f"{few} of a flat near 50 % of saturation")
             self.defects = dsnu.defects
             return
         prnu = photo_response_nonuniformity(flat, dark, self._dark, self._mosaic)
@@ -294,22 +242,279 @@ class _Collector:
     def _add_parts(
         self, name: str, spread: Nonuniformity, factor: float, unit: str, basis: str
     ) -> None:
-        sigma = factor * math.hypot(
-            spread.sigma, spread.total * self._gain_share if factor != 1.0 else 0.0
-        )
+        of_gain = spread.total * self._gain_share if factor != 1.0 else 0.0
+        sigma = factor * math.hypot(spread.sigma, of_gain)
         if spread.total < _SIGNIFICANT * spread.sigma:
             limit = factor * (spread.total + 2.0 * spread.sigma)
-            self.unobservable.append(
-                Unobservable(name, f"below {limit:.2g} {unit}: take more frames")
-            )
+            self._miss(name, f"below {limit:.2g} {unit}: take more frames")
             return
         self._add(name, factor * spread.total, sigma, unit, basis)
         stem, ending = (name[:-2], "_e") if name.endswith("_e") else (name, "")
         for part in ("row", "column", "pixel"):
-            value = factor * getattr(spread, part)
-            quantity = Quantity(f"{stem}_{part}{ending}", value, math.nan, unit, basis)
-            self.quantities.append(quantity)
+            named, value = f"{stem}_{part}{ending}", factor * getattr(spread, part)
+            self.quantities.append(Quantity(named, value, math.nan, unit, basis))
 
     def _add(self, name: str, value: float, sigma: float, unit: str, basis: str) -> None:
         self.parameters[name] = value
         self.quantities.append(Quantity(name, value, sigma, unit, basis))
+
+    def _miss(self, name: str, reason: str) -> None:
+        self.unobservable.append(Unobservable(name, reason))
+
+
+# Photon transfer: temporal variance against mean, whose slope is the gain of the camera.
+#
+# Source: EMVA Standard 1288, release 4.0, section 6.6 (gain from the range up to 70 % of
+# saturation) and Janesick, "Photon Transfer", SPIE, 2007.
+
+
+MAX_SHARE = 0.7  # of saturation, EMVA 1288
+MIN_LEVELS = 3
+MAX_CLIPPED = 1e-3  # share of values at the largest number
+MIN_SPAN = 4.0  # ratio of the brightest to the darkest level
+MAX_EXPONENT_ERROR = 0.05  # of the mean's growth with the exposure time
+MAX_CURVATURE = 0.15  # change of the slope over the range, as a share of the slope
+# Saturated levels: their variance is below this share of the largest one, their mean above this
+# share of the brightest one.
+_PLATEAU, _NEAR_END = 0.5, 0.9
+_BEYOND_PEAK = 3.0  # growth of the mean past the largest variance that uneven light explains
+_LINEAR = "save linear (raw) frames without gamma, sharpening or denoising"
+
+
+@dataclass(frozen=True, eq=False)
+class DarkSignal:
+    """Dark frames by exposure: mean = black_dn + rate_dn_per_s · exposure."""
+
+    black_dn: float  # mean of a frame of zero exposure
+    black_sigma_dn: float
+    rate_dn_per_s: float  # growth of the mean; 0 for one exposure
+    rate_sigma_dn_per_s: float  # infinite for one exposure
+    frames: tuple[FrameStatistics, ...]
+
+    def mean_dn(self, exposure_s: float) -> float:
+        """Mean dark value at an exposure: of frames with that exposure, else by the line."""
+        for one in self.frames:
+            if np.isclose(one.exposure_s, exposure_s, rtol=1e-6):
+                return one.mean_dn
+        return self.black_dn + self.rate_dn_per_s * exposure_s
+
+    def variance_dn2(self, exposure_s: float) -> float:
+        """Temporal variance of the dark frames whose exposure is nearest to `exposure_s`."""
+        return min(self.frames, key=lambda one: abs(one.exposure_s - exposure_s)).variance_dn2
+
+
+def dark_signal(darks: Sequence[FrameStatistics]) -> DarkSignal:
+    """Fit a line to the means of dark frames over exposure, weighted by their precision."""
+    times = np.array([one.exposure_s for one in darks])
+    means = np.array([one.mean_dn for one in darks])
+    pixels = np.array([one.mean_image_dn.size * one.count for one in darks])
+    sigmas = np.sqrt(np.maximum([one.variance_dn2 for one in darks], 1.0 / 12.0) / pixels)
+    if np.ptp(times) == 0.0:
+        black = float(np.average(means, weights=sigmas**-2))
+        return DarkSignal(black, float(np.min(sigmas)), 0.0, np.inf, tuple(darks))
+    line, covariance = _line(times, means, sigmas)
+    sigma = np.sqrt(np.diag(covariance))
+    return DarkSignal(line[0], float(sigma[0]), line[1], float(sigma[1]), tuple(darks))
+
+
+@dataclass(frozen=True, eq=False)
+class PhotonTransfer:
+    """Photon transfer curve."""
+
+    # means_dn, variances_dn2: (levels,) means and variances, minus those of the dark frames
+    means_dn: NDArray[np.float64]
+    variances_dn2: NDArray[np.float64]
+    used: NDArray[np.bool_]  # (levels,) True: the level is part of the fit
+    # gain_dn_per_e, gain_sigma_dn_per_e: slope of the curve, and its standard deviation
+    gain_dn_per_e: float
+    gain_sigma_dn_per_e: float
+    saturation_dn: float | None  # mean of the brightest saturated level; None: no level saturates
+
+
+def photon_transfer(flats: Sequence[FrameStatistics], dark: DarkSignal) -> PhotonTransfer:
+    """Fit the photon transfer curve of flat fields.
+
+    Raises:
+        MeasurementError: flats darker than the dark frames, too few levels below saturation, levels
+            that are too close to each other, or frames that are not linear in the light.
+    """
+    ordered = sorted(flats, key=lambda one: one.mean_dn)
+    times = np.array([one.exposure_s for one in ordered])
+    means = np.array([one.mean_dn - dark.mean_dn(one.exposure_s) for one in ordered])
+    variances = np.array([one.variance_dn2 - dark.variance_dn2(one.exposure_s) for one in ordered])
+    sigmas = np.array([one.variance_sigma_dn2 for one in ordered])
+    peak = int(np.argmax(variances))
+    saturated = np.arange(len(ordered)) > peak
+    saturated &= (variances < _PLATEAU * variances[peak]) & (means > _NEAR_END * means.max())
+    at_end = (one.mean_dn for one, is_end in zip(ordered, saturated, strict=True) if is_end)
+    end_dn = max(at_end, default=None)
+    first = f"{ordered[0].name} and others"
+    if means[-1] <= 0.0:
+        raise MeasurementError(
+            f"{ordered[-1].name} and others: expected flats brighter than the dark frames"
+        )
+    if means[-1] > _BEYOND_PEAK * means[peak]:
+        raise MeasurementError(
+            f"flats: the variance falls while the mean grows from {means[peak]:.4g} to "
+            f"{means[-1]:.4g} DN, expected growth of both: {_LINEAR}"
+        )
+    # uneven light saturates in some pixels first: from the level with the largest variance on
+    limit = np.inf if peak == len(ordered) - 1 else MAX_SHARE * float(means[peak])
+    largest = max(one.maximum_dn for one in ordered)
+    is_clipped = [one.maximum_dn >= largest and one.clipped > MAX_CLIPPED for one in ordered]
+    used = (means <= limit) & (means > 0.0) & ~saturated & ~np.array(is_clipped)
+    if used.sum() < MIN_LEVELS:
+        raise MeasurementError(
+            f"{first}: expected at least {MIN_LEVELS} flat levels below "
+            f"{100 * MAX_SHARE:.0f} % of saturation, got {used.sum()} of {len(ordered)}: "
+            "take flats at shorter exposures"
+        )
+    span = means[used].max() / means[used].min()
+    if span < MIN_SPAN:
+        raise MeasurementError(
+            f"{first}: expected flat levels that span a ratio of {MIN_SPAN:g}, got "
+            f"{span:.2g}: take flats at more different exposures"
+        )
+    _check_linear(times[used], means[used])
+    gain, gain_sigma = _slope(means[used], variances[used], sigmas[used])
+    _check_curvature(means[used], variances[used], sigmas[used], gain)
+    return PhotonTransfer(means, variances, used, gain, gain_sigma, end_dn)
+
+
+def _check_linear(times: NDArray[np.float64], means: NDArray[np.float64]) -> None:
+    """Reject means that are not proportional to the exposure time, if there are three times."""
+    if len(np.unique(times)) < MIN_LEVELS:
+        return
+    exponent = float(np.polyfit(np.log(times), np.log(means), 1)[0])
+    if abs(exponent - 1.0) > MAX_EXPONENT_ERROR:
+        raise MeasurementError(
+            f"flats: the mean grows as the exposure time to the power of {exponent:.2f}, expected "
+            f"1, with the same light and no automatic gain: {_LINEAR}"
+        )
+
+
+def _check_curvature(
+    means: NDArray[np.float64],
+    variances: NDArray[np.float64],
+    sigmas: NDArray[np.float64],
+    gain: float,
+) -> None:
+    """Refuse a variance that is not proportional to the mean."""
+    if len(means) <= MIN_LEVELS:
+        return
+    ratio, ratio_sigma = variances / means, sigmas / means
+    line, covariance = _line(means / means.max(), ratio, ratio_sigma)
+    change, sigma = line[1] / gain, np.sqrt(covariance[1, 1]) / gain
+    if abs(change) > MAX_CURVATURE + 3.0 * sigma:
+        raise MeasurementError(
+            f"flats: the variance per mean changes by {100 * change:.0f} % over the levels, "
+            f"expected less than {100 * MAX_CURVATURE:.0f} %: {_LINEAR}"
+        )
+
+
+def _slope(
+    means: NDArray[np.float64], variances: NDArray[np.float64], sigmas: NDArray[np.float64]
+) -> tuple[float, float]:
+    """Slope of a line through the origin, and its standard deviation."""
+    weights = sigmas**-2
+    slope = float((weights * means * variances).sum() / (weights * means * means).sum())
+    residual = (variances - slope * means) / sigmas
+    excess = max(1.0, float(residual @ residual) / max(len(means) - 1, 1))
+    sigma = np.sqrt(excess / (weights * means * means).sum())
+    return slope, float(sigma)
+
+
+def _line(
+    x: NDArray[np.float64], y: NDArray[np.float64], sigmas: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Intercept and slope (2,) of a weighted line, and their covariance (2, 2)."""
+    design = np.stack((np.ones_like(x), x), axis=1) / sigmas[:, None]
+    covariance = np.linalg.inv(design.T @ design)
+    line: NDArray[np.float64] = covariance @ design.T @ (y / sigmas)
+    residual = y / sigmas - design @ line
+    excess = max(1.0, float(residual @ residual) / max(len(x) - 2, 1))
+    return line, np.asarray(covariance * excess, dtype=np.float64)
+
+
+# Fixed pattern of a sensor, from mean images of many dark frames and flat fields.
+#
+# Source: EMVA Standard 1288, release 4.0, section 8: spatial variance split into row, column and
+# pixel variances, after subtracting the temporal noise that remains in a mean image.
+
+
+MIN_FRAMES = 16  # of a mean image; EMVA 1288 recommends more than 100
+_TREND_DEGREE = 6  # of the polynomial that takes the light's and the lens's falloff
+_DEFECT = 8.0  # robust standard deviations from the mean
+
+
+@dataclass(frozen=True, eq=False)
+class Nonuniformity:
+    """Spatial variation of a mean image, temporal noise removed: standard deviations."""
+
+    total: float  # of all pixels
+    row: float  # of the row means
+    column: float  # of the column means
+    pixel: float  # of the rest
+    sigma: float  # uncertainty of `total` (standard deviation)
+    defects: NDArray[np.int64]  # (n, 2) row and column of pixels more than 8 sigmas off the median
+    pattern: NDArray[np.float64]  # (height, width) deviations from the mean
+
+
+def photo_response_nonuniformity(
+    flat: FrameStatistics, stack: FrameStatistics, dark: DarkSignal, mosaic: bool
+) -> Nonuniformity:
+    """Nonuniformity of the response of a flat field as a share of the mean response.
+
+    The pattern of the dark frames `stack` is subtracted, and with a Bayer mosaic the mean of each
+    of its four colors.
+    """
+    offset = dark.mean_dn(flat.exposure_s) - stack.mean_dn
+    signal = flat.mean_image_dn - stack.mean_image_dn - offset
+    trend = np.empty_like(signal)
+    step = 2 if mosaic else 1
+    for row in range(step):
+        for column in range(step):
+            plane = np.s_[row::step, column::step]
+            trend[plane] = _trend(signal[plane])
+    response = signal / trend - 1.0
+    temporal = flat.variance_dn2 / flat.count + stack.variance_dn2 / stack.count
+    return _nonuniformity(response, temporal * float(np.mean(trend**-2)))
+
+
+def _nonuniformity(deviations: NDArray[np.float64], temporal: float) -> Nonuniformity:
+    """Nonuniformity of a mean image's deviations; `temporal` is the variance of its noise."""
+    rows, columns = deviations.shape
+    measured = float(deviations.var(ddof=1))
+    of_rows = float(deviations.mean(axis=1).var(ddof=1)) - temporal / columns
+    of_columns = float(deviations.mean(axis=0).var(ddof=1)) - temporal / rows
+    total = measured - temporal
+    # a mean over a row still has a share of the pixels' variance
+    parts = np.linalg.solve(
+        [[1.0, 1.0, 1.0], [1.0, 0.0, 1.0 / columns], [0.0, 1.0, 1.0 / rows]],
+        [total, of_rows, of_columns],
+    )
+    row, column, pixel = np.sqrt(np.maximum(parts, 0.0)).tolist()
+    spread = float(np.sqrt(max(total, 0.0)))
+    variance_sigma = measured * np.sqrt(2.0 / (deviations.size - 1))
+    sigma = variance_sigma / (2.0 * spread) if spread > 0.0 else np.sqrt(variance_sigma)
+    middle = float(np.median(deviations))
+    robust = 1.4826 * float(np.median(np.abs(deviations - middle)))
+    is_defect = np.abs(deviations - middle) > _DEFECT * max(robust, np.sqrt(temporal))
+    # noise widens the pattern: narrower by as much, it has the spread that was measured
+    shrink = np.sqrt(max(total, 0.0) / measured) if measured > 0.0 else 0.0
+    pattern = np.where(is_defect, deviations, deviations * shrink)
+    return Nonuniformity(spread, row, column, pixel, float(sigma), np.argwhere(is_defect), pattern)
+
+
+def _trend(signal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Polynomial of the image coordinates that best fits an image (height, width)."""
+    x, y = (
+        np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, size), _TREND_DEGREE)
+        for size in signal.shape[::-1]
+    )
+    # on a grid, the best polynomial follows from its parts along rows and columns
+    along_x, along_y = np.linalg.qr(x)[0], np.linalg.qr(y)[0]
+    coefficients = along_y.T @ signal @ along_x
+    orders = np.add.outer(np.arange(_TREND_DEGREE + 1), np.arange(_TREND_DEGREE + 1))
+    coefficients[orders > _TREND_DEGREE] = 0.0
+    return along_y @ coefficients @ along_x.T

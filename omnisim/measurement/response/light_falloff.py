@@ -31,23 +31,16 @@ MIN_LIGHT = 0.02  # of the brightest block: darker ones are outside of the image
 
 @dataclass(frozen=True, eq=False)
 class MeasuredVignetting:
-    """Vignetting measured from a flat field.
+    """Vignetting measured from a flat field."""
 
-    Attributes:
-        vignetting: degradation for the sensor file, with the fitted coefficients.
-        quantities: the coefficients, and the relative light at the largest fitted radius.
-        gradient: (2,) relative change of the illumination over the image's width and height.
-        residual: root mean square error of the fit, as a share of the light in the middle.
-        middle: light in the middle of the image, in the units of the flat field.
-        radii, light, fitted: (blocks,) radius in units of half the shorter side, relative light
-            without the gradient, and the fitted profile.
-    """
-
-    vignetting: Vignetting
+    vignetting: Vignetting  # degradation for the sensor file, with the fitted coefficients
+    # the coefficients, and the relative light at the largest fitted radius
     quantities: tuple[Quantity, ...]
-    gradient: Floats
-    residual: float
-    middle: float
+    gradient: Floats  # (2,) relative change of the illumination over the image's width and height
+    residual: float  # root mean square error of the fit, as a share of the light in the middle
+    middle: float  # light in the middle of the image, in the units of the flat field
+    # radii, light, fitted: (blocks,) radius in units of half the shorter side, relative light
+    # without the gradient, and the fitted profile
     radii: Floats
     light: Floats
     fitted: Floats
@@ -63,9 +56,8 @@ def measure_vignetting(
     blocks beside the edge of the image circle.
 
     Args:
-        flat: (height, width) linear light, without black level; NaN: invalid.
+        flat, name: (height, width) linear light, without black level (NaN: invalid); its name.
         center_px: principal point; None: the middle of the image.
-        name: name of the images, for messages.
 
     Raises:
         MeasurementError: no light, light that changes by more than 25 % across the image, or light
@@ -105,17 +97,10 @@ def measure_vignetting(
     ]
     at_edge = float((fit.terms(np.array([edge**2])) @ solution)[0] / solution[0])
     quantities.append(Quantity("light_at_edge", at_edge, residual, "", basis))
-    relative = light / slope / solution[0]
     return MeasuredVignetting(
-        vignetting,
-        tuple(quantities),
-        gradient,
-        residual,
-        float(solution[0]),
-        np.sqrt(squared),
-        relative,
-        even / solution[0],
-    )
+        vignetting, tuple(quantities), gradient, residual, float(solution[0]),
+        np.sqrt(squared), light / slope / solution[0], even / solution[0],
+    )  # fmt: skip
 
 
 def _lit_blocks(flat: Floats, block_px: int) -> tuple[Floats, Floats, Floats]:
@@ -135,12 +120,7 @@ def _lit_blocks(flat: Floats, block_px: int) -> tuple[Floats, Floats, Floats]:
 
 
 def _check(name: str, residual: float, gradient: Floats, kept: float) -> None:
-    """Reject a surface that is not evenly lit; `kept` is the share of blocks without outliers.
-
-    Raises:
-        MeasurementError: the gradient or the residual is too large, or too many blocks are
-            outliers.
-    """
+    """Reject a surface that is not evenly lit; `kept` is the share of blocks without outliers."""
     change = float(np.abs(gradient).max())
     if change > MAX_GRADIENT:
         raise MeasurementError(
@@ -183,21 +163,13 @@ _POINTS = 200
 
 
 class RadialProfile(NamedTuple):
-    """Light (a + b r² + c r⁴ + …) / (1 + k r²)² of blocks, and its gradient over the image.
+    """Light (a + b r² + c r⁴ + …) / (1 + k r²)² of blocks, and its gradient over the image."""
 
-    Attributes:
-        solution: (terms,) coefficients a, b, c and so on.
-        rate: k, the squared tangent of the field angle at r = 1; 0: a polynomial.
-        gradient: (2,) relative change of the light over the image's width and height.
-        is_kept: (blocks,) False: outliers.
-        residuals: (blocks,) measured minus fitted light.
-    """
-
-    solution: Floats
-    rate: float
-    gradient: Floats
-    is_kept: NDArray[np.bool_]
-    residuals: Floats
+    solution: Floats  # (terms,) coefficients a, b, c and so on
+    rate: float  # k, the squared tangent of the field angle at r = 1; 0: a polynomial
+    gradient: Floats  # (2,) relative change of the light over the image's width and height
+    is_kept: NDArray[np.bool_]  # (blocks,) False: outliers
+    residuals: Floats  # (blocks,) measured minus fitted light
 
     @property
     def rms(self) -> float:
@@ -227,11 +199,8 @@ class RadialProfile(NamedTuple):
 def fit_profile(light: Floats, squared: Floats, offsets: Floats, brightest: float) -> RadialProfile:
     """Fit the profile with the fewest unknowns among those as good as the best one.
 
-    Args:
-        light: (blocks,) light.
-        squared: (blocks,) squared radius, in units of half the shorter side.
-        offsets: (blocks, 2) x and y from the center, as shares of the image's width and height.
-        brightest: light of the brightest blocks.
+    Light, squared radius (blocks,) in units of half the shorter side, and offsets (blocks, 2) from
+    the center, as shares of the image's width and height.
     """
     polynomials = [
         _fit(light, squared, offsets, count + 1, 0.0, brightest)
@@ -266,13 +235,8 @@ def _fit(
 ) -> RadialProfile:
     """Fit profile × (1 + g · (x, y)): profile and g in turn, without outliers.
 
-    Args:
-        light: (blocks,) light.
-        squared: (blocks,) squared radius, in units of half the shorter side.
-        offsets: (blocks, 2) x and y from the center, as shares of the image's width and height.
-        count: number of the profile's terms.
-        rate: see `RadialProfile`.
-        brightest: light of the brightest blocks.
+    `count` is the number of the profile's terms, `rate` that of `RadialProfile`; for the others,
+    see `fit_profile`.
     """
     terms = _terms(squared, count, rate)
     is_kept: NDArray[np.bool_] = np.ones(len(light), dtype=bool)
@@ -286,24 +250,17 @@ def _fit(
         gradient[:] = np.linalg.lstsq(tilt[is_kept], (light - even)[is_kept], rcond=None)[0]
         residuals = light - even * (1.0 + offsets @ gradient)
         before = is_kept
-        deviations = np.abs(residuals - _ring_medians(residuals, squared))
+        # a misfit of the profile is the same all around, and no outlier: otherwise the corners of
+        # wide fields would be left out, where the polynomial then rises at will
+        order = np.argsort(squared, kind="stable")
+        medians = np.empty_like(residuals)
+        medians[order] = median_filter(residuals[order], size=_RING, mode="nearest")
+        deviations = np.abs(residuals - medians)
         spread = 1.4826 * float(np.median(deviations[is_kept]))
         is_kept = deviations <= 4.0 * max(spread, _MIN_SPREAD * brightest)
         if number >= _MIN_ROUNDS and np.array_equal(before, is_kept):
             break
     return RadialProfile(solution, rate, gradient, is_kept, residuals)
-
-
-def _ring_medians(residuals: Floats, squared: Floats) -> Floats:
-    """Median residual (blocks,) of the blocks of about the same radius.
-
-    A misfit of the profile is the same all around, and no outlier. Otherwise the corners of wide
-    fields would be left out, where the polynomial then rises at will.
-    """
-    order = np.argsort(squared, kind="stable")
-    medians = np.empty_like(residuals)
-    medians[order] = median_filter(residuals[order], size=_RING, mode="nearest")
-    return medians
 
 
 # Mean of images of a static scene.
@@ -313,11 +270,9 @@ MAX_CLIPPED = 0.01  # share of a flat field's values
 
 
 def mean_image(files: Sequence[Path], channel: int) -> tuple[NDArray[np.float64], float]:
-    """Mean (height, width) of a channel of images, and the largest possible value.
+    """Mean (height, width) of a channel of images of one size, and the largest possible value.
 
-    Args:
-        files: image files of one size.
-        channel: index of the channel; ignored for gray images.
+    The channel is ignored for gray images.
 
     Raises:
         MeasurementError: no files, a file that cannot be read, a bit depth other than 8 or 16, or
@@ -345,15 +300,10 @@ def mean_image(files: Sequence[Path], channel: int) -> tuple[NDArray[np.float64]
 
 
 def check_unclipped(flat: NDArray[np.float64], largest: float, name: str) -> None:
-    """Reject a flat field with too many white pixels.
-
-    Args:
-        flat: (height, width) mean of the images.
-        largest: level of white.
-        name: name of the images, for messages.
+    """Reject a flat field (height, width), the mean of images, with too many white pixels.
 
     Raises:
-        MeasurementError: more than 1 % of the pixels are white.
+        MeasurementError: more than 1 % of the pixels are at the level `largest` of white.
     """
     clipped = float(np.mean(flat >= 0.995 * largest))
     if clipped > MAX_CLIPPED:

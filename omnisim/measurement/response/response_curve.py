@@ -35,21 +35,13 @@ _SMOOTHNESS = 0.1  # weight of the curve's second differences, in pixels
 
 @dataclass(frozen=True, eq=False)
 class MeasuredResponse:
-    """Response of a camera.
+    """Response of a camera."""
 
-    Attributes:
-        encoding: named transfer function, or a curve.
-        quantities: exponent of the best power function, and error of `encoding`.
-        errors: root mean square error of each function, as a share of full scale, by name.
-        light, levels: (n,) solved curve: light as a share of the light of white, and the level
-            in [0, 1].
-    """
-
-    encoding: Encoding
-    quantities: tuple[Quantity, ...]
-    errors: dict[str, float]
-    light: Floats
-    levels: Floats
+    encoding: Encoding  # named transfer function, or a curve
+    quantities: tuple[Quantity, ...]  # exponent of the best power function, and error of `encoding`
+    errors: dict[str, float]  # root mean square error of each function, as a share of full scale
+    light: Floats  # (n,) solved curve: light as a share of the light of white
+    levels: Floats  # (n,) its levels in [0, 1]
 
 
 def measure_response(
@@ -65,8 +57,7 @@ def measure_response(
         images: for each exposure time, (height, width) levels of a static scene: of one image, or
             the mean of several.
         exposures_s: exposure times.
-        black_dn: level without light.
-        white_dn: largest level.
+        black_dn, white_dn: level without light, and largest level.
         name: name of the images, for messages.
 
     Raises:
@@ -82,7 +73,11 @@ def measure_response(
         )
     if len({image.shape for image in images}) > 1:
         raise MeasurementError(f"{name}: images of several sizes: expected one camera")
-    stack = np.stack([_sample(images[index]) for index in order])
+    steps = [max(1, math.ceil(images[index].size / MAX_PIXELS)) for index in order]
+    stack = np.stack([
+        images[index].reshape(-1)[::step].astype(np.float64)
+        for index, step in zip(order, steps, strict=True)
+    ])  # fmt: skip
     levels = (stack - black_dn) / (white_dn - black_dn)
     brightest = float(np.max(levels))
     if not MIN_BRIGHTEST < brightest < MAX_BRIGHTEST:
@@ -90,7 +85,13 @@ def measure_response(
             f"{name}: the brightest pixel is at {100.0 * brightest:.0f} % of white, {white_dn:g}: "
             "expected exposure times up to white, and the camera's own white level"
         )
-    _check_order(levels, times, name)
+    means = np.median(levels, axis=1)
+    for index in range(1, len(times)):
+        if means[index] < means[index - 1] - 0.01:
+            raise MeasurementError(
+                f"{name}: {1e3 * times[index]:g} ms is darker than {1e3 * times[index - 1]:g} ms: "
+                "expected a still scene, constant light, and no automatic exposure"
+            )
     used = (levels > LOW) & (levels < HIGH)
     used &= used.sum(axis=0) >= 2
     if used.sum() < 200:
@@ -115,7 +116,13 @@ def measure_response(
         "curve": Encoding(curve=tuple(zip(light.tolist(), knots.tolist(), strict=True))),
     }
     basis = f"{int(used.any(axis=0).sum())} pixels at {len(times)} exposure times"
-    sigma = _gamma_sigma(levels, times, used, gamma)
+    # standard deviation of the exponent, from eighths of the pixels; NaN: too few pixels
+    parts = [
+        _best_gamma(levels[:, start::8], times, used[:, start::8])
+        for start in range(8)
+        if used[:, start::8].sum() >= 20
+    ]
+    sigma = float(np.std(parts, ddof=1) / math.sqrt(len(parts))) if len(parts) > 2 else math.nan
     quantities = (
         Quantity("gamma", gamma, sigma, "", f"{basis}, as a power"),
         Quantity("response_error", errors[best], math.nan, "of full scale", f"{basis}, as {best}"),
@@ -123,49 +130,17 @@ def measure_response(
     return MeasuredResponse(encodings[best], quantities, errors, light, knots)
 
 
-def _sample(image: NDArray[Any]) -> Floats:
-    """Evenly spread pixels (n,) of an image, at most 20 000."""
-    step = max(1, math.ceil(image.size / MAX_PIXELS))
-    return image.reshape(-1)[::step].astype(np.float64)
-
-
-def _check_order(levels: Floats, times: Floats, name: str) -> None:
-    """Reject images that become darker with the exposure time.
-
-    Raises:
-        MeasurementError: naming both exposure times.
-    """
-    means = np.median(levels, axis=1)
-    for index in range(1, len(times)):
-        if means[index] < means[index - 1] - 0.01:
-            raise MeasurementError(
-                f"{name}: {1e3 * times[index]:g} ms is darker than {1e3 * times[index - 1]:g} ms: "
-                "expected a still scene, constant light, and no automatic exposure"
-            )
-
-
-def _predicted(
-    inverse: Callable[[Floats], Floats], levels: Floats, times: Floats, used: NDArray[np.bool_]
-) -> Floats:
-    """Light (images, pixels) expected at each exposure time, from each pixel's mean per second.
-
-    Args:
-        inverse: inverse response, from levels to light.
-        levels: (images, pixels) levels in [0, 1].
-        times: (images,) exposure times, s.
-        used: (images, pixels) False: too dark or too bright.
-    """
-    weights = used * times[:, None]
-    seen = inverse(levels) * used
-    per_second = seen.sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-30)
-    return per_second * times[:, None]
-
-
 def _error(
     inverse: Callable[[Floats], Floats], levels: Floats, times: Floats, used: NDArray[np.bool_]
 ) -> float:
-    """Root mean square error of the levels predicted with an inverse response, of full scale 1."""
-    light = _predicted(inverse, levels, times, used)
+    """Root mean square error of levels (images, pixels) predicted with an inverse response.
+
+    White is 1; levels that are not `used` are too dark or too bright.
+    """
+    # of each pixel, from its mean light per second
+    weights = used * times[:, None]
+    per_second = (inverse(levels) * used).sum(axis=0) / np.maximum(weights.sum(axis=0), 1e-30)
+    light = per_second * times[:, None]
     # back to levels along the inverse's slope
     grid = np.linspace(0.0, 1.0, 2049)
     expected = np.interp(light, inverse(grid), grid)
@@ -179,16 +154,6 @@ def _best_gamma(levels: Floats, times: Floats, used: NDArray[np.bool_]) -> float
         return _error(lambda values: np.clip(values, 0.0, 1.0) ** gamma, levels, times, used)
 
     return float(minimize_scalar(error, bounds=(0.3, 4.0), method="bounded").x)
-
-
-def _gamma_sigma(levels: Floats, times: Floats, used: NDArray[np.bool_], gamma: float) -> float:
-    """Standard deviation of the exponent, from eighths of the pixels; NaN: too few pixels."""
-    parts = [
-        _best_gamma(levels[:, start::8], times, used[:, start::8])
-        for start in range(8)
-        if used[:, start::8].sum() >= 20
-    ]
-    return float(np.std(parts, ddof=1) / math.sqrt(len(parts))) if len(parts) > 2 else math.nan
 
 
 def _simplest(errors: dict[str, float]) -> str:

@@ -5,9 +5,6 @@ from omnisim.measurement.sharpness.measured_sharpness import MeasuredSharpness, 
 from omnisim.measurement.sharpness.slanted_edge import EdgeSharpness
 
 __all__ = [
-    "EdgeSharpness",
-    "MeasuredSharpness",
-    "find_edge_images",
-    "measure_sharpness",
+    "EdgeSharpness", "MeasuredSharpness", "find_edge_images", "measure_sharpness",
     "read_edge_image",
-]
+]  # fmt: skip

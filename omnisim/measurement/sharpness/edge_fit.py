@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -57,55 +58,38 @@ class UnusableEdge(Exception):
 
 @dataclass(frozen=True, eq=False)
 class EdgeLine:
-    """Approximate position of an edge.
+    """Approximate position of an edge."""
 
-    Attributes:
-        start_px, end_px: (2,) positions (u, v) of the ends.
-        reach_px: distance from the edge, to both sides, without other edges.
-    """
-
+    # start_px, end_px: (2,) positions (u, v) of the ends
     start_px: Floats
     end_px: Floats
-    reach_px: float
+    reach_px: float  # distance from the edge, to both sides, without other edges
 
 
 @dataclass(frozen=True, eq=False)
 class FittedEdge:
-    """Pixels around an edge, by their distance from it.
+    """Pixels around an edge, by their distance from it."""
 
-    Attributes:
-        center_px: (2,) point on the edge, in the middle of its length.
-        normal: (2,) unit vector from the dark to the bright side at `center_px`.
-        length_px, reach_px: length of the edge, and largest distance of a pixel from it.
-        slant_deg: angle to the pixel rows or columns, whichever is smaller.
-        distances_px: (n,) signed distance of each pixel's center, positive on the bright side.
-        rows, columns: (n,) indices of the pixels.
-        contrast, noise: difference between the two sides, and standard deviation of a pixel's
-            value; 1: white.
-    """
-
-    center_px: Floats
-    normal: Floats
+    center_px: Floats  # (2,) point on the edge, in the middle of its length
+    normal: Floats  # (2,) unit vector from the dark to the bright side at `center_px`
+    # length_px, reach_px: length of the edge, and largest distance of a pixel from it
     length_px: float
     reach_px: float
-    slant_deg: float
-    distances_px: Floats
+    slant_deg: float  # angle to the pixel rows or columns, whichever is smaller
+    distances_px: Floats  # (n,) signed distance of each pixel's center, positive on the bright side
+    # rows, columns: (n,) indices of the pixels
     rows: NDArray[np.int64]
     columns: NDArray[np.int64]
+    # contrast, noise: difference between the two sides, and sigma of a pixel's value; 1: white
     contrast: float
     noise: float
 
 
 def fit_edge(light: Floats, clipped: NDArray[np.bool_], line: EdgeLine) -> FittedEdge:
-    """Fit a parabola along the edge and a normal distribution across it.
+    """Fit a parabola along the edge near a line, and a normal distribution across it.
 
-    Args:
-        light: (height, width) linear values, 1: white.
-        clipped: (height, width) True: the pixel is at a limit of its values.
-        line: approximate ends of the edge.
-
-    Raises:
-        UnusableEdge: the edge has a flaw.
+    Of linear values (height, width), 1: white; clipped pixels are at a limit of their values. A
+    flaw of the edge raises `UnusableEdge`.
     """
     along = line.end_px - line.start_px
     length_px = float(np.hypot(*along))
@@ -114,7 +98,16 @@ def fit_edge(light: Floats, clipped: NDArray[np.bool_], line: EdgeLine) -> Fitte
     along = along / length_px
     _check_slant(along)
     middle_px = 0.5 * (line.start_px + line.end_px)
-    rows, columns = _region(light.shape, middle_px, along, length_px, line.reach_px)
+    # the pixels in a rectangle along the edge
+    half = np.abs(along) * 0.5 * length_px + np.abs(along[::-1]) * line.reach_px
+    first, last = np.ceil(middle_px - half).astype(int), np.floor(middle_px + half).astype(int)
+    if (first < 0).any() or last[0] >= light.shape[1] or last[1] >= light.shape[0]:
+        raise UnusableEdge(Flaw.OUTSIDE)
+    columns, rows = np.meshgrid(np.arange(first[0], last[0] + 1), np.arange(first[1], last[1] + 1))
+    u, v = columns - middle_px[0], rows - middle_px[1]
+    is_near = np.abs(u * along[0] + v * along[1]) <= 0.5 * length_px
+    is_near &= np.abs(v * along[0] - u * along[1]) <= line.reach_px
+    rows, columns = rows[is_near], columns[is_near]
     if clipped[rows, columns].mean() > MAX_CLIPPED:
         raise UnusableEdge(Flaw.CLIPPED)
     offsets_px = np.stack((columns, rows), axis=-1) - middle_px
@@ -147,11 +140,7 @@ def fit_edge(light: Floats, clipped: NDArray[np.bool_], line: EdgeLine) -> Fitte
 
 
 def _check_slant(direction: Floats) -> float:
-    """Angle of a direction to pixel rows or columns, the smaller, in degrees; rejects small ones.
-
-    Raises:
-        UnusableEdge: the angle is too small.
-    """
+    """Smaller angle of a direction to pixel rows or columns, in degrees; rejects small ones."""
     small, large = np.sort(np.abs(direction))
     slant_deg = float(np.degrees(np.arctan2(small, large)))
     if slant_deg < MIN_SLANT_DEG:
@@ -159,36 +148,13 @@ def _check_slant(direction: Floats) -> float:
     return slant_deg
 
 
-def _region(
-    shape: tuple[int, ...], middle_px: Floats, along: Floats, length_px: float, reach_px: float
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows (n,) and columns (n,) of the pixels in a rectangle along an edge.
-
-    Raises:
-        UnusableEdge: the rectangle extends beyond the image.
-    """
-    half = np.abs(along) * 0.5 * length_px + np.abs(along[::-1]) * reach_px
-    first = np.ceil(middle_px - half).astype(int)
-    last = np.floor(middle_px + half).astype(int)
-    if (first < 0).any() or last[0] >= shape[1] or last[1] >= shape[0]:
-        raise UnusableEdge(Flaw.OUTSIDE)
-    columns, rows = np.meshgrid(np.arange(first[0], last[0] + 1), np.arange(first[1], last[1] + 1))
-    u, v = columns - middle_px[0], rows - middle_px[1]
-    is_near = np.abs(u * along[0] + v * along[1]) <= 0.5 * length_px
-    is_near &= np.abs(v * along[0] - u * along[1]) <= reach_px
-    return rows[is_near], columns[is_near]
-
-
 def _fit(
     values: Floats, position: Floats, distance: Floats, reach_px: float
 ) -> tuple[Floats, float]:
     """Dark level, step, width in px and three coefficients of the curve (6,); and a pixel's noise.
 
-    Args:
-        values: (n,) light of the pixels.
-        position: (n,) position along the edge, in [-1, 1].
-        distance: (n,) distance across the edge, px.
-        reach_px: largest distance.
+    Pixels have light (n,), a position along the edge (n,) in [−1, 1], and a distance across it
+    (n,), px, up to `reach_px`.
     """
     low = float(values[distance < -0.5 * reach_px].mean())
     high = float(values[distance > 0.5 * reach_px].mean())
@@ -219,11 +185,7 @@ def _fit(
 def _check_even(
     values: Floats, position: Floats, distances: Floats, step: float, edge_px: float, noise: float
 ) -> None:
-    """Reject an edge if a side has other edges or texture.
-
-    Raises:
-        UnusableEdge: a side is uneven, or the edge is too wide to judge it.
-    """
+    """Reject an edge if a side has other edges or texture, or is too narrow to judge it."""
     for is_side in (distances > edge_px, distances < -edge_px):
         quarter = np.floor(2.0 * (position[is_side] + 1.0)).clip(0.0, 3.0)
         near = distances[is_side] ** 2 < np.median(distances[is_side] ** 2) if is_side.any() else 0
@@ -266,11 +228,7 @@ def find_edge_images(path: Path) -> list[Path]:
 
 
 def read_edge_image(path: Path, encoding: Encoding | None) -> NDArray[Any]:
-    """Stored values (height, width, 1 or 3) of an image.
-
-    Args:
-        path: image file.
-        encoding: encoding of the values; None: linear.
+    """Stored values (height, width, 1 or 3) of an image; an encoding of None: linear.
 
     Raises:
         MeasurementError: the file is damaged, or is a JPEG or a video of unknown encoding.
@@ -292,12 +250,8 @@ def linear_light(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Linear light (height, width, 1 or 3) of stored values, and a mask of clipped pixels.
 
-    White is 1 for floats, and the largest value of the converter's bits for integers.
-
-    Args:
-        pixels: (height, width) or (height, width, channels) values.
-        encoding: encoding of the values; None: linear.
-        name: file name in messages.
+    White is 1 for floats, and the largest value of the converter's bits for integers. Encoding
+    None: linear.
 
     Raises:
         MeasurementError: not one or three channels, or values that are not finite.
@@ -306,7 +260,11 @@ def linear_light(
     if values.ndim != 3 or values.shape[2] not in (1, 3):
         raise MeasurementError(f"{name}: expected one or three channels, got {pixels.shape}")
     if np.issubdtype(values.dtype, np.integer):
-        largest = _largest(values)
+        # the converter's bits may be the upper or the lower ones of 16
+        used = int(np.bitwise_or.reduce(values, axis=None))
+        shift = (used & -used).bit_length() - 1 if used else 0
+        bits = max((used >> shift).bit_length(), MIN_BITS if shift == 0 else 1)
+        largest = ((1 << bits) - 1) << shift
         clipped = np.any((values >= largest) | (values <= 0), axis=2)
         values = values / largest
     elif np.isfinite(values).all():
@@ -317,14 +275,6 @@ def linear_light(
     if encoding is not None:
         light = encoding.linearized(np.maximum(light, 0.0))
     return light, clipped
-
-
-def _largest(values: NDArray[Any]) -> int:
-    """Largest value of the converter; its bits may be the upper or the lower ones of 16."""
-    used = int(np.bitwise_or.reduce(values, axis=None))
-    shift = (used & -used).bit_length() - 1 if used else 0
-    bits = max((used >> shift).bit_length(), MIN_BITS if shift == 0 else 1)
-    return ((1 << bits) - 1) << shift
 
 
 # Approximate edges in an image: between the corners of a board, or all straight edges.
@@ -343,11 +293,8 @@ def board_edges(board: BoardCorners) -> list[EdgeLine]:
     tree = cKDTree(board.points_m)
     square_m = float(np.median(np.asarray(tree.query(board.points_m, k=[2])[0])))
     pairs = tree.query_pairs(1.2 * square_m)
-    return [
-        line
-        for first, second in sorted(pairs)
-        if (line := _between(board.pixels_px[first], board.pixels_px[second]))
-    ]
+    lines = (_between(*board.pixels_px[list(pair)]) for pair in sorted(pairs))
+    return [line for line in lines if line]
 
 
 def find_edges(light: Floats) -> list[EdgeLine]:
@@ -367,17 +314,14 @@ def find_edges(light: Floats) -> list[EdgeLine]:
     is_straight = along.min(axis=1) < lengths * np.sin(np.radians(MIN_SLANT_DEG))
     edges: list[EdgeLine] = []
     for index in np.lexsort((-lengths, is_straight)).tolist():
-        if lengths[index] >= MIN_LENGTH_PX:
-            edges += _pieces(*segments[index])
+        if lengths[index] < MIN_LENGTH_PX:
+            continue
+        start, end = segments[index]
+        count = int(np.ceil(float(np.hypot(*(end - start))) / MAX_LENGTH_PX))
+        ends = start + np.linspace(0.0, 1.0, count + 1)[:, None] * (end - start)
+        pieces = (_between(*pair) for pair in pairwise(ends))
+        edges += [piece for piece in pieces if piece]
     return edges[:MAX_EDGES]
-
-
-def _pieces(start_px: Floats, end_px: Floats) -> list[EdgeLine]:
-    length = float(np.hypot(*(end_px - start_px)))
-    count = int(np.ceil(length / MAX_LENGTH_PX))
-    ends = start_px + np.linspace(0.0, 1.0, count + 1)[:, None] * (end_px - start_px)
-    pieces = (_between(ends[index], ends[index + 1]) for index in range(count))
-    return [piece for piece in pieces if piece]
 
 
 def _between(start_px: NDArray[np.float64], end_px: NDArray[np.float64]) -> EdgeLine | None:

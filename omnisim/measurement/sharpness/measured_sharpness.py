@@ -35,27 +35,16 @@ _REMEDY = "photograph slanted black and white edges, such as a turned chessboard
 
 @dataclass(frozen=True, eq=False)
 class MeasuredSharpness:
-    """Sharpness of a camera.
+    """Sharpness of a camera."""
 
-    Attributes:
-        point_spread: widths over the field; None: the optics are sharper than the pixels show.
-        chromatic_aberration: lateral color; None: not measured.
-        quantities: measured quantities with their standard deviations.
-        unobservable: quantities that the images do not determine.
-        edges: measured edges.
-        flaws: number of unusable edges for each reason.
-        size_px: width and height of the images.
-        center_px: (u, v) of the center of the radii.
-    """
-
-    point_spread: PointSpread | None
-    chromatic_aberration: ChromaticAberration | None
+    point_spread: PointSpread | None  # None: the optics are sharper than the pixels show
+    chromatic_aberration: ChromaticAberration | None  # lateral color; None: not measured
     quantities: tuple[Quantity, ...]
-    unobservable: tuple[Unobservable, ...]
+    unobservable: tuple[Unobservable, ...]  # not determined by the images
     edges: tuple[EdgeSharpness, ...]
-    flaws: dict[Flaw, int]
-    size_px: tuple[int, int]
-    center_px: tuple[float, float]
+    flaws: dict[Flaw, int]  # number of unusable edges for each reason
+    size_px: tuple[int, int]  # width and height of the images
+    center_px: tuple[float, float]  # (u, v) of the center of the radii
 
 
 def measure_sharpness(
@@ -105,33 +94,25 @@ def measure_sharpness(
     if size_px is None:
         raise MeasurementError(f"expected images of edges, got none: {_REMEDY}")
     edges = [edge for edge in edges if edges_only(edge)]
-    _check_edges(edges, flaws, names[0] if names else "images")
+    first = f"{names[0] if names else 'images'} and others"
+    if not edges and not flaws:
+        raise MeasurementError(f"{first}: no edges found: {_REMEDY}")
+    if not edges:
+        flaw, count = flaws.most_common(1)[0]
+        raise MeasurementError(
+            f"{first}: none of {flaws.total()} edges is usable; {count} are {flaw.value}"
+        )
     if encoding is None:
         _check_linear(edges)
     if center_px is None:
         center_px = 0.5 * (size_px[0] - 1), 0.5 * (size_px[1] - 1)
     curves = field_curves(edges, size_px, center_px)
     return MeasuredSharpness(
-        point_spread=curves.point_spread,
-        chromatic_aberration=curves.chromatic_aberration,
+        point_spread=curves.point_spread, chromatic_aberration=curves.chromatic_aberration,
         quantities=(*_ring_quantities(edges, curves), *curves.quantities),
-        unobservable=tuple(curves.unobservable),
-        edges=tuple(edges),
-        flaws=dict(flaws),
-        size_px=size_px,
-        center_px=center_px,
-    )
-
-
-def _check_edges(edges: Sequence[EdgeSharpness], flaws: Counter[Flaw], first: str) -> None:
-    if edges:
-        return
-    if not flaws:
-        raise MeasurementError(f"{first} and others: no edges found: {_REMEDY}")
-    flaw, count = flaws.most_common(1)[0]
-    raise MeasurementError(
-        f"{first} and others: none of {flaws.total()} edges is usable; {count} are {flaw.value}"
-    )
+        unobservable=tuple(curves.unobservable), edges=tuple(edges), flaws=dict(flaws),
+        size_px=size_px, center_px=center_px,
+    )  # fmt: skip
 
 
 def _check_linear(edges: Sequence[EdgeSharpness]) -> None:
@@ -153,11 +134,8 @@ def _ring_quantities(edges: Sequence[EdgeSharpness], curves: FieldCurves) -> lis
     ends = np.linspace(0.0, float(curves.radii_px.max()) + 1e-9, RINGS + 1)
     quantities = []
     for first, last in pairwise(ends.tolist()):
-        ring = [
-            edge
-            for edge, radius in zip(edges, curves.radii_px, strict=True)
-            if first <= radius < last
-        ]
+        pairs = zip(edges, curves.radii_px, strict=True)
+        ring = [edge for edge, radius in pairs if first <= radius < last]
         if not ring:
             continue
         place, basis = f"{first:.0f}-{last:.0f} px", f"{len(ring)} edges"
@@ -169,12 +147,7 @@ def _ring_quantities(edges: Sequence[EdgeSharpness], curves: FieldCurves) -> lis
 
 
 def _mean(name: str, measured: list[tuple[float, float]], unit: str, basis: str) -> Quantity:
-    """Mean of measured values, with a standard deviation from their noise or scatter, the larger.
-
-    Args:
-        name, unit, basis: attributes of the quantity.
-        measured: values, each with its standard deviation.
-    """
+    """Mean of measured values, each with its sigma; its own sigma is of their noise or scatter."""
     values, sigmas = np.array(measured).T
     scatter = float(values.std(ddof=1)) if len(values) > 1 else 0.0
     sigma = max(scatter, float(np.sqrt(np.mean(sigmas**2)))) / np.sqrt(len(values))
@@ -196,31 +169,21 @@ DIGITS = 4  # of the keys: their errors depend on each other, and rounding would
 
 @dataclass(frozen=True, eq=False)
 class FieldCurves:
-    """Point spread and lateral color over the field, with the measured quantities.
+    """Point spread and lateral color over the field (None: not determined), and quantities."""
 
-    Attributes:
-        radii_px: (edges,) image radius of each edge.
-        point_spread, chromatic_aberration: degradations for the sensor file; None: not determined.
-        quantities: measured quantities.
-        unobservable: quantities that the edges do not determine.
-    """
-
-    radii_px: Floats
+    radii_px: Floats  # (edges,) image radius of each edge
     point_spread: PointSpread | None
     chromatic_aberration: ChromaticAberration | None
     quantities: list[Quantity]
-    unobservable: list[Unobservable]
+    unobservable: list[Unobservable]  # not determined by the edges
 
 
 def field_curves(
     edges: Sequence[EdgeSharpness], size_px: tuple[int, int], center_px: tuple[float, float]
 ) -> FieldCurves:
-    """Fit point spread and lateral color to edges in images of one size.
+    """Fit point spread and lateral color to edges, at least one, in images of one size.
 
-    Args:
-        edges: measured edges, at least one.
-        size_px: width and height of the images.
-        center_px: (u, v) of the center of the radii.
+    Radii are about `center_px`, (u, v).
     """
     unit_px = ImageGeometry(*size_px, center_px).radius_unit_px
     offsets = np.array([edge.center_px for edge in edges]) - center_px
@@ -251,12 +214,8 @@ def _point_spread(
 ) -> PointSpread | None:
     """Fit widths over the radius; None: too sharp. Adds the quantities of both kinds to `curves`.
 
-    Args:
-        edges: measured edges.
-        radii_px: (edges,) image radius of each edge.
-        radial_share: (edges,) squared cosine between the edge's normal and the radius.
-        unit_px: unit of relative radii.
-        curves: result to which quantities are added.
+    Edges have an image radius (edges,), whose unit is `unit_px`, and the squared cosine (edges,)
+    between their normal and the radius.
     """
     variances = np.array([edge.variance_px2 for edge in edges])
     sigmas = np.array([edge.variance_sigma_px2 for edge in edges])
@@ -264,9 +223,8 @@ def _point_spread(
     isotropic = float(radial_share.std()) < MIN_SPREAD
     if isotropic:
         reason = "all edges have like angles to the radius: photograph a board turned by 45°, too"
-        curves.unobservable.append(
-            Unobservable("difference of radial and tangential width", reason)
-        )
+        name = "difference of radial and tangential width"
+        curves.unobservable.append(Unobservable(name, reason))
     radii = radii_px / unit_px
 
     def design(degree: int) -> Floats:
@@ -276,7 +234,14 @@ def _point_spread(
     curve = fit_curve(design, variances, sigmas, degrees)
     knots = KNOTS if curve.degree > 0 else 1
     at_px = np.linspace(radii_px.min(), radii_px.max(), knots) if knots > 1 else np.zeros(1)
-    rows = [_widths(curve, at_px / unit_px, share, isotropic) for share in (1.0, 0.0)]
+    rows = []  # widths (knots,) along and across the radius, with their standard deviations
+    for share in (1.0, 0.0):
+        shares = np.full_like(at_px, share)
+        fitted, errors = curve.at(spread_rows(at_px / unit_px, shares, curve.degree, isotropic))
+        widths = np.sqrt(np.maximum(fitted, 0.0))
+        # of a root near zero
+        errors = np.minimum(errors / (2.0 * np.maximum(widths, 1e-9)), np.sqrt(errors))
+        rows.append((widths, errors))
     if all((widths < SIGNIFICANT * errors).all() for widths, errors in rows):
         reason = "the edges are as sharp as pixels alone make them: the optics cannot be seen"
         curves.unobservable.append(Unobservable("point_spread", reason))
@@ -284,25 +249,12 @@ def _point_spread(
     basis = f"{int(curve.used.sum())} edges, degree {curve.degree}"
     for name, (widths, errors) in zip(("radial", "tangential"), rows, strict=True):
         for radius, width, error in zip(at_px, widths, errors, strict=True):
-            place = f" {radius:.0f} px" if knots > 1 else ""
-            curves.quantities.append(
-                Quantity(f"{name}{place}", float(width), float(error), "px", basis)
-            )
+            place = f"{name} {radius:.0f} px" if knots > 1 else name
+            curves.quantities.append(Quantity(place, float(width), float(error), "px", basis))
     table = np.stack((at_px, rows[0][0], rows[1][0]), axis=-1).round(DIGITS)
     table[:, 0] = table[:, 0].round(1)
     table[:, 1:] = np.minimum(table[:, 1:], MAX_WIDTH_PX)
     return PointSpread(tuple((row[0], row[1], row[2]) for row in table.tolist()))
-
-
-def _widths(
-    curve: Curve, radii: Floats, radial_share: float, isotropic: bool
-) -> tuple[Floats, Floats]:
-    """Widths (n,) at relative radii (n,) in one direction, and their standard deviations, px."""
-    shares = np.full_like(radii, radial_share)
-    variances, sigmas = curve.at(spread_rows(radii, shares, curve.degree, isotropic))
-    widths = np.sqrt(np.maximum(variances, 0.0))
-    # of a root near zero
-    return widths, np.minimum(sigmas / (2.0 * np.maximum(widths, 1e-9)), np.sqrt(sigmas))
 
 
 def _lateral_color(
@@ -314,12 +266,8 @@ def _lateral_color(
 ) -> ChromaticAberration | None:
     """Fit the offsets of red and blue; None: too few edges. Adds quantities to `curves`.
 
-    Args:
-        edges: measured edges.
-        radii_px: (edges,) image radius of each edge.
-        radial: (edges,) cosine between the edge's normal and the radius.
-        unit_px: unit of relative radii.
-        curves: result to which quantities and unobservable ones are added.
+    Edges have an image radius (edges,), whose unit is `unit_px`, and the cosine (edges,) between
+    their normal and the radius.
     """
     shifts = np.array([edge.shifts_px for edge in edges])
     sigmas = np.hypot([edge.shift_sigmas_px for edge in edges], SYSTEMATIC_PX)
@@ -345,9 +293,8 @@ def _lateral_color(
         offsets = curve.at(offset_rows(at_px / unit_px, np.ones(2), curve.degree))
         basis = f"{int(curve.used.sum())} edges, degree {curve.degree}"
         for radius, offset, sigma in zip(at_px, *offsets, strict=True):
-            curves.quantities.append(
-                Quantity(f"{name} {radius:.0f} px", offset, sigma, "px", basis)
-            )
+            place = f"{name} {radius:.0f} px"
+            curves.quantities.append(Quantity(place, offset, sigma, "px", basis))
     return ChromaticAberration(red_offsets_px=coefficients[0], blue_offsets_px=coefficients[1])
 
 
@@ -365,26 +312,16 @@ Design = Callable[[int], Floats]  # (n, terms) by the degree
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Linear combination of basis functions.
+    """Linear combination of basis functions."""
 
-    Attributes:
-        degree: degree of the polynomial, chosen by Akaike's information criterion.
-        coefficients: (terms,) coefficients of the least-squares fit.
-        covariance: (terms, terms) covariance of the coefficients, with the scatter of the edges.
-        used: (n,) False: an outlier.
-    """
-
-    degree: int
-    coefficients: Floats
+    degree: int  # degree of the polynomial, chosen by Akaike's information criterion
+    coefficients: Floats  # (terms,) coefficients of the least-squares fit
+    # (terms, terms) covariance of the coefficients, with the scatter of the edges
     covariance: Floats
-    used: NDArray[np.bool_]
+    used: NDArray[np.bool_]  # (n,) False: an outlier
 
     def at(self, design: Floats) -> tuple[Floats, Floats]:
-        """Values (n,) and standard deviations (n,) of the curve.
-
-        Args:
-            design: (n, terms) basis functions at n positions.
-        """
+        """Values (n,) and standard deviations (n,) of the curve for basis functions (n, terms)."""
         variance = np.einsum("ij,jk,ik->i", design, self.covariance, design)
         return design @ self.coefficients, np.sqrt(np.maximum(variance, 0.0))
 
@@ -392,11 +329,8 @@ class Curve:
 def fit_curve(design: Design, values: Floats, sigmas: Floats, degrees: Sequence[int]) -> Curve:
     """Fit a curve to values (n,) with standard deviations `sigmas` (n,), without outliers.
 
-    Args:
-        design: function from a degree to the basis functions (n, terms).
-        values: (n,) values.
-        sigmas: (n,) standard deviations of the values.
-        degrees: degrees to try, ascending; all but the first need three values per term.
+    `design` gives the basis functions (n, terms) of a degree. Of the ascending degrees, all but the
+    first need three values per term.
     """
     count = len(values)
     usable = [
@@ -404,20 +338,14 @@ def fit_curve(design: Design, values: Floats, sigmas: Floats, degrees: Sequence[
         for degree in degrees
         if degree == degrees[0] or MIN_EDGES_PER_TERM * design(degree).shape[1] <= count
     ]
-    used = _inliers(design(usable[-1]), values, sigmas)
-    curves = [_least_squares(degree, design(degree), values, sigmas, used) for degree in usable]
-    return min(curves, key=lambda scored: scored[0])[1]
-
-
-def _inliers(rows: Floats, values: Floats, sigmas: Floats) -> NDArray[np.bool_]:
-    """Mask (n,) of the values close to the curve with the basis functions `rows` (n, terms)."""
-    used = np.ones(len(values), dtype=np.bool_)
+    rows, used = design(usable[-1]), np.ones(count, dtype=np.bool_)
     for _ in range(_ROUNDS):
         scaled = (values - rows @ _solve(rows, values, sigmas, used)) / sigmas
         middle = float(np.median(scaled[used]))
         spread = 1.4826 * float(np.median(np.abs(scaled[used] - middle)))
         used = np.abs(scaled - middle) <= _OUTLIER * max(spread, 1.0)
-    return used
+    curves = [_least_squares(degree, design(degree), values, sigmas, used) for degree in usable]
+    return min(curves, key=lambda scored: scored[0])[1]
 
 
 def _least_squares(
@@ -443,13 +371,8 @@ def _solve(rows: Floats, values: Floats, sigmas: Floats, used: NDArray[np.bool_]
 def spread_rows(radii: Floats, radial_share: Floats, degree: int, isotropic: bool) -> Floats:
     """Basis functions (n, terms) of the variance of the point spread along the edges' normals.
 
-    The radial and the tangential variance are polynomials of the radius, equal in the center.
-
-    Args:
-        radii: (n,) relative image radii.
-        radial_share: (n,) squared cosine between normal and radius.
-        degree: degree of the polynomials.
-        isotropic: True if both variances are equal.
+    The radial and the tangential variance are polynomials of the relative radius (n,), equal in the
+    center, or everywhere if isotropic. The share is the squared cosine of normal and radius.
     """
     columns = [np.ones_like(radii)]
     for power in range(1, degree + 1):
@@ -463,9 +386,7 @@ def spread_rows(radii: Floats, radial_share: Floats, degree: int, isotropic: boo
 def offset_rows(radii: Floats, radial: Floats, degree: int) -> Floats:
     """Basis functions (n, degree) of the shift along edges' normals, for a radial offset.
 
-    Args:
-        radii: (n,) relative image radii.
-        radial: (n,) cosine between normal and radius.
-        degree: degree of the offset's polynomial, which is 0 in the center.
+    The offset is a polynomial of the relative radii (n,) that is 0 in the center; `radial` (n,) is
+    the cosine between normal and radius.
     """
     return np.stack([radial * radii**power for power in range(1, degree + 1)], axis=-1)

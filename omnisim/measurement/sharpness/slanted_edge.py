@@ -1,4 +1,4 @@
-"""Sharpness of one edge anywhere in an image."""
+"""Sharpness of one edge anywhere in an image; `UnusableEdge` names a flaw that prevents it."""
 
 from __future__ import annotations
 
@@ -24,34 +24,22 @@ _NARROWER = 0.6  # of the reach, for a second try beside other edges
 
 @dataclass(frozen=True, eq=False)
 class EdgeSharpness:
-    """Sharpness of an edge.
+    """Sharpness of an edge."""
 
-    Attributes:
-        image: number of the image.
-        center_px: (2,) position (u, v) in the image.
-        normal: (2,) unit vector from the dark to the bright side.
-        length_px, slant_deg: length, and angle to the pixel rows or columns, the smaller.
-        mtf50, mtf50_sigma: frequency at which the modulation is one half, cycles per pixel.
-        rise_px, rise_sigma_px: distance from 10 to 90 % of the edge.
-        asymmetry: distance from 10 to 50 % minus distance from 50 to 90 %, over their sum.
-        transfer: (frequencies,) modulation transfer at `FREQUENCIES`.
-        shifts_px, shift_sigmas_px: (2,) distances of the red and of the blue edge from the green
-            one, toward the bright side; NaN: a gray image.
-    """
-
-    image: int
-    center_px: Floats
-    normal: Floats
+    image: int  # number of the image
+    center_px: Floats  # (2,) position (u, v)
+    normal: Floats  # (2,) unit vector from the dark to the bright side
     length_px: float
-    slant_deg: float
-    mtf50: float
+    slant_deg: float  # angle to the pixel rows or columns, the smaller
+    mtf50: float  # frequency at which the modulation is one half, cycles per pixel
     mtf50_sigma: float
-    rise_px: float
+    rise_px: float  # distance from 10 to 90 % of the edge
     rise_sigma_px: float
-    asymmetry: float
-    transfer: Floats
+    asymmetry: float  # distance from 10 to 50 % minus distance from 50 to 90 %, over their sum
+    transfer: Floats  # (frequencies,) modulation transfer at `FREQUENCIES`
+    # (2,) distances of the red and of the blue edge from the green one, toward the bright side
     shifts_px: Floats
-    shift_sigmas_px: Floats
+    shift_sigmas_px: Floats  # (2,); NaN, as are the shifts: a gray image
 
     @property
     def variance_px2(self) -> float:
@@ -70,28 +58,16 @@ class EdgeSharpness:
         return abs(rate) / (2.0 * step) * self.mtf50_sigma
 
     def _variance_px2(self, mtf50: float) -> float:
-        pixel = pixel_transfer(mtf50, self.normal)
+        pixel = float(np.prod(np.sinc(mtf50 * self.normal)))  # transfer of a square pixel
         return float(np.log(2.0 * pixel) / (2.0 * np.pi**2 * mtf50**2))
-
-
-def pixel_transfer(frequency: float, normal: Floats) -> float:
-    """Modulation transfer of a square pixel along a direction."""
-    return float(np.prod(np.sinc(frequency * normal)))
 
 
 def measure_edge(
     light: NDArray[np.float64], clipped: NDArray[np.bool_], line: EdgeLine, image: int = 0
 ) -> EdgeSharpness:
-    """Measure the sharpness of an edge.
+    """Measure an edge near a line, in linear values (height, width, 1 or 3) of which 1 is white.
 
-    Args:
-        light: (height, width, 1 or 3) linear values, 1: white.
-        clipped: (height, width) True: the pixel is at a limit of its values.
-        line: approximate ends of the edge.
-        image: number of the image.
-
-    Raises:
-        UnusableEdge: the edge has a flaw.
+    Clipped pixels are at a limit of their values; `image` is the image's number.
     """
     main = light[..., GREEN if light.shape[2] == 3 else 0]
     try:
@@ -111,21 +87,12 @@ def measure_edge(
             other = edge_spread(light[edge.rows, edge.columns, channel], edge)
             estimates = shifts(spread, other, float(high[0] - low[0]))
             shift[index], shift_sigma[index] = estimates[0], deviation(estimates)
+    asymmetry = float((2.0 * middle[0] - low[0] - high[0]) / (high[0] - low[0]))
     return EdgeSharpness(
-        image=image,
-        center_px=edge.center_px,
-        normal=edge.normal,
-        length_px=edge.length_px,
-        slant_deg=edge.slant_deg,
-        mtf50=float(mtf50[0]),
-        mtf50_sigma=deviation(mtf50),
-        rise_px=float(high[0] - low[0]),
-        rise_sigma_px=deviation(high - low),
-        asymmetry=float((2.0 * middle[0] - low[0] - high[0]) / (high[0] - low[0])),
-        transfer=transfer[0],
-        shifts_px=shift,
-        shift_sigmas_px=shift_sigma,
-    )
+        image, edge.center_px, edge.normal, edge.length_px, edge.slant_deg,
+        float(mtf50[0]), deviation(mtf50), float(high[0] - low[0]), deviation(high - low),
+        asymmetry, transfer[0], shift, shift_sigma,
+    )  # fmt: skip
 
 
 # Edge spread and modulation transfer of a fitted edge.
@@ -147,23 +114,14 @@ _SMOOTHING_PX = 1.0
 
 @dataclass(frozen=True, eq=False)
 class EdgeSpread:
-    """Edge spread functions of all pixels, and of all pixels without each of the groups.
+    """Edge spread functions of all pixels, and of all pixels without each of the groups."""
 
-    Attributes:
-        distances_px: (bins,) centers of the bins.
-        levels: (1 + GROUPS, bins) from 0 (dark) to 1 (bright); the first row is of all pixels.
-    """
-
-    distances_px: Floats
-    levels: Floats
+    distances_px: Floats  # (bins,) centers of the bins
+    levels: Floats  # (1 + GROUPS, bins) from 0 (dark) to 1 (bright); the first row is of all pixels
 
 
 def edge_spread(values: Floats, edge: FittedEdge) -> EdgeSpread:
-    """Edge spread of the values (n,) of an edge's pixels.
-
-    Raises:
-        UnusableEdge: bins near the edge have no pixel.
-    """
+    """Edge spread of the values (n,) of an edge's pixels."""
     count = 2 * int(edge.reach_px / BIN_PX)
     centers = _centers_px(count)
     bins = np.floor(edge.distances_px / BIN_PX + 0.5 * count).astype(np.int64)
@@ -195,9 +153,7 @@ def edge_spread(values: Floats, edge: FittedEdge) -> EdgeSpread:
 def modulation_transfer(spread: EdgeSpread, rise_px: float) -> Floats:
     """Modulation transfer (1 + GROUPS, frequencies) at `FREQUENCIES`.
 
-    Args:
-        spread: edge spread functions.
-        rise_px: distance from 10 to 90 % of the edge; sets the width of the window.
+    `rise_px`, from 10 to 90 % of the edge, sets the width of the window.
     """
     distances = np.abs(spread.distances_px)
     first, last = _FLAT * rise_px + 1.0, min(_END * rise_px + 3.0, distances.max())
@@ -225,10 +181,7 @@ def _centers_px(count: int) -> Floats:
 
 
 def _trend(spread: EdgeSpread, edge_px: float) -> Floats:
-    """Slopes (1 + GROUPS,) of uneven light, per px: mean of both sides beyond `edge_px`.
-
-    0 if a side is too narrow.
-    """
+    """Slopes (1 + GROUPS,) of light per px, mean of both sides beyond `edge_px`; 0: too narrow."""
     slopes = np.zeros(len(spread.levels))
     for is_side in (spread.distances_px > edge_px, spread.distances_px < -edge_px):
         if is_side.sum() * BIN_PX < _MIN_TREND_PX:
@@ -239,11 +192,7 @@ def _trend(spread: EdgeSpread, edge_px: float) -> Floats:
 
 
 def half_modulation(transfer: Floats) -> Floats:
-    """Lowest frequency (1 + GROUPS,) at which the transfer is one half, cycles per pixel.
-
-    Raises:
-        UnusableEdge: the transfer does not fall to one half.
-    """
+    """Lowest frequency (1 + GROUPS,) at which the transfer is one half, cycles per pixel."""
     below = transfer < 0.5
     if not below.any(axis=1).all():
         raise UnusableEdge(Flaw.UNEVEN)
@@ -258,9 +207,6 @@ def crossings(spread: EdgeSpread, level: float) -> Floats:
     """Distance (1 + GROUPS,), px, at which each edge spread function rises through a level.
 
     Of several crossings, the one nearest to the edge.
-
-    Raises:
-        UnusableEdge: an edge spread function does not cross the level.
     """
     middle = len(spread.distances_px) // 2
     result = np.empty(len(spread.levels))

@@ -4,9 +4,5 @@ from omnisim.measurement.timing.flicker import MeasuredTiming, line_profiles, me
 from omnisim.measurement.timing.turning_board import MeasuredReadout, measure_readout
 
 __all__ = [
-    "MeasuredReadout",
-    "MeasuredTiming",
-    "line_profiles",
-    "measure_readout",
-    "measure_timing",
-]
+    "MeasuredReadout", "MeasuredTiming", "line_profiles", "measure_readout", "measure_timing",
+]  # fmt: skip

@@ -33,34 +33,23 @@ _FINE = 8  # steps of the search per independent frequency
 
 
 class LineProfiles(NamedTuple):
-    """Light of the rows and columns of frames.
+    """Light of the rows and columns of frames."""
 
-    Attributes:
-        rows: (frames, height) mean light of each row.
-        columns: (frames, width) mean light of each column.
-    """
-
-    rows: Floats
-    columns: Floats
+    rows: Floats  # (frames, height) mean light of each row
+    columns: Floats  # (frames, width) mean light of each column
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredTiming:
-    """Timing of a camera.
+    """Timing of a camera."""
 
-    Attributes:
-        readout_s: time from the first to the last line; 0: a global shutter.
-        lines: "rows" or "columns": the lines that are read out one after another.
-        quantities: readout, line time, flicker and exposure, as far as they are determined.
-        unobservable: quantities that the frames do not determine.
-        profile: (frames, lines) light of each line, divided by the scene's light, for plots.
-        fitted: (frames, lines) fitted bands, in the units of `profile`.
-    """
-
-    readout_s: float
-    lines: str
+    readout_s: float  # time from the first to the last line; 0: a global shutter
+    lines: str  # "rows" or "columns": the lines that are read out one after another
+    # readout, line time, flicker and exposure, as far as they are determined
     quantities: tuple[Quantity, ...]
-    unobservable: tuple[Unobservable, ...]
+    unobservable: tuple[Unobservable, ...]  # quantities that the frames do not determine
+    # profile, fitted: (frames, lines) light of each line, divided by the scene's light, and fitted
+    # bands, for plots
     profile: Floats
     fitted: Floats
 
@@ -68,12 +57,9 @@ class MeasuredTiming:
 def line_profiles(
     frames: Iterable[NDArray[Any]], white: float, name: str = "frames"
 ) -> LineProfiles:
-    """Light of the rows and columns of frames.
+    """Light of the rows and columns of frames (height, width) of linear levels up to `white`.
 
-    Args:
-        frames: (height, width) linear levels; only one is in memory at a time.
-        white: largest level.
-        name: name of the frames, for messages.
+    Only one frame is in memory at a time; `name` is for messages.
 
     Raises:
         MeasurementError: frames of several sizes, clipped frames, or too few frames.
@@ -104,11 +90,10 @@ def measure_timing(
     """Measure readout and, for a lamp of known modulation, exposure time.
 
     Args:
-        profiles: light of the lines of several frames.
+        profiles, name: light of the lines of several frames, and their name for messages.
         flicker_hz: frequency of the light: twice the mains frequency, or the LED driver's.
         lamp_modulation: amplitude of the lamp's light over its mean, above 0, at most 1; None:
             unknown, and the exposure time is not measured.
-        name: name of the frames, for messages.
 
     Raises:
         MeasurementError: a frequency or a modulation out of range, no flicker, less than 0.75 of
@@ -120,12 +105,10 @@ def measure_timing(
         raise MeasurementError(
             f"modulation: expected more than 0, at most 1, got {lamp_modulation:g}"
         )
-    peaks = {
-        "rows": _peak(_without_scene(profiles.rows)),
-        "columns": _peak(_without_scene(profiles.columns)),
-    }
+    both = {"rows": profiles.rows, "columns": profiles.columns}
+    peaks = {lines: _peak(_without_scene(light)) for lines, light in both.items()}
     lines = max(peaks, key=lambda axis: peaks[axis].ratio)
-    light = profiles.rows if lines == "rows" else profiles.columns
+    light = both[lines]
     if peaks[lines].ratio < MIN_RATIO:
         return _global_shutter(profiles, flicker_hz, name)
     bands = _fit(light, peaks[lines].frequency)
@@ -145,13 +128,8 @@ def measure_timing(
         Quantity("line_s", line_s, sigma_s, "s", basis),
         Quantity("modulation", bands.modulation, bands.modulation_sigma, "", basis),
     ]
-    unobservable = [
-        Unobservable(
-            "readout_direction",
-            "bands look the same from top to bottom and from bottom to top: photograph something "
-            "that turns",
-        )
-    ]
+    reason = "bands look the same from top to bottom and from bottom to top: photograph something "
+    unobservable = [Unobservable("readout_direction", f"{reason}that turns")]
     exposure = _exposure(bands, lamp_modulation, flicker_hz, basis)
     (quantities if isinstance(exposure, Quantity) else unobservable).append(exposure)  # type: ignore[arg-type]
     return MeasuredTiming(
@@ -160,11 +138,7 @@ def measure_timing(
 
 
 def _check_scene(bands: _Bands, name: str) -> None:
-    """Reject frames that differ by more than bands and their harmonics, as of a pulsed lamp.
-
-    Raises:
-        MeasurementError: the strongest other frequency has too much power.
-    """
+    """Reject frames that differ by more than bands and their harmonics, as of a pulsed lamp."""
     rest = _powers(1.0 + bands.profile - bands.fitted)
     order = np.arange(len(rest)) / (_FINE * bands.profile.shape[1] * bands.frequency)
     harmonic = np.rint(order)
@@ -179,33 +153,21 @@ def _check_scene(bands: _Bands, name: str) -> None:
 
 
 class _Peak(NamedTuple):
-    """Strongest frequency of bands.
-
-    Attributes:
-        frequency: periods per line.
-        ratio: power at `frequency` over the median power of all frequencies.
-    """
+    """Strongest frequency of bands, periods per line; its power over the median power."""
 
     frequency: float
     ratio: float
 
 
 class _Bands(NamedTuple):
-    """Fitted bands.
+    """Fitted bands."""
 
-    Attributes:
-        frequency, sigma: periods per line, and their standard deviation.
-        modulation, modulation_sigma: amplitude as a share of the mean light, and its standard
-            deviation.
-        profile, fitted: (frames, lines) light divided by the scene's light, and the fitted bands.
-    """
-
-    frequency: float
-    sigma: float
-    modulation: float
+    frequency: float  # periods per line
+    sigma: float  # standard deviation of the frequency
+    modulation: float  # amplitude as a share of the mean light
     modulation_sigma: float
-    profile: Floats
-    fitted: Floats
+    profile: Floats  # (frames, lines) light divided by the scene's light
+    fitted: Floats  # (frames, lines) fitted bands
 
 
 def _without_scene(light: Floats) -> Floats:
@@ -254,7 +216,10 @@ def _fit(light: Floats, frequency: float) -> _Bands:
     def errors(vector: Floats) -> Floats:
         return (ratios(vector) - profile).ravel()
 
-    amplitudes = _amplitudes(profile, position, frequency)
+    # amplitudes (2, frames) of cosine and sine in the bands of each frame
+    angle = 2.0 * math.pi * frequency * position
+    design = np.stack((np.ones_like(angle), np.cos(angle), np.sin(angle)), axis=1)
+    amplitudes = np.linalg.lstsq(design, profile.T, rcond=None)[0][1:]
     start = np.concatenate(([0.0], *amplitudes, np.ones(frames - 1)))
     solution = least_squares(errors, start, x_scale="jac", method="trf")
     jacobian, residuals = np.asarray(solution.jac), solution.fun
@@ -264,21 +229,9 @@ def _fit(light: Floats, frequency: float) -> _Bands:
     sigmas = np.sqrt(np.diagonal(inverse) * variance) / sizes
     amplitudes = solution.x[1 : 2 * frames + 1].reshape(2, frames)
     modulation = math.sqrt(float(np.square(amplitudes).sum()) / frames)
-    return _Bands(
-        frequency + scale * float(solution.x[0]),
-        scale * float(sigmas[0]),
-        modulation,
-        math.sqrt(2.0 * variance / profile.size),
-        profile,
-        ratios(solution.x),
-    )
-
-
-def _amplitudes(profile: Floats, position: Floats, frequency: float) -> Floats:
-    """Amplitudes (2, frames) of cosine and sine in the bands of each frame."""
-    angle = 2.0 * math.pi * frequency * position
-    design = np.stack((np.ones_like(angle), np.cos(angle), np.sin(angle)), axis=1)
-    return np.linalg.lstsq(design, profile.T, rcond=None)[0][1:]
+    fitted, sigma = frequency + scale * float(solution.x[0]), scale * float(sigmas[0])
+    modulation_sigma = math.sqrt(2.0 * variance / profile.size)
+    return _Bands(fitted, sigma, modulation, modulation_sigma, profile, ratios(solution.x))
 
 
 def _exposure(
@@ -297,29 +250,17 @@ def _exposure(
             f"bands of {bands.modulation:.3g} are stronger than the lamp's modulation of {lamp:g}"
         )
         return Unobservable("exposure_s", reason)
-    cycles = _sinc_inverse(min(share, 1.0))
-    slope = abs(_sinc_slope(cycles))
+    cycles, step = 0.0, 1e-6
+    if share < 1.0:
+        cycles = float(brentq(lambda cycles: np.sinc(cycles) - share, 0.0, 1.0))
+    slope = abs(float((np.sinc(cycles + step) - np.sinc(cycles - step)) / (2.0 * step)))
     sigma_s = bands.modulation_sigma / lamp / max(slope, 1e-6) / flicker_hz
     note = f"{basis}, for an exposure shorter than a period"
     return Quantity("exposure_s", cycles / flicker_hz, sigma_s, "s", note)
 
 
-def _sinc_inverse(share: float) -> float:
-    """Cycles from 0 to 1 whose sinc is `share`."""
-    return 0.0 if share >= 1.0 else float(brentq(lambda cycles: np.sinc(cycles) - share, 0.0, 1.0))
-
-
-def _sinc_slope(cycles: float) -> float:
-    step = 1e-6
-    return float((np.sinc(cycles + step) - np.sinc(cycles - step)) / (2.0 * step))
-
-
 def _global_shutter(profiles: LineProfiles, flicker_hz: float, name: str) -> MeasuredTiming:
-    """Timing of a camera whose frames change as a whole.
-
-    Raises:
-        MeasurementError: all frames are equally bright.
-    """
+    """Timing of a camera whose frames change as a whole; rejects frames that are equally bright."""
     means = profiles.rows.mean(axis=1)
     flicker = float(means.std() / means.mean())
     if flicker < MIN_FLICKER:
@@ -330,11 +271,8 @@ def _global_shutter(profiles: LineProfiles, flicker_hz: float, name: str) -> Mea
         )
     basis = f"{len(means)} frames that flicker by {100.0 * flicker:.1f} % as a whole, without bands"
     profile = _without_scene(profiles.rows)
-    return MeasuredTiming(
-        0.0,
-        "rows",
-        (Quantity("readout_s", 0.0, math.nan, "s", basis),),
-        (Unobservable("exposure_s", f"no bands under {flicker_hz:g} Hz: the shutter is global"),),
-        profile,
-        np.ones_like(profile),
-    )
+    readout = Quantity("readout_s", 0.0, math.nan, "s", basis)
+    reason = f"no bands under {flicker_hz:g} Hz: the shutter is global"
+    exposure = Unobservable("exposure_s", reason)
+    fitted = np.ones_like(profile)
+    return MeasuredTiming(0.0, "rows", (readout,), (exposure,), profile, fitted)

@@ -23,11 +23,7 @@ from numpy.typing import NDArray
 from omnisim.cameras.camera import CentralCamera
 from omnisim.core.errors import MeasurementError
 from omnisim.measurement.geometry.boards import BoardView
-from omnisim.measurement.geometry.placed_board import (
-    BoardSurface,
-    locate_board,
-    pixels_of_points,
-)
+from omnisim.measurement.geometry.placed_board import BoardSurface, locate_board, pixels_of_points
 from omnisim.measurement.quantity import Quantity, Unobservable
 from omnisim.measurement.timing.flicker import MIN_FRAMES
 
@@ -44,22 +40,14 @@ _GLOBAL = 4.0  # standard deviations below which the readout time is 0
 
 @dataclass(frozen=True, eq=False)
 class MeasuredReadout:
-    """Readout of a camera.
+    """Readout of a camera."""
 
-    Attributes:
-        readout_s: time from the first to the last line; 0: a global shutter.
-        lines: "rows" or "columns": the lines that are read out one after another.
-        quantities: readout time and line time, with their standard deviations.
-        unobservable: quantities that the images do not determine.
-        pixels_px: (n, 2) corners of all images.
-        errors_px, frozen_px: (n, 2) their errors with the readout, and without it.
-    """
-
-    readout_s: float
-    lines: str
-    quantities: tuple[Quantity, ...]
-    unobservable: tuple[Unobservable, ...]
-    pixels_px: Floats
+    readout_s: float  # time from the first to the last line; 0: a global shutter
+    lines: str  # "rows" or "columns": the lines that are read out one after another
+    quantities: tuple[Quantity, ...]  # readout time and line time, with their standard deviations
+    unobservable: tuple[Unobservable, ...]  # quantities that the images do not determine
+    pixels_px: Floats  # (n, 2) corners of all images
+    # errors_px, frozen_px: (n, 2) their errors with the readout, and without it
     errors_px: Floats
     frozen_px: Floats
 
@@ -77,8 +65,7 @@ def measure_readout(
     Args:
         camera: calibrated camera.
         views: the board in each image, at least five; the middle `MAX_SEEN_FRAMES` are used.
-        frames: number of the frame of each view, ascending.
-        frame_rate_hz: frames per second.
+        frames, frame_rate_hz: number of the frame of each view, ascending; frames per second.
         surface: shape of the board; None: flat.
         name: name of the images, for messages.
 
@@ -106,9 +93,8 @@ def measure_readout(
         )
     problem = _Problem(camera, views, numbers, poses, surface)
     frozen = problem.solve()
-    fits = {
-        lines: problem.solve(axis, frozen.moves) for lines, axis in (("rows", 1), ("columns", 0))
-    }
+    axes = {"rows": 1, "columns": 0}
+    fits = {lines: problem.solve(axis, frozen.moves) for lines, axis in axes.items()}
     lines = min(fits, key=lambda key: float(np.square(fits[key].errors_px).sum()))
     fit = fits[lines]
     count = camera.height_px if lines == "rows" else camera.width_px
@@ -137,14 +123,9 @@ def measure_readout(
         Quantity("line_s", readout_s / (count - 1), sigma_s / (count - 1), "s", basis),
     )
     return MeasuredReadout(
-        readout_s,
-        lines,
-        quantities,
-        tuple(unobservable),
-        problem.pixels_px,
-        fit.errors_px,
-        frozen.errors_px,
-    )
+        readout_s, lines, quantities, tuple(unobservable),
+        problem.pixels_px, fit.errors_px, frozen.errors_px,
+    )  # fmt: skip
 
 
 def _located(
@@ -170,19 +151,13 @@ def _located(
 
 
 class _Fit(NamedTuple):
-    """Poses and readout with the smallest errors.
+    """Poses and readout with the smallest errors."""
 
-    Attributes:
-        moves: (images, 6) rotation vectors, and translations as shares of the board's distance.
-        errors_px: (n, 2) measured minus predicted corners.
-        readout: frames from the first to the last line.
-        sigma: its standard deviation.
-    """
-
+    # (images, 6) rotation vectors, and translations as shares of the board's distance
     moves: Floats
-    errors_px: Floats
-    readout: float
-    sigma: float
+    errors_px: Floats  # (n, 2) measured minus predicted corners
+    readout: float  # frames from the first to the last line
+    sigma: float  # its standard deviation
 
 
 class _Problem:
@@ -204,15 +179,16 @@ class _Problem:
         self._image = np.repeat(np.arange(len(views)), [len(one) for one in points])
         self._turns = poses[:, :3, :3]
         self._centers = poses[:, :3, :3] @ center + poses[:, :3, 3]
-        self._windows = np.stack([self._window(number) for number in range(len(views))])
+        # indices (images, window) of the images nearest to an image, in time
+        count = min(_WINDOW, len(views))
+        first = np.clip(np.arange(len(views)) - count // 2, 0, len(views) - count)
+        self._windows = first[:, None] + np.arange(count)
         self._length_m = float(np.linalg.norm(self._centers, axis=1).mean())
 
     def solve(self, axis: int | None = None, moves: Floats | None = None) -> _Fit:
-        """Fit the poses, and the readout along an axis of the image.
+        """Fit the poses, and the readout along an axis of the image, after moves (images, 6).
 
-        Args:
-            axis: 0: columns are read out one after another; 1: rows; None: all at once.
-            moves: (images, 6) initial moves of the poses; None: 0.
+        An axis of 0: columns are read out one after another; 1: rows; None: all at once.
         """
         images = len(self._numbers)
         vector = np.zeros(6 * images) if moves is None else moves.ravel()
@@ -248,36 +224,22 @@ class _Problem:
 
     def _errors(self, moves: Floats, readout: float, axis: int) -> Floats:
         """Errors (n, 2) after moves (images, 6) of the poses, for a readout in frames."""
-        turns, centers = self._moved(moves)
+        turns = scipy.spatial.transform.Rotation.from_rotvec(moves[:, :3]).as_matrix() @ self._turns
+        centers = self._centers + self._length_m * moves[:, 3:]
         count = self._camera.height_px if axis == 1 else self._camera.width_px
         times = readout * (self.pixels_px[:, axis] / (count - 1.0) - 0.5)
         windows = self._windows[self._image]  # (n, window)
         weights = _lagrange(self._numbers[windows] - self._numbers[self._image, None], times)
         own = turns[self._image]
-        steps = (
-            scipy.spatial.transform.Rotation.from_matrix(
-                np.einsum("iba,iwbc->iwac", turns, turns[self._windows]).reshape(-1, 3, 3)
-            )
-            .as_rotvec()
-            .reshape(*self._windows.shape, 3)
-        )
+        relative = np.einsum("iba,iwbc->iwac", turns, turns[self._windows]).reshape(-1, 3, 3)
+        steps = scipy.spatial.transform.Rotation.from_matrix(relative).as_rotvec()
+        steps = steps.reshape(*self._windows.shape, 3)
         vectors = np.einsum("nw,nwj->nj", weights, steps[self._image])
         turned = scipy.spatial.transform.Rotation.from_rotvec(vectors).apply(self._points)
         points = np.einsum("nij,nj->ni", own, turned)
         points += np.einsum("nw,nwj->nj", weights, centers[windows])
         seen = pixels_of_points(self._camera, points)
         return np.where(seen.valid[:, None], self.pixels_px - seen.positions_px, 100.0)
-
-    def _moved(self, moves: Floats) -> tuple[Floats, Floats]:
-        """Rotations (images, 3, 3) and centers (images, 3) after moves (images, 6)."""
-        turns = scipy.spatial.transform.Rotation.from_rotvec(moves[:, :3]).as_matrix()
-        return turns @ self._turns, self._centers + self._length_m * moves[:, 3:]
-
-    def _window(self, number: int) -> NDArray[np.int64]:
-        """Indices (window,) of the images nearest to an image, in time."""
-        count = min(_WINDOW, len(self._numbers))
-        first = min(max(number - count // 2, 0), len(self._numbers) - count)
-        return np.arange(first, first + count)
 
 
 def _lagrange(nodes: Floats, times: Floats) -> Floats:
@@ -294,6 +256,5 @@ def _lagrange(nodes: Floats, times: Floats) -> Floats:
 def _turns_deg(poses: Floats) -> Floats:
     """Angles (images - 1,) between the boards of neighboring images, degrees."""
     relative = poses[:-1, :3, :3].swapaxes(1, 2) @ poses[1:, :3, :3]
-    return np.degrees(
-        np.linalg.norm(scipy.spatial.transform.Rotation.from_matrix(relative).as_rotvec(), axis=1)
-    )
+    vectors = scipy.spatial.transform.Rotation.from_matrix(relative).as_rotvec()
+    return np.degrees(np.linalg.norm(vectors, axis=1))

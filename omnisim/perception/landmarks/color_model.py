@@ -43,16 +43,7 @@ def bin_of(pixels: NDArray[np.uint8]) -> NDArray[np.uint16]:
 def count_colors(
     pixels: NDArray[np.uint8], labels: NDArray[np.integer[Any]], classes: int
 ) -> NDArray[np.float64]:
-    """Count colors by class.
-
-    Args:
-        pixels: (n, 3) sRGB.
-        labels: (n,) classes: `NEG`, or a landmark color from 1.
-        classes: number of classes, including `NEG`.
-
-    Returns:
-        (classes, BINS³) counts.
-    """
+    """Counts (classes, BINS³) of sRGB pixels (n, 3) of classes (n,), `NEG` or a color from 1."""
     size = BINS**3
     joint = labels.astype(np.int64) * size + bin_of(pixels)
     return np.bincount(joint, minlength=classes * size).reshape(classes, size).astype(np.float64)
@@ -61,11 +52,9 @@ def count_colors(
 def likelihood_ratios(counts: NDArray[np.float64], smoothing: float) -> NDArray[np.float64]:
     """Ratios (classes − 1, BINS³) of each landmark color and bin, by Eq. 3.
 
-    Args:
-        counts: (classes, BINS³), `NEG` first.
-        smoothing: counts spread evenly over the bins of neg. Without them, a color never seen
-            elsewhere would pass every Θ. Landmarks are not smoothed: a bin without landmark pixels
-            has ratio 0.
+    Of the counts (classes, BINS³), `NEG` is first. `smoothing` counts are spread evenly over the
+    bins of neg: without them, a color never seen elsewhere would pass every Θ. Landmarks are not
+    smoothed: a bin without landmark pixels has ratio 0.
     """
     shares = counts[1:] / np.maximum(counts[1:].sum(axis=1, keepdims=True), 1.0)
     spread = smoothing / counts.shape[1]
@@ -77,21 +66,16 @@ def likelihood_ratios(counts: NDArray[np.float64], smoothing: float) -> NDArray[
 class ColorModel:
     """Histograms of landmark colors, with their thresholds.
 
-    Attributes:
-        colors: names of the landmark colors.
-        counts: (1 + colors, BINS³) numbers of pixels, neg first.
-        thresholds: Θ for each color.
-        smoothing: see `likelihood_ratios`.
-
     Raises:
         LocalizationError: a color or neg without pixels, a repeated color name, or a threshold or
             smoothing that is not above 0.
     """
 
+    # colors, thresholds: names of the landmark colors, and Θ for each
     colors: tuple[str, ...]
-    counts: NDArray[np.float64]
+    counts: NDArray[np.float64]  # (1 + colors, BINS³) numbers of pixels, neg first
     thresholds: tuple[float, ...]
-    smoothing: float = 1.0
+    smoothing: float = 1.0  # see `likelihood_ratios`
 
     def __post_init__(self) -> None:
         if self.counts.shape != (1 + len(self.colors), BINS**3) or not self.colors:
@@ -147,17 +131,11 @@ class ColorModel:
 
 @dataclass(frozen=True, eq=False)
 class Roc:
-    """Receiver operating characteristic: both rates at every Θ at which one of them changes.
+    """Receiver operating characteristic: both rates at every Θ at which one of them changes."""
 
-    Attributes:
-        thresholds: (n,) descending.
-        true_positives: (n,) share of the landmark's pixels above Θ.
-        false_positives: (n,) share of neg's pixels above Θ.
-    """
-
-    thresholds: NDArray[np.float64]
-    true_positives: NDArray[np.float64]
-    false_positives: NDArray[np.float64]
+    thresholds: NDArray[np.float64]  # (n,) descending
+    true_positives: NDArray[np.float64]  # (n,) share of the landmark's pixels above Θ
+    false_positives: NDArray[np.float64]  # (n,) share of neg's pixels above Θ
 
     @property
     def area(self) -> float:
@@ -172,9 +150,8 @@ def roc(
 ) -> Roc:
     """Receiver operating characteristic of one color.
 
-    Args:
-        ratios: (BINS³,) by Eq. 3, from training images.
-        positives, negatives: (BINS³,) counts of the color and of neg, from other images.
+    `ratios` (BINS³,) are those of Eq. 3 from training images; counts (BINS³,) of the color and of
+    neg are from other images.
     """
     steps, place = np.unique(ratios, return_inverse=True)
     hits = np.bincount(place, weights=positives, minlength=len(steps))[::-1].cumsum()
@@ -198,15 +175,10 @@ class Costs(Parameters, name="costs"):
 
 
 def choose_threshold(curve: Roc, positives: float, negatives: float, costs: Costs) -> float:
-    """Choose the Θ with minimum cost.
+    """Choose the Θ with minimum cost, for numbers of pixels of the color and of neg.
 
     All Θ between a threshold of the curve and the next lower one have the same cost; the result is
     the geometric mean of the two.
-
-    Args:
-        curve: receiver operating characteristic of the color.
-        positives, negatives: numbers of pixels of the color and of neg.
-        costs: costs of errors.
     """
     total = costs.missed * positives * (1.0 - curve.true_positives)
     total = total + costs.false_alarm * negatives * curve.false_positives
@@ -223,10 +195,7 @@ def train(
 ) -> tuple[ColorModel, tuple[Roc, ...]]:
     """Train a model on counts, and choose its thresholds on the counts of other images.
 
-    Args:
-        colors: names of the landmark colors.
-        train_counts, validation_counts: (1 + colors, BINS³) numbers of pixels, neg first.
-        costs: costs of errors.
+    Counts are (1 + colors, BINS³) numbers of pixels, neg first.
 
     Raises:
         LocalizationError: a color without pixels to train on, or to choose Θ with.
@@ -238,9 +207,8 @@ def train(
             raise LocalizationError(
                 f"color {name!r}: has no pixel to choose Θ by: expected more images that show it"
             )
-        curves.append(
-            roc(untuned.ratios[index], validation_counts[index + 1], validation_counts[NEG])
-        )
+        positives = validation_counts[index + 1]
+        curves.append(roc(untuned.ratios[index], positives, validation_counts[NEG]))
     negatives = float(validation_counts[NEG].sum())
     thresholds = tuple(
         choose_threshold(curve, float(counts.sum()), negatives, costs)
@@ -275,14 +243,10 @@ def save_model(path: Path, model: ColorModel, landmarks: tuple[Landmark, ...]) -
     encoded = json.dumps([dataclasses.asdict(landmark) for landmark in landmarks])
     with atomic_write(path) as partial, partial.open("wb") as file:
         np.savez_compressed(
-            file,
-            format=FORMAT,
-            counts=model.counts.astype(np.uint32),
-            colors=np.array(model.colors),
-            thresholds=np.array(model.thresholds),
-            smoothing=model.smoothing,
-            landmarks=encoded,
-        )
+            file, format=FORMAT, counts=model.counts.astype(np.uint32),
+            colors=np.array(model.colors), thresholds=np.array(model.thresholds),
+            smoothing=model.smoothing, landmarks=encoded,
+        )  # fmt: skip
 
 
 def load_model(path: Path) -> tuple[ColorModel, tuple[Landmark, ...]]:
@@ -303,22 +267,18 @@ def load_model(path: Path) -> tuple[ColorModel, tuple[Landmark, ...]]:
             tuple(float(theta) for theta in stored["thresholds"]),
             float(stored["smoothing"]),
         )
-        landmarks = _landmarks(json.loads(str(stored["landmarks"])))
+        content = {"landmarks": json.loads(str(stored["landmarks"]))}
+        try:
+            landmarks = parse_table(content, _StoredLandmarks, LocalizationError, "it").landmarks
+        except LocalizationError as faults:  # one is enough: such files are not edited by hand
+            first = str(faults).partition("\n")[0].removeprefix("it: ")
+            raise LocalizationError(f"{first}: train it again") from None
     except _NO_MODEL:
         raise LocalizationError(f"{path}: is no model: {_EXPECTED}") from None
     except LocalizationError as reason:
         message = str(reason)
         raise LocalizationError(message if str(path) in message else f"{path}: {message}") from None
     return model, landmarks
-
-
-def _landmarks(content: object) -> tuple[Landmark, ...]:
-    try:
-        stored = parse_table({"landmarks": content}, _StoredLandmarks, LocalizationError, "it")
-    except LocalizationError as faults:  # one is enough: such files are not edited by hand
-        first = str(faults).partition("\n")[0].removeprefix("it: ")
-        raise LocalizationError(f"{first}: train it again") from None
-    return stored.landmarks
 
 
 # Training of a color model on labeled images, and its rates on other images.
@@ -332,13 +292,10 @@ LabeledPixels = tuple[NDArray[np.uint8], NDArray[np.uint8]]
 
 @dataclass(frozen=True, eq=False)
 class Training:
-    """Trained model.
+    """Color model trained on a number of images.
 
-    Attributes:
-        model: color model.
-        curves: receiver operating characteristic of each color, on images that are not in the
-            histograms.
-        images: number of images.
+    Its curves are the receiver operating characteristics of the colors on images that are not in
+    the histograms.
     """
 
     model: ColorModel
@@ -363,17 +320,11 @@ def train_colors(colors: Sequence[str], images: Iterable[LabeledPixels], costs: 
 
 @dataclass(frozen=True, eq=False)
 class PixelRates:
-    """Classification rates of a model per pixel.
+    """Classification rates of a model per pixel, by color."""
 
-    Attributes:
-        recall: by color, share of the color's pixels that are recognized.
-        false_alarms: by color, share of neg's pixels that are taken for the color.
-        curves: receiver operating characteristic, by color.
-    """
-
-    recall: dict[str, float]
-    false_alarms: dict[str, float]
-    curves: dict[str, Roc]
+    recall: dict[str, float]  # share of the color's pixels that are recognized
+    false_alarms: dict[str, float]  # share of neg's pixels that are taken for the color
+    curves: dict[str, Roc]  # receiver operating characteristic
 
 
 def pixel_rates(model: ColorModel, images: Iterable[LabeledPixels]) -> PixelRates:

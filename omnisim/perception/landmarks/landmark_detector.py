@@ -17,17 +17,13 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from omnisim.core.errors import LocalizationError
 from omnisim.core.files.atomic_file import write_text
 from omnisim.core.poses import wrap_angle
+from omnisim.core.srgb import LINEAR_FROM_SRGB8
 from omnisim.perception.landmarks.color_model import ColorModel
-from omnisim.perception.landmarks.landmark_measurement import (
-    LandmarkMeasurement,
-    measure_pillar,
-    measure_wide,
-)
-from omnisim.perception.regions import Region, find_regions, wrapped_around
 from omnisim.perception.unwarping.panorama import CameraMount, Panorama
 from omnisim.scene.model import Landmark
 
@@ -39,30 +35,23 @@ MIN_PX = 4  # minimum area of a region
 class Detection:
     """Landmark detected in an image.
 
-    Attributes:
-        landmark: name of the landmark.
-        bearing_rad: bearing of a pillar's axis, or of the middle between the outermost corners of a
-            wide landmark, counter-clockwise from the vehicle's front.
-        range_m: distance along the ground from below the effective viewpoint to a pillar's axis, or
-            to the nearest corner of a wide landmark, by the exact relation.
-        range_eq2_m: the same range by the inverse of the paper's Eq. 2; NaN: it does not apply.
-        bearing_sigma_rad, range_sigma_m: standard deviations from the noise of the pixels.
-        left, right, top, bottom: box in the panorama, px; `right` and `bottom` are the first column
-            and row outside.
-        area_px: number of pixels with the landmark's colors.
+    The range is along the ground from below the effective viewpoint to a pillar's axis, or to the
+    nearest corner of a wide landmark; the bearing is of the axis, or of the middle between the
+    outermost corners, counter-clockwise from the vehicle's front. Sigmas are from the pixels'
+    noise.
     """
 
-    landmark: str
+    landmark: str  # its name
     bearing_rad: float
-    range_m: float
-    range_eq2_m: float
+    range_m: float  # by the exact relation
+    range_eq2_m: float  # by the inverse of the paper's Eq. 2; NaN: it does not apply
     bearing_sigma_rad: float
     range_sigma_m: float
-    left: int
-    right: int
+    left: int  # box in the panorama, px
+    right: int  # first column outside
     top: int
-    bottom: int
-    area_px: int
+    bottom: int  # first row outside
+    area_px: int  # number of pixels with the landmark's colors
 
 
 class LandmarkDetector:
@@ -131,25 +120,23 @@ class LandmarkDetector:
             finding = measure_wide(self.panorama, doubled, region, landmark)
             if finding is not None:
                 measured.append((landmark, finding))
-        return [self._detection(landmark, best) for landmark, best in _best_of_each(measured)]
+        best: dict[str, tuple[Landmark, LandmarkMeasurement]] = {}
+        for landmark, finding in measured:  # a landmark exists only once
+            other = best.get(landmark.name)
+            if other is None or finding.area_px > other[1].area_px:
+                best[landmark.name] = (landmark, finding)
+        return [self._detection(landmark, finding) for landmark, finding in best.values()]
 
     def _detection(self, landmark: Landmark, finding: LandmarkMeasurement) -> Detection:
         width = self.panorama.camera.width_px
-        turns = finding.left // width  # boxes start within the panorama
-        bearing = float(self.panorama.bearings_rad(finding.column))
+        start = finding.left // width * width  # boxes start within the panorama
         return Detection(
-            landmark.name,
-            wrap_angle(bearing),
-            finding.range_m,
-            finding.range_eq2_m,
-            finding.column_sigma_px / self.panorama.camera.focal_length_px,
-            finding.range_sigma_m,
-            finding.left - turns * width,
-            finding.right - turns * width,
-            finding.top,
-            finding.bottom,
+            landmark.name, wrap_angle(float(self.panorama.bearings_rad(finding.column))),
+            finding.range_m, finding.range_eq2_m,
+            finding.column_sigma_px / self.panorama.camera.focal_length_px, finding.range_sigma_m,
+            *(finding.left - start, finding.right - start, finding.top, finding.bottom),
             finding.area_px,
-        )
+        )  # fmt: skip
 
 
 def _add(known: dict[Key, Landmark], key: Key, landmark: Landmark) -> None:
@@ -178,18 +165,6 @@ def _stacked(regions: Sequence[Region]) -> list[tuple[Region, Region]]:
     return pairs
 
 
-def _best_of_each(
-    measured: list[tuple[Landmark, LandmarkMeasurement]],
-) -> list[tuple[Landmark, LandmarkMeasurement]]:
-    """Keep the measurement with the most pixels of each landmark, which exists only once."""
-    best: dict[str, tuple[Landmark, LandmarkMeasurement]] = {}
-    for landmark, finding in measured:
-        other = best.get(landmark.name)
-        if other is None or finding.area_px > other[1].area_px:
-            best[landmark.name] = (landmark, finding)
-    return list(best.values())
-
-
 # Detections as CSV: one per line, `step` first; angles in degrees.
 
 
@@ -209,13 +184,282 @@ def write_detections(path: Path, detections: Iterable[tuple[int, Detection]]) ->
     lines = [COLUMNS]
     for step, detection in detections:
         numbers = (
-            math.degrees(detection.bearing_rad),
-            detection.range_m,
-            detection.range_eq2_m,
-            math.degrees(detection.bearing_sigma_rad),
-            detection.range_sigma_m,
-        )
+            math.degrees(detection.bearing_rad), detection.range_m, detection.range_eq2_m,
+            math.degrees(detection.bearing_sigma_rad), detection.range_sigma_m,
+        )  # fmt: skip
         box = (detection.left, detection.right, detection.top, detection.bottom, detection.area_px)
         cells = (*(f"{number:.6f}" for number in numbers), *map(str, box))
         lines.append(",".join((str(step), detection.landmark, *cells)))
     write_text(path, "\n".join(lines) + "\n")
+
+
+# Range and bearing of landmarks from the edges of their colors in a panorama.
+#
+# An edge is located to a fraction of a pixel from the mixture of the two colors in the pixels
+# across it, in linear light, in which they mix by area.
+
+
+# Noise of an edge in pixels, measured on drives: see the page on the experiments.
+EDGE_SIGMA_PX = 0.2
+WIDE_EDGE_SIGMA_PX = 0.8  # for corners too slim to be visible alone
+CORNER_SIGMA_M = 0.01  # position of the corner on the ends of its boards
+MASK_SIGMA_PX = 0.8  # for edges of masks, known to whole pixels
+# More than the average error of 0.17 px: light that falls off around a beacon shifts the middle of
+# its mask by 0.4 px, equally in successive images.
+COLUMN_SIGMA_PX = 0.3
+MAX_SIGMAS = 4.0  # maximum disagreement of the edges of one landmark
+MAX_M = 30.0  # maximum range: beyond, landmarks of these sizes are below a pixel
+
+
+@dataclass(frozen=True)
+class LandmarkMeasurement:
+    """A landmark as measured, see `Detection`; columns may exceed the panorama's right edge."""
+
+    column: float  # column at its bearing, with a fraction
+    column_sigma_px: float
+    range_m: float
+    range_eq2_m: float
+    range_sigma_m: float
+    left: int
+    right: int
+    top: int
+    bottom: int
+    area_px: int
+
+
+def measure_pillar(
+    panorama: Panorama, pixels: NDArray[np.uint8], lower: Region, upper: Region, landmark: Landmark
+) -> LandmarkMeasurement | None:
+    """Measure a pillar from regions of its two upper bands; None: it has another size.
+
+    `pixels` are the panorama's, sRGB, with its left half repeated on the right.
+    """
+    left, right = min(lower.left, upper.left), max(lower.right, upper.right)
+    counts = np.zeros(right - left)
+    for region in (lower, upper):
+        start = region.left - left
+        counts[start : start + region.mask.shape[1]] += region.mask.sum(axis=0)
+    column = left + float(counts @ np.arange(len(counts))) / float(counts.sum())
+    # at the lowest point of the bands' lower edges, which bend around the pillar
+    half = max(0.5, 0.2 * float(np.count_nonzero(counts)))
+    first = max(left, round(column - half))
+    core = slice(first, max(first + 1, min(right, round(column + half) + 1)))
+    rows = slice(max(upper.top - 3, 0), min(lower.bottom + lower.mask.shape[0] + 3, len(pixels)))
+    profile = LINEAR_FROM_SRGB8[pixels[rows, core]].mean(axis=1)
+    middle = _edge_between(profile, _inner(upper, rows.start), _inner(lower, rows.start))
+    below = slice(
+        lower.bottom - rows.start + 2,
+        max(lower.bottom + lower.mask.shape[0] // 2, lower.bottom + 3) - rows.start,
+    )
+    foot = _edge_between(profile, _inner(lower, rows.start), below)
+    radius_m = 0.25 * sum(landmark.footprint_m)
+    low, high = landmark.bands[-2], landmark.bands[-1]
+    # for each edge: height, row, noise, and distance in front of the axis
+    edges = [
+        (high.top_m, upper.top - 0.5, MASK_SIGMA_PX, -radius_m),  # the far rim of its flat top
+        (high.bottom_m, middle + rows.start, EDGE_SIGMA_PX, radius_m),
+        (low.bottom_m, foot + rows.start, EDGE_SIGMA_PX, radius_m),
+    ]
+    edges = [edge for edge in edges if math.isfinite(edge[1])]
+    fitted = _fit_range(panorama, edges)
+    if fitted is None:
+        return None
+    range_m, range_eq2_m, sigma_m = fitted
+    width_px = 2.0 * radius_m / range_m * panorama.camera.focal_length_px
+    if not 0.4 * width_px - 1.5 <= right - left <= 1.8 * width_px + 2.5:
+        return None
+    return LandmarkMeasurement(
+        column, COLUMN_SIGMA_PX, range_m, range_eq2_m, sigma_m,
+        left, right, upper.top, lower.bottom, lower.area_px + upper.area_px,
+    )  # fmt: skip
+
+
+def _inner(region: Region, first: int) -> slice:
+    """Rows in the middle of a region, with a pure color; counted from row `first`."""
+    height = region.mask.shape[0]
+    edge = (height - 1) // 3 if height > 2 else 0
+    return slice(region.top + edge - first, region.bottom - edge - first)
+
+
+def _edge_between(profile: NDArray[np.float64], one: slice, other: slice) -> float:
+    """Row, with a fraction, at which a profile (n, 3), linear, changes from one color to another.
+
+    The rows `one` have the first color, the lower rows `other` the second. NaN if the colors are
+    alike, or one of them has no rows.
+    """
+    first, last = (one.start + one.stop - 1) // 2, (other.start + other.stop - 1 + 1) // 2
+    upper, lower = profile[one], profile[other]
+    if not len(upper) or not len(lower) or last <= first:
+        return math.nan
+    start, end = upper.mean(axis=0), lower.mean(axis=0)
+    change = end - start
+    contrast = float(change @ change)
+    if contrast < 1e-3:
+        return math.nan
+    share = np.clip((end - profile[first : last + 1]) @ change / contrast, 0.0, 1.0)
+    return float(first - 0.5 + float(share.sum()))
+
+
+def _fit_range(
+    panorama: Panorama, edges: list[tuple[float, float, float, float]]
+) -> tuple[float, float, float] | None:
+    """Range by the exact relation, range by Eq. 2, and standard deviation, in m, of edges.
+
+    An edge has a height in m, a row, its standard deviation in px, and a distance in m in front of
+    the pillar's axis. The edge with the largest residual is dropped while edges disagree, since it
+    may be hidden. None: fewer than two edges agree, or an edge is out of range.
+    """
+    while len(edges) >= 2:
+        ranges, paper, sigmas = [], [], []
+        for height_m, row, sigma_px, ahead_m in edges:
+            range_m = float(panorama.ranges_m(row, height_m))
+            if not 0.0 < range_m + ahead_m < MAX_M:
+                return None
+            ranges.append(range_m + ahead_m)
+            paper.append(float(panorama.ranges_eq2_m(row, height_m)) + ahead_m)
+            sigmas.append(float(panorama.range_sigmas_m(range_m, height_m, sigma_px)))
+        weights = np.square(1.0 / np.array(sigmas))
+        weights /= weights.sum()
+        mean = float(weights @ ranges)
+        misfits = np.abs(np.array(ranges) - mean) / sigmas
+        # 2 %: error of the model itself, such as polygons for circles or a mesh for a mirror
+        allowed = MAX_SIGMAS + 0.02 * mean / min(sigmas)
+        if misfits.max() <= allowed:
+            sigma = float(math.sqrt(np.sum(np.square(weights * sigmas))))
+            return mean, float(weights @ paper), sigma
+        edges = [edge for k, edge in enumerate(edges) if k != int(misfits.argmax())]
+    return None
+
+
+def measure_wide(
+    panorama: Panorama, pixels: NDArray[np.uint8], region: Region, landmark: Landmark
+) -> LandmarkMeasurement | None:
+    """Measure a wide landmark of one color on the ground; None: the region cannot be the landmark.
+
+    `pixels` are the panorama's, sRGB, with its left half repeated on the right.
+    """
+    height, width = region.mask.shape
+    if height < 3 or width < 4:
+        return None
+    columns = np.arange(width)
+    top = region.top + region.mask.argmax(axis=0)
+    bottom = region.bottom - 1 - region.mask[::-1].argmax(axis=0)
+    is_cut = region.bottom >= len(pixels) - 1
+    top_m = landmark.bands[-1].top_m
+    if is_cut:  # the ground in front of it is below the image
+        rows, height_m, sigma_px = top - 0.5, top_m, MASK_SIGMA_PX
+    else:
+        rows = _lower_edges(pixels, bottom, region.left + columns)
+        height_m, sigma_px = 0.0, WIDE_EDGE_SIGMA_PX
+    ranges = panorama.ranges_m(rows, height_m)
+    # the nearest corner is one or two columns wide: a mean with its neighbors would miss it
+    nearest = int(ranges.argmin())
+    range_m = float(ranges[nearest])
+    if not 0.0 < range_m < MAX_M:
+        return None
+    longest, shortest = math.hypot(*landmark.footprint_m), min(landmark.footprint_m)
+    # the visible top is that of the nearest corner, or of the far end behind it
+    drop_m = panorama.mount.height_m - top_m
+    limits = (top_m, panorama.mount.height_m - drop_m * range_m / (range_m + longest))
+    slack_m = 0.15 * top_m + 2.0 * range_m / panorama.camera.focal_length_px
+    # median of three columns, because the mask of a post may begin far below its top
+    first = min(max(nearest - 1, 0), width - 3)
+    at = slice(first, first + 3)
+    seen_m = float(np.median(panorama.heights_m(top[at] - 0.5, range_m)))
+    if not is_cut and not min(limits) - slack_m <= seen_m <= max(limits) + slack_m:
+        return None
+    spread_m = width / panorama.camera.focal_length_px * range_m
+    if not 0.7 * shortest <= spread_m <= 1.5 * longest:
+        return None
+    sigma_m = float(panorama.range_sigmas_m(range_m, height_m, sigma_px))
+    sigma_m = math.hypot(sigma_m, CORNER_SIGMA_M)
+    if is_cut:  # the top that is seen may be that of its far end
+        sigma_m += longest
+    return LandmarkMeasurement(
+        region.left + 0.5 * (width - 1), COLUMN_SIGMA_PX, range_m,
+        float(panorama.ranges_eq2_m(panorama.rows(range_m, height_m), height_m)), sigma_m,
+        region.left, region.right, region.top, region.bottom, region.area_px,
+    )  # fmt: skip
+
+
+def _lower_edges(
+    pixels: NDArray[np.uint8], bottom: NDArray[np.intp], columns: NDArray[np.intp]
+) -> NDArray[np.float64]:
+    """Rows (n,), with fractions, of a region's lower edge in columns (n,) of the panorama.
+
+    `bottom` (n,) is the lowest whole row of the region in each column.
+    """
+    steps = np.arange(-2, 3)  # no farther: the next thing, a line, may be narrow
+    rows = np.clip(bottom[:, None] + steps, 0, len(pixels) - 1)
+    profile = LINEAR_FROM_SRGB8[pixels[rows, columns[:, None] % pixels.shape[1]]]
+    inside, outside = profile[:, :1], profile[:, -1:]
+    change = inside - outside
+    contrast = np.maximum((change * change).sum(axis=-1), 1e-3)
+    share = np.clip(((profile - outside) * change).sum(axis=-1) / contrast, 0.0, 1.0)
+    return bottom - 2.5 + share.sum(axis=1)
+
+
+# Connected regions of one color in a panorama, which continues from its right to its left edge.
+
+
+Scalar = TypeVar("Scalar", bound=np.generic)
+_EIGHT = np.ones((3, 3), dtype=np.int8)
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """Pixels of one class (`color`) that are connected by edges or corners."""
+
+    color: int
+    # top, left: position of the mask in the panorama; columns may exceed its right edge
+    top: int
+    left: int
+    mask: NDArray[np.bool_]  # (height, width) mask of the region's pixels in its bounding box
+
+    @property
+    def bottom(self) -> int:
+        """First row below the region."""
+        return self.top + int(self.mask.shape[0])
+
+    @property
+    def right(self) -> int:
+        """First column to the right of the region."""
+        return self.left + int(self.mask.shape[1])
+
+    @property
+    def area_px(self) -> int:
+        """Number of pixels."""
+        return int(np.count_nonzero(self.mask))
+
+
+def wrapped_around(panorama: NDArray[Scalar]) -> NDArray[Scalar]:
+    """Panorama (height, width, ...) with a copy of its left half appended on the right."""
+    return np.concatenate((panorama, panorama[:, : panorama.shape[1] // 2]), axis=1)
+
+
+def find_regions(classes: NDArray[np.uint8], colors: int, min_area_px: int) -> list[Region]:
+    """Regions of a panorama's classes (0: none) of at least `min_area_px` pixels, each once.
+
+    A region may cross the panorama's left and right edge.
+    """
+    width = classes.shape[1]
+    colored = np.flatnonzero(classes.any(axis=1))
+    if not len(colored):
+        return []
+    above = int(colored[0])  # rows without color above and below are skipped
+    doubled = wrapped_around(classes[above : int(colored[-1]) + 1])
+    # the middle of each region is within one turn that starts a quarter from the left
+    first = width // 4
+    regions = []
+    for color in range(1, colors + 1):
+        labels, count = ndimage.label(doubled == color, structure=_EIGHT)
+        areas = np.bincount(labels.ravel(), minlength=count + 1)
+        for index, slices in enumerate(ndimage.find_objects(labels), start=1):
+            if areas[index] < min_area_px:
+                continue
+            rows, columns = slices
+            if not first <= (columns.start + columns.stop) // 2 < first + width:
+                continue
+            mask = labels[slices] == index
+            regions.append(Region(color, above + rows.start, columns.start, mask))
+    return regions

@@ -31,47 +31,32 @@ _SINGULAR = 1e-12
 
 
 class Association(NamedTuple):
-    """Data association of one observation.
+    """Data association of one observation with the most likely landmark.
 
-    Attributes:
-        landmark: most likely landmark.
-        range_m, bearing_rad: measurement.
-        range_innovation_m, bearing_innovation_rad: measured minus expected value.
-        distance_squared: squared Mahalanobis distance; infinite: the innovation has no covariance.
-        verdict: accepted; gated: outside the validation gate; superseded: another observation fits
-            this landmark better; singular: the innovation covariance has no inverse.
+    Accepted; gated: outside the validation gate; superseded: another observation fits this landmark
+    better; singular: the innovation covariance has no inverse.
     """
 
     landmark: str
-    range_m: float
+    range_m: float  # measured
     bearing_rad: float
-    range_innovation_m: float
+    range_innovation_m: float  # measured minus expected
     bearing_innovation_rad: float
-    distance_squared: float
+    distance_squared: float  # squared Mahalanobis distance; infinite: singular
     verdict: Verdict
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Belief after a step.
-
-    Attributes:
-        time_s: time of the step.
-        pose: (3,) x and y in meters, yaw in radians within ±π.
-        covariance: (3, 3) covariance of the pose.
-        associations: associations of the observations, in the order of the observations.
-        nis: normalized innovation squared of all accepted observations; NaN: none was accepted.
-        nis_degrees: degrees of freedom of `nis`.
-        steps_rejected: number of successive steps, up to this one, with all observations rejected.
-    """
+    """Belief after a step."""
 
     time_s: float
-    pose: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    associations: tuple[Association, ...] = ()
-    nis: float = math.nan
-    nis_degrees: int = 0
-    steps_rejected: int = 0
+    pose: NDArray[np.float64]  # (3,) x and y in meters, yaw in radians within ±π
+    covariance: NDArray[np.float64]  # (3, 3) of the pose
+    associations: tuple[Association, ...] = ()  # in the order of the observations
+    nis: float = math.nan  # normalized innovation squared of all accepted observations; NaN: none
+    nis_degrees: int = 0  # its degrees of freedom
+    steps_rejected: int = 0  # successive steps, up to this one, with all observations rejected
 
 
 class _Hypothesis(NamedTuple):
@@ -96,11 +81,9 @@ class LocalizationFilter:
     """Extended Kalman filter of one robot's pose.
 
     Args:
-        landmarks: map of the landmarks.
-        parameters: noise and gate.
+        landmarks, parameters: map of the landmarks; noise and gate.
         camera_m: x and y of the effective viewpoint in the base frame.
-        time_s: time of the first pose.
-        pose: (3,) start: x, y, yaw.
+        time_s, pose: time of the start, and its x, y, yaw (3,).
         covariance: (3, 3) covariance of the start; None: from the parameters.
 
     Raises:
@@ -218,7 +201,17 @@ class LocalizationFilter:
     ) -> tuple[list[_Hypothesis], list[Verdict]]:
         """Gate each observation, and assign the nearest one to each landmark."""
         for observation in observations:
-            _check(observation)
+            if not (
+                observation.candidates
+                and math.isfinite(observation.range_m)
+                and math.isfinite(observation.bearing_rad)
+                and 0.0 <= observation.range_sigma_m < math.inf
+                and 0.0 <= observation.bearing_sigma_rad < math.inf
+            ):
+                raise LocalizationError(
+                    "observation: expected a candidate, finite numbers, and sigmas of 0 or more, "
+                    f"got {observation}"
+                )
         x, y, yaw = pose.tolist()
         spread = covariance.tolist()
         nearest = [
@@ -283,20 +276,6 @@ class LocalizationFilter:
         )  # fmt: skip
 
 
-def _check(observation: Observation) -> None:
-    if not (
-        observation.candidates
-        and math.isfinite(observation.range_m)
-        and math.isfinite(observation.bearing_rad)
-        and 0.0 <= observation.range_sigma_m < math.inf
-        and 0.0 <= observation.bearing_sigma_rad < math.inf
-    ):
-        raise LocalizationError(
-            "observation: expected a candidate, finite numbers, and sigmas of 0 or more, "
-            f"got {observation}"
-        )
-
-
 def _estimate(
     time_s: float,
     pose: NDArray[np.float64],
@@ -326,18 +305,12 @@ NEAREST_M = 1e-6
 
 @dataclass(frozen=True)
 class Observation:
-    """Measurement of one landmark in one image.
+    """Measurement of one landmark in one image."""
 
-    Attributes:
-        candidates: names of the possible landmarks; one name if the colors are unambiguous.
-        range_m: distance along the ground from below the effective viewpoint.
-        bearing_rad: counter-clockwise from the vehicle's front.
-        range_sigma_m, bearing_sigma_rad: standard deviations.
-    """
-
+    # names of the possible landmarks; one if the colors are unambiguous
     candidates: tuple[str, ...]
-    range_m: float
-    bearing_rad: float
+    range_m: float  # along the ground from below the effective viewpoint
+    bearing_rad: float  # counter-clockwise from the vehicle's front
     range_sigma_m: float
     bearing_sigma_rad: float
 
@@ -346,13 +319,7 @@ Corners = tuple[tuple[float, float], ...]  # x and y of a landmark's corners in 
 
 
 class LandmarkMap:
-    """Map of landmarks.
-
-    Args:
-        corners_m: by landmark's name, (n, 2) corners in the world; a single corner for a point.
-
-    Attributes:
-        corners_m: corners of each landmark, by name.
+    """Map of landmarks: (n, 2) corners in the world by name; a single corner for a point.
 
     Raises:
         LocalizationError: no landmark, or corners that are not finite.
@@ -372,17 +339,11 @@ class LandmarkMap:
     def of_scene(
         cls, landmarks: Iterable[Landmark], offsets_m: Mapping[str, ArrayLike] | None = None
     ) -> LandmarkMap:
-        """Build the map of a scene's landmarks.
-
-        Args:
-            landmarks: landmarks with positions and footprints.
-            offsets_m: by name, errors (2,) of the map, which are added to the positions.
-        """
+        """Build the map of a scene's landmarks; errors (2,) by name are added to positions."""
         offsets, corners = offsets_m or {}, {}
         for landmark in landmarks:
-            middle = np.array(landmark.position_m[:2]) + np.asarray(
-                offsets.get(landmark.name, 0.0), dtype=np.float64
-            )
+            offset = np.asarray(offsets.get(landmark.name, 0.0), dtype=np.float64)
+            middle = np.array(landmark.position_m[:2]) + offset
             half = 0.5 * np.array(landmark.footprint_m)
             if landmark.is_slim:
                 corners[landmark.name] = middle[None]
@@ -408,33 +369,25 @@ class LandmarkMap:
 def predict_measurement(
     pose: tuple[float, float, float], camera_m: tuple[float, float], corners_m: Corners
 ) -> tuple[float, ...]:
-    """Predict range and bearing of a landmark from a pose, with their Jacobian.
+    """Predict range and bearing of a landmark from a pose (x, y, yaw), with their Jacobian.
 
-    Computes in plain floats: for one landmark at a time NumPy takes ten times as long.
-
-    Args:
-        pose: pose of the base: x and y in meters, yaw in radians; world.
-        camera_m: x and y of the effective viewpoint in the base frame.
-        corners_m: corners of the landmark.
-
-    Returns:
-        Range in meters and its derivatives by x, y and yaw; bearing in radians, not wrapped, and
-        its derivatives.
+    Gives the range in meters and its derivatives by x, y and yaw; then the bearing in radians, not
+    wrapped, and its derivatives. The camera is the effective viewpoint in the base frame. Computes
+    in plain floats: for one landmark at a time NumPy takes ten times as long.
     """
     x, y, yaw = pose
     cosine, sine = math.cos(yaw), math.sin(yaw)
     arm_x = cosine * camera_m[0] - sine * camera_m[1]
     arm_y = sine * camera_m[0] + cosine * camera_m[1]
     offsets = [(corner_x - x - arm_x, corner_y - y - arm_y) for corner_x, corner_y in corners_m]
-    near_x, near_y = min(offsets, key=_squared)
+    near_x, near_y = min(offsets, key=lambda offset: offset[0] * offset[0] + offset[1] * offset[1])
     distance = max(math.hypot(near_x, near_y), NEAREST_M)
     unit_x, unit_y = near_x / distance, near_y / distance
     if len(offsets) == 1:
         bearing, right, left = math.atan2(near_y, near_x), offsets[0], offsets[0]
     else:
         # directions relative to their sum, so that none wraps around
-        sum_x = sum(offset[0] for offset in offsets)
-        sum_y = sum(offset[1] for offset in offsets)
+        sum_x, sum_y = (sum(axis) for axis in zip(*offsets, strict=True))
         turns = [
             (math.atan2(sum_x * dy - sum_y * dx, sum_x * dx + sum_y * dy), (dx, dy))
             for dx, dy in offsets
@@ -452,10 +405,6 @@ def predict_measurement(
     )  # fmt: skip
 
 
-def _squared(offset: tuple[float, float]) -> float:
-    return offset[0] * offset[0] + offset[1] * offset[1]
-
-
 # Motion model of a planar pose from wheel readings, and its Jacobians.
 
 
@@ -466,16 +415,10 @@ _STRAIGHT_RAD = 1e-8
 def move(
     pose: NDArray[np.float64], distance_m: float, turn_rad: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Follow an arc from a pose.
+    """Follow an arc from a pose (x, y, yaw); the paper's v times the step's duration, and δφ.
 
-    Args:
-        pose: (3,) x and y in meters and yaw in radians, world.
-        distance_m: length of the arc, negative backward; the paper's v times the step's duration.
-        turn_rad: turn along the arc; the paper's δφ.
-
-    Returns:
-        The new pose (3,), yaw not wrapped; its Jacobians (3, 3) by the pose and (3, 2) by distance
-        and turn.
+    Gives the new pose (3,), yaw not wrapped, and its Jacobians (3, 3) by the pose and (3, 2) by
+    distance (negative backward) and turn.
 
     Source: the arcs of `omnisim.core.trajectories.odometry`, which dead reckoning follows.
     """

@@ -1,8 +1,9 @@
-"""Estimates of a whole run, and notices about their quality."""
+"""Localization of a whole run by its odometry and observations: estimates, and their quality."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -15,18 +16,61 @@ from omnisim.core.files.atomic_file import write_text
 from omnisim.core.poses import wrap_angles
 from omnisim.core.short_repr import counted, short_repr
 from omnisim.core.trajectories import Trajectory, write_trajectory
-from omnisim.perception.localization.filter import Estimate
-from omnisim.perception.localization.filter_parameters import FilterParameters
+from omnisim.core.trajectories.odometry import Odometry
+from omnisim.perception.landmarks.landmark_detector import Detection
+from omnisim.perception.localization.filter import (
+    Estimate,
+    LandmarkMap,
+    LocalizationFilter,
+    Observation,
+)
+from omnisim.perception.localization.filter_parameters import FilterParameters, MeasurementNoise
+
+
+def observation_from_detection(detection: Detection, relation: MeasurementNoise) -> Observation:
+    """Observation of a detection, with its range by the relation in the parameters."""
+    is_paper = relation.relation == "eq2" and math.isfinite(detection.range_eq2_m)
+    return Observation(
+        (detection.landmark,),
+        detection.range_eq2_m if is_paper else detection.range_m,
+        detection.bearing_rad,
+        detection.range_sigma_m,
+        detection.bearing_sigma_rad,
+    )
+
+
+def localize(
+    odometry: Odometry,
+    observations: Sequence[Sequence[Observation]],
+    landmarks: LandmarkMap,
+    parameters: FilterParameters,
+    camera_m: tuple[float, float],
+    covariance: ArrayLike | None = None,
+) -> Track:
+    """Localize a robot along a run from the known start and the observations of each later step.
+
+    `camera_m` is x and y of the effective viewpoint in the base frame; `covariance` (3, 3) is the
+    start's, by default from the parameters.
+
+    Raises:
+        LocalizationError: invalid readings or observations.
+    """
+    times = odometry.times_s
+    robot = LocalizationFilter(
+        landmarks, parameters, camera_m, float(times[0]), odometry.start, covariance
+    )
+    estimates = [robot.estimate]
+    for k in range(1, len(observations)):
+        time_s = float(times[k])
+        speed = float(odometry.distances_m[k - 1]) / (time_s - estimates[-1].time_s)
+        turn = float(odometry.turns_rad[k - 1])
+        estimates.append(robot.step(time_s, speed, turn, observations[k]))
+    return Track(tuple(estimates), odometry.planar_poses[: len(observations)])
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Estimates of a run, one per step; the first is the start.
-
-    Attributes:
-        estimates: estimates of the filter.
-        reckoned: (n, 3) x, y, yaw by dead reckoning.
-    """
+    """Estimates of a run, one per step from the start, and x, y, yaw (n, 3) by dead reckoning."""
 
     estimates: tuple[Estimate, ...]
     reckoned: NDArray[np.float64]
@@ -51,12 +95,10 @@ class Track:
 
     def counts(self, accepted: bool) -> NDArray[np.intp]:
         """Numbers (n,) of accepted, or of rejected, observations."""
-        return np.array(
-            [
-                sum((each.verdict == "accepted") == accepted for each in estimate.associations)
-                for estimate in self.estimates
-            ]
-        )
+        return np.array([
+            sum((each.verdict == "accepted") == accepted for each in estimate.associations)
+            for estimate in self.estimates
+        ])  # fmt: skip
 
     @property
     def gate_opening_step(self) -> int | None:
@@ -67,19 +109,15 @@ class Track:
 
     def errors_m(self, true_poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Distances (n,) of the estimates from the true positions."""
-        return _distances(self.poses, true_poses)
+        return np.linalg.norm(self.poses[:, :2] - true_poses[:, :2], axis=1)
 
     def reckoned_errors_m(self, true_poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Distances (n,) of dead reckoning from the true positions."""
-        return _distances(self.reckoned, true_poses)
+        return np.linalg.norm(self.reckoned[:, :2] - true_poses[:, :2], axis=1)
 
     def nees(self, true_poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Normalized estimation error squared (n,); NaN where the covariance is singular."""
         return nees(pose_errors(self.poses, true_poses), self.covariances)
-
-
-def _distances(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.linalg.norm(poses[:, :2] - others[:, :2], axis=1)
 
 
 def notices(track: Track, parameters: FilterParameters) -> list[str]:
@@ -183,14 +221,7 @@ def write_track(folder: Path, track: Track) -> None:
     lines = [_MEASUREMENT_COLUMNS]
     for step, estimate in enumerate(track.estimates):
         for association in estimate.associations:
-            numbers = (
-                association.range_m,
-                association.bearing_rad,
-                association.range_innovation_m,
-                association.bearing_innovation_rad,
-                association.distance_squared,
-            )
             cells = [str(step), f"{estimate.time_s:.9f}", association.landmark]
-            cells += [f"{number:.6f}" for number in numbers]
+            cells += [f"{number:.6f}" for number in association[1:-1]]
             lines.append(",".join((*cells, association.verdict)))
     write_text(folder / MEASUREMENTS, "\n".join(lines) + "\n")

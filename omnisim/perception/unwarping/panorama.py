@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,18 +24,14 @@ _LEVEL = 1e-9  # maximum error of a rotation about the upright axis
 class CameraMount:
     """Camera on a vehicle.
 
-    Attributes:
-        camera: camera model.
-        base_from_optical: (4, 4) pose on the vehicle.
-        covered: (height, width) pixels that show the scene; None: all valid pixels of the model.
-        caveat: note on the assumed single viewpoint of non-central optics, and the errors of this
-            assumption; None: a central camera, or no assumption.
+    The caveat is of the assumed single viewpoint of non-central optics, and of its errors.
     """
 
     camera: CentralCamera
-    base_from_optical: NDArray[np.float64]
+    base_from_optical: NDArray[np.float64]  # (4, 4) pose on the vehicle
+    # (height, width) pixels that show the scene; None: all valid
     covered: NDArray[np.bool_] | None = None
-    caveat: str | None = None
+    caveat: str | None = None  # None: a central camera, or no assumption
 
     def assuming_viewpoint(self) -> CameraMount:
         """The same mount; for non-central optics, as if all rays met in one point."""
@@ -69,7 +64,6 @@ class Panorama:
         width_px: columns of the whole turn; None: the length of the horizon in the image, pixels.
 
     Attributes:
-        mount: camera on the vehicle.
         camera: camera model of the panorama, a cylinder.
 
     Raises:
@@ -129,7 +123,10 @@ class Panorama:
         """
         down = self._tangents(rows)
         camera = self.mount.camera
-        if not isinstance(camera, HyperbolicCamera) or not self._is_upright:
+        # straight up, with any rotation about the camera's axis
+        rotation = self.mount.base_from_optical[:3, :3] @ RIG_FROM_OPTICAL_LOOKING_UP.T
+        is_upright = abs(rotation[2, 2] - 1.0) < _LEVEL
+        if not isinstance(camera, HyperbolicCamera) or not is_upright:
             return np.full(down.shape, np.nan)
         theta = 0.5 * math.pi - np.arctan(down)
         radius = camera.image_radius(theta).radii_px
@@ -157,12 +154,6 @@ class Panorama:
         """Tangents (...) of the angles of rows (...) below the horizon."""
         v = np.asarray(rows, dtype=np.float64)
         return (v - self.camera.principal_point_px[1]) / self.camera.focal_length_px
-
-    @cached_property
-    def _is_upright(self) -> bool:
-        """True if the camera looks straight up, with any rotation about its axis."""
-        rotation = self.mount.base_from_optical[:3, :3] @ RIG_FROM_OPTICAL_LOOKING_UP.T
-        return bool(abs(rotation[2, 2] - 1.0) < _LEVEL)
 
 
 def _horizon_px(camera: CentralCamera, base_from_optical: NDArray[np.float64]) -> int:

@@ -25,12 +25,7 @@ STEEPEST_RAD = math.radians(85.0)  # of a cylinder's rows: at 90° they are infi
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Camera at the effective viewpoint with its orientation.
-
-    Attributes:
-        camera: camera model of the view.
-        base_from_view: (3, 3) rotation from the view's optical frame to the vehicle's base.
-    """
+    """Camera at the effective viewpoint, and its (3, 3) rotation to the vehicle's base."""
 
     camera: CentralCamera
     base_from_view: NDArray[np.float64]
@@ -39,13 +34,10 @@ class View:
 def cylinder_view(
     width_px: int, lowest_rad: float, highest_rad: float, yaw_rad: float = 0.0
 ) -> View:
-    """Cylindrical view of a whole turn, left to right clockwise.
+    """Cylindrical view of a whole turn of `width_px`, left to right clockwise.
 
-    Args:
-        width_px: columns of the whole turn; the middle one looks toward `yaw_rad`, the left and
-            right edges look back.
-        lowest_rad, highest_rad: elevation of the lowest and highest row above the horizon.
-        yaw_rad: heading of the middle column, counter-clockwise from the vehicle's front.
+    The middle column looks toward `yaw_rad`, counter-clockwise from the vehicle's front, the left
+    and right edges back; elevations are of the lowest and highest row above the horizon.
 
     Raises:
         OpticsError: elevations that leave no row between them, or are too steep for a cylinder.
@@ -70,13 +62,9 @@ def perspective_view(
     yaw_rad: float = 0.0,
     pitch_rad: float = 0.0,
 ) -> View:
-    """Perspective view of a pinhole camera.
+    """Perspective view of a pinhole camera, with its field of view between the left and right edge.
 
-    Args:
-        width_px, height_px: size of the image.
-        field_of_view_rad: angle between the left and the right edge of the image.
-        yaw_rad: heading, counter-clockwise from the vehicle's front.
-        pitch_rad: pitch, positive downward as in REP 103.
+    Yaw is counter-clockwise from the vehicle's front, pitch positive downward as in REP 103.
 
     Raises:
         OpticsError: a field of view that is not between 0 and 180°, or a size below 1.
@@ -90,11 +78,8 @@ def birdseye_view(
 ) -> View:
     """Bird's eye view: a square map of the ground, the vehicle in the middle, its front up.
 
-    Args:
-        size_px: side of the map in pixels.
-        half_extent_m: distance from the middle to an edge.
-        height_m: height of the effective viewpoint above the ground.
-        yaw_rad: heading of the top of the map, counter-clockwise from the vehicle's front.
+    `half_extent_m` is from the middle to an edge; the effective viewpoint is `height_m` above the
+    ground; the top of the map heads `yaw_rad` counter-clockwise from the vehicle's front.
 
     Raises:
         OpticsError: an extent, height or size that is not above 0.
@@ -111,30 +96,19 @@ def birdseye_view(
 
 
 def highest_elevation_deg(camera: CentralCamera, base_from_optical: NDArray[np.float64]) -> float:
-    """Find the highest whole degree of elevation, up to 60, visible at all azimuths; 0: none.
+    """Highest whole degree of elevation, up to 60, visible at all azimuths; 0: none.
 
-    Args:
-        camera: level or tilted camera.
-        base_from_optical: (3, 3) rotation from its optical frame to the vehicle's base.
+    `base_from_optical` is the (3, 3) rotation of the camera, level or tilted.
     """
     azimuth = np.radians(np.arange(0.0, 360.0, 5.0))
     for elevation_deg in range(60, -60, -1):
         elevation = math.radians(elevation_deg)
-        base = np.stack(
-            (
-                math.cos(elevation) * np.cos(azimuth),
-                math.cos(elevation) * np.sin(azimuth),
-                np.full_like(azimuth, math.sin(elevation)),
-            ),
-            axis=-1,
-        )
+        x, y = math.cos(elevation) * np.cos(azimuth), math.cos(elevation) * np.sin(azimuth)
+        base = np.stack((x, y, np.full_like(azimuth, math.sin(elevation))), axis=-1)
         pixels = camera.pixel_from_ray(base @ base_from_optical)
-        inside = np.all(
-            (pixels.positions_px >= 0.0)
-            & (pixels.positions_px <= (camera.width_px - 1, camera.height_px - 1)),
-            axis=-1,
-        )
-        if np.all(pixels.valid & inside):
+        last = camera.width_px - 1, camera.height_px - 1
+        inside = (pixels.positions_px >= 0.0) & (pixels.positions_px <= last)
+        if np.all(pixels.valid & inside.all(axis=-1)):
             return float(elevation_deg)
     return 0.0
 

@@ -20,8 +20,8 @@ from omnisim.cameras import (
     pixel_grid,
     summary,
 )
+from omnisim.cameras.mirrors.mirror_mesh import sectors_and_rings
 from omnisim.cameras.mirrors.mirror_mesh_rays import inside_rim
-from omnisim.cameras.mirrors.tessellation import sectors_and_rings
 from omnisim.core.array_types import Float64s, Mask
 from omnisim.core.errors import OmnisimError, OpticsError, OutputError, SensorFileError
 from omnisim.core.files.image_files import read_image

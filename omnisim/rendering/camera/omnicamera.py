@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from omnisim.cameras import CentralCamera, HyperbolicCamera, NonCentralCamera, summary
 from omnisim.cameras.mirrors import HyperbolicMirror
-from omnisim.cameras.mirrors.tessellation import sectors_and_rings
+from omnisim.cameras.mirrors.mirror_mesh import sectors_and_rings
 from omnisim.core import poses
 from omnisim.core.array_types import Float64s
 from omnisim.core.errors import OpticsError

@@ -20,7 +20,7 @@ from pydantic import ConfigDict, Field, model_validator
 from omnisim.cameras import CentralCamera, HyperbolicCamera
 from omnisim.cameras.camera_table import camera_from_calibration, camera_from_table
 from omnisim.cameras.mirrors import HyperbolicMirror
-from omnisim.cameras.mirrors.tessellation import sectors_and_rings
+from omnisim.cameras.mirrors.mirror_mesh import sectors_and_rings
 from omnisim.cameras.models.field_of_view import field_notes
 from omnisim.core import poses
 from omnisim.core.errors import NoticeWarning, OpticsError, SensorFileError

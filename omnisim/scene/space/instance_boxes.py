@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.core.poses import nearest_rotation
-from omnisim.ground_truth.boxes_3d import OrientedBox
+from omnisim.ground_truth.boxes import OrientedBox
 from omnisim.scene.parts import Instance, Mesh
 
 

@@ -43,7 +43,7 @@ class CalibratedCamerasMount(SensorMount):
         """Read the calibration and mount its cameras."""
         # only robots with a calibration pay the import time of the formats and their parsers
         from omnisim.cameras.calibration import load_calibration
-        from omnisim.cameras.calibration.rig import Rig
+        from omnisim.cameras.calibration.calibration import Rig
 
         path = find_beside(folder, self.file, f"{source}: file", RobotFileError)
         try:

@@ -23,12 +23,9 @@ from omnisim.core.files.toml_file import find_beside
 from omnisim.core.files.written_files import is_written
 from omnisim.core.trajectories import Trajectory
 from omnisim.core.world import WorldState
-from omnisim.ground_truth.boxes_3d import boxes_json
-from omnisim.ground_truth.channel_files import BOXES_3D, write_sidecars
-from omnisim.ground_truth.coco import coco_image, write_json
-from omnisim.ground_truth.exr import write_exr
+from omnisim.ground_truth.boxes import boxes_json, coco_image, write_json
+from omnisim.ground_truth.channel_files import BOXES_3D, ChannelFormat, write_exr, write_sidecars
 from omnisim.ground_truth.frame import Frame
-from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.camera.sensor_toml import sensor_toml
 from omnisim.rendering.contract import Pending

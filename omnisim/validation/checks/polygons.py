@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omnisim.cameras import pixel_grid
-from omnisim.cameras.mirrors.tessellation import PAPER_POLYGON_COUNTS
+from omnisim.cameras.mirrors.mirror_mesh import PAPER_POLYGON_COUNTS
 from omnisim.plots.style import BLUE, GRAY, ORANGE, Figure, gallery, plot
 from omnisim.rendering.auto_mesh import MAX_ERROR_PX
 from omnisim.rendering.camera.omnicamera import PAPER_POLYGONS, OmniCamera

@@ -25,8 +25,13 @@ from omnisim.perception.landmarks.color_model import Training, pixel_rates
 from omnisim.perception.landmarks.landmark_detector import Detection, LandmarkDetector
 from omnisim.perception.localization.filter import LandmarkMap, Observation
 from omnisim.perception.localization.filter_parameters import FilterParameters, read_parameters
-from omnisim.perception.localization.localize import localize, observation_from_detection
-from omnisim.perception.localization.track import Interval, Track, mean_interval
+from omnisim.perception.localization.track import (
+    Interval,
+    Track,
+    localize,
+    mean_interval,
+    observation_from_detection,
+)
 from omnisim.perception.unwarping.panorama import CameraMount
 from omnisim.robots import simulate_odometry
 from omnisim.robots.vehicle import Vehicle

@@ -8,7 +8,7 @@ import pytest
 
 from omnisim.cameras import PerspectiveCamera
 from omnisim.cameras.calibration import CalibratedCamera, Calibration, NamedPose, load_calibration
-from omnisim.cameras.calibration.rig import Rig
+from omnisim.cameras.calibration.calibration import Rig
 from omnisim.core.errors import CalibrationError
 from omnisim.core.poses import pose, rotation_from_quaternion
 

@@ -3,9 +3,9 @@ import math
 import numpy as np
 import pytest
 
-import omnisim.cameras.mirrors.tessellation as tessellation
+import omnisim.cameras.mirrors.mirror_mesh as tessellation
 from omnisim.cameras.mirrors import HyperbolicMirror, tessellate
-from omnisim.cameras.mirrors.mirror_mesh_error import (
+from omnisim.cameras.mirrors.mirror_mesh import (
     Annulus,
     largest_error,
     mesh_error,

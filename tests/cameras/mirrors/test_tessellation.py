@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omnisim.cameras.mirrors import HyperbolicMirror, tessellate
-from omnisim.cameras.mirrors.tessellation import PAPER_POLYGON_COUNTS, sectors_and_rings
+from omnisim.cameras.mirrors.mirror_mesh import PAPER_POLYGON_COUNTS, sectors_and_rings
 from omnisim.core.errors import OpticsError
 
 

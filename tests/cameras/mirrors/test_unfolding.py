@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from omnisim.cameras.mirrors import HyperbolicMirror, tessellate
-from omnisim.cameras.mirrors.unfolding import RIG_FROM_MIRROR, unfold
+from omnisim.cameras.mirrors.mirror_mesh import RIG_FROM_MIRROR, unfold
 from omnisim.core.cube import CELL_TANGENT, FACE_FROM_RIG, FACE_NAMES, LAYOUT_CELLS, face_index
 from omnisim.core.errors import OutputError
 from omnisim.scene import load_scene

@@ -20,8 +20,7 @@ from omnisim.core.trajectories.odometry import OdometryErrors
 from omnisim.datasets.export.export import export_run
 from omnisim.datasets.export.export_format import ExportSettings
 from omnisim.datasets.export.export_formats import FORMATS, format_named
-from omnisim.datasets.export.recorded_camera import RecordedCamera
-from omnisim.datasets.export.recording import Recording
+from omnisim.datasets.export.recording import RecordedCamera, Recording
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.robots.vehicle import Vehicle
 from omnisim.runs.drive import Drive

@@ -9,9 +9,8 @@ import pytest
 import omnisim
 from omnisim.core.errors import LocalizationError
 from omnisim.perception.landmarks.color_model import BINS, ColorModel, bin_of
-from omnisim.perception.landmarks.landmark_detector import LandmarkDetector
+from omnisim.perception.landmarks.landmark_detector import LandmarkDetector, find_regions
 from omnisim.perception.localization.filter import LandmarkMap, predict_measurement
-from omnisim.perception.regions import find_regions
 from omnisim.perception.unwarping.panorama import CameraMount, Panorama
 from omnisim.rendering.camera.captured_image import valid_mask
 

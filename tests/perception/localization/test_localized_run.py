@@ -18,8 +18,12 @@ from omnisim.perception.landmarks.color_model import Costs, load_model
 from omnisim.perception.landmarks.landmark_detector import LandmarkDetector
 from omnisim.perception.localization.filter import LandmarkMap
 from omnisim.perception.localization.filter_parameters import read_parameters
-from omnisim.perception.localization.localize import localize, observation_from_detection
-from omnisim.perception.localization.track import notices, write_track
+from omnisim.perception.localization.track import (
+    localize,
+    notices,
+    observation_from_detection,
+    write_track,
+)
 from omnisim.runs.run_data import read_run
 from omnisim.runs.run_labels import RunLabels, landmark_colors, train_on_run
 

@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 
 from omnisim.cameras.mirrors import tessellate
-from omnisim.cameras.mirrors.unfolding import unfold
+from omnisim.cameras.mirrors.mirror_mesh import unfold
 from omnisim.core.cube import FACE_FROM_RIG, FACE_NAMES, unfolded_cube
 from omnisim.core.srgb import linear_from_srgb, srgb_from_linear
 from omnisim.rendering.camera.omnicamera import OmniCamera

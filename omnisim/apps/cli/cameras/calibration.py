@@ -25,7 +25,7 @@ from omnisim.cameras.calibration import (
 )
 from omnisim.cameras.calibration.calibrated_camera import OPTICS
 from omnisim.cameras.calibration.calibration_formats import format_named
-from omnisim.cameras.calibration.file_frame import is_catadioptric
+from omnisim.cameras.calibration.metadata import is_catadioptric
 from omnisim.cameras.central_error import CentralError
 from omnisim.cameras.models.field_of_view import field_of_view
 from omnisim.core.errors import CalibrationError, OmnisimError

@@ -9,8 +9,7 @@ from omnisim.apps.cli.console import out
 from omnisim.apps.cli.inputs import read_sensor
 from omnisim.cameras import HyperbolicCamera
 from omnisim.cameras.mirrors import tessellate
-from omnisim.cameras.mirrors.mirror_mesh_error import MeshError, mesh_error
-from omnisim.cameras.mirrors.unfolding import unfold
+from omnisim.cameras.mirrors.mirror_mesh import MeshError, mesh_error, unfold
 from omnisim.core.errors import OpticsError
 from omnisim.core.files.atomic_file import check_distinct, check_target
 from omnisim.rendering.auto_mesh import auto_polygons

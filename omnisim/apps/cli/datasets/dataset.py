@@ -21,7 +21,7 @@ from omnisim.datasets.dataset_manifest import MANIFEST, check_hashes, read_manif
 from omnisim.datasets.export.export_formats import LAYOUTS
 from omnisim.datasets.generate.samples import Shards
 from omnisim.datasets.recorded_runs import write_recordings
-from omnisim.ground_truth.coco import BoxLimits
+from omnisim.ground_truth.boxes import BoxLimits
 from omnisim.plots.sample_sheet import SampleTiles, channel_tile, sample_sheet
 from omnisim.sensors.sensor_names import FOLDER_NAME
 

@@ -35,12 +35,12 @@ from omnisim.ground_truth.channel_files import (
     BOXES_3D,
     FINEST_RANGE_STEPS_PER_M,
     OVERLAY,
+    ChannelFormat,
     is_sidecar_name,
     range_steps_per_m,
     sidecar_path,
 )
 from omnisim.ground_truth.frame import Frame
-from omnisim.ground_truth.npy import ChannelFormat
 from omnisim.rendering.camera.omnicamera import OmniCamera
 from omnisim.rendering.missed_surfaces import viewpoint_notes
 from omnisim.rendering.stage import open_sensor

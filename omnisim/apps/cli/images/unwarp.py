@@ -19,12 +19,15 @@ from omnisim.core.short_repr import number_text
 from omnisim.core.srgb import linear_from_srgb8, srgb8_from_linear
 from omnisim.core.version import __version__
 from omnisim.ground_truth import Labels, check_channels, parse_channels
-from omnisim.ground_truth.channel_files import sidecar_path, write_boxes, write_sidecars
-from omnisim.ground_truth.exr import write_exr
-from omnisim.ground_truth.npy import ChannelFormat
+from omnisim.ground_truth.channel_files import (
+    ChannelFormat,
+    sidecar_path,
+    write_boxes,
+    write_exr,
+    write_sidecars,
+)
 from omnisim.ground_truth.stored_channels import StoredChannels
-from omnisim.perception.unwarping.channel_unwarping import ChannelUnwarping
-from omnisim.perception.unwarping.unwarping import Unwarping
+from omnisim.perception.unwarping.unwarping import ChannelUnwarping, Unwarping
 from omnisim.perception.unwarping.views import (
     View,
     birdseye_view,

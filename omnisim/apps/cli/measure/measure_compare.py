@@ -13,7 +13,7 @@ from omnisim.apps.cli.inputs import note_lighting
 from omnisim.apps.cli.measure.measured_files import check_size, read_board_shape
 from omnisim.apps.cli.measure.requests import MeasureCompareRequest
 from omnisim.apps.cli.options import refuse_given
-from omnisim.cameras.calibration.rig import Rig, RigCamera
+from omnisim.cameras.calibration.calibration import Rig, RigCamera
 from omnisim.core.errors import MeasurementError
 from omnisim.core.extras import require_extra
 from omnisim.measurement.comparison import (

@@ -37,7 +37,7 @@ from omnisim.runs.route import Route, route_digest
 from omnisim.sensors.sensor_names import FOLDER_NAME, folder_name
 
 if TYPE_CHECKING:  # needed by rigs only
-    from omnisim.cameras.calibration.rig import Rig
+    from omnisim.cameras.calibration.calibration import Rig
 
 NO_SENSORS = (
     "has no sensors: only its path and odometry are recorded: add [[sensors]] to its robot file"
@@ -179,7 +179,7 @@ def _rig(camera: RigOptions, path: Path) -> tuple[Rig, Vehicle]:
     """Rig with all cameras named by the poses, and vehicle of the selected cameras."""
     # formats and fits of calibrations take time to import
     from omnisim.apps.cli.cameras.calibration import read_calibration
-    from omnisim.cameras.calibration.rig import Rig, RigCamera
+    from omnisim.cameras.calibration.calibration import Rig, RigCamera
     from omnisim.robots.rig_vehicle import rig_vehicle
 
     if camera.robot is not None:

@@ -28,8 +28,8 @@ from omnisim.perception.landmarks.landmark_detector import (
 )
 from omnisim.perception.localization.filter import LandmarkMap
 from omnisim.perception.localization.filter_parameters import read_parameters
-from omnisim.perception.localization.localize import localize as localize_run
-from omnisim.perception.localization.localize import observation_from_detection
+from omnisim.perception.localization.track import localize as localize_run
+from omnisim.perception.localization.track import observation_from_detection
 from omnisim.runs.run_data import RunData, read_run
 from omnisim.runs.run_labels import train_on_run
 from omnisim.runs.single_image import SingleImage, read_single_image

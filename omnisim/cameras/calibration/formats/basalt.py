@@ -32,7 +32,7 @@ from omnisim.cameras import (
     UnifiedCamera,
 )
 from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
-from omnisim.cameras.calibration.fields import (
+from omnisim.cameras.calibration.documents import (
     ForeignTable,
     Size,
     Unread,
@@ -48,8 +48,9 @@ from omnisim.cameras.calibration.formats.format import (
     ParsedCamera,
     error_context,
 )
-from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
-from omnisim.cameras.calibration.formats.quaternion_pose import (
+from omnisim.cameras.calibration.formats.pinhole import (
+    Intrinsics,
+    pinhole,
     pose_from_quaternion,
     position_and_quaternion,
 )
@@ -57,12 +58,9 @@ from omnisim.core.files.parameters import Number
 
 FOCAL = "fx fy cx cy"
 INTRINSICS = {
-    "pinhole": FOCAL,
-    "ucm": f"{FOCAL} alpha",
-    "eucm": f"{FOCAL} alpha beta",
-    "ds": f"{FOCAL} xi alpha",
-    "kb4": f"{FOCAL} k1 k2 k3 k4",
-}
+    "pinhole": FOCAL, "ucm": f"{FOCAL} alpha", "eucm": f"{FOCAL} alpha beta",
+    "ds": f"{FOCAL} xi alpha", "kb4": f"{FOCAL} k1 k2 k3 k4",
+}  # fmt: skip
 OTHERS = {
     "pinhole-radtan8": "k1, k2, p1, p2, k3 … k6 are OpenCV's: pass them as an opencv_pinhole file"
 }
@@ -123,23 +121,21 @@ class Basalt(Format[BasaltLens]):
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the cameras in `value0`."""
-        data = document
         place = f"{source}: value0"
-        value = parse(data.get("value0"), _Value, place)
+        value = parse(document.get("value0"), _Value, place)
         if not value.intrinsics or len(value.resolution) != len(value.intrinsics):
             counts = f"{len(value.intrinsics)} and {len(value.resolution)}"
-            expected = "intrinsics and a resolution for every camera"
-            raise unexpected(place, expected, counts)
+            raise unexpected(place, "intrinsics and a resolution for every camera", counts)
         cameras = []
         for index, (part, size) in enumerate(zip(value.intrinsics, value.resolution, strict=True)):
             name = f"cam{index}"
             lens = _lens(part, size, f"{place}.intrinsics.{index}")
             poses: tuple[NamedPose, ...] = ()
-            if index < len(value.T_imu_cam) and data.get(POSES_UNKNOWN) is not True:
+            if index < len(value.T_imu_cam) and document.get(POSES_UNKNOWN) is not True:
                 where = f"{place}.T_imu_cam.{index}"
                 at = parse(value.T_imu_cam[index], _Pose, where)
-                quaternion = (at.qx, at.qy, at.qz, at.qw)
-                matrix = pose_from_quaternion((at.px, at.py, at.pz), quaternion, where)
+                *position, qx, qy, qz, qw = dict(at).values()
+                matrix = pose_from_quaternion(position, (qx, qy, qz, qw), where)
                 poses = (NamedPose("imu", name, matrix),)
             cameras.append(ParsedCamera(name, lens, poses))
         return cameras
@@ -153,15 +149,11 @@ class Basalt(Format[BasaltLens]):
         for camera in cameras:
             pose = find_pose(poses, body, camera.name)
             position, quaternion = position_and_quaternion(np.eye(4) if pose is None else pose)
-            keys = ("px", "py", "pz", "qx", "qy", "qz", "qw")
-            entries.append(dict(zip(keys, (*position, *quaternion), strict=True)))
-        data: dict[str, Any] = {
-            "value0": {
-                "T_imu_cam": entries,
-                "intrinsics": [_intrinsics(camera.lens) for camera in cameras],
-                "resolution": [[camera.lens.width_px, camera.lens.height_px] for camera in cameras],
-            }
-        }
+            entries.append(dict(zip(_Pose.model_fields, (*position, *quaternion), strict=True)))
+        sizes = [[camera.lens.width_px, camera.lens.height_px] for camera in cameras]
+        lenses = [_intrinsics(camera.lens) for camera in cameras]
+        value = {"T_imu_cam": entries, "intrinsics": lenses, "resolution": sizes}
+        data: dict[str, Any] = {"value0": value}
         if not poses:
             data[POSES_UNKNOWN] = True
         return json.dumps(data, indent=4) + "\n"
@@ -210,7 +202,5 @@ def _intrinsics(lens: BasaltLens) -> dict[str, Any]:
     elif isinstance(lens, KannalaBrandtCamera):
         model, shape = "kb4", lens.coefficients
     values = (*lens.focal_lengths_px, *lens.principal_point_px, *shape)
-    return {
-        "camera_type": model,
-        "intrinsics": dict(zip(INTRINSICS[model].split(), values, strict=True)),
-    }
+    named = dict(zip(INTRINSICS[model].split(), values, strict=True))
+    return {"camera_type": model, "intrinsics": named}

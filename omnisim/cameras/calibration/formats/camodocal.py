@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from omnisim.cameras import CentralCamera, KannalaBrandtCamera, UnifiedCamera
-from omnisim.cameras.calibration.fields import (
+from omnisim.cameras.calibration.documents import (
     ROLLING_SHUTTER,
     ForeignTable,
     Size,
@@ -37,8 +37,7 @@ from omnisim.cameras.calibration.formats.format import (
     ParsedCamera,
     error_context,
 )
-from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
-from omnisim.cameras.calibration.formats.yaml_text import yaml_float
+from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole, yaml_float
 from omnisim.core.files.parameters import Number, Table
 
 CamodocalLens = UnifiedCamera | KannalaBrandtCamera
@@ -53,10 +52,6 @@ class _Distortion(Table):
     k2: Number
     p1: Number
     p2: Number
-
-    @property
-    def values(self) -> tuple[float, ...]:
-        return self.k1, self.k2, self.p1, self.p2
 
 
 class _Gammas(Table):
@@ -194,14 +189,13 @@ def _lens(head: _Head, data: dict[str, Any], source: str) -> CentralCamera:
         mei = parse(data, _Mei, source)
         plane = mei.projection_parameters
         intrinsics = Intrinsics(*size, (plane.gamma1, plane.gamma2), (plane.u0, plane.v0))
-        return UnifiedCamera(
-            *intrinsics, mei.mirror_parameters.xi, mei.distortion_parameters.values
-        )
+        distortion = tuple(dict(mei.distortion_parameters).values())
+        return UnifiedCamera(*intrinsics, mei.mirror_parameters.xi, distortion)
     if head.model_type == "PINHOLE":
         flat = parse(data, _Pinhole, source)
         focal = flat.projection_parameters
         intrinsics = Intrinsics(*size, (focal.fx, focal.fy), (focal.cx, focal.cy))
-        return pinhole(intrinsics, flat.distortion_parameters.values)
+        return pinhole(intrinsics, tuple(dict(flat.distortion_parameters).values()))
     wide = parse(data, _Fisheye, source).projection_parameters
     intrinsics = Intrinsics(*size, (wide.mu, wide.mv), (wide.u0, wide.v0))
     return KannalaBrandtCamera(*intrinsics, (wide.k2, wide.k3, wide.k4, wide.k5))

@@ -30,7 +30,7 @@ from omnisim.cameras import (
     RationalPolynomialCamera,
     UnifiedCamera,
 )
-from omnisim.cameras.calibration.fields import (
+from omnisim.cameras.calibration.documents import (
     check_choice,
     counted,
     parse_number,
@@ -49,32 +49,19 @@ from omnisim.cameras.calibration.fov_lens import FovLens
 from omnisim.core.errors import CalibrationError
 
 MODELS = {
-    "SIMPLE_PINHOLE": "f cx cy",
-    "PINHOLE": "fx fy cx cy",
-    "SIMPLE_RADIAL": "f cx cy k",
-    "RADIAL": "f cx cy k1 k2",
-    "OPENCV": "fx fy cx cy k1 k2 p1 p2",
-    "FULL_OPENCV": "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6",
-    "FOV": "fx fy cx cy omega",
-    "SIMPLE_FISHEYE": "f cx cy",
-    "FISHEYE": "fx fy cx cy",
-    "SIMPLE_RADIAL_FISHEYE": "f cx cy k",
-    "RADIAL_FISHEYE": "f cx cy k1 k2",
-    "OPENCV_FISHEYE": "fx fy cx cy k1 k2 k3 k4",
+    "SIMPLE_PINHOLE": "f cx cy", "PINHOLE": "fx fy cx cy", "SIMPLE_RADIAL": "f cx cy k",
+    "RADIAL": "f cx cy k1 k2", "OPENCV": "fx fy cx cy k1 k2 p1 p2",
+    "FULL_OPENCV": "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6", "FOV": "fx fy cx cy omega",
+    "SIMPLE_FISHEYE": "f cx cy", "FISHEYE": "fx fy cx cy", "SIMPLE_RADIAL_FISHEYE": "f cx cy k",
+    "RADIAL_FISHEYE": "f cx cy k1 k2", "OPENCV_FISHEYE": "fx fy cx cy k1 k2 k3 k4",
     "THIN_PRISM_FISHEYE": "fx fy cx cy k1 k2 p1 p2 k3 k4 sx1 sy1",
-    "EUCM": "fx fy cx cy alpha beta",
-    "EQUIRECTANGULAR": "w h",
-}
+    "EUCM": "fx fy cx cy alpha beta", "EQUIRECTANGULAR": "w h",
+}  # fmt: skip
 OTHERS = ("SIMPLE_DIVISION", "DIVISION", "RAD_TAN_THIN_PRISM_FISHEYE")  # not omnisim's models
 LINE = "CAMERA_ID MODEL WIDTH HEIGHT PARAMS…"
 CENTER_PX = 0.5  # center of the first pixel
-ColmapLens = (
-    UnifiedCamera
-    | RationalPolynomialCamera
-    | KannalaBrandtCamera
-    | EucmCamera
-    | EquirectangularCamera
-)
+_Pinhole = UnifiedCamera | RationalPolynomialCamera
+ColmapLens = _Pinhole | KannalaBrandtCamera | EucmCamera | EquirectangularCamera
 
 
 class Colmap(Format[ColmapLens]):
@@ -119,9 +106,10 @@ class Colmap(Format[ColmapLens]):
 
     def encode(self, cameras: Sequence[ParsedCamera[ColmapLens]]) -> str:
         """Text of a file with one line per camera."""
-        text = "# Camera list with one line of data per camera:\n"
-        text += "#   CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
-        text += f"# Number of cameras: {len(cameras)}\n"
+        text = (
+            "# Camera list with one line of data per camera:\n#   CAMERA_ID, MODEL, WIDTH, HEIGHT, "
+            f"PARAMS[]\n# Number of cameras: {len(cameras)}\n"
+        )
         for camera in cameras:
             model, values = parameters(camera.lens)
             size = f"{camera.lens.width_px} {camera.lens.height_px}"

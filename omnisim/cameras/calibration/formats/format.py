@@ -15,8 +15,13 @@ import numpy as np
 
 from omnisim.cameras import CentralCamera, RationalPolynomialCamera, UnifiedCamera
 from omnisim.cameras.calibration.calibrated_camera import NamedPose
-from omnisim.cameras.calibration.documents import parse_json, parse_yaml
-from omnisim.cameras.calibration.fields import ForeignTable, short, unread_keys
+from omnisim.cameras.calibration.documents import (
+    ForeignTable,
+    parse_json,
+    parse_yaml,
+    short,
+    unread_keys,
+)
 from omnisim.cameras.camera import without_prefix
 from omnisim.core.errors import CalibrationError, OpticsError
 
@@ -39,21 +44,15 @@ class MetadataPlace(Enum):
 
 @dataclass(frozen=True, eq=False)
 class ParsedCamera(Generic[LensT_co]):
-    """One camera as its file describes it.
-
-    Attributes:
-        name: camera name in the file.
-        lens: camera model that looks along +z of the file frame.
-        poses: camera poses in the file.
-        time_shift_s: offset from camera timestamps to IMU timestamps.
-        notes: contradictions in the file, one sentence each.
-    """
+    """One camera as its file describes it."""
 
     name: str
-    lens: LensT_co
+    lens: LensT_co  # camera model that looks along +z of the file frame
+    # poses, time_shift_s: camera poses in the file, and offset from camera timestamps to IMU
+    # timestamps
     poses: tuple[NamedPose, ...] = ()
     time_shift_s: float = 0.0
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # contradictions in the file, one sentence each
 
 
 class Format(ABC, Generic[LensT]):

@@ -1,4 +1,4 @@
-"""Foxglove's CameraCalibration as JSON: ROS's CameraInfo with other names; see `camera_info`.
+"""Foxglove's CameraCalibration as JSON: ROS's CameraInfo with other names; see `ros.py`.
 
 `kannala_brandt` is ROS's `equidistant`; omnisim has no model for `fisheye62`.
 
@@ -13,14 +13,14 @@ from collections.abc import Sequence
 from typing import Any
 
 from omnisim.cameras import CentralCamera
-from omnisim.cameras.calibration.formats.camera_info import (
+from omnisim.cameras.calibration.formats.format import MetadataPlace, ParsedCamera
+from omnisim.cameras.calibration.formats.ros import (
     IDENTITY,
     CameraInfo,
     CameraInfoLens,
     CameraInfoMessage,
     camera_info,
 )
-from omnisim.cameras.calibration.formats.format import MetadataPlace, ParsedCamera
 
 
 class Foxglove(CameraInfo):
@@ -44,14 +44,9 @@ class Foxglove(CameraInfo):
         (camera,) = cameras
         model, d, k, p = camera_info(camera.lens)
         data = {
-            "timestamp": {"sec": 0, "nsec": 0},
-            "frame_id": camera.name,
-            "width": camera.lens.width_px,
-            "height": camera.lens.height_px,
-            "distortion_model": "kannala_brandt" if model == "equidistant" else model,
-            "D": d,
-            "K": k,
-            "R": list(IDENTITY),
-            "P": p,
-        }
+            "timestamp": {"sec": 0, "nsec": 0}, "frame_id": camera.name,
+            "width": camera.lens.width_px, "height": camera.lens.height_px,
+            "distortion_model": "kannala_brandt" if model == "equidistant" else model, "D": d,
+            "K": k, "R": list(IDENTITY), "P": p,
+        }  # fmt: skip
         return json.dumps(data, indent=2) + "\n"

@@ -37,16 +37,16 @@ from omnisim.cameras import (
     StereographicCamera,
     UnifiedCamera,
 )
-from omnisim.cameras.calibration.documents import parse_xml
-from omnisim.cameras.calibration.equivalents import IDEAL_FISHEYES
-from omnisim.cameras.calibration.fields import (
+from omnisim.cameras.calibration.documents import (
     ForeignTable,
     Unread,
     check_choice,
     parse_number,
     parse_size,
+    parse_xml,
     unexpected,
 )
+from omnisim.cameras.calibration.equivalents import IDEAL_FISHEYES
 from omnisim.cameras.calibration.formats.format import (
     ANY,
     Format,
@@ -150,9 +150,32 @@ class Gazebo(Format[GazeboLens]):
         half = 0.5 * lens.width_px
         if isinstance(lens, PerspectiveCamera):
             sensor, fov = "camera", 2.0 * math.atan(half / lens.focal_length_px)
-            inner = _intrinsics_xml(lens)
+            focal, (u, v) = lens.focal_length_px, lens.principal_point_px
+            inner = f"""        <type>gnomonical</type>
+        <scale_to_hfov>false</scale_to_hfov>
+        <intrinsics>
+          <fx>{focal!r}</fx>
+          <fy>{focal!r}</fy>
+          <cx>{u + CORNER_PX!r}</cx>
+          <cy>{v + CORNER_PX!r}</cy>
+          <s>0</s>
+        </intrinsics>
+"""
         else:
-            sensor, inner = "wideanglecamera", _custom_function_xml(lens)
+            sensor, inner = (
+                "wideanglecamera",
+                f"""        <type>custom</type>
+        <custom_function>
+          <c1>{lens.c1!r}</c1>
+          <c2>{lens.c2!r}</c2>
+          <c3>{lens.c3!r}</c3>
+          <f>{lens.focal_length_px / half!r}</f>
+          <fun>{lens.function}</fun>
+        </custom_function>
+        <scale_to_hfov>false</scale_to_hfov>
+        <cutoff_angle>{lens.theta_edge_rad!r}</cutoff_angle>
+""",
+            )
             edge = lens.ray_from_pixel((lens.width_px - 0.5, lens.principal_point_px[1])).directions
             fov = 2.0 * math.atan2(math.hypot(edge[0], edge[1]), edge[2])
         element = Element("camera", name=camera.name)
@@ -238,7 +261,11 @@ def read_lens(camera: Element, place: str) -> CentralCamera:
     Raises:
         CalibrationError: the lens is invalid; names place, actual and expected value.
     """
-    size = _size(camera, "image/width", place), _size(camera, "image/height", place)
+    width, height = (
+        parse_size(_text(camera, path, place), f"{place}: {path}")
+        for path in ("image/width", "image/height")
+    )
+    size = width, height
     fov = _number(camera, "horizontal_fov", None, place)
     if not 0.0 < fov <= 2.0 * math.pi + 1e-5:
         raise unexpected(f"{place}: horizontal_fov", "more than 0 and at most 2π", fov)
@@ -255,7 +282,9 @@ def read_lens(camera: Element, place: str) -> CentralCamera:
         return _pinhole(camera, size, fov, middle, place)
     check_choice(kind, ("gnomonical", *TYPES, "custom"), f"{place}: lens/type")
     cutoff = min(_number(camera, "lens/cutoff_angle", DEFAULT_CUTOFF_RAD, place), math.pi)
-    scaled, half = _flag(lens, "scale_to_hfov", place), 0.5 * size[0]
+    flag = (lens.findtext("scale_to_hfov") or "true").strip().lower()
+    check_choice(flag, ("true", "1", "false", "0"), f"{place}: lens/scale_to_hfov")
+    scaled, half = flag in ("true", "1"), 0.5 * size[0]
     if kind == "custom":
         function = (camera.findtext("lens/custom_function/fun") or "tan").strip()
         check_choice(function, FUNCTIONS, f"{place}: fun")
@@ -285,11 +314,7 @@ def _focal_from_fov(
 
 
 def _pinhole(
-    camera: Element,
-    size: tuple[int, int],
-    fov: float,
-    middle: tuple[float, float],
-    place: str,
+    camera: Element, size: tuple[int, int], fov: float, middle: tuple[float, float], place: str
 ) -> CentralCamera:
     if camera.find("lens/intrinsics") is not None:
         fx, fy, cx, cy, skew = (
@@ -305,51 +330,13 @@ def _pinhole(
 
 
 def _number(camera: Element, path: str, default: float | None, place: str) -> float:
-    text = camera.findtext(path)
-    if text is not None:
-        return parse_number(text.strip(), f"{place}: {path}")
-    if default is None:
-        raise CalibrationError(f"{place}: {path}: missing")
-    return default
+    if default is not None and camera.find(path) is None:
+        return default
+    return parse_number(_text(camera, path, place), f"{place}: {path}")
 
 
-def _size(camera: Element, path: str, place: str) -> int:
+def _text(camera: Element, path: str, place: str) -> str:
     text = camera.findtext(path)
     if text is None:
         raise CalibrationError(f"{place}: {path}: missing")
-    return parse_size(text.strip(), f"{place}: {path}")
-
-
-def _flag(lens: Element, path: str, place: str) -> bool:
-    text = (lens.findtext(path) or "true").strip().lower()
-    check_choice(text, ("true", "1", "false", "0"), f"{place}: lens/{path}")
-    return text in ("true", "1")
-
-
-def _custom_function_xml(lens: GazeboCamera) -> str:
-    return f"""        <type>custom</type>
-        <custom_function>
-          <c1>{lens.c1!r}</c1>
-          <c2>{lens.c2!r}</c2>
-          <c3>{lens.c3!r}</c3>
-          <f>{lens.focal_length_px / (0.5 * lens.width_px)!r}</f>
-          <fun>{lens.function}</fun>
-        </custom_function>
-        <scale_to_hfov>false</scale_to_hfov>
-        <cutoff_angle>{lens.theta_edge_rad!r}</cutoff_angle>
-"""
-
-
-def _intrinsics_xml(lens: PerspectiveCamera) -> str:
-    u, v = lens.principal_point_px
-    focal = lens.focal_length_px
-    return f"""        <type>gnomonical</type>
-        <scale_to_hfov>false</scale_to_hfov>
-        <intrinsics>
-          <fx>{focal!r}</fx>
-          <fy>{focal!r}</fy>
-          <cx>{u + CORNER_PX!r}</cx>
-          <cy>{v + CORNER_PX!r}</cy>
-          <s>0</s>
-        </intrinsics>
-"""
+    return text.strip()

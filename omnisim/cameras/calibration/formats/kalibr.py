@@ -38,8 +38,7 @@ from omnisim.cameras import (
     UnifiedCamera,
 )
 from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
-from omnisim.cameras.calibration.documents import parse_yaml
-from omnisim.cameras.calibration.fields import (
+from omnisim.cameras.calibration.documents import (
     ROLLING_SHUTTER,
     ForeignTable,
     Matrix,
@@ -48,6 +47,7 @@ from omnisim.cameras.calibration.fields import (
     check_choice,
     counted,
     parse,
+    parse_yaml,
     pose,
     unexpected,
 )
@@ -58,27 +58,22 @@ from omnisim.cameras.calibration.formats.format import (
     ParsedCamera,
     error_context,
 )
-from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole
-from omnisim.cameras.calibration.formats.yaml_text import yaml_floats
+from omnisim.cameras.calibration.formats.pinhole import Intrinsics, pinhole, yaml_floats
 from omnisim.cameras.calibration.fov_lens import FovLens
 from omnisim.core.files.parameters import Number
 from omnisim.core.poses import inverse
 
 INTRINSICS = {
-    "pinhole": "fu fv pu pv",
-    "omni": "xi fu fv pu pv",
-    "ds": "xi alpha fu fv pu pv",
+    "pinhole": "fu fv pu pv", "omni": "xi fu fv pu pv", "ds": "xi alpha fu fv pu pv",
     "eucm": "alpha beta fu fv pu pv",
-}
+}  # fmt: skip
 RENAMED = {"distortion_coefficients": "distortion_coeffs"}  # keys of a sensor.yaml
 MATRIX = " ".join(f"r{row}{column}" for row in "1234" for column in "1234")
 DISTORTIONS = {"radtan": "k1 k2 p1 p2", "equidistant": "k1 k2 k3 k4", "fov": "w", "none": ""}
 PAIRS = {
-    "pinhole": ("radtan", "equidistant", "fov", "none"),
-    "omni": ("radtan", "none"),
-    "ds": ("none",),
-    "eucm": ("none",),
-}
+    "pinhole": ("radtan", "equidistant", "fov", "none"), "omni": ("radtan", "none"),
+    "ds": ("none",), "eucm": ("none",),
+}  # fmt: skip
 KalibrLens = UnifiedCamera | KannalaBrandtCamera | EucmCamera | DoubleSphereCamera
 
 
@@ -118,11 +113,9 @@ class Kalibr(Format[KalibrLens]):
     suffix = ".yaml"
     models = (UnifiedCamera, KannalaBrandtCamera, EucmCamera, DoubleSphereCamera)
     fits = (
-        (UnifiedCamera, NO_SKEW),
-        (KannalaBrandtCamera, ANY),
-        (EucmCamera, ANY),
+        (UnifiedCamera, NO_SKEW), (KannalaBrandtCamera, ANY), (EucmCamera, ANY),
         (DoubleSphereCamera, ANY),
-    )
+    )  # fmt: skip
     signature = re.compile(r"""(?:^|[{,])[ \t]*["']?camera_model["']?[ \t]*:""", re.M)
     several = True
     tables = (_Chain,)

@@ -32,7 +32,7 @@ import numpy as np
 
 from omnisim.cameras import CentralCamera, EquirectangularCamera, KannalaBrandtCamera, UnifiedCamera
 from omnisim.cameras.calibration.calibrated_camera import NamedPose
-from omnisim.cameras.calibration.fields import (
+from omnisim.cameras.calibration.documents import (
     ROLLING_SHUTTER,
     ForeignTable,
     Matrix,
@@ -62,8 +62,6 @@ PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "OPENCV", "PERSPECTIVE")
 FISHEYES = ("OPENCV_FISHEYE", "FISHEYE")
 NerfstudioLens = UnifiedCamera | KannalaBrandtCamera | EquirectangularCamera
 FOCAL_TOLERANCE = 1e-3  # relative difference of two statements of a focal length
-
-
 OTHER_LENS = Unread("a lens of instant-ngp that is not read: state a camera_model", is_fault=True)
 
 
@@ -165,9 +163,7 @@ class Nerfstudio(Format[NerfstudioLens]):
             notes: list[str] = []
             size = _size(part, Path(source).parent, image, place, notes)
             lens = _lens(part, size, place, notes)
-            if (
-                len(groups) > 1 and len(poses) == 1
-            ):  # one camera per image: it takes the image's name
+            if len(groups) > 1 and len(poses) == 1:  # one camera per image: it takes its name
                 name = poses[0].source
             cameras.append(ParsedCamera(name, lens, tuple(poses), notes=tuple(notes)))
         return cameras
@@ -176,13 +172,10 @@ class Nerfstudio(Format[NerfstudioLens]):
         """Text with the camera and one frame for each of its poses in the world."""
         (camera,) = cameras
         frames = [
-            {
-                "file_path": pose.source,
-                "transform_matrix": rows(pose.target_from_source * OPENGL_FROM_OPENCV),
-            }
-            for pose in camera.poses
-            if pose.target == "world"
-        ]
+            {"file_path": one.source,
+             "transform_matrix": rows(one.target_from_source * OPENGL_FROM_OPENCV)}
+            for one in camera.poses if one.target == "world"
+        ]  # fmt: skip
         return json.dumps({**intrinsics(camera.lens), "frames": frames}, indent=2) + "\n"
 
 
@@ -265,14 +258,9 @@ def intrinsics(lens: NerfstudioLens) -> dict[str, Any]:
     """Keys that describe a lens's intrinsics."""
     size = {"w": lens.width_px, "h": lens.height_px}
     if isinstance(lens, EquirectangularCamera):
-        return {
-            "camera_model": "EQUIRECTANGULAR",
-            "fl_x": 0.5 * lens.width_px,
-            "fl_y": float(lens.height_px),
-            "cx": 0.5 * lens.width_px,
-            "cy": 0.5 * lens.height_px,
-            **size,
-        }
+        u, v = 0.5 * lens.width_px, 0.5 * lens.height_px
+        focal = {"fl_x": u, "fl_y": float(lens.height_px)}
+        return {"camera_model": "EQUIRECTANGULAR", **focal, "cx": u, "cy": v, **size}
     (fx, fy), (u, v) = lens.focal_lengths_px, lens.principal_point_px
     start = {"fl_x": fx, "fl_y": fy, "cx": u + CENTER_PX, "cy": v + CENTER_PX, **size}
     if isinstance(lens, KannalaBrandtCamera):

@@ -26,7 +26,7 @@ from numpy.polynomial import Chebyshev, Polynomial
 from numpy.typing import NDArray
 
 from omnisim.cameras import CentralCamera, OcamcalibCamera
-from omnisim.cameras.calibration.fields import parse_number, parse_size, unexpected
+from omnisim.cameras.calibration.documents import parse_number, parse_size, unexpected
 from omnisim.cameras.calibration.formats.format import ANY, Format, ParsedCamera, error_context
 from omnisim.core.errors import CalibrationError
 
@@ -54,8 +54,12 @@ class Ocamcalib(Format[OcamcalibCamera]):
         if super().looks_like(text):
             return True
         lines = _lines(text)
-        counts = [len(words) for _, words in lines]
-        return len(lines) == 5 and counts[2:] == [2, 3, 2] and all(map(_is_number, lines[2][1]))
+        if [len(words) for _, words in lines[2:]] != [2, 3, 2]:
+            return False
+        try:
+            return all(parse_number(word, "") is not None for word in lines[2][1])
+        except CalibrationError:
+            return False
 
     def read(self, document: str, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the camera."""
@@ -112,14 +116,6 @@ def _lines(text: str) -> list[tuple[int, list[str]]]:
     """Line numbers and words of the lines that are not comments."""
     split = ((number, line.split()) for number, line in enumerate(text.splitlines(), start=1))
     return [(number, words) for number, words in split if words and not words[0].startswith("#")]
-
-
-def _is_number(word: str) -> bool:
-    try:
-        parse_number(word, "")
-    except CalibrationError:
-        return False
-    return True
 
 
 def _numbers(values: Sequence[float]) -> str:

@@ -15,7 +15,7 @@ from typing import Any
 
 from omnisim.cameras import CAMERA_MODELS, CentralCamera, camera_from_parameters
 from omnisim.cameras.calibration.calibrated_camera import NamedPose
-from omnisim.cameras.calibration.fields import (
+from omnisim.cameras.calibration.documents import (
     ForeignTable,
     Matrix,
     Unread,
@@ -88,9 +88,8 @@ class OmnisimJson(Format[CentralCamera]):
         if self.table_of(document) is _File:
             file = parse(document, _File, source)
             if file.omnisim_calibration != VERSION:
-                raise unexpected(
-                    f"{source}: omnisim_calibration", str(VERSION), file.omnisim_calibration
-                )
+                place = f"{source}: omnisim_calibration"
+                raise unexpected(place, str(VERSION), file.omnisim_calibration)
             return [_parsed(part, f"{source}: cameras.{n}") for n, part in enumerate(file.cameras)]
         if self.table_of(document) is _RunFile:
             run = parse(document, _RunFile, source)
@@ -101,25 +100,16 @@ class OmnisimJson(Format[CentralCamera]):
 
     def encode(self, cameras: Sequence[ParsedCamera[CentralCamera]]) -> str:
         """Text of a file with all parameters and poses."""
-        data = {
-            "omnisim_calibration": VERSION,
-            "cameras": [
-                {
-                    "name": camera.name,
-                    "camera": camera.lens.parameters(),
-                    "poses": [
-                        {
-                            "target": pose.target,
-                            "source": pose.source,
-                            "target_from_source": rows(pose.target_from_source),
-                        }
-                        for pose in camera.poses
-                    ],
-                }
-                for camera in cameras
-            ],
-        }
-        return json.dumps(data, indent=2) + "\n"
+        entries = []
+        for camera in cameras:
+            poses = [
+                {"target": one.target, "source": one.source,
+                 "target_from_source": rows(one.target_from_source)}
+                for one in camera.poses
+            ]  # fmt: skip
+            parameters = camera.lens.parameters()
+            entries.append({"name": camera.name, "camera": parameters, "poses": poses})
+        return json.dumps({"omnisim_calibration": VERSION, "cameras": entries}, indent=2) + "\n"
 
     def native(self, camera: CentralCamera) -> CentralCamera:
         """The camera itself."""

@@ -32,14 +32,14 @@ from omnisim.cameras import (
     RationalPolynomialCamera,
     UnifiedCamera,
 )
-from omnisim.cameras.calibration.documents import parse_yaml
-from omnisim.cameras.calibration.fields import (
+from omnisim.cameras.calibration.documents import (
     ForeignTable,
     Numbers,
     Size,
     Unread,
     counted,
     parse,
+    parse_yaml,
     unexpected,
 )
 from omnisim.cameras.calibration.formats.format import (
@@ -57,8 +57,9 @@ from omnisim.cameras.calibration.formats.pinhole import (
     check_no_skew,
     fisheye,
     matrix_intrinsics,
+    yaml_float,
+    yaml_matrix,
 )
-from omnisim.cameras.calibration.formats.yaml_text import yaml_float, yaml_matrix
 from omnisim.core.errors import CalibrationError
 from omnisim.core.files.parameters import Number
 
@@ -93,9 +94,7 @@ OTHER_KIND = "the file calls itself another kind of OpenCV's"
 
 class _Table(
     ForeignTable,
-    also_read=" ".join(
-        (*MATRIX_KEYS, *DISTORTION_KEYS, "image_size", "image_width", "image_height")
-    ),
+    also_read=" ".join((*MATRIX_KEYS, *DISTORTION_KEYS, "image_size image_width image_height")),
     unread={
         "xi": Unread("ξ of cv2.omnidir: pass --format opencv_omnidir", is_fault=True),
         "fisheye_model": Unread(OTHER_KIND),
@@ -143,13 +142,11 @@ class _Opencv(Format[LensT]):
 
     def read(self, document: Any, source: str) -> list[ParsedCamera[CentralCamera]]:
         """Parse the camera."""
-        data = document
+        data, size = document, document.get("image_size")
+        size = size.get("data") if isinstance(size, dict) else size
         stated: dict[str, Any] = {}
-        if "image_size" in data:
-            size = data["image_size"]
-            size = size.get("data") if isinstance(size, dict) else size
-            if isinstance(size, list) and len(size) == 2:
-                stated = dict(zip(("image_width", "image_height"), size, strict=True))
+        if isinstance(size, list) and len(size) == 2:
+            stated = dict(zip(("image_width", "image_height"), size, strict=True))
         image = parse({**stated, **data}, _Image, source)
         if not stated.items() <= {**stated, **data}.items():
             raise unexpected(f"{source}: image_width, image_height", "image_size", dict(image))
@@ -265,9 +262,7 @@ def _matrix(data: dict[str, Any], keys: Sequence[str], source: str) -> tuple[str
 
 
 def _encode(
-    lens: OpencvPinholeLens | KannalaBrandtCamera,
-    distortion: Sequence[float],
-    skew_px: float = 0.0,
+    lens: OpencvPinholeLens | KannalaBrandtCamera, distortion: Sequence[float], skew_px: float = 0.0
 ) -> str:
     (fx, fy), (cx, cy) = lens.focal_lengths_px, lens.principal_point_px
     k = [fx, skew_px, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]

@@ -1,37 +1,156 @@
-"""ROS CameraInfo in YAML; see `camera_info`.
+"""ROS CameraInfo lenses, in YAML files and in Foxglove's JSON.
 
-camera_info_manager stores it with `camera_matrix: {rows, cols, data}`; camera_calibration writes
-fisheyes with `camera_model: fisheye` in place of a distortion model; `ros2 topic echo` prints the
-message itself, with `k`, `d`, and `---` below.
+| distortion_model | D | model |
+| --- | --- | --- |
+| plumb_bob | k1 k2 p1 p2 k3 | perspective, unified with ξ = 0 |
+| rational_polynomial | k1 k2 p1 p2 k3 k4 k5 k6 | rational_polynomial, or as plumb_bob |
+| equidistant (fisheye, kannala_brandt) | k1 k2 k3 k4 | kannala_brandt |
+
+Pixel (0, 0) is the center of the first pixel, as in omnisim. Rays at or beyond 90° from the axis
+have no model: `P` and every rectified image lie in a plane.
+
+camera_info_manager stores a YAML file with `camera_matrix: {rows, cols, data}`; camera_calibration
+writes fisheyes with `camera_model: fisheye` in place of a distortion model; `ros2 topic echo`
+prints the message itself, with `k`, `d`, and `---` below.
+
+Source: sensor_msgs/CameraInfo, image_pipeline/CameraInfo.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
-from omnisim.cameras import CentralCamera
-from omnisim.cameras.calibration.documents import parse_yaml
-from omnisim.cameras.calibration.fields import (
+from omnisim.cameras import (
+    CentralCamera,
+    KannalaBrandtCamera,
+    RationalPolynomialCamera,
+    UnifiedCamera,
+)
+from omnisim.cameras.calibration.documents import (
     ForeignTable,
     Numbers,
     Size,
+    Unread,
     check_choice,
     parse,
+    parse_yaml,
     unexpected,
 )
-from omnisim.cameras.calibration.formats.camera_info import (
-    IDENTITY,
-    CameraInfo,
-    CameraInfoLens,
-    CameraInfoMessage,
-    baseline_notes,
-    camera_info,
+from omnisim.cameras.calibration.formats.format import (
+    ANY,
+    PINHOLE,
+    Format,
+    ParsedCamera,
+    error_context,
 )
-from omnisim.cameras.calibration.formats.format import ParsedCamera
-from omnisim.cameras.calibration.formats.yaml_text import yaml_matrix
+from omnisim.cameras.calibration.formats.pinhole import (
+    brown_pinhole,
+    check_no_skew,
+    fisheye,
+    matrix_intrinsics,
+    yaml_matrix,
+)
+from omnisim.core.errors import CalibrationError
+from omnisim.core.files.parameters import Number
+
+OTHERS = {"fisheye62": "no model of omnisim: calibrate with four coefficients, kannala_brandt"}
+IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+CameraInfoLens = UnifiedCamera | RationalPolynomialCamera | KannalaBrandtCamera
+
+
+class CameraInfoMessage(
+    ForeignTable,
+    unread={
+        "binning_x binning_y": Unread("the camera is that of the full size", (1,)),
+        "roi": Unread("the camera is that of the full size"),
+    },
+    harmless="timestamp header R",
+):
+    """sensor_msgs/CameraInfo, or Foxglove's CameraCalibration."""
+
+    frame_id: str = ""
+    width: Size
+    height: Size
+    distortion_model: str
+    D: Numbers
+    K: Numbers
+    P: tuple[Number, ...] = ()
+
+
+class CameraInfo(Format[CameraInfoLens]):
+    """Base of the formats with a CameraInfo: names of Brown's and of the Kannala-Brandt models."""
+
+    models = (UnifiedCamera, RationalPolynomialCamera, KannalaBrandtCamera)
+    fits = ((UnifiedCamera, PINHOLE), (RationalPolynomialCamera, ANY), (KannalaBrandtCamera, ANY))
+    max_theta_rad = 0.5 * math.pi
+    distortion_models: tuple[str, ...]
+    fisheye_models: tuple[str, ...]
+
+    def _camera(self, message: Any, source: str) -> ParsedCamera[CentralCamera]:
+        """Camera of a message."""
+        fields = parse(message, CameraInfoMessage, source)
+        size_px = fields.width, fields.height
+        lens = self._lens(size_px, fields.distortion_model, fields.K, fields.D, source, ("K", "D"))
+        return ParsedCamera(fields.frame_id or "camera", lens, notes=baseline_notes("P", fields.P))
+
+    def _lens(
+        self,
+        size_px: tuple[int, int],
+        model: str,
+        matrix: Sequence[float],
+        coefficients: Sequence[float],
+        source: str,
+        keys: tuple[str, str],
+    ) -> CentralCamera:
+        """Lens from an image size, distortion model, K and D; `keys` name K and D in messages."""
+        intrinsics, skew_px = matrix_intrinsics(size_px, matrix, f"{source}: {keys[0]}")
+        if skew_px and model in self.fisheye_models:
+            (_, fy), (_, cy) = intrinsics.focal_lengths_px, intrinsics.principal_point_px
+            most_px = abs(skew_px) * max(cy, size_px[1] - 1.0 - cy) / fy
+            raise CalibrationError(
+                f"{source}: {keys[0]}: expected no skew in a fisheye, got {skew_px:g}: calibrate "
+                f"with --fisheye-fix-skew; a 0 in its place moves pixels by up to {most_px:.2g} px"
+            )
+        check_no_skew(skew_px, f"{source}: {keys[0]}")
+        expected = (*self.distortion_models, *self.fisheye_models)
+        check_choice(model, expected, f"{source}: distortion_model", OTHERS)
+        with error_context(source):
+            if model in self.fisheye_models:
+                return fisheye(intrinsics, coefficients, f"{source}: {keys[1]}")
+            return brown_pinhole(intrinsics, coefficients, f"{source}: {keys[1]}")
+
+
+def baseline_notes(key: str, projection: Sequence[float]) -> tuple[str, ...]:
+    """Note on the baseline in the projection matrix (3 × 4) of a stereo pair's second camera."""
+    if len(projection) != 12 or not (projection[3] or projection[7]):
+        return ()
+    return (f"{key} has the baseline of a stereo pair, which is not read as a pose",)
+
+
+class CameraInfoFields(NamedTuple):
+    """Distortion model in ROS's terms, D, K and P."""
+
+    distortion_model: str
+    d: list[float]
+    k: list[float]
+    p: list[float]
+
+
+def camera_info(lens: CameraInfoLens) -> CameraInfoFields:
+    """Fields of the message for a lens."""
+    (fx, fy), (cx, cy) = lens.focal_lengths_px, lens.principal_point_px
+    k = [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]
+    p = [fx, 0.0, cx, 0.0, 0.0, fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0]
+    if isinstance(lens, KannalaBrandtCamera):
+        return CameraInfoFields("equidistant", list(lens.coefficients), k, p)
+    if isinstance(lens, RationalPolynomialCamera):
+        return CameraInfoFields("rational_polynomial", list(lens.distortion[:8]), k, p)
+    return CameraInfoFields("plumb_bob", [*lens.distortion[:4], lens.k3], k, p)
+
 
 _MESSAGE = re.compile(r"^[kK][ \t]*:", re.M)
 
@@ -102,14 +221,10 @@ class Ros(CameraInfo):
         if is_fisheye and fields.distortion_model not in self.fisheye_models:
             place = f"{source}: distortion_model"
             raise unexpected(place, "a fisheye's, as camera_model", fields.distortion_model)
-        lens = self._lens(
-            (fields.image_width, fields.image_height),
-            fields.distortion_model or "plumb_bob",
-            fields.camera_matrix.data,
-            fields.distortion_coefficients.data,
-            source,
-            ("camera_matrix", "distortion_coefficients"),
-        )
+        keys = ("camera_matrix", "distortion_coefficients")
+        size_px, matrix = (fields.image_width, fields.image_height), fields.camera_matrix.data
+        model, coefficients = fields.distortion_model, fields.distortion_coefficients.data
+        lens = self._lens(size_px, model or "plumb_bob", matrix, coefficients, source, keys)
         projection = fields.projection_matrix.data if fields.projection_matrix else []
         notes = baseline_notes("projection_matrix", projection)
         return [ParsedCamera(fields.camera_name or "camera", lens, notes=notes)]

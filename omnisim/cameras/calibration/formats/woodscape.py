@@ -19,7 +19,7 @@ from typing import Any
 
 from omnisim.cameras import CentralCamera, FThetaCamera
 from omnisim.cameras.calibration.calibrated_camera import NamedPose, find_pose
-from omnisim.cameras.calibration.fields import (
+from omnisim.cameras.calibration.documents import (
     ForeignTable,
     Numbers,
     Size,
@@ -35,7 +35,7 @@ from omnisim.cameras.calibration.formats.format import (
     ParsedCamera,
     error_context,
 )
-from omnisim.cameras.calibration.formats.quaternion_pose import (
+from omnisim.cameras.calibration.formats.pinhole import (
     pose_from_quaternion,
     position_and_quaternion,
 )
@@ -101,22 +101,13 @@ class Woodscape(Format[FThetaCamera]):
         lens = camera.lens
         k1, k2, k3, k4 = (*lens.coefficients_px, 0.0, 0.0, 0.0)[:4]
         u, v = lens.principal_point_px
-        data: dict[str, Any] = {
-            "intrinsic": {
-                "aspect_ratio": lens.aspect_ratio,
-                "cx_offset": u - (0.5 * lens.width_px - 0.5),
-                "cy_offset": v - (0.5 * lens.height_px - 0.5),
-                "height": float(lens.height_px),
-                "k1": k1,
-                "k2": k2,
-                "k3": k3,
-                "k4": k4,
-                "model": "radial_poly",
-                "poly_order": 4,
-                "width": float(lens.width_px),
-            },
-            "name": camera.name,
-        }
+        intrinsic = {
+            "aspect_ratio": lens.aspect_ratio, "cx_offset": u - (0.5 * lens.width_px - 0.5),
+            "cy_offset": v - (0.5 * lens.height_px - 0.5), "height": float(lens.height_px),
+            "k1": k1, "k2": k2, "k3": k3, "k4": k4,
+            "model": "radial_poly", "poly_order": 4, "width": float(lens.width_px),
+        }  # fmt: skip
+        data: dict[str, Any] = {"intrinsic": intrinsic, "name": camera.name}
         pose = find_pose(camera.poses, "vehicle", camera.name)
         if pose is not None:
             position, quaternion = position_and_quaternion(pose)

@@ -16,8 +16,9 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from itertools import product
 from pathlib import Path
-from typing import BinaryIO, ClassVar, NamedTuple, TextIO
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,45 +29,32 @@ from omnisim.core.poses import inverse, quaternion_from_rotation
 from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
 from omnisim.datasets.export.lens_camera import (
     LensCamera,
+    Observations,
+    ScenePoints,
     image_name,
     note_missing_ranges,
+    observations,
+    sample_points,
     write_images,
 )
 from omnisim.datasets.export.recording import Recording
-from omnisim.datasets.export.scene_points import (
-    Observations,
-    ScenePoints,
-    observations,
-    sample_points,
-)
 
 # COLMAP's numbers of its models, by the names of `parameters`.
 MODEL_IDS = {
-    "PINHOLE": 1,
-    "OPENCV": 4,
-    "OPENCV_FISHEYE": 5,
-    "FULL_OPENCV": 6,
-    "EUCM": 16,
+    "PINHOLE": 1, "OPENCV": 4, "OPENCV_FISHEYE": 5, "FULL_OPENCV": 6, "EUCM": 16,
     "EQUIRECTANGULAR": 17,
-}
+}  # fmt: skip
 Track = list[tuple[int, int]]  # images that see a point, and its index in each of them
 
 
 class Image(NamedTuple):
-    """Image of the reconstruction.
+    """Image of the reconstruction, and its visible points."""
 
-    Attributes:
-        id: number of the image, from 1.
-        camera_id: number of its camera, from 1.
-        name: path below the folder of images.
-        lens_from_world: (4, 4) pose of the world in the lens's frame.
-        seen: visible points.
-    """
-
+    # id, camera_id: numbers of the image and of its camera, from 1
     id: int
     camera_id: int
-    name: str
-    lens_from_world: NDArray[np.float64]
+    name: str  # path below the folder of images
+    lens_from_world: NDArray[np.float64]  # (4, 4) pose of the world in the lens's frame
     seen: Observations
 
 
@@ -88,7 +76,14 @@ class _Colmap(ExportFormat):
         model = folder / "sparse" / "0"
         model.mkdir(parents=True)
         write = _write_text if self.suffix == ".txt" else _write_binary
-        write(model, lenses, _images(recording, cameras, points), points)
+        seen = observations(recording, cameras, points, front_only=True)
+        shots = product(enumerate(recording.truth.world_from_base), enumerate(cameras, start=1))
+        images = (
+            Image(number, camera_id, image_name(camera, step),
+                  inverse(world_from_base @ camera.base_from_lens), next(seen))
+            for number, ((step, world_from_base), (camera_id, camera)) in enumerate(shots, start=1)
+        )  # fmt: skip
+        write(model, lenses, images, points)
         rig_from_world = inverse(recording.truth.world_from_base @ cameras[0].base_from_lens)
         lens_from_rig = [
             inverse(camera.base_from_lens) @ cameras[0].base_from_lens for camera in cameras
@@ -112,20 +107,6 @@ class ColmapBinary(_Colmap):
     suffix = ".bin"
 
 
-def _images(
-    recording: Recording, cameras: list[LensCamera], points: ScenePoints
-) -> Iterator[Image]:
-    """Images with their visible points, step by step."""
-    seen = observations(recording, cameras, points, front_only=True)
-    number = 0
-    for step in range(recording.steps):
-        for camera_id, camera in enumerate(cameras, start=1):
-            number += 1
-            lens_from_world = inverse(recording.truth.world_from_base[step] @ camera.base_from_lens)
-            name = image_name(camera, step)
-            yield Image(number, camera_id, name, lens_from_world, next(seen))
-
-
 def _write_text(
     folder: Path, lenses: list[ColmapLens], images: Iterator[Image], points: ScenePoints
 ) -> None:
@@ -142,20 +123,16 @@ def _write_text(
         )
         for image in images:
             _extend(tracks, image)
-            _write_image(file, image)
+            numbers = " ".join(map(repr, rigid(image.lens_from_world)))
+            file.write(f"{image.id} {numbers} {image.camera_id} {image.name}\n")
+            rows = zip((image.seen.pixels + CENTER_PX).tolist(), image.seen.points, strict=True)
+            file.write(" ".join(f"{u:.6f} {v:.6f} {point + 1}" for (u, v), point in rows) + "\n")
     with (folder / "points3D.txt").open("w", encoding="utf-8") as file:
         file.write("# POINT3D_ID X Y Z R G B ERROR TRACK[] as IMAGE_ID POINT2D_IDX\n")
         for number, position, color, track in _seen_points(points, tracks):
             numbers = " ".join(map(repr, position))
             seen = " ".join(f"{image} {index}" for image, index in track)
             file.write(f"{number} {numbers} {' '.join(map(str, color))} 0 {seen}\n")
-
-
-def _write_image(file: TextIO, image: Image) -> None:
-    numbers = " ".join(map(repr, rigid(image.lens_from_world)))
-    file.write(f"{image.id} {numbers} {image.camera_id} {image.name}\n")
-    rows = zip((image.seen.pixels + CENTER_PX).tolist(), image.seen.points, strict=True)
-    file.write(" ".join(f"{u:.6f} {v:.6f} {point + 1}" for (u, v), point in rows) + "\n")
 
 
 def _write_binary(
@@ -174,7 +151,13 @@ def _write_binary(
         count = 0
         for count, image in enumerate(images, start=1):  # noqa: B007
             _extend(tracks, image)
-            _pack_image(file, image)
+            pose = rigid(image.lens_from_world)
+            file.write(struct.pack("<I7dI", image.id, *pose, image.camera_id))
+            file.write(image.name.encode("utf-8") + b"\0")
+            records = np.empty(len(image.seen.points), dtype=[("uv", "<f8", 2), ("point", "<u8")])
+            records["uv"] = image.seen.pixels + CENTER_PX
+            records["point"] = image.seen.points + 1
+            file.write(struct.pack("<Q", len(records)) + records.tobytes())
         file.seek(0)
         file.write(struct.pack("<Q", count))
     with (folder / "points3D.bin").open("wb") as file:
@@ -182,16 +165,6 @@ def _write_binary(
         for number, position, color, track in _seen_points(points, tracks):
             file.write(struct.pack("<Q3d3BdQ", number, *position, *color, 0.0, len(track)))
             file.write(np.array(track, dtype="<u4").tobytes())
-
-
-def _pack_image(file: BinaryIO, image: Image) -> None:
-    pose = rigid(image.lens_from_world)
-    file.write(struct.pack("<I7dI", image.id, *pose, image.camera_id))
-    file.write(image.name.encode("utf-8") + b"\0")
-    records = np.empty(len(image.seen.points), dtype=[("uv", "<f8", 2), ("point", "<u8")])
-    records["uv"] = image.seen.pixels + CENTER_PX
-    records["point"] = image.seen.points + 1
-    file.write(struct.pack("<Q", len(records)) + records.tobytes())
 
 
 def _seen_points(
@@ -229,13 +202,7 @@ def rigid(pose: NDArray[np.float64]) -> list[float]:
 def write_rig_text(
     folder: Path, lens_from_rig: list[NDArray[np.float64]], rig_from_world: NDArray[np.float64]
 ) -> None:
-    """Write rigs.txt and frames.txt.
-
-    Args:
-        folder: folder of the model.
-        lens_from_rig: (4, 4) for each camera.
-        rig_from_world: (steps, 4, 4) pose of the world in the rig's frame at each step.
-    """
+    """Write rigs.txt and frames.txt: poses (4, 4) of cameras, and (steps, 4, 4) of the world."""
     sensors = f"{RIG_ID} {len(lens_from_rig)} CAMERA {REFERENCE_ID}"
     for camera_id, pose in enumerate(lens_from_rig[1:], start=2):
         sensors += f" CAMERA {camera_id} 1 {' '.join(map(repr, rigid(pose)))}"

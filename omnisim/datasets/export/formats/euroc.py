@@ -35,17 +35,14 @@ from omnisim.datasets.export.recording import ImuReadings, Recording
 from omnisim.sensors.imu.mounted_imu import MountedImu
 
 IMAGES = "#timestamp [ns],filename"
+_UNITS = (("w", "rad s^-1"), ("a", "m s^-2"))
 READINGS = "#timestamp [ns]," + ",".join(
-    f"{letter}_RS_S_{axis} [{unit}]"
-    for letter, unit in (("w", "rad s^-1"), ("a", "m s^-2"))
-    for axis in "xyz"
+    f"{letter}_RS_S_{axis} [{unit}]" for letter, unit in _UNITS for axis in "xyz"
 )
+_DEVICES = ("gyroscope", "accelerometer")
 NOISE = (
     "rate_hz",
-    "gyroscope_noise_density",
-    "gyroscope_random_walk",
-    "accelerometer_noise_density",
-    "accelerometer_random_walk",
+    *(f"{device}_{key}" for device in _DEVICES for key in ("noise_density", "random_walk")),
 )
 DISTORTIONS = {"radtan": "radial-tangential", "none": "radial-tangential"}
 
@@ -99,25 +96,19 @@ def _begin_camera(
     """Write a camera's list of images and its calibration."""
     (folder / "data").mkdir(parents=True)
     write_lines(folder / "data.csv", iter([IMAGES, *(f"{ns},{ns}.png" for ns in stamps_ns)]))
-    kalibr = Kalibr()
-    lens = camera.encode(kalibr, print_note)
-    text = kalibr.encode([ParsedCamera("cam0", lens)])
-    values = parse_yaml(text, "camchain")["cam0"]
+    lens = camera.encode(Kalibr(), print_note)
+    values = parse_yaml(Kalibr().encode([ParsedCamera("cam0", lens)]), "camchain")["cam0"]
     distortion = values["distortion_model"]
     coefficients = list(values["distortion_coeffs"]) or [0.0] * 4
     intervals_s = np.diff(stamps_ns) * 1e-9
     rate = [f"rate_hz: {1.0 / np.median(intervals_s):.6g}"] if len(intervals_s) else []
     lines = [
-        "sensor_type: camera",
-        f"comment: {camera.name}",
-        *_pose_lines(body_from_lens),
-        *rate,
+        "sensor_type: camera", f"comment: {camera.name}", *_pose_lines(body_from_lens), *rate,
         f"resolution: [{lens.width_px}, {lens.height_px}]",
-        f"camera_model: {values['camera_model']}",
-        f"intrinsics: {_numbers(values['intrinsics'])}",
+        f"camera_model: {values['camera_model']}", f"intrinsics: {_numbers(values['intrinsics'])}",
         f"distortion_model: {DISTORTIONS.get(distortion, distortion)}",
         f"distortion_coefficients: {_numbers(coefficients)}",
-    ]
+    ]  # fmt: skip
     write_lines(folder / "sensor.yaml", iter(lines))
 
 
@@ -143,18 +134,13 @@ def _write_states(
 
 
 def _write_imu(
-    folder: Path,
-    recording: Recording,
-    name: str,
-    readings: ImuReadings,
-    settings: ExportSettings,
+    folder: Path, recording: Recording, name: str, readings: ImuReadings, settings: ExportSettings
 ) -> None:
     folder.mkdir()
-    stamps_ns = settings.stamps_ns(readings.times_s, recording.run.path / name)
-    rows = zip(stamps_ns, readings.values.tolist(), strict=True)
+    source = recording.run.path / name
+    rows = zip(settings.stamps_ns(readings.times_s, source), readings.values.tolist(), strict=True)
     printed = (",".join([str(ns), *(f"{value:.9f}" for value in row)]) for ns, row in rows)
     write_lines(folder / "data.csv", itertools.chain((READINGS,), printed))
-    source = recording.run.path / name
     parameters = parse_yaml(recording.imu_parameters(name), str(source))
     try:
         noise = [f"{key}: {float(parameters[key])!r}" for key in NOISE]

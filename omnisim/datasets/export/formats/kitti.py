@@ -30,8 +30,7 @@ from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, 
 from omnisim.datasets.export.formats.kitti360 import LIDAR_FROM_CAMERA
 from omnisim.datasets.export.formats.tum import write_lines
 from omnisim.datasets.export.lens_camera import LensCamera
-from omnisim.datasets.export.recorded_camera import RecordedCamera
-from omnisim.datasets.export.recording import Recording
+from omnisim.datasets.export.recording import RecordedCamera, Recording
 from omnisim.datasets.export.stored_clouds import StoredCloud
 from omnisim.sensors.lidar.mounted_lidar import MountedLidar
 
@@ -75,14 +74,24 @@ class Kitti(ExportFormat):
         if len(lidars) > 1:
             print_note(f"velodyne is {lidars[0]}: {', '.join(lidars[1:])} left out")
         base_from_lidar = recording.base_from_lidar(lidars[0]) if lidars else None
-        base_from_camera = _camera_0(cameras, base_from_lidar)
+        if cameras:  # pose of camera 0
+            base_from_camera = cameras[0].base_from_lens
+        else:
+            assert base_from_lidar is not None
+            base_from_camera = base_from_lidar @ LIDAR_FROM_CAMERA
         sequence = folder / "sequences" / SEQUENCE
         images = dict(zip(IMAGES, cameras, strict=False))
         for name in (*images, *(["velodyne"] if lidars else [])):
             (sequence / name).mkdir(parents=True)
         calibration = _calibration(recording, cameras, base_from_camera, base_from_lidar)
         write_lines(sequence / "calib.txt", iter(calibration))
-        _note_missing_values(cameras, lidars, print_note)
+        if not cameras:
+            print_note(
+                f"calib.txt: no pinhole: camera 0 stands in the place of {lidars[0]}, with a focal "
+                "length of 1 px"
+            )
+        if not lidars:
+            print_note(f"calib.txt: no lidar: Tr is of one in the place of {cameras[0].name}")
         times_s = recording.truth.times_s - recording.truth.times_s[0]
         write_lines(sequence / "times.txt", (f"{time_s:.9e}" for time_s in times_s))
         world_from_camera = recording.truth.world_from_base @ base_from_camera
@@ -102,27 +111,13 @@ class Kitti(ExportFormat):
             yield step + 1
 
 
-def _camera_0(
-    cameras: list[LensCamera], base_from_lidar: NDArray[np.float64] | None
-) -> NDArray[np.float64]:
-    """Pose (4, 4) of camera 0 on the base."""
-    if cameras:
-        return cameras[0].base_from_lens
-    assert base_from_lidar is not None
-    return base_from_lidar @ LIDAR_FROM_CAMERA
-
-
 def _calibration(
     recording: Recording,
     cameras: list[LensCamera],
     base_from_camera: NDArray[np.float64],
     base_from_lidar: NDArray[np.float64] | None,
 ) -> Iterator[str]:
-    """Lines of calib.txt: P0 and P2 are the first pinhole's, P1 and P3 the last one's.
-
-    Raises:
-        OutputError: the pinholes are not parallel.
-    """
+    """Lines of calib.txt: P0 and P2 are the first pinhole's, P1 and P3 the last one's."""
     projections = [np.eye(3, 4)]
     for index, camera in enumerate(cameras):
         lens, lens_from_camera = camera.lens, inverse(camera.base_from_lens) @ base_from_camera
@@ -145,19 +140,6 @@ def _calibration(
     yield f"Tr: {_numbers(camera_from_lidar[:3])}"
 
 
-def _note_missing_values(
-    cameras: list[LensCamera], lidars: list[str], print_note: PrintNote
-) -> None:
-    """Print notes on values of calib.txt that readers need and the run does not have."""
-    if not cameras:
-        print_note(
-            f"calib.txt: no pinhole: camera 0 stands in the place of {lidars[0]}, with a focal "
-            "length of 1 px"
-        )
-    if not lidars:
-        print_note(f"calib.txt: no lidar: Tr is of one in the place of {cameras[0].name}")
-
-
 def _numbers(values: NDArray[np.float64]) -> str:
     return " ".join(f"{value + 0.0:.12e}" for value in values.ravel().tolist())
 
@@ -171,12 +153,7 @@ def deskewed_points_m(
     """Points (n, 3) in the lidar's frame at the revolution's end, as if all were measured then.
 
     Assumes straight, uniform motion between successive poses: the pose at the revolution's start,
-    the true poses during the revolution, and the pose at its end.
-
-    Args:
-        cloud: point cloud of a revolution.
-        truth: true poses of the base.
-        base_from_lidar: (4, 4) pose of the lidar on the base.
+    the true poses of the base, with the lidar (4, 4) on it, and the pose at its end.
 
     Raises:
         RunError: the header lacks poses or times.
@@ -187,12 +164,9 @@ def deskewed_points_m(
     within = (truth.times_s > start_s) & (truth.times_s < end_s)
     lidar_from_world = inverse(header.pose("world_from_lidar"))
     knots_s = np.concatenate(([start_s], truth.times_s[within], [end_s])) - start_s
+    start, end = header.pose("world_from_lidar_at_start"), header.pose("world_from_lidar")
     knots = lidar_from_world @ np.stack(
-        [
-            header.pose("world_from_lidar_at_start"),
-            *(truth.world_from_base[within] @ base_from_lidar),
-            header.pose("world_from_lidar"),
-        ]
+        [start, *(truth.world_from_base[within] @ base_from_lidar), end]
     )
     times_s = cloud.points["time"].astype(np.float64)
     rotations = scipy.spatial.transform.Rotation.from_matrix(knots[:, :3, :3])

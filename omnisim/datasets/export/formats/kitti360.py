@@ -73,8 +73,11 @@ class Kitti360(ExportFormat):
         _write_calibrations(folder / "calibration", cameras, recording, lidars, print_note)
         _write_poses(folder / "data_poses" / DRIVE, cameras, recording)
         dates = [date_text(stamp) for stamp in stamps_ns]
-        images = {camera: folder / "data_2d_raw" / DRIVE / name / _data(name)
-                    for name, camera in cameras.items()}  # fmt: skip
+        raw = folder / "data_2d_raw" / DRIVE
+        images = {
+            camera: raw / name / ("data_rect" if name in PINHOLES else "data_rgb")
+            for name, camera in cameras.items()
+        }
         clouds = folder / "data_3d_raw" / DRIVE / "velodyne_points" / "data"
         for data in [*images.values(), *([clouds] if lidars else [])]:
             data.mkdir(parents=True)
@@ -112,14 +115,8 @@ def name_cameras(recording: Recording, print_note: PrintNote) -> dict[str, LensC
                 f"{recording.run.path}: expected at most two {kind}, as KITTI-360 has, got "
                 f"{names}: --camera-name takes one"
             )
-    return {
-        **dict(zip(PINHOLES, pinholes, strict=False)),
-        **dict(zip(FISHEYES, fisheyes, strict=False)),
-    }
-
-
-def _data(name: str) -> str:
-    return "data_rect" if name in PINHOLES else "data_rgb"
+    named = (*zip(PINHOLES, pinholes, strict=False), *zip(FISHEYES, fisheyes, strict=False))
+    return dict(named)
 
 
 def _write_calibrations(
@@ -151,25 +148,9 @@ def _write_calibrations(
             "the development kit wants all four"
         )
     write_lines(folder / "calib_cam_to_pose.txt", iter(lines))
-    _write_pinholes(folder / "perspective.txt", cameras)
-    for name in (name for name in FISHEYES if name in cameras):
-        camera = cameras[name]
-        lens = camera.encode(Camodocal(), print_note, UnifiedCamera.model_name)
-        text = Camodocal().encode([ParsedCamera(name, lens)])
-        write_text(folder / f"{name}.yaml", text)
-        if isinstance(lens, UnifiedCamera) and not lens.xi:
-            print_note(f"{name}.yaml: PINHOLE, which the development kit does not read")
-    if imu_from_velo is not None:
-        cam0 = imu_from_lens.get(PINHOLES[0], imu_from_lens[first])
-        velo_from_cam0 = inverse(imu_from_velo) @ cam0
-        write_text(folder / "calib_cam_to_velo.txt", _matrix(velo_from_cam0[:3]) + "\n")
-
-
-def _write_pinholes(path: Path, cameras: dict[str, LensCamera]) -> None:
-    """Write the rectified pinholes; a single one is written twice, for the development kit."""
     lenses = [cameras[name].lens for name in PINHOLES if name in cameras]
     lines = []
-    for index, lens in enumerate((lenses * 2)[:2]):
+    for index, lens in enumerate((lenses * 2)[:2]):  # a single one twice, for the development kit
         assert isinstance(lens, PerspectiveCamera)
         focal, (u, v) = lens.focal_length_px, lens.principal_point_px
         projection = np.array([[focal, 0, u, 0], [0, focal, v, 0], [0, 0, 1, 0]])
@@ -179,7 +160,18 @@ def _write_pinholes(path: Path, cameras: dict[str, LensCamera]) -> None:
             f"P_rect_0{index}: {_matrix(projection)}",
         ]
     if lines:
-        write_lines(path, iter(lines))
+        write_lines(folder / "perspective.txt", iter(lines))
+    for name in (name for name in FISHEYES if name in cameras):
+        camera = cameras[name]
+        fisheye = camera.encode(Camodocal(), print_note, UnifiedCamera.model_name)
+        text = Camodocal().encode([ParsedCamera(name, fisheye)])
+        write_text(folder / f"{name}.yaml", text)
+        if isinstance(fisheye, UnifiedCamera) and not fisheye.xi:
+            print_note(f"{name}.yaml: PINHOLE, which the development kit does not read")
+    if imu_from_velo is not None:
+        cam0 = imu_from_lens.get(PINHOLES[0], imu_from_lens[first])
+        velo_from_cam0 = inverse(imu_from_velo) @ cam0
+        write_text(folder / "calib_cam_to_velo.txt", _matrix(velo_from_cam0[:3]) + "\n")
 
 
 def _write_poses(folder: Path, cameras: dict[str, LensCamera], recording: Recording) -> None:
@@ -210,12 +202,9 @@ MAX_ID = {SEMANTIC: 2**8 - 1, INSTANCE: 2**16 - 1}
 
 @dataclass(frozen=True, eq=False)
 class LabelImages:
-    """Writer of the labels of all cameras.
+    """Writer of the labels of all cameras, by their names in KITTI-360, in the folder of the drive.
 
-    Attributes:
-        folder: folder of the drive.
-        cameras: cameras by their names in KITTI-360.
-        numbers: by kind (semantic or instance), the number in the images for each ID of the run.
+    `numbers` has by kind (semantic or instance) the number in the images for each ID of the run.
     """
 
     folder: Path
@@ -227,10 +216,7 @@ class LabelImages:
 
     @classmethod
     def of(
-        cls,
-        folder: Path,
-        cameras: Mapping[str, LensCamera],
-        print_note: PrintNote,
+        cls, folder: Path, cameras: Mapping[str, LensCamera], print_note: PrintNote
     ) -> LabelImages | None:
         """Create the folders and the table of labels; None: the run has no labels.
 

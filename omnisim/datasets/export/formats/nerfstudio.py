@@ -23,19 +23,19 @@ from omnisim.cameras.calibration.formats.nerfstudio import Nerfstudio as Nerfstu
 from omnisim.core.errors import OutputError
 from omnisim.core.files.atomic_file import atomic_write, write_text
 from omnisim.core.files.image_files import write_numbers
-from omnisim.datasets.export.depth_images import FarDepths
-from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, PrintNote
+from omnisim.datasets.export.export_format import ExportFormat, ExportSettings, FarDepths, PrintNote
 from omnisim.datasets.export.lens_camera import (
     IMAGES,
     MASKS,
     LensCamera,
+    ScenePoints,
     image_name,
     mask_name,
     note_missing_ranges,
+    sample_points,
     write_images,
 )
 from omnisim.datasets.export.recording import Recording
-from omnisim.datasets.export.scene_points import ScenePoints, sample_points
 
 DEPTHS, POINTS = "depths", "points.ply"
 STEPS_PER_M = 1000.0  # nerfstudio's default depth_unit_scale_factor is 1/1000
@@ -53,8 +53,8 @@ class Nerfstudio(ExportFormat):
     ) -> Iterator[int]:
         """Write the data set."""
         cameras = [LensCamera.of(camera, print_note) for camera in recording.cameras]
-        lenses = [intrinsics(camera.encode(NerfstudioCalibration(), print_note))
-                  for camera in cameras]  # fmt: skip
+        form = NerfstudioCalibration()
+        lenses = [intrinsics(camera.encode(form, print_note)) for camera in cameras]
         models = {lens["camera_model"] for lens in lenses}
         if len(models) > 1:
             raise OutputError(
@@ -69,14 +69,14 @@ class Nerfstudio(ExportFormat):
         if len(points):
             document["ply_file_path"] = POINTS
             write_ply(folder / POINTS, points)
+        deep = [one for one in cameras if one.is_pinhole and one.recorded.has("range")]
         document["frames"] = [
             frame | ({} if shared else lens)
             for camera, lens in zip(cameras, lenses, strict=True)
-            for frame in _frames(recording, camera)
+            for frame in _frames(recording, camera, camera in deep)
         ]
         write_text(folder / "transforms.json", json.dumps(document, indent=2) + "\n")
-        depths = {camera: FarDepths(camera.name, STEPS_PER_M)
-                  for camera in cameras if _has_depths(camera)}  # fmt: skip
+        depths = {camera: FarDepths(camera.name, STEPS_PER_M) for camera in deep}
         for camera in depths:
             (folder / DEPTHS / camera.name).mkdir(parents=True)
         for done in write_images(recording, cameras, folder):
@@ -88,11 +88,7 @@ class Nerfstudio(ExportFormat):
             far.note(print_note)
 
 
-def _has_depths(camera: LensCamera) -> bool:
-    return camera.is_pinhole and camera.recorded.has("range")
-
-
-def _frames(recording: Recording, camera: LensCamera) -> Iterator[dict[str, Any]]:
+def _frames(recording: Recording, camera: LensCamera, has_depths: bool) -> Iterator[dict[str, Any]]:
     """Frames of a camera, without intrinsics."""
     has_mask = camera.mask() is not None
     for step, world_from_base in enumerate(recording.truth.world_from_base):
@@ -100,7 +96,7 @@ def _frames(recording: Recording, camera: LensCamera) -> Iterator[dict[str, Any]
         frame: dict[str, Any] = {"file_path": f"{IMAGES}/{name}"}
         if has_mask:
             frame["mask_path"] = f"{MASKS}/{mask_name(camera)}"
-        if _has_depths(camera):
+        if has_depths:
             frame["depth_file_path"] = f"{DEPTHS}/{name}"
         opengl = world_from_base @ camera.base_from_lens * OPENGL_FROM_OPENCV
         yield {**frame, "transform_matrix": (opengl + 0.0).tolist()}
@@ -114,10 +110,7 @@ _FIELDS = {"x": "float", "y": "float", "z": "float", "red": "uchar", "green": "u
 
 
 def write_ply(path: Path, points: ScenePoints) -> None:
-    """Write positions in meters and sRGB colors, binary.
-
-    Raises:
-        OutputError: the file cannot be written.
+    """Write positions in meters and sRGB colors, binary; `OutputError` if it cannot be written.
 
     Source: Turk, The PLY Polygon File Format (1994).
     """

@@ -19,9 +19,9 @@ from omnisim.core.files.atomic_file import write_text
 from omnisim.core.files.image_files import write_numbers
 from omnisim.core.trajectories import Trajectory
 from omnisim.core.trajectories.formats import tum
-from omnisim.datasets.export.depth_images import FarDepths
 from omnisim.datasets.export.export_format import (
     ExportSettings,
+    FarDepths,
     OneCameraFormat,
     PrintNote,
     restamped,
@@ -55,10 +55,8 @@ class Tum(OneCameraFormat):
             print_note(f"{camera.name}: no depths: TUM's are a pinhole's, along its axis")
         if not has_images and len(depth_cameras) > 1:
             print_note(f"depth is {camera.name}: {', '.join(depth_cameras[1:])} left out")
-        stamps = [
-            seconds_text(stamp)
-            for stamp in settings.stamps_ns(recording.truth.times_s, recording.run.path)
-        ]
+        stamps_ns = settings.stamps_ns(recording.truth.times_s, recording.run.path)
+        stamps = [seconds_text(stamp) for stamp in stamps_ns]
         times_s = recording.state_times_s
         poses = recording.states(times_s).world_from_base @ camera.base_from_lens
         lines = tum.lines(Trajectory(times_s, poses))
@@ -81,11 +79,7 @@ class Tum(OneCameraFormat):
 
 
 def write_lines(path: Path, lines: Iterator[str]) -> None:
-    """Write lines to a text file.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
+    """Write lines to a text file; `OutputError` if it cannot be written."""
     write_text(path, "".join(f"{line}\n" for line in lines))
 
 

@@ -44,7 +44,7 @@ from rosbags.typesys.stores.ros2_humble import std_msgs__msg__Header as Header
 from rosbags.typesys.stores.ros2_humble import std_msgs__msg__String as String
 from rosbags.typesys.stores.ros2_humble import tf2_msgs__msg__TFMessage as TFMessage
 
-from omnisim.cameras.calibration.formats.camera_info import IDENTITY, CameraInfoLens, camera_info
+from omnisim.cameras.calibration.formats.ros import IDENTITY, CameraInfoLens, camera_info
 from omnisim.core.poses import quaternion_from_rotation
 from omnisim.datasets.export.export_format import NANOSECONDS
 
@@ -84,18 +84,10 @@ def camera_info_message(stamp_ns: int, frame: str, lens: CameraInfoLens) -> Came
     """CameraInfo message with the calibration of a lens."""
     model, d, k, p = camera_info(lens)
     return CameraInfo(
-        header(stamp_ns, frame),
-        lens.height_px,
-        lens.width_px,
-        model,
-        np.array(d),
-        np.array(k),
-        np.array(IDENTITY),
-        np.array(p),
-        0,
-        0,
-        RegionOfInterest(0, 0, 0, 0, False),
-    )
+        header(stamp_ns, frame), lens.height_px, lens.width_px, model,
+        np.array(d), np.array(k), np.array(IDENTITY), np.array(p),
+        0, 0, RegionOfInterest(0, 0, 0, 0, False),
+    )  # fmt: skip
 
 
 def point_cloud(stamp_ns: int, frame: str, points: NDArray[np.void]) -> PointCloud2:
@@ -138,16 +130,10 @@ def imu(
     stamp_ns: int, frame: str, rates_radps: Sequence[float], forces_mps2: Sequence[float]
 ) -> Imu:
     """IMU message without orientation: angular rates (3,) and specific forces (3,)."""
-    no_orientation = np.array([-1.0, *[0.0] * 8])
     return Imu(
-        header(stamp_ns, frame),
-        Quaternion(0.0, 0.0, 0.0, 1.0),
-        no_orientation,
-        Vector3(*rates_radps),
-        UNKNOWN[:9],
-        Vector3(*forces_mps2),
-        UNKNOWN[:9],
-    )
+        header(stamp_ns, frame), Quaternion(0.0, 0.0, 0.0, 1.0), np.array([-1.0, *[0.0] * 8]),
+        Vector3(*rates_radps), UNKNOWN[:9], Vector3(*forces_mps2), UNKNOWN[:9],
+    )  # fmt: skip
 
 
 def odometry(
@@ -157,23 +143,15 @@ def odometry(
     velocity_mps: Sequence[float],
     angular_rate_radps: Sequence[float],
 ) -> Odometry:
-    """Odometry message with the pose (4, 4) of a child frame in its parent.
+    """Odometry message with the pose (4, 4) parent_from_child of two named frames.
 
-    Args:
-        stamp_ns: stamp of the message.
-        frames: names of the parent and child frames.
-        pose: parent from child.
-        velocity_mps: (3,) in the child frame.
-        angular_rate_radps: (3,) in the child frame.
+    Velocity (3,) and angular rate (3,) are in the child frame.
     """
     parent, child = frames
     twist = Twist(Vector3(*velocity_mps), Vector3(*angular_rate_radps))
-    return Odometry(
-        header(stamp_ns, parent),
-        child,
-        PoseWithCovariance(_pose(pose), UNKNOWN),
-        TwistWithCovariance(twist, UNKNOWN),
-    )
+    placed = PoseWithCovariance(_pose(pose), UNKNOWN)
+    moving = TwistWithCovariance(twist, UNKNOWN)
+    return Odometry(header(stamp_ns, parent), child, placed, moving)
 
 
 def pose_stamped(stamp_ns: int, frame: str, pose: NDArray[np.float64]) -> PoseStamped:
@@ -183,9 +161,11 @@ def pose_stamped(stamp_ns: int, frame: str, pose: NDArray[np.float64]) -> PoseSt
 
 def transforms(stamp_ns: int, poses: Mapping[tuple[str, str], NDArray[np.float64]]) -> TFMessage:
     """Transform message of the poses (4, 4) of child frames, by names of parent and child."""
-    return TFMessage(
-        [_transform(stamp_ns, parent, child, pose) for (parent, child), pose in poses.items()]
-    )
+    stamped = []
+    for (parent, child), pose in poses.items():
+        transform = Transform(Vector3(*pose[:3, 3].tolist()), _quaternion(pose))
+        stamped.append(TransformStamped(header(stamp_ns, parent), child, transform))
+    return TFMessage(stamped)
 
 
 def text(content: str) -> String:
@@ -204,13 +184,6 @@ def point_fields(columns: Iterable[tuple[str, NDArray[Any]]]) -> NDArray[np.void
 
 def _pose(pose: NDArray[np.float64]) -> Pose:
     return Pose(Point(*pose[:3, 3].tolist()), _quaternion(pose))
-
-
-def _transform(
-    stamp_ns: int, parent: str, child: str, pose: NDArray[np.float64]
-) -> TransformStamped:
-    transform = Transform(Vector3(*pose[:3, 3].tolist()), _quaternion(pose))
-    return TransformStamped(header(stamp_ns, parent), child, transform)
 
 
 def _quaternion(pose: NDArray[np.float64]) -> Quaternion:

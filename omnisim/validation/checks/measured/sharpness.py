@@ -12,9 +12,7 @@ from scipy.special import j1, ndtr
 
 from omnisim.measurement.sharpness import MeasuredSharpness, measure_sharpness
 from omnisim.rendering.camera.degradations.effect import ImageGeometry
-from omnisim.report.measure import Measure
 from omnisim.report.report import Measure, ResultTable, Section
-from omnisim.validation.analytic_edges import Floats
 from omnisim.validation.fixture import Fixture
 
 LENSES, QUICK_LENSES = 12, 2

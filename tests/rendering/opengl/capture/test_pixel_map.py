@@ -5,7 +5,7 @@ import pytest
 
 from omnisim.cameras import HyperbolicCamera, pixel_grid
 from omnisim.cameras.mirrors import HyperbolicMirror
-from omnisim.cameras.mirrors.mirror_mesh_error import mesh_error
+from omnisim.cameras.mirrors.mirror_mesh import mesh_error
 from omnisim.rendering.opengl.capture.pixel_map import PixelMap
 from tests.camera_examples import camera_examples
 
